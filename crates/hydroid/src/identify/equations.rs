@@ -23,8 +23,8 @@ pub(super) fn quick(job: &Job, parts: &Parts<'_>) -> evaluate::Options {
     }
 }
 
-/// The libraries to try. Libraries that are too large are skipped; if no other is left, the error is returned
-/// before any terms are made.
+/// The libraries to try. Libraries that are too large are skipped; if no other is left, the error is returned before
+/// any terms are made.
 fn libraries(job: &Job, run: &Trajectory) -> Result<Vec<Library>, IdentifyError> {
     let variables = Variables::of(run);
     let mut refusal = SearchError::Empty;
@@ -97,8 +97,8 @@ pub(super) fn lagged(
     run(job, parts, &libraries, &structures, false, progress)
 }
 
-/// Equations with all terms of the richest library and delayed inputs (a tenth of a horizon), as initial
-/// model for adaptation. The ridge is the smallest one without diverged rollouts.
+/// Equations with all terms of the richest library and delayed inputs (a tenth of a horizon), as initial model for
+/// adaptation. The ridge is the smallest one without diverged rollouts.
 pub(super) fn whole(
     job: &Job,
     parts: &Parts<'_>,

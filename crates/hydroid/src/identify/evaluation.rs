@@ -28,8 +28,8 @@ pub(super) fn check_horizon(job: &Job, parts: &Parts<'_>) -> Result<(), Identify
     Err(IdentifyError::Horizon { part, horizon, horizon_s, longest })
 }
 
-/// Checks that some run of each part has an origin for a model with this warm-up, as
-/// [`evaluate`](fn@evaluate) determines them.
+/// Checks that some run of each part has an origin for a model with this warm-up, as [`evaluate`](fn@evaluate)
+/// determines them.
 pub(super) fn check_evaluable(job: &Job, parts: &Parts<'_>, warm_up: usize) -> Result<(), IdentifyError> {
     let horizon = job.horizon;
     for (part, runs) in parts.held_out() {
@@ -93,9 +93,9 @@ pub(super) fn evaluate_candidates(
 /// Minimum relative decrease of the validation error by a more complex method.
 const MIN_IMPROVEMENT: f64 = 0.02;
 
-/// The model with the smallest validation error; a simpler model is preferred if its error is larger by less
-/// than [`MIN_IMPROVEMENT`]. The test runs do not influence the choice; if its rollouts diverge on them,
-/// there is no best model.
+/// The model with the smallest validation error; a simpler model is preferred if its error is larger by less than
+/// [`MIN_IMPROVEMENT`]. The test runs do not influence the choice; if its rollouts diverge on them, there is no best
+/// model.
 pub(super) fn select_best(candidates: &[Candidate]) -> Option<usize> {
     let judged = candidates.iter().map(|candidate| {
         let score = (candidate.validation.diverged == 0).then(|| candidate.validation.score());

@@ -1,9 +1,8 @@
 //! Selection of the formulation of a network by short trainings.
 //!
-//! No formulation is the best on all vessels. On a simulated vessel with white measurement noise, networks of
-//! the inputs alone or with output feedback have the lowest errors; on real ships with wind and waves,
-//! networks that predict increments do (`docs/networks.md`). The differences are large and visible after a
-//! fraction of a training.
+//! No formulation is the best on all vessels. On a simulated vessel with white measurement noise, networks of the
+//! inputs alone or with output feedback have the lowest errors; on real ships with wind and waves, networks that
+//! predict increments do (`docs/networks.md`). The differences are large and visible after a fraction of a training.
 
 use std::path::Path;
 
@@ -37,9 +36,9 @@ pub(super) fn formulations(
     FORMULATIONS.into_iter().filter(can_be).map(with).collect()
 }
 
-/// The options with the smallest validation error after short trainings (the simpler of equals), and the
-/// share of the whole training that these took. A training that is stored in `checkpoint` has been selected
-/// before: its options are used.
+/// The options with the smallest validation error after short trainings (the simpler of equals), and the share of the
+/// whole training that these took. A training that is stored in `checkpoint` has been selected before: its options are
+/// used.
 pub(super) fn select_formulation(
     task: &train::Job<'_>,
     mut choices: Vec<(TrainOptions, &'static str)>,

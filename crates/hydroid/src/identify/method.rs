@@ -12,8 +12,8 @@ pub enum Method {
     Sindy,
     /// Sparse equations with past outputs and inputs among the variables.
     Lagged,
-    /// Equations with recursive least squares at several forgetting factors: those of another search if they
-    /// have a lag or a gate, else equations with all terms.
+    /// Equations with recursive least squares at several forgetting factors: those of another search if they have a lag
+    /// or a gate, else equations with all terms.
     Recursive,
     /// A recurrent network with LSTM cells.
     Lstm,
@@ -23,8 +23,7 @@ pub enum Method {
     Rnn,
     /// Feed-forward network that predicts all outputs over a horizon at once.
     Direct,
-    /// Feed-forward network of the rates, affine in known maps of the inputs, so that control laws can invert
-    /// it.
+    /// Feed-forward network of the rates, affine in known maps of the inputs, so that control laws can invert it.
     Affine,
 }
 

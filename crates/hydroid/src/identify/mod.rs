@@ -44,8 +44,7 @@ use training::{Trained, train_by};
 /// Data and options of an identification.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Job {
-    /// Methods, each once, networks after equations. The model with the smallest validation error is the best
-    /// one.
+    /// Methods, each once, networks after equations. The model with the smallest validation error is the best one.
     pub methods: Vec<Method>,
     /// Runs for training, validation and test.
     pub split: Split,
@@ -57,8 +56,8 @@ pub struct Job {
     pub origin_stride: usize,
     /// Seed of the stability check, of the bootstrap and of the initial weights of networks.
     pub seed: u64,
-    /// Stated design ranges of outputs and inputs; the training ranges replace missing ones. They scale the
-    /// networks and define divergence.
+    /// Stated design ranges of outputs and inputs; the training ranges replace missing ones. They scale the networks
+    /// and define divergence.
     pub ranges: GivenRanges,
     /// Options of the search for equations.
     pub sindy: SindyOptions,

@@ -104,8 +104,8 @@ pub struct NetworkTrainingOptions {
     pub affine: NetworkOptions,
     /// Time budget of all network trainings of the job \[s\].
     pub budget_s: Option<f64>,
-    /// Folder of the checkpoints, one file per network. A training of the same job resumes from its file; the
-    /// file of another job is renamed to `NAME.checkpoint.old`.
+    /// Folder of the checkpoints, one file per network. A training of the same job resumes from its file; the file of
+    /// another job is renamed to `NAME.checkpoint.old`.
     pub checkpoints: Option<PathBuf>,
     /// Whether a checkpoint of this job is required; without one the job fails.
     pub resume: bool,
@@ -135,8 +135,8 @@ impl NetworkTrainingOptions {
         choices
     }
 
-    /// User options of a kind of network in increasing precedence. Direct and control-affine networks share
-    /// none with the recurrent ones.
+    /// User options of a kind of network in increasing precedence. Direct and control-affine networks share none with
+    /// the recurrent ones.
     fn overrides(&self, cell: CellKind) -> Vec<&NetworkOptions> {
         let all = cell.is_recurrent().then_some(&self.all);
         all.into_iter().chain([self.own(cell)]).collect()
@@ -235,8 +235,8 @@ fn with_default_maps(mut settings: TrainOptions, run: &Trajectory) -> TrainOptio
     settings
 }
 
-/// Default peak learning rate. Gradients of increments accumulate over a rollout: on real ships their
-/// training diverges at 0.03 and converges at 0.01.
+/// Default peak learning rate. Gradients of increments accumulate over a rollout: on real ships their training diverges
+/// at 0.03 and converges at 0.01.
 fn default_learning_rate(base: BaseKind) -> f64 {
     match base {
         BaseKind::Nothing => TrainOptions::default().learning_rate,
@@ -268,8 +268,8 @@ fn warm_up(settings: &TrainOptions, parts: &Parts<'_>, equations: Option<&Equati
     (wash_out + 1).max(equations.map_or(1, Equations::warm_up))
 }
 
-/// Trains a network. `left` is the number of networks that share the remaining budget, this one included, and
-/// `spent_s` the time of the earlier trainings.
+/// Trains a network. `left` is the number of networks that share the remaining budget, this one included, and `spent_s`
+/// the time of the earlier trainings.
 pub(super) fn train(
     job: &Job,
     parts: &Parts<'_>,
@@ -364,8 +364,7 @@ fn retire_checkpoint(file: &Path, reason: &str) -> Result<Note, TrainError> {
     )))
 }
 
-/// Training record for the model file: options that reproduce the training, without values that change from
-/// run to run.
+/// Training record for the model file: options that reproduce the training, without values that change from run to run.
 pub(super) fn provenance(job: &Job, settings: &TrainOptions, trained: &Trained) -> serde_json::Value {
     let best = trained.history.get(trained.best_epoch.saturating_sub(1));
     serde_json::json!({

@@ -18,13 +18,13 @@ use crate::sindy::{
 pub struct SindyOptions {
     /// The library by name: `marine`, `degree 2 + x|x|`, `marine + rational` ...
     pub library: Option<String>,
-    /// Listed terms, `u |u|`, `v r`, `n |n| sin(delta)`: added to the library given by name or degree; without one
-    /// they are the complete library.
+    /// Listed terms, `u |u|`, `v r`, `n |n| sin(delta)`: added to the library given by name or degree; without one they
+    /// are the complete library.
     pub terms: Vec<String>,
     /// Constraints on coefficients, where `OUTPUT: TERM` denotes a coefficient: `u: u |u| <= 0`, `v: u r = r: u v`.
     pub constraints: Vec<String>,
-    /// Whether linear and quadratic damping are dissipative: the coefficients of `y` and `y |y|` in the equation of
-    /// `y` are not positive.
+    /// Whether linear and quadratic damping are dissipative: the coefficients of `y` and `y |y|` in the equation of `y`
+    /// are not positive.
     pub dissipative: Option<bool>,
     /// Degree of the polynomial library; default: a search over 1, 2 and the marine terms.
     pub degree: Option<u8>,
@@ -42,15 +42,15 @@ pub struct SindyOptions {
     pub window_s: Option<f64>,
     /// Central differences instead of the weak form.
     pub central_differences: bool,
-    /// Thresholded least squares with this threshold, in standard deviations of the output per second;
-    /// default: a search over tolerances of backward elimination.
+    /// Thresholded least squares with this threshold, in standard deviations of the output per second; default: a
+    /// search over tolerances of backward elimination.
     pub threshold: Option<f64>,
     /// Ridge penalty for each row, on columns of unit RMS; default: a search.
     pub ridge: Option<f64>,
     /// Bound of the Huber loss in standard deviations, against spikes in the logs; default: least squares.
     pub huber: Option<f64>,
-    /// Whether the selected equations are refined on multi-step predictions: `"auto"` (if their errors are close to
-    /// the sensor noise, the default), `true` (if the predictions improve) or `false`.
+    /// Whether the selected equations are refined on multi-step predictions: `"auto"` (if their errors are close to the
+    /// sensor noise, the default), `true` (if the predictions improve) or `false`.
     pub refine: RefineOption,
     /// Size of the ensemble for the uncertainty of the coefficients.
     pub members: EnsembleSize,
@@ -324,8 +324,8 @@ impl SindyOptions {
         Ok(libraries.map(|library| library.with(Family::Listed(listed.clone()))).collect())
     }
 
-    /// Candidates of the search for training runs and a horizon in samples, with the lags and gates found before.
-    /// These are combined only with the richer libraries; `plain` adds all libraries without them.
+    /// Candidates of the search for training runs and a horizon in samples, with the lags and gates found before. These
+    /// are combined only with the richer libraries; `plain` adds all libraries without them.
     pub fn grid(
         &self,
         training: &[&Trajectory],

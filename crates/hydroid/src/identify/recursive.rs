@@ -13,8 +13,8 @@ use crate::sindy::{
     FitError, LinearRegression, RegressionForm, RegressionOptions, SearchError, SearchResult,
 };
 
-/// Information of the reference model for each expert, in horizons (chosen on the development runs of a tug
-/// and a tanker).
+/// Information of the reference model for each expert, in horizons (chosen on the development runs of a tug and a
+/// tanker).
 const PRIOR_HORIZONS: [f64; 3] = [60.0, 6.0, 0.6];
 
 /// Forgetting time, in horizons.
@@ -26,9 +26,9 @@ const INCREMENT_HORIZONS: f64 = 0.1;
 /// Shrinkage of the moments of the prior towards a diagonal matrix.
 const SHRINKAGE: f64 = 0.2;
 
-/// Equations that learn with several forgetting factors. The `sparse` equations of another search are used if
-/// they have a lag or a gate, or if no equations with all terms can be fitted; otherwise the equations have
-/// all terms of the library.
+/// Equations that learn with several forgetting factors. The `sparse` equations of another search are used if they have
+/// a lag or a gate, or if no equations with all terms can be fitted; otherwise the equations have all terms of the
+/// library.
 pub(super) fn recursive_model(
     job: &Job,
     parts: &Parts<'_>,

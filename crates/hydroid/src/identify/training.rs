@@ -115,8 +115,8 @@ pub(super) struct Trained {
 /// Called with the completed fraction of a method and the progress of the training of a network.
 pub(super) type OnProgress<'a> = &'a mut dyn FnMut(f64, Option<&train::Status>) -> ControlFlow<()>;
 
-/// Trains by one method. `before` are the models of the methods before it. For networks, `(spent_s, left)` is
-/// the training time of the earlier networks and the number of networks that remain, this one included.
+/// Trains by one method. `before` are the models of the methods before it. For networks, `(spent_s, left)` is the
+/// training time of the earlier networks and the number of networks that remain, this one included.
 pub(super) fn train_by(
     method: Method,
     job: &Job,

@@ -34,8 +34,8 @@ pub struct Verdict {
     pub persistence: f64,
 }
 
-/// Grades each output at the longest horizon against the better of two trivial predictions: persistence, and
-/// the mean of the channel over the compared points (NRMSE 1).
+/// Grades each output at the longest horizon against the better of two trivial predictions: persistence, and the mean
+/// of the channel over the compared points (NRMSE 1).
 pub fn verdicts(test: &Evaluation) -> Vec<Verdict> {
     let (Some(errors), Some(kept)) = (test.nrmse.last(), test.persistence.nrmse.last()) else {
         return Vec::new();

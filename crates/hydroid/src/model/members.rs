@@ -63,8 +63,8 @@ impl Members {
 }
 
 impl Model {
-    /// A session for each ensemble member; empty without an ensemble. The spread of their rollouts reflects the uncertainty
-    /// of the coefficients.
+    /// A session for each ensemble member; empty without an ensemble. The spread of their rollouts reflects the
+    /// uncertainty of the coefficients.
     pub fn member_sessions(&self) -> Vec<Box<dyn Predictor>> {
         let kind = self.body.kind();
         let count = kind.ensemble_numbers();

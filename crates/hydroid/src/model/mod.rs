@@ -54,8 +54,8 @@ pub struct Model {
 pub struct Learning {
     /// Options of the mixture.
     pub settings: ExpertMixtureOptions,
-    /// Prior information on the coefficients: the upper triangular factor `R` with `R'R = Theta'Theta` of the training runs,
-    /// `terms x terms`.
+    /// Prior information on the coefficients: the upper triangular factor `R` with `R'R = Theta'Theta` of the training
+    /// runs, `terms x terms`.
     pub r_factor: Vec<f64>,
 }
 

@@ -28,8 +28,7 @@ pub struct NamedGate {
 }
 
 impl NamedGate {
-    /// Width over which the weight goes from 10 to 90 %, on either side of the centre: `ln 9 = 2.2` over the
-    /// slope.
+    /// Width over which the weight goes from 10 to 90 %, on either side of the centre: `ln 9 = 2.2` over the slope.
     pub fn half_width(&self) -> f64 {
         9f64.ln() / self.gate.slope.0.abs()
     }

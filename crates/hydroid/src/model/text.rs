@@ -20,8 +20,8 @@ impl NamedEquations<'_> {
     }
 
     /// The equations of motion, one line for each output, in physical units: `du/dt = -0.907 u + ...`, largest
-    /// exponents last, as the library has them. Terms behind a gate stand together, `(1 - s) [...] + s [...]`. Then
-    /// one line for each gate and each signal that stands in them.
+    /// exponents last, as the library has them. Terms behind a gate stand together, `(1 - s) [...] + s [...]`. Then one
+    /// line for each gate and each signal that stands in them.
     pub fn equations_text(&self) -> Vec<String> {
         let equations = self.equations;
         let names = self.variable_names();
@@ -58,8 +58,8 @@ impl NamedEquations<'_> {
         self.used_signals().into_iter().map(text).collect()
     }
 
-    /// The unit of each coefficient: a heading, then a line for each term that stands in an equation, with a
-    /// column for each output.
+    /// The unit of each coefficient: a heading, then a line for each term that stands in an equation, with a column for
+    /// each output.
     pub fn units_text(&self) -> Vec<String> {
         let equations = self.equations;
         let names = self.variable_names();

@@ -10,8 +10,8 @@ use super::text::active;
 
 /// A product of powers of unit symbols, in the order in which they come up: `m/s^2`, `kn/s/N`.
 ///
-/// The radian is the number 1, as in SI, so that the coefficient of `v r` in the equation of surge has no unit.
-/// A channel of which no unit is known stands for its own: `m/s^2/[n]`.
+/// The radian is the number 1, as in SI, so that the coefficient of `v r` in the equation of surge has no unit. A
+/// channel of which no unit is known stands for its own: `m/s^2/[n]`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct UnitProduct {
     powers: Vec<(String, i32)>,
@@ -153,8 +153,8 @@ impl NamedEquations<'_> {
         (0..equations.outputs()).flat_map(of).collect()
     }
 
-    /// The unit of a term's coefficient in the equation of an output: that of the output per second, over that
-    /// of the term.
+    /// The unit of a term's coefficient in the equation of an output: that of the output per second, over that of the
+    /// term.
     ///
     /// # Panics
     /// If there is no such output, or the term is of a variable that the model does not have.

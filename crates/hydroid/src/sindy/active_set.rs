@@ -1,11 +1,10 @@
-//! Least squares under linear equalities and signs: dual active-set method of Goldfarb and Idnani (Math.
-//! Programming 27 (1983) 1).
+//! Least squares under linear equalities and signs: dual active-set method of Goldfarb and Idnani (Math. Programming 27
+//! (1983) 1).
 //!
-//! `min |R x - d|^2` with `R` upper triangular, `a_e . x = b_e` for every equality, and `s_j x_j >= 0` for
-//! some `j`. The method starts from the unconstrained solution and activates violated constraints one by one;
-//! a constraint whose multiplier would become negative is released. The minimum under the active constraints
-//! increases with every step, so the method terminates. It is infeasible if a violated constraint cannot be
-//! satisfied beside the active ones.
+//! `min |R x - d|^2` with `R` upper triangular, `a_e . x = b_e` for every equality, and `s_j x_j >= 0` for some `j`.
+//! The method starts from the unconstrained solution and activates violated constraints one by one; a constraint whose
+//! multiplier would become negative is released. The minimum under the active constraints increases with every step, so
+//! the method terminates. It is infeasible if a violated constraint cannot be satisfied beside the active ones.
 
 use super::qr::QrFactor;
 

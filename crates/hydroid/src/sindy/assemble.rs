@@ -22,8 +22,8 @@ const POINTS: usize = 256;
 pub struct Assembled {
     /// Factor of `[theta | dy/dt]`.
     pub qr: QrFactor,
-    /// Factors of contiguous groups of rows, for a block bootstrap that preserves the correlation of neighbouring
-    /// rows; empty for fewer than two groups.
+    /// Factors of contiguous groups of rows, for a block bootstrap that preserves the correlation of neighbouring rows;
+    /// empty for fewer than two groups.
     pub groups: Vec<QrFactor>,
     /// Number of rows omitted because of a missing sample.
     pub skipped: u64,
@@ -38,8 +38,8 @@ pub struct AssemblyOptions<'a> {
     pub signals: &'a [Signal],
     /// Number of groups of rows with a factor of their own.
     pub groups: usize,
-    /// Weight of each sample of each run; empty for unit weights. The weight of a row is the smallest weight of
-    /// its samples; a row with weight zero is omitted.
+    /// Weight of each sample of each run; empty for unit weights. The weight of a row is the smallest weight of its
+    /// samples; a row with weight zero is omitted.
     pub weights: &'a [Vec<f64>],
     /// Equations for a robust loss: rows with large residuals get smaller weights.
     pub robust: Option<HuberWeights>,
@@ -50,8 +50,8 @@ pub fn assemble(program: &Program, runs: &[&Trajectory], regression: RegressionF
     assemble_with(program, runs, regression, &AssemblyOptions::default())
 }
 
-/// QR factor of all runs, with signals, weights and groups. Rows with a missing sample, or with a sample in
-/// the warm-up of a signal, are omitted.
+/// QR factor of all runs, with signals, weights and groups. Rows with a missing sample, or with a sample in the warm-up
+/// of a signal, are omitted.
 ///
 /// # Panics
 /// If the shape of the sample weights does not match the runs.
@@ -205,8 +205,8 @@ impl<'a> TaskScratch<'a> {
         part
     }
 
-    /// Multiplies the rows of the block by the square roots of their weights. Returns the number of rows whose
-    /// weight becomes zero.
+    /// Multiplies the rows of the block by the square roots of their weights. Returns the number of rows whose weight
+    /// becomes zero.
     fn weigh(&mut self, weights: &[f64], rows: &Rows, first: usize, count: usize) -> usize {
         let mut lost = 0;
         for i in 0..count {

@@ -1,7 +1,7 @@
 //! Linear constraints on the coefficients: signs, and linear equalities across equations.
 //!
-//! Examples: drag opposes the motion (`xi_u|u| <= 0`); a symmetric mass matrix couples coefficients of two
-//! equations. Signs hold exactly, equalities to rounding.
+//! Examples: drag opposes the motion (`xi_u|u| <= 0`); a symmetric mass matrix couples coefficients of two equations.
+//! Signs hold exactly, equalities to rounding.
 
 use super::active_set::{Problem, solve};
 use super::fit::LinearRegression;
@@ -39,10 +39,9 @@ pub struct Equality {
 
 /// Constraints on the coefficients.
 ///
-/// A term whose coefficient is at its bound of zero is removed, and the selection is repeated without it.
-/// Coefficients in an equality are exempt from the selection. Coefficients that the data cannot identify are
-/// zero in an equality. Equations that an equality couples are solved together, each weighted by the inverse
-/// of its residual.
+/// A term whose coefficient is at its bound of zero is removed, and the selection is repeated without it. Coefficients
+/// in an equality are exempt from the selection. Coefficients that the data cannot identify are zero in an equality.
+/// Equations that an equality couples are solved together, each weighted by the inverse of its residual.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Constraints {
     /// Signs of single coefficients.

@@ -6,11 +6,10 @@
 //! n ln RSS + p k n/(n - k - s)
 //! ```
 //!
-//! and the smallest value is the best: `p = 2`, `s = 1` is Akaike's criterion with the correction of Hurvich
-//! and Tsai (Biometrika 76 (1989) 297); `p = ln n`, `s = 2` is Schwarz's criterion with the correction of
-//! `McQuarrie` (Statist. Probab. Lett. 44 (1999) 79). Without the correction, libraries that are not small
-//! compared with `n` are overfitted. The criterion defines the tolerance of [`super::stepwise`] as a function
-//! of `n` and `k`.
+//! and the smallest value is the best: `p = 2`, `s = 1` is Akaike's criterion with the correction of Hurvich and Tsai
+//! (Biometrika 76 (1989) 297); `p = ln n`, `s = 2` is Schwarz's criterion with the correction of `McQuarrie` (Statist.
+//! Probab. Lett. 44 (1999) 79). Without the correction, libraries that are not small compared with `n` are overfitted.
+//! The criterion defines the tolerance of [`super::stepwise`] as a function of `n` and `k`.
 
 use serde::{Deserialize, Serialize};
 
@@ -22,8 +21,7 @@ use super::stlsq::SparseSolution;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Criterion {
-    /// Akaike's criterion (AIC): asymptotically the best prediction; it keeps about one irrelevant term in
-    /// six.
+    /// Akaike's criterion (AIC): asymptotically the best prediction; it keeps about one irrelevant term in six.
     Aic,
     /// Schwarz's criterion (BIC): consistent selection, if the true terms are in the library.
     Bic,
@@ -43,8 +41,8 @@ impl Criterion {
     }
 }
 
-/// Solves one equation by bidirectional elimination: as `stepwise` on `rows` independent rows, and
-/// removed terms return if they have become significant.
+/// Solves one equation by bidirectional elimination: as [`super::stepwise`] on `rows` independent rows, and removed
+/// terms return if they have become significant.
 pub fn stepwise_bidirectional(
     ridged: &QrFactor,
     terms: usize,

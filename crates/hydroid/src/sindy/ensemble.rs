@@ -1,10 +1,9 @@
-//! Bootstrap ensemble of a fit: intervals and inclusion probabilities of the coefficients (bagging: Breiman,
-//! Machine Learning 24 (1996) 123; ensemble `SINDy`: Fasel, Kutz, Brunton and Brunton, Proc. R. Soc. A 478
-//! (2022) 20210904).
+//! Bootstrap ensemble of a fit: intervals and inclusion probabilities of the coefficients (bagging: Breiman, Machine
+//! Learning 24 (1996) 123; ensemble `SINDy`: Fasel, Kutz, Brunton and Brunton, Proc. R. Soc. A 478 (2022) 20210904).
 //!
-//! Rows that are neighbours in time are correlated, so contiguous blocks of rows are drawn (block bootstrap:
-//! Künsch, Ann. Statist. 17 (1989) 1217). A block drawn `w` times has the weight `w`: its factor is
-//! multiplied by `sqrt(w)`, and the runs are not read again.
+//! Rows that are neighbours in time are correlated, so contiguous blocks of rows are drawn (block bootstrap: Künsch,
+//! Ann. Statist. 17 (1989) 1217). A block drawn `w` times has the weight `w`: its factor is multiplied by `sqrt(w)`,
+//! and the runs are not read again.
 
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -24,8 +23,7 @@ pub struct BootstrapOptions {
     pub resamples: usize,
     /// Seed of all draws.
     pub seed: u64,
-    /// Probability of withholding a term from a member, below 1; it reveals terms that substitute for each
-    /// other.
+    /// Probability of withholding a term from a member, below 1; it reveals terms that substitute for each other.
     pub term_dropout: f64,
     /// Lower and upper quantile of the intervals.
     pub quantiles: (f64, f64),
@@ -37,8 +35,7 @@ impl Default for BootstrapOptions {
     }
 }
 
-/// Fits of all resamples and their statistics. All lists over coefficients are `outputs x terms`, in physical
-/// units.
+/// Fits of all resamples and their statistics. All lists over coefficients are `outputs x terms`, in physical units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ensemble {
     /// Coefficients of each member. Resamples on which the constraints are infeasible have no member.
@@ -72,12 +69,12 @@ impl Ensemble {
         }
     }
 
-    /// Adds the change of the coefficients by the refinement, `outputs x terms`, to every member. A
-    /// coefficient that would violate a sign constraint becomes zero. The inclusion is unchanged.
+    /// Adds the change of the coefficients by the refinement, `outputs x terms`, to every member. A coefficient that
+    /// would violate a sign constraint becomes zero. The inclusion is unchanged.
     ///
-    /// The spread remains that of the regression, which is wider than that of the refined coefficients. A
-    /// Gauss-Newton covariance would be too narrow: it contains the noise alone, without the term selection
-    /// and the uncertainty of lag and gate.
+    /// The spread remains that of the regression, which is wider than that of the refined coefficients. A Gauss-Newton
+    /// covariance would be too narrow: it contains the noise alone, without the term selection and the uncertainty of
+    /// lag and gate.
     pub(super) fn shift(&mut self, by: &[f64], signs: &[(Coefficient, Sign)], terms: usize) {
         for member in &mut self.members {
             member.iter_mut().zip(by).for_each(|(x, by)| *x += by);
@@ -98,8 +95,8 @@ impl Ensemble {
         }
     }
 
-    /// Copies the equation of one output from an ensemble over other terms; its term `j` is term `places[j]`
-    /// of this one. Members that only one of the two has are dropped.
+    /// Copies the equation of one output from an ensemble over other terms; its term `j` is term `places[j]` of this
+    /// one. Members that only one of the two has are dropped.
     pub(super) fn replace_equation(&mut self, output: usize, other: &Self, places: &[Option<usize>]) {
         let mut kept = self.draws.iter().map(|draw| other.draws.contains(draw));
         self.members.retain(|_| kept.next() == Some(true));
@@ -130,8 +127,8 @@ impl LinearRegression {
     /// Fits every resample. The result depends on the seed and not on the number of threads.
     ///
     /// # Errors
-    /// If the regression has fewer than two groups, an option is out of range, or no resample can be fitted
-    /// under the constraints.
+    /// If the regression has fewer than two groups, an option is out of range, or no resample can be fitted under the
+    /// constraints.
     pub fn ensemble(&self, options: &FitOptions, bootstrap: &BootstrapOptions) -> Result<Ensemble, FitError> {
         let setting = |text: &str| Err(FitError::Setting(text.to_owned()));
         let (low, high) = bootstrap.quantiles;
@@ -155,8 +152,7 @@ impl LinearRegression {
         for resample in results {
             match resample {
                 Ok(resample) => resamples.push(resample),
-                // An input that rarely moves may be constant in some resamples; equalities on it are
-                // infeasible there.
+                // An input that rarely moves may be constant in some resamples; equalities on it are infeasible there.
                 Err(FitError::Constraints(error @ ConstraintError::Contradiction { .. })) => {
                     first_error.get_or_insert(error);
                 }

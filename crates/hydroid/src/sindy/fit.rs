@@ -126,8 +126,8 @@ impl LinearRegression {
         let inverse: Vec<f64> = term_scale.iter().chain(&output_scale).map(|s| 1.0 / s).collect();
         let scaled = qr.scaled(&inverse);
         let unidentifiable = unidentifiable(&scaled, terms.len());
-        // Terms that depend linearly on earlier terms are excluded: a ridge would distribute a coefficient among
-        // them, with wrong predictions outside the training range.
+        // Terms that depend linearly on earlier terms are excluded: a ridge would distribute a coefficient among them,
+        // with wrong predictions outside the training range.
         let mask: Vec<f64> =
             (0..scaled.width()).map(|j| if unidentifiable.contains(&j) { 0.0 } else { 1.0 }).collect();
         let plain = scaled.scaled(&mask);
@@ -163,8 +163,7 @@ impl LinearRegression {
         self.skipped
     }
 
-    /// Unidentifiable terms: zero on all rows or linearly dependent on earlier terms. No equation contains
-    /// them.
+    /// Unidentifiable terms: zero on all rows or linearly dependent on earlier terms. No equation contains them.
     pub fn unidentifiable(&self) -> &[usize] {
         &self.unidentifiable
     }
@@ -179,8 +178,8 @@ impl LinearRegression {
         self.effective
     }
 
-    /// Upper triangular `T` of the second moments `T'T` of the library, `terms x terms`, row-major, in physical
-    /// units, as a prior. The moments are shrunk by `shrinkage` towards their diagonal.
+    /// Upper triangular `T` of the second moments `T'T` of the library, `terms x terms`, row-major, in physical units,
+    /// as a prior. The moments are shrunk by `shrinkage` towards their diagonal.
     pub fn r_factor(&self, shrinkage: f64) -> Vec<f64> {
         let count = self.terms.len();
         let rows = self.rows() as f64;
@@ -214,8 +213,7 @@ impl LinearRegression {
         self.output_scale[equation] / self.term_scale[term]
     }
 
-    /// RMS residual of each equation for least squares on all terms, in standard deviations of the output per
-    /// second.
+    /// RMS residual of each equation for least squares on all terms, in standard deviations of the output per second.
     pub fn least_squares_rms(&self) -> Vec<f64> {
         let columns: Vec<usize> =
             (0..self.terms.len()).filter(|j| !self.unidentifiable.contains(j)).collect();

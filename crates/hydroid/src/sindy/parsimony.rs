@@ -1,5 +1,4 @@
-//! Choice between fits by their rollouts: the simplest one within one standard error of the best, output by
-//! output.
+//! Choice between fits by their rollouts: the simplest one within one standard error of the best, output by output.
 
 use hydroid_core::model::sparse::{Equations, EquationsError, Term};
 
@@ -55,8 +54,8 @@ impl BlockLosses {
     }
 }
 
-/// Equations whose row `i` is row `i` of the `i`-th fit. The fits must have the same outputs, inputs and
-/// signals. The library of the result is the union of the terms.
+/// Equations whose row `i` is row `i` of the `i`-th fit. The fits must have the same outputs, inputs and signals. The
+/// library of the result is the union of the terms.
 ///
 /// # Errors
 /// If the joint library is too large to compile.

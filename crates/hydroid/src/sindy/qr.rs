@@ -1,10 +1,9 @@
 //! QR factor of a regression, updated block by block.
 //!
-//! A regression `A x = b` with many rows is reduced, block of rows by block of rows, to the upper triangular
-//! factor of `[A b]` (sequential TSQR: Demmel, Grigori, Hoemmen and Langou, SIAM J. Sci. Comput. 34 (2012)
-//! A206). The memory is independent of the number of rows, and the condition number is not squared as in the
-//! normal equations. Least-squares problems over subsets of the columns, with or without ridge, are solved
-//! from the factor.
+//! A regression `A x = b` with many rows is reduced, block of rows by block of rows, to the upper triangular factor of
+//! `[A b]` (sequential TSQR: Demmel, Grigori, Hoemmen and Langou, SIAM J. Sci. Comput. 34 (2012) A206). The memory is
+//! independent of the number of rows, and the condition number is not squared as in the normal equations. Least-squares
+//! problems over subsets of the columns, with or without ridge, are solved from the factor.
 
 // The vector kernels must be inlined into the function that enables the CPU features.
 #![allow(clippy::inline_always)]
@@ -14,8 +13,7 @@ use pulp::{Arch, Simd, WithSimd};
 /// Rows of a block: 64 rows of 60 columns fit into a first-level cache.
 pub const BLOCK_ROWS: usize = 64;
 
-/// Upper triangular factor `R` of a tall matrix `A = Q R`, `width x width`; only the rows appended so far are
-/// in it.
+/// Upper triangular factor `R` of a tall matrix `A = Q R`, `width x width`; only the rows appended so far are in it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct QrFactor {
     width: usize,
@@ -29,8 +27,7 @@ pub struct QrFactor {
 pub struct Solution {
     /// One coefficient for each requested column; zero for a dependent one.
     pub coefficients: Vec<f64>,
-    /// Columns (positions in the list of requested ones) that are linearly dependent on earlier ones to
-    /// rounding.
+    /// Columns (positions in the list of requested ones) that are linearly dependent on earlier ones to rounding.
     pub dependent: Vec<usize>,
     /// 2-norm of the residual.
     pub residual: f64,
@@ -67,8 +64,8 @@ impl QrFactor {
         (0..=column).map(|row| self.get(row, column).powi(2)).sum::<f64>().sqrt()
     }
 
-    /// Appends [`BLOCK_ROWS`] rows, given column by column. Only the first `rows` are counted; the others
-    /// must be zero. The block is overwritten.
+    /// Appends [`BLOCK_ROWS`] rows, given column by column. Only the first `rows` are counted; the others must be zero.
+    /// The block is overwritten.
     ///
     /// # Panics
     /// If the block has not `width * BLOCK_ROWS` numbers.
@@ -109,9 +106,8 @@ impl QrFactor {
         scaled
     }
 
-    /// The factor with one more row for each column, `weight[j]` in column `j` and zero elsewhere: ridge
-    /// regression with the penalty `weight[j]^2 x_j^2`. The penalty of a subset of the columns is that of its
-    /// members.
+    /// The factor with one more row for each column, `weight[j]` in column `j` and zero elsewhere: ridge regression
+    /// with the penalty `weight[j]^2 x_j^2`. The penalty of a subset of the columns is that of its members.
     #[must_use]
     pub fn with_ridge(&self, weight: &[f64]) -> Self {
         let mut diagonal = Self::new(self.width);
@@ -155,9 +151,9 @@ impl QrFactor {
         own
     }
 
-    /// Solves `min |A_S x - b|` for the columns `S` (ascending) and the right-hand side in column `target`,
-    /// by Householder reflections. A column whose part orthogonal to the earlier ones is below `1e-10` of its
-    /// norm is left out and reported as dependent.
+    /// Solves `min |A_S x - b|` for the columns `S` (ascending) and the right-hand side in column `target`, by
+    /// Householder reflections. A column whose part orthogonal to the earlier ones is below `1e-10` of its norm is left
+    /// out and reported as dependent.
     ///
     /// # Panics
     /// If a column does not exist.
@@ -214,8 +210,7 @@ impl QrFactor {
         Solution { coefficients, dependent, residual }
     }
 
-    /// 2-norm of `A_S x - b` for given coefficients of the columns `S` and the right-hand side in column
-    /// `target`.
+    /// 2-norm of `A_S x - b` for given coefficients of the columns `S` and the right-hand side in column `target`.
     ///
     /// # Panics
     /// If a column does not exist.
@@ -229,8 +224,8 @@ impl QrFactor {
             .sqrt()
     }
 
-    /// Condition number (2-norm) of the given columns, each scaled to unit norm. 30 steps of power and
-    /// inverse iteration estimate it from below. Infinite if a column depends on the others.
+    /// Condition number (2-norm) of the given columns, each scaled to unit norm. 30 steps of power and inverse
+    /// iteration estimate it from below. Infinite if a column depends on the others.
     pub fn condition(&self, columns: &[usize]) -> f64 {
         let n = columns.len();
         if n == 0 {
@@ -276,8 +271,8 @@ impl QrFactor {
     }
 }
 
-/// Householder reflections that reduce a block of rows with the factor above it. The reflector of column `j`
-/// acts on row `j` of the factor and on the block.
+/// Householder reflections that reduce a block of rows with the factor above it. The reflector of column `j` acts on
+/// row `j` of the factor and on the block.
 struct AppendRows<'a> {
     r: &'a mut [f64],
     block: &'a mut [f64],
@@ -294,8 +289,8 @@ impl WithSimd for AppendRows<'_> {
             let (head, tail) = block.split_at_mut((j + 1) * BLOCK_ROWS);
             let v = S::as_simd_f64s(&head[j * BLOCK_ROWS..]).0;
             let norm2 = dot(simd, v, v);
-            // Below this value the scale of the reflector leaves the range of doubles; a column of that size
-            // is zero in practice.
+            // Below this value the scale of the reflector leaves the range of doubles; a column of that size is zero in
+            // practice.
             if norm2 < 1e-280 {
                 continue;
             }

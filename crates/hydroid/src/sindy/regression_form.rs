@@ -1,22 +1,21 @@
 //! Forms of the regression: weak form (weak `SINDy`), increments, finite differences. Rows are weighted sums of samples.
 //!
-//! All regressions of `dy/dt = Xi theta(y, c)` are linear in the outputs on the left and in the library on the
-//! right. A row is
+//! All regressions of `dy/dt = Xi theta(y, c)` are linear in the outputs on the left and in the library on the right. A
+//! row is
 //!
 //! ```text
 //! sum_j g_j y_{i+j}  =  Xi sum_j w_j theta_{i+j}
 //! ```
 //!
-//! with weights `g` (1/s) and `w`, where `theta_k` is the library at sample `k` or between samples `k` and
-//! `k + 1`. The weights define the form.
+//! with weights `g` (1/s) and `w`, where `theta_k` is the library at sample `k` or between samples `k` and `k + 1`. The
+//! weights define the form.
 
 /// Where the library is evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Nodes {
     /// At the samples: `theta(y_k, c_k)`.
     Samples,
-    /// At the midpoints of the intervals: `theta((y_k + y_{k+1})/2, c_k)` with the command held over the
-    /// interval.
+    /// At the midpoints of the intervals: `theta((y_k + y_{k+1})/2, c_k)` with the command held over the interval.
     Midpoints,
 }
 
@@ -33,41 +32,38 @@ pub struct RowWeights {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RegressionForm {
-    /// Increments over `intervals` samples against the library averaged over the same intervals, each
-    /// evaluated at its midpoint with its held command. With one interval this is the midpoint rule with
-    /// zero-order hold, `(y_{k+1} - y_k)/dt = Xi theta((y_k + y_{k+1})/2, c_k)`, of second order in `dt`. Unlike
-    /// central differences it uses the command that acts in the interval. More intervals average the
-    /// measurement noise.
+    /// Increments over `intervals` samples against the library averaged over the same intervals, each evaluated at its
+    /// midpoint with its held command. With one interval this is the midpoint rule with zero-order hold,
+    /// `(y_{k+1} - y_k)/dt = Xi theta((y_k + y_{k+1})/2, c_k)`, of second order in `dt`. Unlike central differences it
+    /// uses the command that acts in the interval. More intervals average the measurement noise.
     Midpoint {
         /// Number of intervals in an increment, at least 1.
         intervals: usize,
     },
-    /// Central differences `(y_{k+1} - y_{k-1})/(2 dt) = Xi theta(y_k, c_k)`, one-sided of second order at
-    /// the ends of a run, the default of PySINDy. A row spans two held commands and uses one. Provided for
-    /// comparison.
+    /// Central differences `(y_{k+1} - y_{k-1})/(2 dt) = Xi theta(y_k, c_k)`, one-sided of second order at the ends of
+    /// a run, the default of PySINDy. A row spans two held commands and uses one. Provided for comparison.
     Central,
     /// The weak form: both sides are averaged over a window of `intervals` under the test function
-    /// `phi(s) = (1 - s^2)^4`, which vanishes smoothly at both ends of the window (Messenger and Bortz,
-    /// J. Comput. Phys. 443 (2021) 110525):
+    /// `phi(s) = (1 - s^2)^4`, which vanishes smoothly at both ends of the window (Messenger and Bortz, J. Comput.
+    /// Phys. 443 (2021) 110525):
     ///
     /// ```text
     /// sum_k phi_k (y_{k+1} - y_k)/dt  =  Xi sum_k phi_k theta((y_k + y_{k+1})/2, c_k),   sum_k phi_k = 1
     /// ```
     ///
     /// with `phi_k` at the midpoint of interval `k`. Summation by parts weights the samples on the left with
-    /// differences of `phi`: only the test function is differentiated. White noise of standard deviation `sigma`
-    /// causes an error of about `5.9 sigma / (T sqrt(intervals))` in a row, where `T = intervals dt`. An increment
-    /// depends on its two end samples; the weak form averages all samples of the window. Data that satisfy the
-    /// midpoint rule satisfy every row exactly, and each interval has its held command.
+    /// differences of `phi`: only the test function is differentiated. White noise of standard deviation `sigma` causes
+    /// an error of about `5.9 sigma / (T sqrt(intervals))` in a row, where `T = intervals dt`. An increment depends on
+    /// its two end samples; the weak form averages all samples of the window. Data that satisfy the midpoint rule
+    /// satisfy every row exactly, and each interval has its held command.
     Weak {
         /// Number of intervals in a window, at least 1.
         intervals: usize,
     },
-    /// Derivative of the parabola fitted to `2 half + 1` samples, against the
-    /// library at the middle sample (Savitzky and Golay, Anal. Chem. 36 (1964) 1627). Provided for comparison:
-    /// only the left side is averaged. The noise of the middle sample biases the coefficients towards zero, and
-    /// the library uses one command while the derivative is averaged over several.
-    /// [`RegressionForm::Weak`] averages both sides.
+    /// Derivative of the parabola fitted to `2 half + 1` samples, against the library at the middle sample (Savitzky
+    /// and Golay, Anal. Chem. 36 (1964) 1627). Provided for comparison: only the left side is averaged. The noise of
+    /// the middle sample biases the coefficients towards zero, and the library uses one command while the derivative is
+    /// averaged over several. [`RegressionForm::Weak`] averages both sides.
     Smoothed {
         /// Samples on either side of the middle one, at least 1.
         half: usize,
@@ -111,9 +107,8 @@ impl RegressionForm {
         }
     }
 
-    /// Samples between the starts of consecutive rows. Rows overlap by three quarters (increments) or seven
-    /// eighths (weak form, with small weights near the ends of a window), which uses nearly all information in
-    /// the samples.
+    /// Samples between the starts of consecutive rows. Rows overlap by three quarters (increments) or seven eighths
+    /// (weak form, with small weights near the ends of a window), which uses nearly all information in the samples.
     pub fn stride(self) -> usize {
         match self {
             Self::Midpoint { intervals } => (intervals / 4).max(1),
@@ -123,8 +118,8 @@ impl RegressionForm {
     }
 
     /// Effective number of independent rows among `rows` overlapping rows: `rows stride / window`, the number of
-    /// disjoint windows. Overlapping rows share noise; treated as independent, they would make spurious
-    /// terms significant.
+    /// disjoint windows. Overlapping rows share noise; treated as independent, they would make spurious terms
+    /// significant.
     pub fn effective_rows(self, rows: u64) -> f64 {
         (rows as f64 * self.stride() as f64 / self.window() as f64).max(1.0)
     }

@@ -1,9 +1,8 @@
 //! Robust regression by iteratively reweighted least squares.
 //!
-//! A row with the largest standardised residual `z` over the outputs has the weight `min(1, k/|z|)` (Huber,
-//! Ann. Math. Statist. 35 (1964) 73; iteration: Holland and Welsch, Comm. Statist. A6 (1977) 813). The runs
-//! are streamed once per iteration. The scale of the residuals is their median absolute value, which outliers
-//! hardly change.
+//! A row with the largest standardised residual `z` over the outputs has the weight `min(1, k/|z|)` (Huber, Ann. Math.
+//! Statist. 35 (1964) 73; iteration: Holland and Welsch, Comm. Statist. A6 (1977) 813). The runs are streamed once per
+//! iteration. The scale of the residuals is their median absolute value, which outliers hardly change.
 
 use std::collections::BTreeMap;
 
@@ -40,8 +39,8 @@ pub struct HuberWeights {
 }
 
 impl HuberWeights {
-    /// Multiplies the rows of a block by the square roots of their weights, and adds their unweighted
-    /// residuals to the histograms. Rows of zeros are ignored.
+    /// Multiplies the rows of a block by the square roots of their weights, and adds their unweighted residuals to the
+    /// histograms. Rows of zeros are ignored.
     pub(super) fn apply(&self, block: &mut [f64], terms: usize, sizes: &mut [ResidualHistogram]) {
         let mut worst = [0.0f64; BLOCK_ROWS];
         for ((output, coefficients), (scale, sizes)) in
@@ -66,8 +65,8 @@ impl HuberWeights {
     }
 }
 
-/// Histogram of absolute values with 32 bins per octave: the median of any number of residuals in bounded
-/// memory, independent of their order.
+/// Histogram of absolute values with 32 bins per octave: the median of any number of residuals in bounded memory,
+/// independent of their order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ResidualHistogram {
     counts: BTreeMap<u64, u64>,

@@ -142,8 +142,7 @@ impl Structure {
         }
     }
 
-    /// Number of estimated parameters besides the coefficients: time constants, and centre and slope of a
-    /// gate.
+    /// Number of estimated parameters besides the coefficients: time constants, and centre and slope of a gate.
     pub fn parameters(&self) -> usize {
         self.lags.len() + if self.gate.is_some() { 2 } else { 0 }
     }

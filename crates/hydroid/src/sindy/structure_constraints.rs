@@ -1,5 +1,5 @@
-//! Constraints on channels, as written by the user, mapped to the terms of a structure: a lag state replaces
-//! its command, and a constraint holds in both modes of a gate.
+//! Constraints on channels, as written by the user, mapped to the terms of a structure: a lag state replaces its
+//! command, and a constraint holds in both modes of a gate.
 
 use hydroid_core::model::sparse::Term;
 
@@ -18,8 +18,7 @@ pub(super) fn couples_outputs(rule: &Constraint) -> bool {
     rule.sum.windows(2).any(|pair| pair[0].1.output != pair[1].1.output)
 }
 
-/// Dissipative damping: the coefficients of `y` and of `y |y|` in the equation of each output `y` are not
-/// positive.
+/// Dissipative damping: the coefficients of `y` and of `y |y|` in the equation of each output `y` are not positive.
 pub fn dissipative(variables: &Variables) -> Vec<Constraint> {
     let of = |(output, term)| Constraint {
         sum: vec![(1.0, super::expression::Coefficient { output, term })],

@@ -1,10 +1,10 @@
 //! Search for actuator lags and gates by the residual of the regression.
 //!
-//! A time constant, or the centre and slope of a gate, changes the columns of the regression. For given
-//! values the coefficients follow by least squares, so the residual is a function of these few parameters
-//! (variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413). The search evaluates a
-//! coarse grid and then minimises. The cost is `J = sum_i ln rms_i` over the residuals of all equations: the
-//! negative log-likelihood per row under noise of unknown variance in each equation.
+//! A time constant, or the centre and slope of a gate, changes the columns of the regression. For given values the
+//! coefficients follow by least squares, so the residual is a function of these few parameters (variable projection:
+//! Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413). The search evaluates a coarse grid and then minimises. The
+//! cost is `J = sum_i ln rms_i` over the residuals of all equations: the negative log-likelihood per row under noise of
+//! unknown variance in each equation.
 //!
 //! The result is a list of proposals. Rollouts decide between them.
 
@@ -48,8 +48,8 @@ const MAX_TIME_CONSTANT: f64 = 2.5;
 const TIME_CONSTANTS: u8 = 7;
 /// Slopes of the grid, relative to the inverse width of the range of the output.
 const SLOPES: [f64; 3] = [6.0, 20.0, 60.0];
-/// Largest share of the samples that the warm-up of a lag may take from a run; it limits the time constants
-/// in short runs.
+/// Largest share of the samples that the warm-up of a lag may take from a run; it limits the time constants in short
+/// runs.
 const MAX_WARM_UP_SHARE: f64 = 0.1;
 
 /// Maximum number of greedy steps; each adds a gate or lags.
@@ -57,8 +57,8 @@ const MAX_STEPS: usize = 4;
 
 /// Structures to try besides the plain library, the simpler ones first.
 ///
-/// Greedy forward search: each step adds the extension with the lowest cost (a lag on one input, lags on all
-/// inputs, or a gate). Once a gate is present, lags that no longer improve the cost are removed.
+/// Greedy forward search: each step adds the extension with the lowest cost (a lag on one input, lags on all inputs, or
+/// a gate). Once a gate is present, lags that no longer improve the cost are removed.
 ///
 /// # Errors
 /// If the work was interrupted.
@@ -123,8 +123,8 @@ struct StructureCost<'a> {
     max_time_constant: f64,
     /// Whether lags and gate are searched for.
     free: [bool; 2],
-    /// Weight 0 for the samples in which the longest lag warms up, 1 for the others. All structures are
-    /// compared on the same rows; otherwise a lag could lower the cost by excluding rows.
+    /// Weight 0 for the samples in which the longest lag warms up, 1 for the others. All structures are compared on the
+    /// same rows; otherwise a lag could lower the cost by excluding rows.
     weights: Vec<Vec<f64>>,
 }
 
@@ -166,8 +166,8 @@ impl StructureCost<'_> {
         Some(prepared.least_squares_rms().iter().map(|rms| rms.ln()).sum())
     }
 
-    /// Whether a lower cost justifies `added` coefficients and parameters: by the Bayesian information
-    /// criterion on the number of independent windows, and by a minimum effect.
+    /// Whether a lower cost justifies `added` coefficients and parameters: by the Bayesian information criterion on the
+    /// number of independent windows, and by a minimum effect.
     fn is_significant(&self, before: f64, after: f64, added: usize) -> bool {
         let samples: usize = self.runs.iter().map(Trajectory::len).sum();
         let windows = (samples as f64 / self.regression.window() as f64).max(2.0);
@@ -258,8 +258,8 @@ impl StructureCost<'_> {
         structure
     }
 
-    /// The structure with its free parameters at the minimum of the cost. Parameters: logarithms of the time
-    /// constants, centre of the gate relative to its width, logarithm of its slope.
+    /// The structure with its free parameters at the minimum of the cost. Parameters: logarithms of the time constants,
+    /// centre of the gate relative to its width, logarithm of its slope.
     fn optimised(&self, structure: Structure) -> Structure {
         let [lags, gate] = self.free;
         let mut start: Vec<f64> = Vec::new();

@@ -1,4 +1,5 @@
-//! Direct predictors. File: weights as tensors with PyTorch's names, `coefficients` of the base equations, the ensemble.
+//! Direct predictors. File: weights as tensors with PyTorch's names, `coefficients` of the base equations, the
+//! ensemble.
 
 use std::sync::Arc;
 

@@ -1,5 +1,5 @@
-//! Sparse equations of motion. File: tensor `coefficients` (outputs x terms) in physical units, the ensemble, and for an
-//! expert mixture the prior `r_factor` (terms x terms).
+//! Sparse equations of motion. File: tensor `coefficients` (outputs x terms) in physical units, the ensemble, and for
+//! an expert mixture the prior `r_factor` (terms x terms).
 
 use std::sync::Arc;
 
@@ -30,7 +30,8 @@ pub(super) struct Library {
     substeps: usize,
 }
 
-/// Structure of equations in a file. The fields of [`Library`] are repeated because `flatten` would accept unknown fields.
+/// Structure of equations in a file. The fields of [`Library`] are repeated because `flatten` would accept unknown
+/// fields.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::model) struct Structure {

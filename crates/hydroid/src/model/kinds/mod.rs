@@ -1,7 +1,7 @@
 //! Kinds of models: one file per kind, with its session, description, ensemble, inversion and file format.
 //!
-//! A new kind of model is a variant of [`Body`], an implementation of [`Kind`] in a file of its own, and its lines in this
-//! file.
+//! A new kind of model is a variant of [`Body`], an implementation of [`Kind`] in a file of its own, and its lines in
+//! this file.
 
 mod control_affine;
 mod direct;

@@ -16,9 +16,9 @@ const DIGITS: usize = 4;
 const ON_A_LINE: usize = 5;
 
 impl NamedEquations<'_> {
-    /// The equations of motion as an `align*` block: one for each output, then what the signals are that stand in
-    /// them, then the logistic function if they have gates. A lag state wears a hat, and its time constant
-    /// where its input has several.
+    /// The equations of motion as an `align*` block: one for each output, then what the signals are that stand in them,
+    /// then the logistic function if they have gates. A lag state wears a hat, and its time constant where its input
+    /// has several.
     pub fn equations_latex(&self) -> String {
         let equations = self.equations;
         let variables = self.latex_variables();

@@ -6,33 +6,32 @@ use super::variables::{VariableKind, Variables};
 
 /// A family of terms.
 ///
-/// Sources: T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed., Wiley 2021;
-/// M. A. Abkowitz, Lectures on ship hydrodynamics: steering and manoeuvrability, report Hy-5, Lyngby 1964;
-/// K. K. Fedyaevsky and G. V. Sobolev, Control and Stability in Ship Design, 1963; N. H. Norrbin, Theory and observation on the use
-/// of a mathematical model for ship maneuvering in deep and confined waters, 8th ONR Symposium 1970.
+/// Sources: T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed., Wiley 2021; M. A.
+/// Abkowitz, Lectures on ship hydrodynamics: steering and manoeuvrability, report Hy-5, Lyngby 1964; K. K. Fedyaevsky
+/// and G. V. Sobolev, Control and Stability in Ship Design, 1963; N. H. Norrbin, Theory and observation on the use of a
+/// mathematical model for ship maneuvering in deep and confined waters, 8th ONR Symposium 1970.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Family {
-    /// The constant 1: a steady force or a sensor offset. Without it the origin is an equilibrium for zero
-    /// commands.
+    /// The constant 1: a steady force or a sensor offset. Without it the origin is an equilibrium for zero commands.
     Constant,
     /// All monomials of degree 1 up to this in outputs and inputs.
     Polynomial {
         /// The highest degree.
         degree: u8,
     },
-    /// The signed squares `x |x|` of every variable: quadratic drag, which acts against the motion in both
-    /// directions (Fossen 2021, section 6.4), and thrust, which is quadratic in the command.
+    /// The signed squares `x |x|` of every variable: quadratic drag, which acts against the motion in both directions
+    /// (Fossen 2021, section 6.4), and thrust, which is quadratic in the command.
     SignedSquares,
-    /// The signed products `x |y|` of different outputs: `v |r|`, `r |v|`, cross-flow drag with the modulus
-    /// (Fedyaevsky and Sobolev 1963).
+    /// The signed products `x |y|` of different outputs: `v |r|`, `r |v|`, cross-flow drag with the modulus (Fedyaevsky
+    /// and Sobolev 1963).
     SignedProducts,
-    /// The manoeuvring terms of a surface vessel with quadratic modulus (Fedyaevsky and Sobolev 1963, Norrbin
-    /// 1970; Fossen 2021, section 6.5 and chapter 9), with `u` the surge speed:
+    /// The manoeuvring terms of a surface vessel with quadratic modulus (Fedyaevsky and Sobolev 1963, Norrbin 1970;
+    /// Fossen 2021, section 6.5 and chapter 9), with `u` the surge speed:
     ///
-    /// - outputs: linear (potential and skin friction), all products of two (Coriolis, centripetal and added
-    ///   mass: `v r`, `u r`, `u v`), signed squares (drag), and cross terms such as `v |r|`, `r |v|` among the
-    ///   outputs other than the surge speed;
+    /// - outputs: linear (potential and skin friction), all products of two (Coriolis, centripetal and added mass:
+    ///   `v r`, `u r`, `u v`), signed squares (drag), and cross terms such as `v |r|`, `r |v|` among the outputs other
+    ///   than the surge speed;
     /// - for each command `c` that is not an angle: `c`, `c |c|` (thrust), `u c` and `u |c|` (thrust falls with the
     ///   advance), `u |u| c` (a force proportional to the dynamic pressure);
     /// - for each command `delta` that is an angle: `sin(delta)`, `u sin(delta)`, `u |u| sin(delta)` (the lift of a
@@ -41,16 +40,16 @@ pub enum Family {
     ///
     /// If no output is the surge speed, each output replaces it in products with commands.
     Marine,
-    /// [`Marine`](Self::Marine) and the cubic terms of a Taylor expansion (Abkowitz 1964): monomials of
-    /// degree 3 of the outputs, and of angles `s = sin(delta)` the drag `s^2`, `u s^2` and the cross
-    /// couplings `v s`, `v r s`, `v s^2` and similar. `s^3` is omitted: the sine contains a cubic term.
+    /// [`Marine`](Self::Marine) and the cubic terms of a Taylor expansion (Abkowitz 1964): monomials of degree 3 of the
+    /// outputs, and of angles `s = sin(delta)` the drag `s^2`, `u s^2` and the cross couplings `v s`, `v r s`, `v s^2`
+    /// and similar. `s^3` is omitted: the sine contains a cubic term.
     MarineCubic,
     /// Sines and cosines of angles, and their products with outputs.
     Trigonometric,
     /// Inputs, and their products with outputs.
     InputsTimesOutputs,
-    /// Lateral motion over surge speed: `v/u` (the drift angle), `r/u`, `v r/u`, `v^2/u`, `r^2/u`, for
-    /// forces that depend on the angle of attack. Undefined at `u = 0`. Empty if no output is the surge speed.
+    /// Lateral motion over surge speed: `v/u` (the drift angle), `r/u`, `v r/u`, `v^2/u`, `r^2/u`, for forces that
+    /// depend on the angle of attack. Undefined at `u = 0`. Empty if no output is the surge speed.
     Rational,
     /// Terms listed by the user.
     Listed(Vec<Term>),
@@ -123,8 +122,8 @@ impl Family {
     }
 }
 
-/// Number of monomials of degree 1 up to `degree` in `n` variables: binomial(n + degree, degree) - 1, in
-/// integer arithmetic.
+/// Number of monomials of degree 1 up to `degree` in `n` variables: binomial(n + degree, degree) - 1, in integer
+/// arithmetic.
 fn monomials(n: u128, degree: u8) -> u128 {
     let all = (1..=u128::from(degree)).try_fold(1u128, |c, k| Some(c.checked_mul(n + k)? / k));
     all.map_or(u128::MAX, |all| all - 1)

@@ -109,8 +109,8 @@ impl Library {
     /// The terms without duplicates, ordered by degree (the sine of an angle has degree 1), then signed squares, signed
     /// products, other terms and fractions, then by variables. Monomials are ordered as in PySINDy.
     ///
-    /// If two terms are linearly dependent on a log, the regression keeps the earlier one: `n |n|` instead of `n^2`
-    /// if a propeller never turns astern.
+    /// If two terms are linearly dependent on a log, the regression keeps the earlier one: `n |n|` instead of `n^2` if
+    /// a propeller never turns astern.
     pub fn terms(&self, variables: &Variables) -> Vec<Term> {
         let mut terms = Vec::new();
         self.families.iter().for_each(|family| family.for_each_term(variables, &mut |term| terms.push(term)));

@@ -1,5 +1,5 @@
-//! Levenberg-Marquardt iteration (Levenberg, Quart. Appl. Math. 2 (1944) 164; Marquardt, J. SIAM 11 (1963)
-//! 431) with a quadratic prior and linear constraints.
+//! Levenberg-Marquardt iteration (Levenberg, Quart. Appl. Math. 2 (1944) 164; Marquardt, J. SIAM 11 (1963) 431) with a
+//! quadratic prior and linear constraints.
 
 use super::parameters::Parameters;
 use super::shooting::{Linearization, Windows};

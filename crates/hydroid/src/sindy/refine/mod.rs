@@ -12,11 +12,11 @@
 //! `x(0)` at the start of every window, from which `x(k)` is rolled out under the logged commands: output-error
 //! identification (Ljung, *System Identification*, 1999, section 7.5) by multiple shooting (Bock, in *Modelling of
 //! Chemical Reaction Systems*, 1981) without conditions of continuity between windows, since a vessel has forces that
-//! no log has. `s_i` is what the predictions from the regression's estimate miss the measurements by (RMS), and `n_i` the
-//! noise of the sensor: where the model is worse than the sensor, `x(0)` stays at the measurement, as it does when
-//! the model is used; on data that have noise alone all errors weigh the same, and the estimate is the most likely.
-//! The last sum holds on to the regression's estimate `p0` where the windows say little, `d_j` being the norm
-//! of the column of `p_j`.
+//! no log has. `s_i` is what the predictions from the regression's estimate miss the measurements by (RMS), and `n_i`
+//! the noise of the sensor: where the model is worse than the sensor, `x(0)` stays at the measurement, as it does when
+//! the model is used; on data that have noise alone all errors weigh the same, and the estimate is the most likely. The
+//! last sum holds on to the regression's estimate `p0` where the windows say little, `d_j` being the norm of the column
+//! of `p_j`.
 
 mod levenberg_marquardt;
 mod outcome;
@@ -37,8 +37,8 @@ use crate::evaluate::DesignRange;
 use crate::log::Trajectory;
 use crate::progress::{self, Cancelled, Progress};
 
-/// How far a window's start is from that of the one before, in lengths of a window: each sample is then in the first half
-/// of one window and in the second half of another.
+/// How far a window's start is from that of the one before, in lengths of a window: each sample is then in the first
+/// half of one window and in the second half of another.
 const STRIDE: f64 = 0.5;
 
 /// Standard deviations in a design range, as a first guess of an output's size.
@@ -56,8 +56,8 @@ pub struct RefineOptions<'a> {
     pub ranges: &'a [DesignRange],
     /// Length of a window \[samples\].
     pub horizon: usize,
-    /// Strengths of the prior at the initial estimate, in decreasing order; each descent starts from the
-    /// previous result.
+    /// Strengths of the prior at the initial estimate, in decreasing order; each descent starts from the previous
+    /// result.
     pub strengths: &'a [f64],
     /// Huber threshold of the errors \[standard deviations\].
     pub huber: Option<f64>,
@@ -82,8 +82,8 @@ pub struct RefinedEquations {
     pub cost: f64,
 }
 
-/// Refines equations, once for each strength of the prior. The list is empty if the initial rollouts diverge
-/// or no run is longer than a window.
+/// Refines equations, once for each strength of the prior. The list is empty if the initial rollouts diverge or no run
+/// is longer than a window.
 ///
 /// # Errors
 /// If the work was interrupted.
@@ -123,8 +123,8 @@ pub fn refine(
     Ok(refined)
 }
 
-/// RMS prediction errors over the windows relative to the sensor noise, for each output. `None` if the
-/// rollouts diverge or no run is longer than a window.
+/// RMS prediction errors over the windows relative to the sensor noise, for each output. `None` if the rollouts diverge
+/// or no run is longer than a window.
 pub fn noise_excess(options: &RefineOptions<'_>, equations: &Equations) -> Option<Vec<f64>> {
     let windows = windows(options, equations)?;
     let share = |(start, weight): (&f64, &f64)| start / weight;

@@ -7,8 +7,7 @@ use serde::{Deserialize, Serialize};
 pub struct Refinement {
     /// The outcome.
     pub outcome: Outcome,
-    /// RMS prediction error over a horizon relative to the sensor noise, for each output, before the
-    /// refinement.
+    /// RMS prediction error over a horizon relative to the sensor noise, for each output, before the refinement.
     pub excess: Option<Vec<f64>>,
     /// Score of the regression estimate; see [`Trial::score`](crate::sindy::Trial::score).
     pub before: Option<f64>,
@@ -25,8 +24,7 @@ pub enum Outcome {
     /// Not requested.
     #[default]
     Off,
-    /// Not possible: rollouts of the regression estimate diverge on the training runs, or no run has a whole
-    /// window.
+    /// Not possible: rollouts of the regression estimate diverge on the training runs, or no run has a whole window.
     NoStart,
     /// Not tried: the prediction errors exceed the sensor noise by far, so model error dominates.
     FarFromNoise,

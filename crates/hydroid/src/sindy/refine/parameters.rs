@@ -4,8 +4,7 @@ use hydroid_core::model::sparse::{Equations, EquationsError, Factor, Gate, Real,
 
 use crate::sindy::structure::{GateSpec, Lag};
 
-/// Refined parameters: coefficients, logarithms of time constants, then centre and logarithm of the slope of each
-/// gate.
+/// Refined parameters: coefficients, logarithms of time constants, then centre and logarithm of the slope of each gate.
 #[derive(Clone, Debug)]
 pub(super) struct Parameters {
     base: Equations,

@@ -5,8 +5,8 @@ use crate::log::Trajectory;
 /// Maximum number of samples in the excerpts; more samples do not change the choice.
 const EXCERPT_SAMPLES: usize = 15_000;
 
-/// The training runs, or evenly spaced excerpts if they are long together. An excerpt has three horizons. If
-/// these cannot hold the warm-up and one horizon, the warm-up is added.
+/// The training runs, or evenly spaced excerpts if they are long together. An excerpt has three horizons. If these
+/// cannot hold the warm-up and one horizon, the warm-up is added.
 pub(super) fn excerpts(runs: &[&Trajectory], horizon: usize, warm_up: usize) -> Vec<Trajectory> {
     let three = 3 * horizon + 1;
     let length = if warm_up + horizon <= three { three } else { warm_up + three };

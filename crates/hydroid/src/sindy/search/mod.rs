@@ -1,7 +1,7 @@
 //! Grid search over libraries, regressions, optimizers and ridge penalties, scored by multi-step predictions.
 //!
-//! The score of a trial is the mean of two errors: rollouts on the validation runs and rollouts on excerpts
-//! of the training runs. The training part makes the choice robust where the validation runs are short.
+//! The score of a trial is the mean of two errors: rollouts on the validation runs and rollouts on excerpts of the
+//! training runs. The training part makes the choice robust where the validation runs are short.
 
 mod excerpts;
 mod refinement;
@@ -42,8 +42,7 @@ pub struct SearchGrid {
     pub ridges: Vec<f64>,
     /// Loss of the residuals, in all trials.
     pub loss: Loss,
-    /// Constraints on the coefficients, in all trials; each must be supported by the
-    /// solver.
+    /// Constraints on the coefficients, in all trials; each must be [supported](super::is_supported) by the solver.
     pub constraints: Vec<Constraint>,
     /// Scope of the refinement of the selected equations; none for no refinement.
     pub refine: Option<RefineScope>,
@@ -61,8 +60,8 @@ pub struct RefineScope {
 }
 
 impl SearchGrid {
-    /// Warm-up of the slowest structure \[samples\]. All trials share it, so that they are compared on the
-    /// same windows.
+    /// Warm-up of the slowest structure \[samples\]. All trials share it, so that they are compared on the same
+    /// windows.
     pub fn warm_up(&self, run: &Trajectory) -> usize {
         let variables = Variables::of(run);
         let signals = self.structures.iter().flat_map(|structure| structure.signals(&variables));
@@ -100,8 +99,8 @@ pub struct Trial {
     pub ridge: f64,
     /// Non-zero coefficients.
     pub terms: usize,
-    /// Score: the mean of the next two, or the first one alone if the training runs are too short for the
-    /// horizon; none if a rollout diverged.
+    /// Score: the mean of the next two, or the first one alone if the training runs are too short for the horizon; none
+    /// if a rollout diverged.
     pub score: Option<f64>,
     /// Mean NRMSE over channels and horizons on the validation runs.
     pub validation: Option<f64>,
@@ -180,8 +179,8 @@ pub enum SearchError {
 /// Maximum number of terms of a library: the cost of the selection grows with their cube.
 pub(super) const MOST_TERMS: usize = 1_000;
 
-/// Integration steps per sample that keep the inner step at or below 0.1 s. RK4 is then accurate to the noise
-/// of a log for motions slower than about ten per second.
+/// Integration steps per sample that keep the inner step at or below 0.1 s. RK4 is then accurate to the noise of a log
+/// for motions slower than about ten per second.
 pub fn substeps(dt: f64) -> usize {
     // A count between 1 and 1000.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
@@ -189,8 +188,8 @@ pub fn substeps(dt: f64) -> usize {
     steps
 }
 
-/// Fits all points of the grid to the training runs and selects by rollouts on the validation runs and on
-/// excerpts of the training runs.
+/// Fits all points of the grid to the training runs and selects by rollouts on the validation runs and on excerpts of
+/// the training runs.
 ///
 /// # Errors
 /// If nothing could be fitted, everything diverged, or the work was interrupted.
@@ -212,8 +211,7 @@ pub fn search(
     {
         let prepared = match search.prepare(training, structure, regression, grid, 0) {
             Ok(prepared) => Arc::new(prepared),
-            // Larger libraries may need more rows than there are; the error of the first (smallest) one is
-            // reported.
+            // Larger libraries may need more rows than there are; the error of the first (smallest) one is reported.
             Err(error) => {
                 first_error.get_or_insert(error);
                 continue;
@@ -342,8 +340,7 @@ impl Search<'_> {
             diverged: on_validation.diverged,
             losses: BlockLosses { validation: on_validation.blocks, training: Vec::new() },
         };
-        // A model that diverged, or whose score cannot become the lowest, is not evaluated on the training
-        // runs.
+        // A model that diverged, or whose score cannot become the lowest, is not evaluated on the training runs.
         let best = self.tried.iter().filter_map(|tried| tried.trial.score).fold(f64::INFINITY, f64::min);
         if !self.excerpts.is_empty() && 0.5 * validation < best {
             // The number of origins equals that on the validation runs.

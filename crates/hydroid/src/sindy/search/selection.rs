@@ -19,8 +19,8 @@ const STABILITY_TOLERANCE: f64 = 1.1;
 const BOOTSTRAP_BLOCKS: usize = 24;
 
 impl Search<'_> {
-    /// Trials in order of preference: first those within one standard error of the best, by the number of
-    /// parameters, then all others by score.
+    /// Trials in order of preference: first those within one standard error of the best, by the number of parameters,
+    /// then all others by score.
     fn preference(&self) -> Vec<usize> {
         let score = |i: usize| self.tried[i].trial.score.unwrap_or(f64::INFINITY);
         let mut order: Vec<usize> = (0..self.tried.len()).filter(|&i| score(i).is_finite()).collect();
@@ -78,8 +78,8 @@ impl Search<'_> {
         })
     }
 
-    /// Replaces the equation of each output in turn by that of another trial if the combined model is
-    /// significantly better in rollouts and not less stable.
+    /// Replaces the equation of each output in turn by that of another trial if the combined model is significantly
+    /// better in rollouts and not less stable.
     fn select_by_output(
         &self,
         chosen: usize,
@@ -129,8 +129,7 @@ impl Search<'_> {
         fit.equations.coefficients()[output * terms..(output + 1) * terms].to_vec()
     }
 
-    /// The bootstrap ensemble with the settings of the selected equations, over the terms of the combined
-    /// model.
+    /// The bootstrap ensemble with the settings of the selected equations, over the terms of the combined model.
     fn ensemble(
         &self,
         training: &[&Trajectory],
