@@ -3,32 +3,31 @@
 //!
 //! `min |R x - d|^2` with `R` upper triangular, `a_e . x = b_e` for every equality, and `s_j x_j >= 0` for some `j`.
 //! The method starts from the unconstrained solution and activates violated constraints one by one; a constraint whose
-//! multiplier would become negative is released. The minimum under the active constraints increases with every step, so
-//! the method terminates. It is infeasible if a violated constraint cannot be satisfied beside the active ones.
+//! multiplier would become negative is dropped. The minimum increases with every step, so the method terminates. A
+//! violated constraint that is inconsistent with the active ones makes the problem infeasible.
 
 use super::qr::QrFactor;
 
-/// The part of a constraint's normal that is independent of the active ones may be rounding below this.
+/// A normal depends on the active ones if its orthogonal part is below this share of its length.
 const DEPENDENT: f64 = 1e-10;
 
-/// A constraint counts as obeyed within this share of the size of what it constrains.
+/// Relative tolerance of a constraint.
 const OBEYED: f64 = 1e-12;
 
-/// A least-squares problem: the last column of the qr is the right-hand side.
+/// Least-squares problem; the last column of the factor is the right-hand side.
 pub(super) struct Problem<'a> {
     /// Factor of `[R d]`, without dependent columns.
     pub(super) qr: &'a QrFactor,
-    /// Weights of all coefficients and what their sum must be.
+    /// Weights of all coefficients and the value of their sum.
     pub(super) equalities: &'a [(Vec<f64>, f64)],
-    /// For each coefficient the sign that it must have: 1, -1, or 0 for any.
+    /// Sign of each coefficient: 1, -1, or 0 for any.
     pub(super) signs: &'a [f64],
 }
 
-/// No coefficients obey all constraints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Infeasible;
 
-/// A constraint `n . x >= b` (or `= b`), with the normal as the metric of `R` sees it: `R^-T n`.
+/// An active constraint `n . x >= b` (or `= b`); its normal is `R^-T n`, in the metric of `R`.
 struct Active {
     /// The coefficient at its bound; none for an equality.
     bound: Option<usize>,
@@ -50,7 +49,7 @@ pub(super) fn solve(problem: &Problem<'_>) -> Result<Vec<f64>, Infeasible> {
         let (free, _) = project(&active, &normal);
         let length = dot(&free, &free);
         if length.sqrt() <= DEPENDENT * dot(&normal, &normal).sqrt() {
-            // It follows from the others, or speaks against them.
+            // Redundant or inconsistent.
             if violation.abs() > 1e-9 * size {
                 return Err(Infeasible);
             }
@@ -67,16 +66,16 @@ pub(super) fn solve(problem: &Problem<'_>) -> Result<Vec<f64>, Infeasible> {
         })
         .collect();
     let deviations: Vec<f64> = units.iter().map(|unit| dot(unit, unit).sqrt()).collect();
-    // What a right-hand side of this size can do to a coefficient, in its standard deviations.
+    // Largest change of a coefficient in its standard deviations, for a right-hand side of this size.
     let scale = dot(&right, &right).sqrt();
-    // Far more than there are steps: what does not end is not offered as a solution.
+    // A bound far above the number of steps; without convergence there is no solution.
     for _ in 0..100 * (n + 1) {
         let violated = |j: usize| problem.signs[j] * x[j] / deviations[j];
         let worst = (0..n)
             .filter(|&j| problem.signs[j] != 0.0 && active.iter().all(|a| a.bound != Some(j)))
             .min_by(|&a, &b| violated(a).total_cmp(&violated(b)));
         let Some(worst) = worst.filter(|&j| violated(j) < -OBEYED * scale) else {
-            // Rounding is neither a coefficient nor a push: what an equality ties to a zero is one.
+            // Values within rounding of zero become zero, as do coefficients that an equality ties to a zero.
             for ((x, sign), deviation) in x.iter_mut().zip(problem.signs).zip(&deviations) {
                 if x.abs() <= OBEYED * scale * deviation || *x * sign < 0.0 {
                     *x = 0.0;
@@ -90,7 +89,7 @@ pub(super) fn solve(problem: &Problem<'_>) -> Result<Vec<f64>, Infeasible> {
     Err(Infeasible)
 }
 
-/// Moves to where the violated sign of `x_j` is obeyed, and lets go what stands in the way.
+/// Moves along the normal until the sign of `x_j` holds, and drops blocking constraints.
 fn activate(
     problem: &Problem<'_>,
     x: &mut [f64],
@@ -135,7 +134,7 @@ fn activate(
     }
 }
 
-/// The part of a normal that is orthogonal to the active ones, and the shares of those in the rest.
+/// Part of a normal that is orthogonal to the active ones, and the shares of these in the remainder.
 fn project(active: &[Active], normal: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let k = active.len();
     let mut basis: Vec<Vec<f64>> = Vec::with_capacity(k);
@@ -161,7 +160,7 @@ fn project(active: &[Active], normal: &[f64]) -> (Vec<f64>, Vec<f64>) {
     (free, shares)
 }
 
-/// Gram-Schmidt, twice: once is not enough to rounding.
+/// Gram-Schmidt, repeated once for orthogonality to rounding.
 fn orthogonal(basis: &[Vec<f64>], vector: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let mut rest = vector.to_vec();
     let mut shares = vec![0.0; basis.len()];

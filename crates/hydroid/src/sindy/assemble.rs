@@ -22,8 +22,7 @@ const POINTS: usize = 256;
 pub struct Assembled {
     /// Factor of `[theta | dy/dt]`.
     pub qr: QrFactor,
-    /// Factors of contiguous groups of rows, for a block bootstrap that preserves the correlation of neighbouring rows;
-    /// empty for fewer than two groups.
+    /// Factors of contiguous groups of rows for the block bootstrap; empty for fewer than two groups.
     pub groups: Vec<QrFactor>,
     /// Number of rows omitted because of a missing sample.
     pub skipped: u64,
@@ -38,8 +37,8 @@ pub struct AssemblyOptions<'a> {
     pub signals: &'a [Signal],
     /// Number of groups of rows with a factor of their own.
     pub groups: usize,
-    /// Weight of each sample of each run; empty for unit weights. The weight of a row is the smallest weight of its
-    /// samples; a row with weight zero is omitted.
+    /// Weight of each sample of each run; empty for unit weights. A row has the smallest weight of its samples, and is
+    /// omitted if that is zero.
     pub weights: &'a [Vec<f64>],
     /// Equations for a robust loss: rows with large residuals get smaller weights.
     pub robust: Option<HuberWeights>,
@@ -50,8 +49,7 @@ pub fn assemble(program: &Program, runs: &[&Trajectory], regression: RegressionF
     assemble_with(program, runs, regression, &AssemblyOptions::default())
 }
 
-/// QR factor of all runs, with signals, weights and groups. Rows with a missing sample, or with a sample in the warm-up
-/// of a signal, are omitted.
+/// As [`assemble`], with options. Rows with a sample in the warm-up of a signal are omitted as well.
 ///
 /// # Panics
 /// If the shape of the sample weights does not match the runs.
@@ -125,7 +123,6 @@ fn tasks(runs: &[&Trajectory], regression: RegressionForm, groups: usize) -> Vec
     tasks
 }
 
-/// A run and its signals.
 struct RunData<'a> {
     run: &'a Trajectory,
     /// Values at the samples, and whether they are constant over an interval.
@@ -148,14 +145,12 @@ impl<'a> RunData<'a> {
     }
 }
 
-/// Result of one task.
 struct TaskResult {
     qr: QrFactor,
     skipped: u64,
     residuals: Vec<ResidualHistogram>,
 }
 
-/// Workspace of one task.
 struct TaskScratch<'a> {
     program: &'a Program,
     nodes: Nodes,
@@ -205,8 +200,7 @@ impl<'a> TaskScratch<'a> {
         part
     }
 
-    /// Multiplies the rows of the block by the square roots of their weights. Returns the number of rows whose weight
-    /// becomes zero.
+    /// Multiplies the rows by the square roots of their weights. Returns the number of rows that become zero.
     fn weigh(&mut self, weights: &[f64], rows: &Rows, first: usize, count: usize) -> usize {
         let mut lost = 0;
         for i in 0..count {
@@ -283,8 +277,7 @@ impl<'a> TaskScratch<'a> {
         }
     }
 
-    /// Writes `count` rows into the block; rows with a missing sample become zero. Returns the number of the other
-    /// rows.
+    /// Writes `count` rows into the block, zero if a sample is missing. Returns the number of complete rows.
     fn fill_block(&mut self, run: &Trajectory, rows: &Rows, first: usize, count: usize) -> usize {
         let terms = self.program.len();
         let (library, outputs) = self.block.split_at_mut(terms * BLOCK_ROWS);

@@ -13,13 +13,13 @@ use super::stlsq::SparseSolution;
 /// The coefficient of a term in an equation, both counted from 0 in the order of outputs and library.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Coefficient {
-    /// The equation, that is, the output whose derivative it gives.
+    /// Index of the output.
     pub equation: usize,
-    /// The term of the library.
+    /// Index in the library.
     pub term: usize,
 }
 
-/// A sign that a coefficient must have, or be zero.
+/// Sign constraint of a coefficient.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sign {
     /// `xi >= 0`.
@@ -39,9 +39,9 @@ pub struct Equality {
 
 /// Constraints on the coefficients.
 ///
-/// A term whose coefficient is at its bound of zero is removed, and the selection is repeated without it. Coefficients
-/// in an equality are exempt from the selection. Coefficients that the data cannot identify are zero in an equality.
-/// Equations that an equality couples are solved together, each weighted by the inverse of its residual.
+/// A term whose coefficient reaches its bound of zero is removed, and the selection is repeated without it.
+/// Coefficients in an equality are exempt from the selection, and zero if the data cannot identify them. Equations
+/// coupled by an equality are solved together, each weighted by the inverse of its residual.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Constraints {
     /// Signs of single coefficients.
@@ -60,19 +60,19 @@ pub enum ConstraintError {
         .at.equation
     )]
     OutOfRange {
-        /// What was named.
+        /// The coefficient.
         at: Coefficient,
         /// Number of equations.
         equations: usize,
         /// Number of terms.
         terms: usize,
     },
-    /// A relation without a weight that counts, or with numbers that are none.
-    #[error("equality {0} (from 0) has no weight other than zero, or a number that is not finite")]
+    /// An equality without a non-zero weight, or with a number that is not finite.
+    #[error("equality {0} (from 0) has only zero weights, or a number that is not finite")]
     Empty(usize),
-    /// No coefficients obey them all.
+    /// Infeasible constraints.
     #[error(
-        "no coefficients obey all constraints of equation {equation} (from 0) and those coupled_terms to it: look for an equality that asks for a sign that is forbidden, two that differ, or one on terms that the data cannot identify"
+        "no coefficients obey all constraints of equation {equation} (from 0) and the equations coupled to it: check for an equality that contradicts a sign, two contradictory equalities, or an equality on terms that the data cannot identify"
     )]
     Contradiction {
         /// The first equation concerned.
@@ -102,7 +102,7 @@ impl Constraints {
         Ok(())
     }
 
-    /// The sign asked of a coefficient: 1, -1, or 0 for any; none where both are, which is zero.
+    /// Sign of a coefficient: 1, -1, or 0 for any; none for contradictory signs, which exclude the term.
     fn sign(&self, equation: usize, term: usize) -> Option<f64> {
         let at = Coefficient { equation, term };
         let mut signs = self.signs.iter().filter(|(other, _)| *other == at).map(|(_, sign)| match sign {
@@ -113,7 +113,7 @@ impl Constraints {
         signs.all(|sign| sign == first).then_some(first)
     }
 
-    /// Terms of an equation that equalities name.
+    /// Terms of an equation in equalities.
     fn coupled_terms(&self, equation: usize) -> impl Iterator<Item = usize> + '_ {
         let named = self.equalities.iter().flat_map(|e| &e.weights);
         named.filter(move |(at, _)| at.equation == equation).map(|(at, _)| at.term)
@@ -134,7 +134,6 @@ impl Constraints {
     }
 }
 
-/// Scaled coefficients of all equations under the constraints of the options.
 pub(super) fn fit_constrained(
     prepared: &LinearRegression,
     plain: &QrFactor,
@@ -153,7 +152,7 @@ pub(super) fn fit_constrained(
     Ok(solutions.into_iter().flatten().collect())
 }
 
-/// Solves equations that are `coupled_terms` together.
+/// Solves coupled equations together.
 fn solve_group(
     prepared: &LinearRegression,
     plain: &QrFactor,
@@ -163,12 +162,11 @@ fn solve_group(
 ) -> Result<Vec<(usize, SparseSolution)>, ConstraintError> {
     let constraints = &options.constraints;
     let count = prepared.terms().len();
-    // Terms that no solution may have, by equation.
     let mut excluded: Vec<Vec<bool>> =
         equations.iter().map(|&i| (0..count).map(|j| constraints.sign(i, j).is_none()).collect()).collect();
-    // The same qr that gives the optimizer's own coefficients.
+    // The factor from which the optimizer computes its coefficients.
     let source = if matches!(options.optimizer, Optimizer::Stlsq(_)) { plain } else { ridged };
-    // By what each equation leaves with all terms; of exact data none counts infinitely more than another.
+    // Inverse residual with all terms, bounded for exact data.
     let weights: Vec<f64> = equations
         .iter()
         .map(|&i| {
@@ -207,7 +205,7 @@ fn solve_group(
             let mut coefficients = vec![0.0; count];
             for (&j, &x) in part.support.iter().zip(own) {
                 coefficients[j] = x;
-                // At its bound. Within an equality zero is a value as any other.
+                // At its bound; in an equality, zero is a regular value.
                 if x == 0.0 && !constraints.coupled_terms(part.equation).any(|term| term == j) {
                     excluded[j] = true;
                     removed = true;
@@ -223,7 +221,6 @@ fn solve_group(
     }
 }
 
-/// An equation and the terms that are solved for.
 struct EquationSupport {
     equation: usize,
     weight: f64,

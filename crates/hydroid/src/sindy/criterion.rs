@@ -8,8 +8,8 @@
 //!
 //! and the smallest value is the best: `p = 2`, `s = 1` is Akaike's criterion with the correction of Hurvich and Tsai
 //! (Biometrika 76 (1989) 297); `p = ln n`, `s = 2` is Schwarz's criterion with the correction of `McQuarrie` (Statist.
-//! Probab. Lett. 44 (1999) 79). Without the correction, libraries that are not small compared with `n` are overfitted.
-//! The criterion defines the tolerance of [`super::stepwise`] as a function of `n` and `k`.
+//! Probab. Lett. 44 (1999) 79), without which libraries that are not small compared with `n` are overfitted. The
+//! criterion gives the tolerance of [`super::stepwise`] as a function of `n` and `k`.
 
 use serde::{Deserialize, Serialize};
 
@@ -54,7 +54,7 @@ pub fn stepwise_bidirectional(
     let (all, dependent) = independent_columns(ridged, terms, target);
     let total = ridged.column_norm(target).powi(2);
     let mut support = all.clone();
-    // Bounded, because rounding could repeat a removal and an addition for ever.
+    // Bounded: rounding could repeat a removal and an addition for ever.
     for _ in 0..2 * all.len() {
         eliminate(ridged, &mut support, target, tolerance);
         let outside: Vec<usize> = all.iter().copied().filter(|j| !support.contains(j)).collect();

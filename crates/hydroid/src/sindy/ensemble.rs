@@ -55,7 +55,6 @@ pub struct Ensemble {
 }
 
 impl Ensemble {
-    /// An ensemble of zero coefficients.
     pub(super) fn zero(members: usize, outputs: usize, terms: usize) -> Self {
         let zeros = || vec![0.0; outputs * terms];
         Self {
@@ -69,12 +68,10 @@ impl Ensemble {
         }
     }
 
-    /// Adds the change of the coefficients by the refinement, `outputs x terms`, to every member. A coefficient that
-    /// would violate a sign constraint becomes zero. The inclusion is unchanged.
+    /// Adds the change by the refinement, `outputs x terms`, to every member; zero where it would violate a sign.
     ///
-    /// The spread remains that of the regression, which is wider than that of the refined coefficients. A Gauss-Newton
-    /// covariance would be too narrow: it contains the noise alone, without the term selection and the uncertainty of
-    /// lag and gate.
+    /// The spread remains that of the regression. A Gauss-Newton covariance would be too narrow: it omits the
+    /// uncertainty of term selection, lag and gate.
     pub(super) fn shift(&mut self, by: &[f64], signs: &[(Coefficient, Sign)], terms: usize) {
         for member in &mut self.members {
             member.iter_mut().zip(by).for_each(|(x, by)| *x += by);
@@ -172,7 +169,6 @@ impl LinearRegression {
         resample: usize,
     ) -> Result<Resample, FitError> {
         let mut rng = ChaCha8Rng::seed_from_u64(bootstrap.seed);
-        // One random stream per resample, independent of the others.
         rng.set_stream(resample as u64);
         let offered: Vec<bool> =
             self.terms().iter().map(|_| !chance(&mut rng, bootstrap.term_dropout)).collect();

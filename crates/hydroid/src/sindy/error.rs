@@ -4,7 +4,7 @@ use hydroid_core::model::sparse::{EquationsError, ProgramError};
 
 use super::constraints::ConstraintError;
 
-/// Why no equations could be fitted.
+/// Error of a fit.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FitError {
     /// Fewer rows than unknowns.
@@ -19,14 +19,14 @@ pub enum FitError {
         }
     )]
     TooFewRows {
-        /// Rows that touch no missing sample.
+        /// Rows without a missing sample.
         rows: u64,
-        /// Rows that do.
+        /// Rows with a missing sample.
         skipped: u64,
         /// Terms of the library.
         terms: usize,
     },
-    /// Runs that do not belong together.
+    /// Runs with different channels or sample times.
     #[error("runs '{first}' and '{second}' differ in sample time or channels: prepare them together")]
     DifferentRuns {
         /// The first run.
@@ -34,7 +34,7 @@ pub enum FitError {
         /// The run that differs from it.
         second: String,
     },
-    /// Numbers that cannot be computed with.
+    /// Numbers outside the range of floating point.
     #[error(
         "products of the channels leave the range of floating-point numbers: bring the channels to sensible units, or choose a smaller degree"
     )]
@@ -56,13 +56,13 @@ pub enum FitError {
     /// An output that does not vary has no equation.
     #[error("output '{0}' does not vary in the training runs: there is nothing to identify. Leave it out")]
     Constant(String),
-    /// Sample weights that are not those of the runs.
+    /// Sample weights that do not match the runs.
     #[error("the sample weights of run '{0}' are not one number, 0 or more, for each of its samples")]
     Weights(String),
     /// A setting out of its range.
     #[error("{0}")]
     Setting(String),
-    /// Constraints that name what is not there, or that no coefficients obey.
+    /// Invalid or infeasible constraints.
     #[error(transparent)]
     Constraints(#[from] ConstraintError),
     /// The library is too large.

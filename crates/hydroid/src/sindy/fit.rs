@@ -24,9 +24,7 @@ pub struct LinearRegression {
     dt: f64,
     /// Factor with scaled columns; columns of unidentifiable terms are zero.
     plain: QrFactor,
-    /// Factors of the groups of rows.
     groups: Vec<QrFactor>,
-    /// Effective number of independent rows.
     effective: f64,
     unidentifiable: Vec<usize>,
     /// Physical coefficient = scaled coefficient * `output_scale[i]` / `term_scale[j]`.
@@ -84,7 +82,7 @@ impl LinearRegression {
         }
         if terms.is_empty() {
             return Err(FitError::Setting(String::from(
-                "a library without terms has nothing to fit: give it some",
+                "the library has no terms: add some",
             )));
         }
         let signals = options.signals;
@@ -158,7 +156,7 @@ impl LinearRegression {
         self.plain.rows()
     }
 
-    /// Rows left out because a sample in them was missing.
+    /// Rows omitted because of a missing sample.
     pub fn skipped(&self) -> u64 {
         self.skipped
     }
@@ -178,8 +176,8 @@ impl LinearRegression {
         self.effective
     }
 
-    /// Upper triangular `T` of the second moments `T'T` of the library, `terms x terms`, row-major, in physical units,
-    /// as a prior. The moments are shrunk by `shrinkage` towards their diagonal.
+    /// Upper triangular `T` with the second moments `T'T` of the library, `terms x terms`, row-major, in physical
+    /// units. The moments are shrunk by `shrinkage` towards their diagonal.
     pub fn r_factor(&self, shrinkage: f64) -> Vec<f64> {
         let count = self.terms.len();
         let rows = self.rows() as f64;
@@ -198,7 +196,6 @@ impl LinearRegression {
             .collect()
     }
 
-    /// Factors of the groups of rows, with the scales of the total.
     pub(super) fn groups(&self) -> &[QrFactor] {
         &self.groups
     }
@@ -245,7 +242,6 @@ impl LinearRegression {
         Ok(fit_constrained(self, plain, &ridged, options)?)
     }
 
-    /// Scaled coefficients of one equation.
     pub(super) fn select(
         &self,
         plain: &QrFactor,
@@ -277,7 +273,6 @@ impl LinearRegression {
         plain.with_ridge(&weights)
     }
 
-    /// Converts to physical units.
     fn in_physical_units(&self, solutions: Vec<SparseSolution>, substeps: usize) -> Result<Fit, FitError> {
         let count = self.terms.len();
         let mut coefficients = Vec::with_capacity(self.outputs * count);

@@ -1,5 +1,5 @@
 //! Minimisation without derivatives: the simplex of Nelder and Mead, Computer Journal 7 (1965) 308, with the standard
-//! coefficients. It optimises the one to five nonlinear parameters of a structure, whose cost has no cheap gradient.
+//! coefficients, for the one to five nonlinear parameters of a structure.
 
 /// Stopping criteria of the Nelder-Mead simplex method.
 #[derive(Clone, Copy, Debug, PartialEq)]

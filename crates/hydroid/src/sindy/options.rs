@@ -25,16 +25,15 @@ pub enum Scaling {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Optimizer {
-    /// Backward elimination: a term leaves when that raises the residual sum of squares by less than this fraction, or
-    /// by less than 1e-5 of the whole right-hand side: in noise-free data the discretisation of the derivative leaves
-    /// that much, and terms would be kept to explain it. Coefficients are the ridge solution on the terms that remain.
+    /// Backward elimination: a term is removed if that raises the residual sum of squares by less than this fraction,
+    /// or by less than 1e-5 of the right-hand side, the discretisation error of the derivative in noise-free data. The
+    /// coefficients are the ridge solution on the remaining terms.
     Stepwise(f64),
     /// Sequentially thresholded least squares: coefficients below this, in the units of [`Scaling`], are removed. Ridge
     /// acts on the selection only, coefficients are plain least squares.
     Stlsq(f64),
-    /// Backward elimination by an information criterion, with terms that may come back: what a term must be worth
-    /// follows from the number of independent rows ([`RegressionForm::effective_rows`]), so that there is nothing to
-    /// tune. Terms below 1e-5 of the right-hand side leave as with [`Optimizer::Stepwise`].
+    /// Bidirectional elimination by an information criterion, whose tolerance follows from the number of independent
+    /// rows ([`RegressionForm::effective_rows`]). Terms below 1e-5 of the right-hand side are removed as well.
     Criterion(Criterion),
 }
 
@@ -60,10 +59,10 @@ pub struct RegressionOptions<'a> {
     pub scaling: Scaling,
     /// Loss of the residuals.
     pub loss: Loss,
-    /// Weight of each sample of each run, 0 or more; empty for 1 throughout. A row has the smallest weight of its
+    /// Weight of each sample of each run, 0 or more; empty for unit weights. A row has the smallest weight of its
     /// samples.
     pub weights: &'a [Vec<f64>],
-    /// Number of contiguous groups of rows for the block bootstrap; 0 for none. Each stores a factor of
-    /// `8 (terms + outputs)^2` bytes.
+    /// Number of contiguous groups of rows for the block bootstrap; 0 for none. Each needs `8 (terms + outputs)^2`
+    /// bytes.
     pub groups: usize,
 }

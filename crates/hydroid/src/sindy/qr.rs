@@ -1,7 +1,7 @@
 //! QR factor of a regression, updated block by block.
 //!
-//! A regression `A x = b` with many rows is reduced, block of rows by block of rows, to the upper triangular factor of
-//! `[A b]` (sequential TSQR: Demmel, Grigori, Hoemmen and Langou, SIAM J. Sci. Comput. 34 (2012) A206). The memory is
+//! A regression `A x = b` with many rows is reduced block by block to the upper triangular factor of `[A b]`
+//! (sequential TSQR: Demmel, Grigori, Hoemmen and Langou, SIAM J. Sci. Comput. 34 (2012) A206). The memory is
 //! independent of the number of rows, and the condition number is not squared as in the normal equations. Least-squares
 //! problems over subsets of the columns, with or without ridge, are solved from the factor.
 
@@ -13,11 +13,11 @@ use pulp::{Arch, Simd, WithSimd};
 /// Rows of a block: 64 rows of 60 columns fit into a first-level cache.
 pub const BLOCK_ROWS: usize = 64;
 
-/// Upper triangular factor `R` of a tall matrix `A = Q R`, `width x width`; only the rows appended so far are in it.
+/// Upper triangular factor `R`, `width x width`, of a tall matrix `A = Q R`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct QrFactor {
     width: usize,
-    /// Row by row, `width x width`; below the diagonal zero.
+    /// Row-major; zero below the diagonal.
     r: Vec<f64>,
     rows: u64,
 }
@@ -106,8 +106,8 @@ impl QrFactor {
         scaled
     }
 
-    /// The factor with one more row for each column, `weight[j]` in column `j` and zero elsewhere: ridge regression
-    /// with the penalty `weight[j]^2 x_j^2`. The penalty of a subset of the columns is that of its members.
+    /// The factor with one more row for each column, `weight[j]` in column `j`: ridge regression with the penalty
+    /// `weight[j]^2 x_j^2`.
     #[must_use]
     pub fn with_ridge(&self, weight: &[f64]) -> Self {
         let mut diagonal = Self::new(self.width);

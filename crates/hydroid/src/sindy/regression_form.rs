@@ -33,9 +33,9 @@ pub struct RowWeights {
 #[serde(rename_all = "snake_case")]
 pub enum RegressionForm {
     /// Increments over `intervals` samples against the library averaged over the same intervals, each evaluated at its
-    /// midpoint with its held command. With one interval this is the midpoint rule with zero-order hold,
-    /// `(y_{k+1} - y_k)/dt = Xi theta((y_k + y_{k+1})/2, c_k)`, of second order in `dt`. Unlike central differences it
-    /// uses the command that acts in the interval. More intervals average the measurement noise.
+    /// midpoint with its held command. One interval gives the midpoint rule with zero-order hold,
+    /// `(y_{k+1} - y_k)/dt = Xi theta((y_k + y_{k+1})/2, c_k)`, of second order in `dt`; more intervals average the
+    /// measurement noise.
     Midpoint {
         /// Number of intervals in an increment, at least 1.
         intervals: usize,
@@ -52,18 +52,16 @@ pub enum RegressionForm {
     /// ```
     ///
     /// with `phi_k` at the midpoint of interval `k`. Summation by parts weights the samples on the left with
-    /// differences of `phi`: only the test function is differentiated. White noise of standard deviation `sigma` causes
-    /// an error of about `5.9 sigma / (T sqrt(intervals))` in a row, where `T = intervals dt`. An increment depends on
-    /// its two end samples; the weak form averages all samples of the window. Data that satisfy the midpoint rule
+    /// differences of `phi`. White noise of standard deviation `sigma` causes an error of about
+    /// `5.9 sigma / (T sqrt(intervals))` in a row, where `T = intervals dt`. Data that satisfy the midpoint rule
     /// satisfy every row exactly, and each interval has its held command.
     Weak {
         /// Number of intervals in a window, at least 1.
         intervals: usize,
     },
     /// Derivative of the parabola fitted to `2 half + 1` samples, against the library at the middle sample (Savitzky
-    /// and Golay, Anal. Chem. 36 (1964) 1627). Provided for comparison: only the left side is averaged. The noise of
-    /// the middle sample biases the coefficients towards zero, and the library uses one command while the derivative is
-    /// averaged over several. [`RegressionForm::Weak`] averages both sides.
+    /// and Golay, Anal. Chem. 36 (1964) 1627). Provided for comparison: only the left side is averaged, so that the
+    /// noise of the middle sample biases the coefficients towards zero.
     Smoothed {
         /// Samples on either side of the middle one, at least 1.
         half: usize,
@@ -108,7 +106,7 @@ impl RegressionForm {
     }
 
     /// Samples between the starts of consecutive rows. Rows overlap by three quarters (increments) or seven eighths
-    /// (weak form, with small weights near the ends of a window), which uses nearly all information in the samples.
+    /// (weak form), which uses nearly all information in the samples.
     pub fn stride(self) -> usize {
         match self {
             Self::Midpoint { intervals } => (intervals / 4).max(1),
@@ -117,9 +115,8 @@ impl RegressionForm {
         }
     }
 
-    /// Effective number of independent rows among `rows` overlapping rows: `rows stride / window`, the number of
-    /// disjoint windows. Overlapping rows share noise; treated as independent, they would make spurious terms
-    /// significant.
+    /// Effective number of independent rows among `rows` overlapping rows, which share noise: `rows stride / window`,
+    /// the number of disjoint windows.
     pub fn effective_rows(self, rows: u64) -> f64 {
         (rows as f64 * self.stride() as f64 / self.window() as f64).max(1.0)
     }

@@ -2,7 +2,7 @@
 //!
 //! A row with the largest standardised residual `z` over the outputs has the weight `min(1, k/|z|)` (Huber, Ann. Math.
 //! Statist. 35 (1964) 73; iteration: Holland and Welsch, Comm. Statist. A6 (1977) 813). The runs are streamed once per
-//! iteration. The scale of the residuals is their median absolute value, which outliers hardly change.
+//! iteration. The scale of the residuals is their median absolute value.
 
 use std::collections::BTreeMap;
 
@@ -39,8 +39,7 @@ pub struct HuberWeights {
 }
 
 impl HuberWeights {
-    /// Multiplies the rows of a block by the square roots of their weights, and adds their unweighted residuals to the
-    /// histograms. Rows of zeros are ignored.
+    /// Multiplies rows by the square roots of their weights and adds their unweighted residuals to the histograms.
     pub(super) fn apply(&self, block: &mut [f64], terms: usize, sizes: &mut [ResidualHistogram]) {
         let mut worst = [0.0f64; BLOCK_ROWS];
         for ((output, coefficients), (scale, sizes)) in

@@ -8,11 +8,11 @@
 use super::qr::QrFactor;
 use super::stlsq::SparseSolution;
 
-/// A term that explains less than this share of the right-hand side is removed in any case: it is below the
-/// discretisation error of the derivative in noise-free data.
+/// Terms that explain less than this share of the right-hand side are removed: it is below the discretisation error of
+/// the derivative in noise-free data.
 pub(super) const NEGLIGIBLE: f64 = 1e-5;
 
-/// The inverse is recomputed if an element falls below this share of its initial value, because of cancellation.
+/// The inverse is recomputed if cancellation reduces an element below this share of its initial value.
 const CANCELLED: f64 = 1e-6;
 
 /// Solves one equation: terms are removed until each removal would raise the residual sum of squares by more than the
@@ -96,7 +96,6 @@ fn diagonal(matrix: &[f64], n: usize) -> impl Iterator<Item = f64> + '_ {
 /// Inverse of the normal matrix of some columns, row by row, and the least-squares coefficients.
 fn inverse_and_solution(qr: &QrFactor, columns: &[usize], target: usize) -> (Vec<f64>, Vec<f64>) {
     let n = columns.len();
-    // Columns, right-hand side last, in a qr of their own.
     let selected: Vec<usize> = columns.iter().copied().chain([target]).collect();
     let own = qr.select(&selected);
     // R^-1, upper triangular, row by row.

@@ -142,7 +142,7 @@ impl Structure {
         }
     }
 
-    /// Number of estimated parameters besides the coefficients: time constants, and centre and slope of a gate.
+    /// Number of estimated parameters besides the coefficients: time constants, centre and slope.
     pub fn parameters(&self) -> usize {
         self.lags.len() + if self.gate.is_some() { 2 } else { 0 }
     }
@@ -165,7 +165,7 @@ impl fmt::Display for Structure {
     }
 }
 
-/// Index of a variable; programs of more than 65,535 variables are refused where terms are compiled.
+/// Index of a variable; the compiler of terms refuses more than 65,535 variables.
 fn index(variable: usize) -> u16 {
     u16::try_from(variable).unwrap_or(u16::MAX)
 }

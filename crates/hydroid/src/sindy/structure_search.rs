@@ -1,10 +1,9 @@
 //! Search for actuator lags and gates by the residual of the regression.
 //!
 //! A time constant, or the centre and slope of a gate, changes the columns of the regression. For given values the
-//! coefficients follow by least squares, so the residual is a function of these few parameters (variable projection:
-//! Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413). The search evaluates a coarse grid and then minimises. The
-//! cost is `J = sum_i ln rms_i` over the residuals of all equations: the negative log-likelihood per row under noise of
-//! unknown variance in each equation.
+//! coefficients follow by least squares (variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413).
+//! The search evaluates a coarse grid and then minimises the cost `J = sum_i ln rms_i` over the residuals of all
+//! equations: the negative log-likelihood per row under noise of unknown variance in each equation.
 //!
 //! The result is a list of proposals. Rollouts decide between them.
 
@@ -48,8 +47,7 @@ const MAX_TIME_CONSTANT: f64 = 2.5;
 const TIME_CONSTANTS: u8 = 7;
 /// Slopes of the grid, relative to the inverse width of the range of the output.
 const SLOPES: [f64; 3] = [6.0, 20.0, 60.0];
-/// Largest share of the samples that the warm-up of a lag may take from a run; it limits the time constants in short
-/// runs.
+/// Largest share of a run for the warm-up of a lag; it limits the time constants in short runs.
 const MAX_WARM_UP_SHARE: f64 = 0.1;
 
 /// Maximum number of greedy steps; each adds a gate or lags.
@@ -74,7 +72,7 @@ pub(crate) fn structure_search(
     let (some, all) = (subsample(runs, SCAN_SAMPLES), subsample(runs, REFINE_SAMPLES));
     let free = [*lags == StructureSpec::Search, *gate == StructureSpec::Search];
     let max_time_constant = MAX_TIME_CONSTANT * regression.window() as f64 * first.dt;
-    // The mean length of the segments limits the warm-up; the segments of the minimisation are longer.
+    // The mean length of the segments limits the warm-up.
     let mean_length = some.iter().map(Trajectory::len).sum::<usize>() as f64 / some.len() as f64;
     let max_time_constant =
         max_time_constant.min(MAX_WARM_UP_SHARE * mean_length * first.dt / Signal::SETTLING);
@@ -123,8 +121,8 @@ struct StructureCost<'a> {
     max_time_constant: f64,
     /// Whether lags and gate are searched for.
     free: [bool; 2],
-    /// Weight 0 for the samples in which the longest lag warms up, 1 for the others. All structures are compared on the
-    /// same rows; otherwise a lag could lower the cost by excluding rows.
+    /// Weight 0 for samples in the warm-up of the longest lag, 1 for the others: all structures are compared on the
+    /// same rows.
     weights: Vec<Vec<f64>>,
 }
 
@@ -155,7 +153,7 @@ impl<'a> StructureCost<'a> {
 impl StructureCost<'_> {
     /// The cost `J`; none if the regression cannot be assembled.
     fn cost(&self, structure: &Structure) -> Option<f64> {
-        // A library of a high degree exceeds the memory: its size is checked before its terms are made.
+        // Checked before the terms of a large library are made.
         structure.check_size(&self.variables).ok()?;
         let signals = structure.signals(&self.variables);
         let runs: Vec<&Trajectory> = self.runs.iter().collect();
@@ -176,7 +174,6 @@ impl StructureCost<'_> {
         gain > MIN_GAIN * outputs && windows * gain > 0.5 * added as f64 * windows.ln()
     }
 
-    /// Number of coefficients and parameters of a structure.
     fn size(&self, structure: &Structure) -> usize {
         structure.count(&self.variables) * self.variables.outputs().count() + structure.parameters()
     }
@@ -196,7 +193,7 @@ impl StructureCost<'_> {
     /// Inputs one by one, and all together, through a lag.
     fn lag_extensions(&self, current: &Structure) -> Vec<Structure> {
         let commands = self.variables.inputs().map(|(_, kind)| kind).enumerate();
-        // No actuator stands between the wind and the vessel.
+        // Wind has no actuator.
         let commands = commands.filter(|(_, kind)| *kind != VariableKind::Wind).map(|(i, _)| i);
         let free: Vec<usize> = commands.filter(|i| current.lags.iter().all(|lag| lag.input != *i)).collect();
         let mut sets: Vec<Vec<usize>> = free.iter().map(|&i| vec![i]).collect();

@@ -92,7 +92,7 @@ fn mistakes_are_reported_with_their_place() {
         ),
         (
             "lag(u, 1 s)",
-            "'lag(u, 1 s)', character 5: 'u' is an output; a lag state is what an actuator makes of an input",
+            "'lag(u, 1 s)', character 5: 'u' is an output; only inputs have lag states",
         ),
         (
             "lag(n, 0 s)",
@@ -101,11 +101,11 @@ fn mistakes_are_reported_with_their_place() {
         ("lag(n, 2)", "'lag(n, 2)', character 9: expected 's', for seconds, found ')'"),
         (
             "u(-0.25 s)",
-            "'u(-0.25 s)', character 3: a past value is a whole number of samples of 0.1 s ago, at least one: write a negative multiple of it",
+            "'u(-0.25 s)', character 3: the delay of a past value is a multiple of the sample time of 0.1 s, at least one: write it as a negative time",
         ),
         (
             "above(u, x, 1)",
-            "'above(u, x, 1)', character 10: expected the number at which the modes change, found 'x'",
+            "'above(u, x, 1)', character 10: expected the centre of the gate, a number, found 'x'",
         ),
     ] {
         assert_eq!(message(text), expected);
@@ -187,7 +187,7 @@ fn term() -> impl Strategy<Value = Term> {
     prop::collection::vec(factor, 0..6).prop_map(Term::new)
 }
 
-/// Distinct names of the kind that headers of logs have.
+/// Distinct names as in the headers of logs.
 fn channels() -> impl Strategy<Value = Vec<String>> {
     prop::collection::hash_set("[a-zA-Zäψ_][a-zA-Z0-9_.]{0,6}", 6).prop_map(|set| set.into_iter().collect())
 }
@@ -225,7 +225,7 @@ proptest! {
             let mut parser = ship();
             let term = parser.term(&text);
             if let Ok(term) = term {
-                // What is read can be printed and read again.
+                // A parsed term can be printed and parsed again.
                 prop_assert_eq!(parser.term(&term.name(&parser.names())), Ok(term));
             }
             if let Ok(constraint) = parser.constraint(&text) {

@@ -25,7 +25,6 @@ impl<'a> Scanner<'a> {
         self.at == self.text.len()
     }
 
-    /// Position, for backtracking.
     pub(super) fn mark(&self) -> usize {
         self.at
     }
@@ -90,7 +89,6 @@ impl<'a> Scanner<'a> {
         &rest[..rest.find(|c| !is_name_char(c)).unwrap_or(rest.len())]
     }
 
-    /// A finite number.
     pub(super) fn number(&mut self, what: &str) -> Result<f64, ExpressionError> {
         self.skip_space();
         self.eat_number().ok_or_else(|| self.expected(what))

@@ -16,7 +16,6 @@ const FUNCTIONS: [(&str, Shape); 4] =
     [("sin", Shape::Sin), ("cos", Shape::Cos), ("ln", Shape::Log), ("sgn", Shape::Sign)];
 
 impl ExpressionParser {
-    /// A product of factors.
     pub(super) fn product(&mut self, scanner: &mut Scanner<'_>) -> Result<Term, ExpressionError> {
         let mut factors = Vec::new();
         scanner.skip_space();
@@ -81,8 +80,8 @@ impl ExpressionParser {
             if scanner.eat_call(word) {
                 scanner.skip_space();
                 let variable = self.variable(scanner)?;
-                scanner.demand(",", "',' and where the modes change")?;
-                let centre = Real(scanner.number("the number at which the modes change")?);
+                scanner.demand(",", "',' and the centre of the gate")?;
+                let centre = Real(scanner.number("the centre of the gate, a number")?);
                 scanner.demand(",", "',' and the slope of the gate")?;
                 let slope = Real(scanner.number("the slope of the gate, a number")?);
                 scanner.demand(")", "')'")?;
@@ -106,7 +105,7 @@ impl ExpressionParser {
                 scanner.back_to(here);
                 let name = &self.channels[usize::from(input)];
                 return Err(scanner.error(
-                    format!("'{name}' is an output; a lag state is what an actuator makes of an input"),
+                    format!("'{name}' is an output; only inputs have lag states"),
                     None,
                 ));
             }
@@ -139,7 +138,7 @@ impl ExpressionParser {
             scanner.back_to(here);
             return Err(scanner.error(
                 format!(
-                    "a past value is a whole number of samples of {} s ago, at least one: write a negative multiple of it",
+                    "the delay of a past value is a multiple of the sample time of {} s, at least one: write it as a negative time",
                     self.dt
                 ),
                 None,
@@ -153,7 +152,6 @@ impl ExpressionParser {
         self.signal(Signal::Past { variable, samples }, scanner)
     }
 
-    /// An output or input.
     fn channel(&self, scanner: &mut Scanner<'_>) -> Result<u16, ExpressionError> {
         let Some(found) = scanner.eat_name(&self.channels) else {
             let word = scanner.word();

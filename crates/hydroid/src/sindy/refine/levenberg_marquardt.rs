@@ -20,17 +20,16 @@ const MIN_RELATIVE_DECREASE: f64 = 1e-4;
 /// Damping of the first step that follows a rejected one.
 const INITIAL_DAMPING: f64 = 1e-2;
 
-/// Constraints in the order of the parameters.
 #[derive(Clone, Debug, Default)]
 pub(super) struct LinearConstraints {
-    /// Weights of the parameters and what their sum must be.
+    /// Weights of the parameters and the value of their sum.
     pub(super) equalities: Vec<(Vec<f64>, f64)>,
     /// Signs: 1, -1, or 0 for any.
     pub(super) signs: Vec<f64>,
 }
 
 impl LinearConstraints {
-    /// Constraints on equations as constraints on their parameters. Coefficients that are none of these are zero.
+    /// Constraints on the parameters; other coefficients are zero.
     pub(super) fn new(constraints: &Constraints, parameters: &Parameters) -> Self {
         let place = |at: &Coefficient| {
             let place = at.equation * parameters.terms() + at.term;
@@ -55,7 +54,6 @@ impl LinearConstraints {
     }
 }
 
-/// Quadratic prior on the parameters.
 #[derive(Clone, Debug)]
 pub(super) struct Prior {
     /// Mean of the prior.
@@ -72,7 +70,7 @@ impl Prior {
         self.strength * parts.map(|((x, c), d)| (d * (x - c)).powi(2)).sum::<f64>()
     }
 
-    /// Values that solve the problem linearised at `values`, or none where nothing obeys the constraints.
+    /// Solution of the problem linearised at `values`; none if the constraints are infeasible.
     fn solve(
         &self,
         merged: &QrFactor,
@@ -80,7 +78,7 @@ impl Prior {
         damping: f64,
         constraints: &LinearConstraints,
     ) -> Option<Vec<f64>> {
-        // The unknowns are the values in units of their columns' norms.
+        // The unknowns are scaled by the norms of their columns.
         let scaled = |x: &[f64]| x.iter().zip(&self.norms).map(|(x, d)| d * x).collect::<Vec<f64>>();
         let inverse: Vec<f64> = self.norms.iter().map(|d| 1.0 / d).chain([1.0]).collect();
         let now = scaled(values);
@@ -114,7 +112,6 @@ fn append_diagonal_rows(problem: &mut QrFactor, weight: f64, aims: &[f64]) {
     }
 }
 
-/// Where a descent ended.
 #[derive(Clone, Debug)]
 pub(super) struct Minimum {
     pub(super) values: Vec<f64>,
@@ -122,7 +119,6 @@ pub(super) struct Minimum {
     pub(super) steps: usize,
 }
 
-/// Minimises the cost from given values.
 pub(super) fn levenberg_marquardt(
     windows: &Windows<'_>,
     parameters: &Parameters,

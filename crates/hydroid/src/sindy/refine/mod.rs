@@ -1,22 +1,19 @@
-//! Coefficients, lags and gates that `nelder_mead` the errors of predictions over many steps.
+//! Refinement of coefficients, lags and gates by multi-step prediction errors.
 //!
-//! A regression asks how well the equations explain derivatives. That is neither the most likely answer under noise of
-//! measurement, nor what a model is judged by. With the terms chosen, [`refine`] minimises instead
+//! A regression minimises errors of derivatives. With the selected terms, [`refine`] minimises instead
 //!
 //! ```text
 //! sum over windows of  sum_i ((y_i(0) - x_i) / n_i)^2 + sum_{k = 1..H, i} ((y_i(k) - x_i(k)) / s_i)^2
 //!   + strength sum_j d_j^2 (p_j - p0_j)^2
 //! ```
 //!
-//! over the parameters `p` (coefficients, time constants of lags, centres and slopes of gates) and over the outputs
-//! `x(0)` at the start of every window, from which `x(k)` is rolled out under the logged commands: output-error
-//! identification (Ljung, *System Identification*, 1999, section 7.5) by multiple shooting (Bock, in *Modelling of
-//! Chemical Reaction Systems*, 1981) without conditions of continuity between windows, since a vessel has forces that
-//! no log has. `s_i` is what the predictions from the regression's estimate miss the measurements by (RMS), and `n_i`
-//! the noise of the sensor: where the model is worse than the sensor, `x(0)` stays at the measurement, as it does when
-//! the model is used; on data that have noise alone all errors weigh the same, and the estimate is the most likely. The
-//! last sum holds on to the regression's estimate `p0` where the windows say little, `d_j` being the norm of the column
-//! of `p_j`.
+//! over the parameters `p` (coefficients, time constants of lags, centres and slopes of gates) and the initial outputs
+//! `x(0)` of every window, from which `x(k)` is rolled out under the logged commands: output-error identification
+//! (Ljung, *System Identification*, 1999, section 7.5) by multiple shooting (Bock, in *Modelling of Chemical Reaction
+//! Systems*, 1981), without continuity between windows because unlogged forces act on a vessel. `s_i` is the RMS
+//! prediction error of the regression estimate and `n_i` the sensor noise: where model error dominates, `x(0)` stays at
+//! the measurement; with noise alone all errors have equal weight, and the estimate has the maximum likelihood. The
+//! last sum is a prior at the regression estimate `p0`, with the norm `d_j` of the column of `p_j`.
 
 mod levenberg_marquardt;
 mod outcome;
@@ -37,11 +34,10 @@ use crate::evaluate::DesignRange;
 use crate::log::Trajectory;
 use crate::progress::{self, Cancelled, Progress};
 
-/// How far a window's start is from that of the one before, in lengths of a window: each sample is then in the first
-/// half of one window and in the second half of another.
+/// Distance between the starts of consecutive windows, in window lengths.
 const STRIDE: f64 = 0.5;
 
-/// Standard deviations in a design range, as a first guess of an output's size.
+/// Standard deviations in a design range, for a first estimate of the size of an output.
 const DEVIATIONS: f64 = 5.0;
 
 /// Residuals smaller than this share of the outputs are rounding.
@@ -50,13 +46,13 @@ const ROUNDING_FLOOR: f64 = 1e-6;
 /// Data and options of a refinement.
 #[derive(Clone, Debug)]
 pub struct RefineOptions<'a> {
-    /// Runs to learn from.
+    /// Training runs.
     pub runs: &'a [&'a Trajectory],
     /// Design ranges of the outputs: a rollout that leaves ten times these has diverged.
     pub ranges: &'a [DesignRange],
     /// Length of a window \[samples\].
     pub horizon: usize,
-    /// Strengths of the prior at the initial estimate, in decreasing order; each descent starts from the previous
+    /// Strengths of the prior at the initial estimate, in decreasing order; each minimisation starts from the previous
     /// result.
     pub strengths: &'a [f64],
     /// Huber threshold of the errors \[standard deviations\].
@@ -69,7 +65,7 @@ pub struct RefineOptions<'a> {
     pub constraints: &'a Constraints,
 }
 
-/// `RefinedEquations` equations.
+/// Refined equations.
 #[derive(Clone, Debug)]
 pub struct RefinedEquations {
     /// The equations.
@@ -78,7 +74,7 @@ pub struct RefinedEquations {
     pub strength: f64,
     /// Number of iterations.
     pub steps: usize,
-    /// Mean loss of an error, in units of the start's mean square.
+    /// Mean loss per error, relative to the initial mean square.
     pub cost: f64,
 }
 
@@ -131,7 +127,7 @@ pub fn noise_excess(options: &RefineOptions<'_>, equations: &Equations) -> Optio
     Some(windows.start.iter().zip(&windows.weights).map(share).collect())
 }
 
-/// Windows whose errors weigh what the errors of some equations are; none where their rollouts diverge.
+/// Windows with weights from the errors of given equations; none if their rollouts diverge.
 fn windows<'a>(options: &RefineOptions<'a>, equations: &Equations) -> Option<Windows<'a>> {
     // A positive number far below 2^53.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]

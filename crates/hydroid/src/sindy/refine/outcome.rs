@@ -34,20 +34,20 @@ pub enum Outcome {
     Taken,
 }
 
-/// One length of the windows and one strength of the pull.
+/// One window length and one strength of the prior.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Attempt {
     /// Length of a window \[samples\].
     pub horizon: usize,
-    /// Strength of the pull towards the regression's estimate.
+    /// Strength of the prior.
     pub strength: f64,
-    /// Steps of the descent.
+    /// Number of iterations.
     pub steps: usize,
     /// As [`Trial::score`](crate::sindy::Trial::score).
     pub score: Option<f64>,
 }
 
-/// A number with two digits that count, or all before the point.
+/// Two significant digits, or all digits before the point.
 fn two_digits(x: f64) -> String {
     if x < 10.0 { format!("{x:.1}") } else { format!("{x:.0}") }
 }
@@ -68,15 +68,15 @@ impl Refinement {
                 "not refined: rollouts of the regression's estimate diverge on the training runs, or no run is as long as a horizon",
             ),
             (Outcome::FarFromNoise, _) => format!(
-                "not refined: predictions miss the measurements by {} times the noise in them, so that what the equations lack rules, not the noise",
+                "not refined: the prediction errors are {} times the sensor noise, so that model error dominates",
                 self.max_excess().map_or_else(|| String::from("many"), two_digits)
             ),
             (Outcome::Taken, Some(Attempt { horizon, strength, score: Some(score), .. })) => format!(
-                "refined by predictions over {} s: score {score:.4}, the regression's estimate{before} (pull towards it {strength})",
+                "refined by predictions over {} s: score {score:.4}, the regression's estimate{before} (prior strength {strength})",
                 two_digits(*horizon as f64 * dt),
             ),
             _ => format!(
-                "not refined: in none of {} attempts better than the regression's estimate{before}",
+                "not refined: none of {} attempts is better than the regression's estimate{before}",
                 self.attempts.len()
             ),
         })

@@ -11,12 +11,10 @@ pub(super) struct Parameters {
     places: Vec<usize>,
     /// Indices of the lags among the signals.
     lags: Vec<usize>,
-    /// Gates with their variables.
     gates: Vec<(u16, Gate)>,
 }
 
 impl Parameters {
-    /// Parameters of equations, with the free lags and gates.
     pub(super) fn new(base: &Equations, lags: &[Lag], gates: &[GateSpec]) -> Self {
         let free = |signal: &Signal| match *signal {
             Signal::Lag { input, time_constant_s } => lags.iter().any(|lag| {
@@ -48,17 +46,14 @@ impl Parameters {
         Self { base: base.clone(), places: Vec::new(), lags: Vec::new(), gates: Vec::new() }
     }
 
-    /// Number of parameters.
     pub(super) fn len(&self) -> usize {
         self.places.len() + self.nonlinear()
     }
 
-    /// Number of parameters that are not coefficients.
     pub(super) fn nonlinear(&self) -> usize {
         self.lags.len() + 2 * self.gates.len()
     }
 
-    /// Number of terms in the table of coefficients.
     pub(super) fn terms(&self) -> usize {
         self.base.terms().len()
     }
@@ -85,7 +80,6 @@ impl Parameters {
         lags.chain(self.gates.iter().flat_map(|(_, gate)| [1.0 / gate.slope.0, 1.0])).collect()
     }
 
-    /// The equations with these parameters.
     pub(super) fn equations(&self, values: &[f64]) -> Result<Equations, EquationsError> {
         let (coefficients, nonlinear) = values.split_at(self.places.len());
         let (lags, gates) = nonlinear.split_at(self.lags.len());
@@ -108,7 +102,6 @@ impl Parameters {
         Equations::with_signals(terms, table, b.outputs(), b.inputs(), signals, b.dt(), b.substeps())
     }
 
-    /// A term with the present gates.
     fn with_gates(&self, term: &Term, moved: &[Gate]) -> Term {
         if self.gates.is_empty() {
             return term.clone();

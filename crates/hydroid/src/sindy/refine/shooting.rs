@@ -24,7 +24,6 @@ const DIFFERENCE: f64 = 1e-4;
 /// Start of the process before its first window, in warm-ups.
 const SETTLING: usize = 3;
 
-/// Windows and weights of the errors.
 #[derive(Clone, Debug)]
 pub(super) struct Windows<'a> {
     pub(super) runs: &'a [&'a Trajectory],
@@ -41,12 +40,10 @@ pub(super) struct Windows<'a> {
     pub(super) huber: Option<f64>,
 }
 
-/// Linearization at one set of parameters.
 #[derive(Clone, Debug)]
 pub(super) struct Linearization {
     /// Sum of the loss over all errors.
     pub(super) cost: f64,
-    /// Number of errors.
     pub(super) errors: u64,
     /// Sum of squares of the unweighted errors of each output, and their number.
     pub(super) squares: Vec<(f64, u64)>,
@@ -55,7 +52,6 @@ pub(super) struct Linearization {
 }
 
 impl Linearization {
-    /// Combines all parts.
     pub(super) fn merged(&self) -> Option<QrFactor> {
         let mut parts = self.parts.iter();
         let mut merged = parts.next()?.clone();
@@ -64,7 +60,6 @@ impl Linearization {
     }
 }
 
-/// Windows of a run in one task.
 struct Task<'a> {
     run: &'a Trajectory,
     first: usize,
@@ -141,7 +136,6 @@ fn perturbations(parameters: &Parameters, values: &[f64]) -> Option<Vec<(Equatio
     parameters.sizes().into_iter().enumerate().map(one).collect()
 }
 
-/// Result of one task.
 struct TaskResult {
     cost: f64,
     errors: u64,
@@ -158,7 +152,6 @@ struct Linearizer<'a> {
     width: usize,
 }
 
-/// Workspace of a task.
 struct Buffers {
     y: Vec<f64>,
     s: Vec<f64>,
@@ -318,7 +311,6 @@ impl Linearizer<'_> {
         (!y.chunks_exact(n).any(bad)).then_some(())
     }
 
-    /// A Gauss-Newton step of the initial outputs.
     fn start_step(
         &self,
         y: &[f64],

@@ -42,7 +42,7 @@ pub struct SearchGrid {
     pub ridges: Vec<f64>,
     /// Loss of the residuals, in all trials.
     pub loss: Loss,
-    /// Constraints on the coefficients, in all trials; each must be [supported](super::is_supported) by the solver.
+    /// Constraints on the coefficients, in all trials, [supported](super::is_supported) by the solver.
     pub constraints: Vec<Constraint>,
     /// Scope of the refinement of the selected equations; none for no refinement.
     pub refine: Option<RefineScope>,
@@ -60,8 +60,7 @@ pub struct RefineScope {
 }
 
 impl SearchGrid {
-    /// Warm-up of the slowest structure \[samples\]. All trials share it, so that they are compared on the same
-    /// windows.
+    /// Warm-up of the slowest structure \[samples\], shared by all trials for a comparison on the same windows.
     pub fn warm_up(&self, run: &Trajectory) -> usize {
         let variables = Variables::of(run);
         let signals = self.structures.iter().flat_map(|structure| structure.signals(&variables));
@@ -97,7 +96,7 @@ pub struct Trial {
     pub optimizer: Optimizer,
     /// The ridge penalty.
     pub ridge: f64,
-    /// Non-zero coefficients.
+    /// Number of non-zero coefficients.
     pub terms: usize,
     /// Score: the mean of the next two, or the first one alone if the training runs are too short for the horizon; none
     /// if a rollout diverged.
@@ -127,11 +126,11 @@ pub struct SearchResult {
     pub condition: f64,
     /// Terms of the selected library that are zero or linearly dependent on the training runs.
     pub unidentifiable: Vec<Term>,
-    /// Regression rows used, and rows left out because a sample was missing.
+    /// Regression rows used, and rows omitted because of a missing sample.
     pub rows: (u64, u64),
     /// Result of the stability check.
     pub stability: StabilityCheck,
-    /// How sure the coefficients are; over the terms of `fit`.
+    /// Bootstrap ensemble over the terms of `fit`.
     pub ensemble: Option<Ensemble>,
     /// Record of the refinement.
     pub refinement: Refinement,
@@ -211,7 +210,7 @@ pub fn search(
     {
         let prepared = match search.prepare(training, structure, regression, grid, 0) {
             Ok(prepared) => Arc::new(prepared),
-            // Larger libraries may need more rows than there are; the error of the first (smallest) one is reported.
+            // The error of the first, smallest library is reported.
             Err(error) => {
                 first_error.get_or_insert(error);
                 continue;
@@ -230,7 +229,7 @@ pub fn search(
                         continue;
                     }
                 };
-                // A stricter settings that changes nothing need not be judged again.
+                // A stricter optimizer with an unchanged result is not evaluated again.
                 if last.as_ref() != Some(&fit.scaled) {
                     last = Some(fit.scaled.clone());
                     let settings = TrialSettings { structure, regression, optimizer, ridge };
@@ -255,7 +254,6 @@ fn fit_options(optimizer: Optimizer, ridge: f64, dt: f64, constraints: &Constrai
     FitOptions { optimizer, ridge, substeps: substeps(dt), constraints: constraints.clone() }
 }
 
-/// State of a search.
 struct Search<'a> {
     options: &'a SearchOptions<'a>,
     excerpts: &'a [&'a Trajectory],
@@ -263,7 +261,6 @@ struct Search<'a> {
     tried: Vec<EvaluatedTrial>,
 }
 
-/// A point of the grid.
 #[derive(Clone, Copy)]
 struct TrialSettings<'a> {
     structure: &'a Structure,
@@ -272,7 +269,6 @@ struct TrialSettings<'a> {
     ridge: f64,
 }
 
-/// A trial with its fit and its losses.
 struct EvaluatedTrial {
     trial: Trial,
     fit: Fit,
@@ -280,7 +276,6 @@ struct EvaluatedTrial {
     prepared: Arc<LinearRegression>,
 }
 
-/// Scores of one model.
 struct TrialScore {
     score: f64,
     validation: f64,
@@ -340,7 +335,7 @@ impl Search<'_> {
             diverged: on_validation.diverged,
             losses: BlockLosses { validation: on_validation.blocks, training: Vec::new() },
         };
-        // A model that diverged, or whose score cannot become the lowest, is not evaluated on the training runs.
+        // Skipped for a model that diverged, or whose score cannot become the lowest.
         let best = self.tried.iter().filter_map(|tried| tried.trial.score).fold(f64::INFINITY, f64::min);
         if !self.excerpts.is_empty() && 0.5 * validation < best {
             // The number of origins equals that on the validation runs.

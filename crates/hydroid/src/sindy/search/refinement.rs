@@ -12,22 +12,19 @@ use crate::sindy::refine::{
 use crate::sindy::robust::Loss;
 use crate::sindy::structure::{GateSpec, Lag};
 
-/// Window lengths relative to the horizon: the horizon itself, and a shorter window with a smaller share of
-/// initial-state errors.
+/// Window lengths relative to the horizon; a shorter window has a smaller share of initial-state errors.
 const WINDOW_LENGTHS: [f64; 2] = [1.0, 1.0 / 3.0];
 
-/// Strengths of the prior at the regression estimate: from the information of the windows itself down to almost none.
+/// Strengths of the prior, relative to the information of the windows.
 const PRIOR_STRENGTHS: [f64; 4] = [1.0, 0.1, 0.01, 0.001];
 
-/// Refinement is tried only if the prediction errors of every output are at most this multiple of the sensor noise; at
-/// the square root of two, the noise is half of the mean square.
+/// Maximum ratio of prediction errors to sensor noise for a refinement; at the square root of two, the noise is half of
+/// the mean square.
 ///
-/// Beyond this ratio, unmodelled forces dominate the errors. Errors of multi-step predictions are then correlated,
-/// least squares on them is no longer the maximum-likelihood estimate, and it would fit the forces of these particular
-/// runs.
+/// Beyond it, unmodelled forces dominate: errors of multi-step predictions are then correlated, and least squares on
+/// them would fit the forces of these particular runs.
 const MAX_NOISE_EXCESS: f64 = std::f64::consts::SQRT_2;
 
-/// Selected equations and their attributes.
 pub(super) struct Selected<'a> {
     /// The trial of each equation.
     pub(super) rows: &'a [usize],
@@ -37,8 +34,7 @@ pub(super) struct Selected<'a> {
 }
 
 impl Search<'_> {
-    /// Refines the selected equations with several options. The best result replaces them if its score is lower and it
-    /// is not less stable.
+    /// Refines the selected equations. The best result replaces them if its score is lower and it is not less stable.
     pub(super) fn refine_selected<'a>(
         &self,
         training: &[&Trajectory],

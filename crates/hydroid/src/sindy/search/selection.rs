@@ -129,7 +129,7 @@ impl Search<'_> {
         fit.equations.coefficients()[output * terms..(output + 1) * terms].to_vec()
     }
 
-    /// The bootstrap ensemble with the settings of the selected equations, over the terms of the combined model.
+    /// The bootstrap ensemble of the selected equations, over the terms of the combined model.
     fn ensemble(
         &self,
         training: &[&Trajectory],
