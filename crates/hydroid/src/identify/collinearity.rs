@@ -59,7 +59,7 @@ fn correlation(runs: &[Trajectory], a: usize, b: usize) -> f64 {
     xy / (xx * yy).sqrt()
 }
 
-/// Inputs that are linearly dependent on others, with the first terms that are left out because of them.
+/// Inputs that are linearly dependent on others, with the first terms that are omitted because of them.
 fn unidentifiable_inputs<'a>(
     candidate: &Candidate,
     inputs: &[&'a ChannelSummary],

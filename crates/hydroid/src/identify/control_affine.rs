@@ -12,8 +12,8 @@ const SINE: Form = &[Shape::Sin];
 const SIGNED_SQUARE: Form = &[Shape::Power(1), Shape::Abs];
 
 /// One library for each combination of functions of the commands: `c` or `c |c|`; for an angle `c` or `sin(c)`. It has
-/// the terms of all `libraries` that are free of commands or linear in the chosen function of one command. Duplicates
-/// are removed. If there were more than 16 combinations, the later commands enter linearly.
+/// the terms of all `libraries` without commands or linear in the chosen function of one command. Beyond 16
+/// combinations, the later commands enter linearly.
 pub(super) fn libraries(libraries: &[Library], variables: &Variables) -> Vec<Library> {
     const MOST: usize = 16;
     let mut terms: Vec<Term> = Vec::new();
@@ -78,11 +78,11 @@ mod tests {
             assert!(has(&rudder[0]) != has(&rudder[1]), "one of the two");
             let propeller = [Term::monomial(&[3]), Term::signed_square(3, 3)];
             assert!(has(&propeller[0]) != has(&propeller[1]), "one of the two");
-            // Drag stays; products of commands go.
+            // Drag is kept; products of commands are omitted.
             assert!(has(&Term::signed_square(0, 0)) && has(&Term::monomial(&[0, 1])));
             assert!(!has(&Term::monomial(&[3, 4])) && !has(&Term::signed_square(0, 3)));
         }
-        // What is tried last, and lags are looked for with: as it stands, and the sine of an angle.
+        // The last library: the identity of a command, the sine of an angle.
         let last = found.last().unwrap().terms(&variables);
         assert!(last.contains(&Term::monomial(&[3])) && last.contains(&Term::of(4, Shape::Sin)));
     }

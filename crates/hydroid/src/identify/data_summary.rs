@@ -27,7 +27,7 @@ pub struct Summary {
     pub mean: f64,
     /// Standard deviation.
     pub std: f64,
-    /// Values missing.
+    /// Number of missing values.
     pub missing: usize,
 }
 
@@ -73,7 +73,6 @@ pub fn output_ranges(runs: &[&Trajectory]) -> Vec<DesignRange> {
     of_tables(&tables)
 }
 
-/// Ranges of the inputs over runs.
 pub(super) fn input_ranges(runs: &[&Trajectory]) -> Vec<DesignRange> {
     let tables: Vec<&Table> = runs.iter().map(|run| &run.inputs).collect();
     of_tables(&tables)

@@ -13,7 +13,6 @@ use crate::sindy::{
     StructureSpec, Variables, search, structure_search,
 };
 
-/// Options of the rollouts of a search.
 pub(super) fn quick(job: &Job, parts: &Parts<'_>) -> evaluate::Options {
     let longest = parts.validation.iter().map(|run| run.len()).max().unwrap_or(0);
     evaluate::Options {
@@ -38,7 +37,6 @@ fn libraries(job: &Job, run: &Trajectory) -> Result<Vec<Library>, IdentifyError>
     if good.is_empty() { Err(refusal.into()) } else { Ok(good) }
 }
 
-/// Search over libraries, lags and gates.
 pub(super) fn memoryless(
     job: &Job,
     parts: &Parts<'_>,
@@ -79,7 +77,6 @@ pub(super) fn memoryless(
     best
 }
 
-/// Search for equations with past outputs and inputs.
 pub(super) fn lagged(
     job: &Job,
     parts: &Parts<'_>,
@@ -97,8 +94,8 @@ pub(super) fn lagged(
     run(job, parts, &libraries, &structures, false, progress)
 }
 
-/// Equations with all terms of the richest library and delayed inputs (a tenth of a horizon), as initial model for
-/// adaptation. The ridge is the smallest one without diverged rollouts.
+/// Equations with all terms of the richest library and delayed inputs, as initial model for adaptation. The ridge is
+/// the smallest one without diverged rollouts.
 pub(super) fn whole(
     job: &Job,
     parts: &Parts<'_>,

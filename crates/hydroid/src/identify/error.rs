@@ -73,7 +73,7 @@ pub enum IdentifyError {
     /// An option is outside its range.
     #[error("the {what} of {value} cannot be used: it must be {needed}")]
     InvalidOption {
-        /// Which.
+        /// The option.
         what: &'static str,
         /// As given.
         value: String,
@@ -116,7 +116,7 @@ pub enum IdentifyError {
         part: &'static str,
         /// As given \[samples\].
         horizon: usize,
-        /// The same \[s\].
+        /// Horizon \[s\].
         horizon_s: f64,
         /// Samples of the longest run.
         longest: usize,

@@ -9,7 +9,6 @@ use crate::progress::Progress;
 use crate::sindy::SearchError;
 
 impl Parts<'_> {
-    /// Validation and test runs with their names in messages.
     fn held_out(&self) -> [(&'static str, &[&Trajectory]); 2] {
         [("validation", &self.validation), ("test", &self.test)]
     }
@@ -19,7 +18,7 @@ impl Parts<'_> {
 pub(super) fn check_horizon(job: &Job, parts: &Parts<'_>) -> Result<(), IdentifyError> {
     let longest =
         parts.held_out().map(|(part, runs)| (runs.iter().map(|run| run.len()).max().unwrap_or(0), part));
-    // The part with the shorter limit, so that the remedy suits both.
+    // The shorter limit, so that the remedy suits both parts.
     let (longest, part) = longest[0].min(longest[1]);
     if job.horizon < longest {
         return Ok(());
@@ -67,7 +66,7 @@ pub(super) fn evaluate_candidates(
         let start = candidates.len() as f64;
         let mut evaluate_on = |part, model: &Model, runs: &[&Trajectory], from: f64| {
             let mut report = |f: f64| progress((start + from + 0.5 * f) / count);
-            // A new session for each part: an adaptive session must not have seen the other runs.
+            // A new session for each part, because sessions may adapt.
             let mut session = model.session();
             let name = &model.description.name;
             evaluate(name, session.as_mut(), &parts.ranges, runs, &options, &mut report).map_err(|error| {
@@ -93,9 +92,8 @@ pub(super) fn evaluate_candidates(
 /// Minimum relative decrease of the validation error by a more complex method.
 const MIN_IMPROVEMENT: f64 = 0.02;
 
-/// The model with the smallest validation error; a simpler model is preferred if its error is larger by less than
-/// [`MIN_IMPROVEMENT`]. The test runs do not influence the choice; if its rollouts diverge on them, there is no best
-/// model.
+/// The model with the smallest validation error, where a more complex model must improve it by [`MIN_IMPROVEMENT`]. The
+/// test runs do not influence the choice; if its rollouts diverge on them, there is no best model.
 pub(super) fn select_best(candidates: &[Candidate]) -> Option<usize> {
     let judged = candidates.iter().map(|candidate| {
         let score = (candidate.validation.diverged == 0).then(|| candidate.validation.score());
@@ -104,7 +102,6 @@ pub(super) fn select_best(candidates: &[Candidate]) -> Option<usize> {
     least_error(&judged.collect::<Vec<_>>()).filter(|&i| candidates[i].test.diverged == 0)
 }
 
-/// The choice by complexities and validation errors; candidates without error are excluded.
 fn least_error<C: Ord>(judged: &[(C, Option<f64>)]) -> Option<usize> {
     let mut order: Vec<(usize, &C, f64)> = judged
         .iter()
@@ -129,7 +126,7 @@ mod tests {
         for (judged, best) in [
             (&[(0, Some(1.0)), (2, Some(0.985))][..], Some(0)),
             (&[(0, Some(1.0)), (2, Some(0.975))], Some(1)),
-            // Networks are of one kind: their order changes nothing, however little they differ.
+            // Networks have equal complexity: their order is irrelevant.
             (&[(0, Some(1.0)), (2, Some(0.97)), (2, Some(0.96))], Some(2)),
             (&[(0, Some(1.0)), (2, Some(0.96)), (2, Some(0.97))], Some(1)),
             (&[(2, Some(0.97)), (2, Some(0.965))], Some(1)),

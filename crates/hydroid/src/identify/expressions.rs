@@ -8,7 +8,7 @@ use crate::sindy::expression::{list, nearest};
 use crate::sindy::{Constraint, ExpressionParser, Library, Variables, dissipative, is_supported};
 
 impl SindyOptions {
-    /// The terms that are listed.
+    /// The listed terms.
     ///
     /// # Errors
     /// If a text is not a term of the outputs and inputs of a run.
@@ -84,18 +84,18 @@ fn parser_for(run: &Trajectory) -> ExpressionParser {
     ExpressionParser::new(channels.map(|c| c.name.clone()), run.outputs.width(), run.dt)
 }
 
-/// Lag states and past values are properties of the model, with separate settings.
+/// Refuses lag states and past values, which have separate options.
 fn refuse_signals(parser: &ExpressionParser, key: &'static str, text: &str) -> Result<(), IdentifyError> {
     if parser.signals().is_empty() {
         return Ok(());
     }
     let why = format!(
-        "{key} are of outputs and inputs. A lag is given by itself (lag = {{ n = 1.5 }}, or --lag n=1.5) and then takes the place of its input in every term; past values are not searched"
+        "{key} may contain outputs and inputs only. A lag is set separately (lag = {{ n = 1.5 }}, or --lag n=1.5) and replaces its input in every term; past values are not supported"
     );
     Err(IdentifyError::Constraint { text: text.to_owned(), why })
 }
 
-/// The place of a channel by its name.
+/// Index of a channel by name.
 pub(super) fn channel_index(
     key: &'static str,
     what: &'static str,

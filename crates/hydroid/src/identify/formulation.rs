@@ -2,7 +2,7 @@
 //!
 //! No formulation is the best on all vessels. On a simulated vessel with white measurement noise, networks of the
 //! inputs alone or with output feedback have the lowest errors; on real ships with wind and waves, networks that
-//! predict increments do (`docs/networks.md`). The differences are large and visible after a fraction of a training.
+//! predict increments do (`docs/networks.md`).
 
 use std::path::Path;
 
@@ -36,9 +36,8 @@ pub(super) fn formulations(
     FORMULATIONS.into_iter().filter(can_be).map(with).collect()
 }
 
-/// The options with the smallest validation error after short trainings (the simpler of equals), and the share of the
-/// whole training that these took. A training that is stored in `checkpoint` has been selected before: its options are
-/// used.
+/// The options with the smallest validation error after short trainings, and the share of the whole training that these
+/// took. A training stored in `checkpoint` keeps its options.
 pub(super) fn select_formulation(
     task: &train::Job<'_>,
     mut choices: Vec<(TrainOptions, &'static str)>,
@@ -74,7 +73,6 @@ pub(super) fn select_formulation(
     }
     let best = tried.iter().copied().reduce(|best, next| if next.0 < best.0 { next } else { best });
     let Some((_, best)) = best else {
-        // No formulation can be trained; the full training would fail likewise.
         let settings = choices.swap_remove(0).0;
         return match failure {
             Some(error) => Err(IdentifyError::Train { method, error }),
@@ -88,7 +86,6 @@ pub(super) fn select_formulation(
         choices[best].1,
         told.join(", ")
     )));
-    // The remaining time budget.
     let left = 2.0 - whole;
     let (mut settings, _) = choices.swap_remove(best);
     settings.budget_s = settings.budget_s.map(|budget| budget * left);

@@ -64,7 +64,6 @@ mod tests {
         assert!(refused(&whole, &whole.clone()));
         assert!(refused(&front, &whole) && refused(&whole, &back) && refused(&back, &whole));
         assert!(!refused(&front, &back) && !refused(&whole, &other));
-        // Both are at rest before they move.
         let idle = |rest: Vec<f64>| run("idle", [vec![0.0; 5_000], rest].concat());
         assert!(!refused(&idle(wave(400, 0.1)), &idle(wave(400, 0.7))));
         assert!(refused(&idle(wave(400, 0.1)), &idle(wave(400, 0.1))));

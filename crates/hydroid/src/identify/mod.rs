@@ -44,7 +44,7 @@ use training::{Trained, train_by};
 /// Data and options of an identification.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Job {
-    /// Methods, each once, networks after equations. The model with the smallest validation error is the best one.
+    /// Methods; the model with the smallest validation error is the best one.
     pub methods: Vec<Method>,
     /// Runs for training, validation and test.
     pub split: Split,
@@ -56,8 +56,8 @@ pub struct Job {
     pub origin_stride: usize,
     /// Seed of the stability check, of the bootstrap and of the initial weights of networks.
     pub seed: u64,
-    /// Stated design ranges of outputs and inputs; the training ranges replace missing ones. They scale the networks
-    /// and define divergence.
+    /// Stated design ranges of outputs and inputs, which scale networks and define divergence; else the training
+    /// ranges.
     pub ranges: GivenRanges,
     /// Options of the search for equations.
     pub sindy: SindyOptions,
@@ -162,7 +162,6 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
                 spent_s += next.training.network().map_or(0.0, |trained| trained.seconds);
                 trained.push(next);
             }
-            // Another method may succeed on the same logs.
             Err(error) if error.is_method_specific() && methods.len() > 1 => {
                 warnings.push(no_model(method.name(), &error));
                 spent_s += method.cell().map_or(0.0, |_| clock.elapsed().as_secs_f64());
@@ -212,12 +211,10 @@ fn methods(job: &Job) -> Result<Vec<Method>, IdentifyError> {
     Ok(methods)
 }
 
-/// The warning for a method that failed.
 fn no_model(method: &str, error: &IdentifyError) -> Note {
     Note::warning(format!("no model by the method {method}: {}", error.without_method()))
 }
 
-/// Runs of the split, and ranges.
 struct Parts<'a> {
     train: Vec<&'a Trajectory>,
     validation: Vec<&'a Trajectory>,
@@ -241,7 +238,6 @@ impl<'a> Parts<'a> {
     }
 }
 
-/// Criterion of the exit status.
 impl IdentifyResult {
     /// Whether every output is predicted better than by the trivial predictions, and nothing diverged.
     pub fn is_usable(&self) -> bool {

@@ -23,49 +23,48 @@ pub struct NetworkOptions {
     pub hidden: Option<usize>,
     /// Layers of a vanilla network, hidden layers of a direct predictor.
     pub layers: Option<usize>,
-    /// Length to which the LSTM's `h` is projected.
+    /// Length of the projection of an LSTM.
     pub projection: Option<usize>,
-    /// Whether a linear read-out follows the cell.
+    /// Whether a linear output layer follows the cell.
     pub read_out: Option<bool>,
-    /// Whether the network sees its outputs. Where neither this nor `base` is given, short trainings decide.
+    /// Whether the outputs are fed back. If neither this nor `base` is given, short trainings decide.
     pub feedback: Option<bool>,
-    /// What it corrects: `"nothing"`, `"hold"` (it gives increments), or `"equations"` (those of the method sindy or
-    /// lagged in the same job).
+    /// Base model: `"nothing"`, `"hold"` (increments), or `"equations"` (of the method sindy or lagged in the same
+    /// job).
     pub base: Option<BaseKind>,
-    /// Time that a window lets the hidden state find itself \[s\].
+    /// Wash-out at the start of a window \[s\].
     pub wash_out_s: Option<f64>,
-    /// Past that a direct predictor sees \[s\].
+    /// History of a direct predictor \[s\].
     pub history_s: Option<f64>,
-    /// Time over which a window compares predictions, or a direct predictor predicts at once \[s\].
+    /// Length of the compared part of a window, or horizon of a direct predictor \[s\].
     pub window_s: Option<f64>,
-    /// Time over which the state of a window of a control-affine network is drawn towards what is measured \[s\].
+    /// Time over which the state of a control-affine network is corrected towards the measurements of a window \[s\].
     pub settle_s: Option<f64>,
-    /// Passes over the training runs at the most.
+    /// Maximum number of passes over the training runs.
     pub epochs: Option<usize>,
-    /// Windows of one step of the optimizer.
+    /// Windows per step of the optimizer.
     pub batch: Option<usize>,
-    /// Peak step size; where it is not given 0.03, or 0.01 on a base, of a direct predictor 0.002.
+    /// Peak step size; default 0.03, with a base model 0.01, for a direct predictor 0.002.
     pub learning_rate: Option<f64>,
-    /// How the step size goes.
+    /// Schedule of the step size.
     pub schedule: Option<Schedule>,
     /// Decoupled weight decay.
     pub weight_decay: Option<f64>,
-    /// Longest gradient.
+    /// Maximum norm of the gradient.
     pub clip: Option<f64>,
-    /// Trainings from different first weights.
+    /// Number of trainings from different initial weights.
     pub restarts: Option<usize>,
-    /// Whether what was chosen learns from training and validation runs together in the end.
+    /// Whether the selected network is refitted on training and validation runs together.
     pub refit: Option<bool>,
-    /// Whether the restarts of a direct predictor are kept beside it, as an ensemble whose rollouts are a band.
+    /// Whether the restarts of a direct predictor form an ensemble for prediction bands.
     pub ensemble: Option<bool>,
     /// Precision of the training.
     pub precision: Option<Precision>,
-    /// Epochs without a better validation error after which a restart gives up.
+    /// Epochs without a lower validation error after which a restart ends.
     pub patience: Option<usize>,
-    /// Weight of each output's squared error.
+    /// Weight of the squared error of each output.
     pub channel_weights: Option<Vec<f64>>,
-    /// How each input's actuator enters the motion of a control-affine network; where it is not given, angles (units of
-    /// rad or deg) by their sine, all others as they are.
+    /// Map of each input of a control-affine network; default: the sine for angles (rad, deg), the identity for others.
     pub maps: Option<Vec<Map>>,
 }
 
@@ -92,11 +91,11 @@ impl NetworkOptions {
 pub struct NetworkTrainingOptions {
     /// All recurrent networks.
     pub all: NetworkOptions,
-    /// Those with LSTM cells.
+    /// LSTM networks.
     pub lstm: NetworkOptions,
-    /// Those with GRU cells.
+    /// GRU networks.
     pub gru: NetworkOptions,
-    /// Vanilla ones.
+    /// Vanilla networks.
     pub rnn: NetworkOptions,
     /// Direct predictors.
     pub direct: NetworkOptions,
@@ -104,7 +103,7 @@ pub struct NetworkTrainingOptions {
     pub affine: NetworkOptions,
     /// Time budget of all network trainings of the job \[s\].
     pub budget_s: Option<f64>,
-    /// Folder of the checkpoints, one file per network. A training of the same job resumes from its file; the file of
+    /// Folder of the checkpoints, one file per network, from which a training of the same job resumes. The file of
     /// another job is renamed to `NAME.checkpoint.old`.
     pub checkpoints: Option<PathBuf>,
     /// Whether a checkpoint of this job is required; without one the job fails.
@@ -135,14 +134,12 @@ impl NetworkTrainingOptions {
         choices
     }
 
-    /// User options of a kind of network in increasing precedence. Direct and control-affine networks share none with
-    /// the recurrent ones.
+    /// Options of a kind of network in increasing precedence. Direct and control-affine networks have only their own.
     fn overrides(&self, cell: CellKind) -> Vec<&NetworkOptions> {
         let all = cell.is_recurrent().then_some(&self.all);
         all.into_iter().chain([self.own(cell)]).collect()
     }
 
-    /// Options of networks with these cells.
     fn own(&self, cell: CellKind) -> &NetworkOptions {
         match cell {
             CellKind::Lstm => &self.lstm,
@@ -223,7 +220,7 @@ impl NetworkTrainingOptions {
     }
 }
 
-/// Control-affine networks: default maps of the inputs, the sine for angles.
+/// Default maps of the inputs of control-affine networks.
 fn with_default_maps(mut settings: TrainOptions, run: &Trajectory) -> TrainOptions {
     if settings.cell == CellKind::Affine && settings.maps.is_empty() {
         let map = |channel: &Channel| match channel.unit.as_str() {
@@ -235,8 +232,8 @@ fn with_default_maps(mut settings: TrainOptions, run: &Trajectory) -> TrainOptio
     settings
 }
 
-/// Default peak learning rate. Gradients of increments accumulate over a rollout: on real ships their training diverges
-/// at 0.03 and converges at 0.01.
+/// Default peak step size. Gradients of increments accumulate over a rollout: at 0.03 their training diverges on real
+/// ships.
 fn default_learning_rate(base: BaseKind) -> f64 {
     match base {
         BaseKind::Nothing => TrainOptions::default().learning_rate,
@@ -244,7 +241,6 @@ fn default_learning_rate(base: BaseKind) -> f64 {
     }
 }
 
-/// Training data of a network.
 fn task<'a>(job: &Job, parts: &'a Parts<'_>, equations: Option<Arc<Equations>>) -> train::Job<'a> {
     train::Job {
         runs: &parts.train,
@@ -289,12 +285,11 @@ pub(super) fn train(
         if inputs == 0 && !settings.feedback {
             return Err(IdentifyError::NoInputs { method });
         }
-        // A training that took less than its share leaves the rest to those after it.
+        // Unused time goes to the later trainings.
         settings.budget_s =
             networks.budget_s.map(|budget| ((budget - spent_s) / left.max(1) as f64).max(1e-3 * budget));
     }
     let equations = equations.filter(|_| choices.iter().any(|(s, _)| s.base == BaseKind::Equations));
-    // Reported before the training.
     for (settings, _) in &choices {
         check_evaluable(job, parts, warm_up(settings, parts, equations.as_deref()))?;
     }
@@ -307,7 +302,7 @@ pub(super) fn train(
     let kept = checkpoint.as_deref().filter(|file| file.exists());
     let wrong = |error| IdentifyError::Train { method, error };
     let trained = match (train::train(&task, &settings, checkpoint.as_deref(), watch), kept) {
-        // Nobody asked for what is kept there: it makes room, and is not lost.
+        // Without --resume, the checkpoint of another training is renamed.
         (Err(TrainError::Checkpoint { reason, .. }), Some(file)) if !networks.resume => {
             notes.push(retire_checkpoint(file, &reason).map_err(wrong)?);
             train::train(&task, &settings, checkpoint.as_deref(), watch)
@@ -327,7 +322,6 @@ pub(super) fn train(
     Ok((settings, trained))
 }
 
-/// Note on a refit with all runs.
 fn of_refit(method: Method, trained: &Trained, refit: &Refit) -> Note {
     let name = method.name();
     match refit.outcome {
@@ -347,7 +341,6 @@ fn of_refit(method: Method, trained: &Trained, refit: &Refit) -> Note {
     }
 }
 
-/// Renames a checkpoint of another training.
 fn retire_checkpoint(file: &Path, reason: &str) -> Result<Note, TrainError> {
     let old = file.with_extension("checkpoint.old");
     let renamed = std::fs::rename(file, &old);
@@ -364,7 +357,7 @@ fn retire_checkpoint(file: &Path, reason: &str) -> Result<Note, TrainError> {
     )))
 }
 
-/// Training record for the model file: options that reproduce the training, without values that change from run to run.
+/// Training record for the model file: options that reproduce the training, without values that vary between runs.
 pub(super) fn provenance(job: &Job, settings: &TrainOptions, trained: &Trained) -> serde_json::Value {
     let best = trained.history.get(trained.best_epoch.saturating_sub(1));
     serde_json::json!({

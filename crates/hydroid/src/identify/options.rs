@@ -18,13 +18,11 @@ use crate::sindy::{
 pub struct SindyOptions {
     /// The library by name: `marine`, `degree 2 + x|x|`, `marine + rational` ...
     pub library: Option<String>,
-    /// Listed terms, `u |u|`, `v r`, `n |n| sin(delta)`: added to the library given by name or degree; without one they
-    /// are the complete library.
+    /// Listed terms, `u |u|`, `v r`, `n |n| sin(delta)`, added to the library given by name or degree, if any.
     pub terms: Vec<String>,
     /// Constraints on coefficients, where `OUTPUT: TERM` denotes a coefficient: `u: u |u| <= 0`, `v: u r = r: u v`.
     pub constraints: Vec<String>,
-    /// Whether linear and quadratic damping are dissipative: the coefficients of `y` and `y |y|` in the equation of `y`
-    /// are not positive.
+    /// Whether the coefficients of `y` and `y |y|` in the equation of each output `y` are not positive.
     pub dissipative: Option<bool>,
     /// Degree of the polynomial library; default: a search over 1, 2 and the marine terms.
     pub degree: Option<u8>,
@@ -42,27 +40,27 @@ pub struct SindyOptions {
     pub window_s: Option<f64>,
     /// Central differences instead of the weak form.
     pub central_differences: bool,
-    /// Thresholded least squares with this threshold, in standard deviations of the output per second; default: a
-    /// search over tolerances of backward elimination.
+    /// Threshold of thresholded least squares, in standard deviations of the output per second; default: a search over
+    /// tolerances of backward elimination.
     pub threshold: Option<f64>,
     /// Ridge penalty for each row, on columns of unit RMS; default: a search.
     pub ridge: Option<f64>,
-    /// Bound of the Huber loss in standard deviations, against spikes in the logs; default: least squares.
+    /// Threshold of the Huber loss in standard deviations, against spikes in the logs; default: least squares.
     pub huber: Option<f64>,
     /// Whether the selected equations are refined on multi-step predictions: `"auto"` (if their errors are close to the
     /// sensor noise, the default), `true` (if the predictions improve) or `false`.
     pub refine: RefineOption,
     /// Size of the ensemble for the uncertainty of the coefficients.
     pub members: EnsembleSize,
-    /// Whether the equations are control-affine, for control laws that invert them: terms are linear in one function of
-    /// each command (`c`, `sin(c)` or `c |c|`), which is selected on the validation runs.
+    /// Whether the equations are control-affine, so that control laws can invert them: terms are linear in one function
+    /// of each command (`c`, `sin(c)` or `c |c|`), which is selected on the validation runs.
     pub for_control: bool,
 }
 
 /// Largest size of an ensemble; each member is a fit.
 const MAX_MEMBERS: usize = 1000;
 
-/// A number of members.
+/// Number of ensemble members.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct EnsembleSize(pub usize);
@@ -88,7 +86,7 @@ pub enum Keyword {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "refine is \"auto\", true or false")]
 pub enum RefineOption {
-    /// By the errors of predictions and the noise of the sensors.
+    /// Depends on prediction errors and sensor noise.
     Keyword(Auto),
     /// As given.
     Fixed(bool),
@@ -116,7 +114,7 @@ pub enum Auto {
     expecting = "lag is \"auto\", \"none\", or time constants in seconds by input: lag = { n = 1.5 }"
 )]
 pub enum LagOption {
-    /// Looked for, or none.
+    /// Search, or none.
     Keyword(Keyword),
     /// Time constants \[s\] by the name of the input.
     Fixed(BTreeMap<String, f64>),
@@ -135,7 +133,7 @@ impl Default for LagOption {
     expecting = "gate is \"auto\", \"none\", or gate = { output = \"u\", centre = 2.5, slope = 12 }"
 )]
 pub enum GateOption {
-    /// Looked for, or none.
+    /// Search, or none.
     Keyword(Keyword),
     /// On an output.
     Fixed(FixedGate),
@@ -324,8 +322,8 @@ impl SindyOptions {
         Ok(libraries.map(|library| library.with(Family::Listed(listed.clone()))).collect())
     }
 
-    /// Candidates of the search for training runs and a horizon in samples, with the lags and gates found before. These
-    /// are combined only with the richer libraries; `plain` adds all libraries without them.
+    /// Search grid for training runs and a horizon \[samples\]. Lags and gates in `found` are combined only with the
+    /// richer libraries; `plain` adds all libraries without them.
     pub fn grid(
         &self,
         training: &[&Trajectory],
@@ -341,7 +339,7 @@ impl SindyOptions {
             (false, Some(window)) => vec![RegressionForm::Weak { intervals: intervals(window / dt) }],
             (false, None) => {
                 let mut list = vec![1, share(0.2), share(0.5), share(1.0), share(2.0)];
-                // The shortest window that averages out the noise.
+                // The shortest window that averages the noise.
                 list.extend(weak_form_from_noise(training).map(RegressionForm::window));
                 list.sort_unstable();
                 list.dedup();

@@ -13,8 +13,7 @@ use crate::sindy::{
     FitError, LinearRegression, RegressionForm, RegressionOptions, SearchError, SearchResult,
 };
 
-/// Information of the reference model for each expert, in horizons (chosen on the development runs of a tug and a
-/// tanker).
+/// Information of the reference model for each expert, in horizons (selected on runs of a tug and a tanker).
 const PRIOR_HORIZONS: [f64; 3] = [60.0, 6.0, 0.6];
 
 /// Forgetting time, in horizons.
@@ -26,9 +25,8 @@ const INCREMENT_HORIZONS: f64 = 0.1;
 /// Shrinkage of the moments of the prior towards a diagonal matrix.
 const SHRINKAGE: f64 = 0.2;
 
-/// Equations that learn with several forgetting factors. The `sparse` equations of another search are used if they have
-/// a lag or a gate, or if no equations with all terms can be fitted; otherwise the equations have all terms of the
-/// library.
+/// Equations with several forgetting factors: the `sparse` ones of another search if they have a lag or a gate, or if
+/// no equations with all terms can be fitted; otherwise equations with all terms of the library.
 pub(super) fn recursive_model(
     job: &Job,
     parts: &Parts<'_>,
@@ -36,7 +34,7 @@ pub(super) fn recursive_model(
     describe: impl Fn(&SearchResult, Equations) -> Model,
     progress: Progress<'_>,
 ) -> Result<(Arc<SearchResult>, Model), IdentifyError> {
-    // LagOption and modes that were found are worth more than all the terms without them.
+    // Lags and modes are preferred to a library of all terms without them.
     let hidden = sparse.filter(|found| found.trials[found.chosen].structure.parameters() > 0);
     let whole = hidden.map_or_else(|| equations::whole(job, parts, progress), |found| Ok(Arc::clone(found)));
     let found = match (whole, sparse) {

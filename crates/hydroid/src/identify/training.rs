@@ -46,13 +46,13 @@ impl Training {
     /// Short description.
     pub fn about(&self) -> &'static str {
         match self {
-            Self::Recursive(_) => "equations that keep learning on the way",
-            Self::Equations(_) if self.has_past() => "equations that also see the past",
-            Self::Equations(_) => "equations of the present",
+            Self::Recursive(_) => "equations with online adaptation",
+            Self::Equations(_) if self.has_past() => "equations with past values",
+            Self::Equations(_) => "memoryless equations",
             Self::Network(trained) => match trained.model {
                 train::TrainedNetwork::Recurrent(_) => "recurrent network",
-                train::TrainedNetwork::Direct(_) => "feed-forward network, many steps at once",
-                train::TrainedNetwork::Affine(_) => "network that is affine in its inputs",
+                train::TrainedNetwork::Direct(_) => "feed-forward network, all steps of a horizon at once",
+                train::TrainedNetwork::Affine(_) => "control-affine network",
             },
         }
     }
@@ -73,7 +73,7 @@ impl Training {
                     String::new()
                 },
                 match &trained.refit {
-                    Some(refit) if refit.is_taken() => ", then trained again on all runs",
+                    Some(refit) if refit.is_taken() => ", then refitted on all runs",
                     _ => "",
                 }
             ),
@@ -103,7 +103,6 @@ impl Candidate {
     }
 }
 
-/// A trained model before its evaluation.
 pub(super) struct Trained {
     pub(super) model: Model,
     pub(super) training: Training,
@@ -115,8 +114,8 @@ pub(super) struct Trained {
 /// Called with the completed fraction of a method and the progress of the training of a network.
 pub(super) type OnProgress<'a> = &'a mut dyn FnMut(f64, Option<&train::Status>) -> ControlFlow<()>;
 
-/// Trains by one method. `before` are the models of the methods before it. For networks, `(spent_s, left)` is the
-/// training time of the earlier networks and the number of networks that remain, this one included.
+/// Trains by one method. `before` are the earlier models. For networks, `(spent_s, left)` is the training time of the
+/// earlier networks and the number of networks that remain, this one included.
 pub(super) fn train_by(
     method: Method,
     job: &Job,
@@ -230,7 +229,7 @@ fn describe(
     }
 }
 
-/// The reading of the training logs with an explicit sample time: a model has one sample time for all logs.
+/// The reading of the training logs with an explicit sample time.
 fn reading(job: &Job, dt: f64) -> Reading {
     let mut reading = job.reading.clone();
     reading.options.dt = Some(dt);

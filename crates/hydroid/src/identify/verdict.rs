@@ -35,7 +35,7 @@ pub struct Verdict {
 }
 
 /// Grades each output at the longest horizon against the better of two trivial predictions: persistence, and the mean
-/// of the channel over the compared points (NRMSE 1).
+/// (NRMSE 1).
 pub fn verdicts(test: &Evaluation) -> Vec<Verdict> {
     let (Some(errors), Some(kept)) = (test.nrmse.last(), test.persistence.nrmse.last()) else {
         return Vec::new();
@@ -80,7 +80,6 @@ pub(super) fn spikes(training: &[&Trajectory], settings: &SindyOptions) -> Optio
     })
 }
 
-/// Warnings on the best model.
 pub(super) fn warnings(
     candidate: &Candidate,
     verdicts: &[Verdict],
@@ -89,7 +88,7 @@ pub(super) fn warnings(
 ) -> Vec<Note> {
     let mut notes = Vec::new();
     let test = &candidate.test;
-    // Rounded to a millisecond, so that the product of steps and step reads as what it is.
+    // Rounded to a millisecond against rounding errors of the product.
     let horizon_s = (1e3 * test.horizons.last().map_or(0.0, |&h| h as f64 * test.dt)).round() / 1e3;
     for verdict in verdicts.iter().filter(|v| v.grade == Grade::NotIdentified) {
         notes.push(
@@ -147,7 +146,6 @@ pub(super) fn warnings(
     notes
 }
 
-/// Warnings of the search for equations.
 fn search_warnings(found: &SearchResult, notes: &mut Vec<Note>) {
     let ridges = || found.trials.iter().map(|trial| trial.ridge);
     let (largest, smallest) = (ridges().fold(0.0, f64::max), ridges().fold(f64::INFINITY, f64::min));

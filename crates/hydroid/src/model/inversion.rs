@@ -1,4 +1,4 @@
-//! Models as control laws invert them: affine in functions of the commands, `d nu/dt = f(nu) + sum_i g_i(nu) e_i`.
+//! Models in the affine form of control laws: `d nu/dt = f(nu) + sum_i g_i(nu) e_i`.
 
 use std::sync::Arc;
 
@@ -9,7 +9,6 @@ use hydroid_core::model::PlantModel;
 use hydroid_core::model::sparse::Equations;
 use hydroid_core::vessel::{Numbers, VesselParams};
 
-/// A model in the affine form that control laws invert.
 #[derive(Debug)]
 pub(crate) enum InvertibleModel {
     Equations(Box<AffineEquations>),
@@ -26,7 +25,7 @@ impl Clone for InvertibleModel {
         }
     }
 
-    /// Copies without allocation between models of one kind: a control law keeps the previous model in each update.
+    /// Copies without allocation between models of one kind.
     fn clone_from(&mut self, from: &Self) {
         match (self, from) {
             (Self::Equations(into), Self::Equations(from)) => into.clone_from(from),
@@ -83,7 +82,6 @@ impl WeightMap {
         Self::Plant { params, numbers, places: LearnablePlant::new(plant).places().to_vec() }
     }
 
-    /// Number of weights.
     pub(crate) const fn len(&self) -> usize {
         match self {
             Self::Equations { places, .. } | Self::Plant { places, .. } => places.len(),

@@ -1,4 +1,4 @@
-//! The Jacobian of a model's equations, entry by entry, to be written into a controller.
+//! Jacobian of a model's equations as text.
 
 use hydroid_core::model::sparse::Term;
 use serde::Serialize;
@@ -12,19 +12,19 @@ const DIGITS: usize = 7;
 /// `d f_i / d x_j` of `dy/dt = f(y, c, s)`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct JacobianEntry {
-    /// The output whose equation it is of.
+    /// Output of the equation.
     pub output: String,
-    /// The output, input or signal with respect to which it is taken.
+    /// Variable of the derivative: output, input or signal.
     pub variable: String,
     /// Its unit.
     pub unit: String,
-    /// The sum of its terms as text; `0` where the equation does not depend on the variable.
+    /// Sum of its terms as text; `0` if the equation does not depend on the variable.
     pub text: String,
-    /// Coefficients and terms that it is the sum of.
+    /// Coefficients and terms of the sum.
     pub terms: Vec<(f64, String)>,
 }
 
-/// The Jacobian in its parts, each row by row.
+/// Blocks of the Jacobian, row by row.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[allow(non_snake_case, reason = "A and B are what control engineers call them")]
 pub struct JacobianText {
@@ -32,7 +32,7 @@ pub struct JacobianText {
     pub A: Vec<Vec<JacobianEntry>>,
     /// With respect to the inputs, at fixed signals.
     pub B: Vec<Vec<JacobianEntry>>,
-    /// With respect to signals: lag states, past values. What they are is said by [`NamedEquations::signals_text`].
+    /// With respect to signals; [`NamedEquations::signals_text`] defines them.
     pub signals: Vec<Vec<JacobianEntry>>,
 }
 
@@ -44,7 +44,7 @@ impl NamedEquations<'_> {
         let (names, units) = (self.variable_names(), self.variable_units());
         let entry = |i: usize, variable: usize| {
             let mut terms: Vec<(f64, Term)> = Vec::new();
-            // Terms name no more variables than a u16 holds.
+            // Terms have at most 65,536 variables.
             for (coefficient, term) in u16::try_from(variable).iter().flat_map(|&v| {
                 active(equations, i).flat_map(move |(coefficient, term)| {
                     term.derivative(v).into_iter().map(move |(scale, term)| (scale * coefficient, term))

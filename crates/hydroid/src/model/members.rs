@@ -33,7 +33,7 @@ impl Members {
             places.iter().map(|&place| usize::try_from(place).unwrap_or(usize::MAX)).collect();
         let ascending = places.windows(2).all(|pair| pair[0] < pair[1]);
         if places.last().is_none_or(|last| *last >= count) || !ascending {
-            return Err(String::from("its ensemble is of coefficients that it does not have"));
+            return Err(String::from("its ensemble has coefficients that the model does not have"));
         }
         if values.iter().any(|value| !value.is_finite()) {
             return Err(String::from("a coefficient of its ensemble is not a finite number"));
@@ -41,7 +41,6 @@ impl Members {
         Ok(Self { places, values })
     }
 
-    /// Places and values.
     pub(super) fn parts(&self) -> (&[usize], &[f64]) {
         (&self.places, &self.values)
     }
@@ -63,8 +62,8 @@ impl Members {
 }
 
 impl Model {
-    /// A session for each ensemble member; empty without an ensemble. The spread of their rollouts reflects the
-    /// uncertainty of the coefficients.
+    /// A session for each ensemble member, whose spread reflects the uncertainty of the coefficients; empty without an
+    /// ensemble.
     pub fn member_sessions(&self) -> Vec<Box<dyn Predictor>> {
         let kind = self.body.kind();
         let count = kind.ensemble_numbers();

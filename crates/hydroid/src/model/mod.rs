@@ -54,8 +54,8 @@ pub struct Model {
 pub struct Learning {
     /// Options of the mixture.
     pub settings: ExpertMixtureOptions,
-    /// Prior information on the coefficients: the upper triangular factor `R` with `R'R = Theta'Theta` of the training
-    /// runs, `terms x terms`.
+    /// Prior information: the upper triangular factor `R` with `R'R = Theta'Theta` of the training runs,
+    /// `terms x terms`.
     pub r_factor: Vec<f64>,
 }
 
@@ -98,7 +98,7 @@ pub struct Port {
     /// Training range, if a design range was stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub training_range: Option<DesignRange>,
-    /// Standard deviation of the white measurement noise of an output in the training runs; `None` for inputs.
+    /// Standard deviation of the white measurement noise of an output; `None` for inputs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<f64>,
 }

@@ -1,34 +1,34 @@
-//! The modes of gated equations, so that a gate is written once and not in every term.
+//! Modes of gated equations: a gate is written once, not in every term.
 
 use hydroid_core::model::sparse::{Equations, Gate, Shape, Term};
 
 use super::NamedEquations;
 use super::text::{active, significant};
 
-/// Where a term counts.
+/// Mode in which a term is active.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Mode {
-    /// Everywhere.
+    /// All modes.
     All,
-    /// Below a gate of the list: it is weighed with `1 - s`.
+    /// Below a gate of the list, with the weight `1 - s`.
     Below(usize),
-    /// Above it: weighed with `s`.
+    /// Above it, with the weight `s`.
     Above(usize),
 }
 
-/// A gate that stands in equations, and the letter for its weight `s = sigma(slope (x - centre))`.
+/// A gate of the equations, and the letter of its weight `s = sigma(slope (x - centre))`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NamedGate {
-    /// The variable that decides the mode.
+    /// Index of its variable.
     pub variable: usize,
-    /// Where and how sharply it changes.
+    /// Centre and slope.
     pub gate: Gate,
-    /// Its letter, which no channel has.
+    /// Letter of its weight; no channel has this name.
     pub letter: String,
 }
 
 impl NamedGate {
-    /// Width over which the weight goes from 10 to 90 %, on either side of the centre: `ln 9 = 2.2` over the slope.
+    /// Half the width over which the weight changes from 10 to 90 %: `ln 9 = 2.2` over the slope.
     pub fn half_width(&self) -> f64 {
         9f64.ln() / self.gate.slope.0.abs()
     }
@@ -40,7 +40,7 @@ pub struct Modes {
     gates: Vec<NamedGate>,
 }
 
-/// The place of the one gate of a term. What stands behind two gates is written out.
+/// Position of the gate of a term; none for a term with two gates, which is written out.
 fn gate(term: &Term) -> Option<usize> {
     let is_gate = |shape: Shape| matches!(shape, Shape::Above(_) | Shape::Below(_));
     let mut places = term.factors().iter().enumerate().filter(|(_, f)| is_gate(f.shape)).map(|(i, _)| i);
@@ -70,7 +70,7 @@ impl Modes {
         Self { gates: found.into_iter().zip(letters).map(named).collect() }
     }
 
-    /// The gates, in the order in which the equations come to them.
+    /// The gates in the order of the equations.
     pub fn gates(&self) -> &[NamedGate] {
         &self.gates
     }
@@ -93,7 +93,7 @@ impl Modes {
         .unwrap_or_else(whole)
     }
 
-    /// What a mode weighs its terms with; nothing for all modes.
+    /// Weight of a mode; empty for all modes.
     pub fn weight(&self, mode: Mode) -> String {
         match mode {
             Mode::All => String::new(),
@@ -134,8 +134,7 @@ impl NamedEquations<'_> {
         Modes::new(equations, &self.variable_names())
     }
 
-    /// What the letters of gates mean: `s = sigma(11.88 (u - 2.500)), with sigma(x) = 1 / (1 + exp(-x))`. Rounded;
-    /// [`coefficients`](Self::coefficients) has all digits.
+    /// Definitions of the gates, rounded: `s = sigma(11.88 (u - 2.500)), with sigma(x) = 1 / (1 + exp(-x))`.
     pub fn gates_text(&self) -> Vec<String> {
         let names = self.variable_names();
         let modes = self.modes();

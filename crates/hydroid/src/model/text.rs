@@ -4,11 +4,11 @@ use hydroid_core::model::sparse::{Equations, Signal, Term};
 
 use super::{Mode, NamedEquations};
 
-/// Significant digits of a coefficient for people.
+/// Significant digits of a coefficient.
 const DIGITS: usize = 4;
 
 impl NamedEquations<'_> {
-    /// Names of the variables that terms are of: outputs, inputs, signals.
+    /// Names of the variables: outputs, inputs, signals.
     pub fn variable_names(&self) -> Vec<String> {
         let d = self.description;
         let mut names: Vec<String> =
@@ -19,9 +19,8 @@ impl NamedEquations<'_> {
         names
     }
 
-    /// The equations of motion, one line for each output, in physical units: `du/dt = -0.907 u + ...`, largest
-    /// exponents last, as the library has them. Terms behind a gate stand together, `(1 - s) [...] + s [...]`. Then one
-    /// line for each gate and each signal that stands in them.
+    /// The equations of motion in physical units, one line for each output: `du/dt = -0.907 u + ...`. Gated terms are
+    /// grouped, `(1 - s) [...] + s [...]`. Then one line for each gate and each active signal.
     pub fn equations_text(&self) -> Vec<String> {
         let equations = self.equations;
         let names = self.variable_names();
@@ -42,7 +41,7 @@ impl NamedEquations<'_> {
         outputs.chain(self.gates_text()).chain(self.signals_text()).collect()
     }
 
-    /// What the signals are that stand in the equations: `d lag(n, 1.5 s)/dt = (n - lag(n, 1.5 s)) / 1.5 s`.
+    /// Definitions of the active signals: `d lag(n, 1.5 s)/dt = (n - lag(n, 1.5 s)) / 1.5 s`.
     pub fn signals_text(&self) -> Vec<String> {
         let names = self.variable_names();
         let text = |(variable, signal): (usize, Signal)| {
@@ -58,8 +57,7 @@ impl NamedEquations<'_> {
         self.used_signals().into_iter().map(text).collect()
     }
 
-    /// The unit of each coefficient: a heading, then a line for each term that stands in an equation, with a column for
-    /// each output.
+    /// The unit of each coefficient: a heading, then a line for each active term, with a column for each output.
     pub fn units_text(&self) -> Vec<String> {
         let equations = self.equations;
         let names = self.variable_names();
@@ -86,7 +84,7 @@ impl NamedEquations<'_> {
         rows.iter().map(line).collect()
     }
 
-    /// The signals that stand in an equation, each with its variable.
+    /// Active signals with their variables.
     pub(super) fn used_signals(&self) -> Vec<(usize, Signal)> {
         let equations = self.equations;
         let first = equations.outputs() + equations.inputs();
@@ -129,11 +127,11 @@ pub(super) fn sum<'a>(
     if text.is_empty() { String::from("0") } else { text }
 }
 
-/// Significant digits, without an exponent where that reads well: `0.9070`, `1.234e-7`.
+/// Significant digits, without an exponent from 1e-4 to 1e5: `0.9070`, `1.234e-7`.
 pub(super) fn significant(x: f64, digits: usize) -> String {
     let mantissa = digits.saturating_sub(1);
     if (1e-4..1e5).contains(&x) {
-        // The exponent of such a number is a small integer, and so is the number of digits.
+        // The number of digits is a small integer.
         #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap)]
         let decimals = mantissa as i32 - x.log10().floor() as i32;
         let decimals = usize::try_from(decimals).unwrap_or(0);
@@ -143,7 +141,7 @@ pub(super) fn significant(x: f64, digits: usize) -> String {
     }
 }
 
-/// A time without needless digits: `1.5`, to a millisecond.
+/// A time rounded to a millisecond.
 pub(super) fn seconds(value: f64) -> f64 {
     (value * 1e3).round() / 1e3
 }

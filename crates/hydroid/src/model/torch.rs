@@ -13,8 +13,7 @@ pub struct NamedTensor<'a> {
     pub values: &'a [f64],
 }
 
-/// Weights of a recurrent network from tensors such as a `state_dict`, in the order of [`Network::tensors`]. Further
-/// tensors are ignored.
+/// Weights of a recurrent network, in the order of [`Network::tensors`], from tensors such as a `state_dict`.
 ///
 /// # Errors
 /// If a tensor is missing, ambiguous, of another shape, or not finite.

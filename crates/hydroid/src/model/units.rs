@@ -1,4 +1,4 @@
-//! Units of terms and coefficients, put together from those of the channels.
+//! Units of terms and coefficients from the units of the channels.
 
 use std::fmt;
 
@@ -8,17 +8,16 @@ use serde::Serialize;
 use super::NamedEquations;
 use super::text::active;
 
-/// A product of powers of unit symbols, in the order in which they come up: `m/s^2`, `kn/s/N`.
+/// A product of powers of unit symbols, in order of appearance: `m/s^2`, `kn/s/N`.
 ///
-/// The radian is the number 1, as in SI, so that the coefficient of `v r` in the equation of surge has no unit. A
-/// channel of which no unit is known stands for its own: `m/s^2/[n]`.
+/// The radian is 1, as in SI. A channel without a unit is a unit symbol itself: `m/s^2/[n]`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct UnitProduct {
     powers: Vec<(String, i32)>,
 }
 
 impl UnitProduct {
-    /// The unit of a channel as its text says; a text that is not a product of symbols is a symbol itself.
+    /// The unit of a channel; text that is not a product of symbols is one symbol.
     pub fn of_channel(name: &str, unit: &str) -> Self {
         let unit = unit.trim();
         let mut product = Self::default();
@@ -65,9 +64,9 @@ impl UnitProduct {
 /// A coefficient of an equation, with all its digits.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TermCoefficient {
-    /// The output whose equation it stands in.
+    /// Output of the equation.
     pub output: String,
-    /// The term that it multiplies.
+    /// The term.
     pub term: String,
     /// Its value.
     pub value: f64,
@@ -75,7 +74,7 @@ pub struct TermCoefficient {
     pub unit: String,
 }
 
-/// Symbols and powers of `m/s^2`, `N m`, `ms-1`; nothing for a text of another kind.
+/// Symbols and powers of `m/s^2`, `N m`, `ms-1`; none for other text.
 fn parse(unit: &str) -> Option<Vec<(&str, i32)>> {
     let mut powers = Vec::new();
     for (i, part) in unit.split('/').enumerate() {
@@ -124,7 +123,7 @@ impl fmt::Display for UnitProduct {
 }
 
 impl NamedEquations<'_> {
-    /// Units of the variables that terms are of: outputs, inputs, signals.
+    /// Units of the variables: outputs, inputs, signals.
     pub fn variable_units(&self) -> Vec<UnitProduct> {
         let d = self.description;
         let channels = d.outputs.iter().chain(&d.inputs).map(|port| &port.channel);
@@ -137,7 +136,7 @@ impl NamedEquations<'_> {
         units
     }
 
-    /// All coefficients that are not zero, equation by equation.
+    /// All non-zero coefficients, equation by equation.
     pub fn coefficients(&self) -> Vec<TermCoefficient> {
         let equations = self.equations;
         let names = self.variable_names();
@@ -153,11 +152,10 @@ impl NamedEquations<'_> {
         (0..equations.outputs()).flat_map(of).collect()
     }
 
-    /// The unit of a term's coefficient in the equation of an output: that of the output per second, over that of the
-    /// term.
+    /// The unit of a term's coefficient in the equation of an output: `unit of the output / (s unit of the term)`.
     ///
     /// # Panics
-    /// If there is no such output, or the term is of a variable that the model does not have.
+    /// If the output or a variable of the term does not exist.
     pub fn coefficient_unit(&self, output: usize, term: &Term) -> UnitProduct {
         let units = self.variable_units();
         units[output].clone().per_second().times(&of_term(&units, term), -1)

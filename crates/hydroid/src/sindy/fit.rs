@@ -81,9 +81,7 @@ impl LinearRegression {
             return Err(FitError::DifferentRuns { first: first.name.clone(), second: other.name.clone() });
         }
         if terms.is_empty() {
-            return Err(FitError::Setting(String::from(
-                "the library has no terms: add some",
-            )));
+            return Err(FitError::Setting(String::from("the library has no terms: add some")));
         }
         let signals = options.signals;
         let program = Program::new(&terms, outputs + inputs + signals.len())?;

@@ -90,10 +90,7 @@ fn mistakes_are_reported_with_their_place() {
             "Delta",
             "'Delta', character 1: there is no channel 'Delta', did you mean 'delta'? There are u, v, r, n, delta, wind_x",
         ),
-        (
-            "lag(u, 1 s)",
-            "'lag(u, 1 s)', character 5: 'u' is an output; only inputs have lag states",
-        ),
+        ("lag(u, 1 s)", "'lag(u, 1 s)', character 5: 'u' is an output; only inputs have lag states"),
         (
             "lag(n, 0 s)",
             "'lag(n, 0 s)', character 8: expected a time constant from 0.001 to 1000000 s, found '0'",

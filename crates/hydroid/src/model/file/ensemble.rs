@@ -1,4 +1,4 @@
-//! Ensembles in a file: tensors `members` (members x places) and `member_places`, the indices of the replaced numbers.
+//! Ensembles in a file.
 
 use safetensors::tensor::{Dtype, SafeTensors};
 
@@ -10,7 +10,6 @@ const MEMBERS: &str = "members";
 /// Tensor of the indices of the columns of `members` in the coefficients (row by row) or weights.
 const PLACES: &str = "member_places";
 
-/// Tensors of an ensemble.
 pub(in crate::model) fn write(members: &Members) -> Result<Vec<Tensor>, String> {
     if members.is_empty() {
         return Ok(Vec::new());
@@ -34,10 +33,10 @@ pub(in crate::model) fn read(tensors: &SafeTensors<'_>, count: usize) -> Result<
     let (values, places) = match (tensors.tensor(MEMBERS), tensors.tensor(PLACES)) {
         (Ok(values), Ok(places)) => (values, places),
         (Err(_), Err(_)) => return Ok(Members::default()),
-        _ => return Err(format!("of '{MEMBERS}' and '{PLACES}' it has one tensor alone")),
+        _ => return Err(format!("it has only one of the tensors '{MEMBERS}' and '{PLACES}'")),
     };
     let (&[members, width], &[length]) = (values.shape(), places.shape()) else {
-        return Err(String::from("its ensemble is no table"));
+        return Err(String::from("its ensemble is not a table"));
     };
     if places.dtype() != Dtype::U32 || length != width || !(1..=MAX_MEMBERS).contains(&members) {
         return Err(format!(

@@ -1,8 +1,8 @@
 //! The model file: one safetensors file with a JSON description in its metadata.
 //!
-//! A vessel with given parameters is a TOML file instead, as `hydroid simulate` reads it.
+//! A vessel with given parameters is a TOML file instead.
 //!
-//! Reading never executes code and never panics: every number and shape is checked before it is used.
+//! Reading never executes code and never panics: all numbers and shapes are checked before use.
 
 pub(super) mod ensemble;
 mod tensors;
@@ -100,7 +100,6 @@ pub enum ModelError {
     },
 }
 
-/// The JSON in the metadata.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Head {

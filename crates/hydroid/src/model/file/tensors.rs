@@ -1,4 +1,4 @@
-//! Tensors of a file, checked against the head.
+//! Tensors of a file, checked against its description.
 
 use hydroid_core::model::recurrent::Tensor as Place;
 use safetensors::tensor::{Dtype, SafeTensors};
@@ -13,7 +13,6 @@ pub(in crate::model) fn tensor(name: &str, shape: Vec<usize>, values: &[f64]) ->
     (name.to_owned(), Dtype::F64, shape, values.iter().flat_map(|value| value.to_le_bytes()).collect())
 }
 
-/// Reads a tensor of `f64`.
 pub(in crate::model) fn numbers(
     tensors: &SafeTensors<'_>,
     name: &str,
@@ -22,7 +21,7 @@ pub(in crate::model) fn numbers(
     let tensor = tensors.tensor(name).map_err(|_| format!("tensor '{name}' is missing"))?;
     if tensor.dtype() != Dtype::F64 || tensor.shape() != shape {
         return Err(format!(
-            "tensor '{name}' is {:?} {:?}, the description says F64 {shape:?}",
+            "tensor '{name}' is {:?} {:?}, the description requires F64 {shape:?}",
             tensor.dtype(),
             tensor.shape()
         ));
@@ -31,7 +30,6 @@ pub(in crate::model) fn numbers(
     Ok(chunks.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect())
 }
 
-/// Tensors of the weights of a network.
 pub(in crate::model) fn network_tensors(places: &[Place], weights: &[f64]) -> Result<Vec<Tensor>, String> {
     let values = |place: &Place| {
         weights.get(place.range()).ok_or_else(|| format!("the network has {} weights", weights.len()))

@@ -16,7 +16,6 @@ use super::{Body, Encoded, InvertibleModel, Kind, NotInvertible, check_channels,
 use crate::model::file::{network_tensors, weights};
 use crate::model::{Description, Members, Model};
 
-/// Structure of a control-affine network.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::model) struct Structure {
@@ -28,7 +27,6 @@ pub(in crate::model) struct Structure {
 }
 
 impl Structure {
-    /// The model, with its numbers from the file.
     pub(super) fn read(self, tensors: &SafeTensors<'_>, description: Description) -> Result<Model, String> {
         let Self { network, scaling, effectors, wash_out } = self;
         // Sizes are checked before anything is allocated.

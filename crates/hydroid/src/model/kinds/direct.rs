@@ -16,7 +16,6 @@ use super::{Body, Encoded, Kind, check_channels, layer_sizes};
 use crate::model::file::{ensemble, network_tensors, weights};
 use crate::model::{Description, Model};
 
-/// Structure of a direct predictor.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::model) struct Structure {
@@ -26,13 +25,12 @@ pub(in crate::model) struct Structure {
     history: usize,
     horizon: usize,
     hold: bool,
-    /// `BaseModel` equations; excludes `hold`.
+    /// Base equations; excludes `hold`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     equations: Option<Library>,
 }
 
 impl Structure {
-    /// The model, with its numbers from the file.
     pub(super) fn read(self, tensors: &SafeTensors<'_>, description: Description) -> Result<Model, String> {
         let Self { network, scaling, history, horizon, hold, equations } = self;
         // Sizes are checked before anything is allocated.

@@ -19,7 +19,6 @@ const COEFFICIENTS: &str = "coefficients";
 /// Tensor of the prior of an expert mixture.
 const R_FACTOR: &str = "r_factor";
 
-/// Terms and signals of the coefficients.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Library {
@@ -30,8 +29,7 @@ pub(super) struct Library {
     substeps: usize,
 }
 
-/// Structure of equations in a file. The fields of [`Library`] are repeated because `flatten` would accept unknown
-/// fields.
+/// Repeats the fields of [`Library`], because `flatten` would accept unknown fields.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::model) struct Structure {
@@ -50,7 +48,6 @@ impl Library {
         Self { terms, signals, substeps: equations.substeps() }
     }
 
-    /// The equations, with their coefficients from the file.
     pub(super) fn read(self, tensors: &SafeTensors<'_>, of: &Description) -> Result<Equations, String> {
         let (outputs, inputs) = (of.outputs.len(), of.inputs.len());
         let coefficients = numbers(tensors, COEFFICIENTS, &[outputs, self.terms.len()])?;
@@ -60,13 +57,11 @@ impl Library {
     }
 }
 
-/// The tensor of the coefficients.
 pub(super) fn coefficients(equations: &Equations) -> Tensor {
     tensor(COEFFICIENTS, vec![equations.outputs(), equations.terms().len()], equations.coefficients())
 }
 
 impl Structure {
-    /// The model, with its numbers from the file.
     pub(super) fn read(self, tensors: &SafeTensors<'_>, description: Description) -> Result<Model, String> {
         let Self { terms, signals, substeps, learning } = self;
         let count = terms.len();

@@ -1,7 +1,7 @@
 //! Kinds of models: one file per kind, with its session, description, ensemble, inversion and file format.
 //!
-//! A new kind of model is a variant of [`Body`], an implementation of [`Kind`] in a file of its own, and its lines in
-//! this file.
+//! A new kind of model is a variant of [`Body`], an implementation of [`Kind`] in its own file, and its lines in this
+//! file.
 
 mod control_affine;
 mod direct;
@@ -132,7 +132,6 @@ pub(super) trait Kind {
 }
 
 impl Body {
-    /// The implementation of the kind.
     pub(super) fn kind(&self) -> &dyn Kind {
         match self {
             Self::Equations(equations) => equations,
@@ -144,7 +143,6 @@ impl Body {
     }
 }
 
-/// Structure in a model file, by kind.
 #[derive(Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum Structure {
@@ -159,7 +157,6 @@ pub(super) enum Structure {
 }
 
 impl Structure {
-    /// The model, with its numbers from the file.
     pub(super) fn read(self, tensors: &SafeTensors<'_>, description: Description) -> Result<Model, String> {
         match self {
             Self::SparseEquations(structure) => structure.read(tensors, description),
@@ -197,7 +194,6 @@ impl Model {
     }
 }
 
-/// Layer sizes from input to output.
 fn layer_sizes(network: &Perceptron) -> String {
     let all = [&[network.inputs], network.hidden.as_slice(), &[network.outputs]].concat();
     all.iter().map(usize::to_string).collect::<Vec<_>>().join("-")

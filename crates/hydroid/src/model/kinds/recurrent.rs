@@ -13,10 +13,8 @@ use super::{Body, Encoded, Kind, check_channels};
 use crate::model::file::{network_tensors, weights};
 use crate::model::{Description, Members, Model};
 
-/// Longest wash-out \[samples\].
 const MAX_WASH_OUT: usize = 1_000_000;
 
-/// Structure of a recurrent network in a file.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::model) struct Structure {
@@ -39,7 +37,6 @@ pub(super) struct ScalingFields {
     correction_scale: Vec<f64>,
 }
 
-/// `BaseModel` of the network.
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum BaseFields {
@@ -49,7 +46,6 @@ enum BaseFields {
 }
 
 impl Structure {
-    /// The model, with its numbers from the file.
     pub(super) fn read(self, tensors: &SafeTensors<'_>, description: Description) -> Result<Model, String> {
         let Self { network, scaling, base, feedback, wash_out } = self;
         // Sizes are checked before anything is allocated.

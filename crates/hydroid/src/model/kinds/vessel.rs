@@ -18,12 +18,12 @@ use crate::toml_file::TomlError;
 /// Default sample time of a vessel \[s\].
 const VESSEL_DT_S: f64 = 0.1;
 
-/// Prefix of a comment line in a vessel file that records an adaptation.
+/// Prefix of a comment that records an adaptation.
 const ADAPTED: &str = "# adapted: ";
 
 impl Model {
-    /// A vessel as a model with outputs `u`, `v` \[m/s\], `r` \[rad/s\] and its two commands as inputs. The ranges are
-    /// those that it reaches under the limits of its commands.
+    /// A vessel as a model with outputs `u`, `v` \[m/s\], `r` \[rad/s\] and its two commands as inputs. The ranges
+    /// follow from the limits of the commands.
     ///
     /// # Errors
     /// If the parameters or the sample time are invalid.

@@ -16,9 +16,8 @@ const DIGITS: usize = 4;
 const ON_A_LINE: usize = 5;
 
 impl NamedEquations<'_> {
-    /// The equations of motion as an `align*` block: one for each output, then what the signals are that stand in them,
-    /// then the logistic function if they have gates. A lag state wears a hat, and its time constant where its input
-    /// has several.
+    /// The equations of motion as an `align*` block: one for each output, then the gates, the signals and the logistic
+    /// function. A lag state has a hat, and its time constant if its input has several lags.
     pub fn equations_latex(&self) -> String {
         let equations = self.equations;
         let variables = self.latex_variables();
@@ -79,7 +78,7 @@ impl NamedEquations<'_> {
                     source.plain(),
                     own.plain()
                 ),
-                // It says itself what it is.
+                // The symbol contains its definition.
                 Signal::Past { .. } => continue,
             });
         }
@@ -89,7 +88,7 @@ impl NamedEquations<'_> {
         format!("\\begin{{align*}}\n  {}\n\\end{{align*}}\n", lines.join(" \\\\\n  "))
     }
 
-    /// The units of the variables as a sentence in LaTeX, to stand below the equations.
+    /// The units of the variables as a sentence in LaTeX.
     pub fn units_latex(&self) -> String {
         let d = self.description;
         let variables = self.latex_variables();
@@ -147,7 +146,6 @@ fn time(value: f64) -> String {
     format!("{}\\,\\mathrm{{s}}", shortest(seconds(value)))
 }
 
-/// A variable as a formula has it.
 struct Variable {
     symbol: Symbol,
     role: Role,
@@ -155,9 +153,9 @@ struct Variable {
 
 enum Role {
     Channel,
-    /// With its time constant, if it must be told.
+    /// With its time constant, if its input has several lags.
     Lag(Option<String>),
-    /// So long ago.
+    /// With its delay.
     Past(String),
 }
 
@@ -184,7 +182,7 @@ impl Variable {
         }
     }
 
-    /// To a power, in brackets where it has a superscript or an argument already.
+    /// To a power, in brackets after a superscript or an argument.
     fn to(&self, power: usize) -> String {
         let text = self.plain();
         match (power, &self.role) {
@@ -198,7 +196,7 @@ impl Variable {
 /// A term that is not the constant.
 fn product(term: &Term, variables: &[Variable]) -> String {
     let (mut above, mut below) = (Vec::new(), Vec::new());
-    // Equal factors stand side by side.
+    // Equal factors are adjacent.
     for equal in term.factors().chunk_by(|a, b| a == b) {
         let (factor, count) = (equal[0], equal.len());
         let variable = &variables[usize::from(factor.variable)];
@@ -238,7 +236,7 @@ fn sigma(variable: &Variable, gate: Gate, digits: Option<usize>) -> String {
     format!("\\sigma({sign}{}({of}))", number(slope))
 }
 
-/// What a mode weighs its terms with.
+/// Weight of a mode.
 fn weight(modes: &Modes, mode: Mode) -> String {
     match mode {
         Mode::All => String::new(),
@@ -247,7 +245,6 @@ fn weight(modes: &Modes, mode: Mode) -> String {
     }
 }
 
-/// The letter of a gate as a symbol.
 fn letter(modes: &Modes, gate: usize) -> String {
     Symbol::of(&modes.gates()[gate].letter).accented(&[])
 }

@@ -1,4 +1,4 @@
-//! Names, numbers and units as LaTeX sets them.
+//! Names, numbers and units in LaTeX.
 
 use crate::model::text::significant;
 use crate::model::units::UnitProduct;
@@ -38,7 +38,7 @@ pub(super) struct Symbol {
 }
 
 impl Symbol {
-    /// What follows the first underscore of a name, or the digits after a single letter, is an index.
+    /// The index is the text after the first underscore of a name, or the digits after a single letter.
     pub(super) fn of(name: &str) -> Self {
         let (base, index) = match name.split_once('_') {
             Some((base, index)) if !base.is_empty() && !index.is_empty() => (base, index),
@@ -117,7 +117,7 @@ pub(super) fn magnitude(x: f64, digits: usize) -> String {
     power_of_ten(&significant(x.abs(), digits))
 }
 
-/// A number as short as it can be written, with its sign: a parameter.
+/// The shortest form of a number, with its sign.
 pub(super) fn shortest(x: f64) -> String {
     let plain = x == 0.0 || (1e-4..1e6).contains(&x.abs());
     power_of_ten(&if plain { format!("{x}") } else { format!("{x:e}") })

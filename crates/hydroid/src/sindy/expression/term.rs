@@ -104,10 +104,9 @@ impl ExpressionParser {
             if usize::from(input) < self.outputs {
                 scanner.back_to(here);
                 let name = &self.channels[usize::from(input)];
-                return Err(scanner.error(
-                    format!("'{name}' is an output; only inputs have lag states"),
-                    None,
-                ));
+                return Err(
+                    scanner.error(format!("'{name}' is an output; only inputs have lag states"), None)
+                );
             }
             scanner.demand(",", "',' and the time constant, as in lag(n, 1.5 s)")?;
             scanner.skip_space();
