@@ -4,7 +4,6 @@ use hydroid_core::model::sparse::{Factor, Shape, Term};
 
 use crate::sindy::{Library, VariableKind, Variables};
 
-/// A function of one command.
 type Form = &'static [Shape];
 
 const IDENTITY: Form = &[Shape::Power(1)];
@@ -48,7 +47,6 @@ pub(super) fn libraries(libraries: &[Library], variables: &Variables) -> Vec<Lib
     all
 }
 
-/// Whether a term has no command, or one command in the chosen form.
 fn is_affine(term: &Term, choice: &[(u16, Form)]) -> bool {
     let of_command = |factor: &&Factor| choice.iter().any(|(command, _)| *command == factor.variable);
     let factors: Vec<&Factor> = term.factors().iter().filter(of_command).collect();

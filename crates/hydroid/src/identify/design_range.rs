@@ -98,8 +98,6 @@ pub struct ChannelRange {
     pub given: bool,
 }
 
-/// The ranges of all channels, outputs first.
-///
 /// # Errors
 /// If a channel does not exist, or a unit is of another quantity.
 pub(super) fn design_ranges(

@@ -166,7 +166,6 @@ pub enum IdentifyError {
 }
 
 impl IdentifyError {
-    /// The message without the name of the method.
     pub(super) fn without_method(&self) -> String {
         match self {
             Self::Train { error, .. } => error.to_string(),

@@ -18,7 +18,6 @@ impl Parts<'_> {
 pub(super) fn check_horizon(job: &Job, parts: &Parts<'_>) -> Result<(), IdentifyError> {
     let longest =
         parts.held_out().map(|(part, runs)| (runs.iter().map(|run| run.len()).max().unwrap_or(0), part));
-    // The shorter limit, so that the remedy suits both parts.
     let (longest, part) = longest[0].min(longest[1]);
     if job.horizon < longest {
         return Ok(());

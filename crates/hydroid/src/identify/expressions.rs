@@ -26,7 +26,6 @@ impl SindyOptions {
         Ok(terms)
     }
 
-    /// Whether a listed term has a gate of its own.
     pub(super) fn lists_gates(&self, run: &Trajectory) -> Result<bool, IdentifyError> {
         let is_gate = |shape: Shape| matches!(shape, Shape::Above(_) | Shape::Below(_));
         Ok(self.listed(run)?.iter().any(|term| term.factors().iter().any(|f| is_gate(f.shape))))
@@ -95,7 +94,6 @@ fn refuse_signals(parser: &ExpressionParser, key: &'static str, text: &str) -> R
     Err(IdentifyError::Constraint { text: text.to_owned(), why })
 }
 
-/// Index of a channel by name.
 pub(super) fn channel_index(
     key: &'static str,
     what: &'static str,

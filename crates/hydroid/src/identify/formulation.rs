@@ -13,7 +13,6 @@ use crate::train::{self, BaseKind, CellKind, TrainError, TrainOptions};
 /// Share of the epochs, or of the time budget, of each short training.
 const TRIAL_SHARE: f64 = 0.1;
 
-/// The formulations, the simplest first.
 const FORMULATIONS: [(bool, BaseKind, &str); 3] = [
     (false, BaseKind::Nothing, "inputs alone"),
     (true, BaseKind::Nothing, "outputs fed back"),

@@ -190,7 +190,6 @@ impl NetworkTrainingOptions {
         if self.resume { self.check_kept(job, methods, parts) } else { Ok(()) }
     }
 
-    /// Checks that the checkpoints belong to this job.
     fn check_kept(&self, job: &Job, methods: &[Method], parts: &Parts<'_>) -> Result<(), IdentifyError> {
         let Some(folder) = &self.checkpoints else { return Ok(()) };
         let mut found = false;
@@ -220,7 +219,6 @@ impl NetworkTrainingOptions {
     }
 }
 
-/// Default maps of the inputs of control-affine networks.
 fn with_default_maps(mut settings: TrainOptions, run: &Trajectory) -> TrainOptions {
     if settings.cell == CellKind::Affine && settings.maps.is_empty() {
         let map = |channel: &Channel| match channel.unit.as_str() {

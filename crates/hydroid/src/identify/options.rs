@@ -57,7 +57,6 @@ pub struct SindyOptions {
     pub for_control: bool,
 }
 
-/// Largest size of an ensemble; each member is a fit.
 const MAX_MEMBERS: usize = 1000;
 
 /// Number of ensemble members.
@@ -376,7 +375,6 @@ impl SindyOptions {
     }
 }
 
-/// The library for the search of lags and gates.
 pub(super) fn reference(libraries: &[Library]) -> Library {
     let marine = libraries.iter().find(|library| library.families().contains(&Family::Marine));
     marine.or(libraries.last()).cloned().unwrap_or_else(Library::marine)
@@ -388,7 +386,6 @@ fn is_rich(library: &Library) -> bool {
     has(&Family::Marine) || has(&Family::SignedSquares) && has(&Family::Polynomial { degree: 2 })
 }
 
-/// A number of intervals, at least one.
 pub(super) fn intervals(count: f64) -> usize {
     // Bounded far below any usize; a NaN becomes 1.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]

@@ -16,10 +16,8 @@ use crate::sindy::{
 /// Information of the reference model for each expert, in horizons (selected on runs of a tug and a tanker).
 const PRIOR_HORIZONS: [f64; 3] = [60.0, 6.0, 0.6];
 
-/// Forgetting time, in horizons.
 const FORGETTING_HORIZONS: f64 = 60.0;
 
-/// Length of an increment, in horizons.
 const INCREMENT_HORIZONS: f64 = 0.1;
 
 /// Shrinkage of the moments of the prior towards a diagonal matrix.

@@ -80,7 +80,6 @@ impl Training {
         }
     }
 
-    /// Whether the search includes past values.
     fn has_past(&self) -> bool {
         self.found().is_some_and(|found| found.trials.iter().any(|trial| !trial.structure.past.is_empty()))
     }

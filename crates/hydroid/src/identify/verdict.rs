@@ -61,7 +61,6 @@ pub fn verdicts(test: &Evaluation) -> Vec<Verdict> {
 /// Share of spikes above which a warning is given.
 const MIN_SPIKE_SHARE: f64 = 0.005;
 
-/// A warning if the training runs have spikes and no Huber loss was requested.
 pub(super) fn spikes(training: &[&Trajectory], settings: &SindyOptions) -> Option<Note> {
     if settings.huber.is_some() {
         return None;

@@ -27,7 +27,6 @@ impl Members {
         Self { places, values }
     }
 
-    /// Ensemble from the parts in a file.
     pub(super) fn from_parts(places: &[u32], values: Vec<f64>, count: usize) -> Result<Self, String> {
         let places: Vec<usize> =
             places.iter().map(|&place| usize::try_from(place).unwrap_or(usize::MAX)).collect();

@@ -4,7 +4,6 @@ use hydroid_core::model::sparse::{Equations, Signal, Term};
 
 use super::{Mode, NamedEquations};
 
-/// Significant digits of a coefficient.
 const DIGITS: usize = 4;
 
 impl NamedEquations<'_> {
@@ -98,7 +97,6 @@ impl NamedEquations<'_> {
     }
 }
 
-/// Terms of an output's equation with their coefficients.
 pub(super) fn active(equations: &Equations, output: usize) -> impl Iterator<Item = (f64, &Term)> {
     let terms = equations.terms().iter().enumerate();
     terms.map(move |(j, term)| (equations.coefficient(output, j), term)).filter(|(c, _)| *c != 0.0)
@@ -141,7 +139,6 @@ pub(super) fn significant(x: f64, digits: usize) -> String {
     }
 }
 
-/// A time rounded to a millisecond.
 pub(super) fn seconds(value: f64) -> f64 {
     (value * 1e3).round() / 1e3
 }

@@ -18,7 +18,6 @@ const OBEYED: f64 = 1e-12;
 pub(super) struct Problem<'a> {
     /// Factor of `[R d]`, without dependent columns.
     pub(super) qr: &'a QrFactor,
-    /// Weights of all coefficients and the value of their sum.
     pub(super) equalities: &'a [(Vec<f64>, f64)],
     /// Sign of each coefficient: 1, -1, or 0 for any.
     pub(super) signs: &'a [f64],
@@ -35,7 +34,6 @@ struct Active {
     multiplier: f64,
 }
 
-/// Coefficients that solve the problem; those at their bound are exactly zero.
 pub(super) fn solve(problem: &Problem<'_>) -> Result<Vec<f64>, Infeasible> {
     let qr = problem.qr;
     let n = qr.width() - 1;

@@ -14,7 +14,6 @@ const TASK_ROWS: usize = 4096;
 /// Largest number of concurrent pieces; it bounds the memory for logs of any length.
 const BATCH: usize = 32;
 
-/// Library points per evaluation.
 const POINTS: usize = 256;
 
 /// Regression of all runs. Columns: terms, then derivatives of the outputs.

@@ -113,7 +113,6 @@ impl Constraints {
         signs.all(|sign| sign == first).then_some(first)
     }
 
-    /// Terms of an equation in equalities.
     fn coupled_terms(&self, equation: usize) -> impl Iterator<Item = usize> + '_ {
         let named = self.equalities.iter().flat_map(|e| &e.weights);
         named.filter(move |(at, _)| at.equation == equation).map(|(at, _)| at.term)
@@ -152,7 +151,6 @@ pub(super) fn fit_constrained(
     Ok(solutions.into_iter().flatten().collect())
 }
 
-/// Solves coupled equations together.
 fn solve_group(
     prepared: &LinearRegression,
     plain: &QrFactor,

@@ -7,10 +7,8 @@ use crate::log::Trajectory;
 /// windows average the motion and leave few independent rows.
 pub(super) const NOISE_SHARE: f64 = 0.06;
 
-/// Ratio of successive window lengths.
 const GROWTH: f64 = 1.25;
 
-/// Minimum number of independent windows in the runs.
 const MIN_WINDOWS: usize = 20;
 
 /// Standard deviation of the white noise of each output, from the median of third differences: a parabola vanishes, and
@@ -91,7 +89,6 @@ pub fn weak_form_from_noise(runs: &[&Trajectory]) -> Option<RegressionForm> {
     }
 }
 
-/// Maximum number of rows evaluated per window.
 const MAX_ROWS: usize = 20_000;
 
 /// Ratio of noise to RMS of the left-hand side, for the worst output that moves.

@@ -95,14 +95,12 @@ impl ResidualHistogram {
             seen += **count;
             seen >= half
         });
-        // The middle of the bin.
         middle.map_or(0.0, |(bin, _)| {
             f64::from_bits((bin << DROPPED_BITS) + (1 << (DROPPED_BITS - 1))) / 0.6745
         })
     }
 }
 
-/// Maximum number of iterations.
 const MAX_ROUNDS: usize = 12;
 
 /// Converged if the fitted derivative of every output changes by less than this share of its residual.
@@ -111,7 +109,6 @@ const TOLERANCE: f64 = 1e-2;
 /// Residuals below this share of the right-hand side are rounding errors; all rows then have the same weight.
 const ROUNDING_FLOOR: f64 = 1e-9;
 
-/// Streams the runs until the weights have converged.
 pub(super) fn assemble_huber(
     program: &Program,
     runs: &[&Trajectory],
@@ -163,7 +160,6 @@ fn least_squares(qr: &QrFactor, terms: usize) -> (Vec<f64>, Vec<f64>) {
     (coefficients, residuals)
 }
 
-/// RMS change of the fitted derivative of each output.
 fn fitted_change(qr: &QrFactor, terms: usize, old: &[f64], new: &[f64]) -> Vec<f64> {
     let rows = (qr.rows() as f64).sqrt();
     old.chunks_exact(terms)

@@ -61,7 +61,6 @@ pub(super) fn stability_check(
                 let mut commands = Vec::with_capacity(options.steps * inputs.len());
                 let mut held: Vec<f64> = inputs.iter().map(&mut within).collect();
                 for _ in 0..options.steps {
-                    // Held for a twentieth of the rollout in the mean.
                     let change = within(&DesignRange { low: 0.0, high: 1.0 });
                     if change * (options.steps as f64) < 20.0 {
                         held = inputs.iter().map(&mut within).collect();

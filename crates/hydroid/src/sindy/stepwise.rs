@@ -98,7 +98,6 @@ fn inverse_and_solution(qr: &QrFactor, columns: &[usize], target: usize) -> (Vec
     let n = columns.len();
     let selected: Vec<usize> = columns.iter().copied().chain([target]).collect();
     let own = qr.select(&selected);
-    // R^-1, upper triangular, row by row.
     let mut r_inverse = vec![0.0; n * n];
     for j in 0..n {
         r_inverse[j * n + j] = 1.0 / own.get(j, j);

@@ -2,7 +2,6 @@
 
 use super::qr::QrFactor;
 
-/// Maximum number of rounds of solving and thresholding.
 const MAX_ROUNDS: usize = 20;
 
 /// Sparse coefficients of one equation.

@@ -112,7 +112,6 @@ impl Structure {
         }
     }
 
-    /// A term with lag states in place of their commands.
     fn with_lag_states(&self, term: &Term, variables: &Variables) -> Term {
         let (outputs, first) = (variables.outputs().count(), variables.len());
         let lags = self.lags.iter().enumerate();

@@ -31,9 +31,7 @@ pub enum StructureSpec<T> {
     Fixed(T),
 }
 
-/// Samples for the coarse grid.
 const SCAN_SAMPLES: usize = 12_000;
-/// Samples for the minimisation.
 const REFINE_SAMPLES: usize = 60_000;
 /// Length of the segments that represent longer runs \[samples\].
 const SEGMENT_SAMPLES: usize = 3_000;
@@ -43,7 +41,6 @@ const MIN_GAIN: f64 = 0.02;
 const MIN_MODE_SHARE: f64 = 0.05;
 /// Longest time constant of the grid, in windows of the regression.
 const MAX_TIME_CONSTANT: f64 = 2.5;
-/// Number of time constants of the grid, minus one.
 const TIME_CONSTANTS: u8 = 7;
 /// Slopes of the grid, relative to the inverse width of the range of the output.
 const SLOPES: [f64; 3] = [6.0, 20.0, 60.0];
@@ -72,7 +69,6 @@ pub(crate) fn structure_search(
     let (some, all) = (subsample(runs, SCAN_SAMPLES), subsample(runs, REFINE_SAMPLES));
     let free = [*lags == StructureSpec::Search, *gate == StructureSpec::Search];
     let max_time_constant = MAX_TIME_CONSTANT * regression.window() as f64 * first.dt;
-    // The mean length of the segments limits the warm-up.
     let mean_length = some.iter().map(Trajectory::len).sum::<usize>() as f64 / some.len() as f64;
     let max_time_constant =
         max_time_constant.min(MAX_WARM_UP_SHARE * mean_length * first.dt / Signal::SETTLING);
@@ -112,7 +108,6 @@ pub(crate) fn structure_search(
     Ok(structures)
 }
 
-/// Data and limits of the cost `J`.
 struct StructureCost<'a> {
     runs: &'a [Trajectory],
     variables: Variables,
@@ -178,7 +173,6 @@ impl StructureCost<'_> {
         structure.count(&self.variables) * self.variables.outputs().count() + structure.parameters()
     }
 
-    /// Structures with one more element than the current one.
     fn extensions(&self, current: &Structure) -> Vec<Structure> {
         let mut extensions = Vec::new();
         if self.free[0] {

@@ -25,7 +25,6 @@ pub(super) use tensors::{Tensor, network_tensors, numbers, tensor, weights};
 /// Key of the description in the metadata of the file.
 const KEY: &str = "hydroid";
 
-/// Version of the description.
 const VERSION: u32 = 2;
 
 /// Largest size of a model file \[bytes\].

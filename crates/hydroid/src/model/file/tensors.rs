@@ -8,7 +8,6 @@ use super::super::torch::{NamedTensor, weights_of};
 /// A tensor to write: name, type, shape, bytes.
 pub(in crate::model) type Tensor = (String, Dtype, Vec<usize>, Vec<u8>);
 
-/// A tensor of `f64` to write.
 pub(in crate::model) fn tensor(name: &str, shape: Vec<usize>, values: &[f64]) -> Tensor {
     (name.to_owned(), Dtype::F64, shape, values.iter().flat_map(|value| value.to_le_bytes()).collect())
 }

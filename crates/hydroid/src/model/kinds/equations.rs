@@ -14,7 +14,6 @@ use super::{Body, Encoded, InvertibleModel, Kind, NotInvertible, WeightMap};
 use crate::model::file::{Tensor, ensemble, numbers, tensor};
 use crate::model::{Description, Learning, Model};
 
-/// Tensor of the coefficients, `outputs x terms`.
 const COEFFICIENTS: &str = "coefficients";
 /// Tensor of the prior of an expert mixture.
 const R_FACTOR: &str = "r_factor";

@@ -45,7 +45,6 @@ pub enum Body {
     Plant(Arc<PlantModel>),
 }
 
-/// Content of a model's file.
 #[expect(clippy::large_enum_variant, reason = "one value exists at a time, while a file is written")]
 pub(super) enum Encoded {
     /// Structure and tensors of a safetensors file.
@@ -91,10 +90,8 @@ pub(super) trait Kind {
     /// Session at the start of a run.
     fn session(&self, model: &Model) -> Box<dyn Predictor>;
 
-    /// Structure and numbers for the model file.
     fn encode(&self, model: &Model) -> Result<Encoded, String>;
 
-    /// Scaling of a network.
     fn scaling(&self) -> Option<&Scaling> {
         None
     }
@@ -104,7 +101,6 @@ pub(super) trait Kind {
         Vec::new()
     }
 
-    /// Base equations of a grey box.
     fn base_equations(&self) -> Option<&Arc<Equations>> {
         None
     }
@@ -199,7 +195,6 @@ fn layer_sizes(network: &Perceptron) -> String {
     all.iter().map(usize::to_string).collect::<Vec<_>>().join("-")
 }
 
-/// Checks that a network has the channels of its description.
 fn check_channels(outputs: usize, inputs: usize, description: &Description) -> Result<(), String> {
     let expected = (description.outputs.len(), description.inputs.len());
     if (outputs, inputs) == expected {

@@ -9,10 +9,8 @@ use super::units::UnitProduct;
 use super::{Mode, Modes, NamedEquations};
 use symbol::{Symbol, magnitude, shortest, unit};
 
-/// Significant digits of a coefficient.
 const DIGITS: usize = 4;
 
-/// Terms on a line.
 const ON_A_LINE: usize = 5;
 
 impl NamedEquations<'_> {
@@ -236,7 +234,6 @@ fn sigma(variable: &Variable, gate: Gate, digits: Option<usize>) -> String {
     format!("\\sigma({sign}{}({of}))", number(slope))
 }
 
-/// Weight of a mode.
 fn weight(modes: &Modes, mode: Mode) -> String {
     match mode {
         Mode::All => String::new(),

@@ -3,7 +3,6 @@
 use crate::model::text::significant;
 use crate::model::units::UnitProduct;
 
-/// Greek letters, as words and as characters.
 const GREEK: [(&str, char); 23] = [
     ("alpha", 'α'),
     ("beta", 'β'),

@@ -164,7 +164,6 @@ fn add(
     Ok(())
 }
 
-/// Error for text that is neither a number nor `OUTPUT:`.
 fn no_coefficient(parser: &ExpressionParser, scanner: &Scanner<'_>) -> ExpressionError {
     let outputs = &parser.channels[..parser.outputs.min(parser.channels.len())];
     let word = scanner.word();

@@ -41,7 +41,6 @@ impl<'a> Scanner<'a> {
         self.rest().chars().next()
     }
 
-    /// Consumes a text if it is next.
     pub(super) fn eat(&mut self, text: &str) -> bool {
         let is_here = self.rest().starts_with(text);
         if is_here {
@@ -50,7 +49,6 @@ impl<'a> Scanner<'a> {
         is_here
     }
 
-    /// Consumes a required text, after spaces.
     pub(super) fn demand(&mut self, text: &str, what: &str) -> Result<(), ExpressionError> {
         self.skip_space();
         if self.eat(text) { Ok(()) } else { Err(self.expected(what)) }
@@ -83,7 +81,6 @@ impl<'a> Scanner<'a> {
         Some(longest)
     }
 
-    /// The text up to the end of the word.
     pub(super) fn word(&self) -> &'a str {
         let rest = self.rest();
         &rest[..rest.find(|c| !is_name_char(c)).unwrap_or(rest.len())]

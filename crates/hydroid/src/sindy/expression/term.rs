@@ -6,12 +6,10 @@ use super::ExpressionParser;
 use super::error::{ExpressionError, list, nearest};
 use super::scanner::{Scanner, is_name_char};
 
-/// Largest number of factors.
 const MOST_FACTORS: usize = 1_000;
 
 const FACTOR: &str = "a factor such as u, u^2, |u| or sin(delta)";
 
-/// Functions of one variable by name.
 const FUNCTIONS: [(&str, Shape); 4] =
     [("sin", Shape::Sin), ("cos", Shape::Cos), ("ln", Shape::Log), ("sgn", Shape::Sign)];
 
@@ -95,7 +93,6 @@ impl ExpressionParser {
         Ok(())
     }
 
-    /// A channel, its lag state, or its past.
     fn variable(&mut self, scanner: &mut Scanner<'_>) -> Result<u16, ExpressionError> {
         if scanner.eat_call("lag") {
             scanner.skip_space();
@@ -184,7 +181,6 @@ impl ExpressionParser {
     }
 }
 
-/// The exponent of a variable, 1 by default.
 fn exponent(scanner: &mut Scanner<'_>) -> Result<u8, ExpressionError> {
     let before = scanner.mark();
     scanner.skip_space();
@@ -204,7 +200,6 @@ fn exponent(scanner: &mut Scanner<'_>) -> Result<u8, ExpressionError> {
     }
 }
 
-/// Repeats a factor by its exponent.
 fn power(
     scanner: &mut Scanner<'_>,
     factors: &mut Vec<Factor>,

@@ -129,7 +129,6 @@ fn monomials(n: u128, degree: u8) -> u128 {
     all.map_or(u128::MAX, |all| all - 1)
 }
 
-/// All monomials of degree 1 up to `degree`.
 fn for_each_monomial(variables: &[u16], degree: u8, add: &mut impl FnMut(Term)) {
     if variables.is_empty() {
         return;

@@ -120,7 +120,6 @@ impl Library {
     }
 }
 
-/// Whether a polynomial library of this degree contains the term.
 fn is_monomial(term: &Term, degree: u8, variables: &Variables) -> bool {
     let powers = term.factors().iter().all(|f| matches!(f.shape, Shape::Power(_)));
     powers
@@ -128,7 +127,6 @@ fn is_monomial(term: &Term, degree: u8, variables: &Variables) -> bool {
         && term.highest_variable().is_none_or(|v| usize::from(v) < variables.len())
 }
 
-/// Sort key of a term.
 fn order_key(term: &Term) -> (usize, u8, Vec<u16>, Term) {
     // Each variable is repeated by its power: x x before x y before y y.
     let mut product = Vec::new();

@@ -8,7 +8,6 @@ use crate::sindy::active_set::{Problem, solve};
 use crate::sindy::constraints::{Coefficient, Constraints, Equality, Sign};
 use crate::sindy::qr::{BLOCK_ROWS, QrFactor};
 
-/// Maximum number of iterations.
 const MAX_STEPS: usize = 12;
 
 /// Maximum number of damping values per iteration; each is ten times the one before.
@@ -22,7 +21,6 @@ const INITIAL_DAMPING: f64 = 1e-2;
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct LinearConstraints {
-    /// Weights of the parameters and the value of their sum.
     pub(super) equalities: Vec<(Vec<f64>, f64)>,
     /// Signs: 1, -1, or 0 for any.
     pub(super) signs: Vec<f64>,
@@ -56,7 +54,6 @@ impl LinearConstraints {
 
 #[derive(Clone, Debug)]
 pub(super) struct Prior {
-    /// Mean of the prior.
     pub(super) centre: Vec<f64>,
     /// Norm of the column of each parameter at the centre: the unit of a prior of strength 1.
     pub(super) norms: Vec<f64>,
@@ -144,7 +141,6 @@ pub(super) fn levenberg_marquardt(
                     accepted = Some((candidate, next));
                     break;
                 }
-                // Divergence, or a cost that is not lower.
                 _ => damping = if damping == 0.0 { INITIAL_DAMPING } else { 10.0 * damping },
             }
         }

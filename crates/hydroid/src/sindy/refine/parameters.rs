@@ -41,7 +41,6 @@ impl Parameters {
         Self { base: base.clone(), places, lags, gates: known }
     }
 
-    /// No parameters: the equations are unchanged.
     pub(super) fn fixed(base: &Equations) -> Self {
         Self { base: base.clone(), places: Vec::new(), lags: Vec::new(), gates: Vec::new() }
     }
@@ -63,7 +62,6 @@ impl Parameters {
         &self.places
     }
 
-    /// Values in the original equations.
     pub(super) fn start(&self) -> Vec<f64> {
         let coefficients = self.places.iter().map(|&place| self.base.coefficients()[place]);
         let lags = self.lags.iter().map(|&i| match self.base.signals()[i] {

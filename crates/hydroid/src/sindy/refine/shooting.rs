@@ -9,10 +9,8 @@ use crate::evaluate::DesignRange;
 use crate::log::Trajectory;
 use crate::sindy::qr::{BLOCK_ROWS, QrFactor};
 
-/// Samples per task.
 const TASK_SAMPLES: usize = 1_500;
 
-/// Largest number of tasks, which bounds the memory.
 const MAX_TASKS: usize = 96;
 
 /// Gauss-Newton steps for the initial outputs of a window; the problem is almost linear in them.
@@ -27,9 +25,7 @@ const SETTLING: usize = 3;
 #[derive(Clone, Debug)]
 pub(super) struct Windows<'a> {
     pub(super) runs: &'a [&'a Trajectory],
-    /// Length of a window \[samples\].
     pub(super) horizon: usize,
-    /// Samples between the starts of consecutive windows.
     pub(super) stride: usize,
     /// Weight of an error of each output: the inverse of its standard deviation.
     pub(super) weights: Vec<f64>,

@@ -17,7 +17,6 @@ pub(super) fn excerpts(runs: &[&Trajectory], horizon: usize, warm_up: usize) -> 
     }
     let count = (EXCERPT_SAMPLES / length).max(2);
     let mut parts = Vec::new();
-    // If there are very many runs, a subset is used.
     for run in runs.iter().step_by(runs.len().div_ceil(count)) {
         let length = length.min(run.len());
         let share = (count * run.len()).div_ceil(total);

@@ -181,7 +181,6 @@ pub(super) const MOST_TERMS: usize = 1_000;
 /// Integration steps per sample that keep the inner step at or below 0.1 s. RK4 is then accurate to the noise of a log
 /// for motions slower than about ten per second.
 pub fn substeps(dt: f64) -> usize {
-    // A count between 1 and 1000.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let steps = (dt / 0.1 - 1e-9).ceil().clamp(1.0, 1000.0) as usize;
     steps

@@ -26,7 +26,6 @@ const PRIOR_STRENGTHS: [f64; 4] = [1.0, 0.1, 0.01, 0.001];
 const MAX_NOISE_EXCESS: f64 = std::f64::consts::SQRT_2;
 
 pub(super) struct Selected<'a> {
-    /// The trial of each equation.
     pub(super) rows: &'a [usize],
     pub(super) fit: Fit,
     pub(super) ensemble: Option<Ensemble>,

@@ -15,7 +15,6 @@ const MAX_SWAPS: usize = 12;
 /// A stable model is preferred to an unstable one if its score is worse by at most this factor.
 const STABILITY_TOLERANCE: f64 = 1.1;
 
-/// Blocks of rows that the bootstrap draws from.
 const BOOTSTRAP_BLOCKS: usize = 24;
 
 impl Search<'_> {
