@@ -9,7 +9,6 @@ use crate::log::{Note, Trajectory};
 /// Correlation above which two inputs are collinear.
 const MAX_CORRELATION: f64 = 0.999;
 
-/// Warnings for inputs that are collinear with another input or with several channels.
 pub(super) fn warnings(candidate: &Candidate, data: &[ChannelSummary], training: &[Trajectory]) -> Vec<Note> {
     let inputs: Vec<&ChannelSummary> = data.iter().filter(|summary| summary.input).collect();
     let moves = |i: usize| inputs[i].parts[0].max > inputs[i].parts[0].min;
@@ -45,7 +44,6 @@ pub(super) fn warnings(candidate: &Candidate, data: &[ChannelSummary], training:
     notes
 }
 
-/// Correlation of two inputs over all runs; NaN without data.
 fn correlation(runs: &[Trajectory], a: usize, b: usize) -> f64 {
     let pairs = || {
         let rows = runs.iter().flat_map(|run| (0..run.len()).map(|k| run.inputs.row(k)));

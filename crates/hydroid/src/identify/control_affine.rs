@@ -10,9 +10,8 @@ const IDENTITY: Form = &[Shape::Power(1)];
 const SINE: Form = &[Shape::Sin];
 const SIGNED_SQUARE: Form = &[Shape::Power(1), Shape::Abs];
 
-/// One library for each combination of functions of the commands: `c` or `c |c|`; for an angle `c` or `sin(c)`. It has
-/// the terms of all `libraries` without commands or linear in the chosen function of one command. Beyond 16
-/// combinations, the later commands enter linearly.
+/// One library for each combination of functions of the commands: `c` or `c |c|`, for an angle `c` or `sin(c)`, with
+/// the terms of all `libraries` that are linear in these. Beyond 16 combinations, the later commands enter linearly.
 pub(super) fn libraries(libraries: &[Library], variables: &Variables) -> Vec<Library> {
     const MOST: usize = 16;
     let mut terms: Vec<Term> = Vec::new();

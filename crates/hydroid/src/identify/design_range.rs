@@ -98,8 +98,6 @@ pub struct ChannelRange {
     pub given: bool,
 }
 
-/// # Errors
-/// If a channel does not exist, or a unit is of another quantity.
 pub(super) fn design_ranges(
     given: &GivenRanges,
     training: &[&Trajectory],

@@ -22,8 +22,7 @@ pub(super) fn quick(job: &Job, parts: &Parts<'_>) -> evaluate::Options {
     }
 }
 
-/// The libraries to try. Libraries that are too large are skipped; if no other is left, the error is returned before
-/// any terms are made.
+/// The libraries of the search; an error before any terms are made if all are too large.
 fn libraries(job: &Job, run: &Trajectory) -> Result<Vec<Library>, IdentifyError> {
     let variables = Variables::of(run);
     let mut refusal = SearchError::Empty;
@@ -94,8 +93,7 @@ pub(super) fn lagged(
     run(job, parts, &libraries, &structures, false, progress)
 }
 
-/// Equations with all terms of the richest library and delayed inputs, as initial model for adaptation. The ridge is
-/// the smallest one without diverged rollouts.
+/// Equations with all terms of the richest library and delayed inputs, with the smallest ridge without divergence.
 pub(super) fn whole(
     job: &Job,
     parts: &Parts<'_>,

@@ -173,8 +173,7 @@ impl IdentifyError {
         }
     }
 
-    /// Whether another method may succeed on the same logs; wrong input, unusable files and interruptions are not
-    /// specific to a method.
+    /// Whether another method may succeed on the same logs; false for wrong input, files and interruptions.
     pub(super) fn is_method_specific(&self) -> bool {
         match self {
             Self::Sindy(SearchError::AllDiverged(_))

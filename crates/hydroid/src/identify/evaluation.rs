@@ -26,8 +26,7 @@ pub(super) fn check_horizon(job: &Job, parts: &Parts<'_>) -> Result<(), Identify
     Err(IdentifyError::Horizon { part, horizon, horizon_s, longest })
 }
 
-/// Checks that some run of each part has an origin for a model with this warm-up, as [`evaluate`](fn@evaluate)
-/// determines them.
+/// Checks that some run of each part has an origin of [`evaluate`](fn@evaluate) for a model with this warm-up.
 pub(super) fn check_evaluable(job: &Job, parts: &Parts<'_>, warm_up: usize) -> Result<(), IdentifyError> {
     let horizon = job.horizon;
     for (part, runs) in parts.held_out() {

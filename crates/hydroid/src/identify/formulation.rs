@@ -1,8 +1,7 @@
 //! Selection of the formulation of a network by short trainings.
 //!
-//! No formulation is the best on all vessels. On a simulated vessel with white measurement noise, networks of the
-//! inputs alone or with output feedback have the lowest errors; on real ships with wind and waves, networks that
-//! predict increments do (`docs/networks.md`).
+//! Networks of the inputs alone or with output feedback are the best on a simulated vessel with white measurement
+//! noise, networks that predict increments on real ships with wind and waves (`docs/networks.md`).
 
 use std::path::Path;
 
@@ -19,7 +18,6 @@ const FORMULATIONS: [(bool, BaseKind, &str); 3] = [
     (true, BaseKind::Hold, "outputs fed back, increments"),
 ];
 
-/// The options with each possible formulation; unchanged if a formulation is given.
 pub(super) fn formulations(
     settings: &TrainOptions,
     given: bool,

@@ -56,8 +56,7 @@ pub struct Job {
     pub origin_stride: usize,
     /// Seed of the stability check, of the bootstrap and of the initial weights of networks.
     pub seed: u64,
-    /// Stated design ranges of outputs and inputs, which scale networks and define divergence; else the training
-    /// ranges.
+    /// Stated design ranges of outputs and inputs; else the training ranges. They scale networks and define divergence.
     pub ranges: GivenRanges,
     /// Options of the search for equations.
     pub sindy: SindyOptions,

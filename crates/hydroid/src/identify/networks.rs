@@ -29,8 +29,7 @@ pub struct NetworkOptions {
     pub read_out: Option<bool>,
     /// Whether the outputs are fed back. If neither this nor `base` is given, short trainings decide.
     pub feedback: Option<bool>,
-    /// Base model: `"nothing"`, `"hold"` (increments), or `"equations"` (of the method sindy or lagged in the same
-    /// job).
+    /// Base model: `"nothing"`, `"hold"` (increments), or `"equations"` (of sindy or lagged in the same job).
     pub base: Option<BaseKind>,
     /// Wash-out at the start of a window \[s\].
     pub wash_out_s: Option<f64>,
@@ -103,8 +102,7 @@ pub struct NetworkTrainingOptions {
     pub affine: NetworkOptions,
     /// Time budget of all network trainings of the job \[s\].
     pub budget_s: Option<f64>,
-    /// Folder of the checkpoints, one file per network, from which a training of the same job resumes. The file of
-    /// another job is renamed to `NAME.checkpoint.old`.
+    /// Folder of the checkpoints, one per network. The checkpoint of another job is renamed to `NAME.checkpoint.old`.
     pub checkpoints: Option<PathBuf>,
     /// Whether a checkpoint of this job is required; without one the job fails.
     pub resume: bool,
@@ -230,8 +228,7 @@ fn with_default_maps(mut settings: TrainOptions, run: &Trajectory) -> TrainOptio
     settings
 }
 
-/// Default peak step size. Gradients of increments accumulate over a rollout: at 0.03 their training diverges on real
-/// ships.
+/// Default peak step size; at 0.03 the training of increments, whose gradients accumulate, diverges on real ships.
 fn default_learning_rate(base: BaseKind) -> f64 {
     match base {
         BaseKind::Nothing => TrainOptions::default().learning_rate,
@@ -262,8 +259,7 @@ fn warm_up(settings: &TrainOptions, parts: &Parts<'_>, equations: Option<&Equati
     (wash_out + 1).max(equations.map_or(1, Equations::warm_up))
 }
 
-/// Trains a network. `left` is the number of networks that share the remaining budget, this one included, and `spent_s`
-/// the time of the earlier trainings.
+/// Trains a network; `left` networks, this one included, share the budget that remains after `spent_s`.
 pub(super) fn train(
     job: &Job,
     parts: &Parts<'_>,

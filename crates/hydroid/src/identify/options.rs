@@ -40,15 +40,14 @@ pub struct SindyOptions {
     pub window_s: Option<f64>,
     /// Central differences instead of the weak form.
     pub central_differences: bool,
-    /// Threshold of thresholded least squares, in standard deviations of the output per second; default: a search over
-    /// tolerances of backward elimination.
+    /// Threshold of STLSQ, in standard deviations of the output per second; default: a search over stepwise tolerances.
     pub threshold: Option<f64>,
     /// Ridge penalty for each row, on columns of unit RMS; default: a search.
     pub ridge: Option<f64>,
     /// Threshold of the Huber loss in standard deviations, against spikes in the logs; default: least squares.
     pub huber: Option<f64>,
-    /// Whether the selected equations are refined on multi-step predictions: `"auto"` (if their errors are close to the
-    /// sensor noise, the default), `true` (if the predictions improve) or `false`.
+    /// Refinement on multi-step predictions: `"auto"` (if their errors are close to the sensor noise, the default),
+    /// `true` (if the predictions improve) or `false`.
     pub refine: RefineOption,
     /// Size of the ensemble for the uncertainty of the coefficients.
     pub members: EnsembleSize,
@@ -321,8 +320,8 @@ impl SindyOptions {
         Ok(libraries.map(|library| library.with(Family::Listed(listed.clone()))).collect())
     }
 
-    /// Search grid for training runs and a horizon \[samples\]. Lags and gates in `found` are combined only with the
-    /// richer libraries; `plain` adds all libraries without them.
+    /// Search grid for a horizon \[samples\]. Lags and gates in `found` are combined only with the richer libraries;
+    /// `plain` adds all libraries without them.
     pub fn grid(
         &self,
         training: &[&Trajectory],
@@ -380,7 +379,6 @@ pub(super) fn reference(libraries: &[Library]) -> Library {
     marine.or(libraries.last()).cloned().unwrap_or_else(Library::marine)
 }
 
-/// Whether a library has both products and quadratic drag.
 fn is_rich(library: &Library) -> bool {
     let has = |family: &Family| library.families().contains(family);
     has(&Family::Marine) || has(&Family::SignedSquares) && has(&Family::Polynomial { degree: 2 })

@@ -20,7 +20,6 @@ const FORGETTING_HORIZONS: f64 = 60.0;
 
 const INCREMENT_HORIZONS: f64 = 0.1;
 
-/// Shrinkage of the moments of the prior towards a diagonal matrix.
 const SHRINKAGE: f64 = 0.2;
 
 /// Equations with several forgetting factors: the `sparse` ones of another search if they have a lag or a gate, or if

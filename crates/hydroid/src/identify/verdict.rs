@@ -34,8 +34,7 @@ pub struct Verdict {
     pub persistence: f64,
 }
 
-/// Grades each output at the longest horizon against the better of two trivial predictions: persistence, and the mean
-/// (NRMSE 1).
+/// Grades each output at the longest horizon against the better of persistence and the mean (NRMSE 1).
 pub fn verdicts(test: &Evaluation) -> Vec<Verdict> {
     let (Some(errors), Some(kept)) = (test.nrmse.last(), test.persistence.nrmse.last()) else {
         return Vec::new();
@@ -58,7 +57,6 @@ pub fn verdicts(test: &Evaluation) -> Vec<Verdict> {
         .collect()
 }
 
-/// Share of spikes above which a warning is given.
 const MIN_SPIKE_SHARE: f64 = 0.005;
 
 pub(super) fn spikes(training: &[&Trajectory], settings: &SindyOptions) -> Option<Note> {

@@ -61,8 +61,7 @@ impl Members {
 }
 
 impl Model {
-    /// A session for each ensemble member, whose spread reflects the uncertainty of the coefficients; empty without an
-    /// ensemble.
+    /// A session for each ensemble member; their spread reflects the uncertainty of the coefficients.
     pub fn member_sessions(&self) -> Vec<Box<dyn Predictor>> {
         let kind = self.body.kind();
         let count = kind.ensemble_numbers();

@@ -54,8 +54,7 @@ pub struct Model {
 pub struct Learning {
     /// Options of the mixture.
     pub settings: ExpertMixtureOptions,
-    /// Prior information: the upper triangular factor `R` with `R'R = Theta'Theta` of the training runs,
-    /// `terms x terms`.
+    /// Prior: upper triangular `R` with `R'R = Theta'Theta` of the training runs, `terms x terms`.
     pub r_factor: Vec<f64>,
 }
 
@@ -172,12 +171,10 @@ impl Model {
         lines.chain(inputs.map(|(port, (&m, &k))| line("input", &port.channel.name, m, k))).collect()
     }
 
-    /// Affine form for a control law; `motion` are the indices of `u`, `v`, `r` in the outputs.
     pub(crate) fn invert(&self, motion: [usize; 3]) -> Result<InvertibleModel, NotInvertible> {
         self.body.kind().invert(self, motion)
     }
 
-    /// Map from an adapter's weights to the coefficients of the affine form.
     pub(crate) fn weight_map(&self) -> Option<WeightMap> {
         self.body.kind().weight_map()
     }

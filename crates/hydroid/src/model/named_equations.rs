@@ -39,7 +39,6 @@ impl NamedEquations<'_> {
 }
 
 impl Model {
-    /// Equations with the names and units of this model's channels.
     pub(crate) fn named<'a>(&'a self, equations: &'a Arc<Equations>) -> NamedEquations<'a> {
         NamedEquations { description: &self.description, equations }
     }

@@ -1,5 +1,4 @@
-//! Least squares under linear equalities and signs: dual active-set method of Goldfarb and Idnani (Math. Programming 27
-//! (1983) 1).
+//! Least squares with linear equalities and signs: dual active set (Goldfarb, Idnani, Math. Programming 27 (1983) 1).
 //!
 //! `min |R x - d|^2` with `R` upper triangular, `a_e . x = b_e` for every equality, and `s_j x_j >= 0` for some `j`.
 //! The method starts from the unconstrained solution and activates violated constraints one by one; a constraint whose

@@ -36,8 +36,7 @@ pub struct AssemblyOptions<'a> {
     pub signals: &'a [Signal],
     /// Number of groups of rows with a factor of their own.
     pub groups: usize,
-    /// Weight of each sample of each run; empty for unit weights. A row has the smallest weight of its samples, and is
-    /// omitted if that is zero.
+    /// Weight of each sample of each run; empty for unit weights. A row has the smallest weight of its samples.
     pub weights: &'a [Vec<f64>],
     /// Equations for a robust loss: rows with large residuals get smaller weights.
     pub robust: Option<HuberWeights>,

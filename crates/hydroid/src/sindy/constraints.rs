@@ -1,7 +1,6 @@
 //! Linear constraints on the coefficients: signs, and linear equalities across equations.
 //!
-//! Examples: drag opposes the motion (`xi_u|u| <= 0`); a symmetric mass matrix couples coefficients of two equations.
-//! Signs hold exactly, equalities to rounding.
+//! Examples: `xi_u|u| <= 0` (drag), a symmetric mass matrix. Signs hold exactly, equalities to rounding.
 
 use super::active_set::{Problem, solve};
 use super::fit::LinearRegression;

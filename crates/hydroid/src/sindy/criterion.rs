@@ -29,7 +29,7 @@ pub enum Criterion {
 
 impl Criterion {
     /// Relative decrease of the residual sum of squares that the last of `terms` terms must achieve on `rows`
-    /// independent rows ([`super::RegressionForm::effective_rows`]); infinite if there are too few rows.
+    /// independent rows ([`super::RegressionForm::effective_rows`]).
     pub fn tolerance(self, rows: f64, terms: usize) -> f64 {
         let (each, slack) = match self {
             Self::Aic => (2.0, 1.0),
@@ -41,8 +41,7 @@ impl Criterion {
     }
 }
 
-/// Solves one equation by bidirectional elimination: as [`super::stepwise`] on `rows` independent rows, and removed
-/// terms return if they have become significant.
+/// Solves one equation as [`super::stepwise`] on `rows` independent rows; removed terms may return.
 pub fn stepwise_bidirectional(
     ridged: &QrFactor,
     terms: usize,

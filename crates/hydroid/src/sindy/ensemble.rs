@@ -1,9 +1,8 @@
 //! Bootstrap ensemble of a fit: intervals and inclusion probabilities of the coefficients (bagging: Breiman, Machine
 //! Learning 24 (1996) 123; ensemble `SINDy`: Fasel, Kutz, Brunton and Brunton, Proc. R. Soc. A 478 (2022) 20210904).
 //!
-//! Rows that are neighbours in time are correlated, so contiguous blocks of rows are drawn (block bootstrap: Künsch,
-//! Ann. Statist. 17 (1989) 1217). A block drawn `w` times has the weight `w`: its factor is multiplied by `sqrt(w)`,
-//! and the runs are not read again.
+//! Contiguous blocks of rows are drawn, because neighbouring rows are correlated (block bootstrap: Künsch, Ann.
+//! Statist. 17 (1989) 1217). A block drawn `w` times has the weight `w`: its factor is multiplied by `sqrt(w)`.
 
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -70,8 +69,8 @@ impl Ensemble {
 
     /// Adds the change by the refinement, `outputs x terms`, to every member; zero where it would violate a sign.
     ///
-    /// The spread remains that of the regression. A Gauss-Newton covariance would be too narrow: it omits the
-    /// uncertainty of term selection, lag and gate.
+    /// The spread of the regression is kept. A Gauss-Newton covariance would omit the uncertainty of terms, lag and
+    /// gate.
     pub(super) fn shift(&mut self, by: &[f64], signs: &[(Coefficient, Sign)], terms: usize) {
         for member in &mut self.members {
             member.iter_mut().zip(by).for_each(|(x, by)| *x += by);
@@ -92,8 +91,8 @@ impl Ensemble {
         }
     }
 
-    /// Copies the equation of one output from an ensemble over other terms; its term `j` is term `places[j]` of this
-    /// one. Members that only one of the two has are dropped.
+    /// Copies the equation of an output from another ensemble, whose term `j` is `places[j]`; only common members
+    /// remain.
     pub(super) fn replace_equation(&mut self, output: usize, other: &Self, places: &[Option<usize>]) {
         let mut kept = self.draws.iter().map(|draw| other.draws.contains(draw));
         self.members.retain(|_| kept.next() == Some(true));
@@ -124,8 +123,8 @@ impl LinearRegression {
     /// Fits every resample. The result depends on the seed and not on the number of threads.
     ///
     /// # Errors
-    /// If the regression has fewer than two groups, an option is out of range, or no resample can be fitted under the
-    /// constraints.
+    /// If there are fewer than two groups, an option is out of range, or the constraints are infeasible on all
+    /// resamples.
     pub fn ensemble(&self, options: &FitOptions, bootstrap: &BootstrapOptions) -> Result<Ensemble, FitError> {
         let setting = |text: &str| Err(FitError::Setting(text.to_owned()));
         let (low, high) = bootstrap.quantiles;

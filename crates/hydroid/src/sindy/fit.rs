@@ -122,8 +122,8 @@ impl LinearRegression {
         let inverse: Vec<f64> = term_scale.iter().chain(&output_scale).map(|s| 1.0 / s).collect();
         let scaled = qr.scaled(&inverse);
         let unidentifiable = unidentifiable(&scaled, terms.len());
-        // Terms that depend linearly on earlier terms are excluded: a ridge would distribute a coefficient among them,
-        // with wrong predictions outside the training range.
+        // Excluded, because a ridge would distribute a coefficient among dependent terms, wrong outside the training
+        // range.
         let mask: Vec<f64> =
             (0..scaled.width()).map(|j| if unidentifiable.contains(&j) { 0.0 } else { 1.0 }).collect();
         let plain = scaled.scaled(&mask);
@@ -174,8 +174,8 @@ impl LinearRegression {
         self.effective
     }
 
-    /// Upper triangular `T` with the second moments `T'T` of the library, `terms x terms`, row-major, in physical
-    /// units. The moments are shrunk by `shrinkage` towards their diagonal.
+    /// Upper triangular `T` with the second moments `T'T` of the library, `terms x terms`, in physical units, shrunk by
+    /// `shrinkage` towards the diagonal.
     pub fn r_factor(&self, shrinkage: f64) -> Vec<f64> {
         let count = self.terms.len();
         let rows = self.rows() as f64;
@@ -299,8 +299,7 @@ impl LinearRegression {
     }
 }
 
-/// Distinguishes a term that is undefined on the data from a missing sample. A varying signal must not pass a pole
-/// between samples either, because the rows are evaluated there.
+/// Refuses undefined terms. A varying signal must not pass a pole between samples, where rows are evaluated.
 fn check_defined(runs: &[&Trajectory], terms: &[Term], signals: &[Signal]) -> Result<(), FitError> {
     let undefined = |shape: Shape| matches!(shape, Shape::Reciprocal | Shape::Log);
     for term in terms {
@@ -370,7 +369,6 @@ fn unidentifiable(qr: &QrFactor, terms: usize) -> Vec<usize> {
     missing
 }
 
-/// Scale of a term whose variables are divided by their scales.
 fn term_scale(term: &Term, scales: &[f64]) -> f64 {
     term.factors().iter().map(|f| scales[usize::from(f.variable)].powi(f.shape.degree())).product()
 }

@@ -1,5 +1,4 @@
-//! Minimisation without derivatives: the simplex of Nelder and Mead, Computer Journal 7 (1965) 308, with the standard
-//! coefficients, for the one to five nonlinear parameters of a structure.
+//! Minimisation without derivatives: the simplex of Nelder and Mead, Computer Journal 7 (1965) 308.
 
 /// Stopping criteria of the Nelder-Mead simplex method.
 #[derive(Clone, Copy, Debug, PartialEq)]

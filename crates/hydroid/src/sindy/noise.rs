@@ -11,8 +11,8 @@ const GROWTH: f64 = 1.25;
 
 const MIN_WINDOWS: usize = 20;
 
-/// Standard deviation of the white noise of each output, from the median of third differences: a parabola vanishes, and
-/// the median is insensitive to steps of the command. Zero if there are too few samples.
+/// Standard deviation of the white noise of each output, from the median of third differences: these cancel a parabola,
+/// and the median ignores steps of the command. Zero if there are too few samples.
 pub fn noise_std(runs: &[&Trajectory]) -> Vec<f64> {
     let width = runs.first().map_or(0, |run| run.outputs.width());
     (0..width)
@@ -60,9 +60,8 @@ pub(crate) fn spike_share(runs: &[&Trajectory]) -> Vec<f64> {
         .collect()
 }
 
-/// The weak form with the shortest window in whose rows the noise is at most the share [`NOISE_SHARE`] of the left-hand
-/// side of every output (RMS); if there is none, the window with the smallest share. `None` if the runs are too short
-/// for any window.
+/// The weak form with the shortest window that limits the noise to [`NOISE_SHARE`] of the left-hand side (RMS) of every
+/// output, else the one with the smallest share. `None` if the runs are too short.
 pub fn weak_form_from_noise(runs: &[&Trajectory]) -> Option<RegressionForm> {
     let deviations = noise_std(runs);
     let samples: usize = runs.iter().map(|run| run.len()).sum();

@@ -12,12 +12,10 @@ use super::robust::Loss;
 /// Scaling of the coefficients for the comparison with the threshold.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub enum Scaling {
-    /// RMS contribution of a term over the training data, in standard deviations of the output per second. The
-    /// threshold then has the same meaning for every channel and unit.
+    /// RMS contribution of a term over the training data, in standard deviations of the output per second.
     #[default]
     Contribution,
-    /// Every variable is divided by its scale, one for each output, then for each input; the coefficients of the scaled
-    /// equations are compared.
+    /// Coefficients of equations in variables divided by these scales, outputs then inputs.
     Variables(Vec<f64>),
 }
 
@@ -29,8 +27,8 @@ pub enum Optimizer {
     /// or by less than 1e-5 of the right-hand side, the discretisation error of the derivative in noise-free data. The
     /// coefficients are the ridge solution on the remaining terms.
     Stepwise(f64),
-    /// Sequentially thresholded least squares: coefficients below this, in the units of [`Scaling`], are removed. Ridge
-    /// acts on the selection only, coefficients are plain least squares.
+    /// Sequentially thresholded least squares: coefficients below this, in units of [`Scaling`], are removed. The ridge
+    /// acts on the selection only.
     Stlsq(f64),
     /// Bidirectional elimination by an information criterion, whose tolerance follows from the number of independent
     /// rows ([`RegressionForm::effective_rows`]). Terms below 1e-5 of the right-hand side are removed as well.
@@ -59,10 +57,8 @@ pub struct RegressionOptions<'a> {
     pub scaling: Scaling,
     /// Loss of the residuals.
     pub loss: Loss,
-    /// Weight of each sample of each run, 0 or more; empty for unit weights. A row has the smallest weight of its
-    /// samples.
+    /// Weight of each sample of each run; empty for unit weights. A row has the smallest weight of its samples.
     pub weights: &'a [Vec<f64>],
-    /// Number of contiguous groups of rows for the block bootstrap; 0 for none. Each needs `8 (terms + outputs)^2`
-    /// bytes.
+    /// Number of contiguous groups of rows for the block bootstrap, each of `8 (terms + outputs)^2` bytes; 0 for none.
     pub groups: usize,
 }

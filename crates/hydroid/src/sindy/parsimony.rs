@@ -4,8 +4,7 @@ use hydroid_core::model::sparse::{Equations, EquationsError, Term};
 
 use super::fit::Fit;
 
-/// Losses of one model, block by block of the validation and training runs
-/// ([`Evaluation::blocks`](crate::evaluate::Evaluation::blocks)).
+/// Losses of one model by block ([`Evaluation::blocks`](crate::evaluate::Evaluation::blocks)).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct BlockLosses {
     /// Losses on the validation runs.
@@ -54,8 +53,8 @@ impl BlockLosses {
     }
 }
 
-/// Equations whose row `i` is row `i` of the `i`-th fit. The fits must have the same outputs, inputs and signals. The
-/// library of the result is the union of the terms.
+/// Equations whose row `i` is row `i` of the `i`-th fit, over the union of the terms. Outputs, inputs and signals must
+/// agree.
 ///
 /// # Errors
 /// If the joint library is too large to compile.

@@ -64,8 +64,8 @@ impl QrFactor {
         (0..=column).map(|row| self.get(row, column).powi(2)).sum::<f64>().sqrt()
     }
 
-    /// Appends [`BLOCK_ROWS`] rows, given column by column. Only the first `rows` are counted; the others must be zero.
-    /// The block is overwritten.
+    /// Appends [`BLOCK_ROWS`] rows, column by column, of which `rows` are counted and the others zero. Overwrites the
+    /// block.
     ///
     /// # Panics
     /// If the block has not `width * BLOCK_ROWS` numbers.
@@ -106,8 +106,7 @@ impl QrFactor {
         scaled
     }
 
-    /// The factor with one more row for each column, `weight[j]` in column `j`: ridge regression with the penalty
-    /// `weight[j]^2 x_j^2`.
+    /// The factor with one more row `weight[j]` for each column: ridge regression with the penalty `weight[j]^2 x_j^2`.
     #[must_use]
     pub fn with_ridge(&self, weight: &[f64]) -> Self {
         let mut diagonal = Self::new(self.width);
@@ -151,9 +150,8 @@ impl QrFactor {
         own
     }
 
-    /// Solves `min |A_S x - b|` for the columns `S` (ascending) and the right-hand side in column `target`, by
-    /// Householder reflections. A column whose part orthogonal to the earlier ones is below `1e-10` of its norm is left
-    /// out and reported as dependent.
+    /// Solves `min |A_S x - b|` by Householder reflections, for the columns `S` (ascending) and the right-hand side
+    /// `target`. A column with an orthogonal part below `1e-10` of its norm is omitted as dependent.
     ///
     /// # Panics
     /// If a column does not exist.
@@ -224,8 +222,8 @@ impl QrFactor {
             .sqrt()
     }
 
-    /// Condition number (2-norm) of the given columns, each scaled to unit norm. 30 steps of power and inverse
-    /// iteration estimate it from below. Infinite if a column depends on the others.
+    /// Condition number (2-norm) of the given columns with unit norm, from 30 steps of power and inverse iteration,
+    /// which give a lower bound; infinite if a column depends on the others.
     pub fn condition(&self, columns: &[usize]) -> f64 {
         let n = columns.len();
         if n == 0 {
@@ -271,8 +269,7 @@ impl QrFactor {
     }
 }
 
-/// Householder reflections that reduce a block of rows with the factor above it. The reflector of column `j` acts on
-/// row `j` of the factor and on the block.
+/// Householder reflections of a block with the factor above it: that of column `j` acts on row `j` and on the block.
 struct AppendRows<'a> {
     r: &'a mut [f64],
     block: &'a mut [f64],
@@ -289,8 +286,7 @@ impl WithSimd for AppendRows<'_> {
             let (head, tail) = block.split_at_mut((j + 1) * BLOCK_ROWS);
             let v = S::as_simd_f64s(&head[j * BLOCK_ROWS..]).0;
             let norm2 = dot(simd, v, v);
-            // Below this value the scale of the reflector leaves the range of doubles; a column of that size is zero in
-            // practice.
+            // Below this value the scale of the reflector leaves the range of doubles; the column counts as zero.
             if norm2 < 1e-280 {
                 continue;
             }

@@ -1,14 +1,12 @@
 //! Forms of the regression: weak form (weak `SINDy`), increments, finite differences. Rows are weighted sums of samples.
 //!
-//! All regressions of `dy/dt = Xi theta(y, c)` are linear in the outputs on the left and in the library on the right. A
-//! row is
+//! All regressions of `dy/dt = Xi theta(y, c)` are linear in the outputs and in the library. A row is
 //!
 //! ```text
 //! sum_j g_j y_{i+j}  =  Xi sum_j w_j theta_{i+j}
 //! ```
 //!
-//! with weights `g` (1/s) and `w`, where `theta_k` is the library at sample `k` or between samples `k` and `k + 1`. The
-//! weights define the form.
+//! with weights `g` (1/s) and `w`, and the library `theta_k` at sample `k` or between samples `k` and `k + 1`.
 
 /// Where the library is evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,8 +103,7 @@ impl RegressionForm {
         }
     }
 
-    /// Samples between the starts of consecutive rows. Rows overlap by three quarters (increments) or seven eighths
-    /// (weak form), which uses nearly all information in the samples.
+    /// Samples between the starts of rows, which overlap by 3/4 (increments) or 7/8 (weak form) to use all information.
     pub fn stride(self) -> usize {
         match self {
             Self::Midpoint { intervals } => (intervals / 4).max(1),
@@ -115,8 +112,7 @@ impl RegressionForm {
         }
     }
 
-    /// Effective number of independent rows among `rows` overlapping rows, which share noise: `rows stride / window`,
-    /// the number of disjoint windows.
+    /// Effective number of independent rows among `rows` overlapping ones: the number of disjoint windows.
     pub fn effective_rows(self, rows: u64) -> f64 {
         (rows as f64 * self.stride() as f64 / self.window() as f64).max(1.0)
     }

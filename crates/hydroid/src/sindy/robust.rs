@@ -22,8 +22,7 @@ pub enum Loss {
     /// Squared residuals.
     #[default]
     Squares,
-    /// Huber loss with this threshold in robust standard deviations. The efficiency on Gaussian noise is 95 %
-    /// for 1.345.
+    /// Huber loss with this threshold in standard deviations; 1.345 has an efficiency of 95 % on Gaussian noise.
     Huber(f64),
 }
 
@@ -64,8 +63,7 @@ impl HuberWeights {
     }
 }
 
-/// Histogram of absolute values with 32 bins per octave: the median of any number of residuals in bounded memory,
-/// independent of their order.
+/// Histogram of absolute values, 32 bins per octave, for a median in bounded memory and in any order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ResidualHistogram {
     counts: BTreeMap<u64, u64>,

@@ -2,22 +2,19 @@
 //!
 //! Removing term `k` raises the (ridge-penalised) residual sum of squares by `x_k^2 / W_kk`, where `x` are the
 //! coefficients and `W` is the inverse of the normal matrix (F-to-remove statistic: Draper and Smith, Applied
-//! Regression Analysis, 3rd ed. 1998, section 15.2). The criterion has no unit, and it accounts for the other terms of
-//! the equation.
+//! Regression Analysis, 3rd ed. 1998, section 15.2).
 
 use super::qr::QrFactor;
 use super::stlsq::SparseSolution;
 
-/// Terms that explain less than this share of the right-hand side are removed: it is below the discretisation error of
-/// the derivative in noise-free data.
+/// Terms that explain less of the right-hand side are removed: discretisation error of the derivative without noise.
 pub(super) const NEGLIGIBLE: f64 = 1e-5;
 
 /// The inverse is recomputed if cancellation reduces an element below this share of its initial value.
 const CANCELLED: f64 = 1e-6;
 
-/// Solves one equation: terms are removed until each removal would raise the residual sum of squares by more than the
-/// fraction `tolerance`. Columns `0..terms` are the library, column `target` the right-hand side. The coefficients are
-/// those of the given (possibly ridged) factor on the remaining terms.
+/// Removes terms until each removal would raise the residual sum of squares by more than the fraction `tolerance`.
+/// Columns `0..terms` are the library, column `target` the right-hand side.
 pub fn stepwise(ridged: &QrFactor, terms: usize, target: usize, tolerance: f64) -> SparseSolution {
     let (mut support, dependent) = independent_columns(ridged, terms, target);
     eliminate(ridged, &mut support, target, |_| tolerance);
@@ -44,8 +41,7 @@ pub(super) fn eliminate(
         if cost > tolerance(n) * residual + NEGLIGIBLE * total {
             break;
         }
-        // Schur complements remove the row and column of the weakest term. Cancellation is large if the term is nearly
-        // collinear with another one.
+        // Schur complements remove the weakest term; cancellation is large if it is nearly collinear with another one.
         let pivot = inverse[weakest * n + weakest];
         let others: Vec<usize> = (0..n).filter(|&k| k != weakest).collect();
         x = others.iter().map(|&k| x[k] - inverse[k * n + weakest] * x[weakest] / pivot).collect();
@@ -65,7 +61,6 @@ pub(super) fn eliminate(
     }
 }
 
-/// Least squares on a support, as a row of coefficients.
 pub(super) fn solution_on(
     qr: &QrFactor,
     support: &[usize],

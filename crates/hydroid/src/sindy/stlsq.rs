@@ -15,9 +15,8 @@ pub struct SparseSolution {
     pub residual: f64,
 }
 
-/// Solves one equation by alternating least squares and thresholding until the support is stable. Columns `0..terms`
-/// are the scaled library, column `target` is the right-hand side. `ridged` is `plain` with a ridge
-/// ([`QrFactor::with_ridge`]) that acts on the selection only; the final coefficients are plain least squares.
+/// Alternates least squares and thresholding until the support is stable. Columns `0..terms` are the scaled library,
+/// column `target` the right-hand side; the ridge of `ridged` acts on the selection only.
 pub fn stlsq(
     plain: &QrFactor,
     ridged: &QrFactor,

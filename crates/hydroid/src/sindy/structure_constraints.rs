@@ -1,5 +1,4 @@
-//! Constraints on channels, as written by the user, mapped to the terms of a structure: a lag state replaces its
-//! command, and a constraint holds in both modes of a gate.
+//! Constraints mapped to the terms of a structure: lag states replace commands, and constraints hold in both modes.
 
 use hydroid_core::model::sparse::Term;
 
@@ -31,8 +30,7 @@ pub fn dissipative(variables: &Variables) -> Vec<Constraint> {
 }
 
 impl Structure {
-    /// The constraints on the terms of this structure. Terms that it does not have are zero and satisfy every
-    /// constraint.
+    /// The constraints on the terms of this structure; other terms are zero and satisfy every constraint.
     pub fn constraints(&self, rules: &[Constraint], variables: &Variables) -> Constraints {
         let mut constraints = Constraints::default();
         if rules.is_empty() {

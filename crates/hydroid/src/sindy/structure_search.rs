@@ -5,7 +5,7 @@
 //! The search evaluates a coarse grid and then minimises the cost `J = sum_i ln rms_i` over the residuals of all
 //! equations: the negative log-likelihood per row under noise of unknown variance in each equation.
 //!
-//! The result is a list of proposals. Rollouts decide between them.
+//! The result is a list of proposals for rollouts.
 
 use hydroid_core::model::sparse::{Real, Signal};
 use rayon::prelude::*;
@@ -37,7 +37,6 @@ const REFINE_SAMPLES: usize = 60_000;
 const SEGMENT_SAMPLES: usize = 3_000;
 /// Smallest mean relative decrease of the residuals of the equations that justifies a proposal.
 const MIN_GAIN: f64 = 0.02;
-/// Smallest share of the samples in each mode of a gate.
 const MIN_MODE_SHARE: f64 = 0.05;
 /// Longest time constant of the grid, in windows of the regression.
 const MAX_TIME_CONSTANT: f64 = 2.5;
@@ -47,7 +46,6 @@ const SLOPES: [f64; 3] = [6.0, 20.0, 60.0];
 /// Largest share of a run for the warm-up of a lag; it limits the time constants in short runs.
 const MAX_WARM_UP_SHARE: f64 = 0.1;
 
-/// Maximum number of greedy steps; each adds a gate or lags.
 const MAX_STEPS: usize = 4;
 
 /// Structures to try besides the plain library, the simpler ones first.
@@ -116,8 +114,7 @@ struct StructureCost<'a> {
     max_time_constant: f64,
     /// Whether lags and gate are searched for.
     free: [bool; 2],
-    /// Weight 0 for samples in the warm-up of the longest lag, 1 for the others: all structures are compared on the
-    /// same rows.
+    /// Weight 0 in the warm-up of the longest lag, so that all structures are compared on the same rows.
     weights: Vec<Vec<f64>>,
 }
 
@@ -159,8 +156,7 @@ impl StructureCost<'_> {
         Some(prepared.least_squares_rms().iter().map(|rms| rms.ln()).sum())
     }
 
-    /// Whether a lower cost justifies `added` coefficients and parameters: by the Bayesian information criterion on the
-    /// number of independent windows, and by a minimum effect.
+    /// Whether a lower cost justifies `added` parameters: by the BIC on independent windows, and a minimum effect.
     fn is_significant(&self, before: f64, after: f64, added: usize) -> bool {
         let samples: usize = self.runs.iter().map(Trajectory::len).sum();
         let windows = (samples as f64 / self.regression.window() as f64).max(2.0);
@@ -184,7 +180,6 @@ impl StructureCost<'_> {
         extensions
     }
 
-    /// Inputs one by one, and all together, through a lag.
     fn lag_extensions(&self, current: &Structure) -> Vec<Structure> {
         let commands = self.variables.inputs().map(|(_, kind)| kind).enumerate();
         // Wind has no actuator.
@@ -206,7 +201,6 @@ impl StructureCost<'_> {
         sets.iter().flat_map(|set| (0..=TIME_CONSTANTS).map(move |k| with(set, k))).collect()
     }
 
-    /// Gates on each output, at nine centres and with three slopes.
     fn gate_extensions(&self, current: &Structure) -> Vec<Structure> {
         let mut extensions = Vec::new();
         for output in 0..self.variables.outputs().count() {

@@ -9,8 +9,7 @@ pub(super) fn substitute_variable(term: &Term, from: u16, to: u16) -> Term {
     Term::new(term.factors().iter().map(swap).collect())
 }
 
-/// Each term below and above a gate on a variable, in the order of the terms. The original term is their sum and is
-/// left out.
+/// Each term below and above a gate on a variable, in place of their sum, the original term.
 pub fn gated(terms: &[Term], variable: u16, gate: Gate) -> Vec<Term> {
     terms.iter().flat_map(|term| term.gated(variable, gate)).collect()
 }

@@ -1,8 +1,7 @@
 //! The model file: one safetensors file with a JSON description in its metadata.
 //!
-//! A vessel with given parameters is a TOML file instead.
-//!
-//! Reading never executes code and never panics: all numbers and shapes are checked before use.
+//! Reading never executes code and never panics: all numbers and shapes are checked before use. A vessel is a TOML
+//! file.
 
 pub(super) mod ensemble;
 mod tensors;
@@ -135,8 +134,7 @@ pub fn encode(model: &Model) -> io::Result<Vec<u8>> {
     safetensors::serialize(views, Some(metadata)).map_err(io::Error::other)
 }
 
-/// Reads a model file of `hydroid identify`, a vessel file (`.toml`), or a built-in vessel by its name
-/// ([`built_in`](crate::simulate::built_in)).
+/// Reads a model file, a vessel file (`.toml`), or a vessel by name ([`built_in`](crate::simulate::built_in)).
 ///
 /// # Errors
 /// If the file cannot be read, is not a model, or is inconsistent.

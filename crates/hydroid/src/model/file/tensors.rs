@@ -36,7 +36,6 @@ pub(in crate::model) fn network_tensors(places: &[Place], weights: &[f64]) -> Re
     places.iter().map(|place| Ok(tensor(&place.name, place.shape(), values(place)?))).collect()
 }
 
-/// Reads the weights of a network in double or single precision.
 pub(in crate::model) fn weights(places: &[Place], tensors: &SafeTensors<'_>) -> Result<Vec<f64>, String> {
     let mut given = Vec::new();
     for place in places {

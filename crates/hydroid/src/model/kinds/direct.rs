@@ -1,5 +1,4 @@
-//! Direct predictors. File: weights as tensors with PyTorch's names, `coefficients` of the base equations, the
-//! ensemble.
+//! Direct predictors. File: weights with PyTorch's names, `coefficients` of the base equations, the ensemble.
 
 use std::sync::Arc;
 

@@ -1,5 +1,5 @@
-//! Sparse equations of motion. File: tensor `coefficients` (outputs x terms) in physical units, the ensemble, and for
-//! an expert mixture the prior `r_factor` (terms x terms).
+//! Sparse equations. File: `coefficients` (outputs x terms, physical units), ensemble, prior `r_factor` (terms x
+//! terms).
 
 use std::sync::Arc;
 

@@ -1,7 +1,6 @@
 //! Kinds of models: one file per kind, with its session, description, ensemble, inversion and file format.
 //!
-//! A new kind of model is a variant of [`Body`], an implementation of [`Kind`] in its own file, and its lines in this
-//! file.
+//! A new kind is a variant of [`Body`], an implementation of [`Kind`] in its own file, and its lines in this file.
 
 mod control_affine;
 mod direct;
@@ -58,9 +57,7 @@ pub(super) enum Encoded {
 pub(crate) enum NotInvertible {
     /// The model is not affine in its commands: reason, further remedy.
     NotAffine(String, &'static str),
-    /// The network cannot be inverted.
     Control(ControlError),
-    /// The vessel's parameters are invalid.
     Vessel(InvalidParams),
 }
 
@@ -81,13 +78,11 @@ pub(super) trait Kind {
     /// Name in files and messages.
     fn name(&self, model: &Model) -> &'static str;
 
-    /// Description in a report.
     fn title(&self, model: &Model) -> &'static str;
 
     /// Number of weights, or of coefficients or parameters that are not zero.
     fn weights(&self) -> usize;
 
-    /// Session at the start of a run.
     fn session(&self, model: &Model) -> Box<dyn Predictor>;
 
     fn encode(&self, model: &Model) -> Result<Encoded, String>;
@@ -96,7 +91,6 @@ pub(super) trait Kind {
         None
     }
 
-    /// Description of a network, line by line.
     fn network_text(&self, _: &Description) -> Vec<String> {
         Vec::new()
     }
@@ -110,7 +104,6 @@ pub(super) trait Kind {
         0
     }
 
-    /// Session of an ensemble member with these numbers.
     fn member_session(&self, _: Vec<f64>) -> Option<Box<dyn Predictor>> {
         None
     }
@@ -142,13 +135,9 @@ impl Body {
 #[derive(Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum Structure {
-    /// Sparse equations of motion.
     SparseEquations(equations::Structure),
-    /// Recurrent network.
     Recurrent(recurrent::Structure),
-    /// Direct predictor.
     Direct(direct::Structure),
-    /// Control-affine network.
     ControlAffine(control_affine::Structure),
 }
 

@@ -22,8 +22,8 @@ const VESSEL_DT_S: f64 = 0.1;
 const ADAPTED: &str = "# adapted: ";
 
 impl Model {
-    /// A vessel as a model with outputs `u`, `v` \[m/s\], `r` \[rad/s\] and its two commands as inputs. The ranges
-    /// follow from the limits of the commands.
+    /// A vessel as a model with outputs `u`, `v` \[m/s\], `r` \[rad/s\], two commands, and the ranges within their
+    /// limits.
     ///
     /// # Errors
     /// If the parameters or the sample time are invalid.

@@ -14,8 +14,8 @@ const DIGITS: usize = 4;
 const ON_A_LINE: usize = 5;
 
 impl NamedEquations<'_> {
-    /// The equations of motion as an `align*` block: one for each output, then the gates, the signals and the logistic
-    /// function. A lag state has a hat, and its time constant if its input has several lags.
+    /// The equations of motion as an `align*` block, with gates, signals and the logistic function. A lag state has a
+    /// hat.
     pub fn equations_latex(&self) -> String {
         let equations = self.equations;
         let variables = self.latex_variables();
@@ -191,7 +191,6 @@ impl Variable {
     }
 }
 
-/// A term that is not the constant.
 fn product(term: &Term, variables: &[Variable]) -> String {
     let (mut above, mut below) = (Vec::new(), Vec::new());
     // Equal factors are adjacent.

@@ -29,7 +29,6 @@ const GREEK: [(&str, char); 23] = [
     ("omega", 'ω'),
 ];
 
-/// A letter or word with an index.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Symbol {
     base: String,

@@ -14,7 +14,6 @@ pub struct ExpressionError {
     pub nearest: Option<String>,
 }
 
-/// The known name most similar to a word, if any.
 pub(crate) fn nearest<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> Option<String> {
     let lower = word.to_lowercase();
     known
@@ -24,7 +23,6 @@ pub(crate) fn nearest<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> O
         .map(|(_, name)| name.to_owned())
 }
 
-/// List of names for a message, truncated if long.
 pub(crate) fn list(names: &[String]) -> String {
     const SHOWN: usize = 20;
     let shown = names.iter().take(SHOWN).map(String::as_str).collect::<Vec<_>>().join(", ");

@@ -7,7 +7,6 @@ pub(super) struct Scanner<'a> {
     at: usize,
 }
 
-/// Whether a character is allowed in a name without quotes.
 pub(super) fn is_name_char(c: char) -> bool {
     c.is_alphanumeric() || matches!(c, '_' | '.')
 }

@@ -20,11 +20,9 @@ pub enum Family {
         /// The highest degree.
         degree: u8,
     },
-    /// The signed squares `x |x|` of every variable: quadratic drag, which acts against the motion in both directions
-    /// (Fossen 2021, section 6.4), and thrust, which is quadratic in the command.
+    /// The signed squares `x |x|` of every variable: quadratic drag (Fossen 2021, section 6.4) and thrust.
     SignedSquares,
-    /// The signed products `x |y|` of different outputs: `v |r|`, `r |v|`, cross-flow drag with the modulus (Fedyaevsky
-    /// and Sobolev 1963).
+    /// The signed products `x |y|` of different outputs: cross-flow drag (Fedyaevsky and Sobolev 1963).
     SignedProducts,
     /// The manoeuvring terms of a surface vessel with quadratic modulus (Fedyaevsky and Sobolev 1963, Norrbin 1970;
     /// Fossen 2021, section 6.5 and chapter 9), with `u` the surge speed:
@@ -48,8 +46,8 @@ pub enum Family {
     Trigonometric,
     /// Inputs, and their products with outputs.
     InputsTimesOutputs,
-    /// Lateral motion over surge speed: `v/u` (the drift angle), `r/u`, `v r/u`, `v^2/u`, `r^2/u`, for forces that
-    /// depend on the angle of attack. Undefined at `u = 0`. Empty if no output is the surge speed.
+    /// Lateral motion over surge speed, for forces that depend on the angle of attack: `v/u` (the drift angle), `r/u`,
+    /// `v r/u`, `v^2/u`, `r^2/u`. Undefined at `u = 0`; empty without a surge speed.
     Rational,
     /// Terms listed by the user.
     Listed(Vec<Term>),
@@ -122,8 +120,7 @@ impl Family {
     }
 }
 
-/// Number of monomials of degree 1 up to `degree` in `n` variables: binomial(n + degree, degree) - 1, in integer
-/// arithmetic.
+/// Number of monomials of degree 1 up to `degree` in `n` variables: binomial(n + degree, degree) - 1.
 fn monomials(n: u128, degree: u8) -> u128 {
     let all = (1..=u128::from(degree)).try_fold(1u128, |c, k| Some(c.checked_mul(n + k)? / k));
     all.map_or(u128::MAX, |all| all - 1)
@@ -146,7 +143,6 @@ fn for_each_monomial(variables: &[u16], degree: u8, add: &mut impl FnMut(Term)) 
     }
 }
 
-/// `x |y|` of all different `x` and `y`.
 fn for_each_signed_product(variables: &[u16], add: &mut impl FnMut(Term)) {
     for &x in variables {
         variables.iter().filter(|&&y| y != x).for_each(|&y| add(Term::signed_square(x, y)));

@@ -78,8 +78,7 @@ impl Library {
         &self.families
     }
 
-    /// Number of terms, computed without generating the monomials; saturates. For very many terms outside the
-    /// polynomials it is an upper bound.
+    /// Number of terms, without generating the monomials; an upper bound for very many other terms.
     pub fn count(&self, variables: &Variables) -> usize {
         let is_polynomial = |family: &Family| matches!(family, Family::Polynomial { .. });
         let degrees = self.families.iter().filter_map(|family| match family {

@@ -69,8 +69,7 @@ impl fmt::Display for Library {
 impl FromStr for Library {
     type Err = UnknownLibrary;
 
-    /// Parses the output of `Display`, except listed terms, which require channel names. `-` and `_` replace spaces:
-    /// `marine-cubic`.
+    /// Parses the output of `Display` without listed terms; `-` and `_` replace spaces: `marine-cubic`.
     fn from_str(text: &str) -> Result<Self, UnknownLibrary> {
         let plain = text.to_lowercase().replace(['-', '_'], " ");
         let (families, constant) = match plain.split_once(',') {

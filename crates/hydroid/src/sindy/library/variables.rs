@@ -11,8 +11,7 @@ pub enum VariableKind {
     Plain,
     /// An angle \[rad\], for example of a rudder or of roll. Forces depend on its sine.
     Angle,
-    /// A wind component from `--wind`, `U^2 cos` or `U^2 sin` \[m^2/s^2\]; the wind force is linear in it (Fossen 2021,
-    /// section 10.1).
+    /// A wind component `U^2 cos` or `U^2 sin` \[m^2/s^2\], in which the force is linear (Fossen 2021, section 10.1).
     Wind,
 }
 
@@ -36,8 +35,8 @@ impl Variables {
         Self::new(vec![VariableKind::Plain; outputs], vec![VariableKind::Plain; inputs])
     }
 
-    /// The variables of a run. Channels in `rad` are angles; wind components are recognized by the names and the unit
-    /// from the log reader; the surge speed is the output `u`, else the first of three or more outputs.
+    /// The variables of a run: angles by the unit `rad`, wind by the names of the log reader, the surge speed by the
+    /// name `u`, else the first of three or more outputs.
     pub fn of(run: &Trajectory) -> Self {
         Self::of_channels(run.outputs.channels(), run.inputs.channels())
     }

@@ -1,5 +1,4 @@
-//! Levenberg-Marquardt iteration (Levenberg, Quart. Appl. Math. 2 (1944) 164; Marquardt, J. SIAM 11 (1963) 431) with a
-//! quadratic prior and linear constraints.
+//! Levenberg-Marquardt iteration (Quart. Appl. Math. 2 (1944) 164; J. SIAM 11 (1963) 431) with prior and constraints.
 
 use super::parameters::Parameters;
 use super::shooting::{Linearization, Windows};
@@ -13,7 +12,6 @@ const MAX_STEPS: usize = 12;
 /// Maximum number of damping values per iteration; each is ten times the one before.
 const MAX_TRIALS: usize = 5;
 
-/// The iteration ends if the cost decreases by less than this share.
 const MIN_RELATIVE_DECREASE: f64 = 1e-4;
 
 /// Damping of the first step that follows a rejected one.

@@ -52,8 +52,7 @@ pub struct RefineOptions<'a> {
     pub ranges: &'a [DesignRange],
     /// Length of a window \[samples\].
     pub horizon: usize,
-    /// Strengths of the prior at the initial estimate, in decreasing order; each minimisation starts from the previous
-    /// result.
+    /// Decreasing strengths of the prior; each minimisation starts from the previous result.
     pub strengths: &'a [f64],
     /// Huber threshold of the errors \[standard deviations\].
     pub huber: Option<f64>,
@@ -78,8 +77,7 @@ pub struct RefinedEquations {
     pub cost: f64,
 }
 
-/// Refines equations, once for each strength of the prior. The list is empty if the initial rollouts diverge or no run
-/// is longer than a window.
+/// Refines equations for each strength of the prior; empty if the rollouts diverge or all runs are too short.
 ///
 /// # Errors
 /// If the work was interrupted.
@@ -119,8 +117,8 @@ pub fn refine(
     Ok(refined)
 }
 
-/// RMS prediction errors over the windows relative to the sensor noise, for each output. `None` if the rollouts diverge
-/// or no run is longer than a window.
+/// RMS prediction error of each output relative to the sensor noise. `None` if the rollouts diverge or all runs are too
+/// short.
 pub fn noise_excess(options: &RefineOptions<'_>, equations: &Equations) -> Option<Vec<f64>> {
     let windows = windows(options, equations)?;
     let share = |(start, weight): (&f64, &f64)| start / weight;

@@ -57,7 +57,6 @@ impl Parameters {
         self.base.terms().len()
     }
 
-    /// Indices of the coefficients in the table.
     pub(super) fn places(&self) -> &[usize] {
         &self.places
     }

@@ -32,7 +32,6 @@ pub(super) struct Windows<'a> {
     /// Weight of the measurement error at the start of a window.
     pub(super) start: Vec<f64>,
     pub(super) ranges: &'a [DesignRange],
-    /// Bound of a Huber loss in standard deviations.
     pub(super) huber: Option<f64>,
 }
 
@@ -64,8 +63,7 @@ struct Task<'a> {
 }
 
 impl Windows<'_> {
-    /// Errors and their derivatives at given parameters; `None` if a rollout diverges or there are no windows. The
-    /// result does not depend on the number of threads.
+    /// Errors and their derivatives; `None` if a rollout diverges. Independent of the number of threads.
     pub(super) fn linearise(&self, parameters: &Parameters, values: &[f64]) -> Option<Linearization> {
         let equations = parameters.equations(values).ok()?;
         let perturbations = perturbations(parameters, values)?;

@@ -5,8 +5,7 @@ use crate::log::Trajectory;
 /// Maximum number of samples in the excerpts; more samples do not change the choice.
 const EXCERPT_SAMPLES: usize = 15_000;
 
-/// The training runs, or evenly spaced excerpts if they are long together. An excerpt has three horizons. If these
-/// cannot hold the warm-up and one horizon, the warm-up is added.
+/// The training runs, or evenly spaced excerpts of three horizons, with the warm-up if it exceeds two horizons.
 pub(super) fn excerpts(runs: &[&Trajectory], horizon: usize, warm_up: usize) -> Vec<Trajectory> {
     let three = 3 * horizon + 1;
     let length = if warm_up + horizon <= three { three } else { warm_up + three };
@@ -51,7 +50,7 @@ mod tests {
         assert_eq!(lengths(100, 3), [0; 0]);
         let long = lengths(72_000, 1);
         assert_eq!((long.len(), long[0]), (49, 301));
-        // A log that gaps cut into pieces shorter than three horizons once had no excerpts at all.
+        // Excerpts exist for a log that gaps cut into pieces shorter than three horizons.
         let short = excerpts(&[&run(72_000)], 20, 71);
         assert!(short.iter().all(|part| part.len() == 132), "a lag that settles in 7 s, a horizon of 2 s");
         let cut = lengths(200, 2_000);

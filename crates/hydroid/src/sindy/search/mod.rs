@@ -1,7 +1,7 @@
 //! Grid search over libraries, regressions, optimizers and ridge penalties, scored by multi-step predictions.
 //!
-//! The score of a trial is the mean of two errors: rollouts on the validation runs and rollouts on excerpts of the
-//! training runs. The training part makes the choice robust where the validation runs are short.
+//! The score of a trial is the mean of the errors on the validation runs and on excerpts of the training runs, which
+//! make the choice robust for short validation runs.
 
 mod excerpts;
 mod refinement;
@@ -98,8 +98,7 @@ pub struct Trial {
     pub ridge: f64,
     /// Number of non-zero coefficients.
     pub terms: usize,
-    /// Score: the mean of the next two, or the first one alone if the training runs are too short for the horizon; none
-    /// if a rollout diverged.
+    /// Mean of the next two errors, or the first one if the training runs are too short; none if a rollout diverged.
     pub score: Option<f64>,
     /// Mean NRMSE over channels and horizons on the validation runs.
     pub validation: Option<f64>,
@@ -178,16 +177,14 @@ pub enum SearchError {
 /// Maximum number of terms of a library: the cost of the selection grows with their cube.
 pub(super) const MOST_TERMS: usize = 1_000;
 
-/// Integration steps per sample that keep the inner step at or below 0.1 s. RK4 is then accurate to the noise of a log
-/// for motions slower than about ten per second.
+/// Integration steps per sample of at most 0.1 s: RK4 is accurate for motions slower than about ten per second.
 pub fn substeps(dt: f64) -> usize {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let steps = (dt / 0.1 - 1e-9).ceil().clamp(1.0, 1000.0) as usize;
     steps
 }
 
-/// Fits all points of the grid to the training runs and selects by rollouts on the validation runs and on excerpts of
-/// the training runs.
+/// Fits the grid to the training runs and selects by rollouts on validation runs and excerpts of training runs.
 ///
 /// # Errors
 /// If nothing could be fitted, everything diverged, or the work was interrupted.

@@ -18,8 +18,7 @@ const WINDOW_LENGTHS: [f64; 2] = [1.0, 1.0 / 3.0];
 /// Strengths of the prior, relative to the information of the windows.
 const PRIOR_STRENGTHS: [f64; 4] = [1.0, 0.1, 0.01, 0.001];
 
-/// Maximum ratio of prediction errors to sensor noise for a refinement; at the square root of two, the noise is half of
-/// the mean square.
+/// Maximum ratio of prediction errors to sensor noise for a refinement: half of the mean square is noise.
 ///
 /// Beyond it, unmodelled forces dominate: errors of multi-step predictions are then correlated, and least squares on
 /// them would fit the forces of these particular runs.

@@ -18,8 +18,7 @@ const STABILITY_TOLERANCE: f64 = 1.1;
 const BOOTSTRAP_BLOCKS: usize = 24;
 
 impl Search<'_> {
-    /// Trials in order of preference: first those within one standard error of the best, by the number of parameters,
-    /// then all others by score.
+    /// Trials within one standard error of the best by their number of parameters, then the others by score.
     fn preference(&self) -> Vec<usize> {
         let score = |i: usize| self.tried[i].trial.score.unwrap_or(f64::INFINITY);
         let mut order: Vec<usize> = (0..self.tried.len()).filter(|&i| score(i).is_finite()).collect();
@@ -77,8 +76,7 @@ impl Search<'_> {
         })
     }
 
-    /// Replaces the equation of each output in turn by that of another trial if the combined model is significantly
-    /// better in rollouts and not less stable.
+    /// Replaces the equation of each output by that of another trial, if significantly better and not less stable.
     fn select_by_output(
         &self,
         chosen: usize,
