@@ -84,7 +84,7 @@ impl std::str::FromStr for GivenRange {
 /// Stated ranges by the name of the channel.
 pub type GivenRanges = BTreeMap<String, GivenRange>;
 
-/// The range of a channel, and where it comes from.
+/// The range of a channel, stated or inferred.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ChannelRange {
     /// Name and unit.

@@ -109,7 +109,7 @@ pub struct NetworkTrainingOptions {
 }
 
 impl NetworkTrainingOptions {
-    /// The settings of a training, without a budget.
+    /// The options of a training, without a budget.
     pub fn settings(&self, cell: CellKind, seed: u64) -> TrainOptions {
         let mut settings = TrainOptions { seed, ..TrainOptions::of(cell) };
         for options in self.overrides(cell) {

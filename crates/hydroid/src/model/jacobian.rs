@@ -26,7 +26,7 @@ pub struct JacobianEntry {
 
 /// Blocks of the Jacobian, row by row.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[allow(non_snake_case, reason = "A and B are what control engineers call them")]
+#[allow(non_snake_case, reason = "standard names of control engineering")]
 pub struct JacobianText {
     /// With respect to the outputs.
     pub A: Vec<Vec<JacobianEntry>>,

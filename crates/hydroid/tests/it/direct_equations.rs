@@ -19,7 +19,7 @@ use hydroid_core::model::recurrent::BaseModel;
 use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
 use hydroid_core::predict::Predictor;
 
-/// Nearly what the vessel is, with a lag and past values that it has not.
+/// Approximate equations of the vessel, with a lag and past values that it does not have.
 fn equations() -> Equations {
     let signals =
         vec![Signal::Lag { input: 2, time_constant_s: Real(0.05) }, Signal::Past { variable: 0, samples: 2 }];
@@ -69,7 +69,7 @@ fn score(session: &mut dyn Predictor, run: &Trajectory) -> f64 {
     evaluate("direct", session, &OUTPUTS, &[run], &options, &mut silent()).unwrap().score()
 }
 
-/// Chained over two horizons and a half. The run is so short that every origin is judged.
+/// Chained over two and a half horizons, on a run so short that every origin is evaluated.
 #[test]
 fn a_network_on_equations_corrects_them() {
     let whole = smooth("c", 130, 100.0);
@@ -79,7 +79,7 @@ fn a_network_on_equations_corrects_them() {
     assert!(trained.validation < 0.3 * alone, "{} of {alone}", trained.validation);
     let told = score(&mut DirectSession::new(Arc::new(model.clone())).unwrap(), &whole);
     assert!((told / trained.validation - 1.0).abs() < 1e-4, "{told} {}", trained.validation);
-    // What is given counts in what the equations miss.
+    // Corrections are scaled by the residual of the equations.
     let scale = &model.scaling;
     let shares = scale.correction_scale.iter().zip(&scale.output_scale).map(|(c, s)| c / s);
     assert!(shares.clone().all(|share| (1e-3..0.5).contains(&share)), "{:?}", shares.collect::<Vec<_>>());
@@ -141,7 +141,7 @@ fn job(methods: Vec<Method>) -> Identification {
     }
 }
 
-/// Its file holds the equations; whatever contradicts itself is refused, and no damage makes it panic.
+/// The file contains the equations; inconsistent and damaged files are refused without panic.
 #[test]
 fn it_takes_the_equations_of_the_job_into_its_file() {
     let alone = identify(&job(vec![Method::Direct]), &mut silent()).unwrap_err();

@@ -125,7 +125,7 @@ fn text_has_equations_signals_and_units() {
     assert_eq!((exact.len(), exact[2].value, exact[2].unit.as_str()), (9, -0.907_04, "1/m"));
 }
 
-/// A letter that is a channel's already would be read as that channel; what stands behind two gates is written out.
+/// Letters of gates avoid the names of channels; terms with two gates are written out.
 #[test]
 fn symbols_of_gates_are_unique() {
     let terms = ["s below(s, -1, 2)", "above(z, 0, 3)", "s above(s, 1, 2) above(z, 1, 2)"];
@@ -232,7 +232,7 @@ fn the_jacobian_is_text_to_copy() {
     assert_eq!(json["B"][1][1]["variable"], "delta");
 }
 
-/// What stands in the text is what the compiled Jacobian computes.
+/// The text agrees with the compiled Jacobian.
 #[test]
 fn the_text_of_the_jacobian_means_its_value() {
     let of = ship();
@@ -261,7 +261,7 @@ fn the_text_of_the_jacobian_means_its_value() {
     }
 }
 
-/// Braces that open and close, dollars in pairs, no command that a name smuggled in.
+/// Checks balanced braces and dollars, and commands from names.
 fn balanced(text: &str) -> Result<(), String> {
     let (mut depth, mut left, mut dollars) = (0i32, 0i32, 0);
     let mut rest = text.chars();
@@ -274,7 +274,7 @@ fn balanced(text: &str) -> Result<(), String> {
                 } else if next.starts_with("right") {
                     left -= 1;
                 } else {
-                    // An escaped character counts for nothing.
+                    // Escaped characters are skipped.
                     if !next.starts_with(|c: char| c.is_ascii_alphabetic()) {
                         rest.next();
                     }

@@ -150,7 +150,7 @@ impl Predictor for Learner {
     }
 }
 
-/// The session itself must observe the run: forks need not learn.
+/// Regression test: the session is evaluated, not a fork, which need not adapt.
 #[test]
 fn an_adapting_session_keeps_its_coefficients_for_the_next_run() {
     let ramp = |name, len: u32| {

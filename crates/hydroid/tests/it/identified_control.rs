@@ -1,5 +1,5 @@
-//! Feedback linearization with identified equations controls the true plant on a circle. Equations that cannot be
-//! inverted are refused, and a controller that loses the track reports it.
+//! Feedback linearization with identified equations on the true plant. Equations that are not invertible are refused,
+//! and a controller that loses the track reports it.
 
 use std::sync::Arc;
 
@@ -19,14 +19,11 @@ use hydroid_core::control::{
 use hydroid_core::model::sparse::{Equations, Term};
 use hydroid_core::vessel::VesselParams;
 
-/// Outputs of the logs.
 const MOTION: [&str; 3] = ["u", "v", "r"];
-/// Outputs with the propeller's force.
 const WITH_FORCE: [&str; 4] = ["u", "v", "r", "P_f"];
 const DT: f64 = 0.1;
-/// Seeds of the measurement noise.
 const SEEDS: [u64; 5] = [1, 2, 3, 4, 5];
-/// Terms of a vessel with quadratic drag, and one function of each command: such equations are affine in the commands.
+/// Terms of a vessel with quadratic drag and one function of each command: affine in the commands.
 const PHYSICAL: [&str; 12] =
     ["u", "v", "r", "u |u|", "v |v|", "r |r|", "u r", "v r", "r^2", "u v", "PP_cmd", "u sin(RD_ang)"];
 
@@ -66,8 +63,8 @@ fn equations_from_noisy_data_control_the_simple_vessel() {
     assert!(clean.rms < 1e-6 && noisy.rms <= 0.0042);
 }
 
-/// An independent implementation, on two hours of data, gives 0.010, 0.016 and 0.018 m. This test uses ten minutes; lag
-/// and gate are identified, the terms are given.
+/// An independent implementation, on two hours of data, gives 0.010, 0.016 and 0.018 m. Here ten minutes; lag and gate
+/// are identified, the terms are given.
 #[test]
 fn identified_equations_control_the_hydrofoil_in_all_modes() {
     let vessel = VesselParams::hydrofoil();
@@ -80,8 +77,8 @@ fn identified_equations_control_the_hydrofoil_in_all_modes() {
     }
 }
 
-/// The thesis's polynomials. Without propeller terms one command is left, which is refused. Smoothed derivatives give a
-/// controller that loses the track and reports it. The others are ten times as far from the reference.
+/// Polynomial models. A threshold that removes the propeller leaves one command, which is refused. With smoothed
+/// derivatives the controller loses the track and reports it. The errors of the others are ten times as large.
 #[test]
 fn polynomials_are_refused_lost_or_ten_times_as_far_from_the_reference() {
     let vessel = VesselParams::hydrofoil();
@@ -134,14 +131,12 @@ fn both(vessel: &VesselParams, task: Task, controller: &mut dyn Controller, meas
     [clean, noisy.swap_remove(SEEDS.len() / 2)]
 }
 
-/// A log under mixed commands.
 fn log(vessel: &VesselParams, outputs: &[&str], duration_s: f64, seed: u64) -> Trajectory {
     let options =
         simulate::Options { duration_s, seed, ..simulate::Options::new(vessel.clone(), Excitation::Mixed) };
     simulate(&options, &mut silent()).unwrap().to_trajectory(outputs).unwrap()
 }
 
-/// Equations of the physical terms.
 fn identified(vessel: &VesselParams, train_s: f64) -> Arc<Equations> {
     let split = Split {
         train: vec![log(vessel, &MOTION, train_s, 0)],
@@ -170,8 +165,7 @@ fn identified(vessel: &VesselParams, train_s: f64) -> Arc<Equations> {
     }
 }
 
-/// A polynomial model, with forces in 100 N. Terms with more than one command or propeller force are left out: they
-/// cannot be inverted.
+/// A polynomial model, with forces in 100 N, without terms in several commands or propeller forces.
 fn polynomial(data: &Trajectory, degree: u8, regression: RegressionForm, optimizer: Optimizer) -> Equations {
     let efforts = |term: &Term| {
         let factors = term.factors().iter().filter(|f| usize::from(f.variable) >= MOTION.len());
@@ -187,14 +181,13 @@ fn polynomial(data: &Trajectory, degree: u8, regression: RegressionForm, optimiz
     prepared.fit(&options).unwrap().equations
 }
 
-/// The simple vessel with measured propeller force, with the settings of an independent implementation: degree 2, weak
-/// form over 20 samples.
+/// The simple vessel with measured propeller force, as in an independent implementation: degree 2, weak form over 20
+/// samples.
 fn with_measured_force() -> Equations {
     let data = log(&VesselParams::simple(), &WITH_FORCE, 7_200.0, 0);
     polynomial(&data, 2, RegressionForm::Weak { intervals: 20 }, Optimizer::Stepwise(0.01))
 }
 
-/// The controller with known parameters.
 fn on_plant(vessel: &VesselParams, lead: f64) -> FeedbackLinearization<AffinePlant> {
     let (model, limits) = (AffinePlant::new(vessel).unwrap(), AffinePlant::limits(vessel));
     FeedbackLinearization::new(model, &limits, DT, FeedbackLinearizationOptions::new(lead)).unwrap()
@@ -212,7 +205,6 @@ fn on_equations(
         .map_err(|error| error.to_string())
 }
 
-/// Equations in the form that a controller inverts.
 fn affine(vessel: &VesselParams, equations: &Equations) -> Result<AffineEquations, String> {
     let commands = [&vessel.commands.propeller.name, &vessel.commands.rudder.name];
     let mut names: Vec<String> = WITH_FORCE[..equations.outputs()].iter().map(ToString::to_string).collect();

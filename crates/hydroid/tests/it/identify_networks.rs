@@ -31,7 +31,7 @@ fn run(samples: usize, phase: f64, driven: bool) -> Trajectory {
     Trajectory { name: format!("run {phase}"), t0: 0.0, dt: 0.1, outputs, inputs, truth: None }
 }
 
-/// A job of small networks on runs of so many samples.
+/// A job of small networks on runs of given lengths.
 fn job(methods: &[Method], [train, validation, test]: [usize; 3], driven: bool) -> Job {
     Job {
         methods: methods.to_vec(),
@@ -66,7 +66,7 @@ fn job(methods: &[Method], [train, validation, test]: [usize; 3], driven: bool) 
     }
 }
 
-/// The result, and how often a training was heard of.
+/// The result, and the number of progress reports.
 fn done(job: &Job) -> (Result<IdentifyResult, IdentifyError>, usize) {
     let mut heard = 0;
     let result = identify_with_stages(job, &mut |stage| {
@@ -96,7 +96,7 @@ fn a_horizon_longer_than_all_runs_is_refused_for_all_methods() {
     }
 }
 
-/// The wash-out by default is an eighth of 400 samples: predictions begin at sample 50, and reach 25 further.
+/// The default wash-out is an eighth of 400 samples: predictions begin at sample 50 and end 25 samples later.
 #[test]
 fn runs_too_short_for_evaluation_are_refused_before_training() {
     let (enough, _) = done(&job(&[Method::Gru], [400, 200, 76], true));
@@ -134,10 +134,10 @@ fn runs_without_inputs_are_for_networks_with_feedback() {
     assert_eq!(done(&both).0.unwrap().candidates.len(), 2);
 }
 
-/// A job that keeps its trainings.
+/// A job with checkpoints.
 fn kept_job(folder: &Path) -> Job {
     let mut job = job(&[Method::Gru], [1_200, 300, 300], true);
-    // Long enough to be heard of several times.
+    // Long enough for several reports.
     job.networks.all.epochs = Some(400);
     job.networks.checkpoints = Some(folder.to_owned());
     job
@@ -160,21 +160,21 @@ fn the_same_job_resumes_and_another_job_restarts() {
     interrupt(&kept);
     assert!(file.exists());
 
-    // Another job leaves it in peace, under another name.
+    // Another job renames the checkpoint.
     let interrupted = std::fs::read(&file).unwrap();
     let other = done(&Job { seed: 9, ..kept.clone() }).0.unwrap();
     assert!(notes(&other).contains("gru.checkpoint.old"), "{}", notes(&other));
     assert_eq!(std::fs::read(&old).unwrap(), interrupted);
     assert_ne!(other.candidates[0].model.body, whole.candidates[0].model.body);
 
-    // The same job goes on, and says so.
+    // The same job resumes with a note.
     std::fs::rename(&old, &file).unwrap();
     let again = done(&kept).0.unwrap();
     assert!(notes(&again).contains("gru: resumed from"), "{}", notes(&again));
     assert_eq!(again.candidates[0].model, whole.candidates[0].model);
     assert!(!old.exists());
 
-    // So does whoever insists; what was asked for needs no note.
+    // With `resume` it resumes without a note.
     std::fs::write(&file, &interrupted).unwrap();
     let mut insists = kept.clone();
     insists.networks.resume = true;
@@ -182,7 +182,7 @@ fn the_same_job_resumes_and_another_job_restarts() {
     assert_eq!(again.candidates[0].model, whole.candidates[0].model);
     assert!(!notes(&again).contains("resumed from"));
 
-    // What cannot be read is not lost either.
+    // An unreadable checkpoint is renamed as well.
     std::fs::write(&file, b"not a checkpoint").unwrap();
     let anew = done(&kept).0.unwrap();
     assert_eq!(anew.candidates[0].model, whole.candidates[0].model);
@@ -217,7 +217,7 @@ fn resume_without_a_checkpoint_is_an_error_before_the_search() {
     assert!(refused(&job).contains("no interrupted training"));
 }
 
-/// What has learned from the validation runs is not judged on them.
+/// A network refitted on the validation runs is not evaluated on them.
 #[test]
 fn validation_uses_the_network_before_the_refit() {
     let mut plain = job(&[Method::Gru], [600, 300, 300], true);
@@ -234,7 +234,7 @@ fn validation_uses_the_network_before_the_refit() {
     assert!(notes(&again).contains("gru: refitted over 40 epochs on"), "{}", notes(&again));
 }
 
-/// A range that was stated teaches nothing: leaving the training runs is told all the same.
+/// With a stated range, samples outside the training range still cause a warning.
 #[test]
 fn leaving_the_training_range_is_reported_for_any_design_range() {
     let mut job = job(&[Method::Sindy], [600, 300, 300], true);

@@ -53,8 +53,7 @@ fn relative_errors(system: &System, found: &System, run: &Trajectory) -> [f64; O
     std::array::from_fn(|i| (errors[i] / squares[i]).sqrt())
 }
 
-/// Every output is damped and driven by a command; it may have quadratic drag, a steady force, and has up to
-/// two more terms of the library.
+/// Every output has damping and a command, and up to two more terms, quadratic drag and a steady force.
 fn system() -> impl Strategy<Value = System> {
     let terms = terms();
     let count = terms.len();
@@ -91,7 +90,7 @@ fn system() -> impl Strategy<Value = System> {
     })
 }
 
-/// Numbers in -1..1 that look like nothing in particular.
+/// Pseudo-random numbers in -1..1.
 fn wild(k: usize, seed: usize) -> f64 {
     ((1.0 + 12.9898 * k as f64 + 78.233 * seed as f64).sin() * 43_758.545) % 1.0
 }
@@ -109,7 +108,7 @@ fn trajectory(outputs: Vec<f64>, inputs: Vec<f64>, dt: f64) -> Trajectory {
     }
 }
 
-/// Commands held for five samples; the next state as `next` says. Nothing where it runs away.
+/// A run under commands held for five samples; none if it diverges.
 fn driven(samples: usize, seed: usize, next: impl Fn(&[f64], &[f64]) -> Vec<f64>) -> Option<Trajectory> {
     let mut y = vec![0.0; OUTPUTS];
     let (mut outputs, mut inputs) = (Vec::new(), Vec::new());
@@ -125,8 +124,7 @@ fn driven(samples: usize, seed: usize, next: impl Fn(&[f64], &[f64]) -> Vec<f64>
     Some(trajectory(outputs, inputs, DT))
 }
 
-/// Samples that obey the midpoint rule itself, `y+ = y + dt f((y + y+)/2, c)`: rows of the regression without
-/// any error of discretisation.
+/// Samples that satisfy the midpoint rule, `y+ = y + dt f((y + y+)/2, c)`: a regression without discretisation error.
 fn by_midpoints(system: &System, samples: usize, seed: usize) -> Option<Trajectory> {
     driven(samples, seed, |y, c| {
         let mut next = y.to_vec();
@@ -140,7 +138,7 @@ fn by_midpoints(system: &System, samples: usize, seed: usize) -> Option<Trajecto
                 return next;
             }
         }
-        // Too stiff for this iteration: no run.
+        // Too stiff for this iteration.
         vec![f64::NAN; OUTPUTS]
     })
 }
@@ -192,7 +190,6 @@ fn columns(table: &Table, scales: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// A term over other variables.
 fn moved(term: &Term, to: &[u16]) -> Term {
     let factors = term.factors().iter().map(|f| Factor { variable: to[usize::from(f.variable)], ..*f });
     Term::new(factors.collect())
@@ -206,7 +203,7 @@ fn same(a: f64, b: f64) -> bool {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(32))]
 
-    /// Metres or feet, newtons or tonnes, seconds or hours: the equations are the same physical equations.
+    /// The equations do not depend on the units of length, force and time.
     #[test]
     fn units_do_not_matter(
         system in system(),
@@ -237,7 +234,7 @@ proptest! {
         }
     }
 
-    /// A library is a set: the order in which its terms are written down says nothing.
+    /// The order of the terms in a library has no effect.
     #[test]
     fn the_order_of_terms_does_not_matter(
         system in system(),
@@ -259,7 +256,7 @@ proptest! {
         }
     }
 
-    /// Nor does the order of the columns in a log.
+    /// The order of the columns in a log has no effect.
     #[test]
     fn the_order_of_inputs_does_not_matter(system in system()) {
         let run = by_midpoints(&system, 800, 3).map(with_noise);
@@ -281,9 +278,9 @@ proptest! {
         }
     }
 
-    /// Exact data of a random sparse system: its terms, no others, and its coefficients to eight digits. Backward
-    /// elimination may drop terms that explain less than 1e-5 of the accelerations, as of two outputs that one command
-    /// drives: it then has fewer terms, and the accelerations to 1 %.
+    /// Exact data of a random sparse system give its terms and coefficients to eight digits. Backward elimination may
+    /// drop terms that explain less than 1e-5 of the accelerations: it then has fewer terms, and the accelerations to 1
+    /// %.
     #[test]
     fn a_random_sparse_system_is_found_exactly(system in system(), seed in 10usize..1000) {
         let run = by_midpoints(&system, 1_500, seed);
@@ -304,9 +301,8 @@ proptest! {
         }
     }
 
-    /// The motion itself, which obeys the midpoint rule to second order in the sample time only: the
-    /// accelerations along the run are found to 2 %. (Coefficients are not compared: a steady force may keep an
-    /// output positive, and `y^2` is then as good as `y |y|`.)
+    /// On a motion that satisfies the midpoint rule to second order in the sample time, the accelerations are found to
+    /// 2 %. Coefficients are not compared: if a steady force keeps an output positive, `y^2` equals `y |y|`.
     #[test]
     fn a_random_sparse_system_is_found_in_its_integrated_motion(system in system(), seed in 10usize..1000) {
         let run = integrated(&system, 1_500, seed);

@@ -13,7 +13,7 @@ pub(crate) fn table(names: &[&str], unit: &str, rows: &[Vec<f64>]) -> Table {
     Table::new(channels, rows.concat())
 }
 
-/// Outputs `u` and `v`; the input is the index of the sample, so that a test double can find the true outputs.
+/// Outputs `u` and `v`; the input is the index of the sample, which gives test doubles access to the truth.
 pub(crate) fn run(name: &str, outputs: &[Vec<f64>]) -> Trajectory {
     let numbers: Vec<Vec<f64>> = (0..outputs.len()).map(|k| vec![k as f64]).collect();
     Trajectory {

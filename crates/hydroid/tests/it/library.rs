@@ -62,7 +62,7 @@ fn marine_has_the_terms_of_the_literature() {
     for term in ["u^3", "v^2 r", "v sin(delta)", "v r sin(delta)", "v sin(delta) sin(delta)"] {
         assert!(cubic.split(", ").any(|t| t == term), "{term} in {cubic}");
     }
-    // Without a surge speed, here of a boat with two outputs, every output takes its place.
+    // Without a surge speed, every output replaces it.
     assert_eq!(
         text(&Library::marine().without_constant(), &Variables::plain(2, 1), &["a", "b", "c"]),
         "a, b, c, a |a|, b |b|, c |c|, a |b|, |a| b, a |c|, b |c|, a^2, a b, a c, b^2, b c, a |a| c, b |b| c"
@@ -113,7 +113,7 @@ fn counting_is_exact_and_the_order_of_families_has_no_meaning() {
         }
     }
     assert_eq!(Library::polynomial(255).count(&Variables::plain(usize::from(u16::MAX), 0)), usize::MAX);
-    // Nobody waits for a million terms to be counted.
+    // A count of billions of terms is immediate.
     assert!(Library::new(vec![Family::SignedProducts]).count(&Variables::plain(60_000, 0)) > 3_000_000_000);
 }
 

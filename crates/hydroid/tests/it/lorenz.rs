@@ -1,5 +1,5 @@
-//! The Lorenz system under measurement noise, and the simple plant with the same settings: the window follows
-//! from the noise, the terms from the information criterion, nothing else is set.
+//! The Lorenz system with measurement noise, and the simple plant: the window follows from the noise, the terms from
+//! the information criterion.
 
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -16,7 +16,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// Columns of a log by the names before their units; all of them where no names are given.
+/// Columns of a log by name without unit; all columns if no names are given.
 fn read(path: &std::path::Path, names: &[&str]) -> Vec<Vec<f64>> {
     let mut reader = csv::Reader::from_path(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     let header: Vec<String> =
@@ -37,7 +37,7 @@ fn table(names: &[&str], columns: &[Vec<f64>]) -> Table {
     Table::new(channels, (0..rows).flat_map(|k| columns.iter().map(move |c| c[k])).collect())
 }
 
-/// The golden run with Gaussian noise of a share of each state's standard deviation.
+/// The golden run with Gaussian noise relative to each state's standard deviation.
 fn lorenz(level: f64, seed: u64) -> Trajectory {
     let names = ["x", "y", "z"];
     let mut columns = read(&golden("lorenz_5000.csv"), &names);
@@ -61,7 +61,7 @@ fn lorenz(level: f64, seed: u64) -> Trajectory {
     }
 }
 
-/// A fit in which nothing was set but the library.
+/// A fit with default options.
 fn fit(run: &Trajectory, library: &Library) -> (Fit, RegressionForm) {
     let variables = Variables::plain(run.outputs.width(), run.inputs.width());
     let regression = weak_form_from_noise(&[run]).unwrap();
@@ -78,7 +78,6 @@ fn fit(run: &Trajectory, library: &Library) -> (Fit, RegressionForm) {
     (fit, regression)
 }
 
-/// Terms of each equation, by name.
 fn found(fit: &Fit, names: &[&str]) -> Vec<Vec<String>> {
     (0..fit.equations.outputs())
         .map(|i| {
@@ -145,7 +144,7 @@ fn simple_runs() -> Vec<(&'static str, Trajectory)> {
         .collect()
 }
 
-/// Two hours of the simple plant with its noise: exactly the 14 true terms, and no setting but the library.
+/// Two hours of the simple plant with noise: exactly the 14 true terms with default options.
 #[test]
 fn the_simple_plant_is_found_with_the_settings_of_lorenz() {
     for seed in 0..2 {

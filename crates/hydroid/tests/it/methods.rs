@@ -20,7 +20,7 @@ fn run(drag: f64, seed: u64, duration_s: f64) -> Trajectory {
     simulate(&options, &mut silent()).unwrap().to_trajectory(&["u", "v", "r", "P_f"]).unwrap()
 }
 
-/// Trained on the vessel as it was built, chosen and judged on one whose drag is larger by a factor.
+/// Trained on the original vessel; validated and tested with drag larger by a factor.
 fn identified(drag: f64, methods: &[Method]) -> (IdentifyResult, Trajectory) {
     let test = run(drag, 3, 300.0);
     let split = Split {
@@ -66,7 +66,7 @@ fn a_constant_vessel_needs_no_lags_and_no_adaptation() {
     assert!(!lagged.is_empty(), "the past is there to be used");
 }
 
-/// A steady log with a spike in every hundredth sample says so, and where the remedy is.
+/// A log with a spike in every hundredth sample causes a warning with a remedy.
 #[test]
 fn spikes_are_named_with_their_remedy() {
     let spiky = |mut run: Trajectory| {
@@ -109,7 +109,7 @@ fn spikes_are_named_with_their_remedy() {
     assert_eq!(told(spiky(clean), Some(1.345)), None, "the remedy has been taken");
 }
 
-/// A lag that is given once stood beside equations without it, which could win.
+/// Regression test: equations without a given lag could be selected.
 #[test]
 fn a_given_lag_is_in_all_candidates() {
     let part = |seed| vec![run(1.0, seed, 120.0)];
@@ -142,7 +142,7 @@ fn recursive_equations_are_best_on_a_changed_vessel() {
     assert!(learning.test.score() < 0.8 * fixed.test.score());
     assert_eq!((learning.model.kind(), fixed.model.kind()), ("recursive_equations", "sparse_equations"));
 
-    // The file keeps how it learns: the model read back walks the log in the same way.
+    // The file contains the adaptation: the model read back gives equal predictions.
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("learning.safetensors");
     model::write(&learning.model, &path).unwrap();
@@ -161,7 +161,7 @@ fn recursive_equations_are_best_on_a_changed_vessel() {
     assert_eq!(predicted(&again), predicted(&learning.model));
     assert_ne!(predicted(&again), predicted(&fixed.model), "it has learned on the way");
 
-    // What `adapt` calls frozen once learned as well.
+    // Regression test: the frozen model of `adapt` was adapted.
     let report = adapt(&again, &[&test], &adapt::Options::default(), &mut silent()).unwrap().report;
     let still = model::Model { learning: None, ..again };
     let judged = adapt(&still, &[&test], &adapt::Options::default(), &mut silent()).unwrap().report;

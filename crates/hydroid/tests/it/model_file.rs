@@ -29,7 +29,7 @@ fn spread(scale: f64) -> [f64; 10] {
     [0.0, scale, 0.0, 0.0, 0.1, 0.0, 0.0, 0.3, scale / 7.0, 0.0]
 }
 
-/// A model with numbers that have no short decimal form, and names that need escaping.
+/// A model with numbers without a short decimal form, and names that need escaping.
 fn model() -> Model {
     let terms = vec![
         Term::constant(),
@@ -86,13 +86,11 @@ fn decoded(bytes: &[u8]) -> Result<Model, ModelError> {
     decode(bytes, Path::new("m.safetensors"))
 }
 
-/// The JSON in a file's head.
 fn head(bytes: &[u8]) -> Value {
     let (_, metadata) = SafeTensors::read_metadata(bytes).unwrap();
     serde_json::from_str(&metadata.metadata().as_ref().unwrap()["hydroid"]).unwrap()
 }
 
-/// A file with a head and one tensor.
 fn file(head: &str, tensor: &str, dtype: Dtype, shape: &[usize], data: &[u8]) -> Vec<u8> {
     let view = TensorView::new(dtype, shape.to_vec(), data).unwrap();
     let metadata = HashMap::from([(String::from("hydroid"), head.to_owned())]);
@@ -110,7 +108,7 @@ fn with_head(change: impl FnOnce(&mut Value)) -> Vec<u8> {
     file(&head.to_string(), "coefficients", Dtype::F64, &[2, 5], &numbers(&[1.0; 10]))
 }
 
-/// The reason, of the kind of error that names a contradiction.
+/// The reason of an inconsistent model.
 fn contradiction(bytes: &[u8]) -> String {
     match decoded(bytes) {
         Err(ModelError::Inconsistent { reason, .. }) => reason,
@@ -134,15 +132,14 @@ fn a_model_file_is_rewritten_byte_for_byte() {
     assert_eq!(again, model());
     write(&again, &second).unwrap();
     assert_eq!(std::fs::read(&first).unwrap(), std::fs::read(&second).unwrap());
-    // A file that is there is replaced, and nothing else is left in the folder.
+    // An existing file is replaced, and no other file remains in the folder.
     write(&model(), &first).unwrap();
     assert_eq!(std::fs::read_dir(first.parent().unwrap()).unwrap().count(), 1);
-    // The untouched helper makes files that are read: what the tests below refuse is what they changed.
+    // The unchanged helper makes valid files.
     assert!(decoded(&with_head(|_| ())).is_ok());
 }
 
-/// JSON numbers were once read to within a rounding only: a sample time of 1/3 s came back as another
-/// number, and a model written twice was two files.
+/// Regression test: JSON numbers were read with a rounding error, so that a sample time of 1/3 s changed.
 #[test]
 fn numbers_in_the_head_survive_to_the_last_bit() {
     let mut model = model();
@@ -174,7 +171,7 @@ fn a_changed_byte_never_panics() {
         for flip in [0x01, 0x80, 0xff] {
             let mut damaged = whole.clone();
             damaged[at] ^= flip;
-            // Some changes are another model (a digit of a range); none may panic, and what is read is sound.
+            // Some changes give another valid model (a digit of a range); none may panic.
             if let Ok(model) = decoded(&damaged) {
                 sound(&model);
             }
@@ -182,7 +179,7 @@ fn a_changed_byte_never_panics() {
     }
 }
 
-/// What every model that was read must allow.
+/// Properties of every model that was read.
 fn sound(model: &Model) {
     let mut session = model.session();
     let (n, m) = (session.outputs(), session.inputs());
@@ -242,14 +239,13 @@ fn other_files_are_recognised() {
     );
     assert!(nowhere.to_string().contains("nowhere.safetensors"));
     assert!(matches!(read(&log.join("below")), Err(ModelError::Read { .. })));
-    // A device has no length and no end.
     #[cfg(unix)]
     assert!(matches!(read(Path::new("/dev/zero")), Err(ModelError::NotAModel { .. })));
-    // Sparse: a gigabyte and a byte that is not there. It is refused by its size.
+    // A sparse file above the size limit.
     let huge = put("huge.safetensors", b"");
     std::fs::OpenOptions::new().write(true).open(&huge).unwrap().set_len((1 << 30) + 1).unwrap();
     assert!(matches!(read(&huge), Err(ModelError::NotAModel { reason, .. }) if reason.contains("too many")));
-    // A safetensors file of somebody else, with metadata and without.
+    // A safetensors file of another program, with and without metadata.
     let view = TensorView::new(Dtype::F32, vec![1], &[0; 4]).unwrap();
     let other = HashMap::from([(String::from("format"), String::from("pt"))]);
     for metadata in [None, Some(other)] {
@@ -325,7 +321,7 @@ fn with_members(shape: &[usize], values: &[f64], places: &[u32]) -> Vec<u8> {
 
 #[test]
 fn an_ensemble_is_read_back_and_an_inconsistent_one_is_refused() {
-    // Without an ensemble, as all files once were.
+    // A file without an ensemble.
     let old = decoded(&with_head(|_| ())).unwrap();
     assert!(old.members.is_empty() && old.member_sessions().is_empty());
     assert_eq!(model().member_sessions().len(), 3);
@@ -354,14 +350,14 @@ fn an_ensemble_is_read_back_and_an_inconsistent_one_is_refused() {
     assert!(alone.contains("one tensor alone"), "{alone}");
 }
 
-/// More members than a file keeps are cut off, and it has no column that no member uses.
+/// The number of members is limited, and columns that no member uses are omitted.
 #[test]
 fn a_file_stays_small() {
     let mut many = model();
     let bare = bytes(&Model { members: Members::default(), ..model() }).len();
     many.members = Members::new(&vec![spread(1.0).to_vec(); 70]);
     assert_eq!(decoded(&bytes(&many)).unwrap().members.len(), 50);
-    // Four coefficients a member, their places, and two entries in the head of the file.
+    // Four coefficients for each member, their places, and two entries in the head.
     assert!(bytes(&many).len() - bare <= 50 * 4 * 8 + 4 * 4 + 200);
 }
 
@@ -385,14 +381,14 @@ fn an_invalid_header_is_refused() {
         let reason = contradiction(&with_head(|head| head["description"]["outputs"][0]["range"] = range));
         assert!(reason.contains("'u'"), "{reason}");
     }
-    // Fewer channels than the numbers are for.
+    // Fewer channels than coefficients.
     contradiction(&with_head(|head| head["description"]["outputs"] = json!([])));
     contradiction(&with_head(|head| {
         head["description"]["outputs"].as_array_mut().unwrap().pop();
     }));
 }
 
-/// A model without outputs predicts nothing; everything behind it may rely on there being one.
+/// A model without outputs is refused.
 #[test]
 fn a_model_without_outputs_is_refused() {
     let mut head = head(&bytes(&model()));
@@ -402,7 +398,7 @@ fn a_model_without_outputs_is_refused() {
     assert!(reason.contains("no outputs"), "{reason}");
 }
 
-/// A term of many factors with high powers must not take time or memory out of proportion to the file.
+/// A term of many factors with high powers needs bounded time and memory.
 #[test]
 fn terms_that_are_too_large_are_refused() {
     let mut head = head(&bytes(&model()));
@@ -425,7 +421,7 @@ fn a_failed_write_leaves_no_file() {
         names
     };
     let before = listing();
-    // Below a regular file no folder can be made.
+    // A regular file has no subfolders.
     let error = write(&model(), &blocked.join("deep/model.safetensors")).unwrap_err();
     assert!(error.to_string().contains("model.safetensors"), "{error}");
     // A folder is not replaced by a file.
@@ -433,7 +429,7 @@ fn a_failed_write_leaves_no_file() {
     std::fs::create_dir_all(taken.join("inside")).unwrap();
     assert!(write(&model(), &taken).is_err());
     std::fs::remove_dir_all(&taken).unwrap();
-    // Content that fails half-way leaves neither the new file nor a part of it, and the old one stays.
+    // Content that fails half-way leaves the old file and no part of the new one.
     for name in ["fresh", "file"] {
         let failed = atomic::write(&folder.path().join(name), |out| {
             out.write_all(&vec![1; 100_000])?;
@@ -465,7 +461,7 @@ fn an_adapting_model_keeps_its_prior() {
     assert!(contradiction(&bytes(&model)).contains("triangle"));
     model.learning.as_mut().unwrap().r_factor[0] = 1e-200;
     assert!(contradiction(&bytes(&model)).contains("triangle"));
-    // What would take all memory, or the numbers out of their range.
+    // Values that would exhaust the memory, or outside their range.
     let refused = |change: &dyn Fn(&mut hydroid_core::adapt::ExpertMixtureOptions), word: &str| {
         let mut model = model.clone();
         let learning = model.learning.as_mut().unwrap();

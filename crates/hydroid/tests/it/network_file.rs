@@ -17,12 +17,11 @@ use proptest::prelude::*;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde_json::{Value, json};
 
-// The golden files and their readers are those of the core.
 use crate::networks::{NAMES, golden_json, golden_path, numbers, read};
 
 const DT: f64 = 0.1;
 
-/// A model around a network, its channels scaled by nothing.
+/// A model of a network with unit scaling.
 fn model(network: Network, weights: Vec<f64>, base: BaseModel, feedback: bool) -> Model {
     let outputs = network.outputs;
     let inputs = network.inputs - if feedback { outputs } else { 0 };
@@ -75,7 +74,6 @@ fn cells() -> Vec<Network> {
     ]
 }
 
-/// Every kind of network, with every base.
 fn models() -> Vec<Model> {
     let mut all = Vec::new();
     for network in cells() {
@@ -134,7 +132,7 @@ fn a_model_file_is_read_back_with_the_same_predictions() {
     }
 }
 
-/// What may be done with a model that was read: a walk with measurements, so that a state filter corrects, and rollouts.
+/// Runs a model: measurements, so that a state filter corrects, and rollouts.
 fn used(model: &Model) {
     let mut session = model.session();
     let (n, m) = (session.outputs(), session.inputs());
@@ -146,7 +144,6 @@ fn used(model: &Model) {
     session.rollout(&vec![0.1; 2 * m], &mut Workspace::new(), &mut vec![0.0; 2 * n]);
 }
 
-/// The JSON in a file's head.
 fn head(bytes: &[u8]) -> Value {
     let (_, metadata) = SafeTensors::read_metadata(bytes).unwrap();
     serde_json::from_str(&metadata.metadata().as_ref().unwrap()["hydroid"]).unwrap()
@@ -186,7 +183,7 @@ fn networks_that_contradict_themselves_are_refused() {
     let keep = |_: &str, _: &mut (Dtype, Vec<usize>, Vec<u8>)| true;
     assert!(decoded(&changed(&good, |_| (), keep)).is_ok());
     let with = |change: &dyn Fn(&mut Value)| refusal(&changed(&good, change, keep));
-    // Sizes that would take all memory, that do not fit the tensors, or each other.
+    // Sizes that would exhaust the memory, or are inconsistent.
     for hidden in [0, 5, 1 << 20, usize::MAX] {
         let told = with(&|head| head["structure"]["network"]["cell"]["hidden"] = json!(hidden));
         assert!(told.contains("m.safetensors"), "{told}");
@@ -271,7 +268,7 @@ fn damaged_files_never_panic() {
 }
 
 proptest! {
-    /// A head whose numbers are anything is refused or predicts.
+    /// A head with arbitrary numbers is refused or gives a model that predicts.
     #[test]
     fn arbitrary_sizes_are_refused_or_sound(
         hidden in prop_oneof![0usize..9, any::<usize>()],
@@ -300,7 +297,7 @@ proptest! {
         }
     }
 
-    /// Complete files of networks of any size.
+    /// Complete files of any sizes, with or without a state filter.
     #[test]
     fn sound_files_are_used_without_harm(
         hidden in 1usize..6,
@@ -333,7 +330,7 @@ fn weights_travel_from_pytorch_and_back() {
             .iter()
             .map(|(name, view)| {
                 let values = view.data().chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().unwrap()));
-                // As a module that holds the cell under another name has them.
+                // Names of a module that contains the cell.
                 let module = if name.starts_with("linear") { "" } else { "net.rnn." };
                 (format!("{module}{name}"), view.shape().to_vec(), values.collect())
             })

@@ -1,4 +1,4 @@
-//! Thresholded least squares beside PySINDy itself, on records that the golden files do not have.
+//! Thresholded least squares compared with PySINDy, on records beyond the golden files.
 //!
 //! The Python with PySINDy is `HYDROID_PYTHON` or `python3`; without PySINDy the test says so and passes.
 
@@ -37,7 +37,7 @@ fn thresholded_least_squares_equals_pysindy_on_the_hydrofoil() {
     let options =
         Options { duration_s: 300.0, seed: 11, ..Options::new(VesselParams::hydrofoil(), Excitation::Mixed) };
     let run = simulate(&options, &mut silent()).unwrap().to_trajectory(&["u", "v", "r"]).unwrap();
-    // PySINDy thresholds raw coefficients: bring the propeller to units of 100 N in which that makes sense.
+    // PySINDy thresholds raw coefficients: the propeller is scaled to 100 N.
     let scales = [1.0, 1.0, 1.0, 100.0, 1.0];
     for (degree, threshold) in [(1, 0.0), (2, 0.02), (2, 0.1), (3, 0.05)] {
         let terms = Library::polynomial(degree).terms(&Variables::plain(5, 0));

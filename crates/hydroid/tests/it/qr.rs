@@ -32,7 +32,7 @@ fn square(factor: &QrFactor) -> Vec<Vec<f64>> {
     gram(&rows)
 }
 
-/// Largest difference of two Gram matrices, each element by the norms of its two columns.
+/// Largest difference of two Gram matrices, relative to the norms of the columns.
 fn distance(a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
     let n = a.len();
     let mut worst = 0.0f64;
@@ -45,7 +45,6 @@ fn distance(a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
     worst
 }
 
-/// Gaussian elimination with partial pivoting.
 fn solve_square(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Vec<f64> {
     let n = b.len();
     for k in 0..n {
@@ -71,7 +70,7 @@ fn matrix(rows: &[&[f64]]) -> Vec<Vec<f64>> {
     rows.iter().map(|r| r.to_vec()).collect()
 }
 
-/// Numbers that look like nothing in particular.
+/// Pseudo-random numbers.
 fn wild(k: usize) -> f64 {
     (1.0 + 12.9898 * k as f64).sin() * 43_758.545 % 1.0
 }
@@ -93,7 +92,7 @@ fn tall() -> impl Strategy<Value = Vec<Vec<f64>>> {
 
 #[test]
 fn the_textbook_factor() {
-    // The example of nearly every text on QR: R = [14 21 -14; 0 175 -70; 0 0 35], up to signs of rows.
+    // The standard example: R = [14 21 -14; 0 175 -70; 0 0 35], up to signs of rows.
     let factor = fold(&matrix(&[&[12.0, -51.0, 4.0], &[6.0, 167.0, -68.0], &[-4.0, 24.0, -41.0]]));
     let expected = [[14.0, 21.0, -14.0], [0.0, 175.0, -70.0], [0.0, 0.0, 35.0]];
     for i in 0..3 {
@@ -180,7 +179,7 @@ fn exact_data_gives_back_their_coefficients() {
         assert!((got - expected).abs() < 1e-13, "{got} for {expected}");
     }
     assert!(solution.residual < 1e-12 && solution.dependent.is_empty());
-    // Without the column that is not needed; with the columns that are, the rest is residual.
+    // Without a column that is not needed; without a needed one, the rest is residual.
     let fewer = factor.solve(&[0, 1, 3, 4], 5);
     assert!(fewer.residual < 1e-12 && (fewer.coefficients[2] - 5.0).abs() < 1e-13);
     assert!(factor.solve(&[0, 1], 5).residual > 1.0);
@@ -226,7 +225,7 @@ fn a_dependent_column_is_reported_and_left_out() {
     assert!(solution.residual < 1e-11);
 }
 
-/// The first round takes a dependent column out; it must still be told after the last.
+/// A dependent column is removed in the first round and still reported after the last.
 #[test]
 fn both_optimizers_report_dependent_terms() {
     let mut rows = wild_matrix(100, 3);
@@ -242,8 +241,8 @@ fn both_optimizers_report_dependent_terms() {
     }
 }
 
-/// Forward and backward selection of textbooks agree on this: a term leaves exactly if the residual sum of
-/// squares rises by less than the tolerance. Orthogonal columns make the rise the square of the coefficient.
+/// A term is removed exactly if the residual sum of squares rises by less than the tolerance. Orthogonal columns make
+/// the rise the square of the coefficient.
 #[test]
 fn backward_elimination_weighs_the_rise_of_the_residual() {
     // Columns e1, e2, e3 and a right-hand side (10, 0.3, 0.2, 1): the residual sum of squares is 1.
@@ -260,7 +259,7 @@ fn backward_elimination_weighs_the_rise_of_the_residual() {
     };
     assert_eq!(support(0.03), [true, true, true]);
     assert_eq!(support(0.05), [true, true, false]);
-    // After the third has left the residual is 1.04: 0.09 is 0.0865 of it.
+    // Without the third column the residual is 1.04: 0.09 is 0.0865 of it.
     assert_eq!(support(0.085), [true, true, false]);
     assert_eq!(support(0.088), [true, false, false]);
     assert_eq!(support(200.0), [false, false, false]);
@@ -285,7 +284,7 @@ fn ridge_is_its_closed_form() {
     for (got, expected) in ridged.solve(&[0, 1, 2, 3], 4).coefficients.iter().zip(&expected) {
         assert!((got - expected).abs() < 1e-13);
     }
-    // A subset of the columns has the ridge of the subset.
+    // A subset of the columns has its own ridge.
     let own = solve_square(
         vec![vec![normal[1][1], normal[1][3]], vec![normal[3][1], normal[3][3]]],
         vec![normal[1][4], normal[3][4]],
@@ -298,7 +297,7 @@ fn ridge_is_its_closed_form() {
 #[test]
 fn condition_numbers_of_known_matrices() {
     let all = |n: usize| (0..n).collect::<Vec<_>>();
-    // Orthogonal columns of any length are perfectly conditioned once they have unit norm.
+    // Orthogonal columns have condition number 1 after scaling to unit norm.
     let diagonal = fold(&matrix(&[&[1e-3, 0.0, 0.0], &[0.0, 7.0, 0.0], &[0.0, 0.0, 1e4]]));
     assert!((diagonal.condition(&all(3)) - 1.0).abs() < 1e-12);
     // Two unit columns at an angle with cosine c: sqrt((1 + c)/(1 - c)).
@@ -321,15 +320,14 @@ fn condition_numbers_of_known_matrices() {
     assert_eq!(fold(&matrix(&[&[1.0, 0.0], &[1.0, 0.0]])).condition(&all(2)), f64::INFINITY);
 }
 
-/// Columns that are nearly the same make the inverse of the normal matrix cancel: when one of the twins had
-/// left, what remained of the inverse was rounding, and true terms left with it or nothing left any more.
+/// Regression test: the inverse of the normal matrix cancels if columns are nearly equal, and true terms were removed.
 #[test]
 fn backward_elimination_survives_columns_that_are_nearly_the_same() {
     for near in [1e-3, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9] {
         for seed in 0..20 {
             let mut rows = wild_matrix(400, 6);
             for (i, row) in rows.iter_mut().enumerate() {
-                // Twins of the first and of the third column.
+                // Near copies of the first and of the third column.
                 let (a, b) = (row[0] + near * row[4], row[2] + near * row[5]);
                 let noise = 0.01 * wild(90_000 + 1000 * seed + i);
                 let target = 2.0 * row[0] - row[2] + 0.05 * row[3] + noise;
@@ -345,8 +343,7 @@ fn backward_elimination_survives_columns_that_are_nearly_the_same() {
     }
 }
 
-/// A decaying velocity is 1e-80, its square 1e-160: the reflector of such a column once was infinite, and
-/// every coefficient became NaN and then zero.
+/// Regression test: the reflector of a column of 1e-160 was infinite, and every coefficient became zero.
 #[test]
 fn a_column_with_tiny_initial_values_is_harmless() {
     for tiny in [1e-80, 1e-145, 1e-160, 1e-200, 1e-310] {

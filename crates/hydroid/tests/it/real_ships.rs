@@ -1,6 +1,6 @@
 //! Identification on logs of real ships, against the ridge baseline on the same split.
 //!
-//! The logs are found through `HYDROID_DATA`; without it the tests say so and pass.
+//! Without the logs in `HYDROID_DATA` the tests pass with a message.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -37,7 +37,7 @@ fn job(split: Split, horizon: usize, origin_stride: usize) -> Job {
     }
 }
 
-/// The baseline without shrinkage to speak of: what "plain" ridge regression is.
+/// The baseline with negligible shrinkage.
 fn plain(rows: &[Row]) -> impl Iterator<Item = &Row> {
     rows.iter().filter(|row| row.lambda <= 1e-2)
 }
@@ -51,7 +51,7 @@ fn beats_persistence(test: &Evaluation, factor: f64) {
     }
 }
 
-/// Mean of the outputs' NRMSE at the last horizon, by method, and of the ridge that validation would choose.
+/// Mean NRMSE of the outputs at the last horizon by method, and of the ridge selected on the validation runs.
 fn means(ship: &Ship, data: &Path) -> (IdentifyResult, Vec<f64>, f64) {
     let [train, validation, test] = ship.runs(data);
     let split = Split { train, validation, test, notes: Vec::new() };
@@ -63,7 +63,7 @@ fn means(ship: &Ship, data: &Path) -> (IdentifyResult, Vec<f64>, f64) {
     (result, means, ridge)
 }
 
-/// The ridge stands still; what is called best on the tug keeps learning along the run.
+/// The ridge is constant; the best model on the tug adapts along the run.
 #[test]
 #[ignore = "slow tier: .ci/run runs it"]
 fn cybership_is_a_tenth_below_the_ridge_that_validation_chooses() {
@@ -74,14 +74,14 @@ fn cybership_is_a_tenth_below_the_ridge_that_validation_chooses() {
     assert!(result.candidates.iter().all(|c| c.test.diverged == 0));
     beats_persistence(&result.candidates[best].test, 0.85);
     assert!(result.is_usable());
-    // Equations that stand still are better than ridge without shrinkage to speak of, whatever its setting.
+    // Constant equations are better than ridge with negligible shrinkage.
     for row in plain(&baseline(&CYBERSHIP, &data)) {
         let (_, ridge) = last(&row.test);
         assert!(means[0] < 0.95 * ridge, "{means:?} against {ridge}");
     }
 }
 
-/// Without the ends at which the ship is towed, for the ridge as well: README says what it is with them.
+/// Without the ends at which the ship is towed, for the ridge as well; README has the result with them.
 #[test]
 #[ignore = "slow tier: .ci/run runs it"]
 fn esso_is_a_tenth_below_the_ridge_that_validation_chooses() {
@@ -93,8 +93,7 @@ fn esso_is_a_tenth_below_the_ridge_that_validation_chooses() {
     assert!(result.is_usable());
 }
 
-/// Ten minutes of the hydrofoil in one log: two minutes of validation once chose equations that ran away on
-/// the very data they had been fitted to, and a good log was called of no use.
+/// Regression test: on ten minutes of the hydrofoil in one log, two minutes of validation selected unstable equations.
 #[test]
 #[ignore = "slow tier: .ci/run runs it"]
 fn a_short_log_has_a_robust_validation() {

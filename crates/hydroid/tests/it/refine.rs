@@ -79,7 +79,7 @@ fn plain(horizon: usize) -> Given<'static> {
     Given { horizon, strengths: &[1e-3], lags: &[], gates: &[], constraints: Constraints::default() }
 }
 
-/// The regression's estimate on given terms.
+/// The regression estimate on given terms.
 fn regressed(run: &Trajectory, structure: &Structure, tolerance: f64) -> Equations {
     let variables = Variables::of(run);
     let signals = structure.signals(&variables);
@@ -96,21 +96,21 @@ fn regressed(run: &Trajectory, structure: &Structure, tolerance: f64) -> Equatio
     prepared.fit(&options).unwrap().equations
 }
 
-/// The simple vessel with the force of the propeller among the outputs, so that nothing is hidden.
+/// The simple vessel with the propeller force among the outputs, without hidden states.
 fn one_mode(seed: u64, noise: f64) -> Trajectory {
     record(VesselParams::simple(), seed, 600.0, noise, &["u", "v", "r", "P_f"])
 }
 
-/// Those terms that a long record without noise has.
+/// The terms of a long record without noise.
 fn truth() -> Equations {
     let run = record(VesselParams::simple(), 100, 1_200.0, 0.0, &["u", "v", "r", "P_f"]);
     let exact = regressed(&run, &Structure::from(Library::polynomial(2)), 0.01);
     assert_eq!(exact.active_terms(), 14);
-    // The weak form leaves an error of discretisation; predictions over many steps leave none but that of RK4.
+    // Unlike the weak form, multi-step predictions have no discretisation error except that of RK4.
     refined(&run, &exact, &plain(50)).remove(0).equations
 }
 
-/// What equations make of the commands of a run: data that they fit to rounding.
+/// The outputs of equations under the commands of a run.
 fn made_by(equations: &Equations, mut run: Trajectory) -> Trajectory {
     let (n, m) = (run.outputs.width(), run.inputs.width());
     let commands: Vec<f64> = (0..run.len() - 1).flat_map(|k| run.inputs.row(k)[..m].to_vec()).collect();
@@ -128,7 +128,6 @@ fn largest_change(a: &Equations, b: &Equations) -> f64 {
     pairs.map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max)
 }
 
-/// Root mean square of the relative errors.
 fn error(of: &Equations, truth: &Equations) -> f64 {
     let pairs: Vec<f64> = of
         .coefficients()
@@ -140,7 +139,7 @@ fn error(of: &Equations, truth: &Equations) -> f64 {
     (pairs.iter().sum::<f64>() / pairs.len() as f64).sqrt()
 }
 
-/// A record with the true terms and any coefficients on them.
+/// Equations with the true terms and any coefficients.
 fn with_terms_of(truth: &Equations, run: &Trajectory) -> Equations {
     let mut coefficients = truth.coefficients().to_vec();
     let terms = truth.terms().to_vec();
@@ -183,7 +182,7 @@ fn refinement_keeps_exact_and_improves_noisy_coefficients() {
     assert!(after < 0.5 * before, "squared errors {after} after, {before} before");
 }
 
-/// The hydrofoil with its hidden lag and its change of mode, both a little wrong at the start.
+/// The hydrofoil with a hidden lag and a gate, both slightly wrong at the start.
 #[test]
 fn lag_and_gate_are_refined_unless_they_are_given() {
     const TRUTH: [f64; 3] = [1.0, 2.5, 12.0];
@@ -201,7 +200,7 @@ fn lag_and_gate_are_refined_unless_they_are_given() {
     for seed in 61..65 {
         let run = record(VesselParams::hydrofoil(), seed, 600.0, 1.0, &["u", "v", "r"]);
         let start = regressed(&run, &structure, 0.005);
-        // The pull towards a wrong start is weak enough not to be seen beside the noise.
+        // The prior at a wrong start is negligible beside the noise.
         let free = Given { strengths: &[1e-3, 1e-7], lags: &[lag], gates: &[gate], ..plain(50) };
         let refined_free = refined(&run, &start, &free).remove(1);
         if seed == 61 {
@@ -211,8 +210,7 @@ fn lag_and_gate_are_refined_unless_they_are_given() {
         }
         found.push(hidden(&refined_free.equations));
     }
-    // Noise moves the estimates of one record, and the scatter over the records says by how much: their mean may be off
-    // by what Student's t allows for four of them, 5.84 standard errors in one of a hundred cases.
+    // The mean error of four records may be 5.84 standard errors, by Student's t in one of a hundred cases.
     for i in 0..3 {
         let errors: Vec<f64> = found.iter().map(|x| x[i] - TRUTH[i]).collect();
         let mean = errors.iter().sum::<f64>() / 4.0;
@@ -246,7 +244,7 @@ fn a_start_that_diverges_is_not_refined() {
     let wild = Equations::new(start.terms().to_vec(), wild, 4, 2, start.dt(), 1).unwrap();
     assert!(refined(&run, &wild, &plain(50)).is_empty());
     assert_eq!(miss(&run, &wild, 50), None);
-    // Nor is anything where no run is as long as a window.
+    // Runs shorter than a window are not refined.
     assert!(refined(&run, &start, &plain(100_000)).is_empty());
 }
 
@@ -257,14 +255,14 @@ fn rules_hold_in_refined_coefficients() {
     let terms = start.terms().len();
     let of = |output: usize| (0..terms).filter(|&j| start.coefficient(output, j) != 0.0).collect::<Vec<_>>();
     let (signed, tied) = (Coefficient { equation: 0, term: of(0)[0] }, of(1));
-    // A little on the side of zero that the data speak against: refinement wants to cross it.
+    // A start inside its bound, which refinement without constraints would cross.
     let mut table = start.coefficients().to_vec();
     let wanted = table[signed.term];
     table[signed.term] = -0.02 * wanted;
     start = Equations::new(start.terms().to_vec(), table, 4, 2, start.dt(), start.substeps()).unwrap();
     let free = refined(&run, &start, &plain(50)).remove(0);
     assert!(free.equations.coefficient(0, signed.term) * wanted > 0.0);
-    // A relation that the start obeys and the free one does not.
+    // An equality that the start satisfies and the unconstrained refinement does not.
     let sum = |e: &Equations| e.coefficient(1, tied[0]) + 2.0 * e.coefficient(1, tied[1]);
     let value = sum(&start);
     assert!((sum(&free.equations) / value - 1.0).abs() > 1e-4);
@@ -279,7 +277,6 @@ fn rules_hold_in_refined_coefficients() {
     assert!((sum(&bound.equations) / value - 1.0).abs() < 1e-9);
 }
 
-/// A search on one library.
 fn searched(run: &Trajectory, degree: u8, refine: Option<bool>, ensemble_size: usize) -> SearchResult {
     let grid = SearchGrid {
         structures: vec![Structure::from(Library::polynomial(degree))],
@@ -312,7 +309,7 @@ fn searched(run: &Trajectory, degree: u8, refine: Option<bool>, ensemble_size: u
 fn refinement_runs_where_noise_dominates_and_reports_its_outcome() {
     let run = one_mode(41, 1.0);
     let words = |found: &SearchResult| found.refinement.describe(0.1);
-    // Linear equations miss forces of the vessel.
+    // Linear equations omit forces of the vessel.
     let off = searched(&run, 1, None, 0);
     assert_eq!((off.refinement.outcome, words(&off)), (Outcome::Off, None));
     let far = searched(&run, 1, Some(false), 0);
@@ -332,8 +329,7 @@ fn refinement_runs_where_noise_dominates_and_reports_its_outcome() {
     assert!(diverging.describe(0.1).unwrap().contains("diverge"));
 }
 
-/// Counts the true coefficients of the simple vessel inside their 90 % intervals, and prints the numbers in the documentation of
-/// the results.
+/// Counts the true coefficients inside their 90 % intervals, for the documentation of the results.
 #[test]
 #[ignore = "slow tier: .ci/run runs it"]
 fn coverage_of_the_intervals() {

@@ -35,7 +35,7 @@ fn run(dt: f64, outputs: &[Vec<f64>], inputs: &[Vec<f64>]) -> Trajectory {
     }
 }
 
-/// Numbers in -1..1 that look like nothing in particular.
+/// Pseudo-random numbers in -1..1.
 fn wild(k: usize, seed: usize) -> f64 {
     ((1.0 + 12.9898 * k as f64 + 78.233 * seed as f64).sin() * 43_758.545) % 1.0
 }
@@ -49,8 +49,7 @@ fn derivative(terms: &[Term], coefficients: &[f64], y: &[f64], c: &[f64]) -> Vec
         .collect()
 }
 
-/// Samples that obey the midpoint rule itself, `y+ = y + dt f((y + y+)/2, c)`, so that the regression has no
-/// discretisation error at all.
+/// Samples that satisfy the midpoint rule, `y+ = y + dt f((y + y+)/2, c)`: a regression without discretisation error.
 fn obeying_the_midpoint_rule(
     terms: &[Term],
     coefficients: &[f64],
@@ -62,7 +61,6 @@ fn obeying_the_midpoint_rule(
     let mut y = vec![0.0; outputs];
     let (mut rows, mut commands) = (Vec::new(), Vec::new());
     for k in 0..samples {
-        // Held for five samples, so that it moves something.
         let c: Vec<f64> = (0..inputs).map(|j| 2.0 * wild(k / 5 * inputs + j, seed)).collect();
         rows.push(y.clone());
         let mut next = y.clone();
@@ -219,10 +217,10 @@ fn a_row_that_touches_a_missing_sample_is_left_out_and_counted() {
     // Rows start at 0, 1, .. 95 and use samples k .. k + 4 (stride 1 for four intervals).
     let four = assembled(&[&data], RegressionForm::Midpoint { intervals: 4 });
     assert_eq!((four.qr.rows(), four.skipped), (91, 5));
-    // Central differences: neighbours of the sample, and the sample itself for its library.
+    // Central differences: neighbours of the sample, and the sample itself for the library.
     let central = assembled(&[&data], RegressionForm::Central);
     assert_eq!((central.qr.rows(), central.skipped), (97, 3));
-    // What is left is still exact.
+    // The remaining rows are exact.
     let terms = Library::polynomial(1).terms(&Variables::plain(2, 0));
     let fit = fit(&[&data], &terms, MIDPOINT, Optimizer::Stlsq(0.0));
     for (got, expected) in fit.equations.coefficients().iter().zip([0.0, -1.0, 1.0]) {
@@ -232,7 +230,7 @@ fn a_row_that_touches_a_missing_sample_is_left_out_and_counted() {
 
 #[test]
 fn runs_are_never_joined() {
-    // The second run starts far from where the first ended: an increment across would be 100/s.
+    // Across the ends of the runs, an increment would be 100/s.
     let first = linear(300);
     let mut second = linear(301);
     let moved: Vec<f64> = second.outputs.column(0).map(|y| y + 10.0).collect();
@@ -252,7 +250,7 @@ fn runs_are_never_joined() {
                 assert!((a.abs() - b.abs()).abs() < 1e-10, "({i}, {j}): {a} and {b}");
             }
         }
-        // y' = -y + c in both, but for a constant: y - 10 in the second.
+        // y' = -y + c in both, with y - 10 in the second.
         assert!(both.qr.column_norm(3) < 60.0, "{}", both.qr.column_norm(3));
     }
 }
@@ -317,7 +315,7 @@ fn the_number_of_threads_does_not_change_a_bit() {
 
 #[test]
 fn a_library_over_outputs_alone() {
-    // No inputs at all: a damped oscillator.
+    // A damped oscillator without inputs.
     let terms = Library::polynomial(2).terms(&Variables::plain(2, 0));
     let truth = [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0, -0.1, 0.0, 0.0, 0.0];
     let mut data = obeying_the_midpoint_rule(&terms, &truth, (2, 0), 2, 0);
@@ -341,7 +339,7 @@ fn a_library_over_outputs_alone() {
     assert_eq!((fit.equations.inputs(), fit.equations.active_terms()), (0, 3));
 }
 
-/// The residual that is told is that of the coefficients on the data; the penalty of a ridge is not in it.
+/// The reported residual excludes the ridge penalty.
 #[test]
 fn the_residual_of_a_ridge_fit_is_that_of_the_data() {
     let mut data = linear(2_000);
@@ -420,7 +418,7 @@ fn the_search_chooses_by_prediction_error_and_lists_the_candidates() {
     ));
 }
 
-/// `--degree 50` once asked for some hundred gigabytes.
+/// Regression test: `--degree 50` required some hundred gigabytes.
 #[test]
 fn a_huge_library_is_refused_before_it_is_built() {
     let data = linear(100);
@@ -430,14 +428,14 @@ fn a_huge_library_is_refused_before_it_is_built() {
         // Monomials in two variables up to degree d: (d + 1)(d + 2)/2.
         assert_eq!(terms, (usize::from(degree) + 1) * (usize::from(degree) + 2) / 2);
     }
-    // Beside a library that is small enough it is passed over.
+    // A library that is too large is skipped if another one is small enough.
     let mut both = grid(1);
     both.structures.push(Library::polynomial(255).into());
     assert_eq!(search_of(&data, &both).unwrap().trials[0].structure.library, Library::polynomial(1));
 }
 
-/// The true coefficients of the simple plant, `[equation][term]`, in physical units; the reference has forces
-/// in 100 N and the rudder command in 10 N s.
+/// The true coefficients of the simple plant, `[equation][term]`, in physical units; the reference has forces in 100 N
+/// and the rudder command in 10 N s.
 fn simple_plant_truth(terms: &[Term]) -> Vec<f64> {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../tests/golden/simple_coefficients.json");
     let reference: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
@@ -511,7 +509,7 @@ fn the_simple_plant_with_noise_misses_nothing_and_adds_little() {
             let what = format!("seed {seed}, {intervals} intervals, tolerance {tolerance}");
             assert_eq!(missing, 0, "{what}");
             assert!(spurious <= 3, "{what}: {spurious} spurious terms");
-            // 3.0 to 4.0 % are usual: the mid-state of noisy samples attenuates the coefficients.
+            // 3.0 to 4.0 % are usual: noise at the midpoint attenuates the coefficients.
             assert!(mean_error < 0.06, "{what}: mean relative error {mean_error}");
         }
     }

@@ -1,5 +1,4 @@
-//! The regressions against coefficients that PySINDy and an independent implementation found on the same
-//! samples (`tests/golden`, made with PySINDy 2.1.0).
+//! The regressions against coefficients of PySINDy 2.1.0 and an independent implementation (`tests/golden`).
 
 use std::path::PathBuf;
 
@@ -14,7 +13,6 @@ fn golden(name: &str) -> String {
     std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
-/// Columns of a golden CSV by the name before the unit.
 fn columns(name: &str) -> impl Fn(&str) -> Vec<f64> {
     let text = golden(name);
     let mut reader = csv::Reader::from_reader(text.as_bytes());
@@ -79,7 +77,7 @@ fn names(run: &Trajectory) -> Vec<String> {
     Library::polynomial(2).terms(&Variables::of(run)).iter().map(|t| t.name(&names)).collect()
 }
 
-/// Largest difference from the reference over all coefficients, those that either has at zero included.
+/// Largest difference from the reference over all coefficients.
 fn difference(ours: &[Vec<f64>], names: &[String], equations: &[&str], reference: &Value) -> f64 {
     let mut worst = 0.0f64;
     for (ours, equation) in ours.iter().zip(equations) {

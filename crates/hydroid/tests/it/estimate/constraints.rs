@@ -7,8 +7,7 @@ use proptest::prelude::*;
 
 use crate::estimate::made::{Normal, driven, options, run, solve};
 
-/// Numbers that mean nothing: two outputs and two inputs, and with them a regression of two equations on the
-/// terms `y0, y1, c0, c1`.
+/// White noise in two outputs and two inputs: two equations in the terms `y0, y1, c0, c1`.
 fn noise(seed: u64) -> Trajectory {
     let mut normal = Normal::new(seed);
     let mut rows = |scale: [f64; 2]| -> Vec<Vec<f64>> {
@@ -56,7 +55,7 @@ fn normal_equations(data: &Trajectory) -> (Vec<Vec<f64>>, Vec<Vec<f64>>, Vec<f64
     (matrix, right, total)
 }
 
-/// The whole problem, each equation by the inverse of its residual: matrix, right-hand side.
+/// The coupled problem, each equation weighted by the inverse of its residual: matrix, right-hand side.
 fn stacked(data: &Trajectory) -> (Vec<Vec<f64>>, Vec<f64>) {
     let (matrix, right, total) = normal_equations(data);
     let mut all = vec![vec![0.0; 2 * TERMS]; 2 * TERMS];
@@ -74,7 +73,7 @@ fn stacked(data: &Trajectory) -> (Vec<Vec<f64>>, Vec<f64>) {
     (all, rhs)
 }
 
-/// What is to be least, but for a constant.
+/// The cost up to a constant.
 fn cost(matrix: &[Vec<f64>], right: &[f64], x: &[f64]) -> f64 {
     let n = x.len();
     (0..n).map(|i| x[i] * ((0..n).map(|j| matrix[i][j] * x[j]).sum::<f64>() - 2.0 * right[i])).sum()
@@ -162,7 +161,7 @@ proptest! {
             .map(|(weights, value)| (weights.into_iter().map(f64::from).collect(), f64::from(value)))
             .filter(|(weights, _): &(Vec<f64>, f64)| weights.iter().any(|a| *a != 0.0))
             .collect();
-        // One relation that ties the equations, so that their weights are those of the stacked problem.
+        // One equality couples the equations, so that their weights are those of the stacked problem.
         let mut tie = vec![0.0; 2 * TERMS];
         (tie[1], tie[TERMS]) = (1.0, -1.0);
         equalities.push((tie, 0.0));
@@ -172,8 +171,8 @@ proptest! {
         match (found, expected) {
             (Ok(found), Some(expected)) => {
                 let scale = expected.iter().map(|x| x.abs()).fold(1.0, f64::max);
-                // A choice whose Lagrange system is singular is passed over above, and may be the best: there the fit
-                // must be better than all others, and within its bounds.
+                // A choice with a singular Lagrange system is skipped above and may be the best: the fit is then better
+                // than all others and within its bounds.
                 let of = |x: &[f64]| cost(&problem.0, &problem.1, x);
                 let (own, theirs) = (of(found.equations.coefficients()), of(&expected));
                 let beats = own < theirs - 1e-6 * theirs.abs().max(1.0);
@@ -189,13 +188,13 @@ proptest! {
                 }
             }
             (Err(FitError::Constraints(ConstraintError::Contradiction { .. })), None) => {}
-            // Relations that depend on each other make the Lagrange system singular: no truth to compare with.
+            // Dependent equalities make the Lagrange system singular: there is no reference.
             (found, None) => prop_assume!(found.is_err()),
             (Err(error), Some(_)) => prop_assert!(false, "{error}"),
         }
     }
 
-    /// Karush, Kuhn, Tucker of one equation: free coefficients have no gradient, those at zero are pushed out.
+    /// Karush-Kuhn-Tucker conditions of one equation.
     #[test]
     fn the_gradient_pushes_against_the_bounds(seed in 0u64..1_000_000, signs in any_signs()) {
         let data = noise(seed);
@@ -215,7 +214,7 @@ proptest! {
     }
 }
 
-/// Of `y' = -y + c` with the forbidden sign of damping the term leaves, and the others are selected anew.
+/// With the forbidden sign of the damping in `y' = -y + c` the term is removed, and the others are selected anew.
 #[test]
 fn a_term_at_its_bound_leaves() {
     let data = driven(3_000, 0.1, 2);
@@ -260,7 +259,7 @@ fn constraints_that_make_no_sense_are_refused() {
     ));
     let against = Constraints { signs: vec![(at(5), Sign::NotPositive)], equalities: vec![one(5, 2.0)] };
     assert_eq!(refused(against), ConstraintError::Contradiction { equation: 1 });
-    // Said twice it is no contradiction; both signs at once leave zero.
+    // A repeated constraint is consistent; both signs at once give zero.
     let twice = of(vec![one(0, 1.0), one(0, 1.0)]);
     let fitted = fit(&data, twice, Optimizer::Stlsq(0.0)).unwrap();
     assert!((fitted.equations.coefficient(0, 0) - 1.0).abs() < 1e-14);

@@ -14,11 +14,11 @@ fn residual(rows: &[Vec<f64>], support: &[usize]) -> f64 {
 
 #[test]
 fn tolerances_are_those_of_the_criteria() {
-    // Of very many rows the corrections vanish: n ln(RSS without / RSS with) = p at the limit.
+    // For many rows the corrections vanish: n ln(RSS without / RSS with) = p at the limit.
     let n = 1e7;
     assert!((Criterion::Aic.tolerance(n, 3) * n - 2.0).abs() < 1e-5);
     assert!((Criterion::Bic.tolerance(n, 3) * n - n.ln()).abs() < 1e-3);
-    // Of few, by hand: n = 10, k = 2 against 1: 2 (2/7 - 1/8), and ln 10 (2/6 - 1/7).
+    // Few rows, by hand: n = 10, k = 2 against 1: 2 (2/7 - 1/8), and ln 10 (2/6 - 1/7).
     assert!((Criterion::Aic.tolerance(10.0, 2) - f64::exp_m1(2.0 * (2.0 / 7.0 - 1.0 / 8.0))).abs() < 1e-14);
     let bic = 10f64.ln() * (2.0 / 6.0 - 1.0 / 7.0);
     assert!((Criterion::Bic.tolerance(10.0, 2) - bic.exp_m1()).abs() < 1e-14);
@@ -28,8 +28,7 @@ fn tolerances_are_those_of_the_criteria() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// No single addition or removal lowers the criterion, computed by its definition, except by a term that explains less
-    /// than 1e-5 of the right-hand side.
+    /// No single addition or removal lowers the criterion, computed by its definition.
     #[test]
     fn no_single_term_improves_the_criterion(seed in 0u64..1_000_000, columns in 2usize..8, aic: bool) {
         let criterion = if aic { Criterion::Aic } else { Criterion::Bic };
@@ -37,7 +36,7 @@ proptest! {
         let rows: Vec<Vec<f64>> = (0..60)
             .map(|_| {
                 let mut row: Vec<f64> = (0..columns).map(|_| normal.next()).collect();
-                // Correlated columns, of which two count.
+                // Correlated columns; two are true.
                 row[1] = 0.8 * row[0] + 0.6 * row[1];
                 row.push(row[0] - 0.5 * row[columns - 1] + normal.next());
                 row

@@ -42,9 +42,9 @@ fn residuals_by_group_add_up() {
     }
 }
 
-/// Intervals of nominally 90 % on `y' = -y + c` with noise on the derivative, for which theory gives the
-/// standard errors: deviation of the noise over the root of the rows and of the variable's variance. (The
-/// noise is small because the mid-state holds half a step of it, a bias of second order in the noise.)
+/// Intervals of nominally 90 % on `y' = -y + c` with noise on the derivative, against the standard errors of theory:
+/// deviation of the noise over the root of rows times variance. The noise is small, because half a step of it at the
+/// midpoint causes a bias of second order.
 #[test]
 fn intervals_cover_the_truth_and_are_as_wide_as_theory_says() {
     let (seeds, samples, process) = (60, 4_000, 0.03);
@@ -61,8 +61,8 @@ fn intervals_cover_the_truth_and_are_as_wide_as_theory_says() {
     let share = covered as f64 / (2 * seeds) as f64;
     println!("coverage of nominal 90 %: {share}");
     assert!((0.75..=0.97).contains(&share), "{share}");
-    // c has variance 1; c and y share one half, 1 - corr^2 of c remains: y of a first-order lag of time
-    // constant 1 s under a command held for 1 s. The width is that of the coefficient of c given y.
+    // c has variance 1, of which 1 - corr^2 = 1/2 remains given y, a first-order lag of 1 s under a command held for 1
+    // s. The width is that of the coefficient of c given y.
     let data = driven(200_000, process, 999);
     let mean = |f: &dyn Fn(f64, f64) -> f64| {
         (0..data.len()).map(|k| f(data.outputs.row(k)[0], data.inputs.row(k)[0])).sum::<f64>()
@@ -83,10 +83,10 @@ fn true_terms_have_inclusion_one_and_false_terms_a_low_one() {
         let ensemble = prepared(&[&data], 2).ensemble(&fit, &bootstrap).unwrap();
         let junk = [0, 3, 4, 5].map(|k| ensemble.inclusion[k]);
         assert!(ensemble.inclusion[2] > 0.99, "{:?}", ensemble.inclusion);
-        // Where the command is left out nothing tells damping from chance.
+        // Without the command, damping is not distinguishable from chance.
         let least = if term_dropout == 0.0 { 0.99 } else { 0.6 };
         assert!(ensemble.inclusion[1] > least, "{:?}", ensemble.inclusion);
-        // Without a true term the junk stands in for it: bootstrap of the library is there to show that.
+        // Without a true term an irrelevant one replaces it; library bootstrap shows that.
         let most = if term_dropout == 0.0 { 0.25 } else { 0.5 };
         println!("junk {junk:?}");
         assert!(junk.iter().all(|p| *p < most), "{junk:?}");
@@ -141,7 +141,7 @@ fn settings_out_of_range_are_refused() {
     assert!(matches!(bare.unwrap().ensemble(&fit, &good), Err(FitError::Setting(_))));
 }
 
-/// One draw without the only rows in which an input moves once failed the whole identification.
+/// Regression test: a draw without the only rows in which an input moves failed the identification.
 #[test]
 fn infeasible_bootstrap_samples_are_skipped_and_counted() {
     let mut data = driven(2_000, 0.3, 9);
@@ -156,12 +156,12 @@ fn infeasible_bootstrap_samples_are_skipped_and_counted() {
     let fit = FitOptions { constraints, ..options(Optimizer::Stlsq(0.0)) };
     let bootstrap = BootstrapOptions { resamples: 60, ..BootstrapOptions::default() };
     let ensemble = prepared(&[&data], 1).ensemble(&fit, &bootstrap).unwrap();
-    // The group that moves is in a draw with probability 1 - (1 - 1/24)^24 = 0.64.
+    // The moving group is in a draw with probability 1 - (1 - 1/24)^24 = 0.64.
     assert!((25..55).contains(&ensemble.members.len()), "{}", ensemble.members.len());
     assert_eq!(ensemble.draws.len(), ensemble.members.len());
     assert!(ensemble.draws.is_sorted() && ensemble.draws.iter().all(|draw| *draw < 60));
     assert!(ensemble.members.iter().all(|member| (member[2] - 0.001).abs() < 1e-9));
-    // Where no draw can keep it, it is told.
+    // An equality that is infeasible on all draws is an error.
     data.inputs = table("c", &vec![vec![0.0]; 2_000]);
     let refused = prepared(&[&data], 1).ensemble(&fit, &bootstrap);
     assert!(
@@ -191,13 +191,13 @@ fn a_pole_between_samples_or_behind_a_lag_is_reported() {
         }
     };
     let (moving, still) = ([1.0, 2.0, 1.5], [1.0]);
-    // The midpoint is 0, or the pole is passed.
+    // The midpoint is 0, or the pole lies between samples.
     for outputs in [[2.0, 1.0, -1.0], [2.0, 1.0, -0.3]] {
         let told = made(&outputs, &still, 0, Shape::Reciprocal, &[]).unwrap();
         assert_eq!(told, (String::from("y0"), DT));
     }
     assert_eq!(made(&moving, &still, 0, Shape::Reciprocal, &[]), None);
-    // A held command is never between its values.
+    // A held command has no values between samples.
     assert_eq!(made(&moving, &[1.0, -1.0], 1, Shape::Reciprocal, &[]), None);
     let lag = [Signal::Lag { input: 1, time_constant_s: Real(0.1) }];
     for shape in [Shape::Reciprocal, Shape::Log] {

@@ -29,7 +29,7 @@ fn weights_are_exact_on_straight_lines() {
             assert!((line(2.0) - 2.0).abs() < 1e-10, "{regression:?}");
             assert!((library.iter().sum::<f64>() - 1.0).abs() < 1e-14, "{regression:?}");
             assert_eq!(outputs.len(), regression.window() + 1);
-            // Both sides speak of the same moment: the middle of the window.
+            // Both sides refer to the middle of the window.
             let at_samples = matches!(regression, RegressionForm::Central | RegressionForm::Smoothed { .. });
             let shift = if at_samples { 0.0 } else { 0.5 };
             let middle: f64 = library.iter().enumerate().map(|(k, w)| w * (k as f64 + shift)).sum();
@@ -38,9 +38,9 @@ fn weights_are_exact_on_straight_lines() {
     }
 }
 
-/// White noise of deviation 1 becomes: sqrt(2)/T of an increment; 1/sqrt(sum t^2) of a fitted slope; of the
-/// weak form `sqrt(dt int phi'^2) / int phi`, which is `sqrt(8 I2)/I0 / (T sqrt(W))` with the integrals over
-/// -1..1 in closed form: I0 = int (1 - s^2)^4 = 256/315, I2 = int (8 s (1 - s^2)^3)^2 = 64 B(3/2, 7).
+/// Deviation of a row under white noise of deviation 1: sqrt(2)/T for an increment; 1/sqrt(sum t^2) for a fitted slope;
+/// for the weak form `sqrt(dt int phi'^2) / int phi = sqrt(8 I2)/I0 / (T sqrt(W))` with I0 = int (1 - s^2)^4 = 256/315
+/// and I2 = int (8 s (1 - s^2)^3)^2 = 64 B(3/2, 7) over -1..1.
 #[test]
 fn noise_is_amplified_as_theory_says() {
     let dt = 0.02;
@@ -98,8 +98,8 @@ fn data_that_obey_the_midpoint_rule_satisfy_the_weak_form_exactly() {
     }
 }
 
-/// `y' = -y^2` has the solution `1/(1 + t)`: over the same window in seconds the error of the coefficient falls
-/// with the square of the sample time.
+/// `y' = -y^2` has the solution `1/(1 + t)`: over the same window in seconds the error of the coefficient falls with
+/// the square of the sample time.
 #[test]
 fn the_weak_form_is_of_second_order() {
     let error = |samples: usize| {

@@ -31,8 +31,8 @@ impl Normal {
 
 pub(crate) const DT: f64 = 0.1;
 
-/// `y' = -y + c` by the midpoint rule, driven beside the command by noise of deviation `process` on the
-/// derivative; the command is held for ten samples.
+/// `y' = -y + c` by the midpoint rule, with noise of deviation `process` on the derivative; the command is held for ten
+/// samples.
 pub(crate) fn driven(samples: usize, process: f64, seed: u64) -> Trajectory {
     let mut normal = Normal::new(seed);
     let (mut y, mut c) = (0.0, 0.0);
@@ -53,7 +53,7 @@ pub(crate) fn options(optimizer: Optimizer) -> FitOptions {
     FitOptions { optimizer, ridge: 0.0, substeps: 1, constraints: Constraints::default() }
 }
 
-/// Gaussian elimination with partial pivoting; none where the matrix is singular.
+/// Gaussian elimination with partial pivoting; none for a singular matrix.
 pub(crate) fn solve(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Option<Vec<f64>> {
     let n = b.len();
     for k in 0..n {

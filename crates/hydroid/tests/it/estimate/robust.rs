@@ -7,9 +7,8 @@ use hydroid_core::model::sparse::Program;
 
 use crate::estimate::made::{Normal, driven, options};
 
-/// Measurement noise, and spikes of so many deviations on one sample in a hundred: where the command steps,
-/// towards its side, as a switching drive disturbs a sensor. (Spikes to either side at random are no truth to
-/// test with: they pull on coefficients in second order only, and hardly hurt least squares.)
+/// Measurement noise, and spikes of a given size on one sample in a hundred where the command steps, towards its side,
+/// as from a switching drive. Spikes at random affect least squares in second order only.
 fn measured(run: &Trajectory, noise: f64, spike: f64, seed: u64) -> (Trajectory, Vec<f64>) {
     let mut normal = Normal::new(seed);
     let mut weights = vec![1.0; run.len()];
@@ -52,7 +51,7 @@ fn spikes_hardly_move_the_coefficients() {
     }
 }
 
-/// On Gaussian noise it costs next to nothing, and on exact data nothing.
+/// The Huber loss costs little on Gaussian noise, and nothing on exact data.
 #[test]
 fn without_outliers_the_huber_fit_is_least_squares() {
     let huber = RegressionOptions { loss: Loss::Huber(1.345), ..RegressionOptions::default() };
@@ -89,7 +88,7 @@ fn a_sample_with_weight_zero_equals_a_missing_sample() {
         assert_eq!(weighted.qr, left_out.qr);
         assert_eq!((weighted.skipped, left_out.skipped > 0), (0, true));
     }
-    // A weight of 4 throughout is the same fit, the factor twice as large.
+    // A uniform weight of 4 gives the same fit and a factor twice as large.
     let samples = [vec![4.0; spiked.len()]];
     let streaming = AssemblyOptions { weights: &samples, ..AssemblyOptions::default() };
     let four = assemble_with(&program, &[&spiked], RegressionForm::default(), &streaming).qr;
