@@ -347,7 +347,7 @@ fn an_ensemble_is_read_back_and_an_inconsistent_one_is_refused() {
     let tensors = [("coefficients", view(&[2, 5], &ones)), ("members", view(&[2, 3], &six))];
     let metadata = HashMap::from([(String::from("hydroid"), head)]);
     let alone = contradiction(&safetensors::serialize(tensors, Some(metadata)).unwrap());
-    assert!(alone.contains("one tensor alone"), "{alone}");
+    assert!(alone.contains("only one of the tensors"), "{alone}");
 }
 
 /// The number of members is limited, and columns that no member uses are omitted.

@@ -316,7 +316,7 @@ fn refinement_runs_where_noise_dominates_and_reports_its_outcome() {
     assert_eq!(far.refinement.outcome, Outcome::FarFromNoise);
     assert!(far.refinement.attempts.is_empty() && far.refinement.max_excess().unwrap() > 1.5);
     assert_eq!(far.fit.equations, off.fit.equations);
-    assert!(words(&far).unwrap().contains("times the noise"));
+    assert!(words(&far).unwrap().contains("times the sensor noise"));
     let anyway = searched(&run, 1, Some(true), 0);
     assert_eq!(anyway.refinement.attempts.len(), 8);
     assert!(matches!(anyway.refinement.outcome, Outcome::Taken | Outcome::NoBetter));
