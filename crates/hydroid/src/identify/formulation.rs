@@ -27,7 +27,6 @@ pub(super) fn formulations(
         return vec![(settings.clone(), "as given")];
     }
     let with = |(feedback, base, name)| (TrainOptions { feedback, base, ..settings.clone() }, name);
-    // A direct predictor always has its outputs as input.
     let must = inputs == 0 || settings.cell == CellKind::Direct;
     let can_be = |&(feedback, _, _): &(bool, BaseKind, &str)| feedback || !must;
     FORMULATIONS.into_iter().filter(can_be).map(with).collect()

@@ -22,7 +22,6 @@ pub fn weights_from_torch(network: &Network, tensors: &[NamedTensor<'_>]) -> Res
     weights_of(&network.tensors(), tensors)
 }
 
-/// Weights in the order of `places`.
 pub(super) fn weights_of(places: &[Tensor], tensors: &[NamedTensor<'_>]) -> Result<Vec<f64>, String> {
     let mut weights = Vec::new();
     for place in places {

@@ -28,7 +28,6 @@ pub(in crate::model) fn write(members: &Members) -> Result<Vec<Tensor>, String> 
     ])
 }
 
-/// The ensemble of a model with `count` numbers, if the file has one.
 pub(in crate::model) fn read(tensors: &SafeTensors<'_>, count: usize) -> Result<Members, String> {
     let (values, places) = match (tensors.tensor(MEMBERS), tensors.tensor(PLACES)) {
         (Ok(values), Ok(places)) => (values, places),

@@ -21,7 +21,6 @@ use crate::simulate::VesselFileError;
 
 pub(super) use tensors::{Tensor, network_tensors, numbers, tensor, weights};
 
-/// Key of the description in the metadata of the file.
 const KEY: &str = "hydroid";
 
 const VERSION: u32 = 2;

@@ -18,7 +18,6 @@ use crate::toml_file::TomlError;
 /// Default sample time of a vessel \[s\].
 const VESSEL_DT_S: f64 = 0.1;
 
-/// Prefix of a comment that records an adaptation.
 const ADAPTED: &str = "# adapted: ";
 
 impl Model {

@@ -170,7 +170,6 @@ impl ExpressionParser {
             .map_err(|_| scanner.error(String::from("more channels than terms can name"), None))
     }
 
-    /// The variable of a signal; a new signal is added.
     fn signal(&mut self, signal: Signal, scanner: &Scanner<'_>) -> Result<u16, ExpressionError> {
         let place = self.signals.iter().position(|known| *known == signal).unwrap_or_else(|| {
             self.signals.push(signal);

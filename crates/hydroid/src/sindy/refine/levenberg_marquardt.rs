@@ -20,7 +20,6 @@ const INITIAL_DAMPING: f64 = 1e-2;
 #[derive(Clone, Debug, Default)]
 pub(super) struct LinearConstraints {
     pub(super) equalities: Vec<(Vec<f64>, f64)>,
-    /// Signs: 1, -1, or 0 for any.
     pub(super) signs: Vec<f64>,
 }
 

@@ -9,7 +9,6 @@ use crate::sindy::structure::{GateSpec, Lag};
 pub(super) struct Parameters {
     base: Equations,
     places: Vec<usize>,
-    /// Indices of the lags among the signals.
     lags: Vec<usize>,
     gates: Vec<(u16, Gate)>,
 }
