@@ -41,7 +41,7 @@ impl Criterion {
     }
 }
 
-/// Solves one equation as [`super::stepwise`] on `rows` independent rows; removed terms may return.
+/// Solves one equation as `stepwise` on `rows` independent rows; removed terms may return.
 pub fn stepwise_bidirectional(
     ridged: &QrFactor,
     terms: usize,

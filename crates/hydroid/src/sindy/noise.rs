@@ -60,7 +60,7 @@ pub(crate) fn spike_share(runs: &[&Trajectory]) -> Vec<f64> {
         .collect()
 }
 
-/// The weak form with the shortest window that limits the noise to [`NOISE_SHARE`] of the left-hand side (RMS) of every
+/// The weak form with the shortest window that limits the noise to `NOISE_SHARE` of the left-hand side (RMS) of every
 /// output, else the one with the smallest share. `None` if the runs are too short.
 pub fn weak_form_from_noise(runs: &[&Trajectory]) -> Option<RegressionForm> {
     let deviations = noise_std(runs);

@@ -297,7 +297,7 @@ proptest! {
         }
     }
 
-    /// Complete files of any sizes, with or without a state filter.
+    /// Complete files of networks of any size.
     #[test]
     fn sound_files_are_used_without_harm(
         hidden in 1usize..6,

@@ -42,7 +42,7 @@ pub struct SearchGrid {
     pub ridges: Vec<f64>,
     /// Loss of the residuals, in all trials.
     pub loss: Loss,
-    /// Constraints on the coefficients, in all trials, [supported](super::is_supported) by the solver.
+    /// Constraints on the coefficients, in all trials, supported by the solver.
     pub constraints: Vec<Constraint>,
     /// Scope of the refinement of the selected equations; none for no refinement.
     pub refine: Option<RefineScope>,
