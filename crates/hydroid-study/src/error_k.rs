@@ -120,32 +120,26 @@ pub fn add(sums: &mut Errors, errors: Errors, of: usize) {
     }
 }
 
-/// Mean errors of the model over the window from each origin (`None` without a window), and the means over all windows
-/// of the first and of the last step.
-pub fn walk(record: &Record, session: &mut dyn Predictor) -> (Vec<Option<Errors>>, [Errors; 2]) {
+/// Mean errors of the model over the window from each origin; `None` without a window.
+fn windows(record: &Record, session: &mut dyn Predictor) -> Vec<Option<Errors>> {
     let run = &record.run;
     let (mut work, mut y) = (Workspace::new(), [0.0; STEPS * OUTPUTS]);
     let first = session.warm_up().max(FIRST + 1) - 1;
-    let (mut windows, mut ends) = (Vec::new(), [[0.0; OUTPUTS]; 2]);
-    let count = run.len().saturating_sub(STEPS + first);
     session.reset();
+    let mut windows = Vec::with_capacity(run.len());
     for k in 0..run.len() {
         session.observe(run.outputs.row(k));
         windows.push((k >= first && k + STEPS < run.len()).then(|| {
             session.rollout(run.inputs.rows(k, k + STEPS), &mut work, &mut y);
             let mut sums = [0.0; OUTPUTS];
             for (j, y) in y.chunks_exact(OUTPUTS).enumerate() {
-                let error = record.error(k + j + 1, y);
-                add(&mut sums, error, STEPS);
-                if j == 0 || j + 1 == STEPS {
-                    add(&mut ends[usize::from(j > 0)], error, count);
-                }
+                add(&mut sums, record.error(k + j + 1, y), STEPS);
             }
             sums
         }));
         session.advance(run.inputs.row(k));
     }
-    (windows, ends)
+    windows
 }
 
 /// All blocks of a model over a record.
@@ -153,11 +147,8 @@ pub fn walk(record: &Record, session: &mut dyn Predictor) -> (Vec<Option<Errors>
 /// # Errors
 /// If C0 cannot be built; this does not happen.
 pub fn blocks(record: &Record, session: &mut dyn Predictor) -> Result<Vec<Block>, StudyError> {
-    Ok(blocks_of(record, &walk(record, session).0, &plant(&VesselParams::hydrofoil_low_speed())?))
-}
-
-/// The blocks from the windows of [`walk`].
-pub fn blocks_of(record: &Record, windows: &[Option<Errors>], c0: &Plant) -> Vec<Block> {
+    let c0 = plant(&VesselParams::hydrofoil_low_speed())?;
+    let windows = windows(record, session);
     let span = STEPS * WINDOWS;
     let mut blocks = Vec::new();
     for k in (FIRST..record.run.len().saturating_sub(span)).step_by(span) {
@@ -166,13 +157,13 @@ pub fn blocks_of(record: &Record, windows: &[Option<Errors>], c0: &Plant) -> Vec
         let (mut model, mut low) = ([0.0; OUTPUTS], [0.0; OUTPUTS]);
         for (k, error) in starts().zip(errors) {
             add(&mut model, error, WINDOWS);
-            add(&mut low, record.of_plant(c0, record.truth(k), k), WINDOWS);
+            add(&mut low, record.of_plant(&c0, record.truth(k), k), WINDOWS);
         }
         let speeds = || (k..=k + span).map(|k| record.truth(k)[0]);
         let mean_u = speeds().sum::<f64>() / (span + 1) as f64;
         blocks.push(Block { k, mean_u, max_u: speeds().fold(f64::MIN, f64::max), model, c0: low });
     }
-    blocks
+    Ok(blocks)
 }
 
 /// Mean error over 20 steps of the true plant from the measured velocities.

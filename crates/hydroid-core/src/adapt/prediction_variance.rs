@@ -113,7 +113,7 @@ impl PredictionVariance {
         let (sensor, rest) = rest.split_at_mut(n);
         let (drift, rest) = rest.split_at_mut(n);
         let (drifted, rest) = rest.split_at_mut(n);
-        self.sensitivity.rollout_in(state, commands, rest, y, s);
+        self.sensitivity.rollout(state, commands, rest, y, s);
         for l in 0..n {
             let (one, window) = (self.one_step[l], row_noise[l] * window_s * window_s);
             // With one interval the terms cannot be separated: all is process noise, which gives the wider band.

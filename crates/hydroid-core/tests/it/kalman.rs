@@ -11,6 +11,7 @@ use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
 
 use crate::dense::{Matrix, cells, inverse, options, product, sample, transposed, weights};
+use crate::jacobians::Dense as _;
 
 fn close(ours: &[f64], theirs: &[f64], what: &str) {
     assert_eq!(ours.len(), theirs.len());

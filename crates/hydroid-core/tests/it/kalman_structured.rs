@@ -13,6 +13,7 @@ use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
 
 use crate::dense::{Matrix, cells, inverse, options, product, sample, transposed, weights};
+use crate::jacobians::Dense as _;
 
 const ALL: [CovarianceForm; 3] = [
     CovarianceForm::Blocks { group: 1 },

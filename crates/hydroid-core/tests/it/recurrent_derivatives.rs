@@ -3,6 +3,8 @@
 use hydroid_core::model::recurrent::{Cell, Change, Gradient, Linearization, Network, Packed};
 use proptest::prelude::*;
 
+use crate::jacobians::Dense as _;
+
 fn cells() -> impl Strategy<Value = Cell> {
     prop_oneof![
         (2usize..6, 1usize..5)

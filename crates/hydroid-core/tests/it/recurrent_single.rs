@@ -4,6 +4,7 @@ use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::{Linearization, Packed};
 use safetensors::SafeTensors;
 
+use crate::jacobians::Dense as _;
 use crate::networks::{NAMES, golden_path, golden_weights, network, read, rounded, sequence, tensor, worst};
 
 /// Largest differences of state and output over the golden sequence.

@@ -71,7 +71,7 @@ fn derivatives_are_those_of_the_rollout() {
     assert_eq!(p, 2 + places.len());
     let rows = commands.len() + 1;
     let (mut y, mut s) = (vec![0.0; 2 * rows], vec![0.0; 2 * rows * p]);
-    sensitivity.rollout(&state, &commands, &mut Workspace::new(), &mut y, &mut s);
+    sensitivity.rollout(&state, &commands, &mut vec![0.0; sensitivity.scratch()], &mut y, &mut s);
     let plain = rolled_out(&equations, &state, &commands);
     for (a, b) in y[2..].iter().zip(&plain) {
         assert!((a - b).abs() < 1e-12, "the rollout itself: {a}, {b}");

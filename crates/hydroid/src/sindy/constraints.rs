@@ -167,13 +167,12 @@ fn solve_group(
     let weights: Vec<f64> = equations
         .iter()
         .map(|&i| {
-            let (all, _) = independent_columns(plain, count, count + i);
+            let all = independent_columns(plain, count, count + i);
             let floor = 1e-9 * plain.column_norm(count + i);
             1.0 / plain.solve(&all, count + i).residual.max(floor).max(f64::MIN_POSITIVE)
         })
         .collect();
     loop {
-        let mut dependent = Vec::new();
         let mut parts = Vec::new();
         for ((&i, &weight), excluded) in equations.iter().zip(&weights).zip(&excluded) {
             let mask: Vec<f64> = (0..plain.width())
@@ -181,13 +180,12 @@ fn solve_group(
                 .collect();
             let (plain, ridged) = (plain.scaled(&mask), ridged.scaled(&mask));
             let chosen = prepared.select(&plain, &ridged, i, options.optimizer);
-            let (identifiable, _) = independent_columns(&plain, count, count + i);
+            let identifiable = independent_columns(&plain, count, count + i);
             let coupled: Vec<usize> = constraints.coupled_terms(i).collect();
             let support: Vec<usize> = identifiable
                 .into_iter()
                 .filter(|j| chosen.coefficients[*j] != 0.0 || coupled.contains(j))
                 .collect();
-            dependent.push(chosen.dependent);
             parts.push(EquationSupport { equation: i, weight, support });
         }
         let stacked = CoupledSystem::new(prepared, source, constraints, &parts);
@@ -196,7 +194,7 @@ fn solve_group(
         let mut removed = false;
         let mut position = 0;
         let mut solutions = Vec::new();
-        for ((part, excluded), dependent) in parts.iter().zip(&mut excluded).zip(dependent) {
+        for (part, excluded) in parts.iter().zip(&mut excluded) {
             let own = &x[position..position + part.support.len()];
             position += part.support.len();
             let mut coefficients = vec![0.0; count];
@@ -210,7 +208,7 @@ fn solve_group(
             }
             let columns: Vec<usize> = (0..count).collect();
             let residual = source.residual(&columns, &coefficients, count + part.equation);
-            solutions.push((part.equation, SparseSolution { coefficients, dependent, residual }));
+            solutions.push((part.equation, SparseSolution { coefficients, residual }));
         }
         if !removed {
             return Ok(solutions);

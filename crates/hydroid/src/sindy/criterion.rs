@@ -50,7 +50,7 @@ pub fn stepwise_bidirectional(
     rows: f64,
 ) -> SparseSolution {
     let tolerance = |k| criterion.tolerance(rows, k);
-    let (all, dependent) = independent_columns(ridged, terms, target);
+    let all = independent_columns(ridged, terms, target);
     let total = ridged.column_norm(target).powi(2);
     let mut support = all.clone();
     // Bounded: rounding could repeat a removal and an addition for ever.
@@ -66,7 +66,7 @@ pub fn stepwise_bidirectional(
         support.push(best);
         support.sort_unstable();
     }
-    solution_on(ridged, &support, dependent, terms, target)
+    solution_on(ridged, &support, terms, target)
 }
 
 /// The term with the largest decrease of the residual sum of squares, the decrease, and the current sum.

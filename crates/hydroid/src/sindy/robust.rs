@@ -147,7 +147,7 @@ pub(super) fn assemble_huber(
 
 /// Coefficients of all identifiable terms, `outputs x terms`, and the norm of each output's residual.
 fn least_squares(qr: &QrFactor, terms: usize) -> (Vec<f64>, Vec<f64>) {
-    let (support, _) = independent_columns(qr, terms, terms);
+    let support = independent_columns(qr, terms, terms);
     let mut coefficients = vec![0.0; terms * (qr.width() - terms)];
     let mut residuals = Vec::new();
     for (row, target) in coefficients.chunks_exact_mut(terms.max(1)).zip(terms..) {

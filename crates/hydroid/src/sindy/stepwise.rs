@@ -16,9 +16,9 @@ const CANCELLED: f64 = 1e-6;
 /// Removes terms until each removal would raise the residual sum of squares by more than the fraction `tolerance`.
 /// Columns `0..terms` are the library, column `target` the right-hand side.
 pub fn stepwise(ridged: &QrFactor, terms: usize, target: usize, tolerance: f64) -> SparseSolution {
-    let (mut support, dependent) = independent_columns(ridged, terms, target);
+    let mut support = independent_columns(ridged, terms, target);
     eliminate(ridged, &mut support, target, |_| tolerance);
-    solution_on(ridged, &support, dependent, terms, target)
+    solution_on(ridged, &support, terms, target)
 }
 
 /// Removes terms from a support without dependent columns. The tolerance may depend on the number of terms.
@@ -61,27 +61,20 @@ pub(super) fn eliminate(
     }
 }
 
-pub(super) fn solution_on(
-    qr: &QrFactor,
-    support: &[usize],
-    dependent: Vec<usize>,
-    terms: usize,
-    target: usize,
-) -> SparseSolution {
+pub(super) fn solution_on(qr: &QrFactor, support: &[usize], terms: usize, target: usize) -> SparseSolution {
     let solution = qr.solve(support, target);
     let mut coefficients = vec![0.0; terms];
     for (&j, &c) in support.iter().zip(&solution.coefficients) {
         coefficients[j] = c;
     }
-    SparseSolution { coefficients, dependent, residual: solution.residual }
+    SparseSolution { coefficients, residual: solution.residual }
 }
 
-/// The columns among `0..terms` that are neither zero nor dependent on earlier ones, and the dependent ones.
-pub(super) fn independent_columns(qr: &QrFactor, terms: usize, target: usize) -> (Vec<usize>, Vec<usize>) {
+/// The columns among `0..terms` that are neither zero nor dependent on earlier ones.
+pub(super) fn independent_columns(qr: &QrFactor, terms: usize, target: usize) -> Vec<usize> {
     let present: Vec<usize> = (0..terms).filter(|&j| qr.column_norm(j) > 0.0).collect();
     let dependent = qr.solve(&present, target).dependent;
-    let dependent: Vec<usize> = dependent.into_iter().map(|position| present[position]).collect();
-    (present.into_iter().filter(|j| !dependent.contains(j)).collect(), dependent)
+    present.iter().enumerate().filter(|(i, _)| !dependent.contains(i)).map(|(_, &j)| j).collect()
 }
 
 fn diagonal(matrix: &[f64], n: usize) -> impl Iterator<Item = f64> + '_ {

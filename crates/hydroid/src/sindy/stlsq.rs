@@ -1,6 +1,7 @@
 //! Sequentially thresholded least squares (STLSQ; Brunton, Proctor, Kutz, PNAS 113 (2016) 3932).
 
 use super::qr::QrFactor;
+use super::stepwise::solution_on;
 
 const MAX_ROUNDS: usize = 20;
 
@@ -9,8 +10,6 @@ const MAX_ROUNDS: usize = 20;
 pub struct SparseSolution {
     /// One coefficient for each term.
     pub coefficients: Vec<f64>,
-    /// Terms that are linearly dependent on others to rounding; they are left out.
-    pub dependent: Vec<usize>,
     /// 2-norm of the residual, including the ridge penalty if there is one.
     pub residual: f64,
 }
@@ -25,10 +24,8 @@ pub fn stlsq(
     threshold: f64,
 ) -> SparseSolution {
     let mut support: Vec<usize> = (0..terms).filter(|&j| plain.column_norm(j) > 0.0).collect();
-    let mut dependent = Vec::new();
     for _ in 0..MAX_ROUNDS {
         let solution = ridged.solve(&support, target);
-        dependent.extend(solution.dependent.iter().map(|&position| support[position]));
         let kept: Vec<usize> = support
             .iter()
             .zip(&solution.coefficients)
@@ -41,13 +38,5 @@ pub fn stlsq(
             break;
         }
     }
-    let solution = plain.solve(&support, target);
-    let mut coefficients = vec![0.0; terms];
-    for (&j, &c) in support.iter().zip(&solution.coefficients) {
-        coefficients[j] = c;
-    }
-    dependent.extend(solution.dependent.iter().map(|&position| support[position]));
-    dependent.sort_unstable();
-    dependent.dedup();
-    SparseSolution { coefficients, dependent, residual: solution.residual }
+    solution_on(plain, &support, terms, target)
 }

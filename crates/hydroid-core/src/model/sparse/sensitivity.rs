@@ -7,7 +7,7 @@ use super::equations::{Equations, EquationsError};
 use super::program::{Program, ProgramError};
 use super::signal::Signal;
 use super::term::Term;
-use crate::predict::{Workspace, rollout_steps};
+use crate::predict::rollout_steps;
 
 /// Rollouts of equations with their derivatives with respect to parameters `p`: the outputs at the start, then some of
 /// the coefficients.
@@ -119,7 +119,7 @@ impl Sensitivity {
         }
     }
 
-    /// Length of the scratch of [`rollout_in`](Self::rollout_in).
+    /// Length of the scratch of [`rollout`](Self::rollout).
     pub fn scratch(&self) -> usize {
         self.sizes().iter().sum()
     }
@@ -136,26 +136,12 @@ impl Sensitivity {
     }
 
     /// Rolls out from a state ([`Equations::step`]) under commands row by row. `y` receives the outputs and `s` their
-    /// derivatives `outputs x parameters`, beginning with the start: one row more than there are commands.
+    /// derivatives `outputs x parameters`, beginning with the start: one row more than there are commands. `scratch` has
+    /// [`scratch`](Self::scratch) numbers.
     ///
     /// # Panics
     /// If the lengths do not fit together.
     pub fn rollout(
-        &self,
-        start: &[f64],
-        commands: &[f64],
-        work: &mut Workspace,
-        y: &mut [f64],
-        s: &mut [f64],
-    ) {
-        self.rollout_in(start, commands, work.take(self.scratch()), y, s);
-    }
-
-    /// [`rollout`](Self::rollout) in a scratch memory of [`scratch`](Self::scratch) numbers.
-    ///
-    /// # Panics
-    /// As [`rollout`](Self::rollout).
-    pub fn rollout_in(
         &self,
         start: &[f64],
         commands: &[f64],

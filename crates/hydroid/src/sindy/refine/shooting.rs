@@ -215,19 +215,15 @@ impl Linearizer<'_> {
         let measured = |j: usize, i: usize| run.outputs.row(k + j)[i];
         let mut state = states[0].clone();
         for _ in 0..START_STEPS {
-            self.short.rollout(
-                &state,
-                &commands,
-                &mut buffers.work,
-                &mut buffers.y,
-                &mut buffers.start_jacobian,
-            );
+            let scratch = buffers.work.take(self.short.scratch());
+            self.short.rollout(&state, &commands, scratch, &mut buffers.y, &mut buffers.start_jacobian);
             self.check(&buffers.y)?;
             let step = self.start_step(&buffers.y, &buffers.start_jacobian, &state, measured);
             state.iter_mut().zip(step).for_each(|(x, d)| *x += d);
         }
         let p = self.full.parameters();
-        self.full.rollout(&state, &commands, &mut buffers.work, &mut buffers.y, &mut buffers.s);
+        let scratch = buffers.work.take(self.full.scratch());
+        self.full.rollout(&state, &commands, scratch, &mut buffers.y, &mut buffers.s);
         self.check(&buffers.y)?;
         let rows = (h + 1) * n;
         let columns = n + self.width;

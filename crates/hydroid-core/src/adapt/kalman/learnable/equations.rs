@@ -177,7 +177,7 @@ impl Learnable for LearnableEquations {
             self.start[i] = self.mean[i] + self.scale[i] * h;
         }
         self.start[n..].copy_from_slice(memory);
-        self.sensitivity.rollout_in(&self.start, c, &mut self.scratch, &mut self.y, &mut self.s);
+        self.sensitivity.rollout(&self.start, c, &mut self.scratch, &mut self.y, &mut self.s);
         let p = self.sensitivity.parameters();
         for (i, row) in self.s[n * p..].chunks_exact(p).enumerate() {
             let (by_outputs, by_coefficients) = row.split_at(n);

@@ -213,7 +213,7 @@ impl ModelKind for EquationsKind {
         let (by_state, rest) = rest.split_at_mut(n * n);
         let (by_weights, rest) = rest.split_at_mut(count * n);
         let (process, scratch) = rest.split_at_mut(n);
-        sensitivity.rollout_in(self.session.state(), commands, scratch, y, s);
+        sensitivity.rollout(self.session.state(), commands, scratch, y, s);
         process.fill(0.0);
         let q = filter.state_noise();
         let mut done = 0;

@@ -1,7 +1,6 @@
 //! One sequence at a time: a step of the network, and its derivatives.
 
 mod blocks;
-mod dense;
 mod gates;
 pub(crate) mod linearization;
 pub(crate) mod packed;
