@@ -23,7 +23,7 @@ struct Group {
     /// Positions of the terms in the program.
     terms: Vec<usize>,
     outputs: Vec<usize>,
-    /// Index of the first coefficient of each output among the weights.
+    /// Index of the first weight of each output.
     firsts: Vec<usize>,
     kernel: RecursiveLeastSquares,
     phi: Vec<f64>,
@@ -32,16 +32,13 @@ struct Group {
 
 /// An [`Adapter`](super::Adapter) of sparse equations (recursive `SINDy`).
 ///
-/// `dy/dt = Xi theta(y, c, s)` is linear in the coefficients `Xi`. The rows of the regression are increments over a
-/// window of samples with the library averaged over the same window (the `Midpoint` rows of
-/// `hydroid::sindy::RegressionForm`), one every quarter of a window. Each row is one step of
-/// [`RecursiveLeastSquares`], weighted by the part of its window that no earlier row covered.
+/// `dy/dt = Xi theta(y, c, s)` is linear in the coefficients `Xi`. A regression row is the increment over a window of
+/// samples with the library averaged over it (the `Midpoint` rows of `hydroid::sindy::RegressionForm`); one row is
+/// completed every quarter of a window. Each row is one step of [`RecursiveLeastSquares`], weighted by the part of its
+/// window that no earlier row covered. A missing value restarts the window. Signals (lag states, past values) are
+/// averaged like the outputs; rows start after their warm-up.
 ///
-/// A missing value restarts the window. Signals (lag states, past values) are averaged over an interval like the
-/// outputs, as in the identification; rows start after their warm-up.
-///
-/// Columns are scaled by the root mean square of their term over the design ranges ([`rms_over_range`]), so that the
-/// prior has the same meaning for every term.
+/// Columns are scaled by the root mean square of their term over the design ranges ([`rms_over_range`]).
 #[derive(Clone, Debug)]
 pub struct RecursiveEquations {
     session: ParametricSession,
@@ -51,9 +48,7 @@ pub struct RecursiveEquations {
     noise: Noise,
     /// `None` for experts of a mixture, which need no bands.
     prediction_variance: Option<PredictionVariance>,
-    /// One-step prediction of the next sample.
     expected: Vec<f64>,
-    /// Forgetting factor per row.
     lambda: f64,
     /// Weight of a row: part of its window that no earlier row covered.
     weight: f64,
@@ -62,7 +57,7 @@ pub struct RecursiveEquations {
     inflation: f64,
     outcome: Outcome,
     innovations: Vec<Innovation>,
-    /// Weights in the order of the session's places.
+    /// In the order of the session's places.
     weights: Vec<f64>,
 }
 
@@ -70,20 +65,17 @@ pub struct RecursiveEquations {
 #[derive(Clone, Debug)]
 struct Library {
     program: Program,
-    /// Inverse scale of each term.
     inverse: Vec<f64>,
     slots: Vec<f64>,
     /// Outputs, inputs and signals at the start of the interval.
     start: Vec<f64>,
-    /// Which of them are held over the interval.
+    /// Whether each of them is constant over the interval.
     holds: Vec<bool>,
     /// Whether all outputs of the last sample were measured.
     known: bool,
-    /// Whether a command was given since.
+    /// Whether a command was given after the last sample.
     held: bool,
-    /// Samples since the start of the run.
     seen: usize,
-    /// Regressor of all terms.
     phi: Vec<f64>,
     z: Vec<f64>,
 }
@@ -102,8 +94,8 @@ impl RecursiveEquations {
     }
 
     /// As [`new`](Self::new), with a prior from the training rows: `r_factor` is the upper triangle `T` (`terms x
-    /// terms`) of the second moments `T'T` of the library in these rows. It sets the scale of each term and the prior
-    /// information in each direction, and requires that all terms are adapted.
+    /// terms`) of the second moments `T'T` of the library. It sets the scale of each term and the prior information in
+    /// each direction, and requires that all terms are adapted.
     ///
     /// # Errors
     /// As [`new`](Self::new); if the triangle does not fit the terms or is singular.
@@ -220,7 +212,6 @@ impl RecursiveEquations {
         Self { prediction_variance: None, ..self }
     }
 
-    /// A session with the current coefficients, without adaptation.
     pub(super) fn parametric_session(&self) -> ParametricSession {
         self.session.clone()
     }
@@ -252,7 +243,6 @@ impl RecursiveEquations {
     fn learn(&mut self) -> Outcome {
         let (phi, z) = (&self.library.phi, &self.library.z);
         if !phi.iter().chain(z).all(|x| x.is_finite()) {
-            // The non-finite value is part of the window, which restarts.
             self.library.known = false;
             return Outcome::Rejected(Rejection::NotFinite);
         }
@@ -282,14 +272,13 @@ impl RecursiveEquations {
         }
         for group in &mut self.groups {
             group.kernel.correct(share * self.weight);
-            // Only rows that are accepted discount earlier rows.
             group.kernel.forget(self.lambda);
         }
         self.publish();
         outcome
     }
 
-    /// Copies the coefficients of the regression to the session, in physical units.
+    /// Copies the coefficients of the regression to the session.
     fn publish(&mut self) {
         for group in &self.groups {
             let n = group.terms.len();
@@ -324,8 +313,7 @@ impl RecursiveEquations {
     }
 }
 
-/// Norms of the columns of an upper triangle, and the triangle with unit columns; `None` for a singular or non-finite
-/// one.
+/// Norms of the columns of an upper triangle, and the triangle with unit columns. `None` if it is singular.
 fn unit_columns(r_factor: &[f64], terms: usize) -> Option<(Vec<f64>, Vec<f64>)> {
     if r_factor.len() != terms * terms
         || !(0..terms).all(|j| r_factor[j * terms + j] != 0.0)
@@ -398,7 +386,6 @@ impl Predictor for RecursiveEquations {
         if let Some(prediction_variance) = &mut self.prediction_variance {
             prediction_variance.observe(y, &self.expected);
         }
-        // A second measurement of the same sample has no one-step error.
         self.expected.fill(f64::NAN);
         self.session.observe(y);
         self.innovations.clear();
@@ -408,7 +395,7 @@ impl Predictor for RecursiveEquations {
     }
 
     fn advance(&mut self, c: &[f64]) {
-        // An interval without a measurement between two commands is not part of a row.
+        // An interval with two commands is not part of a row.
         let Library { slots, start, known, held, .. } = &mut self.library;
         *known &= !*held;
         *held = true;

@@ -1,8 +1,8 @@
 //! Expert mixture (prediction with expert advice): recursive equations with different priors, weighted by their errors.
 //!
-//! Each expert `i` is a [`RecursiveEquations`] with its own weight of the prior. Two further experts do not adapt:
-//! the reference coefficients, and zero coefficients, which predict persistence. At each check the experts are rolled
-//! out from their state one horizon ago and compared with the measurement:
+//! Each expert `i` is a [`RecursiveEquations`] with its own weight of the prior. Two more experts do not adapt: the
+//! reference coefficients, and zero coefficients (persistence). At each check every expert is rolled out from its
+//! state one horizon ago and compared with the measurement:
 //!
 //! ```text
 //! L_i <- L_i + 1/n sum_c min(((yhat_{i,c} - y_c) / s_c)^2, 25)        L_i = 1 at the start
@@ -10,7 +10,7 @@
 //! theta = sum_i w_i theta_i
 //! ```
 //!
-//! with `n` outputs of the scale `s_c`, a fifth of the design range. The method is the polynomially weighted average
+//! for `n` outputs of the scale `s_c`, a fifth of the design range. The method is the polynomially weighted average
 //! forecaster (Cesa-Bianchi, Lugosi, *Prediction, Learning, and Games*, 2006, section 2.1).
 
 use alloc::boxed::Box;
@@ -43,23 +43,23 @@ pub struct ExpertMixtureOptions {
     pub gate: InnovationGate,
 }
 
-/// Maximum size of the stored snapshots and commands.
+/// Maximum length of the stored snapshots and commands.
 const MOST_NUMBERS: usize = 1 << 26;
 
 /// Number of comparisons in one horizon.
 const CHECKS: usize = 10;
 
-/// Exponent of the losses in the weights: a loss that is 26 % larger halves the weight.
+/// Exponent of the loss in the weights: a 26 % larger loss halves the weight.
 const POWER: i32 = -3;
 
-/// Bound on a squared error, so that a faulty sample or a diverged rollout has a limited effect.
+/// Bound on a squared error, which limits the effect of a faulty sample or a diverged rollout.
 const WORST: f64 = 25.0;
 
 /// An [`Adapter`](super::Adapter) that predicts with the weighted mean of the coefficients of several
 /// [`RecursiveEquations`].
 ///
-/// The appropriate weight of the prior depends on how much the vessel has changed. Experts with a strong prior
-/// predict best on an unchanged vessel, experts with a weak prior on a changed one.
+/// The appropriate prior depends on the change of the vessel: experts with a strong prior predict best on an unchanged
+/// vessel, experts with a weak prior on a changed one.
 ///
 /// Snapshot: the snapshot of the mean equations.
 #[derive(Clone, Debug)]
@@ -69,9 +69,7 @@ pub struct ExpertMixture {
     /// Losses of the experts, the reference coefficients, and zero coefficients.
     losses: Vec<f64>,
     expert_weights: Vec<f64>,
-    /// Inverse scale of each output.
     inverse: Vec<f64>,
-    /// Reference coefficients at the adapted places.
     given: Vec<f64>,
     weights: Vec<f64>,
     past: Past,
@@ -83,15 +81,14 @@ pub struct ExpertMixture {
 struct Past {
     horizon: usize,
     stride: usize,
-    /// Session for the rollouts of the experts.
     trial: ParametricSession,
     /// Ring of snapshots, `checks x experts x snapshot`.
     snapshots: Vec<f64>,
     /// Ring of commands, `horizon x inputs`.
     commands: Vec<f64>,
-    /// Samples since the last missing measurement or the start of the run.
+    /// Samples since the last missing measurement.
     seen: usize,
-    /// Commands in the order of time.
+    /// Commands, oldest first.
     unrolled: Vec<f64>,
     predicted: Vec<f64>,
     work: Workspace,
@@ -133,7 +130,6 @@ impl ExpertMixture {
         let n = equations.outputs();
         let stride = options.horizon.div_ceil(CHECKS);
         let checks = options.horizon.div_ceil(stride);
-        // The horizon is a whole number of strides.
         let horizon = checks * stride;
         let kept = (checks * count).saturating_mul(mixture.snapshot_len());
         if kept.max(horizon.saturating_mul(n.max(equations.inputs()))) > MOST_NUMBERS {
@@ -164,7 +160,6 @@ impl ExpertMixture {
         })
     }
 
-    /// The equations with the mean coefficients.
     pub fn equations(&self) -> &Equations {
         self.mixture.equations()
     }
@@ -174,8 +169,7 @@ impl ExpertMixture {
         &self.expert_weights
     }
 
-    /// Updates losses and weights with the predictions that were made one horizon ago, and stores the present
-    /// snapshots.
+    /// Updates losses and weights with the predictions of one horizon ago, and stores the present snapshots.
     fn check(&mut self, y: &[f64]) {
         let Past { horizon, stride, trial, snapshots, commands, seen, unrolled, predicted, work } =
             &mut self.past;
@@ -187,7 +181,6 @@ impl ExpertMixture {
         let slot = (*seen / *stride) % checks;
         let known = *seen >= *horizon + self.mixture.warm_up();
         if known {
-            // The oldest command is at the position of the next one.
             let start = (*seen % *horizon) * m;
             let (late, early) = commands.split_at(start);
             unrolled[..early.len()].copy_from_slice(early);
@@ -224,7 +217,6 @@ impl ExpertMixture {
         }
     }
 
-    /// Sets the mean coefficients.
     fn mix(&mut self) {
         let count = self.experts.len();
         for (weight, given) in self.weights.iter_mut().zip(&self.given) {
@@ -239,8 +231,7 @@ impl ExpertMixture {
     }
 }
 
-/// Width of a design range in scales. A uniform distribution has 3.5 standard deviations in its range, a normal one
-/// about 6.
+/// Width of a design range in scales: between a uniform distribution (3.5 standard deviations) and a normal one (6).
 const DEVIATIONS: f64 = 5.0;
 
 impl Predictor for ExpertMixture {
@@ -317,7 +308,7 @@ impl Predictor for ExpertMixture {
 }
 
 impl Learning for ExpertMixture {
-    /// Outcome of the first expert; the gates of the others may differ.
+    /// Outcome of the first expert; the gates of the others can differ.
     fn outcome(&self) -> Outcome {
         self.experts[0].outcome()
     }

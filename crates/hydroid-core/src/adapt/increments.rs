@@ -12,11 +12,11 @@ use super::memory::{Reader, Writer};
 /// phi = 1/m sum_{i=k-m}^{k-1} theta((y_i + y_{i+1})/2, c_i)
 /// ```
 ///
-/// with increments over `m` samples and the library at the mid-state of each interval under its held command. The
-/// standard deviation of the noise of `z` falls as `1/m`. A row is completed every `stride` samples.
+/// over `m` samples, with the library at the mid-state of each interval under its held command. The standard deviation
+/// of the noise of `z` falls as `1/m`. A row is completed every `stride` samples.
 ///
-/// The window is a ring of blocks of `stride` intervals, each summed from zero, so that rounding errors and spikes
-/// leave the window with their block.
+/// The window is a ring of blocks of `stride` intervals, each summed from zero: rounding errors and spikes leave the
+/// window with their block.
 #[derive(Clone, Debug)]
 pub(super) struct Increments {
     outputs: usize,
@@ -24,21 +24,17 @@ pub(super) struct Increments {
     blocks: usize,
     stride: usize,
     dt: f64,
-    /// Outputs at the start of each block.
     starts: Vec<f64>,
     /// Sum of the library over each block.
     sums: Vec<f64>,
-    /// Index of the incomplete block.
+    /// Index of the incomplete block, the number of its intervals, and the number of complete blocks.
     current: usize,
-    /// Number of its intervals.
     filled: usize,
-    /// Number of complete blocks.
     full: usize,
 }
 
 impl Increments {
-    /// For windows of `samples` intervals, rounded down to a multiple of the stride, which is a quarter of the
-    /// window.
+    /// For windows of `samples` intervals, rounded down to a multiple of the stride (a quarter of the window).
     pub(super) fn new(samples: usize, outputs: usize, terms: usize, dt: f64) -> Self {
         let stride = (samples / 4).max(1);
         let blocks = (samples / stride).max(1);
@@ -56,7 +52,6 @@ impl Increments {
         }
     }
 
-    /// Length of [`save`](Self::save).
     pub(super) fn memory_len(&self) -> usize {
         self.starts.len() + self.sums.len() + 3
     }
@@ -77,12 +72,10 @@ impl Increments {
         self.full = from.count(self.blocks);
     }
 
-    /// Intervals of a row.
     pub(super) fn samples(&self) -> usize {
         self.blocks * self.stride
     }
 
-    /// Samples between rows.
     pub(super) fn stride(&self) -> usize {
         self.stride
     }
@@ -92,7 +85,6 @@ impl Increments {
         self.blocks + 1
     }
 
-    /// Restarts the window at a sample.
     pub(super) fn restart(&mut self, y: &[f64]) {
         self.full = 0;
         self.begin(y);
@@ -104,8 +96,8 @@ impl Increments {
         self.sums[self.current * self.terms..][..self.terms].fill(0.0);
     }
 
-    /// Adds an interval: the library `theta(j)` of term `j` over it and the outputs `y` at its end. Returns whether a
-    /// row was completed and written to `phi` and `z`.
+    /// Adds an interval: the library `theta(j)` of term `j` and the outputs `y` at its end. Returns whether a row was
+    /// completed and written to `phi` and `z`.
     pub(super) fn push(
         &mut self,
         theta: impl Fn(usize) -> f64,
@@ -122,7 +114,6 @@ impl Increments {
         }
         self.full = (self.full + 1).min(self.blocks);
         let ready = self.full == self.blocks;
-        // The next block is the oldest one.
         self.current = (self.current + 1) % self.blocks;
         if ready {
             let m = self.samples() as f64;

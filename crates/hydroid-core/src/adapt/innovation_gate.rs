@@ -10,8 +10,7 @@
 //! w = 0                 d > reject
 //! ```
 //!
-//! and the noise variance follows the innovations with the rate `a`, where the square is bounded by `(inflate s_i)^2`
-//! for outliers:
+//! The noise variance follows the innovations at the rate `a`; the square is bounded by `(inflate s_i)^2` for outliers:
 //!
 //! ```text
 //! s_i^2 <- s_i^2 + a (e_i^2 / (1 + l) - s_i^2)
@@ -25,9 +24,8 @@ use super::{Innovation, Outcome, Rejection};
 
 /// Thresholds on the largest normalized innovation of a row \[standard deviations\].
 ///
-/// Above `inflate` a row has the Huber weight `inflate / d`, above `reject` it is rejected. A faulty sample is part
-/// of a limited number of rows. Innovations that stay large for more rows are accepted, because the vessel has
-/// changed.
+/// A row has the Huber weight `inflate / d` above `inflate` and is rejected above `reject`. A faulty sample is part of
+/// a limited number of rows; a longer series of large innovations is accepted as a change of the vessel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
@@ -52,26 +50,24 @@ impl InnovationGate {
 /// Rows before the noise estimate is used.
 pub(super) const FEWEST_ROWS: usize = 30;
 
-/// Time constant of the noise estimate \[s\]. It is shorter than the forgetting time, because the model error changes
-/// with the manoeuvre.
+/// Time constant of the noise estimate \[s\], shorter than the forgetting time because the model error changes with
+/// the manoeuvre.
 pub(super) const MEMORY_S: f64 = 20.0;
 /// Maximum rate of the noise estimate.
 pub(super) const LARGEST_SHARE: f64 = 0.1;
 
-/// Bound on the leverage in the test. A spike in an output enlarges the regressor and would otherwise pass its own
-/// test.
+/// Bound on the leverage in the test. A spike enlarges the regressor and would otherwise pass its own test.
 const MOST_LEVERAGE: f64 = 1.0;
 
 /// Noise variance of the rows and the gate.
 #[derive(Clone, Debug)]
 pub(super) struct Noise {
     gate: InnovationGate,
-    /// Noise variance of each output's rows \[unit^2/s^2\].
+    /// Noise variance of the rows of each output \[unit^2/s^2\].
     variance: Vec<f64>,
     rows: usize,
-    /// Consecutive outliers.
     streak: usize,
-    /// Number of consecutive outliers that one faulty sample can cause.
+    /// Maximum number of consecutive outliers from one faulty sample.
     longest: usize,
     /// Rate of the noise estimate in steady state.
     rate: f64,
@@ -84,12 +80,11 @@ impl Noise {
         Self { gate, variance: vec![0.0; outputs], rows: 0, streak: 0, longest, rate }
     }
 
-    /// Noise variance of each output's rows; `None` during the first rows.
+    /// Noise variance of the rows of each output; `None` during the first rows.
     pub(super) fn variances(&self) -> Option<&[f64]> {
         (self.rows >= FEWEST_ROWS).then_some(&self.variance)
     }
 
-    /// Length of [`save`](Self::save).
     pub(super) fn memory_len(&self) -> usize {
         self.variance.len() + 2
     }
@@ -106,8 +101,8 @@ impl Noise {
         self.streak = from.count(MOST_COUNTED);
     }
 
-    /// Outcome of a row. On entry `innovations` contain the values, and the leverage `phi' P phi` as `deviation`; on
-    /// return the standard deviations.
+    /// Outcome of a row. On entry the `deviation` of each innovation is the leverage `phi' P phi`; on return it is the
+    /// standard deviation.
     pub(super) fn judge(&mut self, innovations: &mut [Innovation]) -> Outcome {
         let known = self.rows >= FEWEST_ROWS;
         let mut deviations = 0.0f64;
@@ -128,7 +123,6 @@ impl Noise {
                 if known { num_traits::Float::sqrt(*variance * (1.0 + leverage)) } else { f64::NAN };
             let mut square = innovation.value * innovation.value / (1.0 + leverage);
             if outlier {
-                // Outliers cannot widen the gate by more than its threshold.
                 square = square.min(self.gate.inflate * self.gate.inflate * *variance);
             }
             *variance += share * (square - *variance);

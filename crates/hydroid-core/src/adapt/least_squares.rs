@@ -14,22 +14,21 @@ use super::ud_factor::UdFactor;
 /// sum_k lambda^(t-k) w_k (z_k - phi_k' theta)^2  +  r0 |theta - theta_0|^2
 /// ```
 ///
-/// with the row weights `w_k`, the forgetting factor `lambda` per row, and a prior: the reference coefficients
-/// `theta_0` with the weight of `r0` rows of unit regressors in each direction. Data are forgotten, the prior is not.
-/// With exponential forgetting alone `P` grows as `lambda^-t` in directions without excitation ("windup"; Ljung,
-/// *System Identification*, 2nd ed., section 11.2; Fortescue, Kershenbaum, Ydstie 1981). The exact recursion `R <-
-/// lambda R + (1 - lambda) r0 I + w phi phi'` of the information matrix `R = P^-1` (Gunnarsson, *On covariance
-/// modification and regularization in recursive least squares identification*, IFAC SYSID 1994; Salgado, Goodwin,
-/// Middleton 1988) costs `n^3`. Here each row restores the prior of one coefficient, in turn:
+/// with the row weights `w_k`, the forgetting factor `lambda`, and a prior: the reference coefficients `theta_0` with
+/// the weight of `r0` rows of unit regressors in each direction. Data are forgotten, the prior is not. With
+/// exponential forgetting alone `P` grows as `lambda^-t` in directions without excitation ("windup"; Ljung, *System
+/// Identification*, 2nd ed., section 11.2; Fortescue, Kershenbaum, Ydstie 1981). The exact recursion `R <- lambda R +
+/// (1 - lambda) r0 I + w phi phi'` of the information matrix `R = P^-1` (Gunnarsson, *On covariance modification and
+/// regularization in recursive least squares identification*, IFAC SYSID 1994; Salgado, Goodwin, Middleton 1988) costs
+/// `n^3`. Here each row restores the prior of one coefficient, in turn:
 ///
 /// ```text
 /// R <- lambda R + n (1 - lambda) r0 e_j e_j' + w phi phi'        j = t mod n
 /// ```
 ///
 /// The restoration is a pseudo-measurement of `theta_j` and costs half an ordinary row. By induction `R >= r0
-/// lambda^(n-1) I`, so that **no eigenvalue of `P` exceeds `lambda^(1-n) / r0`**, whatever the data. The
-/// pseudo-measurement has the value `theta_0` (leak towards the reference) or the present `theta` (bound without
-/// leak).
+/// lambda^(n-1) I`, so that **no eigenvalue of `P` exceeds `lambda^(1-n) / r0`** for any data. The value of the
+/// pseudo-measurement is `theta_0` (leak towards the reference) or the present `theta` (bound without leak).
 ///
 /// The measurement update with the weight `w` is
 ///
@@ -42,7 +41,6 @@ use super::ud_factor::UdFactor;
 #[derive(Clone, Debug)]
 pub struct RecursiveLeastSquares {
     factor: UdFactor,
-    /// Initial covariance.
     initial: Vec<f64>,
     /// Coefficients, `targets x n`.
     theta: Vec<f64>,
@@ -51,7 +49,7 @@ pub struct RecursiveLeastSquares {
     /// Upper triangle `T` of a prior information `r0 T'T`, row by row; `None` for `r0 I`.
     r_factor: Option<Vec<f64>>,
     leak: bool,
-    /// Coefficient (row of `T`) whose prior is restored next.
+    /// Coefficient (row of `T`) of the next restoration.
     turn: usize,
     innovations: Vec<f64>,
 }
@@ -79,8 +77,8 @@ impl RecursiveLeastSquares {
         }
     }
 
-    /// As [`new`](Self::new), with the prior information `r0 T'T`, where `r0` is `information` and `T` is `r_factor`:
-    /// a regular upper triangle (`n x n`, row by row), such as the QR factor of the training rows. Forgotten prior
+    /// As [`new`](Self::new), with the prior information `r0 T'T`: `r0` is `information`, and `T` is `r_factor`, a
+    /// regular upper triangle (`n x n`, row by row) such as the QR factor of the training rows. Forgotten prior
     /// information is restored row by row of `T`, so that `R >= r0 lambda^(n-1) T'T`.
     ///
     /// # Panics
@@ -92,7 +90,6 @@ impl RecursiveLeastSquares {
         Self { initial: numbers(&factor), factor, r_factor: Some(r_factor.to_vec()), ..own }
     }
 
-    /// Length of [`save`](Self::save).
     pub(super) fn memory_len(&self) -> usize {
         self.factor.memory_len() + self.theta.len() + 1
     }
@@ -152,8 +149,8 @@ impl RecursiveLeastSquares {
         self.factor.variance(phi)
     }
 
-    /// Forgetting of one row: discounts the data by `lambda` and restores the prior. To be called once for each row,
-    /// before [`predict`](Self::predict) or after [`correct`](Self::correct).
+    /// Discounts the data by `lambda` and restores the prior. Call it once for each row, before
+    /// [`predict`](Self::predict) or after [`correct`](Self::correct).
     pub fn forget(&mut self, lambda: f64) {
         if lambda >= 1.0 {
             return;
@@ -213,8 +210,7 @@ impl RecursiveLeastSquares {
         &mut self.innovations
     }
 
-    /// Measurement update with the projected regressor and the weight `w > 0`. Without a new regressor, or with zero
-    /// weight, nothing changes.
+    /// Measurement update with the projected regressor. A zero weight has no effect.
     pub fn correct(&mut self, weight: f64) {
         if !(1.0 / weight).is_finite() {
             return;
@@ -228,7 +224,6 @@ impl RecursiveLeastSquares {
     }
 }
 
-/// The numbers of a covariance.
 fn numbers(factor: &UdFactor) -> Vec<f64> {
     let mut numbers = vec![0.0; factor.memory_len()];
     factor.save(&mut Writer::new(&mut numbers));

@@ -1,18 +1,16 @@
-//! State of an adapter as a flat slice. The reader takes the values in the order in which the writer stored them.
+//! State of an adapter as a flat slice, read in the order of writing.
 
 /// Upper limit of stored counters; an increment does not overflow.
 pub(super) const MOST_COUNTED: usize = usize::MAX / 4;
 
-/// Writes numbers in sequence.
 pub(super) struct Writer<'a>(&'a mut [f64]);
 
 impl<'a> Writer<'a> {
-    /// A writer from the start of a slice.
     pub(super) fn new(into: &'a mut [f64]) -> Self {
         Self(into)
     }
 
-    /// The next `len` numbers, for the caller to fill.
+    /// The next `len` numbers, to be filled by the caller.
     pub(super) fn part(&mut self, len: usize) -> &'a mut [f64] {
         let (part, rest) = core::mem::take(&mut self.0).split_at_mut(len);
         self.0 = rest;
@@ -33,11 +31,9 @@ impl<'a> Writer<'a> {
     }
 }
 
-/// Reads numbers in sequence.
 pub(super) struct Reader<'a>(&'a [f64]);
 
 impl<'a> Reader<'a> {
-    /// A reader from the start of a slice.
     pub(super) fn new(from: &'a [f64]) -> Self {
         Self(from)
     }

@@ -1,8 +1,7 @@
 //! Online adaptation, sample by sample.
 //!
-//! An [`Adapter`] is a prediction session ([`Predictor`]) with weights of its own, which it adapts along a run.
-//! Evaluation and controllers use it as any session. Its snapshots contain the weights: a rollout from a snapshot
-//! uses the weights of that time.
+//! An [`Adapter`] is a prediction session ([`Predictor`]) that adapts its own weights along a run. Evaluation and
+//! controllers use it as any session. Its snapshots contain the weights, and a rollout from a snapshot uses them.
 //!
 //! | adapter | adapted weights and method |
 //! | --- | --- |
@@ -43,18 +42,18 @@ pub use ud_factor::UdFactor;
 
 /// A prediction session that adapts its weights along the run.
 ///
-/// It learns in [`observe`](Predictor::observe), from all samples up to the observed one; [`outcome`](Self::outcome)
-/// reports the result. A [`reset`](Predictor::reset) starts a run and preserves the weights.
+/// It learns in [`observe`](Predictor::observe); [`outcome`](Self::outcome) reports the result. A
+/// [`reset`](Predictor::reset) starts a run and preserves the weights.
 pub trait Learning: Predictor {
     /// Effect of the last observed sample on the weights.
     fn outcome(&self) -> Outcome;
 
-    /// Innovation of each output at the last sample and its standard deviation, in the unit of the output, before the update.
+    /// Innovation and standard deviation of each output at the last sample before the update, in its unit.
     /// Empty if the outcome is [`Outcome::Waiting`].
     fn innovations(&self) -> &[Innovation];
 
-    /// Current weights in the units and order of the model. A [`snapshot`](Predictor::snapshot) ends with as many numbers,
-    /// which determine them.
+    /// Current weights in the units and order of the model. A [`snapshot`](Predictor::snapshot) ends with as many
+    /// numbers, which determine them.
     fn weights(&self) -> &[f64];
 
     /// Stops or resumes learning. A frozen adapter predicts with its current weights.
@@ -74,10 +73,10 @@ pub trait Learning: Predictor {
         None
     }
 
-    /// Standard deviations of the measurements at the given `horizons` \[samples\] (ascending, at least 1) under the commands
-    /// `c_k, ..` (rows of `commands`, as many as the last horizon): from the uncertainty of weights and state and the noise of
-    /// the measurement. `deviations` receives `horizons x outputs` numbers in the units of the outputs; NaN where the adapter
-    /// has no estimate. Allocates only while `work` grows.
+    /// Standard deviations of the measurements at the `horizons` \[samples\] (ascending, at least 1) under the commands
+    /// `c_k, ..` (rows of `commands`, as many as the last horizon), from the uncertainty of weights and state and from
+    /// the measurement noise. `deviations` receives `horizons x outputs` numbers in the units of the outputs; NaN where
+    /// the adapter has no estimate. Allocates only while `work` grows.
     ///
     /// # Panics
     /// If the lengths do not fit together.
@@ -95,15 +94,15 @@ pub trait SaveState {
     /// Length of [`save`](Self::save); constant over the life of the adapter.
     fn memory_len(&self) -> usize;
 
-    /// Writes all numbers that predictions and further learning depend on: state and weights, as in a
-    /// [`snapshot`](Predictor::snapshot), covariances, incomplete windows and counters.
+    /// Writes the numbers that predictions and further learning depend on: the [`snapshot`](Predictor::snapshot),
+    /// covariances, incomplete windows and counters.
     ///
     /// # Panics
     /// If `into` has not [`memory_len`](Self::memory_len) numbers.
     fn save(&self, into: &mut [f64]);
 
-    /// Restores what [`save`](Self::save) of an adapter of the same model and options wrote: from the next sample on both
-    /// continue identically to the last bit. Until then the [`outcome`](Learning::outcome) is [`Outcome::Waiting`].
+    /// Restores the numbers that [`save`](Self::save) of an adapter of the same model and options wrote. Both continue
+    /// identically to the last bit; until the next sample the [`outcome`](Learning::outcome) is [`Outcome::Waiting`].
     ///
     /// # Panics
     /// If `from` has not [`memory_len`](Self::memory_len) numbers.
@@ -117,8 +116,8 @@ pub trait Rehearsing {
         None
     }
 
-    /// Stores a window while there is room: measured `outputs` and `commands` of consecutive samples, row by row. The last
-    /// [`samples`](kalman::RehearsalOptions::samples) are stored, the samples before wash in. Allocates.
+    /// Stores a window while there is room: measured `outputs` and `commands` of consecutive samples, row by row. The
+    /// last [`samples`](kalman::RehearsalOptions::samples) are stored, the samples before settle the state. Allocates.
     fn store_window(&mut self, outputs: &[f64], commands: &[f64]) {
         let _ = (outputs, commands);
     }
@@ -129,8 +128,7 @@ pub trait Adapter: Learning + SaveState + Rehearsing {}
 
 impl<T: Learning + SaveState + Rehearsing + ?Sized> Adapter for T {}
 
-/// Indicators of a covariance that precede errors of the predictions. NaN for unknown values, and for values that are correct
-/// by construction.
+/// Indicators of a covariance that precede prediction errors; NaN if unknown or correct by construction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Health {
     /// The smallest variance of a weight or a hidden state, in its scaled unit.

@@ -29,10 +29,10 @@ pub(super) const MOST_SAMPLES: usize = 1_000_000;
 /// Maximum number of experts of a mixture.
 pub(super) const MOST_EXPERTS: usize = 16;
 
-/// Maximum weight of a prior \[rows\], and of its inverse; squares and inverses stay finite.
+/// Maximum weight of a prior \[rows\] and of its inverse, with finite squares.
 const MOST_INFORMATION: f64 = 1e30;
 
-/// Maximum number of forgetting times between two restorations of one direction of the prior. The covariance grows by
+/// Maximum number of forgetting times between two restorations of one direction of the prior: the covariance grows by
 /// `e` to this power in between.
 const MOST_FORGOTTEN: f64 = 300.0;
 
@@ -112,8 +112,8 @@ impl RecursiveOptions {
         Ok(())
     }
 
-    /// Weight `r0` of the prior \[rows\] and forgetting factor `lambda` of a row, for `terms` coefficients in an
-    /// equation.
+    /// Weight `r0` of the prior \[rows\] and forgetting factor `lambda` of a row, for equations of `terms`
+    /// coefficients.
     pub(super) fn prior_and_forgetting(
         &self,
         rows: &Increments,
@@ -125,7 +125,6 @@ impl RecursiveOptions {
             return Err(RecursiveOptionsError::Extreme("the time that the prior is worth"));
         }
         let row = rows.stride() as f64 * dt / self.forgetting_s;
-        // Each direction of the prior is restored once in `terms` rows.
         let turn = row * terms as f64;
         if turn.is_nan() || turn > MOST_FORGOTTEN {
             return Err(RecursiveOptionsError::Extreme("the forgetting time"));

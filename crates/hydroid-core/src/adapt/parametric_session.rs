@@ -20,7 +20,6 @@ pub struct ParametricSession {
 }
 
 impl ParametricSession {
-    /// A session at the start of a run. The equations have a coefficient at each of the places.
     pub(super) fn new(equations: Equations, places: Vec<usize>) -> Self {
         let coefficients = equations.coefficients().to_vec();
         Self { session: EquationsSession::new(Arc::new(equations)), coefficients, places }
@@ -31,27 +30,24 @@ impl ParametricSession {
         self.session.equations()
     }
 
-    /// Writes outputs, inputs and signals into `slots[1..]` (see [`Equations::load`]).
+    /// See [`Equations::load`].
     pub(super) fn load(&self, c: &[f64], slots: &mut [f64]) {
         self.session.equations().load(self.session.state(), c, slots);
     }
 
-    /// State of [`Equations::step`].
     pub(super) fn state(&self) -> &[f64] {
         self.session.state()
     }
 
-    /// Mutable state.
     pub(super) fn state_mut(&mut self) -> &mut [f64] {
         self.session.state_mut()
     }
 
-    /// All coefficients, `outputs x terms`.
     pub(super) fn coefficients(&self) -> &[f64] {
         &self.coefficients
     }
 
-    /// Indices of the adapted coefficients in `outputs x terms`.
+    /// Indices of the adapted coefficients.
     pub fn places(&self) -> &[usize] {
         &self.places
     }
@@ -64,7 +60,6 @@ impl ParametricSession {
         }
     }
 
-    /// Sets the adapted coefficients.
     pub(super) fn set_weights(&mut self, weights: &[f64]) {
         assert_eq!(weights.len(), self.places.len(), "one number for each place");
         for (weight, &place) in weights.iter().zip(&self.places) {
@@ -128,7 +123,7 @@ impl Predictor for ParametricSession {
     }
 
     fn fork(&self) -> Box<dyn Predictor> {
-        // The copy gets equations of its own here, because `restore` must not allocate.
+        // The copy gets its own equations here, because `restore` must not allocate.
         let mut fork = self.clone();
         let _ = fork.session.equations_mut();
         Box::new(fork)

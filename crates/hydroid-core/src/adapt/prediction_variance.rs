@@ -1,6 +1,6 @@
 //! Variance of the predictions of recursive equations.
 //!
-//! The error of a rollout over `h` samples, compared with the measurement `y_{k+h}`, has the variance
+//! The error of a rollout over `h` samples against the measurement `y_{k+h}` has the variance
 //!
 //! ```text
 //! sensor noise at the target               a/2
@@ -10,11 +10,9 @@
 //! ```
 //!
 //! with the derivatives `Phi_h` and `S_h` of the rollout with respect to the origin and the coefficients
-//! ([`Sensitivity`]; the derivatives over `j` steps from the origin stand for those from any step). `a` and `b` are
-//! diagonal.
-//!
-//! Errors over one step have the variance `a + b`, increments over the `m` samples of a row `a + b m`. The two
-//! equations separate `a` and `b`.
+//! ([`Sensitivity`]; the derivatives over `j` steps from the origin stand for those from any step). Errors over one
+//! step have the variance `a + b`, increments over the `m` samples of a row `a + b m`; the two equations separate the
+//! diagonal matrices `a` and `b`.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -25,7 +23,7 @@ use super::innovation_gate::{FEWEST_ROWS, LARGEST_SHARE, MEMORY_S};
 use super::memory::{MOST_COUNTED, Reader, Writer};
 use crate::model::sparse::{Equations, EquationsError, Sensitivity};
 
-/// Bound on the normalized error in the variance estimate, so that a single faulty sample has a limited effect.
+/// Bound on the normalized error in the variance estimate, which limits the effect of a faulty sample.
 const FARTHEST: f64 = 5.0;
 
 /// Online estimate of the one-step errors, and the sensitivities of the rollout.
@@ -34,7 +32,6 @@ pub(super) struct PredictionVariance {
     sensitivity: Sensitivity,
     /// Variance of the one-step errors of each output \[unit^2\].
     one_step: Vec<f64>,
-    /// Number of one-step errors.
     count: usize,
     /// Samples since the last measurement of each output.
     age: Vec<usize>,
@@ -43,7 +40,6 @@ pub(super) struct PredictionVariance {
 }
 
 impl PredictionVariance {
-    /// For equations with coefficients at `places`.
     pub(super) fn new(equations: &Equations, places: &[usize]) -> Result<Self, EquationsError> {
         let n = equations.outputs();
         Ok(Self {
@@ -55,7 +51,7 @@ impl PredictionVariance {
         })
     }
 
-    /// Start of a run. The variance estimate stays.
+    /// Starts a run. The variance estimate stays.
     pub(super) fn restart(&mut self) {
         self.age.fill(0);
     }
@@ -64,8 +60,7 @@ impl PredictionVariance {
         self.sensitivity.set_coefficients(coefficients);
     }
 
-    /// Updates the variance with a measurement and its one-step prediction, if all outputs were measured at the
-    /// sample before.
+    /// Updates the variance with a one-step prediction error, if all outputs were measured one sample before.
     pub(super) fn observe(&mut self, y: &[f64], expected: &[f64]) {
         let fresh = self.age.iter().all(|age| *age == 0);
         let known = self.count >= FEWEST_ROWS;
@@ -84,13 +79,12 @@ impl PredictionVariance {
         }
     }
 
-    /// Length of the scratch memory for rollouts over `steps`.
     pub(super) fn scratch(&self, steps: usize) -> usize {
         let n = self.one_step.len();
         (steps + 1) * n * (1 + self.sensitivity.parameters()) + 3 * n + self.sensitivity.scratch()
     }
 
-    /// Standard deviations at the horizons, `horizons x outputs`. `row_noise` are the noise variances of the rows
+    /// Standard deviations at the horizons, `horizons x outputs`. `row_noise`: noise variances of the rows
     /// \[unit^2/s^2\], whose windows have `samples` intervals and the length `window_s`. `uncertain` returns the
     /// variance of an output for its derivatives with respect to the coefficients.
     pub(super) fn deviations(
@@ -116,7 +110,7 @@ impl PredictionVariance {
         self.sensitivity.rollout(state, commands, rest, y, s);
         for l in 0..n {
             let (one, window) = (self.one_step[l], row_noise[l] * window_s * window_s);
-            // With one interval the terms cannot be separated: all is process noise, which gives the wider band.
+            // One interval does not separate the terms: process noise alone gives the wider band.
             let slope = (window - one) / samples.saturating_sub(1) as f64;
             drift[l] = if samples == 1 { one } else { slope.clamp(0.0, one) };
             sensor[l] = one - drift[l];
@@ -128,7 +122,6 @@ impl PredictionVariance {
             for i in 0..n {
                 drifted[i] += (0..n).map(|l| phi(step, i, l) * phi(step, i, l) * drift[l]).sum::<f64>();
             }
-            // Horizons may be repeated.
             while horizons.get(next) == Some(&(step + 1)) {
                 for i in 0..n {
                     let start: f64 = (0..n)
@@ -146,7 +139,6 @@ impl PredictionVariance {
         }
     }
 
-    /// Length of [`save`](Self::save).
     pub(super) fn memory_len(&self) -> usize {
         self.one_step.len() + self.age.len() + 1
     }

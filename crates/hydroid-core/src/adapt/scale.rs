@@ -4,15 +4,13 @@ use alloc::vec;
 
 use crate::model::sparse::Term;
 
-/// Number of quadrature points.
 const POINTS: usize = 512;
 
 /// Root mean square of a term for independent variables, uniformly distributed over their design ranges `(low,
-/// high)`. The columns of a regression are divided by it, so that a prior covariance has the same meaning for every
-/// term and log.
+/// high)`. With columns divided by it, a prior covariance has the same meaning for every term and log.
 ///
-/// The mean is taken over an additive recurrence (a Kronecker sequence with the square roots of primes) with an error
-/// of some percent. A term that is zero or undefined everywhere has the scale 1.
+/// The mean is taken over an additive recurrence (a Kronecker sequence with the square roots of primes); its error is
+/// some percent. A term that is zero or undefined everywhere has the scale 1.
 pub fn rms_over_range(term: &Term, ranges: &[(f64, f64)]) -> f64 {
     let mut variables = vec![0.0; ranges.len()];
     let mut sum = 0.0;
@@ -22,7 +20,7 @@ pub fn rms_over_range(term: &Term, ranges: &[(f64, f64)]) -> f64 {
             *variable = low + fraction * (high - low);
         }
         let value = term.value(&variables);
-        // Undefined values, such as the logarithm of a negative number, are left out.
+        // Undefined values, such as the logarithm of a negative number, do not count.
         if value.is_finite() {
             sum += value * value;
         }
@@ -35,7 +33,6 @@ fn fract(x: f64) -> f64 {
     num_traits::Float::fract(x)
 }
 
-/// The prime number at a position, counted from 0.
 fn prime(position: usize) -> f64 {
     let is_prime = |n: &u32| (2..*n).take_while(|d| d * d <= *n).all(|d| !n.is_multiple_of(d));
     (2..).filter(is_prime).nth(position).map_or(2.0, f64::from)

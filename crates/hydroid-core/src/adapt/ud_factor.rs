@@ -15,8 +15,8 @@ use super::memory::{Reader, Writer};
 /// `P = U D U'` with `U` unit upper triangular and `D` diagonal and positive (Bierman, *Factorization Methods for
 /// Discrete Sequential Estimation*, 1977, chapter V; Ljung, *System Identification*, 2nd ed., section 11.7).
 ///
-/// A measurement multiplies each `d_j` by a ratio of positive sums, so that rounding cannot make a variance negative.
-/// An update needs `1.5 n^2` multiplications, as many as the recursion `P -= K phi' P`.
+/// A measurement multiplies each `d_j` by a ratio of positive sums, so that no variance becomes negative by rounding.
+/// An update needs `1.5 n^2` multiplications, as many as `P -= K phi' P`.
 ///
 /// Layout: the part of column `j` of `U` above the diagonal is `columns[j(j-1)/2 ..][..j]`.
 #[derive(Clone, Debug)]
@@ -62,12 +62,10 @@ impl UdFactor {
         own
     }
 
-    /// Length of [`save`](Self::save).
     pub(super) fn memory_len(&self) -> usize {
         self.columns.len() + self.d.len()
     }
 
-    /// Writes the covariance without the projected regressor.
     pub(super) fn save(&self, into: &mut Writer<'_>) {
         into.numbers(&self.columns);
         into.numbers(&self.d);
@@ -140,7 +138,6 @@ impl UdFactor {
     }
 }
 
-/// [`UdFactor::project`] for a vector instruction set.
 struct Project<'a> {
     factor: &'a mut UdFactor,
     phi: &'a [f64],
@@ -162,7 +159,6 @@ impl WithSimd for Project<'_> {
     }
 }
 
-/// [`UdFactor::absorb`] for a vector instruction set.
 struct Absorb<'a> {
     factor: &'a mut UdFactor,
     noise: f64,
@@ -198,12 +194,11 @@ impl WithSimd for Absorb<'_> {
     }
 }
 
-/// Index of the first element of column `j`.
 fn start(j: usize) -> usize {
     j * j.saturating_sub(1) / 2
 }
 
-/// Scalar product in four partial sums, for vector instructions.
+/// Scalar product in four partial sums, for vectorization.
 #[inline(always)]
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (a4, a_rest) = a.as_chunks::<4>();

@@ -1,4 +1,4 @@
-//! A guard as an adapter: three models follow the run, and one of them predicts.
+//! A guard as an adapter: three models follow the run, and the active one predicts.
 
 use alloc::boxed::Box;
 
@@ -106,7 +106,7 @@ impl Predictor for Guard {
         self.learner.snapshot_len() + self.reference.snapshot_len() + Budget::LEN + 2 * self.motion.len()
     }
 
-    /// Snapshots of the active model and the reference model, the budget, and the motion of the vessel.
+    /// Snapshots of the active and the reference model, the budget, and the motion of the vessel.
     fn snapshot(&self, into: &mut [f64]) {
         let len = self.learner.snapshot_len();
         self.expert(self.selector.active).snapshot(&mut into[..len]);
@@ -116,8 +116,8 @@ impl Predictor for Guard {
         motion.copy_from_slice(self.motion.as_flattened());
     }
 
-    /// The learner takes state and weights of the active model, the snapshot its state. The learner becomes active, unless the reference
-    /// model was.
+    /// The learner takes state and weights of the active model, the snapshot its state. The learner becomes active,
+    /// unless the reference model was.
     fn restore(&mut self, from: &[f64]) {
         let len = self.learner.snapshot_len();
         let Self { learner, snapshot, reference, buffers: [_, own], .. } = self;
@@ -153,7 +153,7 @@ impl Learning for Guard {
         self.learner.innovations()
     }
 
-    /// The weights of the learner, whichever model is active.
+    /// The weights of the learner, even if another model is active.
     fn weights(&self) -> &[f64] {
         self.learner.weights()
     }

@@ -1,31 +1,30 @@
-//! The bound on the deviation of a prediction from the one of the reference model.
+//! The bound on the deviation of a prediction from the prediction of the reference model.
 //!
-//! For the prediction `p` of an adapted model and the prediction `f` of the reference model, with `w` half the design range of each
-//! output:
+//! For the prediction `p` of an adapted model, the prediction `f` of the reference model, and half the design range
+//! `w` of each output:
 //!
 //! ```text
-//! d      = mean over outputs of |p - f| / w, its least and largest value over the last stride of steps of the horizon
-//! answer = p                  if supported_from <= min d and max d <= supported_to, and p does not contradict the motion
-//!        = f                  if max d <= limit and the account of the guarantee is in deficit
-//!        = f + a (p - f)      otherwise, with a = min(1, limit / max d) for all steps
+//! d      = mean over outputs of |p - f| / w, with its range over the last stride of steps of the horizon
+//! answer = p                if supported_from <= min d and max d <= supported_to, and p does not contradict the motion
+//!        = f                if max d <= limit and the account of the guarantee is in deficit
+//!        = f + a (p - f)    otherwise, with a = min(1, limit / max d) for all steps
 //! ```
 //!
-//! Within `limit`, the error of the answer exceeds the error of `f` by at most `limit`, whatever is measured later (triangle
-//! inequality). A larger deviation implies that one of the two predictions is wrong: if the error of `p` is at most `E`, the error of
-//! `f` is at least `d - E`, and the cost of `p` beyond `factor` times the error of `f` is at most `limit` where
-//! `d >= (E (1 + factor) - limit) / factor`. For a reference model with small recent errors `supported_to` is small. In deficit, a
-//! small deviation does not justify further cost.
+//! Within `limit`, the error of the answer exceeds the error of `f` by at most `limit` (triangle inequality). A larger
+//! deviation implies that one of the two predictions is wrong: if the error of `p` is at most `E`, the error of `f` is
+//! at least `d - E`, and the cost of `p` beyond `factor` times the error of `f` is at most `limit` where
+//! `d >= (E (1 + factor) - limit) / factor`. For a reference model with small recent errors `supported_to` is small. In
+//! deficit, a small deviation does not justify further cost.
 //!
-//! The motion of the vessel is a third opinion: `m = y + k dy` after `k` samples, from the measured value `y` and its measured change
-//! `dy` per sample. The extrapolation is a poor prediction, but it depends on no training data. With `motion_check`, a prediction is
+//! The motion of the vessel is a third estimate: `m = y + k dy` after `k` samples, from the measured value `y` and its
+//! change `dy` per sample. It is inaccurate, but independent of training data. With `motion_check`, a prediction is
 //! rejected if its distance from `m` exceeds [`MOTION_RATIO`] times the distance of the reference model from `m`.
 
 use alloc::boxed::Box;
 
 use crate::predict::{Predictor, Workspace};
 
-/// A prediction contradicts the motion where its distance from the extrapolated motion exceeds this factor times the distance of the
-/// reference model.
+/// Maximum distance of a prediction from the extrapolated motion, relative to the distance of the reference model.
 const MOTION_RATIO: f64 = 1.5;
 
 /// Motion of the vessel: value and change per sample of each output; NaN where an output was not measured.
@@ -37,14 +36,14 @@ pub(super) struct Budget {
     pub(super) limit: f64,
     pub(super) supported_from: f64,
     pub(super) supported_to: f64,
-    /// Whether the account of the guarantee is in deficit: small deviations are then replaced by the reference model.
+    /// Whether the account is in deficit: the reference model then replaces small deviations.
     pub(super) in_deficit: bool,
-    /// Whether a large deviation is rejected where it contradicts the motion of the vessel.
+    /// Whether a large deviation is rejected if it contradicts the motion of the vessel.
     pub(super) motion_check: bool,
 }
 
 impl Budget {
-    /// No deviation: the reference model alone.
+    /// The reference model alone.
     pub(super) const NONE: Self = Self {
         limit: 0.0,
         supported_from: f64::INFINITY,
@@ -69,13 +68,13 @@ impl Budget {
     }
 }
 
-/// Deviation of a prediction from the reference model, with its size where the prediction is projected.
+/// Deviation of a prediction from the reference model, with its size if the prediction is projected.
 enum Deviation {
     /// Within the limit.
     Within,
-    /// Large, and shadow tests support the prediction.
+    /// Large and supported by shadow tests.
     Supported,
-    /// Too small for the support of shadow tests.
+    /// Too small for the support by shadow tests.
     Unsupported(f64),
     /// Larger than the error that the reference model can have, or against the motion of the vessel.
     Rejected(f64),
@@ -84,16 +83,15 @@ enum Deviation {
 /// Comparison of predictions with the reference model.
 #[derive(Clone, Debug)]
 pub(super) struct DeviationBound {
-    /// Predictions are compared within this number of steps \[samples\], ..
+    /// Predictions are compared within `horizon` steps, over the last `stride` of them \[samples\].
     pub(super) horizon: usize,
-    /// .. over the last `stride` of them.
     pub(super) stride: usize,
     /// `w`: half the design range of each output.
     pub(super) scale: Box<[f64]>,
 }
 
 impl DeviationBound {
-    /// The least and the largest distance of two predictions over the compared steps.
+    /// The range of the distance of two predictions over the compared steps.
     fn distance_range(&self, predicted: &[f64], reference: &[f64]) -> (f64, f64) {
         let n = self.scale.len();
         let steps = (predicted.len() / n).min(self.horizon);
@@ -105,7 +103,7 @@ impl DeviationBound {
         })
     }
 
-    /// Whether a prediction is projected because of its size or the motion of the vessel alone.
+    /// Whether a prediction is projected because of its size or the motion alone.
     pub(super) fn is_rejected(
         &self,
         predicted: &[f64],
@@ -131,7 +129,7 @@ impl DeviationBound {
         }
     }
 
-    /// Whether a prediction contradicts the motion of the vessel at its last compared step; false where the motion is unknown.
+    /// Whether a prediction contradicts the motion at its last compared step; false if the motion is unknown.
     fn contradicts_motion(&self, motion: &Motion, predicted: &[f64], reference: &[f64]) -> bool {
         let n = self.scale.len();
         let steps = (predicted.len() / n).min(self.horizon);
@@ -143,7 +141,7 @@ impl DeviationBound {
         off(predicted) > MOTION_RATIO * off(reference)
     }
 
-    /// Projects a prediction onto the permitted deviation from the reference model, in place.
+    /// Projects a prediction in place onto the permitted deviation from the reference model.
     pub(super) fn project(&self, predicted: &mut [f64], reference: &[f64], budget: Budget, motion: &Motion) {
         let share = match self.deviation(predicted, reference, budget, motion) {
             Deviation::Within => f64::from(u8::from(!budget.in_deficit)),
@@ -154,22 +152,21 @@ impl DeviationBound {
             if share < 1.0 {
                 *p = f + share * (*p - f);
             }
-            // The reference model replaces a prediction that has diverged.
             if !p.is_finite() {
                 *p = f;
             }
         }
     }
 
-    /// Mean over the outputs of the distance between two predictions of one sample, in `w`.
+    /// Mean over the outputs of the distance between two predictions of one sample, in units of `w`.
     pub(super) fn distance(&self, p: &[f64], f: &[f64]) -> f64 {
         let off = p.iter().zip(f).zip(&self.scale).map(|((p, f), scale)| (p - f).abs() / scale);
         off.sum::<f64>() / self.scale.len() as f64
     }
 }
 
-/// Estimates the motion from measurements (rows of all outputs, oldest first): value and slope by the means of the two halves. An output
-/// that is missing in the last row, or in more than half of either half, keeps its motion.
+/// Estimates the motion from measurements (rows of all outputs, oldest first): value and slope from the means of the
+/// two halves. An output keeps its motion if it is missing in the last row or in more than half of either half.
 pub(super) fn estimate_motion(rows: &[f64], motion: &mut Motion) {
     let n = motion.len();
     let count = rows.len() / n / 2;
@@ -193,14 +190,13 @@ pub(super) fn estimate_motion(rows: &[f64], motion: &mut Motion) {
     }
 }
 
-/// Extrapolates the motion by one sample.
 pub(super) fn extrapolate(motion: &mut Motion) {
     for [y, dy] in motion {
         *y += *dy;
     }
 }
 
-/// The predictions of a guard: those of a model, bounded by the reference model.
+/// Predictions of a model, bounded by the reference model.
 pub(super) struct BoundedRollout<'a> {
     pub(super) bound: &'a DeviationBound,
     pub(super) budget: Budget,
@@ -236,7 +232,7 @@ impl BoundedRollout<'_> {
     }
 }
 
-/// A fork of a guard, which does not learn: the active model, bounded by the reference model.
+/// A fork of a guard without learning: the active model, bounded by the reference model.
 pub(super) struct GuardFork {
     pub(super) bound: DeviationBound,
     pub(super) budget: Budget,
@@ -341,7 +337,8 @@ mod tests {
     #[test]
     fn motion_is_estimated_from_two_halves() {
         let mut motion = [[f64::NAN; 2], [f64::NAN; 2], [7.0, 1.0], [7.0, 1.0]];
-        // The second is measured in half of each half, the third in less of the last, the fourth not at the end.
+        // The second output is measured in half of each half, the third in less of the last half, the fourth not at the
+        // end.
         let row = |k: u32| {
             let line = 2.0 + 0.1 * f64::from(k);
             let with = |measured: bool| if measured { line } else { f64::NAN };
@@ -356,7 +353,7 @@ mod tests {
         assert_eq!([less, ended], [[8.0, 1.0]; 2]);
     }
 
-    /// One prediction keeps the hydrofoil flying, the other has it in the water after five samples.
+    /// One prediction stays foil-borne, the other is in the water after five samples.
     #[test]
     fn a_prediction_against_the_motion_is_rejected() {
         let bound = DeviationBound { horizon: 5, stride: 2, scale: [3.0, 0.5].into() };
@@ -379,13 +376,13 @@ mod tests {
         assert!(stands(steady, budget));
         assert!(!stands(slower, budget));
         assert!(stands(slower, Budget { motion_check: false, ..budget }));
-        // Slower by little, or where one output was never measured.
+        // A slightly slower vessel, and an output that was never measured.
         assert!(stands([[4.5, -0.2], [0.0; 2]], budget));
         assert!(stands([slower[0], [f64::NAN; 2]], budget));
     }
 
     proptest! {
-        /// Whatever is predicted and measured, the error at the horizon exceeds the error of the reference by at most the limit.
+        /// The error at the horizon exceeds the error of the reference model by at most the limit.
         #[test]
         fn an_answer_costs_no_more_than_the_limit(
             predicted in prop::collection::vec(-10.0..10.0_f64, 12),

@@ -13,7 +13,6 @@ pub enum Expert {
 }
 
 impl Expert {
-    /// All models, in the order of preference.
     pub const ALL: [Self; 3] = [Self::Adapted, Self::Snapshot, Self::Reference];
 
     /// Index in [`ALL`](Self::ALL).
@@ -31,10 +30,9 @@ impl Expert {
     }
 }
 
-/// An action of a guard.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Event {
-    /// Samples observed before this one, since the guard was made.
+    /// Number of samples observed before this one.
     pub sample: u64,
     /// The action.
     pub action: Action,
@@ -48,58 +46,58 @@ pub enum Action {
     Spike {
         /// The output.
         output: usize,
-        /// Jump of the innovation, in usual deviations of the jumps.
+        /// Jump of the innovation, relative to the RMS of the jumps.
         deviations: f64,
     },
     /// A measurement was used with inflated noise variance.
     Inflated {
         /// The output.
         output: usize,
-        /// Jump of the innovation, in usual deviations of the jumps.
+        /// Jump of the innovation, relative to the RMS of the jumps.
         deviations: f64,
         /// Factor on the variance.
         factor: f64,
     },
-    /// A sensor repeats its value to the last bit; its measurements are not used from now on.
+    /// A sensor repeats its value to the last bit. Its measurements are rejected from now on.
     Stuck {
         /// The output.
         output: usize,
         /// Number of repetitions.
         repeats: usize,
     },
-    /// A sensor has a constant offset, which is subtracted from now on.
+    /// A sensor has a constant offset. It is subtracted from now on.
     Offset {
         /// The output.
         output: usize,
         /// Total offset \[unit of the output\].
         offset: f64,
     },
-    /// A suspected fault was found to be motion of the vessel; its measurements are used.
+    /// A suspected fault was motion of the vessel. Its measurements are used.
     Believed {
         /// The output.
         output: usize,
-        /// Jump of the innovation, in usual deviations of the jumps.
+        /// Jump of the innovation, relative to the RMS of the jumps.
         deviations: f64,
     },
     /// Measurements of an output are used again.
     Back {
         /// The output.
         output: usize,
-        /// Number of samples without.
+        /// Number of missing samples.
         missing: usize,
     },
-    /// Command or outputs are far outside the design range: learning stops.
+    /// Command or outputs are far outside the design range. Learning stops.
     Outside {
         /// Outputs first, then inputs.
         channel: usize,
         /// Distance from the range, in its width.
         distance: f64,
     },
-    /// Command and outputs are inside the design range again: learning resumes.
+    /// Command and outputs are inside the design range again. Learning resumes.
     Inside,
     /// Another model predicts.
     Switched {
-        /// The active model from now on.
+        /// The active model.
         to: Expert,
         /// Cause.
         cause: Cause,

@@ -1,28 +1,29 @@
-//! The guard: an adapter around another one, whose predictions are never much worse than the ones of the reference model.
+//! The guard: an adapter around another one, with a bound on its errors relative to a reference model.
 //!
-//! A [`Guard`] is an [`Adapter`] around a learner. Three models follow the run: the learner (*adapted*), the last good snapshot of its
-//! weights (*snapshot*), and the model as it was delivered, with a state filter and constant weights (*reference*). Measurements
-//! pass through fault detection first (`sensor`). Every [`stride`](GuardOptions::stride) samples a shadow test (`shadow_test`) rolls out
-//! the three models of a horizon `H` ago, and the learner with its present weights, under the commands since, and compares with the
-//! measurements since. The errors are
+//! Three models follow the run: the learner (*adapted*), the last good snapshot of its weights (*snapshot*), and the
+//! delivered model with a state filter and constant weights (*reference*). Measurements pass fault detection first
+//! (`sensor`). Every [`stride`](GuardOptions::stride) samples a shadow test (`shadow_test`) rolls out the three models
+//! of a horizon `H` ago, and the learner of that time with its present weights, under the recorded commands. Their
+//! errors against the measurements are
 //!
 //! ```text
 //! e_k = mean over outputs and the last stride of steps of |predicted - measured| / (half the design range)
 //! ```
 //!
-//! They select the model that predicts (`model_selector`); a learner that has lost too often takes the weights of a better model.
+//! They select the model that predicts (`model_selector`). A learner that has lost too often takes the weights of a
+//! better model.
 //!
-//! **Guarantee.** Over any window of `N` tests, whatever the learner does,
+//! **Guarantee.** Over any window of `N` tests and for any learner,
 //!
 //! ```text
-//! sum e_guarded <= factor sum e_reference + N floor         floor = mean over outputs of noise / (half the design range)
+//! sum e_guarded <= factor sum e_reference + N floor       floor = mean over outputs of noise / (half the design range)
 //! ```
 //!
-//! Two mechanisms ensure it. A bound (`deviation_bound`) limits the deviation of an answer from the prediction of the reference model,
-//! and so its cost, whatever is measured later. Larger deviations are permitted only where recent tests show that the reference model
-//! must be wrong. An account over all windows that have not ended limits the bounds: the cost so far and the bounds of all pending
-//! predictions never exceed the account, so that from any moment on the reference model, which adds no cost, ends all windows within
-//! the guarantee. While the account is in deficit, answers within the bound are those of the reference model.
+//! A bound (`deviation_bound`) limits the deviation of an answer from the prediction of the reference model, and so its
+//! cost for any measurement. Larger deviations require recent tests in which the reference model must be wrong. An
+//! account over all open windows limits the bounds: the cost so far and the bounds of all pending predictions never
+//! exceed it, so that the reference model, which adds no cost, can end all windows within the guarantee at any time. In
+//! deficit, answers within the bound are those of the reference model.
 
 mod adapter;
 mod deviation_bound;
@@ -45,7 +46,7 @@ use shadow_test::ShadowTest;
 pub use event::{Action, Cause, Event, Expert};
 pub use options::GuardOptions;
 
-/// Distances from the design range, in its width, at which learning stops and resumes.
+/// Distances from the design range, relative to its width, at which learning stops and resumes.
 const OUTSIDE: f64 = 0.5;
 const INSIDE: f64 = 0.4;
 
@@ -56,7 +57,7 @@ pub enum GuardError {
     Settings,
     /// A channel lacks a finite range or a positive noise.
     Ranges,
-    /// The snapshots of the models differ in length: they are not of one model.
+    /// The snapshots differ in length, so that the models are not the same.
     Models,
 }
 
@@ -99,7 +100,7 @@ pub struct Guard {
     pause: usize,
     until_snapshot: usize,
     next_pause: usize,
-    /// Whether learning is stopped outside the design range, and whether it is stopped by [`Adapter::freeze`].
+    /// Whether learning is stopped outside the design range, and by [`Adapter::freeze`].
     outside: bool,
     stopped: bool,
     /// The screened measurement, and the one that the reference model observes.
@@ -120,15 +121,15 @@ impl core::fmt::Debug for Guard {
     }
 }
 
-/// The value of a stuck sensor where it is nearer to the expectation of the learner than the expectation of the reference model, else
-/// NaN. Without measurements the reference model drifts within seconds in unknown conditions.
+/// The value of a stuck sensor if it is nearer to the expectation of the learner than the expectation of the reference
+/// model, else NaN. Without measurements the reference model drifts within seconds in unknown conditions.
 fn nearer(value: f64, learner: f64, reference: f64) -> f64 {
     if (value - learner).abs() < (reference - learner).abs() { value } else { f64::NAN }
 }
 
 impl Guard {
-    /// Guards a learner. `reference` and `snapshot` are two adapters of the same model with constant weights; `ranges` are the design
-    /// ranges `(low, high)` of outputs, then inputs, and `noise` the standard deviation of the noise of each output.
+    /// Guards a learner. `reference` and `snapshot` are adapters of the same model with constant weights, `ranges` the
+    /// design ranges `(low, high)` of outputs, then inputs, and `noise` the standard deviation of each output's noise.
     ///
     /// # Errors
     /// If options, ranges or models do not fit together.
@@ -199,7 +200,8 @@ impl Guard {
         self.selector.active
     }
 
-    /// The weights of the active model, in the layout of [`Learning::weights`](crate::adapt::Learning::weights). A control law that inverts the model uses these.
+    /// The weights of the active model, in the layout of [`Learning::weights`](crate::adapt::Learning::weights), for
+    /// control laws that invert the model.
     pub fn active_weights(&self) -> &[f64] {
         self.expert(self.selector.active).weights()
     }
@@ -209,7 +211,7 @@ impl Guard {
         self.selector.record
     }
 
-    /// The learner.
+    /// The adapted model.
     pub fn learner(&self) -> &dyn Adapter {
         self.learner.as_ref()
     }
@@ -228,7 +230,7 @@ impl Guard {
         }
     }
 
-    /// Screens a measurement into `measured`; gives the factor by which its noise variance is inflated.
+    /// Screens a measurement into `measured`. Returns the factor of its noise variance.
     fn screen(&mut self, y: &[f64]) -> f64 {
         let experts = [&self.learner, &self.snapshot, &self.reference];
         for (into, expert) in self.expected.iter_mut().zip(experts) {
@@ -255,7 +257,6 @@ impl Guard {
                 }
                 Verdict::Spike { deviations } => (f64::NAN, Some(Action::Spike { output, deviations })),
                 Verdict::Stuck { repeats } => {
-                    // One event for each fault.
                     let action = (missing == 0).then_some(Action::Stuck { output, repeats });
                     (f64::NAN, action)
                 }
@@ -277,13 +278,11 @@ impl Guard {
         most
     }
 
-    /// Checks whether outputs and command are too far outside the design range to learn.
     fn check_range(&mut self) {
         let values = self.measured.iter().chain(&self.command);
         let distance = |(x, (low, high)): (&f64, &(f64, f64))| (low - x).max(x - high) / (high - low);
         let (mut channel, mut most) = (0, f64::NEG_INFINITY);
         for (i, distance) in values.zip(&self.ranges).map(distance).enumerate() {
-            // Unknown values and channels without a range are not outside.
             if distance > most && distance.is_finite() {
                 (channel, most) = (i, distance);
             }
@@ -299,12 +298,11 @@ impl Guard {
 
     fn update_freeze(&mut self) {
         self.pause = self.pause.saturating_sub(1);
-        // With one output missing, the effect of learning on it is not observed.
+        // Without measurements of an output, the effect of learning on it is unknown.
         let blind = self.sensors.iter().any(|sensor| sensor.missing > self.options.patience);
         self.learner.freeze(self.stopped || self.outside || blind || self.pause > 0);
     }
 
-    /// Sets weights and state of the learner to those of another model.
     fn roll_back(&mut self, to: Expert) {
         let [learner, snapshot, reference] = self.selector.record;
         let better = if to == Expert::Snapshot { snapshot } else { reference };
@@ -315,14 +313,12 @@ impl Guard {
         }
         self.learner.restore(buffer);
         self.selector.invalidate(Expert::Adapted);
-        // The pause doubles with each rollback.
         self.pause = self.next_pause;
         self.next_pause = (2 * self.next_pause).min(4 * self.options.window);
         self.outcome = Outcome::RolledBack;
         self.record_event(Action::RolledBack { to, errors: [learner, better] });
     }
 
-    /// Takes a snapshot of the learner's weights.
     fn take_snapshot(&mut self) {
         self.until_snapshot = self.options.snapshot_interval;
         self.next_pause = (self.next_pause / 2).max(self.options.record);
@@ -354,11 +350,10 @@ impl Guard {
         }
     }
 
-    /// Restarts an unsound covariance; rolls back weights that are not finite.
     fn check_health(&mut self) {
         let lost = self.outcome == Outcome::Rejected(Rejection::NotFinite);
         let Health { least_variance, min_s_over_r } = self.learner.health();
-        // NaN, for an unknown value, passes.
+        // An unknown value (NaN) passes.
         if lost || least_variance < 0.0 || min_s_over_r < 1.0 - 1e-6 {
             self.learner.restart();
             self.record_event(Action::Restarted);

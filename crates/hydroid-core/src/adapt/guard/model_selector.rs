@@ -9,59 +9,61 @@ use super::options::GuardOptions;
 use super::shadow_test::TestErrors;
 use crate::adapt::memory::{Reader, Writer};
 
-/// A model fails a test where its error exceeds the error of the reference model by this factor and by one and a half noise floors.
+/// A model fails a test if its error exceeds the error of the reference model by this factor and by 1.5 noise floors.
 const FAILURE_RATIO: f64 = 1.4;
 
-/// Share of the account above which the reference model alone predicts.
+/// Share of the account above which only the reference model predicts.
 const ACCOUNT_LIMIT: f64 = 0.5;
 
 /// Mean of the absolute value of a standard normal number.
 const MEAN_OF_NOISE: f64 = 0.8;
 
-/// The active model stays active while its record satisfies the guarantee. Another model becomes active where its record exceeds the
-/// one of the reference model by at most this factor and half a noise floor ..
+/// The active model stays active while its record satisfies the guarantee. Another model becomes active if its record
+/// exceeds the record of the reference model by at most this factor and half a noise floor.
 const RETURN_RATIO: f64 = 1.1;
 
-/// .. or, for the adapted model, where its present errors over horizon and stride are below this share of the errors of the reference
-/// model. In a new mode of motion all records are bad, and the adapted model improves first.
+/// The adapted model also becomes active if its present errors over horizon and stride are below this share of the
+/// errors of the reference model: in a new mode of motion all records are bad, and the adapted model improves first.
 const LEAD_RATIO: f64 = 0.7;
 
-/// Increase of [`caution`](GuardOptions::caution) for an overdraft of the whole account, and the number of windows in which an
-/// overdraft decays.
+/// Increase of [`caution`](GuardOptions::caution) for an overdraft of the whole account, and the decay time of an
+/// overdraft \[windows\].
 const OVERDRAFT_CAUTION: f64 = 2.0;
 const OVERDRAFT_WINDOWS: f64 = 10.0;
 
-/// Bound on the error of the reference model: this factor times its largest recent error, or times the growth of its error within a
-/// stride where a new mode begins. The bound is `CONFIRMED` times larger where the last rejected prediction turned out right.
+/// Bound on the error of the reference model: this factor times its largest recent error, or times the growth of its
+/// error within a stride at the start of a new mode. `CONFIRMED` multiplies it if the last rejected prediction was
+/// right.
 const ERROR_GROWTH: f64 = 6.0;
 const SLOPE_GROWTH: f64 = 40.0;
 const CONFIRMED: f64 = 3.0;
 
-/// Where the error over a stride has grown by less than `RISING` within a horizon, no new mode begins: the bound is then at most
-/// `DECAY` times the error of the last test, scaled by the change of the error over a stride. (After a return to known motion, the
-/// error over a stride falls before a test over the horizon can show it.)
+/// If the error over a stride has grown by less than `RISING` within a horizon, no new mode begins: the bound is at
+/// most `DECAY` times the error of the last test, scaled by the change of the error over a stride. (After a return to
+/// known motion, this error falls before the error over the horizon.)
 const RISING: f64 = 1.1;
 const DECAY: f64 = 2.0;
 
-/// This smaller bound and the motion check hold where the reference model was wrong by `WRONG` noise floors within the horizon, or
-/// where at most a share `TRUSTED` of the recently rejected predictions turned out right (exponential mean with gain `TRUST_GAIN`).
+/// This smaller bound and the motion check hold if the reference model was wrong by `WRONG` noise floors within the
+/// horizon, or if at most a share `TRUSTED` of the rejected predictions was right (exponential mean, gain
+/// `TRUST_GAIN`).
 const WRONG: f64 = 10.0;
 const TRUSTED: f64 = 0.75;
 const TRUST_GAIN: f64 = 0.1;
 
-/// The error of a model is bounded by this factor times its latest revision of the same prediction: a large revision shows an unknown
-/// mode before a test can.
+/// The error of a model is bounded by this factor times its last revision of a prediction: a large revision reveals an
+/// unknown mode before a test.
 const REVISION_RATIO: f64 = 1.35;
 
 /// Errors of an incomplete test: any error for the adapted models, none for the reference model.
 const UNKNOWN: [f64; 3] = [f64::INFINITY, f64::INFINITY, 0.0];
 
-/// Share of the account in use: tests happen once a stride and contain measurement noise.
+/// Share of the account in use: tests are one stride apart and contain measurement noise.
 const MARGIN: f64 = 0.75;
 
-/// A learner loses a test where its record exceeds the best other record by `LOSS_RATIO` and two noise floors. Its loss grows by the
-/// ratio, at most `MAX_LOSS`, and the weights roll back at a loss of `ROLLBACK_LOSS`. The delay leaves the learner the seconds that it
-/// needs to adapt to forgotten conditions.
+/// A learner loses a test if its record exceeds the best other record by `LOSS_RATIO` and two noise floors. Its loss
+/// grows by the ratio, at most `MAX_LOSS`. The weights roll back at `ROLLBACK_LOSS`; the delay leaves the learner time
+/// to adapt to forgotten conditions.
 const LOSS_RATIO: f64 = 2.0;
 const MAX_LOSS: f64 = 8.0;
 const ROLLBACK_LOSS: f64 = 40.0;
@@ -76,23 +78,23 @@ pub(super) struct ModelSelector {
     floor: f64,
     factor: f64,
     caution: f64,
-    /// Cost of each test of the window (a ring), and the index of the next.
+    /// Cost of each test of the window (ring), and the index of the next.
     account: Vec<f64>,
     account_index: usize,
-    /// Largest cost of each prediction whose horizon has not ended (a ring), and the index of the next.
+    /// Largest cost of each pending prediction (ring), and the index of the next.
     pending: Vec<f64>,
     pending_index: usize,
-    /// Deviations that predictions from now on may have.
+    /// Permitted deviations of the next predictions.
     pub(super) budget: Budget,
-    /// Errors of all models in the tests of the last horizon; [`UNKNOWN`] for incomplete tests.
+    /// Test errors of all models within the last horizon; [`UNKNOWN`] for incomplete tests.
     recent: Vec<[f64; 3]>,
-    /// Revisions of each model in the same tests.
+    /// Revisions in the same tests.
     revisions: Vec<[f64; 3]>,
-    /// Whether the last rejected prediction turned out right, and the recent share of such predictions.
+    /// Whether the last rejected prediction was right, and the recent share of such predictions.
     confirmed: bool,
     trust: f64,
-    /// Errors of the reference model over a stride in the same tests, and their largest recent value above the noise, which decays over
-    /// a horizon.
+    /// Errors of the reference model over a stride in the same tests, and their largest value above the noise, which
+    /// decays over a horizon.
     stride_errors: Vec<f64>,
     slope: f64,
     /// Recent cost beyond the budget, as a share of the account.
@@ -130,7 +132,6 @@ impl ModelSelector {
         choice
     }
 
-    /// Starts a run with an empty account.
     pub(super) fn reset(&mut self) {
         self.account.fill(0.0);
         self.recent.fill(UNKNOWN);
@@ -141,17 +142,18 @@ impl ModelSelector {
         self.pending.fill(most);
     }
 
-    /// Cost of each pending prediction where the account is empty.
+    /// Cost of each pending prediction if the account is empty.
     fn fair_share(&self) -> f64 {
         self.allowance() / self.pending.len() as f64
     }
 
-    /// The account: permitted excess over `factor` times the error of the reference model, summed over the tests of a window.
+    /// The account: permitted excess over `factor` times the error of the reference model, summed over the tests of a
+    /// window.
     fn allowance(&self) -> f64 {
         MARGIN * self.floor * self.account.len() as f64
     }
 
-    /// The largest cost of any window that has not ended. If the reference model predicts from now on, no window ends with more.
+    /// The largest cost of any open window; with the reference model from now on, no window ends with more.
     fn used(&self) -> f64 {
         let count = self.account.len();
         let (mut sum, mut most) = (0.0, 0.0f64);
@@ -162,17 +164,17 @@ impl ModelSelector {
         most
     }
 
-    /// Updates records, account and budget by a test; gives the cause where the active model changes.
+    /// Updates records, account and budget by a test. Returns the cause if the active model changes.
     pub(super) fn update(&mut self, tested: &TestErrors) -> Option<Cause> {
         let baseline = Expert::Reference.index();
         for (record, &far) in self.record.iter_mut().zip(&tested.horizon) {
-            // A diverged rollout counts with a finite error, a test without measurements not at all.
+            // A diverged rollout counts with a finite error, a test without measurements is skipped.
             let far = far.min(1e3);
             if !tested.horizon[baseline].is_nan() {
                 *record = if record.is_nan() { far } else { *record + self.record_gain * (far - *record) };
             }
         }
-        // Measurement noise is in both errors, and the factor multiplies the subtracted one.
+        // Both errors contain measurement noise, and the factor multiplies the subtracted one.
         let noise = (self.factor - 1.0) * MEAN_OF_NOISE * self.floor;
         self.account[self.account_index] = tested.excess + noise;
         self.account_index = (self.account_index + 1) % self.account.len();
@@ -229,7 +231,7 @@ impl ModelSelector {
             self.confirmed = right;
             self.trust += TRUST_GAIN * (f64::from(u8::from(right)) - self.trust);
         }
-        // Without measurements the last error stays.
+        // Without measurements the last error is kept.
         let end = self.stride_errors.len() - 1;
         let near = if tested.stride[baseline].is_finite() {
             tested.stride[baseline]
@@ -254,13 +256,12 @@ impl ModelSelector {
         changed.then_some(cause)
     }
 
-    /// Bound on the error of a prediction of a model.
     fn error_bound(&self, expert: Expert) -> f64 {
         let caution = self.caution + OVERDRAFT_CAUTION * self.overdraft;
         f64::max(caution * worst(&self.recent, expert), REVISION_RATIO * worst(&self.revisions, expert))
     }
 
-    /// Bound on the error of the reference model, whose error in the last test was `last`.
+    /// Bound on the error of the reference model after the error `last` in the last test.
     fn reference_error_bound(&self, last: f64) -> f64 {
         let recent = worst(&self.recent, Expert::Reference);
         let begins = f64::max(ERROR_GROWTH * recent, SLOPE_GROWTH * self.slope)
@@ -271,12 +272,12 @@ impl ModelSelector {
         if is_steady && last.is_finite() { begins.min(DECAY * grown * last) } else { begins }
     }
 
-    /// Whether a wrong reference model may become right at any time, or a right one stay right.
+    /// Whether the reference model can recover at any time, or has stayed right.
     fn reference_may_recover(&self) -> bool {
         worst(&self.recent, Expert::Reference) >= WRONG * self.floor || self.trust <= TRUSTED
     }
 
-    /// Whether the record of a model is good enough against the reference model.
+    /// Whether the record of a model is good enough relative to the reference model.
     fn is_competitive(&self, expert: Expert) -> bool {
         let (own, reference) = (self.record[expert.index()], self.record[Expert::Reference.index()]);
         if expert == self.active {
@@ -286,7 +287,7 @@ impl ModelSelector {
         }
     }
 
-    /// The model whose weights the learner should take, where the learner has lost too often. Called once after each test.
+    /// The model whose weights the learner takes after too many losses. Call it once after each test.
     pub(super) fn rollback_target(&mut self) -> Option<Expert> {
         let [learner, snapshot, reference] = self.record;
         let to = if snapshot <= reference { Expert::Snapshot } else { Expert::Reference };
@@ -300,7 +301,6 @@ impl ModelSelector {
         Some(to)
     }
 
-    /// Invalidates the errors of a model whose weights have changed.
     pub(super) fn invalidate(&mut self, expert: Expert) {
         for errors in &mut self.recent {
             errors[expert.index()] = f64::INFINITY;
@@ -362,7 +362,6 @@ impl ModelSelector {
     }
 }
 
-/// The largest error of a model.
 fn worst(of: &[[f64; 3]], expert: Expert) -> f64 {
     of.iter().map(|each| each[expert.index()]).fold(0.0, f64::max)
 }

@@ -11,20 +11,20 @@ pub struct GuardOptions {
     pub stride: usize,
     /// Window of the guarantee \[samples\].
     pub window: usize,
-    /// Factor of the guarantee on the error of the reference model, beside the noise floor.
+    /// Factor of the guarantee on the error of the reference model; the noise floor is added.
     pub factor: f64,
-    /// Bound on the error of a model, in multiples of its largest recent error. A larger value projects predictions onto the reference
-    /// model more often.
+    /// Bound on the error of a model, in multiples of its largest recent error. A larger value projects more
+    /// predictions onto the reference model.
     pub caution: f64,
     /// Time constant of the records that select the model \[samples\].
     pub record: usize,
-    /// Jump of a measurement, in usual deviations, from which on its noise variance is inflated.
+    /// Jump of a measurement, relative to the RMS of the jumps, above which its noise variance is inflated.
     pub inflate: f64,
-    /// Jump of a measurement, in usual deviations, from which on it is rejected, for at most `patience` samples.
+    /// Jump of a measurement, relative to the RMS of the jumps, above which at most `patience` samples are rejected.
     pub reject: f64,
     /// Longest series of rejections \[samples\]; a constant deviation of this length is a sensor offset.
     pub patience: usize,
-    /// Least number of repetitions of a stuck sensor, for a sensor that has repeated values before.
+    /// Minimum number of repetitions of a stuck sensor, for a sensor that has repeated values before.
     pub repeats: usize,
     /// Interval of the snapshots \[samples\].
     pub snapshot_interval: usize,

@@ -13,33 +13,33 @@ pub(super) const EXPECTED: usize = Expert::ALL.len() + 1;
 /// Index of the track of persistence, which expects the last used value.
 const HELD: usize = EXPECTED;
 
-/// Number of measurements before a channel is screened.
+/// Measurements before a channel is screened.
 const WARM_UP: usize = 100;
 
-/// Number of first measurements of a run that are neither screened nor learned from: the states of the models settle.
+/// First measurements of a run without screening and learning: the states of the models settle.
 const SETTLING: usize = 20;
 
 /// Time constant of the mean square of the jumps \[measurements\].
 const MEMORY: f64 = 200.0;
 
-/// An offset is the mean deviation of this number of first measurements.
+/// Number of first measurements of a series whose mean deviation is the offset.
 const FIRST: usize = 3;
 
 /// A jump is isolated where the previous change, or the previous change of the change, was smaller by this factor.
 const ALONE: f64 = 3.0;
 
-/// Growth of a deviation, relative to the first one, that only motion of the vessel explains (beyond noise, for a small deviation).
+/// Growth of a deviation, relative to the first, that only motion explains (beyond noise, for a small deviation).
 const AWAY: f64 = 1.4;
 
-/// A vessel does not return by itself from a jump of more than `HUGE` usual deviations. Above `SURE` deviations a lasting jump is an
-/// offset even where models drift without measurements.
+/// A vessel does not return by itself from a jump of more than `HUGE` times the RMS. Above `SURE` a lasting jump is an
+/// offset even if models drift without measurements.
 const HUGE: f64 = 13.0;
 const SURE: f64 = 20.0;
 
 /// Number of tracks that form a majority.
 const MOST: usize = 3;
 
-/// Jumps enter the mean square with at most this number of deviations.
+/// Bound on the jumps in the mean square, relative to the RMS.
 const SOUND: f64 = 4.0;
 
 /// Verdict on a measurement.
@@ -53,29 +53,30 @@ pub(super) enum Verdict {
     Inflate { deviations: f64, factor: f64 },
     /// Reject an outlier.
     Spike { deviations: f64 },
-    /// Reject a value that has been repeated this number of times.
+    /// Reject a repeated value.
     Stuck { repeats: usize },
     /// Use the measurement without an offset of this total size.
     Offset { offset: f64 },
-    /// Use the measurement: a suspected fault was motion of the vessel.
+    /// Use the measurement: the suspected fault was motion of the vessel.
     Believed { deviations: f64 },
 }
 
 /// The sensor of one output.
 ///
-/// The test variable is the *jump* of the innovation from its recent mean, relative to the root mean square `s` of the jumps. The size of
-/// the innovation itself belongs to the filter (a slow filter has large, smooth innovations), while a jump is sensor noise. Innovations
-/// are computed for each expectation: the three models, the extrapolated motion, and persistence. The smallest jump counts, because
-/// models without measurements drift, and a vessel does not jump.
+/// The test variable is the *jump* of the innovation from its recent mean, relative to the root mean square `s` of the
+/// jumps: a slow filter has large, smooth innovations, while a jump is sensor noise. Innovations are computed for each
+/// expectation: the three models, the extrapolated motion, and persistence. The smallest jump counts, because models
+/// without measurements drift, and a vessel does not jump.
 ///
-/// - A jump of more than [`reject`](GuardOptions::reject) `s` without a similar change of the measurement before is an outlier, and so are
-///   the following measurements at a similar distance, except one that jumps back most of the way.
-/// - After [`patience`](GuardOptions::patience) such measurements the sensor has an offset, if some expectation finds them at a constant
-///   distance (up to noise and drift, and within half of the first jump).
-/// - For a first jump below [`SURE`], all of them must agree; below [`HUGE`], a majority of expectations must agree, none may find less
-///   than half of the jump left, and their mean must exceed [`SAME`] deviations of the noise. Above [`SURE`], it suffices that the
-///   second measurement deviated as well.
-/// - Otherwise the deviation is motion of the vessel, as it is at once where a deviation below [`HUGE`] grows by two fifths and beyond noise.
+/// - A jump of more than [`reject`](GuardOptions::reject) `s` without a similar change of the measurement before is an
+///   outlier. So are the following measurements at a similar distance, except one that jumps back most of the way.
+/// - After [`patience`](GuardOptions::patience) such measurements the sensor has an offset, if some expectation finds
+///   them at a constant distance (up to noise and drift, and within half of the first jump).
+/// - For a first jump below [`SURE`], all of them must agree. Below [`HUGE`], a majority of expectations must agree,
+///   none may find less than half of the jump left, and their mean must exceed [`SAME`] deviations of the noise. Above
+///   [`SURE`], a deviation of the second measurement suffices.
+/// - Otherwise the deviation is motion of the vessel. A deviation below [`HUGE`] is motion at once if it grows by two
+///   fifths and beyond noise.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sensor {
     /// Standard deviation of the noise \[unit of the output\].
@@ -85,28 +86,29 @@ pub(super) struct Sensor {
     seen: usize,
     /// `s^2`.
     usual: f64,
-    /// The last raw value, its number of repetitions, and the longest such series of the sound sensor.
+    /// The last raw value, the number of its repetitions, and the longest such series of the sound sensor.
     last: f64,
     repeats: usize,
     longest: usize,
-    /// The last change of the measurement, and the change before a rejected series: a return from an outlier does not count as a change
-    /// beside which another outlier is not isolated.
+    /// The last change of the measurement, and the last change before a rejected series: a return from an outlier is
+    /// not compared with another outlier.
     step: f64,
     calm: f64,
-    /// The last change of the change: an accelerating vessel changes smoothly, and an outlier on it is isolated all the same.
+    /// The last change of the change: an outlier on a smooth acceleration is isolated as well.
     swing: f64,
     /// Length of the rejected series, and the change at its first measurement.
     streak: usize,
     jump: f64,
-    /// Deviations of the first measurement of the series; zero if the measurement before was not near the expectation.
+    /// Deviation of the first measurement of the series; zero if the measurement before it was not near the
+    /// expectation.
     first: f64,
-    /// The smallest such value since the last used measurement: adjacent outliers restart the series.
+    /// Its minimum since the last used measurement: adjacent outliers restart the series.
     begun_by: f64,
-    /// Whether the second measurement deviated by at least half of the first.
+    /// Whether the second measurement deviated by at least half of the first deviation.
     lasts: bool,
     /// The last used value, without offset.
     held: f64,
-    /// Innovations of each expectation; persistence last.
+    /// Innovations of each expectation, with persistence last.
     tracks: [Track; EXPECTED + 1],
     /// Number of samples since the last used measurement.
     pub(super) missing: usize,
@@ -115,7 +117,6 @@ pub(super) struct Sensor {
 }
 
 impl Sensor {
-    /// A sensor without measurements.
     pub(super) fn new(noise: f64) -> Self {
         let mut own = Self { noise, ..Self::default() };
         own.reset();
@@ -125,7 +126,6 @@ impl Sensor {
     /// Length of the saved memory.
     pub(super) const MEMORY_LEN: usize = 17 + Track::MEMORY_LEN * (EXPECTED + 1);
 
-    /// Starts a run: the last values are cleared.
     pub(super) fn reset(&mut self) {
         self.begun = 0;
         self.last = f64::NAN;
@@ -139,7 +139,7 @@ impl Sensor {
         self.tracks = [Track::new(); EXPECTED + 1];
     }
 
-    /// Screens a value, given the expected values (NaN where there is none).
+    /// Screens a value, given the expected values (NaN if unknown).
     pub(super) fn judge(&mut self, value: f64, expected: [f64; EXPECTED], options: &GuardOptions) -> Verdict {
         let verdict = self.judged(value, expected, options);
         let used = matches!(
@@ -180,7 +180,6 @@ impl Sensor {
         self.classify(innovations, before, warm, options)
     }
 
-    /// Ends a series of rejections at an outage.
     fn end_series(&mut self) {
         if self.streak > 0 {
             self.tracks.iter_mut().for_each(Track::forget);
@@ -203,11 +202,11 @@ impl Sensor {
             if jump.is_nan() || own.abs() < jump.abs() {
                 jump = own;
             }
-            // A drifting model does not matter while another finds a constant deviation.
+            // One constant deviation suffices, because other models may drift.
             same |= in_series && track.is_same(self.noise);
         }
         self.begun = self.begun.saturating_add(1);
-        // No expectation, or models that have drifted during an outage.
+        // There is no expectation, or the models have drifted during an outage.
         if jump.is_nan() || self.begun <= SETTLING || (self.missing > 0 && !in_series) {
             self.streak = 0;
             return Verdict::Sound;
@@ -228,7 +227,7 @@ impl Sensor {
             self.tracks.iter_mut().for_each(Track::settle);
         }
         self.streak = 0;
-        // Where only the expectation jumps, the model does.
+        // A jump of the expectation alone is a jump of the model.
         let alone = |before: f64, now: f64| before.abs() * ALONE < now.abs() && 2.0 * now.abs() > jump.abs();
         let alone = alone(before[0], self.step) || alone(before[1], self.swing);
         let off = warm && deviations > options.inflate;
@@ -246,14 +245,14 @@ impl Sensor {
         }
     }
 
-    /// Starts a series. Its measurements are compared with the mean innovations before it, because the last one may have been a small
-    /// outlier.
+    /// Starts a series. Its measurements are compared with the mean innovations before it: the last one may contain a
+    /// small outlier.
     fn begin_series(&mut self, usual: f64, options: &GuardOptions) {
         let mut least = f64::INFINITY;
         let mut from_it = false;
         for (at, track) in self.tracks.iter_mut().enumerate() {
             let own = track.jump();
-            // The measurement before must have been near the expectation; otherwise this jump is the return to it.
+            // If the measurement before was not near the expectation, this jump is the return to it.
             let jumps = own.abs() > options.reject * usual && 2.0 * track.before.abs() < own.abs();
             from_it |= jumps && at != HELD;
             track.begin();
@@ -276,7 +275,6 @@ impl Sensor {
         self.leap() * ALONE > self.jump
     }
 
-    /// Continues a series.
     fn continue_series(&mut self, deviations: f64, before: f64, options: &GuardOptions) -> Verdict {
         self.streak += 1;
         // Three growing deviations with similar steps are motion.
@@ -298,14 +296,14 @@ impl Sensor {
             track.continue_series(self.noise, self.streak <= FIRST);
         }
         if another {
-            // Adjacent outliers: the comparison stays with the innovations before the first.
+            // Adjacent outliers are compared with the innovations before the first.
             self.streak = 1;
             self.tracks.iter_mut().for_each(Track::begin);
             (self.jump, self.first) = (self.leap().min(deviations * usual), deviations);
             self.begun_by = self.begun_by.min(deviations);
             return Verdict::Spike { deviations };
         }
-        // The beginning of a turn looks like a small outlier, and grows.
+        // The start of a turn resembles a small outlier, and grows.
         let small = self.first <= HUGE;
         if small && deviations > f64::max(AWAY * self.first, self.first + APART) {
             self.streak = 0;
@@ -314,7 +312,7 @@ impl Sensor {
         if self.streak < options.patience {
             return Verdict::Spike { deviations };
         }
-        // Motion, where no expectation finds a constant deviation, or for small deviations, no majority.
+        // It is motion if no expectation finds a constant deviation, or, for small deviations, no majority does.
         let sure = self.first > SURE;
         let known = || self.tracks.iter().filter(|track| track.sum.is_finite());
         let same = |track: &&Track| !track.first.is_nan() && (sure || track.spread() <= SAME * self.noise);

@@ -1,4 +1,4 @@
-//! The shadow test: past models, rolled out under the commands since, against the measurements since.
+//! The shadow test: rollouts of past models under the recorded commands, compared with the measurements.
 
 use alloc::boxed::Box;
 use alloc::vec;
@@ -12,22 +12,23 @@ use crate::predict::{Predictor, Workspace};
 
 const EXPERTS: usize = Expert::ALL.len();
 
-/// Errors of a shadow test, in the units of [`Action`](super::Action): infinite for a diverged rollout, NaN without measurements.
+/// Errors of a shadow test, in the units of [`Action`](super::Action): infinite for a diverged rollout, NaN without
+/// measurements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct TestErrors {
-    /// Errors of the predictions that each model made `H` samples ago, over their last stride.
+    /// Errors of the predictions of `H` samples ago over their last stride.
     pub(super) horizon: [f64; EXPERTS],
-    /// Errors of the predictions made one stride ago, over the whole stride; NaN for the snapshot.
+    /// Errors of the predictions of one stride ago over the whole stride; NaN for the snapshot.
     pub(super) stride: [f64; EXPERTS],
-    /// As `horizon`, of the learner with its present weights.
+    /// As `horizon`, for the learner with its present weights.
     pub(super) current_weights: f64,
-    /// Revisions: the largest distance, over the next horizon with the last command held, between the present prediction of each model
-    /// and its prediction of a stride ago. Zero for the reference model.
+    /// Revisions: the largest distance, over the next horizon with the last command held, between the predictions of
+    /// each model now and a stride ago. Zero for the reference model.
     pub(super) revisions: [f64; EXPERTS],
-    /// Cost of the answers: their error beyond `factor` times the error of the reference model. A missing output counts with the
-    /// distance between the two predictions.
+    /// Cost of the answers: their error beyond `factor` times the error of the reference model. A missing output counts
+    /// with the distance between the two predictions.
     pub(super) excess: f64,
-    /// Part of the excess beyond the limit of the budget: the cost of supported deviations that were wrong.
+    /// Part of the excess beyond the limit of the budget: the cost of wrong supported deviations.
     pub(super) overdraft: f64,
     /// For a rejected prediction: whether its cost would have been within the limit.
     pub(super) rejection_right: Option<bool>,
@@ -52,17 +53,16 @@ pub(super) struct ShadowTest {
     /// Numbers of samples and commands of this run.
     samples: usize,
     held: usize,
-    /// For each origin under test: snapshots of all models, the active model, its budget and the motion of the vessel.
+    /// For each origin under test: snapshots of all models, the active model, its budget and the motion.
     snapshots: Vec<f64>,
     active: Vec<Expert>,
     budgets: Vec<Budget>,
     motions: Vec<[f64; 2]>,
     shadow: Box<dyn Predictor>,
     work: Workspace,
-    /// Predictions of each model.
     predicted: [Vec<f64>; EXPERTS],
     buffer: Vec<f64>,
-    /// The commands of the last stride followed by the last command over a horizon, and the present prediction under the latter.
+    /// The commands of the last stride, then the last command over a horizon; the present prediction under the latter.
     continued: Vec<f64>,
     present: Vec<f64>,
 }
@@ -98,12 +98,11 @@ impl ShadowTest {
         }
     }
 
-    /// Starts a run without origins under test.
+    /// Starts a run.
     pub(super) fn reset(&mut self) {
         (self.samples, self.held) = (0, 0);
     }
 
-    /// Stores the command from the last sample to the next.
     pub(super) fn push_command(&mut self, c: &[f64]) {
         push(&mut self.commands, self.held % self.horizon, c);
         self.held += 1;
@@ -115,7 +114,7 @@ impl ShadowTest {
         self.samples += 1;
     }
 
-    /// Estimates the motion of the vessel from the last two strides; no change where the horizon is shorter.
+    /// Estimates the motion from the last two strides; no change if the horizon is shorter.
     pub(super) fn estimate_motion(&self, motion: &mut Motion) {
         let stride = self.stride;
         if self.samples < 2 * stride || self.horizon < 2 * stride {
@@ -125,17 +124,15 @@ impl ShadowTest {
         estimate_motion(rows, motion);
     }
 
-    /// Whether a test is due at the last sample.
     pub(super) fn is_due(&self) -> bool {
         self.index().is_multiple_of(self.stride) && self.held == self.index()
     }
 
-    /// Index of the last sample.
     fn index(&self) -> usize {
         self.samples.saturating_sub(1)
     }
 
-    /// Tests the models stored a horizon and a stride ago; `None` within the first horizon.
+    /// Tests the models of a horizon and a stride ago; `None` within the first horizon.
     pub(super) fn test(&mut self, [learner, snapshot]: [&dyn Adapter; 2]) -> Option<TestErrors> {
         let now = self.index();
         if now < self.horizon {
@@ -195,7 +192,6 @@ impl ShadowTest {
         each.map(distance).fold(0.0, |most, d| if d.is_nan() { f64::INFINITY } else { f64::max(most, d) })
     }
 
-    /// Stores the models for later tests.
     pub(super) fn store(
         &mut self,
         experts: [&dyn Adapter; EXPERTS],
@@ -218,7 +214,6 @@ impl ShadowTest {
         index / self.stride % self.active.len()
     }
 
-    /// Place of the motion of a slot.
     fn motion_range(&self, slot: usize) -> core::ops::Range<usize> {
         slot * self.outputs..(slot + 1) * self.outputs
     }
@@ -228,7 +223,7 @@ impl ShadowTest {
         self.shadow.restore(&self.snapshots[at..at + self.len]);
     }
 
-    /// Rolls the shadow out over the last `steps` samples as a model; gives the error over the last stride.
+    /// Rolls the shadow out over the last `steps` samples as a model. Returns the error over the last stride.
     fn error(&mut self, steps: usize, expert: usize) -> f64 {
         let commands = &self.commands[last(self.horizon, steps, self.held, self.inputs)];
         self.shadow.rollout(commands, &mut self.work, &mut self.predicted[expert][..steps * self.outputs]);
@@ -246,7 +241,7 @@ impl ShadowTest {
         if count > 0 { sum / f64::from(count) } else { f64::NAN }
     }
 
-    /// See [`TestErrors::rejection_right`]; all models have been rolled out from the origin of this slot.
+    /// See [`TestErrors::rejection_right`]; requires the rollouts of all models from the origin of this slot.
     fn rejection_right(&self, slot: usize) -> Option<bool> {
         let (active, budget) = (self.active[slot], self.budgets[slot]);
         let steps = self.horizon * self.outputs;
@@ -257,7 +252,7 @@ impl ShadowTest {
         rejected.then(|| self.cost(active.index()) <= budget.limit)
     }
 
-    /// See [`TestErrors::excess`]; all models have been rolled out from the origin of this slot.
+    /// See [`TestErrors::excess`]; requires the rollouts of all models from the origin of this slot.
     fn excess(&mut self, slot: usize) -> f64 {
         if self.active[slot] == Expert::Reference {
             return self.cost(Expert::Reference.index());
@@ -270,7 +265,6 @@ impl ShadowTest {
         self.cost(self.active[slot].index())
     }
 
-    /// Measurements of the last stride.
     fn last_stride(&self) -> &[f64] {
         &self.measured[last(self.horizon, self.bound.stride, self.samples, self.outputs)]
     }
@@ -283,7 +277,7 @@ impl ShadowTest {
         let each = answer.iter().zip(reference).zip(measured).zip(self.bound.scale.iter().cycle());
         let cost = each.map(|(((p, f), y), scale)| {
             let cost = if y.is_nan() { (p - f).abs() } else { (p - y).abs() - self.factor * (f - y).abs() };
-            // No cost beside a diverged reference model.
+            // No cost relative to a diverged reference model.
             if cost.is_finite() { cost / scale } else { 0.0 }
         });
         cost.sum::<f64>() / measured.len() as f64
@@ -332,13 +326,12 @@ impl ShadowTest {
     }
 }
 
-/// Place of the last `count` rows in a ring that stores each of `len` rows twice, after `end` rows.
+/// Range of the last `count` rows in a ring that stores each of `len` rows twice, after `end` rows.
 fn last(len: usize, count: usize, end: usize, width: usize) -> core::ops::Range<usize> {
     let end = (end + len - 1) % len + len + 1;
     (end - count) * width..end * width
 }
 
-/// Writes a row into both copies of a ring.
 fn push(ring: &mut [f64], at: usize, row: &[f64]) {
     let half = ring.len() / 2;
     let place = at * row.len();
