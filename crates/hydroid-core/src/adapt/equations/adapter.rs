@@ -52,8 +52,8 @@ impl Learning for RecursiveEquations {
             deviations.fill(f64::NAN);
             return;
         };
-        // The coefficients of one output have the covariance of their group times the noise variance of its rows.
-        // Different outputs are independent, as is their noise.
+        // Different outputs are independent. The coefficients of an output have the covariance of their group times the
+        // noise variance of its rows.
         let uncertain = |s: &[f64]| -> f64 {
             let of_group = |group: &Group| -> f64 {
                 let of_output = |(&output, &first): (&usize, &usize)| {
@@ -81,7 +81,6 @@ impl Learning for RecursiveEquations {
 impl SaveState for RecursiveEquations {
     fn memory_len(&self) -> usize {
         let kernels: usize = self.groups.iter().map(|group| group.kernel.memory_len()).sum();
-        // Two flags and a counter of the library, and the flag of a frozen adapter.
         let rest = self.library.start.len() + self.expected.len() + 4;
         let rest = rest + self.prediction_variance.as_ref().map_or(0, PredictionVariance::memory_len);
         self.session.snapshot_len() + self.rows.memory_len() + self.noise.memory_len() + kernels + rest

@@ -12,7 +12,6 @@ use num_traits::Float;
 
 use crate::math::rows::add_rows;
 
-/// The lower triangular factor `L` of `L L'`, row by row.
 #[derive(Clone, Debug)]
 pub(super) struct Cholesky {
     count: usize,
@@ -20,12 +19,12 @@ pub(super) struct Cholesky {
 }
 
 impl Cholesky {
-    /// An empty factor with room for a matrix of at most `most` rows.
+    /// Has room for a matrix of at most `most` rows.
     pub(super) fn new(most: usize) -> Self {
         Self { count: 0, lower: vec![0.0; most * most] }
     }
 
-    /// Factors the matrix of the given entries (row, column up to the row). Returns false if it is not positive definite.
+    /// Factors the matrix of the entries (row, column up to the row). Returns false if it is not positive definite.
     #[inline(always)]
     pub(super) fn factor(&mut self, count: usize, entry: impl Fn(usize, usize) -> f64) -> bool {
         self.count = count;
@@ -53,7 +52,7 @@ impl Cholesky {
         if i < j { 0.0 } else { self.lower[i * self.count + j] }
     }
 
-    /// `rows <- L^-1 rows` for as many rows as the matrix has.
+    /// `rows <- L^-1 rows`.
     #[inline(always)]
     pub(super) fn forward(&self, rows: &mut [f64], columns: usize) {
         for i in 0..self.count {
@@ -92,7 +91,6 @@ pub(super) fn subtract_outer(row: &mut [f64], rows: &[f64], w: &[f64], i: usize,
     }
 }
 
-/// The transpose of a matrix of `rows x columns`.
 pub(super) fn transpose(rows: usize, columns: usize, matrix: &[f64], into: &mut [f64]) {
     for i in 0..rows {
         for j in 0..columns {

@@ -23,7 +23,7 @@ pub enum Correction {
         nis: f64,
         /// The largest innovation \[standard deviations\].
         deviations: f64,
-        /// The smallest weight of an output: below 1 where [`FilterOptions::huber`] limits an innovation.
+        /// The smallest weight of an output: below 1 if [`FilterOptions::huber`] limits an innovation.
         weight: f64,
     },
     /// The innovation or its covariance is not finite. The measurement was not used, and the covariance was reset.
@@ -33,8 +33,7 @@ pub enum Correction {
 /// An extended Kalman filter over the state and the weights of a [`Learnable`] model; equations in the [module](super).
 ///
 /// [`advance`](Self::advance) is the time update, [`observe`](Self::observe) the measurement update. A sample without a
-/// measurement is an `advance` alone. Only [`new`](Self::new) allocates. [`FilterOptions::covariance`] selects the form of the
-/// covariance, and with it time and memory.
+/// measurement is an `advance` alone. Only [`new`](Self::new) allocates.
 #[derive(Clone, Debug)]
 pub struct Filter<M> {
     pub(super) model: M,
@@ -44,13 +43,11 @@ pub struct Filter<M> {
     weights: Vec<f64>,
     given: Vec<f64>,
     covariance: JointCovariance,
-    /// Whether a step was made since the last measurement.
     stepped: bool,
     learns: bool,
     update: MeasurementUpdate,
-    /// Factor of the noise of the next measurement.
     noise_scale: f64,
-    /// A vector over the state, and one over the columns of the covariance of the weights.
+    /// Scratch over the state, and over the columns of the covariance of the weights.
     by_state: Vec<f64>,
     change: Vec<f64>,
 }
@@ -106,8 +103,8 @@ impl<M: Learnable> Filter<M> {
         self.stepped = false;
     }
 
-    /// Starts a run of a model whose state begins with its outputs, from their measurement: their variance is `R`, the variance
-    /// of the rest of the state is the initial one.
+    /// Starts a run of a model whose state begins with its outputs, from their measurement. Their variance is `R`, that
+    /// of the rest of the state the initial one.
     pub(super) fn begin(&mut self, state: impl IntoIterator<Item = f64>) {
         self.state.iter_mut().zip(state).for_each(|(into, h)| *into = h);
         self.by_state.fill(self.options.initial_state);
@@ -116,7 +113,7 @@ impl<M: Learnable> Filter<M> {
         self.stepped = false;
     }
 
-    /// Sets the active state; its variances become `variance`, its correlations zero.
+    /// Sets the active state and its variances. Its correlations become zero.
     pub(super) fn begin_active(&mut self, state: &[f64], variance: f64) {
         let active = self.model.active_state();
         self.state[active.clone()].copy_from_slice(state);
@@ -124,7 +121,6 @@ impl<M: Learnable> Filter<M> {
         self.stepped = false;
     }
 
-    /// Replaces the factor of [`scale_noise`](Self::scale_noise) and returns the previous one.
     pub(super) fn replace_noise_scale(&mut self, factor: f64) -> f64 {
         core::mem::replace(&mut self.noise_scale, factor)
     }
@@ -134,8 +130,8 @@ impl<M: Learnable> Filter<M> {
         self.options.state_noise
     }
 
-    /// Whether measurements change the weights, as they do at first. Otherwise they correct the state alone with the covariance
-    /// of the weights unchanged (the Schmidt-Kalman or "consider" filter).
+    /// Whether measurements change the weights (initially true). If not, they correct the state with the covariance of
+    /// the weights unchanged (Schmidt-Kalman or "consider" filter).
     pub fn learn(&mut self, learns: bool) {
         self.learns = learns;
     }
@@ -155,7 +151,7 @@ impl<M: Learnable> Filter<M> {
         Health { least_variance: self.covariance.least_variance(), min_s_over_r: self.update.min_s_over_r() }
     }
 
-    /// Sets `h` and `theta`. The covariance stays; the next measurement needs a step before it.
+    /// Sets `h` and `theta`. The covariance stays; the next measurement requires a step before it.
     pub fn set(&mut self, state: impl IntoIterator<Item = f64>, weights: impl IntoIterator<Item = f64>) {
         self.state.iter_mut().zip(state).for_each(|(into, h)| *into = h);
         self.weights.iter_mut().zip(weights).for_each(|(into, w)| *into = w);
@@ -178,7 +174,7 @@ impl<M: Learnable> Filter<M> {
         self.options.leak > 0.0
     }
 
-    /// The options with known weights: neither initial variance nor noise.
+    /// The options for known weights: neither initial variance nor noise.
     pub(super) fn without_weight_uncertainty(&self) -> FilterOptions {
         let weights = vec![0.0; self.weights.len()];
         FilterOptions { initial_weights: weights.clone(), weight_noise: weights, ..self.options.clone() }
@@ -204,7 +200,7 @@ impl<M: Learnable> Filter<M> {
         &self.options.noise
     }
 
-    /// Innovations `z - y` of the last measurement, NaN where nothing was measured, and the diagonal of `S`.
+    /// Innovations `z - y` of the last measurement (NaN if missing), and the diagonal of `S`.
     pub fn innovation(&self) -> (&[f64], &[f64]) {
         (&self.update.innovation, &self.update.variance)
     }
@@ -214,8 +210,8 @@ impl<M: Learnable> Filter<M> {
         &self.update.covariance
     }
 
-    /// The diagonals of `P_hh` and of `P_tt` after the last measurement, the latter in the order of the weights and zero for
-    /// weights that are not learned.
+    /// The diagonals of `P_hh` and of `P_tt` after the last measurement, the latter in the order of the weights with
+    /// zeros for weights that are not learned.
     pub fn variances(&self) -> (Vec<f64>, Vec<f64>) {
         let (of_state, padded) = self.covariance.variances();
         let mut of_weights = vec![0.0; self.weights.len()];
@@ -227,9 +223,9 @@ impl<M: Learnable> Filter<M> {
         (of_state, of_weights)
     }
 
-    /// Adds to `out` the variances of linear functions of state and weights after the last measurement. The gradients are the
-    /// columns of `by_state` (`state x functions`) and `by_weights` (`weights x functions`); states beyond the rows of
-    /// `by_state` have the gradient zero.
+    /// Adds to `out` the variances of linear functions of state and weights after the last measurement. The gradients
+    /// are the columns of `by_state` (`state x functions`, without rows of trailing states of zero gradient) and of
+    /// `by_weights` (`weights x functions`).
     pub(super) fn add_variances(&mut self, by_state: &[f64], by_weights: &[f64], out: &mut [f64]) {
         let (count, v_h, v_t) = (out.len(), &mut self.by_state, &mut self.change);
         for (r, out) in out.iter_mut().enumerate() {
@@ -254,7 +250,6 @@ impl<M: Learnable> Filter<M> {
     /// If `x` is shorter than the input of the model.
     pub fn advance(&mut self, x: &[f64]) {
         self.model.step(&mut self.state, x);
-        // Weights that are not learned neither leak nor forget.
         let (leak, forgetting) =
             if self.learns { (self.options.leak, self.options.forgetting) } else { (0.0, 1.0) };
         let keeps = 1.0 - leak;
@@ -269,13 +264,13 @@ impl<M: Learnable> Filter<M> {
         self.stepped = true;
     }
 
-    /// Measurement update with the measurements `z` of the outputs after the last step (NaN where there is none). Before the
-    /// first step of a run, and for a second measurement of one step, nothing is done.
+    /// Measurement update with the outputs `z` after the last step (NaN if missing). No effect before the first step of
+    /// a run, and for a second measurement of one step.
     ///
     /// # Panics
     /// If `z` has not one number for each output.
     pub fn observe(&mut self, z: &[f64]) -> Correction {
-        // The factor is of this measurement, whether it is used or not.
+        // The factor belongs to this measurement, even if it is not used.
         let noise_scale = core::mem::replace(&mut self.noise_scale, 1.0);
         if !self.stepped || z.iter().all(|z| z.is_nan()) {
             return Correction::None;
@@ -304,7 +299,7 @@ impl<M: Learnable> Filter<M> {
         Correction::Applied { nis: self.update.nis(), deviations, weight }
     }
 
-    /// Number of numbers that [`save`](Self::save) writes.
+    /// Length of [`save`](Self::save).
     pub fn memory_len(&self) -> usize {
         let parts = self.covariance.parts();
         3 + self.state.len() + self.weights.len() + parts.iter().map(|part| part.len()).sum::<usize>()
@@ -325,7 +320,8 @@ impl<M: Learnable> Filter<M> {
         self.covariance.parts().into_iter().for_each(|numbers| writer.numbers(numbers));
     }
 
-    /// Restores what a filter of the same model and options saved; both then continue identically to the last bit.
+    /// Restores the numbers that a filter of the same model and options saved. Both continue identically to the last
+    /// bit.
     ///
     /// # Panics
     /// If `from` has not [`memory_len`](Self::memory_len) numbers.

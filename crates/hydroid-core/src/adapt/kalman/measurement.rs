@@ -1,4 +1,4 @@
-//! One measurement: innovation, its covariance, and the Cholesky factor of that.
+//! One measurement: innovation, its covariance, and its Cholesky factor.
 #![expect(
     clippy::inline_always,
     reason = "the parts of a kernel must be inlined into the function that is compiled for the processor's vectors"
@@ -18,15 +18,13 @@ pub(super) struct MeasurementUpdate {
     outputs: usize,
     /// `H P H'` of all outputs, row by row: `S` without the noise.
     pub(super) covariance: Vec<f64>,
-    /// `y`: the prediction of the outputs.
     pub(super) predicted: Vec<f64>,
-    /// `e = z - y` of all outputs; NaN where nothing was measured.
+    /// `e = z - y` of all outputs; NaN if missing.
     pub(super) innovation: Vec<f64>,
-    /// Diagonal of `S`, with the noise.
+    /// Diagonal of `S`.
     pub(super) variance: Vec<f64>,
     /// Diagonal of `R`, after scaling.
     pub(super) noise: Vec<f64>,
-    /// Indices of the measured outputs.
     pub(super) measured: Vec<usize>,
     /// `L`.
     pub(super) cholesky: Cholesky,
@@ -49,8 +47,8 @@ impl MeasurementUpdate {
         }
     }
 
-    /// Takes a measurement `z` and its noise, with `predicted` and `covariance` already set. Returns the largest innovation of
-    /// the measured outputs \[standard deviations\].
+    /// Sets a measurement `z` and its noise, after `predicted` and `covariance`. Returns the largest innovation
+    /// \[standard deviations\].
     pub(super) fn set(&mut self, z: &[f64], noise: &[f64]) -> f64 {
         self.measured.clear();
         self.noise.copy_from_slice(noise);
@@ -63,7 +61,7 @@ impl MeasurementUpdate {
             } else {
                 self.measured.push(i);
                 let deviations = self.innovation[i].abs() / Float::sqrt(self.variance[i]);
-                // `max` would drop a NaN.
+                // NaN stays NaN.
                 if deviations > largest || deviations.is_nan() {
                     largest = deviations;
                 }
@@ -72,7 +70,6 @@ impl MeasurementUpdate {
         largest
     }
 
-    /// Multiplies the variance of the noise of the measured outputs.
     pub(super) fn scale_noise(&mut self, factor: f64) {
         for &i in &self.measured {
             let more = self.noise[i] * (factor - 1.0);
@@ -81,14 +78,14 @@ impl MeasurementUpdate {
         }
     }
 
-    /// The smallest `S_ii / R_ii` of the measured outputs; infinite if there are none.
+    /// The smallest `S_ii / R_ii` of the measured outputs; infinite for no outputs.
     pub(super) fn min_s_over_r(&self) -> f64 {
         let of = |&i: &usize| self.variance[i] / self.noise[i];
         self.measured.iter().map(of).fold(f64::INFINITY, |least, x| if x >= least { least } else { x })
     }
 
-    /// Huber's loss on the innovations: an output whose innovation exceeds `limit` standard deviations gets the weight `w =
-    /// limit / deviations`, that is `S_ii / w` in place of `S_ii` through additional noise. Returns the smallest weight.
+    /// Huber's loss on the innovations: additional noise gives an output beyond `limit` standard deviations `S_ii / w`
+    /// in place of `S_ii`, with the weight `w = limit / deviations`. Returns the smallest weight.
     pub(super) fn downweight(&mut self, limit: f64) -> f64 {
         let mut least = 1.0_f64;
         for &i in &self.measured {
@@ -103,8 +100,8 @@ impl MeasurementUpdate {
         least
     }
 
-    /// Factors `S = L L'` and computes `L^-1 e`. Returns false if `S` is not positive definite or a number is not finite: the
-    /// filter has diverged.
+    /// Factors `S = L L'` and computes `L^-1 e`. Returns false if the filter has diverged: `S` is not positive
+    /// definite, or a number is not finite.
     pub(super) fn factor(&mut self) -> bool {
         let Self { outputs, covariance, noise, measured, cholesky, whitened, innovation, .. } = self;
         let entry = |i: usize, j: usize| {
@@ -123,15 +120,14 @@ impl MeasurementUpdate {
         whitened.iter().all(|e| e.is_finite())
     }
 
-    /// `W' = L^-1 H P` in place: the rows of the measured outputs are moved to the front of `rows` (`outputs x columns`), then
-    /// solved.
+    /// `W' = L^-1 H P` in place: moves the rows of the measured outputs to the front of `rows` (`outputs x columns`),
+    /// then solves.
     #[inline(always)]
     pub(super) fn whiten(&self, rows: &mut [f64], columns: usize) {
         gather(&self.measured, rows, columns);
         self.cholesky.forward(rows, columns);
     }
 
-    /// Normalised innovation squared, `e' S^-1 e`.
     pub(super) fn nis(&self) -> f64 {
         self.whitened[..self.measured.len()].iter().map(|&e| e * e).sum()
     }

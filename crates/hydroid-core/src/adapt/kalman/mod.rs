@@ -1,15 +1,16 @@
 //! Online learning by an extended Kalman filter over the state and the weights of a model.
 //!
-//! The weights `theta` of a step model are estimated together with its state `h`, sample by sample (Bemporad, "Recurrent
-//! neural network training with convex loss and regularization functions by extended Kalman filtering", arXiv:2111.02673;
-//! Haykin, *Kalman Filtering and Neural Networks*, 2001, chapter 2):
+//! The weights `theta` of a step model are estimated together with its state `h`, sample by sample (Bemporad,
+//! "Recurrent neural network training with convex loss and regularization functions by extended Kalman filtering",
+//! arXiv:2111.02673; Haykin, *Kalman Filtering and Neural Networks*, 2001, chapter 2):
 //!
 //! ```text
 //! h+ = f(h, x, theta) + noise (Q_h)        theta+ = theta_0 + (1 - leak) (theta - theta_0) + noise (Q_theta)
 //! y  = g(h, theta) + noise (R)
 //! ```
 //!
-//! With `A = df/dh` (`n x n`), `B = df/dtheta` (`n x m`), `a = 1 - leak` and the forgetting factor `lambda`, the time update is
+//! With `A = df/dh` (`n x n`), `B = df/dtheta` (`n x m`), `a = 1 - leak` and the forgetting factor `lambda`, the time
+//! update is
 //!
 //! ```text
 //! P_hh <- A P_hh A' + A P_ht B' + (A P_ht B')' + B P_tt B' + Q_h
@@ -23,15 +24,16 @@
 //! [h; theta] <- [h; theta] + W L^-1 (z - g(h, theta))        P <- P - W W'
 //! ```
 //!
-//! This form keeps `P` symmetric to the last bit. With an explicit inverse of `S`, which is not exactly symmetric, the filter
-//! diverges after some hundred samples.
+//! This form keeps `P` symmetric to the last bit. With an explicit inverse of `S`, which is not exactly symmetric, the
+//! filter diverges after some hundred samples.
 //!
-//! `P_tt` takes most of the time and memory. The step acts on the weights of each block separately ([`Learnable`]), half of
-//! `P_tt` is stored, and it is read and written once a sample. [`CovarianceForm`] selects a form whose memory does not grow
-//! with the square of the number of weights.
+//! Most time and memory belong to `P_tt`. The step acts on the weights of each block separately ([`Learnable`]); half
+//! of `P_tt` is stored, and it is read and written once a sample. The memory of [`CovarianceForm::Blocks`] does not
+//! grow with the square of the number of weights.
 //!
-//! [`KalmanSession`] is the session of all models that learn by the filter: a recurrent network ([`KalmanNetwork`]), sparse
-//! equations ([`KalmanEquations`]) and a vessel ([`KalmanPlant`]). Without weight variance it filters the state alone.
+//! [`KalmanSession`] is the session of all models that learn by the filter: a recurrent network ([`KalmanNetwork`]),
+//! sparse equations ([`KalmanEquations`]) and a vessel ([`KalmanPlant`]). Without weight variance it filters the state
+//! alone.
 
 mod cholesky;
 mod covariance;

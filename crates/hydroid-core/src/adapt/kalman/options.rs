@@ -10,16 +10,16 @@ use alloc::vec::Vec;
 /// | `Full` | all covariances | `m^2 / 2` |
 /// | `Blocks` | covariances of weights in the same group of blocks | `m` times half the size of a group |
 ///
-/// `Blocks` also stores how the state depends on the weights, `m` times the length of the state. A block without learned
-/// weights takes no memory.
+/// `Blocks` also stores the dependence of the state on the weights, `m` times the length of the state. Blocks without
+/// learned weights take no memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CovarianceForm {
     /// All covariances.
     #[default]
     Full,
-    /// Covariances of weights in the same group of neighbouring [`Learnable::blocks`](super::Learnable::blocks). With one
-    /// block in a group this is the node-decoupled filter (Puskorius and Feldkamp, "Decoupled extended Kalman filter training
-    /// of feedforward layered networks", IJCNN 1991), with all blocks in one group the full filter.
+    /// Covariances of weights in the same group of neighbouring [`Learnable::blocks`](super::Learnable::blocks). One
+    /// block in a group gives the node-decoupled filter (Puskorius and Feldkamp, "Decoupled extended Kalman filter
+    /// training of feedforward layered networks", IJCNN 1991), one group of all blocks the full filter.
     Blocks {
         /// Blocks in a group.
         group: usize,
@@ -57,8 +57,7 @@ pub struct FilterOptions {
     pub initial_state: f64,
     /// `Q_h`: variance that each state gains in a sample.
     pub state_noise: f64,
-    /// `P0_theta` of each weight. A weight with neither this nor [`weight_noise`](Self::weight_noise) is not learned; a block
-    /// without learned weights takes neither time nor memory.
+    /// `P0_theta` of each weight. A weight with neither this nor [`weight_noise`](Self::weight_noise) is not learned.
     pub initial_weights: Vec<f64>,
     /// `Q_theta` of each weight: variance that it gains in a sample.
     pub weight_noise: Vec<f64>,
@@ -66,10 +65,10 @@ pub struct FilterOptions {
     pub noise: Vec<f64>,
     /// Fraction of its distance from the initial weight that a weight loses in a sample.
     pub leak: f64,
-    /// Forgetting factor `lambda`: a sample of age `n` has the weight `lambda^n`. 1 forgets nothing.
+    /// Forgetting factor `lambda`: a sample of age `n` has the weight `lambda^n`.
     pub forgetting: f64,
-    /// Threshold of Huber's loss \[standard deviations\]: larger innovations count as those of a noisier measurement. Infinite
-    /// for the quadratic loss.
+    /// Threshold of Huber's loss \[standard deviations\]: larger innovations have a larger noise variance. Infinite for
+    /// the quadratic loss.
     pub huber: f64,
     /// Form of the covariance of the weights.
     pub covariance: CovarianceForm,
@@ -102,8 +101,8 @@ impl core::fmt::Display for FilterOptionsError {
 impl core::error::Error for FilterOptionsError {}
 
 impl FilterOptions {
-    /// Equal variance and noise for all weights, without leak, forgetting and Huber's loss, with the full covariance. `state`
-    /// is `(P0_h, Q_h)`, `measurement` is `R` of each output.
+    /// Equal variance and noise for all weights, without leak, forgetting and Huber's loss, with the full covariance.
+    /// `state` is `(P0_h, Q_h)`, `measurement` is `R` of each output.
     pub fn uniform(weights: usize, initial: f64, noise: f64, state: (f64, f64), measurement: &[f64]) -> Self {
         Self {
             initial_state: state.0,
@@ -118,7 +117,6 @@ impl FilterOptions {
         }
     }
 
-    /// Checks ranges and lengths for a number of weights and outputs.
     pub(super) fn check(&self, weights: usize, outputs: usize) -> Result<(), FilterOptionsError> {
         let variance = |x: f64| x >= 0.0 && x.is_finite();
         let fraction = |x: f64| (0.0..1.0).contains(&x);
@@ -151,7 +149,6 @@ impl FilterOptions {
         Ok(())
     }
 
-    /// Whether a weight is learned.
     pub(super) fn learns(&self, weight: usize) -> bool {
         self.initial_weights[weight] > 0.0 || self.weight_noise[weight] > 0.0
     }

@@ -1,4 +1,4 @@
-//! Rehearsal: windows of the training data are replayed beside the run, so that the weights do not forget them.
+//! Rehearsal: windows of the training data are replayed during the run, so that the weights do not forget them.
 //!
 //! Robins, "Catastrophic forgetting, rehearsal and pseudorehearsal", Connection Science 7 (1995) 123.
 
@@ -18,14 +18,13 @@ pub struct RehearsalOptions {
     pub samples: usize,
     /// Samples of the run for each rehearsed sample.
     pub every: usize,
-    /// Variance of each hidden state at the start of a window, where the state is that of the initial weights.
+    /// Variance of each hidden state at the start of a window; the state is that of the initial weights.
     pub initial_state: f64,
     /// Factor of the measurement noise `R` for rehearsed samples.
     pub noise_factor: f64,
 }
 
 impl RehearsalOptions {
-    /// Whether the numbers are within their ranges.
     pub(super) fn is_valid(&self) -> bool {
         let Self { windows, samples, every, initial_state, noise_factor } = *self;
         let finite = initial_state.is_finite() && noise_factor.is_finite();
@@ -43,18 +42,17 @@ pub(super) struct Rehearsal {
     /// Hidden state at the start of each window; `x` and `z` of each sample.
     states: Vec<f64>,
     samples: Vec<f64>,
-    /// Length of `x`, and of both.
+    /// Length of `x`, and of `x` and `z`.
     inputs: usize,
     row: usize,
     stored: usize,
-    /// The next sample among those of all windows.
+    /// Index of the next sample among those of all windows.
     position: usize,
     /// Samples of the run since the last rehearsed one.
     since: usize,
 }
 
 impl Rehearsal {
-    /// No windows yet, for one state of the model.
     pub(super) fn new<M: Learnable>(model: &M, options: RehearsalOptions) -> Self {
         let row = model.inputs() + model.outputs();
         Self {
@@ -91,10 +89,8 @@ impl Rehearsal {
         self.since = 0;
     }
 
-    /// Rehearses the next sample of a window if it is due, after each sample of the run. Returns whether the weights may have
-    /// changed.
-    ///
-    /// A rehearsed sample is a sample for the weights: they leak, and gain their noise.
+    /// To be called after each sample of the run: rehearses the next sample of a window if it is due. Returns whether
+    /// the weights may have changed; they leak and gain noise in a rehearsed sample as well.
     pub(super) fn advance<M: Learnable>(&mut self, filter: &mut Filter<SharedWeightStates<M>>) -> bool {
         self.since += 1;
         if self.stored == 0 || !filter.learns() || self.since < self.options.every {
@@ -122,7 +118,6 @@ impl Rehearsal {
         true
     }
 
-    /// Length of [`save`](Self::save).
     pub(super) fn memory_len(&self) -> usize {
         self.states.len() + self.samples.len() + 3
     }

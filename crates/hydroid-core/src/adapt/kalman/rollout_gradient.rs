@@ -8,17 +8,17 @@ use crate::predict::Predictor;
 
 /// Gradients of predictions by back-propagation through a rollout.
 ///
-/// `y_{k+n}` depends on the hidden state `h_k`, on the weights and, for a network with feedback or a base, on the outputs `y_k`
-/// at the start. The adjoints `l_h`, `l_theta` and `l_y` have one column for each output; from the horizon back to the start,
+/// `y_{k+n}` depends on the hidden state `h_k`, on the weights and, for a network with feedback or a base, on the
+/// initial outputs `y_k`. The adjoints `l_h`, `l_theta` and `l_y` have one column for each output; from the horizon
+/// backwards,
 ///
 /// ```text
 /// y_j = b(y_{j-1}) + scale . g(h_j):    l_h += (dg/dh)' scale l_y,    l_theta += (dg/dtheta)' scale l_y,
 ///                                       l_y stays if b(y) = y, and becomes zero otherwise
-/// h_j = f(h_{j-1}, x_{j-1}):            l_h <- (df/dh)' l_h,   l_theta += (df/dtheta)' l_h,   l_y += (df/dz)' l_h / output scale
+/// h_j = f(h_{j-1}, x_{j-1}):            l_h <- (df/dh)' l_h,   l_theta += (df/dtheta)' l_h,   l_y += (df/dz)' l_h / scale_y
 /// ```
 #[derive(Clone, Debug)]
 pub(super) struct RolloutGradient {
-    /// The steps of the rollout.
     steps: Vec<Linearization<f64>>,
     x: Vec<f64>,
     y: Vec<f64>,
@@ -55,7 +55,7 @@ impl RolloutGradient {
         }
     }
 
-    /// Rolls out the network of the session under the commands; the session does not advance. Returns false for a network on
+    /// Rolls out the network under the commands; the session does not advance. Returns false for a network on
     /// equations, whose gradients are not available.
     pub(super) fn roll_out(&mut self, session: &RecurrentSession, commands: &[f64]) -> bool {
         let (model, packed) = (session.model(), session.packed());

@@ -9,10 +9,10 @@
 //! t_{k,i} = (y_{k+j,c} - b_{k,i}) / scale_c          b: base of the model (mean, last output or equations)
 //! ```
 //!
-//! One covariance therefore serves all targets ([`RecursiveLeastSquares`]), and the update is exact for each.
+//! One covariance serves all targets ([`RecursiveLeastSquares`]), and the update is exact for each.
 //!
-//! **Delayed targets.** `x_k` contains the commands up to `c_{k+H-1}`, so that its regressor is known at the sample
-//! `k + H`. The sample `m` completes the window `k = m - H` with all of its targets:
+//! **Delayed targets.** `x_k` contains the commands up to `c_{k+H-1}`. The sample `m` completes the window `k = m - H`
+//! with all of its targets:
 //!
 //! ```text
 //! K  = P phi_k / (1 + phi_k' P phi_k)
@@ -21,10 +21,9 @@
 //! P <- forget(P)                                      discounts the data, restores the prior
 //! ```
 //!
-//! **Missing and noisy targets.** A missing target leaves its `theta_i` unchanged; the innovation of a target with
-//! `f` times the noise variance is divided by `f`. The covariance is updated as if all targets were present. It is
-//! then too small for such an output, whose weights adapt more slowly than with a covariance of their own. Prior and
-//! forgetting bound the effect.
+//! **Missing and noisy targets.** A missing target leaves its `theta_i` unchanged; the innovation of a target with `f`
+//! times the noise variance is divided by `f`. The covariance is updated as if all targets were present. It is then too
+//! small for such an output, whose weights adapt more slowly. Prior and forgetting bound the effect.
 
 mod adapter;
 mod options;
@@ -44,11 +43,10 @@ pub use options::{LastLayerError, LastLayerOptions, SHORTEST_FORGETTING};
 /// Windows before the error variance of a target is used.
 const FEWEST_WINDOWS: usize = 30;
 
-/// Bound on the normalized error in the variance estimate, so that a single faulty sample has a limited effect.
+/// Bound on the normalized error in the variance estimate, which limits the effect of a faulty sample.
 const FARTHEST: f64 = 5.0;
 
-/// A session of a [`Direct`] model whose last layer is adapted by recursive least squares
-/// (`docs/online-adaptation.md`).
+/// A session of a [`Direct`] model with adaptation of its last layer (`docs/online-adaptation.md`).
 ///
 /// The weights are the matrix of the last layer row by row, then its bias. The snapshot is the snapshot of a
 /// [`DirectSession`], then these weights.
@@ -56,18 +54,18 @@ const FARTHEST: f64 = 5.0;
 pub struct DirectLastLayer {
     session: DirectSession,
     windows: Windows,
-    /// `None` for a companion of a guard, which does not adapt.
+    /// `None` for a companion of a guard.
     learner: Option<RecursiveLeastSquares>,
     options: LastLayerOptions,
-    /// Regressor, with the constant 1 at its end.
+    /// Regressor, with a 1 at its end.
     phi: Vec<f64>,
-    /// Outputs of the network, then the errors of all targets (scaled).
+    /// Scaled outputs of the network, then the errors of all targets.
     errors: Vec<f64>,
-    /// Prediction of the base equations for the targets; empty without equations.
+    /// Prediction of the base equations for the targets, if any.
     base_targets: Vec<f64>,
     /// Error variance of each target (scaled).
     variance: Vec<f64>,
-    /// Number of errors of each target; outputs may be missing in some samples.
+    /// Number of errors of each target.
     seen: Vec<usize>,
     /// `S / R = 1 + phi' P phi` of the last window.
     s_over_r: f64,
@@ -94,7 +92,7 @@ impl DirectLastLayer {
         Ok(own)
     }
 
-    /// A session without adaptation and covariance, as a companion of an adapter in a [`Guard`](super::guard::Guard).
+    /// A session without adaptation, as a companion of an adapter in a [`Guard`](super::guard::Guard).
     ///
     /// # Errors
     /// If the model is invalid.
@@ -129,8 +127,7 @@ impl DirectLastLayer {
         self.learner.as_ref()
     }
 
-    /// Computes regressor and errors of the window that the present sample completes; `false` if one of its values is
-    /// unknown.
+    /// Computes regressor and errors of the window that the present sample completes; `false` if a value is unknown.
     fn load_window(&mut self) -> bool {
         let Some([outputs, passed, ahead]) = self.windows.oldest() else { return false };
         let features = self.phi.len() - 1;
@@ -142,7 +139,7 @@ impl DirectLastLayer {
         true
     }
 
-    /// Stores the innovations of the last step and their standard deviations, then updates the error variances.
+    /// Stores the innovations of the last step with their standard deviations, then updates the error variances.
     fn record_errors(&mut self) {
         let n = self.session.model().outputs();
         let scale = &self.session.model().scaling.correction_scale;
@@ -168,7 +165,6 @@ impl DirectLastLayer {
         }
     }
 
-    /// Whether the error variance of a target is used.
     fn is_known(&self, number: usize) -> bool {
         self.seen[number] >= FEWEST_WINDOWS
     }
@@ -193,7 +189,7 @@ impl DirectLastLayer {
         if self.errors.iter().all(|error| error.is_nan()) {
             return;
         }
-        // Missing targets are NaN. An error whose square overflows would remain in weights and variances.
+        // An error whose square overflows would remain in weights and variances. Missing targets are NaN.
         if self.errors.iter().any(|error| (error * error).is_infinite()) {
             self.outcome = Outcome::Rejected(Rejection::NotFinite);
             return;
@@ -207,13 +203,11 @@ impl DirectLastLayer {
             *into = if error.is_nan() { 0.0 } else { error / self.windows.inflation(i) };
         }
         learner.correct(1.0);
-        // Forgetting comes last, because the errors refer to the weights before the update.
         learner.forget(self.options.forgetting);
         self.outcome = Outcome::Accepted;
         self.sync_session();
     }
 
-    /// Copies the weights of the regression to the session.
     fn sync_session(&mut self) {
         let Some(learner) = &self.learner else { return };
         let features = self.phi.len() - 1;
@@ -225,7 +219,6 @@ impl DirectLastLayer {
         }
     }
 
-    /// Copies the weights of the session to the regression.
     fn sync_learner(&mut self) {
         let Some(learner) = &mut self.learner else { return };
         let features = self.phi.len() - 1;

@@ -42,10 +42,10 @@ impl core::fmt::Display for LastLayerError {
 
 impl core::error::Error for LastLayerError {}
 
-/// Maximum weight of the prior \[windows\], and of its inverse; squares and inverses stay finite.
+/// Maximum weight of the prior \[windows\] and of its inverse, with finite squares.
 const MOST_INFORMATION: f64 = 1e30;
 
-/// Minimum forgetting factor. The covariance grows by its inverse in each sample until the prior has been restored in
+/// Minimum forgetting factor: the covariance grows by its inverse in each sample until the prior has been restored in
 /// all directions.
 const LEAST_FORGETTING: f64 = 0.9;
 

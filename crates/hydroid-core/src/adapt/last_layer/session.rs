@@ -67,7 +67,7 @@ impl Predictor for DirectLastLayer {
         self.session.snapshot(into);
     }
 
-    /// Restores state and weights. The windows restart here, and the covariance stays.
+    /// Restores state and weights. The windows restart, and the covariance stays.
     fn restore(&mut self, from: &[f64]) {
         self.session.restore(from);
         self.windows.restart(self.session.past(), self.session.memory());

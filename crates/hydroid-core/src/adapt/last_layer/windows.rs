@@ -9,22 +9,20 @@ use crate::model::recurrent::BaseModel;
 
 /// Outputs, commands and measurements since the start of the oldest window. All open windows share these samples.
 ///
-/// At the sample `m` the oldest window ended at `k = m - H`. It read the outputs from `k - p + 1`, and its last
-/// target is `y_m`.
+/// At the sample `m` the oldest window ended at `k = m - H`. It used the outputs from `k - p + 1`, and its last target
+/// is `y_m`.
 #[derive(Clone, Debug)]
 pub(super) struct Windows {
     window: Window,
-    /// Inputs of the network, measured or predicted outputs: `k-p+1 .. m`.
+    /// Measured or predicted outputs, `k-p+1 .. m`.
     outputs: Vec<f64>,
     /// Commands: `k-p+1 .. m-1`.
     commands: Vec<f64>,
     /// Measured outputs, NaN where missing: `k+1 .. m`.
     measured: Vec<f64>,
-    /// Factor of the noise variance of each measurement.
     inflation: Vec<f64>,
     /// Memory of the base equations at the samples `k .. m`; empty without equations.
     memory: Vec<f64>,
-    /// Whether the present sample has not been observed yet.
     open: bool,
 }
 
@@ -56,8 +54,8 @@ impl Windows {
         self.open = true;
     }
 
-    /// Stores a measurement and the past outputs of the session (the first measurement of an output also replaces its
-    /// earlier values). Returns whether this is the first measurement of the sample.
+    /// Stores a measurement and the past outputs of the session; the first measurement of an output also replaces its
+    /// earlier values. Returns whether this is the first measurement of the sample.
     pub(super) fn observe(&mut self, y: &[f64], outputs: &[f64], inflation: f64) -> bool {
         let at = self.outputs.len() - outputs.len();
         self.outputs[at..].copy_from_slice(outputs);
@@ -91,15 +89,14 @@ impl Windows {
         (known(outputs) && known(&self.commands)).then_some([outputs, passed, ahead])
     }
 
-    /// Last outputs, memory of the base equations and commands over the horizon of the oldest window.
     pub(super) fn oldest_base(&self) -> [&[f64]; 3] {
         let Window { n, m, p, h } = self.window;
         let memory = &self.memory[..self.memory.len() / (h + 1)];
         [&self.outputs[(p - 1) * n..p * n], memory, &self.commands[(p - 1) * m..]]
     }
 
-    /// `x <- t - x` with the scaled targets `t` of the oldest window; NaN for missing targets. `of_equations` is the
-    /// prediction of the base equations.
+    /// `x <- t - x` with the scaled targets `t` of the oldest window; NaN if missing. `of_equations` is the prediction
+    /// of the base equations.
     pub(super) fn subtract_from_targets(&self, model: &Direct, of_equations: &[f64], x: &mut [f64]) {
         let Window { n, p, .. } = self.window;
         let s = &model.scaling;
@@ -114,7 +111,6 @@ impl Windows {
         }
     }
 
-    /// Factor of the noise variance of a target.
     pub(super) fn inflation(&self, target: usize) -> f64 {
         self.inflation[target / self.window.n]
     }

@@ -75,7 +75,8 @@ fn a_coarse_sensor_is_not_stuck() {
     assert_eq!(stuck, 0);
 }
 
-/// At the start of a run models are off by metres a second, and jump to where the vessel is or do not: nothing is judged by that.
+/// At the start of a run models are off by metres a second, and jump to where the vessel is or do not: nothing is
+/// judged by that.
 #[test]
 fn models_that_find_their_states_excuse_nothing_and_accuse_nobody() {
     let mut sensor = Sensor::new(0.01);

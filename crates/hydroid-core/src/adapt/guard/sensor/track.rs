@@ -2,14 +2,15 @@
 
 use crate::adapt::memory::{Reader, Writer};
 
-/// Largest change between two innovations of a constant offset, in deviations of the noise: a model without measurements drifts, but
-/// does not jump. The same bound holds for all innovations of a series.
+/// Largest change between two innovations of a constant offset, in deviations of the noise: a model without
+/// measurements drifts, but does not jump. The same bound holds for all innovations of a series.
 pub(super) const SAME: f64 = 6.0;
 
 /// Gain of the recent mean of the innovations.
 const SMOOTH: f64 = 0.3;
 
-/// Largest difference of two measurements of one value, in deviations of the noise (three deviations of the difference).
+/// Largest difference of two measurements of one value, in deviations of the noise (three deviations of the
+/// difference).
 pub(super) const APART: f64 = 4.5;
 
 /// Innovations of one expectation.
@@ -21,7 +22,8 @@ pub(super) struct Track {
     /// The innovation before, and the recent mean: before the last one, or before a rejected series.
     pub(super) before: f64,
     mean: f64,
-    /// The first jump of the series, NaN where later ones differed; sums of the first jumps and of all jumps after the first.
+    /// The first jump of the series, NaN where later ones differed; sums of the first jumps and of all jumps after the
+    /// first.
     pub(super) first: f64,
     pub(super) sum: f64,
     rest: f64,
@@ -91,8 +93,8 @@ impl Track {
         self.drift <= SAME * noise && apart <= f64::max(0.5 * self.first.abs(), APART * noise)
     }
 
-    /// The smaller of two estimates of the offset of a series: the mean of its first `early` jumps, and the mean of all after the first,
-    /// which was selected for its size.
+    /// The smaller of two estimates of the offset of a series: the mean of its first `early` jumps, and the mean of all
+    /// after the first, which was selected for its size.
     pub(super) fn off(&self, length: usize, early: usize) -> f64 {
         let by = |sum: f64, count: usize| sum.abs() / count as f64;
         by(self.sum, length.min(early)).min(by(self.rest, length - 1))

@@ -20,18 +20,15 @@ pub(super) struct BlockDiagonal {
     pub(super) numbers: Vec<f64>,
 }
 
-/// Size of a lower triangle.
 const fn triangle(width: usize) -> usize {
     width * (width + 1) / 2
 }
 
 impl BlockDiagonal {
-    /// Zero.
     pub(super) fn new(panels: &[Panel]) -> Self {
         Self { numbers: vec![0.0; panels.iter().map(|panel| triangle(panel.width)).sum()] }
     }
 
-    /// Visits the diagonal in the order of the columns.
     pub(super) fn each_diagonal(&mut self, panels: &[Panel], mut with: impl FnMut(usize, &mut f64)) {
         let (mut begin, mut column) = (0, 0);
         for panel in panels {
@@ -43,13 +40,11 @@ impl BlockDiagonal {
         }
     }
 
-    /// Becomes the given diagonal matrix.
     pub(super) fn set_diagonal(&mut self, panels: &[Panel], diagonal: &[f64]) {
         self.numbers.fill(0.0);
         self.each_diagonal(panels, |at, p| *p = diagonal[at]);
     }
 
-    /// The diagonal.
     pub(super) fn diagonal(&self, panels: &[Panel]) -> Vec<f64> {
         let mut diagonal = vec![0.0; panels.iter().map(|panel| panel.width).sum()];
         self.clone().each_diagonal(panels, |at, p| diagonal[at] = *p);
@@ -70,7 +65,7 @@ impl BlockDiagonal {
         Times { matrix: self, panels, count, rows, out }.run();
     }
 
-    /// The blocks of `P <- P - sum_k w_k w_k'`, with the first `count` of the `rows` rows of `w`.
+    /// The blocks of `P <- P - sum_k w_k w_k'` for the first `count` of the `rows` rows of `w`.
     #[inline(always)]
     pub(super) fn correct(&mut self, panels: &[Panel], (rows, count): (usize, usize), w: &[f64]) {
         let mut begin = 0;
@@ -89,7 +84,6 @@ impl BlockDiagonal {
     }
 }
 
-/// Multiplies all numbers by a factor.
 struct Scale<'a> {
     numbers: &'a mut [f64],
     by: f64,
@@ -111,7 +105,6 @@ impl WithSimd for Scale<'_> {
     }
 }
 
-/// `out = rows P` for `count` rows.
 struct Times<'a> {
     matrix: &'a BlockDiagonal,
     panels: &'a [Panel],
@@ -155,7 +148,7 @@ impl WithSimd for Times<'_> {
     }
 }
 
-/// Rows that share the loads of the covariance: the number of outputs of a vessel.
+/// Number of rows that share the loads of the covariance: the outputs of a vessel.
 const SIDE_BY_SIDE: usize = 3;
 
 /// Adds a row `p` of the triangle, up to its diagonal, to `N` products: `out_i += p x` and, mirrored, `out += p x_i`.

@@ -21,20 +21,20 @@ use crate::math::rows::{add_rows, dot};
 
 /// `P` in the notation of [`kalman`](super::super).
 ///
-/// The covariance of the weights is read and written once a sample, in `advance`: the downdate of the last measurement is
-/// applied in the pass that makes the products for the next step ([`PackedSymmetric::update`]).
+/// The covariance of the weights is read and written once a sample, in `advance`: the pass that computes the products
+/// for the next step also applies the downdate of the last measurement ([`PackedSymmetric::update`]).
 #[derive(Clone, Debug)]
 pub(in super::super) struct FullCovariance {
     /// `P_hh` (`n x n`), `P_ht` (`n x width`, in panels), `P_tt`.
     hh: Vec<f64>,
     ht: Aligned<f64>,
     tt: PackedSymmetric,
-    /// Block of the model of each block of `P_tt`.
     learned: Vec<usize>,
     /// Index of each padded weight among the weights; `None` for padding.
     pub(super) places: Vec<Option<usize>>,
     weight_noise: Vec<f64>,
-    /// `W_t'` of the last measurement (`rank x width`, in panels), and whether it is still to be subtracted from `P_tt`.
+    /// `W_t'` of the last measurement (`rank x width`, in panels), and whether it has not been subtracted from `P_tt`
+    /// yet.
     downdate: Aligned<f64>,
     pub(super) pending: bool,
     /// `L` (`rows x width`) and `L P_tt` (`blocks rows x width`), in panels.
@@ -45,7 +45,7 @@ pub(in super::super) struct FullCovariance {
 
 #[derive(Clone, Debug)]
 struct Scratch {
-    /// `blocks rows x n` and `blocks rows x outputs`; rows of blocks that are not learned stay zero.
+    /// `blocks rows x n` and `blocks rows x outputs`; rows of blocks without learned weights are zero.
     by_state: Vec<f64>,
     by_output: Vec<f64>,
     /// `n x max(n, outputs)`, twice.
@@ -53,7 +53,6 @@ struct Scratch {
     transposed: Vec<f64>,
     /// A panel of `n x width`.
     wide: Aligned<f64>,
-    /// `W_t' v` of a vector `v`.
     downdated: Vec<f64>,
     /// `(H P)_h` (`outputs x n`).
     by_measurement: Vec<f64>,
@@ -62,7 +61,6 @@ struct Scratch {
 }
 
 impl FullCovariance {
-    /// Zero covariance of the learned blocks of weights.
     pub(super) fn new<M: Learnable>(model: &M, options: &FilterOptions, learned: Vec<usize>) -> Self {
         let (n, outputs, rows) = (model.state_len(), model.outputs(), model.rows());
         let tt = PackedSymmetric::new(
@@ -102,14 +100,13 @@ impl FullCovariance {
         }
     }
 
-    /// `P_tt` becomes diagonal (`width`), and `P_ht` zero.
+    /// `P_tt` becomes diagonal, and `P_ht` zero.
     pub(super) fn restart(&mut self, initial: &[f64]) {
         self.tt.set_diagonal(initial);
         self.ht.fill(0.0);
         self.pending = false;
     }
 
-    /// `P_hh` becomes diagonal, and `P_ht` zero.
     pub(super) fn reset(&mut self, initial: &[f64]) {
         let n = initial.len();
         self.hh.fill(0.0);
@@ -119,7 +116,7 @@ impl FullCovariance {
         self.ht.fill(0.0);
     }
 
-    /// The covariance of a part of the state becomes diagonal, and its correlation with everything else zero.
+    /// As [`reset`](Self::reset), for a part of the state with equal variances.
     pub(super) fn reset_part(&mut self, part: Range<usize>, initial: f64) {
         let n = self.hh.len().isqrt();
         reset_rows(&mut self.hh, part.clone(), initial);
@@ -144,7 +141,7 @@ impl FullCovariance {
         ((0..n).map(|i| self.hh[i * (n + 1)]).collect(), padded)
     }
 
-    /// The smallest variance: of the state after the last measurement, of the weights before it.
+    /// The smallest variance: after the last measurement for the state, before it for the weights.
     pub(super) fn least_variance(&self) -> f64 {
         let n = self.hh.len().isqrt();
         least((0..n).map(|i| self.hh[i * (n + 1)]).chain([self.tt.least()]))
@@ -174,23 +171,21 @@ impl FullCovariance {
         downdated.iter().fold(sum, |sum, &x| sum - x * x)
     }
 
-    /// Number of stored numbers of `P`.
     pub(super) fn len(&self) -> usize {
         self.hh.len() + self.ht.len() + self.tt.numbers().len()
     }
 
-    /// All numbers that the filter continues from, except the flag.
+    /// All numbers that the filter continues from, except [`pending`](Self::pending).
     pub(super) fn parts(&self) -> [&[f64]; 6] {
         [&self.hh, &self.ht, self.tt.numbers(), &self.downdate, &self.local, &self.products]
     }
 
-    /// [`parts`](Self::parts), mutable.
     pub(super) fn parts_mut(&mut self) -> [&mut [f64]; 6] {
         let Self { hh, ht, tt, downdate, local, products, .. } = self;
         [hh, ht, tt.numbers_mut(), downdate, local, products]
     }
 
-    /// Time update after a step of the model: `P_tt` is multiplied by `growth^2`; `noise` is added to the variances of the
+    /// Time update after a step of the model: multiplies `P_tt` by `growth^2` and adds `noise` to the variances of the
     /// active state.
     pub(super) fn advance<M: Learnable>(&mut self, model: &M, growth: f64, noise: f64) {
         self.linearize(model);
@@ -209,7 +204,7 @@ impl FullCovariance {
         self.propagate(model, growth, noise);
     }
 
-    /// Measurement update: subtracts `W W'` from `P`, corrects the state, and writes the change of the weights (`width`). The
+    /// Measurement update: subtracts `W W'` from `P`, corrects the state, and writes the change of the weights. The
     /// downdate of `P_tt` is pending if the filter `learns`.
     pub(super) fn correct(
         &mut self,
@@ -222,7 +217,6 @@ impl FullCovariance {
         self.pending = learns;
     }
 
-    /// `L` of the last step.
     fn linearize<M: Learnable>(&mut self, model: &M) {
         let rows = model.rows();
         for (block, &b) in self.tt.blocks().iter().zip(&self.learned) {
@@ -233,7 +227,7 @@ impl FullCovariance {
         }
     }
 
-    /// `P_hh` and `P_ht` of the time update from `L P_tt`: `P_hh+ = G P G'` and `P_ht+ = G P` with `G = [A B]`.
+    /// `P_hh` and `P_ht` of the time update: `P_hh+ = G P G'` and `P_ht+ = G P` with `G = [A B]`.
     fn propagate<M: Learnable>(&mut self, model: &M, growth: f64, noise: f64) {
         let (n, rows) = (model.state_len(), model.rows());
         let all_rows = model.blocks().len() * rows;
@@ -259,7 +253,7 @@ impl FullCovariance {
         model.apply_state_jacobian(&transposed[..n * n], by_state, n, &mut square[..n * n], scratch);
         for i in 0..n {
             for j in 0..=i {
-                // Both triangles differ by rounding only; copying one makes the matrix exactly symmetric.
+                // The triangles differ by rounding only; a copy makes the matrix exactly symmetric.
                 let p = square[i * n + j];
                 self.hh[i * n + j] = p;
                 self.hh[j * n + i] = p;
@@ -268,7 +262,7 @@ impl FullCovariance {
         model.active_state().for_each(|i| self.hh[i * (n + 1)] += noise);
     }
 
-    /// `H P` of all outputs into the downdate, and `H P H'` into `measured`.
+    /// Writes `H P` of all outputs into the downdate, and `H P H'` into `measured`.
     pub(super) fn predict_output<M: Learnable>(&mut self, model: &M, measured: &mut MeasurementUpdate) {
         let (n, q, rows) = (model.state_len(), model.outputs(), model.rows());
         let (all_rows, rank) = (model.blocks().len() * rows, self.scratch.downdated.len());
@@ -298,7 +292,6 @@ struct LocalProducts<'a> {
     block: &'a Block,
     local: &'a [f64],
     matrix: &'a [f64],
-    /// Of all blocks.
     out: &'a mut [f64],
 }
 
@@ -356,7 +349,7 @@ impl WithSimd for CrossCovariance<'_> {
         for (ht, &wide) in ht.iter_mut().zip(wide) {
             *ht = wide * growth;
         }
-        // The output update needs L P_tt of the covariance after the time update, in the rows of the output blocks.
+        // The output update needs L P_tt after the time update, in the rows of the output blocks.
         let scale = growth * growth;
         if scale != 1.0 {
             for p in &mut products[first_row * block.padded..] {

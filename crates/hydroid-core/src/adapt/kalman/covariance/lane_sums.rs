@@ -8,10 +8,9 @@ use pulp::Simd;
 
 use crate::math::vectors::{Pack, Vectors};
 
-/// Numbers in a cache line.
 const LINE: usize = f64::LINE;
 
-/// Partial sums, one cache line for each inner product.
+/// Two sets of partial sums, one cache line for each inner product.
 #[repr(align(64))]
 pub(super) struct LaneSums([f64; LINE * LINE]);
 
@@ -24,7 +23,6 @@ impl LaneSums {
     /// `out = matrix row`, with rows of whole lines. The result does not depend on the width of the vectors.
     #[inline(always)]
     pub(super) fn product<S: Simd>(&mut self, simd: S, row: &[f64], matrix: &[f64], out: &mut [f64]) {
-        // Vectors in a line.
         let parts = LINE * size_of::<f64>() / size_of::<<f64 as Vectors>::V<S>>();
         let row_vectors = f64::whole::<S>(row).0;
         let groups = matrix.chunks(LINE * row.len());

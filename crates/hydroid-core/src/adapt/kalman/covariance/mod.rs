@@ -17,15 +17,14 @@ use super::learnable::Learnable;
 use super::measurement::MeasurementUpdate;
 use super::options::{CovarianceForm, FilterOptions};
 
-/// The joint covariance of state and weights. A vector over the weights has `width` numbers, in the order of the columns;
-/// [`places`](Self::places) maps columns to weights.
+/// The joint covariance of state and weights. A vector over the weights has `width` numbers, in the order of the
+/// columns; [`places`](Self::places) maps columns to weights.
 #[derive(Clone, Debug)]
 pub(super) enum JointCovariance {
     Full(Box<FullCovariance>),
     Structured(Box<StructuredCovariance>),
 }
 
-/// The same call on either form.
 macro_rules! each {
     ($own:expr, $covariance:ident => $call:expr) => {
         match $own {
@@ -36,7 +35,6 @@ macro_rules! each {
 }
 
 impl JointCovariance {
-    /// Zero covariance of the learned blocks of weights.
     pub(super) fn new<M: Learnable>(model: &M, options: &FilterOptions, learned: Vec<usize>) -> Self {
         match options.covariance {
             CovarianceForm::Full => Self::Full(Box::new(FullCovariance::new(model, options, learned))),
@@ -51,7 +49,7 @@ impl JointCovariance {
         each!(self, covariance => &covariance.places)
     }
 
-    /// The covariance of the weights becomes diagonal (`width`), and their correlation with the state zero.
+    /// The covariance of the weights becomes diagonal, and their correlation with the state zero.
     pub(super) fn restart(&mut self, initial: &[f64]) {
         each!(self, covariance => covariance.restart(initial));
     }
@@ -61,13 +59,13 @@ impl JointCovariance {
         each!(self, covariance => covariance.reset(initial));
     }
 
-    /// [`reset`](Self::reset) of a part of the state, with equal variances.
+    /// As [`reset`](Self::reset), for a part of the state with equal variances.
     pub(super) fn reset_part(&mut self, part: Range<usize>, initial: f64) {
         each!(self, covariance => covariance.reset_part(part, initial));
     }
 
-    /// Time update after a step of the model: the covariance of the weights is multiplied by `growth^2` and gains its noise;
-    /// the active state gains `noise`.
+    /// Time update after a step of the model: multiplies the covariance of the weights by `growth^2` and adds their
+    /// noise; adds `noise` to the variances of the active state.
     pub(super) fn advance<M: Learnable>(&mut self, model: &M, growth: f64, noise: f64) {
         each!(self, covariance => covariance.advance(model, growth, noise));
     }
@@ -77,7 +75,7 @@ impl JointCovariance {
         each!(self, covariance => covariance.predict_output(model, measured));
     }
 
-    /// Measurement update: corrects the state and, if the filter `learns`, writes the change of the weights (`width`). Returns
+    /// Measurement update: corrects the state and, if the filter `learns`, writes the change of the weights. Returns
     /// false if the covariance has diverged.
     pub(super) fn correct(
         &mut self,
@@ -95,44 +93,38 @@ impl JointCovariance {
         }
     }
 
-    /// The diagonals of the covariances of the state and of the weights (`width`).
     pub(super) fn variances(&self) -> (Vec<f64>, Vec<f64>) {
         each!(self, covariance => covariance.variances())
     }
 
-    /// The smallest variance.
     pub(super) fn least_variance(&self) -> f64 {
         each!(self, covariance => covariance.least_variance())
     }
 
-    /// `v' P v` of a vector of state and weights (`width`).
     pub(super) fn variance(&mut self, v_h: &[f64], v_t: &[f64]) -> f64 {
         each!(self, covariance => covariance.variance(v_h, v_t))
     }
 
-    /// Number of stored numbers of the covariance.
     pub(super) fn len(&self) -> usize {
         each!(self, covariance => covariance.len())
     }
 
-    /// Whether the downdate of the last measurement is still to be applied.
+    /// Whether the downdate of the last measurement has not been applied yet.
     pub(super) fn pending(&self) -> bool {
         matches!(self, Self::Full(full) if full.pending)
     }
 
-    /// Sets [`pending`](Self::pending) when a saved filter is loaded.
     pub(super) fn set_pending(&mut self, pending: bool) {
         if let Self::Full(full) = self {
             full.pending = pending;
         }
     }
 
-    /// All numbers that the filter continues from, except the flag.
+    /// All numbers that the filter continues from, except [`pending`](Self::pending).
     pub(super) fn parts(&self) -> [&[f64]; 6] {
         each!(self, covariance => covariance.parts())
     }
 
-    /// [`parts`](Self::parts), mutable.
     pub(super) fn parts_mut(&mut self) -> [&mut [f64]; 6] {
         each!(self, covariance => covariance.parts_mut())
     }

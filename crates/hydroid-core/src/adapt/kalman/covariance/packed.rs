@@ -1,4 +1,4 @@
-//! The covariance of the weights in packed symmetric storage, updated in one pass over the memory a sample.
+//! The covariance of the weights in packed symmetric storage, updated in one pass over the memory per sample.
 #![expect(
     clippy::inline_always,
     reason = "the parts of a kernel must be inlined into the function that is compiled for the processor's vectors"
@@ -14,10 +14,10 @@ use crate::math::aligned::Aligned;
 use crate::math::rows::dot;
 use crate::math::vectors::{Pack, Vectors};
 
-/// A symmetric matrix in tiles, one tile for each pair of blocks of weights. Of two mirrored tiles one is stored.
+/// A symmetric matrix in tiles, one for each pair of blocks of weights. Of two mirrored tiles one is stored.
 ///
-/// The columns of each block are padded to whole cache lines, so that a row of a tile is a whole number of vectors. The
-/// padding is zero. A tile is `len x padded`; tiles on the diagonal are stored whole.
+/// The columns of each block are padded with zeros to whole cache lines, so that a row of a tile is a whole number of
+/// vectors. A tile is `len x padded`; tiles on the diagonal are stored whole.
 #[derive(Clone, Debug)]
 pub(super) struct PackedSymmetric {
     blocks: Vec<Block>,
@@ -28,15 +28,13 @@ pub(super) struct PackedSymmetric {
 
 /// A block of weights.
 ///
-/// A matrix with one column for each weight is stored in panels, one panel for each block, row by row: the columns of a
-/// block are contiguous.
+/// A matrix with one column for each weight is stored in panels, one for each block, row by row: the columns of a block
+/// are contiguous.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Block {
     /// First column among the padded weights.
     start: usize,
-    /// Number of weights.
     pub(super) len: usize,
-    /// Number of weights with padding.
     pub(super) padded: usize,
     /// First row of the block in the product `L P`.
     pub(super) row: usize,
@@ -45,12 +43,10 @@ pub(super) struct Block {
 }
 
 impl Block {
-    /// The panel of the block in a matrix of `rows` rows.
     pub(super) fn panel(&self, rows: usize) -> Range<usize> {
         rows * self.start..rows * (self.start + self.padded)
     }
 
-    /// One row of the panel.
     #[inline(always)]
     pub(super) fn row_of<'a>(&self, matrix: &'a [f64], rows: usize, row: usize) -> &'a [f64] {
         &matrix[self.panel(rows)][row * self.padded..][..self.padded]
@@ -62,7 +58,7 @@ impl Block {
     }
 }
 
-/// One pass over the covariance `P` of the weights that fuses the downdate of the last measurement with the time update:
+/// One pass over the covariance `P` of the weights:
 ///
 /// ```text
 /// P <- P - sum_q w_q w_q'           downdate of the last measurement
@@ -71,27 +67,26 @@ impl Block {
 /// ```
 #[derive(Debug)]
 pub(super) struct FusedUpdate<'a> {
-    /// `rank x width`, in panels; the number of rows is [`PackedSymmetric::rank`], and unused rows are zero. `None` skips
-    /// the downdate.
+    /// `rank x width`, in panels; `rank` is [`PackedSymmetric::rank`], and unused rows are zero. `None` skips the
+    /// downdate.
     pub(super) downdate: Option<&'a [f64]>,
     pub(super) rank: usize,
     pub(super) scale: f64,
     /// `width`.
     pub(super) noise: &'a [f64],
-    /// `L`: `rows x width`, in panels; the local rows of each block.
+    /// `L`, the local rows of each block: `rows x width`, in panels.
     pub(super) local: &'a [f64],
-    /// Local rows of each block.
     pub(super) rows: usize,
     /// `M`: `all_rows x width`, in panels; the rows of the stored blocks are overwritten.
     pub(super) products: &'a mut [f64],
     pub(super) all_rows: usize,
 }
 
-/// Largest number of downdate vectors and of local rows in one pass; more take further passes.
+/// Largest number of downdate vectors and of local rows in a pass; more take further passes.
 const MOST_RANK: usize = 4;
 const MOST_ROWS: usize = 2;
 
-/// Columns of the diagonal, and their places among the tiles.
+/// Columns of the diagonal and their places among the tiles.
 fn diagonal(blocks: &[Block], width: usize) -> impl Iterator<Item = (usize, usize)> {
     let begins = blocks.iter().scan(0, move |next, block| {
         let begin = *next;
@@ -103,7 +98,7 @@ fn diagonal(blocks: &[Block], width: usize) -> impl Iterator<Item = (usize, usiz
     })
 }
 
-/// The minimum of some numbers: NaN if one of them is NaN, infinite if there are none.
+/// The minimum; NaN if a number is NaN, infinite for no numbers.
 pub(super) fn least(numbers: impl Iterator<Item = f64>) -> f64 {
     numbers.fold(f64::INFINITY, |least, x| if x < least || x.is_nan() { x } else { least })
 }
@@ -124,37 +119,31 @@ impl PackedSymmetric {
 
     /// Number of rows in which a downdate of rank `vectors` is stored.
     pub(super) fn rank(vectors: usize) -> usize {
-        // Vessels have three outputs: one pass. More outputs take several passes.
+        // Vessels have three outputs: one pass.
         if vectors <= 3 { 3 } else { vectors.next_multiple_of(MOST_RANK) }
     }
 
-    /// Number of columns, with padding.
     pub(super) fn width(&self) -> usize {
         self.width
     }
 
-    /// The blocks.
     pub(super) fn blocks(&self) -> &[Block] {
         &self.blocks
     }
 
-    /// All stored numbers.
     pub(super) fn numbers(&self) -> &[f64] {
         &self.tiles
     }
 
-    /// All stored numbers, mutable.
     pub(super) fn numbers_mut(&mut self) -> &mut [f64] {
         &mut self.tiles
     }
 
-    /// Becomes the diagonal matrix of `width` numbers.
     pub(super) fn set_diagonal(&mut self, diagonal: &[f64]) {
         self.tiles.fill(0.0);
         self.each_diagonal(|at, p| *p = diagonal[at]);
     }
 
-    /// Writes the diagonal into `width` numbers.
     pub(super) fn diagonal(&mut self, into: &mut [f64]) {
         self.each_diagonal(|at, p| into[at] = *p);
     }
@@ -165,20 +154,17 @@ impl PackedSymmetric {
         }
     }
 
-    /// The smallest number on the diagonal.
     pub(super) fn least(&self) -> f64 {
         least(diagonal(&self.blocks, self.width).map(|(_, place)| self.tiles[place]))
     }
 
-    /// `v' P v` of a vector (`width`).
     pub(super) fn quadratic(&self, v: &[f64]) -> f64 {
         Quadratic { matrix: self, v }.run()
     }
 
-    /// Applies an update.
     pub(super) fn update(&mut self, update: &mut FusedUpdate<'_>) {
         let rank = if update.downdate.is_some() { update.rank } else { 0 };
-        // The products are of the matrix after the whole downdate, so these passes come first.
+        // The products are those of the matrix after the whole downdate, so that these passes come first.
         let first = if rank <= 3 { 0 } else { rank - MOST_RANK };
         for vectors in (0..first).step_by(MOST_RANK) {
             let (vectors, rows) = (vectors..vectors + MOST_RANK, 0..update.rows.min(MOST_ROWS));
@@ -195,7 +181,7 @@ impl PackedSymmetric {
     }
 }
 
-/// A pass with a part of the downdate vectors and of the local rows.
+/// A pass with some of the downdate vectors and of the local rows.
 struct FusedPass<'a, 'b> {
     matrix: &'a mut PackedSymmetric,
     update: &'a mut FusedUpdate<'b>,
@@ -205,7 +191,7 @@ struct FusedPass<'a, 'b> {
 }
 
 impl FusedPass<'_, '_> {
-    // Compiled here: a caller that is generic would compile it again.
+    // Not inlined: a generic caller would compile it again.
     #[inline(never)]
     fn run(self) {
         Arch::new().dispatch(self);
@@ -269,7 +255,6 @@ impl FusedPass<'_, '_> {
     }
 }
 
-/// A quadratic form.
 struct Quadratic<'a> {
     matrix: &'a PackedSymmetric,
     v: &'a [f64],
@@ -297,7 +282,6 @@ impl WithSimd for Quadratic<'_> {
                 for (row, &v_k) in tile.chunks_exact(block.padded).zip(&v[above.weights()]) {
                     own += v_k * dot(row, &v[block.panel(1)]);
                 }
-                // The mirrored tile counts too.
                 sum += if i == j { own } else { own + own };
             }
         }
@@ -317,8 +301,8 @@ struct Tile<'a, const RANK: usize, const ROWS: usize> {
 }
 
 impl<const RANK: usize, const ROWS: usize> Tile<'_, RANK, ROWS> {
-    /// All rows. `L_rows tile` is written to the products at `sums`. If the tile has a mirror image, `L_columns tile'` is
-    /// written to the products from `mirrored` on, in rows of `stride` numbers.
+    /// All rows. Writes `L_rows tile` to the products at `sums` and, for a tile with a mirror image, `L_columns tile'`
+    /// to the products from `mirrored` on, in rows of `stride` numbers.
     #[inline(always)]
     fn all<S: Simd, const MIRROR: bool>(
         &mut self,

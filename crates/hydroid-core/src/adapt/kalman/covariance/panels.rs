@@ -7,10 +7,9 @@ use super::super::learnable::Learnable;
 
 /// Neighbouring blocks of weights.
 ///
-/// A matrix with one column for each weight is stored in panels, each row by row: the columns of a panel are contiguous.
+/// A matrix with one column for each weight is stored in panels, row by row: the columns of a panel are contiguous.
 #[derive(Clone, Debug)]
 pub(super) struct Panel {
-    /// First column of the panel.
     start: usize,
     pub(super) width: usize,
     /// Learned blocks: block of the model, first column in the panel, number of weights.
@@ -18,7 +17,7 @@ pub(super) struct Panel {
 }
 
 impl Panel {
-    /// One panel for every `group` neighbouring blocks that has a learned block.
+    /// One panel for every `group` neighbouring blocks with a learned block.
     pub(super) fn all<M: Learnable>(model: &M, learned: &[usize], group: usize) -> Vec<Self> {
         let mut panels: Vec<Self> = Vec::new();
         let mut last = None;
@@ -42,7 +41,6 @@ impl Panel {
         rows * self.start..rows * (self.start + self.width)
     }
 
-    /// Indices of the weights of the panel.
     pub(super) fn places<'a>(&'a self, blocks: &'a [Vec<usize>]) -> impl Iterator<Item = usize> + 'a {
         self.blocks.iter().flat_map(|&(block, ..)| blocks[block].iter().copied())
     }
@@ -56,7 +54,7 @@ impl Panel {
         }
     }
 
-    /// The local Jacobians as a matrix of the local rows of all blocks (`all_rows x width`), zero outside of each block.
+    /// The local Jacobians in the local rows of all blocks (`all_rows x width`), zero outside of each block.
     pub(super) fn expand(&self, local: &[f64], into: &mut [f64]) {
         into.fill(0.0);
         let rows = local.len() / self.width;

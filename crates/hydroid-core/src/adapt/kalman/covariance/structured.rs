@@ -1,25 +1,24 @@
 //! A joint covariance whose memory does not grow with the square of the number of weights.
 //!
-//! Only blocks of the covariance of the weights, `P_tt`, are stored ([`BlockDiagonal`]). If `P_ht` and `P_hh` were stored
-//! beside it, the joint covariance could become indefinite. The error of the state is decomposed instead,
+//! Only blocks of the covariance of the weights, `P_tt`, are stored ([`BlockDiagonal`]). With `P_ht` and `P_hh` stored
+//! separately, the joint covariance could become indefinite. The error of the state is decomposed instead,
 //!
 //! ```text
 //! h~ = Psi theta~ + xi        P_ht = Psi P_tt        P_hh = Psi P_tt Psi' + Pi
 //! ```
 //!
-//! where `xi`, of covariance `Pi`, is independent of the error `theta~` of the weights: the joint covariance is positive
-//! semidefinite whatever is dropped from `P_tt`. With `A = df/dh`, `B = df/dtheta` and the growth `g = (1 - leak) /
+//! where `xi`, of covariance `Pi`, is independent of the error `theta~` of the weights: the joint covariance is
+//! positive semidefinite for any part of `P_tt`. With `A = df/dh`, `B = df/dtheta` and the growth `g = (1 - leak) /
 //! sqrt(lambda)` of the error of the weights over a sample, the time update is
 //!
 //! ```text
 //! Psi <- (A Psi + B) / g        Pi <- A Pi A' + Q_h        P_tt <- g^2 P_tt + Q_theta
 //! ```
 //!
-//! since `h~+ = (A Psi + B) theta~ + A xi` and `theta~+ = g theta~`. `Psi` is applied to the noise of the weights as well, so
-//! that `P_hh` is too large by `Psi Q_theta Psi'`, and `P_ht` by `Psi Q_theta`: an approximation of the order of `Q_theta`.
+//! since `h~+ = (A Psi + B) theta~ + A xi` and `theta~+ = g theta~`. `Psi` is applied to the noise of the weights as
+//! well: `P_hh` is too large by `Psi Q_theta Psi'`, and `P_ht` by `Psi Q_theta`.
 //!
-//! The measurement update, with `H~ = H_h Psi + H_t`, `R~ = H_h Pi H_h' + R`, is the update of the weights with a measurement
-//! whose noise is `R~`:
+//! The measurement update, with `H~ = H_h Psi + H_t`, is that of the weights with the noise `R~ = H_h Pi H_h' + R`:
 //!
 //! ```text
 //! S = H~ P_tt H~' + R~        theta <- theta + P_tt H~' S^-1 e        h <- h + (Psi P_tt H~' + Pi H_h') S^-1 e
@@ -27,7 +26,7 @@
 //! Psi  <- Psi - Pi H_h' R~^-1 H~        Pi <- Pi - Pi H_h' R~^-1 H_h Pi
 //! ```
 //!
-//! and, if the weights are not learned, with the gain `K` of the state,
+//! and, for weights that are not learned, with the gain `K` of the state,
 //!
 //! ```text
 //! Psi <- Psi - K H~        Pi <- (I - K H_h) Pi (I - K H_h)' + K R K'
@@ -35,8 +34,8 @@
 //!
 //! With all weights in one block and without weight noise this is the full filter.
 //!
-//! Block-diagonal covariances of weights: Puskorius and Feldkamp, "Decoupled extended Kalman filter training of feedforward
-//! layered networks", IJCNN 1991.
+//! Block-diagonal covariances of weights: Puskorius and Feldkamp, "Decoupled extended Kalman filter training of
+//! feedforward layered networks", IJCNN 1991.
 #![expect(
     clippy::inline_always,
     reason = "the parts of a kernel must be inlined into the function that is compiled for the processor's vectors"
@@ -57,11 +56,10 @@ use super::packed::least;
 use super::panels::Panel;
 use crate::math::rows::{add_rows, dot};
 
-/// The joint covariance in the notation of the [module](self). A matrix with one column for each weight is stored in panels.
+/// The joint covariance in the notation of the [module](self). Matrices with a column for each weight are in panels.
 #[derive(Clone, Debug)]
 pub(in super::super) struct StructuredCovariance {
     panels: Vec<Panel>,
-    /// Index of the weight of each column.
     pub(super) places: Vec<Option<usize>>,
     weight_noise: Vec<f64>,
     /// `Psi` (`n x width`), `Pi` (`n x n`), `P_tt`.
@@ -70,7 +68,6 @@ pub(in super::super) struct StructuredCovariance {
     tt: BlockDiagonal,
     /// Local Jacobians of the last step (`rows x width`).
     local: Vec<f64>,
-    /// Factor of `R~` of the measured outputs.
     cholesky: Cholesky,
     scratch: Scratch,
 }
@@ -95,7 +92,6 @@ struct Scratch {
     /// `n x max(n, outputs)`, twice.
     square: Vec<f64>,
     transposed: Vec<f64>,
-    /// Scratch of the model.
     model: Vec<f64>,
 }
 
@@ -141,15 +137,13 @@ impl StructuredCovariance {
         }
     }
 
-    /// The covariance of the weights becomes diagonal. The variance of the state stays, and its correlation with the weights
-    /// becomes zero.
+    /// The covariance of the weights becomes diagonal, and the correlation of the state with them zero.
     pub(super) fn restart(&mut self, initial: &[f64]) {
         self.fold();
         self.psi.fill(0.0);
         self.tt.set_diagonal(&self.panels, initial);
     }
 
-    /// The covariance of the state becomes diagonal, and its correlation with the weights zero.
     pub(super) fn reset(&mut self, initial: &[f64]) {
         let n = initial.len();
         self.psi.fill(0.0);
@@ -157,7 +151,7 @@ impl StructuredCovariance {
         (0..n).for_each(|i| self.pi[i * (n + 1)] = initial[i]);
     }
 
-    /// [`reset`](Self::reset) of a part of the state, with equal variances.
+    /// As [`reset`](Self::reset), for a part of the state with equal variances.
     pub(super) fn reset_part(&mut self, part: Range<usize>, initial: f64) {
         let n = self.pi.len().isqrt();
         reset_rows(&mut self.pi, part.clone(), initial);
@@ -166,7 +160,7 @@ impl StructuredCovariance {
         }
     }
 
-    /// `Pi <- Pi + Psi P_tt Psi'`, in groups of as many rows as there are outputs.
+    /// `Pi <- Pi + Psi P_tt Psi'`, as many rows at a time as there are outputs.
     fn fold(&mut self) {
         let Self { panels, psi, pi, tt, scratch: Scratch { jacobian, product, own, .. }, .. } = self;
         let (n, q) = (pi.len().isqrt(), own.len().isqrt());
@@ -200,13 +194,12 @@ impl StructuredCovariance {
         ((0..n).map(|i| own.pi[i * (n + 1)]).collect(), self.tt.diagonal(&self.panels))
     }
 
-    /// The smallest variance of the state given the weights.
     pub(super) fn least_variance(&self) -> f64 {
         let n = self.pi.len().isqrt();
         least((0..n).map(|i| self.pi[i * (n + 1)]))
     }
 
-    /// `v' P v` of state (`n`) and weights (`width`): with `w = Psi' v_h + v_t`, `w' P_tt w + v_h' Pi v_h`.
+    /// `v' P v = w' P_tt w + v_h' Pi v_h` with `w = Psi' v_h + v_t`.
     pub(super) fn variance(&mut self, v_h: &[f64], v_t: &[f64]) -> f64 {
         let Self { panels, psi, pi, tt, scratch: Scratch { jacobian, product, .. }, .. } = self;
         let (n, width) = (v_h.len(), v_t.len());
@@ -219,22 +212,18 @@ impl StructuredCovariance {
         of_state + dot(&jacobian[..width], &product[..width])
     }
 
-    /// Number of stored numbers of `P`.
     pub(super) fn len(&self) -> usize {
         self.psi.len() + self.pi.len() + self.tt.numbers.len()
     }
 
-    /// All numbers that the filter continues from.
     pub(super) fn parts(&self) -> [&[f64]; 6] {
         [&self.psi, &self.pi, &self.local, &self.tt.numbers, &[], &[]]
     }
 
-    /// [`parts`](Self::parts), mutable.
     pub(super) fn parts_mut(&mut self) -> [&mut [f64]; 6] {
         [&mut self.psi, &mut self.pi, &mut self.local, &mut self.tt.numbers, &mut [], &mut []]
     }
 
-    /// Time update after a step of the model.
     pub(super) fn advance<M: Learnable>(&mut self, model: &M, growth: f64, noise: f64) {
         let Self { panels, psi, pi, local, tt, weight_noise, scratch, .. } = self;
         let Scratch { expanded, zeros, wide, square, transposed, model: scratch, .. } = scratch;
@@ -256,7 +245,7 @@ impl StructuredCovariance {
         model.apply_state_jacobian(transposed, zeros, n, square, scratch);
         for i in 0..n {
             for j in 0..=i {
-                // Both triangles differ by rounding only; copying one makes the matrix exactly symmetric.
+                // The triangles differ by rounding only; a copy makes the matrix exactly symmetric.
                 pi[i * n + j] = square[i * n + j];
                 pi[j * n + i] = square[i * n + j];
             }
@@ -352,7 +341,6 @@ impl WithSimd for AddOutputCovariance<'_> {
     }
 }
 
-/// The measurement update of [`StructuredCovariance::correct`].
 struct Correct<'a> {
     covariance: &'a mut StructuredCovariance,
     measured: &'a MeasurementUpdate,

@@ -11,35 +11,34 @@ use crate::adapt::scale::rms_over_range;
 use crate::math::rows::add_product;
 use crate::model::sparse::{Equations, Sensitivity};
 
-/// Sparse equations `dy/dt = Xi theta(y, c, s)` with the Jacobians of their last step: the state is the outputs, the weights
-/// are the nonzero coefficients.
+/// Sparse equations `dy/dt = Xi theta(y, c, s)` with the Jacobians of their last step. The state is the outputs, the
+/// weights are the nonzero coefficients.
 ///
-/// Both are scaled, so that one set of options suits all vessels. With the design range `[low, high]` of an output and the
-/// root mean square `rms_j` of term `j` over the design ranges ([`rms_over_range`]),
+/// Both are scaled, so that one set of options suits all vessels. For the design range `[low, high]` of an output and
+/// the root mean square `rms_j` of term `j` over the design ranges ([`rms_over_range`]),
 ///
 /// ```text
 /// h_i  = (y_i - (low_i + high_i) / 2) / scale_i        scale_i = (high_i - low_i) / 2
-/// w_ij = Xi_ij rms_j / size_i                          size_i  = sqrt(sum_j (Xi_ij rms_j)^2) of the initial coefficients
+/// w_ij = Xi_ij rms_j / size_i                          size_i  = sqrt(sum_j (Xi_ij rms_j)^2), initial coefficients
 /// ```
 ///
-/// so that the initial weights of each equation are a vector of length one. A step is one sample under a held command; its
-/// Jacobians `A = dh+/dh` and `B = dh+/dw` are those of the Runge-Kutta steps ([`Sensitivity`]). The input `x` is the command,
-/// then the memory of the signals (`[c, memory]`, in the order of [`Equations::step`] behind the outputs). The memory counts as
-/// known, although past outputs in it were estimated.
+/// so that the initial weights of each equation have the norm one. A step is one sample under a held command; its
+/// Jacobians `A = dh+/dh` and `B = dh+/dw` are those of the Runge-Kutta steps ([`Sensitivity`]). The input `x = [c,
+/// memory]` is the command, then the memory of the signals in the order of [`Equations::step`]. The memory counts as
+/// known, although its past outputs are estimates.
 #[derive(Clone, Debug)]
 pub struct LearnableEquations {
     equations: Equations,
     sensitivity: Sensitivity,
-    /// Offset and unit of each output.
     mean: Vec<f64>,
     scale: Vec<f64>,
-    /// Of each weight: its place in the table of coefficients, and its unit.
+    /// The place of each weight in the table of coefficients, and its unit.
     blocks: [Vec<usize>; 1],
     places: Vec<usize>,
     units: Vec<f64>,
     weights: Vec<f64>,
     coefficients: Vec<f64>,
-    /// `A` and `B` of the last step.
+    /// `A` and `B`.
     by_state: Vec<f64>,
     by_weights: Vec<f64>,
     /// Rollout of one sample.
@@ -96,7 +95,7 @@ impl LearnableEquations {
             units,
         };
         let weights: Vec<f64> = own.places.iter().zip(&own.units).map(|(&p, unit)| given[p] / unit).collect();
-        // Through the weights, so that restored weights give the same coefficients to the last bit.
+        // Through the weights: restored weights then give the same coefficients to the last bit.
         own.set_weights(&weights);
         Ok(own)
     }
@@ -131,7 +130,6 @@ impl LearnableEquations {
         self.mean[output] + self.scale[output] * h
     }
 
-    /// Rollouts with their derivatives to outputs and coefficients, with the current coefficients.
     pub(in super::super) fn sensitivity(&self) -> &Sensitivity {
         &self.sensitivity
     }

@@ -16,17 +16,17 @@ pub use shared_weight_states::SharedWeightStates;
 
 /// A step model whose weights a [`Filter`](super::Filter) can learn: `h+ = f(h, x, theta)`, `y = g(h+, theta)`.
 ///
-/// The weights come in blocks. Block `b` acts through [`rows`](Self::rows) local numbers of its own, its local rows; the step
-/// depends on the weights through these alone:
+/// The weights come in blocks. The step depends on the weights of block `b` only through [`rows`](Self::rows) local
+/// numbers, its local rows:
 ///
 /// ```text
 /// dh+/dtheta = C L        dy/dtheta = D L        L = diag(L_1, L_2, ..),  L_b: rows x weights of block b
 /// ```
 ///
 /// `L` is given by [`local_jacobian`](Self::local_jacobian). `C` and `D` are applied by
-/// [`apply_state_jacobian`](Self::apply_state_jacobian) and [`apply_output_jacobian`](Self::apply_output_jacobian) and are not
-/// stored: a unit of a network has the weights of its gates to itself, while the projection or the layers above mix all units.
-/// A model without such structure is one block whose local rows are its state.
+/// [`apply_state_jacobian`](Self::apply_state_jacobian) and [`apply_output_jacobian`](Self::apply_output_jacobian) and
+/// are not stored: a unit of a network has its own weights in its gates, while the projection or the next layers mix
+/// all units. A model without such structure is one block whose local rows are its state.
 ///
 /// Matrices are stored row by row. No method allocates.
 pub trait Learnable: Clone + Send + Sync {
@@ -55,7 +55,7 @@ pub trait Learnable: Clone + Send + Sync {
         self.rows()
     }
 
-    /// The first block on whose weights the output depends directly: `D` is zero in the rows of the blocks before.
+    /// The first block with a direct effect on the output: `D` is zero in the rows of the blocks before.
     fn first_output_block(&self) -> usize {
         0
     }
@@ -63,11 +63,11 @@ pub trait Learnable: Clone + Send + Sync {
     /// All weights.
     fn weights(&self) -> &[f64];
 
-    /// Projects corrected weights onto the set that the model accepts. The current weights are in this set. The default accepts
-    /// all weights.
+    /// Projects corrected weights onto the set that the model accepts, which contains the current ones. The default
+    /// accepts all.
     fn project(&self, _weights: &mut [f64]) {}
 
-    /// Sets the weights; the Jacobians of the last step stay those of the previous weights.
+    /// Sets the weights. The Jacobians of the last step stay.
     fn set_weights(&mut self, weights: &[f64]);
 
     /// `h <- f(h, x)`; stores what the Jacobians need.
@@ -79,8 +79,8 @@ pub trait Learnable: Clone + Send + Sync {
     /// Derivatives of a local row of the last step with respect to the weights of its block.
     fn local_jacobian(&self, block: usize, row: usize, into: &mut [f64]);
 
-    /// `out = df/dh state + C local` of the last step, with the current weights: `state` is `state x columns`, `local` is
-    /// `blocks rows x columns`, `out` is `state x columns`.
+    /// `out = df/dh state + C local` of the last step with the current weights; `state` and `out` are `state x
+    /// columns`, `local` is `blocks rows x columns`.
     fn apply_state_jacobian(
         &self,
         state: &[f64],
@@ -93,6 +93,6 @@ pub trait Learnable: Clone + Send + Sync {
     /// `out = dg/dh state + D local` at the state after the last step; `out` is `outputs x columns`.
     fn apply_output_jacobian(&self, state: &[f64], local: &[f64], columns: usize, out: &mut [f64]);
 
-    /// Numbers of scratch that [`apply_state_jacobian`](Self::apply_state_jacobian) needs for a number of columns.
+    /// Scratch of [`apply_state_jacobian`](Self::apply_state_jacobian) for a number of columns.
     fn scratch(&self, columns: usize) -> usize;
 }

@@ -9,7 +9,6 @@ use crate::math::rows::add_product;
 use crate::model::PlantModel;
 use crate::vessel::{Command, Dual, Numbers, Plant};
 
-/// Length of the state.
 pub(in super::super) const STATE: usize = 4;
 
 /// Derivatives of one [`Dual`] number.
@@ -17,18 +16,17 @@ pub(in super::super) const LANES: usize = 8;
 
 /// A vessel whose parameters are its weights, with the Jacobians of its last step.
 ///
-/// The state is `[u, v, r, P_f]` in half-widths of the ranges that the vessel reaches ([`PlantModel::ranges`]); the propeller
-/// force `P_f` is hidden. The weights are the relative changes of all nonzero parameters: `ln(p / p_0)` for parameters of fixed
-/// sign, `p / p_0 - 1` for the others.
+/// The state is `[u, v, r, P_f]` in half-widths of the ranges that the vessel reaches ([`PlantModel::ranges`]); the
+/// propeller force `P_f` is hidden. The weights are the relative changes of all nonzero parameters, `ln(p / p_0)` for
+/// parameters of fixed sign and `p / p_0 - 1` for the others.
 ///
 /// ```text
 /// h_i = (x_i - (low_i + high_i) / 2) / scale_i        scale_i = (high_i - low_i) / 2
 /// ```
 ///
-/// A step is one sample under a held command `x = [PP, RD]` in its own units. `A = dh+/dh` and `B = dh+/dw` are the derivatives
-/// of the Runge-Kutta steps by forward differentiation ([`Dual`]). Corrected weights outside of the set of physical vessels (a
-/// mass matrix that is not positive definite; weights beyond `ln 10`, where a parameter is a tenth or ten times its initial
-/// value) are projected onto it.
+/// A step is one sample under a held command `x = [PP, RD]` in its own units. `A = dh+/dh` and `B = dh+/dw` are the
+/// derivatives of the Runge-Kutta steps by forward differentiation ([`Dual`]). Corrected weights outside the set of
+/// physical vessels (mass matrix not positive definite, or weights beyond `ln 10`) are projected onto it.
 #[derive(Clone, Debug)]
 pub struct LearnablePlant {
     map: PlantParameters,
@@ -41,7 +39,6 @@ pub struct LearnablePlant {
     weights: Vec<f64>,
     /// The plant with the derivatives of its parameters with respect to state and weights, `LANES` in each pass.
     passes: Vec<Plant<Dual<LANES>>>,
-    /// `A` and `B` of the last step.
     by_state: [f64; STATE * STATE],
     by_weights: Vec<f64>,
 }
@@ -93,7 +90,6 @@ impl LearnablePlant {
         self.mean[place] + self.scale[place] * h
     }
 
-    /// The map from weights to parameters.
     pub(in super::super) fn map(&self) -> &PlantParameters {
         &self.map
     }
@@ -103,12 +99,12 @@ impl LearnablePlant {
         self.passes.len()
     }
 
-    /// The state at the start of a step, with its derivatives with respect to itself among those of the pass.
+    /// The state at the start of a step, with those of its derivatives that belong to the pass.
     pub(in super::super) fn start(&self, motion: &[f64; STATE], pass: usize) -> [Dual<LANES>; STATE] {
         core::array::from_fn(|i| Dual::along(motion[i], i.wrapping_sub(pass * LANES), self.scale[i]))
     }
 
-    /// One sample of a pass, in units of the state; derivatives are with respect to scaled states and weights.
+    /// One sample of a pass, in physical units; derivatives are with respect to scaled states and weights.
     pub(in super::super) fn sample(
         &self,
         pass: usize,

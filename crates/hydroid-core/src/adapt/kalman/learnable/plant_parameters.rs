@@ -6,14 +6,14 @@ use num_traits::Float;
 
 use crate::vessel::{Form, Numbers, PARAMETER, is_solvable};
 
-/// The largest weight: a parameter of fixed sign stays between a tenth and ten times its initial value, the change of others
-/// below 2.3 times it.
+/// The largest weight: a parameter of fixed sign stays between a tenth and ten times its initial value, the change of
+/// others below 2.3 times it.
 const LARGEST: f64 = core::f64::consts::LN_10;
 
-/// Halvings of a change of the weights that leads out of the set of physical vessels, before it is rejected.
+/// Halvings of a change of the weights that leaves the set of physical vessels, before it is rejected.
 const HALVINGS: usize = 20;
 
-/// The weights are relative changes of the parameters: they start at zero, and one set of options suits all vessels.
+/// Weights as relative changes of the parameters: they start at zero, and one set of options suits all vessels.
 ///
 /// ```text
 /// p = p_0 exp(w)      parameters of fixed sign: masses, added masses, diagonal damping, gains, time constants
@@ -39,12 +39,10 @@ impl PlantParameters {
         self.form
     }
 
-    /// Indices of the parameters in [`PARAMETER`].
     pub(in super::super) fn places(&self) -> &[usize] {
         &self.places
     }
 
-    /// The parameter of a weight, and its derivative.
     pub(in super::super) fn value(&self, index: usize, w: f64) -> (f64, f64) {
         let place = self.places[index];
         let given = self.given[place];
@@ -55,7 +53,6 @@ impl PlantParameters {
         (value, value)
     }
 
-    /// All parameters with these weights.
     pub(in super::super) fn numbers(&self, weights: &[f64]) -> Numbers {
         let mut numbers = self.given;
         for (index, (&place, &w)) in self.places.iter().zip(weights).enumerate() {
@@ -64,8 +61,8 @@ impl PlantParameters {
         numbers
     }
 
-    /// Projects `to` onto the set of physical vessels: clamps each weight, then halves the distance to the valid weights `from`
-    /// until the mass matrix of each mode is positive definite.
+    /// Projects `to` onto the set of physical vessels: clamps each weight, then halves the distance to the valid
+    /// weights `from` until the mass matrix of each mode is positive definite.
     pub(in super::super) fn project(&self, from: &[f64], to: &mut [f64]) {
         for (to, from) in to.iter_mut().zip(from) {
             *to = if to.is_nan() { *from } else { to.clamp(-LARGEST, LARGEST) };

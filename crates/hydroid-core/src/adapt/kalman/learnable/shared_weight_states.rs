@@ -11,8 +11,8 @@ use super::Learnable;
 /// h = [h_0; h_1; ..]        h_i+ = f(h_i, x, theta),  h_j+ = h_j for j != i        y = g(h_i+, theta)
 /// ```
 ///
-/// A [`Filter`](super::super::Filter) of it has all states in one covariance with the weights: a correction of the weights also
-/// corrects the states that are not selected, as far as they depend on the weights.
+/// A [`Filter`](super::super::Filter) of it has all states in one covariance with the weights: a correction of the
+/// weights also corrects the other states, according to their correlation.
 #[derive(Clone, Debug)]
 pub struct SharedWeightStates<M> {
     model: M,
@@ -31,7 +31,6 @@ impl<M> SharedWeightStates<M> {
         &self.model
     }
 
-    /// Selects a state.
     pub(in super::super) fn select(&mut self, to: usize) {
         self.selected = to.min(self.count - 1);
     }

@@ -13,25 +13,25 @@ use crate::adapt::parametric_session::ParametricSession;
 use crate::model::sparse::Equations;
 use crate::predict::{Predictor, Workspace};
 
-/// A [`KalmanSession`] of sparse equations: outputs and coefficients are estimated, in the units of [`LearnableEquations`].
+/// A [`KalmanSession`] of sparse equations: outputs and coefficients are estimated, in the units of
+/// [`LearnableEquations`].
 ///
-/// The present outputs are the estimates of the filter, and the past outputs among the signals are these estimates. A run starts
-/// when every output has been measured once and the past that the equations need is known: the state is the measurement, with
-/// the variance `R` ([`FilterOptions::initial_state`] is not used). A run starts again after a step or a measurement that
-/// diverges; the weights stay.
+/// The present outputs are the estimates of the filter, and so are the past outputs among the signals. A run starts
+/// when every output has been measured once and the past that the equations need is known: the state is the
+/// measurement, with the variance `R` ([`FilterOptions::initial_state`] is not used). A divergent step or measurement
+/// starts the run again; the weights stay.
 ///
 /// The snapshot is that of a [`ParametricSession`].
 pub type KalmanEquations = KalmanSession<EquationsKind>;
 
-/// What a [`KalmanEquations`] has besides filter and measurement.
+/// The part of a [`KalmanEquations`] outside filter and measurement.
 #[derive(Clone, Debug)]
 pub struct EquationsKind {
     session: ParametricSession,
     /// Command and memory.
     x: Vec<f64>,
-    /// The coefficients at the adapted places.
     weights: Vec<f64>,
-    /// Scratch for outputs and coefficients in scaled units.
+    /// Scratch for scaled outputs and coefficients.
     scaled: Vec<f64>,
 }
 
@@ -64,19 +64,19 @@ impl EquationsKind {
         &self.session.state()[..self.session.outputs()]
     }
 
-    /// Whether no run has started: an output is not known.
+    /// Whether no run has started.
     fn is_waiting(&self) -> bool {
         self.present_outputs().iter().any(|y| y.is_nan())
     }
 
-    /// Ends the run: the outputs are not known.
+    /// Ends the run.
     fn wait(&mut self) {
         let outputs = self.session.outputs();
         self.session.state_mut()[..outputs].fill(f64::NAN);
         self.clear_infinite();
     }
 
-    /// Infinite values count as unknown: in the state of a lag they would stay infinite.
+    /// Infinite values count as unknown: in the state of a lag they would remain.
     fn clear_infinite(&mut self) {
         self.session.state_mut().iter_mut().filter(|x| x.is_infinite()).for_each(|x| *x = f64::NAN);
     }
@@ -153,14 +153,14 @@ impl ModelKind for EquationsKind {
         let (command, memory) = self.x.split_at_mut(c.len());
         command.copy_from_slice(c);
         memory.copy_from_slice(&self.session.state()[self.session.outputs()..]);
-        // The memory of the signals advances whether or not the outputs stay finite.
+        // The memory of the signals advances even if the outputs are not finite.
         self.session.advance(c);
         if self.present_outputs().iter().all(|y| y.is_finite()) {
             filter.advance(&self.x);
             self.sync_session(filter, filter.leaks());
         }
         if !self.present_outputs().iter().all(|y| y.is_finite()) {
-            // The past is not known yet, or the step has diverged.
+            // The past is unknown, or the step has diverged.
             self.wait();
         }
     }
@@ -238,7 +238,7 @@ impl ModelKind for EquationsKind {
             }
             filter.add_variances(by_state, by_weights, into);
             for variance in into.iter_mut() {
-                // Rounding may make a variance negative. NaN stays NaN.
+                // Rounding can make a variance negative. NaN stays NaN.
                 *variance = Float::sqrt(variance.clamp(0.0, f64::INFINITY));
             }
         }

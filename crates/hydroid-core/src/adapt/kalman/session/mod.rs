@@ -1,4 +1,4 @@
-//! The session of a model whose state and weights are estimated by a filter.
+//! The session of a model with state and weights estimated by a filter.
 
 mod equations;
 mod network;
@@ -21,7 +21,7 @@ pub use equations::{EquationsKind, KalmanEquations};
 pub use network::{KalmanError, KalmanNetwork, NetworkKind};
 pub use plant::{KalmanPlant, PlantKind};
 
-/// How one kind of model connects its prediction session with the filter.
+/// Connection of a prediction session with the filter, for one kind of model.
 pub trait ModelKind: Clone + Send + Sync {
     /// The model of the filter.
     type Model: Learnable;
@@ -34,7 +34,7 @@ pub trait ModelKind: Clone + Send + Sync {
     /// The prediction session, mutable.
     fn session_mut(&mut self) -> &mut Self::Session;
 
-    /// Current weights in the units and order of the model.
+    /// See [`Learning::weights`].
     fn weights(&self) -> &[f64];
 
     /// Unit of each scaled output.
@@ -43,8 +43,8 @@ pub trait ModelKind: Clone + Send + Sync {
     /// Starts a run.
     fn reset(&mut self) {}
 
-    /// Takes the measurement `y` of a sample and writes it into `z`, scaled, with NaN for missing and infinite values. Returns
-    /// false if the sample starts a run, or none has started: the filter then has no measurement update.
+    /// Writes the measurement `y` of a sample into `z`, scaled, with NaN for missing and infinite values. Returns false
+    /// if the sample starts a run, or none has started: the filter then has no measurement update.
     fn take_measurement(&mut self, filter: &mut Filter<Self::Model>, y: &[f64], z: &mut [f64]) -> bool;
 
     /// Copies the state of the filter into the session, and its weights if they changed.
@@ -56,7 +56,7 @@ pub trait ModelKind: Clone + Send + Sync {
     /// Advances session and filter under the command `c`.
     fn advance(&mut self, filter: &mut Filter<Self::Model>, c: &[f64]);
 
-    /// Copies state and weights of the session, which were just restored, into the filter.
+    /// Copies state and weights of the restored session into the filter.
     fn sync_filter(&mut self, filter: &mut Filter<Self::Model>);
 
     /// Length of [`save`](Self::save).
@@ -64,10 +64,10 @@ pub trait ModelKind: Clone + Send + Sync {
         0
     }
 
-    /// Writes all numbers outside of session and filter that the model continues from.
+    /// Writes all numbers that the model continues from, outside session and filter.
     fn save(&self, _into: &mut [f64]) {}
 
-    /// Reads what [`save`](Self::save) wrote, after the session was restored.
+    /// Reads the numbers of [`save`](Self::save), after the session was restored.
     fn load(&mut self, _from: &[f64]) {}
 
     /// See [`Learning::deviations`].
@@ -89,10 +89,10 @@ pub trait ModelKind: Clone + Send + Sync {
     fn store_window(&mut self, _filter: &Filter<Self::Model>, _outputs: &[f64], _commands: &[f64]) {}
 }
 
-/// A session whose state and weights are estimated by a [`Filter`] in scaled units, which are those of its options.
+/// A session whose state and weights are estimated by a [`Filter`], in the scaled units of its options.
 ///
-/// Snapshots are those of the prediction session. [`restore`](Predictor::restore) sets state and weights of the filter; its
-/// covariance stays. A second measurement of one sample is not used.
+/// Snapshots are those of the prediction session. [`restore`](Predictor::restore) sets state and weights of the filter;
+/// its covariance stays. A second measurement of one sample is not used.
 #[derive(Clone, Debug)]
 pub struct KalmanSession<K: ModelKind> {
     kind: K,
@@ -127,7 +127,6 @@ impl<K: ModelKind> KalmanSession<K> {
         self.nis
     }
 
-    /// Sets outcome and innovations, in the units of the outputs.
     fn record_update(&mut self, correction: Correction) {
         self.innovations.clear();
         self.nis = f64::NAN;

@@ -36,21 +36,21 @@ impl core::fmt::Display for KalmanError {
 
 impl core::error::Error for KalmanError {}
 
-/// A [`KalmanSession`] of a [`Recurrent`] model: hidden state and weights are estimated, in the units of the input and output
-/// of the network.
+/// A [`KalmanSession`] of a [`Recurrent`] model: hidden state and weights are estimated, in the units of input and
+/// output of the network.
 ///
-/// For a network that maps inputs to outputs without feedback and base, the present outputs are the output of the network at
-/// the estimated state. A network with feedback or a base takes the measurements as inputs: its next output is compared with
-/// the measurement less the base, the noise of the measurement at the start of the step counts as noise of the output, and the
-/// present outputs are the measured ones.
+/// For a network without feedback and base, the present outputs are the output of the network at the estimated state. A
+/// network with feedback or a base has the measurements as inputs: its next output is compared with the measurement
+/// less the base, the noise of the measurement at the start of the step counts as noise of the output, and the present
+/// outputs are the measured ones.
 pub type KalmanNetwork = KalmanSession<NetworkKind>;
 
-/// What a [`KalmanNetwork`] has besides filter and measurement.
+/// The part of a [`KalmanNetwork`] outside filter and measurement.
 #[derive(Clone, Debug)]
 pub struct NetworkKind {
     session: RecurrentSession,
     rehearsal: Option<Rehearsal>,
-    /// What the output of the network is added to, at the present sample.
+    /// Base at the present sample, to which the output of the network is added.
     base: Vec<f64>,
     /// Input and output of the network.
     x: Vec<f64>,
@@ -105,9 +105,9 @@ impl KalmanNetwork {
         Ok(Self::of(kind, filter))
     }
 
-    /// A session that filters the hidden state alone and leaves the weights as they are, for a network without feedback and
-    /// base. `process` is the variance that each state gains in a sample, `initial` its variance at the start of a run, `noise`
-    /// the variance of the measurement of each output, all in scaled units. Sessions share the weights, and snapshots do not contain them.
+    /// A session that filters the hidden state of a network without feedback and base, with constant weights. `process`
+    /// is the variance that each state gains in a sample, `initial` its variance at the start of a run, `noise` the
+    /// variance of the measurement of each output, all in scaled units.
     ///
     /// # Errors
     /// As [`new`](Self::new).
@@ -171,7 +171,7 @@ impl ModelKind for NetworkKind {
             let scaled = (y[i] - self.base[i]) / scale[i];
             z[i] = if scaled.is_finite() { scaled } else { f64::NAN };
         }
-        // After a step the outputs of an open-loop network are those at its estimated state.
+        // After a step the outputs of an open-loop network are those at the estimated state.
         if !(self.is_open_loop() && filter.has_stepped()) {
             self.session.observe(y);
         }
@@ -195,7 +195,7 @@ impl ModelKind for NetworkKind {
 
     fn advance(&mut self, filter: &mut Filter<Self::Model>, c: &[f64]) {
         if self.session.is_waiting() {
-            // A network with feedback waits until each output was measured; without feedback, network and filter advance.
+            // A network with feedback waits until each output was measured.
             self.base.fill(f64::NAN);
             if self.session.model().feedback {
                 return self.session.advance(c);
@@ -209,7 +209,7 @@ impl ModelKind for NetworkKind {
         }
         self.session.advance(c);
         if let BaseModel::Equations(_) = self.session.model().base {
-            // The prediction of the equations is the output less the correction of the network.
+            // The prediction of the equations is the output less the correction by the network.
             self.session.output(&mut self.base);
             self.session.correction(&mut self.correction);
             self.base.iter_mut().zip(&self.correction).for_each(|(base, correction)| *base -= correction);
@@ -219,7 +219,7 @@ impl ModelKind for NetworkKind {
         if filter.state().iter().all(|h| h.is_finite()) {
             self.sync_session(filter, rehearsed || filter.leaks());
         } else {
-            // No later measurement would make the state finite again.
+            // Later measurements cannot make the state finite again.
             filter.restart();
             filter.reset();
             if let Some(rehearsal) = &mut self.rehearsal {
@@ -254,7 +254,7 @@ impl ModelKind for NetworkKind {
         }
     }
 
-    /// From the uncertainty of weights, state and measurements through the gradients of the rollout; NaN for a network on
+    /// From the uncertainty of weights, state and measurements, by the gradients of the rollout; NaN for a network on
     /// equations. Allocates for a horizon longer than any before.
     fn deviations(
         &mut self,
@@ -276,7 +276,7 @@ impl ModelKind for NetworkKind {
             self.gradient.back_propagate(&self.session, horizon);
             let noise = |i: usize| filter.noise()[i] * scale[i] * scale[i];
             for (i, into) in into.iter_mut().enumerate() {
-                // The noise of the measurement, and of the measurements at the start of the rollout.
+                // The noise at the target and at the origin.
                 let initial = |j: usize| Float::powi(self.gradient.outputs[j * q + i], 2) * noise(j);
                 *into = noise(i) + (0..q).map(initial).sum::<f64>();
             }
@@ -297,7 +297,7 @@ impl ModelKind for NetworkKind {
         let Some(wash_in) = self.rehearsal().and_then(|own| count.checked_sub(own.samples + 1)) else {
             return;
         };
-        // The initial network with a filter of its state alone gives the state at the start, and inputs and outputs.
+        // The initial network with a filter of its state alone gives the initial state, and inputs and outputs.
         let options = filter.without_weight_uncertainty();
         let Ok(mut initial) = KalmanNetwork::new(self.session.shared_model().clone(), options) else {
             return;

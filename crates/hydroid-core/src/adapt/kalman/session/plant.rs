@@ -15,21 +15,20 @@ use super::{KalmanSession, ModelKind};
 use crate::model::{PlantModel, PlantSession};
 use crate::predict::{Predictor, Workspace};
 
-/// Length of the output.
 const OUTPUTS: usize = PlantModel::OUTPUTS;
 
 /// A [`KalmanSession`] of a vessel: motion, hidden propeller force and parameters are estimated, in the units of
 /// [`LearnablePlant`].
 ///
-/// A run starts when `u`, `v` and `r` have been measured once: their variance is `R`, that of the propeller force
-/// [`FilterOptions::initial_state`]; its initial value holds the speed. A run starts again after a step or a measurement that
-/// diverges; the parameters stay.
+/// A run starts when `u`, `v` and `r` have been measured once, with the variance `R`. The initial propeller force holds
+/// the speed and has the variance [`FilterOptions::initial_state`]. A divergent step or measurement starts the run
+/// again; the parameters stay.
 ///
 /// [`weights`](crate::adapt::Learning::weights) are the learned parameters in their own units, in the order of
 /// [`LearnablePlant::places`].
 pub type KalmanPlant = KalmanSession<PlantKind>;
 
-/// What a [`KalmanPlant`] has besides filter and measurement.
+/// The part of a [`KalmanPlant`] outside filter and measurement.
 #[derive(Clone, Debug)]
 pub struct PlantKind {
     session: ParametricPlant,
@@ -131,7 +130,6 @@ impl PlantKind {
         }
     }
 
-    /// The state of the session in scaled units.
     fn scaled_motion(&self, model: &LearnablePlant) -> [f64; STATE] {
         let motion = self.session.session.motion();
         core::array::from_fn(|i| model.scaled(i, motion[i]))
@@ -231,7 +229,7 @@ impl ModelKind for PlantKind {
             return deviations.fill(f64::NAN);
         }
         let model = filter.model();
-        // Gradients of the outputs at each horizon, as columns; the last pass may have unused lanes.
+        // Gradients of the outputs at each horizon, as columns. The last pass can have unused lanes.
         let rows = model.passes() * LANES;
         let gradients = work.take(horizons.len() * rows * OUTPUTS);
         let q = filter.state_noise();
@@ -269,7 +267,7 @@ impl ModelKind for PlantKind {
             let (by_state, by_weights) = gradients.split_at(STATE * OUTPUTS);
             filter.add_variances(by_state, by_weights, into);
             for variance in into.iter_mut() {
-                // Rounding may make a variance negative. NaN stays NaN.
+                // Rounding can make a variance negative. NaN stays NaN.
                 *variance = Float::sqrt(variance.clamp(0.0, f64::INFINITY));
             }
         }

@@ -47,8 +47,8 @@ fn an_offset_of_a_vessel_that_slows_down_is_found() {
     assert!(found(&all).is_some_and(|offset| (offset + 0.8).abs() < 0.25), "{:?}", &all[198..215]);
 }
 
-/// The vessel goes on slowing down by more than half as much a sample as the sensor is off by, which no model expects: it is no way back, no
-/// other spike, and taken off is what the sensor is off by.
+/// The vessel goes on slowing down by more than half as much a sample as the sensor is off by, which no model expects:
+/// it is no way back, no other spike, and taken off is what the sensor is off by.
 #[test]
 fn an_offset_of_a_vessel_that_slows_down_fast_is_found() {
     let options = GuardOptions::new(0.1);
@@ -75,8 +75,9 @@ fn an_offset_is_known_to_less_than_the_noise() {
     assert!(square.sqrt() < 0.009, "{}", square.sqrt());
 }
 
-/// Nine deviations of the noise are found nearly always. Five of them hardly ever: now and then the first is off by enough to be refused, for it
-/// has noise beside them, but in the mean they are not (28 of the 200 were found when the mean was not asked).
+/// Nine deviations of the noise are found nearly always. Five of them hardly ever: now and then the first is off by
+/// enough to be refused, for it has noise beside them, but in the mean they are not (28 of the 200 were found when the
+/// mean was not asked).
 #[test]
 fn small_offsets_are_found_among_noise() {
     let found_at = |from: u64, size: f64| {

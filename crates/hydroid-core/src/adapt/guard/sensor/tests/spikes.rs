@@ -21,8 +21,8 @@ fn spikes_are_refused_also_side_by_side() {
     }
 }
 
-/// The way back from the first was once taken for the vessel's own, the second for the vessel, and all that followed the third for
-/// an offset.
+/// The way back from the first was once taken for the vessel's own, the second for the vessel, and all that followed
+/// the third for an offset.
 #[test]
 fn spikes_with_one_sound_value_between_are_spikes() {
     let all = verdicts(wave, |k, x| match k {
@@ -80,7 +80,8 @@ fn models_that_leave_at_a_spike_make_no_offset_of_it() {
     }
 }
 
-/// The third was once believed, because it was farther off than the second, and what came back was an offset of five metres a second.
+/// The third was once believed, because it was farther off than the second, and what came back was an offset of five
+/// metres a second.
 #[test]
 fn three_spikes_side_by_side_are_spikes() {
     for [first, second, third] in [[5.0, -0.3, 5.2], [5.0, 0.3, 5.2], [0.3, 2.0, -4.0], [-3.0, 0.4, -2.0]] {
@@ -99,7 +100,8 @@ fn three_spikes_side_by_side_are_spikes() {
     }
 }
 
-/// A small spike behind a large one, and then the vessel: that the last step is small beside the one before is no offset.
+/// A small spike behind a large one, and then the vessel: that the last step is small beside the one before is no
+/// offset.
 #[test]
 fn two_spikes_of_two_sizes_leave_no_offset() {
     for (first, second) in [(3.0, -0.5), (3.0, 0.5), (-0.3, 2.0), (1.0, 0.9), (-4.0, 1.0), (1.0, 1.4)] {

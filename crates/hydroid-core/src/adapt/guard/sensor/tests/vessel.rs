@@ -24,7 +24,8 @@ fn a_vessel_that_does_what_no_model_expects_is_believed() {
     assert!(!all.iter().any(|v| matches!(v, Verdict::Offset { .. })));
 }
 
-/// A vessel that takes off was once taken for an offset: it stayed about as far off as at first, from one measurement to the next.
+/// A vessel that takes off was once taken for an offset: it stayed about as far off as at first, from one measurement
+/// to the next.
 #[test]
 fn what_swells_and_ebbs_is_no_offset() {
     let off = [0.1, 0.118, 0.118, 0.105, 0.09, 0.075, 0.068, 0.068, 0.068];
@@ -34,7 +35,8 @@ fn what_swells_and_ebbs_is_no_offset() {
     assert!(matches!(all[255], Verdict::Spike { .. }), "or nothing was tried: {:?}", &all[248..262]);
 }
 
-/// A spike on a vessel that takes off, of which only the learner knows: it was once an offset of what it had not learned yet.
+/// A spike on a vessel that takes off, of which only the learner knows: it was once an offset of what it had not
+/// learned yet.
 #[test]
 fn a_spike_on_a_vessel_that_takes_off_is_no_offset() {
     let way = |k: u64| if k < 250 { wave(k) } else { wave(k) + 0.22 + 0.12 * (k - 250) as f64 };
@@ -74,7 +76,8 @@ fn a_spike_on_a_vessel_that_gathers_way_is_refused() {
     }
 }
 
-/// One model finds the vessel off by the same for as long as it takes, another finds it where it expects it: no offset comes of a small jump.
+/// One model finds the vessel off by the same for as long as it takes, another finds it where it expects it: no offset
+/// comes of a small jump.
 #[test]
 fn a_turn_that_one_model_sees_late_leaves_no_offset() {
     let all = verdicts_of(&mut Sensor::new(0.01), 300, |k| {
@@ -87,8 +90,8 @@ fn a_turn_that_one_model_sees_late_leaves_no_offset() {
     assert!(all[258..].iter().all(|verdict| *verdict == Verdict::Sound), "{:?}", &all[248..262]);
 }
 
-/// What no model expects and is no larger than a small spike is believed as soon as it goes farther. What stays is an offset, if most find it
-/// the same: the vessel, if models drift meanwhile.
+/// What no model expects and is no larger than a small spike is believed as soon as it goes farther. What stays is an
+/// offset, if most find it the same: the vessel, if models drift meanwhile.
 #[test]
 fn a_vessel_that_begins_to_turn_is_believed_and_a_small_offset_is_found() {
     let after = |more: f64, drift: f64| {
@@ -109,7 +112,8 @@ fn a_vessel_that_begins_to_turn_is_believed_and_a_small_offset_is_found() {
     assert!(found(&all).is_some_and(|offset| (offset - 0.07).abs() < 0.02), "{:?}", &all[248..262]);
 }
 
-/// It takes off, which the models do not expect, and then goes steadily: that was once an offset, for it had begun with a large jump.
+/// It takes off, which the models do not expect, and then goes steadily: that was once an offset, for it had begun with
+/// a large jump.
 #[test]
 fn a_vessel_that_takes_off_has_no_offset() {
     let faster = |k: u64| [0.0, 0.15, 0.27, 0.47, 0.49, 0.5][k.saturating_sub(249).min(5) as usize];
