@@ -65,9 +65,9 @@ impl core::fmt::Display for RecursiveOptionsError {
             Self::Time(what) => write!(f, "{what} must be a positive number of seconds"),
             Self::Window => write!(f, "a window needs at least one sample, and at most {MOST_SAMPLES}"),
             Self::Extreme(what) => {
-                write!(f, "{what} is out of all proportion to the span of a row and the number of terms")
+                write!(f, "{what} is too short or too long for the span of a row and the number of terms")
             }
-            Self::Gate => write!(f, "the limits of the gate must be positive, and reject not below inflate"),
+            Self::Gate => write!(f, "the limits of the gate must be positive, with reject at least inflate"),
             Self::Ranges => {
                 write!(f, "one finite range is needed for each output and input of the equations")
             }
@@ -97,7 +97,7 @@ impl RecursiveOptions {
             return Err(RecursiveOptionsError::Time("the forgetting time"));
         }
         if !(self.prior_s > 0.0 && self.prior_s.is_finite()) {
-            return Err(RecursiveOptionsError::Time("the time that the prior is worth"));
+            return Err(RecursiveOptionsError::Time("the weight of the prior"));
         }
         if !(1..=MOST_SAMPLES).contains(&self.window) {
             return Err(RecursiveOptionsError::Window);
@@ -122,7 +122,7 @@ impl RecursiveOptions {
     ) -> Result<(f64, f64), RecursiveOptionsError> {
         let information = self.prior_s / (rows.samples() as f64 * dt);
         if !(1.0 / MOST_INFORMATION..=MOST_INFORMATION).contains(&information) {
-            return Err(RecursiveOptionsError::Extreme("the time that the prior is worth"));
+            return Err(RecursiveOptionsError::Extreme("the weight of the prior"));
         }
         let row = rows.stride() as f64 * dt / self.forgetting_s;
         let turn = row * terms as f64;

@@ -12,9 +12,10 @@ const HOLD_S: f64 = 1.0;
 
 /// All actuators of a vessel.
 ///
-/// The motion depends on the efforts `tau_i = phi_i(a_i)`; `a_i` is the position of an actuator (a force, an angle, revolutions) and `c_i`
-/// its command. Over a sample of `dt` seconds the position changes from `a` to `a+ = e a + (1 - e) c`, `e = exp(-dt / T)`
-/// ([`Lag`](crate::actuator::Lag), in general). The command for a wanted effort *at the end of the sample* is
+/// The motion depends on the efforts `tau_i = phi_i(a_i)`; `a_i` is the position of an actuator (a force, an angle,
+/// revolutions) and `c_i` its command. Over a sample of `dt` seconds the position changes from `a` to
+/// `a+ = e a + (1 - e) c`, `e = exp(-dt / T)` ([`Lag`](crate::actuator::Lag), in general). The command for a demanded
+/// effort *at the end of the sample* is
 ///
 /// ```text
 /// a_w = phi^-1(tau_w)
@@ -22,16 +23,16 @@ const HOLD_S: f64 = 1.0;
 /// c   = (a_t - e a) / (1 - e),     within [low, high] and within rate dt of the last one
 /// ```
 ///
-/// `a` is measured or predicted from the commands. The inverse amplifies the demand by `1 / (1 - e)`, ten for a sample of a tenth of the
-/// lag, and with it sensor noise. `response` \[s\] gives the actuator more time than one sample. (A demand on the *mean* effort over a
-/// sample would oscillate: each sample corrects the overshoot of the sample before with the factor `e` only.)
+/// `a` is measured or predicted from the commands. The inverse amplifies demand and sensor noise by `1 / (1 - e)`, ten
+/// for a sample of a tenth of the lag; `response` \[s\] gives the actuator more than one sample. (A demand on the *mean*
+/// effort over a sample would oscillate: each sample reduces the previous overshoot by the factor `e` only.)
 ///
-/// Assumption: the lag is known. With a wrong lag, effort and motion are wrong until the feedback settles; in equilibrium `a = c`.
+/// Assumption: the lag is known. A wrong lag causes wrong efforts until the feedback settles; in equilibrium `a = c`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Actuators {
     all: Vec<Actuator>,
     dt: f64,
-    /// Decay of the difference to the wanted position per sample.
+    /// Decay of the position error per sample.
     left: f64,
     held_s: f64,
 }
@@ -44,9 +45,7 @@ struct Actuator {
     gain: f64,
     offset: f64,
     limits: Limits,
-    /// Estimate of the position.
     position: f64,
-    /// The last command.
     command: f64,
 }
 
@@ -55,7 +54,6 @@ impl Actuator {
         0.0_f64.clamp(self.limits.low, self.limits.high)
     }
 
-    /// Steady-state position under a command.
     fn settled(&self, command: f64) -> f64 {
         (self.gain * command + self.offset) / (1.0 - self.decay)
     }
@@ -65,15 +63,14 @@ impl Actuator {
         self.position = self.settled(self.command);
     }
 
-    /// Applies the command nearest to the demand and steps the position.
-    fn take(&mut self, wished: f64, dt: f64) -> Applied {
+    fn take(&mut self, demand: f64, dt: f64) -> Applied {
         let Limits { low, high, rate } = self.limits;
-        let inside = wished.clamp(low, high);
+        let inside = demand.clamp(low, high);
         let change = rate * dt;
         let command = inside.clamp((self.command - change).max(low), (self.command + change).min(high));
         self.position = self.decay * self.position + self.gain * command + self.offset;
         self.command = command;
-        Applied { saturated: inside != wished, rate_limited: command != inside }
+        Applied { saturated: inside != demand, rate_limited: command != inside }
     }
 }
 
@@ -87,10 +84,10 @@ pub struct Applied {
 }
 
 impl Actuators {
-    /// Actuators at rest, asked every `dt` seconds; `response` seconds are given to them, 0 for one sample.
+    /// Actuators at rest with samples of `dt` seconds and the response time `response` \[s\], 0 for one sample.
     ///
     /// # Errors
-    /// If there are not as many limits as channels, or limits, lags, maps or times are not possible.
+    /// If the number of limits differs from the number of channels, or limits, lags, maps or times are out of range.
     pub fn new(
         channels: &[Channel],
         limits: &[Limits],
@@ -98,7 +95,7 @@ impl Actuators {
         response: f64,
     ) -> Result<Self, ControlError> {
         positive("the sample time", dt)?;
-        at_least("the time that is given to the actuators", response, 0.0)?;
+        at_least("the response time of the actuators", response, 0.0)?;
         if channels.len() != limits.len() {
             return Err(ControlError::Count { expected: channels.len(), given: limits.len() });
         }
@@ -131,10 +128,10 @@ impl Actuators {
         }
     }
 
-    /// Replaces the channels after an update of the model; positions and commands stay.
+    /// Replaces the channels after an update of the model. Positions and commands stay.
     ///
     /// # Errors
-    /// If a channel is not invertible or their number differs; nothing changes then.
+    /// If a channel is not invertible or their number differs. Nothing changes then.
     pub fn set_channels(&mut self, channels: &[Channel]) -> Result<(), ControlError> {
         if channels.len() != self.all.len() {
             return Err(ControlError::Count { expected: channels.len(), given: self.all.len() });
@@ -164,7 +161,7 @@ impl Actuators {
         self.dt
     }
 
-    /// Sets all actuators to rest: settled under the command nearest to 0.
+    /// Sets all actuators to rest: the steady state under the command nearest to 0.
     pub fn reset(&mut self) {
         self.held_s = 0.0;
         self.all.iter_mut().for_each(Actuator::reset);
@@ -198,9 +195,8 @@ impl Actuators {
         self.all[index].command
     }
 
-    /// Commands for wanted efforts; steps the actuators, so that [`effort`](Self::effort) is the one at the end of the sample.
-    ///
-    /// An effort that is not finite leaves its command unchanged.
+    /// Commands for demanded efforts; steps the actuators, so that [`effort`](Self::effort) is that at the end of the
+    /// sample. A demand that is not finite leaves its command unchanged.
     ///
     /// # Panics
     /// If `efforts` or `commands` have not one number for each actuator.
@@ -212,12 +208,12 @@ impl Actuators {
         for ((actuator, &effort), command) in self.all.iter_mut().zip(efforts).zip(commands) {
             let wanted = actuator.map.inverse(effort);
             let target = wanted + (actuator.position - wanted) * self.left;
-            let wished = (target - actuator.decay * actuator.position - actuator.offset) / actuator.gain;
-            let one = if wished.is_nan() {
+            let demand = (target - actuator.decay * actuator.position - actuator.offset) / actuator.gain;
+            let one = if demand.is_nan() {
                 let held = actuator.take(actuator.command, self.dt);
                 Applied { saturated: true, ..held }
             } else {
-                actuator.take(wished, self.dt)
+                actuator.take(demand, self.dt)
             };
             *command = actuator.command;
             all.saturated |= one.saturated;
@@ -226,7 +222,7 @@ impl Actuators {
         all
     }
 
-    /// Applies limits to the commands of a law without a model; lags are not inverted.
+    /// Applies the limits to commands of a law without a model. Lags are not inverted.
     ///
     /// # Panics
     /// If `commands` has not one number for each actuator.
@@ -235,8 +231,8 @@ impl Actuators {
         self.held_s = 0.0;
         let mut all = Applied::default();
         for (actuator, command) in self.all.iter_mut().zip(commands) {
-            let wished = if command.is_nan() { actuator.command } else { *command };
-            let one = actuator.take(wished, self.dt);
+            let demand = if command.is_nan() { actuator.command } else { *command };
+            let one = actuator.take(demand, self.dt);
             *command = actuator.command;
             all.saturated |= one.saturated;
             all.rate_limited |= one.rate_limited;
@@ -244,18 +240,18 @@ impl Actuators {
         all
     }
 
-    /// Commands without an estimate: the last ones for a second, then those of rest, within their rates.
+    /// Commands without an estimate: the last ones for a second, then rest, within the rate limits.
     ///
     /// # Panics
     /// If `commands` has not one number for each actuator.
     pub fn hold(&mut self, commands: &mut [f64]) {
         assert_eq!(commands.len(), self.all.len(), "one command for each actuator");
-        // Half a sample makes up for the rounding of the sum.
-        let tired = self.held_s >= HOLD_S - 0.5 * self.dt;
+        // Half a sample covers the rounding of the sum.
+        let expired = self.held_s >= HOLD_S - 0.5 * self.dt;
         self.held_s += self.dt;
         for (actuator, command) in self.all.iter_mut().zip(commands) {
-            let wished = if tired { actuator.rest() } else { actuator.command };
-            actuator.take(wished, self.dt);
+            let demand = if expired { actuator.rest() } else { actuator.command };
+            actuator.take(demand, self.dt);
             *command = actuator.command;
         }
     }

@@ -15,15 +15,15 @@ use crate::adapt::kalman::{Filter, FilterOptions, Learnable, LearnableNetwork};
 use crate::guidance::Reference;
 use crate::model::recurrent::{Cell, Network, Packed};
 
-/// Inputs of the network: scaled `u, v, r`, and cosine and sine of the heading, which distinguish disturbances in the north-east frame from
-/// those in the body frame.
+/// Inputs of the network: scaled `u, v, r`, and cosine and sine of the heading, which distinguish disturbances in the
+/// north-east frame from those in the body frame.
 const INPUTS: usize = 5;
 
 /// Decay of the evidence per window.
 const EVIDENCE_DECAY: f64 = 0.95;
 
-/// Evidence, in squares of the noise, above which the correction is applied. The evidence of a network that has fitted noise alone
-/// stays below it.
+/// Evidence, in squares of the noise, above which the correction is applied. A network fitted to noise alone stays
+/// below.
 const EVIDENCE: f64 = 4.0;
 
 /// Options of [`AdaptiveAugmentation`]. The defaults suit a boat of a few metres.
@@ -31,7 +31,8 @@ const EVIDENCE: f64 = 4.0;
 pub struct AdaptiveAugmentationOptions {
     /// Number of hidden units.
     pub hidden: usize,
-    /// Length of the window over which an acceleration is measured \[s\]. The network learns and the correction changes once a window.
+    /// Length of the window of a measured acceleration \[s\]. The network learns and the correction changes once a
+    /// window.
     pub window_s: f64,
     /// Typical size of the model error \[m/s^2\].
     pub scale: f64,
@@ -39,9 +40,9 @@ pub struct AdaptiveAugmentationOptions {
     pub most: f64,
     /// Noise of an acceleration measured over a window \[m/s^2\].
     pub noise: f64,
-    /// Time constant of forgetting of the weights \[s\].
+    /// Forgetting time of the weights \[s\].
     pub memory_s: f64,
-    /// Typical surge, sway \[m/s\] and yaw rate \[rad/s\], which scale the input of the network.
+    /// Typical surge, sway \[m/s\] and yaw rate \[rad/s\]: scales of the input of the network.
     pub nu: [f64; 3],
 }
 
@@ -69,50 +70,48 @@ impl Default for AdaptiveAugmentationOptions {
 /// d2e/dt2 + k_d de/dt + k_p e = -b,     b = d2p/dt2 - (acceleration predicted by the model)
 /// ```
 ///
-/// A small recurrent network (`tanh`, linear read-out) estimates `b^` in the body frame, and the base law commands `w - b^`. The mean
-/// of `b` over windows of `window_s` is measured, and an extended Kalman filter ([`Filter`]) corrects state and weights of the network:
+/// A small recurrent network (`tanh`, linear output layer) estimates `b^` in the body frame, and the base law commands
+/// `w - b^`. The mean of `b` over windows of `window_s` is measured, and an extended Kalman filter ([`Filter`])
+/// corrects state and weights of the network:
 ///
 /// ```text
 /// h   = tanh(W x + U h + c),   b^ = scale (V h + d),     x = [u v r cos psi sin psi], scaled
 /// [h; theta] <- [h; theta] + K (R(psi)' b / scale - b^ / scale)
 /// ```
 ///
-/// The read-out starts at zero, so that the law starts as its base. `b` does not depend on `b^`, because the model predicts the effect of
-/// the command: learning cannot excite itself.
+/// The output layer starts at zero, so that the law starts as its base. `b` does not depend on `b^`, because the model
+/// predicts the effect of the command: learning cannot excite itself.
 ///
-/// Sources: A. J. Calise, N. Hovakimyan and M. Idan, *Adaptive output feedback control of nonlinear systems using neural networks*,
-/// Automatica 37, 2001 (adaptive augmentation of a linearizing law); F. L. Lewis, S. Jagannathan and A. Yesildirek, *Neural Network
-/// Control of Robot Manipulators and Nonlinear Systems*, 1999; the filter: [`kalman`](crate::adapt::kalman).
+/// Sources: A. J. Calise, N. Hovakimyan and M. Idan, *Adaptive output feedback control of nonlinear systems using
+/// neural networks*, Automatica 37, 2001; F. L. Lewis, S. Jagannathan and A. Yesildirek, *Neural Network Control of
+/// Robot Manipulators and Nonlinear Systems*, 1999; the filter: [`kalman`](crate::adapt::kalman).
 ///
 /// # Supervision
 ///
-/// Each window is predicted before the network learns from it. The evidence `sum |b|^2 - |b - b^|^2`, with a memory of about 20 windows,
-/// measures the benefit of the correction. While the evidence is below the noise, the base law commands alone and learning continues.
-/// The norm of the correction is at most `most`.
+/// Each window is predicted before the network learns from it. The evidence `sum |b|^2 - |b - b^|^2`, with a memory of
+/// about 20 windows, measures the benefit of the correction. Below the noise, the base law commands alone and learning
+/// continues. The norm of the correction is at most `most`.
 ///
 /// # Assumptions and tuning
 ///
-/// The assumptions are those of the base law. `noise` is the noise of the velocity of the point times `sqrt(2) / window_s`; a longer
-/// window reduces the noise and delays the correction. `scale` is the prior standard deviation of accelerations due to a wrong mass, a
-/// current or a fouled hull. Changes within a window are not learned.
+/// The assumptions are those of the base law. `noise` is the noise of the velocity of the point times `sqrt(2) /
+/// window_s`; a longer window reduces the noise and delays the correction. `scale` is the prior standard deviation of
+/// accelerations due to a wrong mass, a current or a fouled hull. Changes within a window are not learned.
 ///
 /// # Failure modes
 ///
-/// Saturated commands are known and do not appear as model error, but no correction extends the limits of the vessel. The correction
-/// does not help where the base law loses its reference.
+/// Saturation is known and does not appear as model error, but no correction extends the limits of the vessel or
+/// restores a reference that the base law has lost.
 #[derive(Clone, Debug)]
 pub struct AdaptiveAugmentation<M> {
     base: FeedbackLinearization<M>,
     options: AdaptiveAugmentationOptions,
     filter: Filter<LearnableNetwork>,
-    /// Initial weights.
     first: Vec<f64>,
-    /// Number of samples of a window.
     samples: usize,
     window: Window,
     /// Estimate `b^` of the next window, body frame \[m/s^2\].
     predicted: [f64; 2],
-    /// Evidence.
     evidence: f64,
     x: Vec<f64>,
 }
@@ -121,19 +120,16 @@ pub struct AdaptiveAugmentation<M> {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Window {
     samples: usize,
-    /// Velocity of the point at the start, north and east.
     begin: [f64; 2],
-    /// Sum of the accelerations predicted by the model.
     modelled: [f64; 2],
-    /// Sums of cosine and sine of the heading.
     heading: [f64; 2],
 }
 
 impl<M: Affine> AdaptiveAugmentation<M> {
-    /// Around a base; `seed` is that of the network's first weights.
+    /// Around a base; `seed` determines the initial weights of the network.
     ///
     /// # Errors
-    /// If a setting is not possible.
+    /// If an option is out of range.
     pub fn new(
         base: FeedbackLinearization<M>,
         options: AdaptiveAugmentationOptions,
@@ -167,7 +163,7 @@ impl<M: Affine> AdaptiveAugmentation<M> {
         let cell = Cell::Vanilla { hidden, layers: 1 };
         let network = Network { cell, inputs: INPUTS, outputs: 2, read_out: true };
         let weights = first_weights(&network, seed);
-        // The read-out has the prior of the model error; the other layers stay close to their initial values.
+        // The output layer has the prior of the model error; the other layers stay close to their initial values.
         let read_out = weights.len() - 2 * (hidden + 1);
         let mut tuning =
             FilterOptions::uniform(weights.len(), 0.0, 0.0, (0.01, 1e-4), &[(noise / scale).powi(2); 2]);
@@ -199,10 +195,10 @@ impl<M: Affine> AdaptiveAugmentation<M> {
         &self.base
     }
 
-    /// Changes the model of the base law ([`FeedbackLinearization::update`]).
+    /// Changes the model of the base law; see [`FeedbackLinearization::update`].
     ///
     /// # Errors
-    /// If a channel is not invertible any more: model and law stay as they were.
+    /// If a channel is not invertible any more. Model and law stay as they were.
     pub fn update(&mut self, change: impl FnOnce(&mut M)) -> Result<(), ControlError>
     where
         M: Clone,
@@ -215,7 +211,7 @@ impl<M: Affine> AdaptiveAugmentation<M> {
         self.evidence > EVIDENCE * self.options.noise * self.options.noise
     }
 
-    /// The present correction, applied or not: forward and to starboard \[m/s^2\].
+    /// The present correction, applied or not, forward and to starboard \[m/s^2\].
     pub const fn correction(&self) -> [f64; 2] {
         self.predicted
     }
@@ -253,7 +249,6 @@ impl<M: Affine> AdaptiveAugmentation<M> {
         }
     }
 
-    /// Resets network, filter and evidence.
     fn forget(&mut self) {
         let rest = core::iter::repeat_n(0.0, self.filter.state().len());
         self.filter.set(rest, self.first.iter().copied());
@@ -269,7 +264,6 @@ impl<M: Affine> Controller for AdaptiveAugmentation<M> {
         self.base.inputs()
     }
 
-    /// Resets the base law and the correction.
     fn reset(&mut self) {
         self.base.reset();
         self.window = Window::default();
@@ -278,7 +272,6 @@ impl<M: Affine> Controller for AdaptiveAugmentation<M> {
 
     fn command(&mut self, estimate: &Estimate<'_>, reference: &Reference, command: &mut [f64]) -> Status {
         if !(estimate.is_finite() && reference.is_finite()) {
-            // The window has a gap.
             self.window = Window::default();
             return self.base.command(estimate, reference, command);
         }
@@ -303,7 +296,7 @@ impl<M: Affine> Controller for AdaptiveAugmentation<M> {
     }
 }
 
-/// Initial weights: small random numbers from the seed, and a read-out of zero.
+/// Small random initial weights from the seed, with an output layer of zero.
 fn first_weights(network: &Network, seed: u64) -> Vec<f64> {
     let mut noise = super::noise::Noise::new(seed);
     let Cell::Vanilla { hidden, .. } = network.cell else { return Vec::new() };

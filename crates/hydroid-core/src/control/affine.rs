@@ -13,7 +13,7 @@ use crate::vessel::{Command, InvalidParams, Plant, RudderLaw, VesselParams};
 /// d nu/dt = f(nu) + sum_i g_i(nu) phi_i(a_i),     nu = (u, v, r)
 /// ```
 ///
-/// with a known invertible map `phi_i` for each command, and an actuator `a_i` that follows it directly or with a lag ([`Channel`]).
+/// with a known invertible map `phi_i` for each command, and an actuator `a_i` with or without a lag ([`Channel`]).
 pub trait Affine {
     /// Lag and map of each command.
     fn channels(&self) -> &[Channel];
@@ -80,7 +80,7 @@ impl Affine for AffinePlant {
     fn evaluate(&mut self, nu: [f64; 3], into: &mut Motion) {
         let f = self.plant.acceleration(nu, 0.0, 0.0);
         let slope = |with: [f64; 3]| core::array::from_fn(|i| with[i] - f[i]);
-        // Steps of 100 N keep the digits of a slope of 0.01 beside the drag.
+        // Steps of 100 N: a slope of 0.01 keeps its digits beside the drag.
         let propeller = self.plant.acceleration(nu, 100.0, 0.0);
         into.g.copy_from_slice(&[
             slope(propeller).map(|x| x * 0.01),
@@ -90,7 +90,7 @@ impl Affine for AffinePlant {
     }
 }
 
-/// Checks for one limit per command, and at least two commands.
+/// Requires one limit per command, and at least two commands.
 pub(super) fn check_count(channels: &[Channel], limits: &[Limits]) -> Result<(), ControlError> {
     if channels.len() < 2 {
         return Err(ControlError::TooFewInputs { given: channels.len() });

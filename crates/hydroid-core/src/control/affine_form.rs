@@ -36,17 +36,17 @@ pub enum NotAffine {
         /// The command, from 0.
         input: usize,
     },
-    /// An output other than `u`, `v`, `r` is in the equations and is no actuator: its own equation is not linear in itself, one command and a
-    /// constant.
+    /// An output other than `u`, `v`, `r` is in the equations but is no actuator: its equation is not linear in itself,
+    /// one command and a constant.
     Output {
         /// The output.
         output: usize,
-        /// The term that is too much; none where the command is missing.
+        /// The excess term; none if the command is missing.
         term: Option<Term>,
     },
     /// Fewer than two commands affect the motion.
     TooFewInputs {
-        /// How many have.
+        /// Their number.
         given: usize,
     },
     /// The terms do not compile.
@@ -90,7 +90,7 @@ impl NotAffine {
     }
 }
 
-/// With `x0, x1 ..` for outputs, inputs and signals, in their order.
+/// With `x0, x1 ..` for outputs, inputs and signals.
 impl core::fmt::Display for NotAffine {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let names: Vec<String> = (0..64).map(|k| format!("x{k}")).collect();
@@ -100,7 +100,6 @@ impl core::fmt::Display for NotAffine {
 
 impl core::error::Error for NotAffine {}
 
-/// Place of a coefficient in `f` or `g`.
 pub(super) struct Part {
     pub(super) row: usize,
     pub(super) channel: Option<usize>,
@@ -116,11 +115,11 @@ pub(super) struct AffineForm {
     /// Terms in `u`, `v`, `r` (variables 0, 1, 2).
     pub(super) terms: Vec<Term>,
     pub(super) channels: Vec<Channel>,
-    /// For a channel that is an output: places of the coefficients of itself, its command and 1.
+    /// For a channel that is an output: indices of the coefficients of itself, its command and 1.
     pub(super) measured: Vec<Option<[Option<usize>; 3]>>,
 }
 
-/// The way in which a command enters.
+/// How a command enters.
 #[derive(Clone, Copy, Default)]
 struct Way {
     /// The variable that carries the command, and its map.
@@ -135,7 +134,6 @@ pub(super) fn affine_form(equations: &Equations, motion: [usize; 3]) -> Result<A
     }
     let count = equations.terms().len();
     let mut measured = vec![None; inputs];
-    // Command of each variable.
     let mut carries: Vec<Option<usize>> = vec![None; equations.variables()];
     for input in 0..inputs {
         carries[outputs + input] = Some(input);
@@ -184,7 +182,7 @@ pub(super) fn affine_form(equations: &Equations, motion: [usize; 3]) -> Result<A
                 Some(first) => {
                     let map =
                         map_of(&effort).ok_or_else(|| NotAffine::Term { output, term: term.clone() })?;
-                    // All other variables have been refused as past ones.
+                    // All other variables have been refused as past values.
                     let input = carries[usize::from(first.variable)].unwrap_or_default();
                     let way = (first.variable, map);
                     if *ways[input].of.get_or_insert(way) != way {
@@ -210,7 +208,7 @@ pub(super) fn affine_form(equations: &Equations, motion: [usize; 3]) -> Result<A
         let lag = usize::from(variable).checked_sub(outputs + inputs).map(|index| equations.signals()[index]);
         let lag = match lag {
             Some(Signal::Lag { time_constant_s, .. }) => Lag::of_time_constant(time_constant_s.0),
-            // The lag of an output follows from its coefficients, which may change.
+            // The lag of an output follows from its coefficients, which can change.
             _ => Lag::None,
         };
         if way.of.is_none() || usize::from(variable) >= outputs {
@@ -230,7 +228,7 @@ fn is_used(equations: &Equations, motion: [usize; 3], output: usize) -> bool {
     })
 }
 
-/// The command of an actuator, and the places of the coefficients of itself, the command and 1.
+/// The command of an actuator, and the indices of the coefficients of itself, the command and 1.
 fn actuator(equations: &Equations, output: usize) -> Result<(usize, [Option<usize>; 3]), NotAffine> {
     let (outputs, inputs) = (equations.outputs(), equations.inputs());
     let count = equations.terms().len();
@@ -260,7 +258,6 @@ fn actuator(equations: &Equations, output: usize) -> Result<(usize, [Option<usiz
     command.map(|input| (input, places)).ok_or(NotAffine::Output { output, term: None })
 }
 
-/// The map of the factors of one actuator.
 fn map_of(factors: &[Factor]) -> Option<Map> {
     match factors {
         [Factor { shape: Shape::Power(1), .. }] => Some(Map::Identity),

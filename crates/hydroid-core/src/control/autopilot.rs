@@ -19,17 +19,18 @@ pub struct HeadingGains {
     pub integral: f64,
     /// Per rad/s of error of the yaw rate.
     pub derivative: f64,
-    /// Per rad/s of wanted yaw rate (feedforward of a steady turn).
+    /// Per rad/s of demanded yaw rate (feedforward of a steady turn).
     pub turn: f64,
     /// Speed of these gains \[m/s\]; at `u` they are scaled by `(speed / u)^exponent`.
     pub speed: f64,
-    /// 1 for a rudder in the race of the propeller or a moment that grows with the speed, 2 for a moment that grows with its square.
+    /// 1 for a rudder in the race of the propeller or a moment proportional to the speed, 2 for one proportional to its
+    /// square.
     pub exponent: f64,
 }
 
 impl HeadingGains {
-    /// By placing the poles of a Nomoto model `T dr/dt + r = K delta` (`gain` \[rad/s per unit of the command\],
-    /// `time_constant` \[s\], at `speed`) at a natural frequency `omega` \[rad/s\] and a damping ratio `zeta` (Fossen
+    /// Pole placement for a Nomoto model `T dr/dt + r = K delta` (`gain` \[rad/s per unit of the command\],
+    /// `time_constant` \[s\], at `speed`) with a natural frequency `omega` \[rad/s\] and a damping ratio `zeta` (Fossen
     /// 2021, section 15.3.4):
     ///
     /// ```text
@@ -68,40 +69,41 @@ pub struct AutopilotOptions {
     pub heading: HeadingGains,
     /// Speed controller.
     pub speed: SpeedGains,
-    /// Least speed for steering \[m/s\]: below, gains stay constant and the status is [`Status::Singular`].
+    /// Minimum speed for steering \[m/s\]. Below it gains stay constant and the status is [`Status::Singular`].
     pub steerage: f64,
     /// Distance from the reference above which the status is [`Status::Lost`] \[m\].
     pub tolerance: f64,
 }
 
-/// Line of sight, a PID on the heading and a PI on the speed, for commands `[propeller, rudder]`: the baseline of the model-based laws.
+/// Line of sight, PID on the heading and PI on the speed, for commands `[propeller, rudder]`: the baseline of the
+/// model-based laws.
 ///
 /// # Law
 ///
-/// With `psi_d` and `r_d` of the integral line of sight ([`LineOfSight`]) for the projection of the vessel onto its path (a
-/// reference by a [`PathReference`](crate::guidance::PathReference)), `e_psi = psi_d - psi` within half a turn, `e_u = U_d - u`:
+/// With `psi_d` and `r_d` of the integral line of sight ([`LineOfSight`]) for the projection of the vessel onto its
+/// path (a [`PathReference`](crate::guidance::PathReference)), `e_psi = psi_d - psi` within half a turn, `e_u = U_d -
+/// u`:
 ///
 /// ```text
 /// rudder    = (speed / u)^exponent (K_turn r_d + K_p e_psi + K_i integral(e_psi) + K_d (r_d - r))
 /// propeller = drag_1 U_d + drag_2 U_d |U_d| + K_pu e_u + K_iu integral(e_u)
 /// ```
 ///
-/// Both integrals follow the limited commands (back-calculation, K. J. Astrom and T. Hagglund, *Advanced PID
-/// Control*, 2006, section 3.5). Source: T. I. Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control*, 2nd
-/// ed., 2021, sections 12.3 (line of sight) and 15.3 (PID autopilots).
+/// Both integrals follow the limited commands (back-calculation, K. J. Astrom and T. Hagglund, *Advanced PID Control*,
+/// 2006, section 3.5). Source: T. I. Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control*, 2nd ed.,
+/// 2021, sections 12.3 (line of sight) and 15.3 (PID autopilots).
 ///
 /// # Tuning
 ///
-/// Heading: turn and gain of a zigzag or a turning circle give `K` and `T`, [`HeadingGains::nomoto`] the gains, with
-/// `omega` below `1 / T` of the steering gear and about `1 / T` of the vessel. Look-ahead: more than twice the speed over
-/// `omega`. Speed: `K_pu` a fraction of the mass (in newtons per m/s) over the lag of the propeller, `K_iu` an eighth of
-/// it per lag.
+/// Heading: a zigzag or a turning circle gives `K` and `T`, [`HeadingGains::nomoto`] the gains, with `omega` below `1 /
+/// T` of the steering gear and about `1 / T` of the vessel. Look-ahead: more than twice the speed over `omega`. Speed:
+/// `K_pu` a fraction of the mass (in newtons per m/s) over the lag of the propeller, `K_iu` an eighth of it per lag.
 ///
 /// # Failure modes
 ///
-/// Gains hold at one speed and in one mode. The law ignores sway and lags, so that the vessel leaves the path where turns begin. A
-/// vessel whose drag falls with speed (one that takes off) oscillates with a low gain of the speed. Without speed
-/// there is no steering: [`Status::Singular`].
+/// Gains hold at one speed and in one mode. The law ignores sway and lags: the vessel leaves the path at the start of a
+/// turn. A vessel whose drag falls with speed (at take-off) oscillates with a low speed gain. Without speed there is no
+/// steering: [`Status::Singular`].
 #[derive(Clone, Debug)]
 pub struct Autopilot {
     options: AutopilotOptions,
@@ -132,7 +134,7 @@ impl Autopilot {
         positive("the tolerance", tolerance)?;
         let lookahead = line_of_sight.lookahead;
         positive("the look-ahead distance", lookahead)?;
-        // Then only the other setting can be at fault.
+        // Only the other option can then be wrong.
         let sight = LineOfSight::new(line_of_sight).map_err(|_| ControlError::Setting {
             what: "the integral gain of the line of sight",
             value: line_of_sight.integral,
@@ -192,7 +194,7 @@ impl Controller for Autopilot {
         if applied.saturated {
             status = status.and(Status::Saturated);
         }
-        // Distance from the projection onto the path: the cross-track error, or more where the projection was lost.
+        // Distance from the projection onto the path: the cross-track error, or more if the projection was lost.
         let [ahead, aside] = [x - reference.position[0], y - reference.position[1]];
         if Float::hypot(ahead, aside) > tolerance {
             status = status.and(Status::Lost);

@@ -13,23 +13,26 @@ use crate::guidance::Reference;
 /// Options of [`Backstepping`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BacksteppingOptions {
-    /// Distance `l` of the lookahead point from the origin \[m\]: at least half a length of the vessel.
+    /// Distance `l` of the lookahead point from the origin \[m\], at least half a length of the vessel.
     pub lookahead: f64,
-    /// `k_1` \[1/s\]: rate at which the distance is closed.
+    /// `k_1` \[1/s\]: convergence rate of the distance.
     pub position: f64,
-    /// `k_2` \[1/s\]: rate at which the closing velocity is reached.
+    /// `k_2` \[1/s\]: convergence rate of the closing velocity.
     pub velocity: f64,
     /// `q` \[1/s^2\]: weight of the distance in the Lyapunov function.
     pub weight: f64,
     /// `gamma_n` \[1/s^2\]: adaptation gain of a disturbance that is constant north and east (wind); 0 for none.
     pub weather: f64,
-    /// `gamma_b` \[1/s^2\]: adaptation gain of a disturbance that is constant in the body frame (model error, fouled hull, trim); 0 for none.
+    /// `gamma_b` \[1/s^2\]: adaptation gain of a disturbance that is constant in the body frame (model error, trim); 0
+    /// for none.
     pub body: f64,
     /// Largest estimate of either disturbance \[m/s^2\].
     pub most: f64,
     /// Largest closing speed relative to the reference \[m/s\].
     pub closing_speed: f64,
-    /// See [`FeedbackLinearizationOptions::min_control_authority`](super::FeedbackLinearizationOptions::min_control_authority) \[m/s^2\].
+    /// See
+    /// [`FeedbackLinearizationOptions::min_control_authority`](super::FeedbackLinearizationOptions::min_control_authority)
+    /// \[m/s^2\].
     pub min_control_authority: f64,
     /// Distance from the reference above which the status is [`Status::Lost`] \[m\].
     pub tolerance: f64,
@@ -38,7 +41,7 @@ pub struct BacksteppingOptions {
 }
 
 impl BacksteppingOptions {
-    /// A lookahead distance \[m\], and one rate `k` = 1 /s for all gains: `k_1 = k_2 = k`, `q = k^2`, `gamma_n = gamma_b = k^2 / 10`.
+    /// A lookahead distance \[m\], with the gains of the rate 1 /s.
     pub fn new(lookahead: f64) -> Self {
         Self {
             lookahead,
@@ -56,7 +59,8 @@ impl BacksteppingOptions {
         .with_rate(1.0)
     }
 
-    /// These options with the gains of a rate \[1/s\].
+    /// These options with the gains of one rate `k` \[1/s\]: `k_1 = k_2 = k`, `q = k^2`, `gamma_n = gamma_b = k^2 /
+    /// 10`.
     #[must_use]
     pub fn with_rate(self, k: f64) -> Self {
         Self { position: k, velocity: k, weight: k * k, weather: 0.1 * k * k, body: 0.1 * k * k, ..self }
@@ -67,8 +71,8 @@ impl BacksteppingOptions {
 ///
 /// # Law
 ///
-/// With the point `p` of [`FeedbackLinearization`](super::FeedbackLinearization), `d2p/dt2 = w + b_n + R(psi) b_b`, where `w` is the
-/// allocated acceleration, `b_n` an unknown constant acceleration north and east, and `b_b` one in the body frame:
+/// With the point `p` of [`FeedbackLinearization`](super::FeedbackLinearization), `d2p/dt2 = w + b_n + R(psi) b_b`: `w`
+/// is the allocated acceleration, `b_n` an unknown constant acceleration north and east, `b_b` one in the body frame.
 ///
 /// ```text
 /// z_1 = p - p_d
@@ -78,28 +82,27 @@ impl BacksteppingOptions {
 /// db_n^/dt = gamma_n z_2,      db_b^/dt = gamma_b R(psi)' z_2
 /// ```
 ///
-/// For `V = q |z_1|^2 / 2 + |z_2|^2 / 2 + |b_n - b_n^|^2 / (2 gamma_n) + |b_b - b_b^|^2 / (2 gamma_b)` this gives `dV/dt = -q k_1 |z_1|^2 -
-/// k_2 |z_2|^2`: distance and rate converge to zero for any constants, on a straight course and in a turn. (On a straight course only the
-/// sum of both constants is observable, and only the sum is needed.)
+/// For `V = q |z_1|^2 / 2 + |z_2|^2 / 2 + |b_n - b_n^|^2 / (2 gamma_n) + |b_b - b_b^|^2 / (2 gamma_b)` this gives
+/// `dV/dt = -q k_1 |z_1|^2 - k_2 |z_2|^2`: distance and rate converge to zero for any constants, on a straight course
+/// and in a turn. (On a straight course only the sum of both constants is observable, and only the sum is needed.)
 ///
-/// Sources: M. Krstic, I. Kanellakopoulos, P. V. Kokotovic, *Nonlinear and Adaptive Control Design*, 1995, sections 2.3 (integrator
-/// backstepping) and 3.2 (adaptation of constants in the last step); for marine craft T. I. Fossen, *Handbook of Marine Craft Hydrodynamics
-/// and Motion Control*, 2nd ed., 2021, chapter 16 (integrator backstepping, integral action).
+/// Sources: M. Krstic, I. Kanellakopoulos, P. V. Kokotovic, *Nonlinear and Adaptive Control Design*, 1995, sections 2.3
+/// (integrator backstepping) and 3.2 (adaptation of constants in the last step); for marine craft T. I. Fossen,
+/// *Handbook of Marine Craft Hydrodynamics and Motion Control*, 2nd ed., 2021, chapter 16.
 ///
-/// Without adaptation and limits, the law equals feedback linearization with `k_p = q + k_1 k_2` and `k_d = k_1 + k_2`; the laws differ in
-/// their response to model error.
+/// Without adaptation and limits, the law equals feedback linearization with `k_p = q + k_1 k_2` and `k_d = k_1 + k_2`.
 ///
-/// # `FilterOptions`
+/// # Tuning
 ///
-/// One rate `k` for all gains ([`BacksteppingOptions::with_rate`]): `k_p = 2 k^2`, `k_d = 2 k`, a damping of 0.7. `k` should stay below
-/// about `0.2 / h` for samples of `h` seconds and below the bandwidth of the actuators. The disturbances converge within about `10 / k`
-/// seconds; faster adaptation increases the noise of the command.
+/// One rate `k` for all gains ([`BacksteppingOptions::with_rate`]): `k_p = 2 k^2`, `k_d = 2 k`, a damping of 0.7. `k`
+/// should stay below about `0.2 / h` for samples of `h` seconds and below the bandwidth of the actuators. The
+/// disturbances converge within about `10 / k` seconds; faster adaptation increases the noise of the command.
 ///
 /// # Assumptions and failure modes
 ///
-/// As for [`FeedbackLinearization`](super::FeedbackLinearization). Disturbances that change faster than the adaptation are attenuated only.
-/// With saturated commands, `z_2` contains no information on the disturbances: the estimates are corrected by the missing acceleration and
-/// stay within `most`.
+/// As for [`FeedbackLinearization`](super::FeedbackLinearization). Disturbances that change faster than the adaptation
+/// are attenuated only. With saturated commands, `z_2` contains no information on the disturbances: the estimates are
+/// corrected by the missing acceleration and stay within `most`.
 #[derive(Clone, Debug)]
 pub struct Backstepping<M> {
     point: LookaheadPoint<M>,
@@ -109,10 +112,10 @@ pub struct Backstepping<M> {
 }
 
 impl<M: Affine> Backstepping<M> {
-    /// A controller that is asked every `dt` seconds.
+    /// A controller with samples of `dt` seconds.
     ///
     /// # Errors
-    /// If options, limits or lags are not possible, or the model has fewer than two commands.
+    /// If options, limits or lags are out of range, or the model has fewer than two commands.
     pub fn new(
         model: M,
         limits: &[Limits],
@@ -122,8 +125,8 @@ impl<M: Affine> Backstepping<M> {
         positive("the gain of the position", options.position)?;
         positive("the gain of the velocity", options.velocity)?;
         positive("the weight of the position", options.weight)?;
-        at_least("the rate at which weather is learned", options.weather, 0.0)?;
-        at_least("the rate at which the body's disturbance is learned", options.body, 0.0)?;
+        at_least("the adaptation gain of the weather", options.weather, 0.0)?;
+        at_least("the adaptation gain of the body disturbance", options.body, 0.0)?;
         at_least("the largest disturbance", options.most, 0.0)?;
         positive("the closing speed", options.closing_speed)?;
         positive("the tolerance", options.tolerance)?;
@@ -137,11 +140,11 @@ impl<M: Affine> Backstepping<M> {
         self.point.model()
     }
 
-    /// Changes the model and its channels, after an update of an adapted model. Later calls do not allocate where `clone_from` of the model does
-    /// not.
+    /// Changes the model and its channels after an update of an adapted model. Later calls allocate only if
+    /// `clone_from` of the model does.
     ///
     /// # Errors
-    /// If a channel is not invertible any more: model and law stay as they were.
+    /// If a channel is not invertible any more. Model and law stay as they were.
     pub fn update(&mut self, change: impl FnOnce(&mut M)) -> Result<(), ControlError>
     where
         M: Clone,
@@ -149,12 +152,12 @@ impl<M: Affine> Backstepping<M> {
         self.point.update(change)
     }
 
-    /// The disturbance that it believes to be constant north and east \[m/s^2\].
+    /// Estimate of the disturbance that is constant north and east \[m/s^2\].
     pub const fn weather(&self) -> [f64; 2] {
         self.weather
     }
 
-    /// The disturbance of the point that it believes to be constant ahead and to starboard \[m/s^2\].
+    /// Estimate of the disturbance of the point that is constant ahead and to starboard \[m/s^2\].
     pub const fn body(&self) -> [f64; 2] {
         self.body
     }
@@ -176,7 +179,7 @@ impl<M: Affine> Controller for Backstepping<M> {
         }
         let BacksteppingOptions { position: k_1, velocity: k_2, weight, most, .. } = self.options;
         let error = self.point.error(estimate, reference);
-        // k_1 z_1, kept to the closing speed. Where it is cut short it does not change with z_1 either.
+        // k_1 z_1, limited to the closing speed. While it is limited, it does not change with z_1.
         let asked = error.position.map(|e| -k_1 * e);
         let closing = shortened(asked, self.options.closing_speed);
         let z_1 = closing.map(|c| c / k_1);
@@ -194,15 +197,15 @@ impl<M: Affine> Controller for Backstepping<M> {
         let (mut status, missing) = self.point.accelerate(estimate, wanted, command);
 
         let BacksteppingOptions { weather, body, .. } = self.options;
-        // What is missing makes z_2 grow by itself, within 1 / k_2 to missing / k_2: that much of it is no disturbance.
-        let told: [f64; 2] = core::array::from_fn(|i| z_2[i] - missing[i] / k_2);
-        if !cut && told.iter().all(|x| x.is_finite()) {
+        // The missing acceleration alone drives z_2 to missing / k_2 within 1 / k_2. This part is no disturbance.
+        let unexplained: [f64; 2] = core::array::from_fn(|i| z_2[i] - missing[i] / k_2);
+        if !cut && unexplained.iter().all(|x| x.is_finite()) {
             let dt = self.point.dt();
             let learn = |known: [f64; 2], rate: f64, by: [f64; 2]| {
                 shortened([known[0] + dt * rate * by[0], known[1] + dt * rate * by[1]], most)
             };
-            self.weather = learn(self.weather, weather, told);
-            self.body = learn(self.body, body, ahead_starboard(told));
+            self.weather = learn(self.weather, weather, unexplained);
+            self.body = learn(self.body, body, ahead_starboard(unexplained));
         }
         if error.distance() > self.options.tolerance {
             status = status.and(Status::Lost);

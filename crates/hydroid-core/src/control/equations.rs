@@ -12,17 +12,17 @@ pub use super::affine_form::NotAffine;
 
 /// Identified [`Equations`] in the form `d nu/dt = f(nu) + sum_i g_i(nu) phi_i(a_i)`.
 ///
-/// Each term of the equations of motion is a product of factors of `u`, `v`, `r` (gates included) and, for `g_i`, one function `phi_i` of
-/// one actuator: `c`, `sin(c)` or `c |c|`. The actuator is the command itself, its hidden first-order lag
-/// ([`Signal::Lag`](crate::model::sparse::Signal::Lag)), or an output that follows it (a measured propeller force, `d P_f/dt = a P_f + b
-/// PP + c`). [`NotAffine`] names the term that is of another form.
+/// Each term of the equations of motion is a product of factors of `u`, `v`, `r` (gates included) and, for `g_i`, one
+/// function `phi_i` of one actuator: `c`, `sin(c)` or `c |c|`. The actuator is the command itself, its hidden
+/// first-order lag ([`Signal::Lag`](crate::model::sparse::Signal::Lag)), or an output that follows it (a measured
+/// propeller force, `d P_f/dt = a P_f + b PP + c`). [`NotAffine`] names a term of another form.
 #[derive(Debug, PartialEq)]
 pub struct AffineEquations {
     program: Program,
     slots: Vec<f64>,
     entries: Vec<Entry>,
     channels: Vec<Channel>,
-    /// Where in the table of coefficients the lag of a channel stands that an output has: of `a`, of `c`, of 1.
+    /// For a channel that is an output: indices of the coefficients of itself, its command and 1.
     measured: Vec<Option<[Option<usize>; 3]>>,
     outputs: usize,
     len: usize,
@@ -42,7 +42,7 @@ impl Clone for AffineEquations {
         }
     }
 
-    /// Without allocating, of the same equations with other coefficients: a law keeps the model from before an update.
+    /// Does not allocate for the same equations with other coefficients: a law keeps the previous model at an update.
     fn clone_from(&mut self, from: &Self) {
         if self.program != from.program {
             self.program = from.program.clone();
@@ -55,7 +55,6 @@ impl Clone for AffineEquations {
     }
 }
 
-/// A coefficient, its factor and its place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Entry {
     /// Row of `nu`.
@@ -68,7 +67,7 @@ struct Entry {
 }
 
 impl AffineEquations {
-    /// Takes equations apart; `motion` are the outputs that are `u`, `v` and `r`, in m/s and rad/s.
+    /// Converts equations to this form; `motion` are the outputs `u`, `v` and `r`, in m/s and rad/s.
     ///
     /// # Errors
     /// If they are not affine in known maps of their commands: [`NotAffine`].
@@ -90,8 +89,8 @@ impl AffineEquations {
         Ok(affine)
     }
 
-    /// Replaces the coefficients (`outputs x terms`), without allocating, after an update of an adapter. Entries that were zero at construction
-    /// stay zero.
+    /// Replaces the coefficients (`outputs x terms`) without allocating, after an update of an adapter. Entries that
+    /// were zero at construction stay zero.
     ///
     /// # Panics
     /// If the number of coefficients differs.
@@ -108,8 +107,8 @@ impl AffineEquations {
         }
     }
 
-    /// Puts measured outputs where a controller takes measured actuators: `y` as the equations have their outputs, `into`
-    /// one number for each command, NaN where no output is its actuator.
+    /// Copies measured actuators from the outputs `y` of the equations: `into` has one number for each command, NaN if
+    /// no output is its actuator.
     ///
     /// # Panics
     /// If the slices have not these lengths.
@@ -119,7 +118,7 @@ impl AffineEquations {
             "outputs, and one for each command"
         );
         for (value, measured) in into.iter_mut().zip(&self.measured) {
-            // The coefficient of `a` in its own equation says which output it is.
+            // The row of the coefficient of `a` is the output.
             let output = measured.and_then(|[rate, ..]| rate).map(|place| place / (self.len / self.outputs));
             *value = output.map_or(f64::NAN, |output| y[output]);
         }

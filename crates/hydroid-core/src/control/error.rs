@@ -19,12 +19,12 @@ pub enum ControlError {
         /// Number of limits.
         given: usize,
     },
-    /// There are fewer than two commands: two independent accelerations need two.
+    /// There are fewer than two commands, the minimum for two independent accelerations.
     TooFewInputs {
-        /// How many there are.
+        /// Number of commands.
         given: usize,
     },
-    /// Limits are not finite, not in order, or the rate limit is not positive.
+    /// Limits are not finite or not in order, or the rate limit is not positive.
     Limits {
         /// The command, from 0.
         channel: usize,
@@ -69,7 +69,7 @@ impl core::fmt::Display for ControlError {
 
 impl core::error::Error for ControlError {}
 
-/// `value`, if it is finite and at least `least` (or more, where `least` is not enough).
+/// `value`, if it is finite and at least `least`.
 pub(super) fn at_least(what: &'static str, value: f64, least: f64) -> Result<f64, ControlError> {
     if value.is_finite() && value >= least {
         Ok(value)

@@ -11,18 +11,19 @@ use crate::guidance::Reference;
 /// Options of [`FeedbackLinearization`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FeedbackLinearizationOptions {
-    /// Distance `l` of the lookahead point from the origin \[m\]: at least half a length of the vessel. The heading follows within about `l / U`
-    /// seconds.
+    /// Distance `l` of the lookahead point from the origin \[m\], at least half a length of the vessel. The heading
+    /// follows within about `l / U` seconds.
     pub lookahead: f64,
     /// `k_p` \[1/s^2\].
     pub proportional: f64,
     /// `k_d` \[1/s\].
     pub derivative: f64,
-    /// `k_i` \[1/s^3\]; 0 for none. Stability needs `k_i < k_p k_d`; a tenth of that is a good start.
+    /// `k_i` \[1/s^3\]; 0 for none. Stability requires `k_i < k_p k_d`; start with a tenth of it.
     pub integral: f64,
     /// Largest closing speed relative to the reference \[m/s\].
     pub closing_speed: f64,
-    /// Control authority below which the status is [`Status::Singular`] and the demand is damped \[m/s^2\] ([`allocate`](super::allocate)).
+    /// Control authority below which the status is [`Status::Singular`] and [`allocate`](super::allocate) damps the
+    /// demand \[m/s^2\].
     pub min_control_authority: f64,
     /// Distance from the reference above which the status is [`Status::Lost`] \[m\].
     pub tolerance: f64,
@@ -31,8 +32,7 @@ pub struct FeedbackLinearizationOptions {
 }
 
 impl FeedbackLinearizationOptions {
-    /// A lookahead distance \[m\] and a damped oscillator as error dynamics: `k_p = omega^2`, `k_d = 2 zeta omega` with `omega` = 1.5 rad/s and
-    /// `zeta` = 0.7; no integral.
+    /// A lookahead distance \[m\], `omega` = 1.5 rad/s and `zeta` = 0.7; no integral.
     pub fn new(lookahead: f64) -> Self {
         Self {
             lookahead,
@@ -47,7 +47,7 @@ impl FeedbackLinearizationOptions {
         .with_bandwidth(1.5, 0.7)
     }
 
-    /// These options with the gains of a natural frequency `omega` \[rad/s\] and a damping ratio `zeta`.
+    /// These options with `k_p = omega^2`, `k_d = 2 zeta omega` for a natural frequency \[rad/s\] and a damping ratio.
     #[must_use]
     pub fn with_bandwidth(self, omega: f64, zeta: f64) -> Self {
         Self { proportional: omega * omega, derivative: 2.0 * zeta * omega, ..self }
@@ -58,8 +58,8 @@ impl FeedbackLinearizationOptions {
 ///
 /// # Law
 ///
-/// With the point `p = [x, y] + l [cos psi, sin psi]`, the error `e = p_d - p`, and `d`, `B` of the model (accelerations of the point in
-/// the body frame without efforts, and per unit of effort):
+/// With the point `p = [x, y] + l [cos psi, sin psi]`, the error `e = p_d - p`, and `d`, `B` of the model
+/// (accelerations of the point in the body frame without efforts, and per unit of effort):
 ///
 /// ```text
 /// w    = d2p_d/dt2 + k_d de/dt + k_p e + k_i integral(e)
@@ -68,33 +68,34 @@ impl FeedbackLinearizationOptions {
 /// tau  = B^-1 (R(psi)' w - d),     then actuators: c_i from phi_i and their lags
 /// ```
 ///
-/// For a perfect model the error obeys `d2e/dt2 + k_d de/dt + k_p e + k_i integral(e) = 0`. `k_p e` is limited so that the closing speed
-/// is at most `closing_speed`.
+/// For a perfect model the error obeys `d2e/dt2 + k_d de/dt + k_p e + k_i integral(e) = 0`. The closing speed, and so
+/// `k_p e`, is limited to `closing_speed`.
 ///
-/// Sources: input-output linearization, A. Isidori, *Nonlinear Control Systems*, 3rd ed., 1995, section 5.3 (vector relative degree
-/// `[2, 2]`); for marine craft T. I. Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control*, 2nd ed., 2021, chapter 16
-/// (state feedback linearization).
+/// Sources: input-output linearization, A. Isidori, *Nonlinear Control Systems*, 3rd ed., 1995, section 5.3 (vector
+/// relative degree `[2, 2]`); for marine craft T. I. Fossen, *Handbook of Marine Craft Hydrodynamics and Motion
+/// Control*, 2nd ed., 2021, chapter 16 (state feedback linearization).
 ///
 /// # Assumptions
 ///
-/// Pose and velocities over ground are measured; the model is affine in known maps of its commands; the vessel moves forward. The point
-/// is ahead of the pivot point of the rudder, `l > -g_v / g_r`: behind it, the rudder first moves the point the other way. The internal
-/// dynamics (heading and sway) are stable in forward motion with damped sway.
+/// Pose and velocities over ground are measured; the model is affine in known maps of its commands; the vessel moves
+/// forward. The point is ahead of the pivot point of the rudder, `l > -g_v / g_r`: behind it, the rudder first moves
+/// the point the other way. The internal dynamics (heading and sway) are stable in forward motion with damped sway.
 ///
 /// # Tuning
 ///
-/// A model error of `a` m/s^2 leaves `a / k_p` metres. White noise of `n` m/s in the velocity of the point at samples of `h` seconds
-/// leaves `n sqrt(h k_d / (2 k_p))` metres. `omega` must stay below about `0.3 / h` and below the bandwidth of the actuators. The
-/// integral compensates constant disturbances north and east (wind); a good model does not need it, and it slows the response.
+/// A model error of `a` m/s^2 causes an error of `a / k_p` metres. White noise of `n` m/s in the velocity of the point
+/// at samples of `h` seconds causes `n sqrt(h k_d / (2 k_p))` metres. `omega` must stay below about `0.3 / h` and below
+/// the bandwidth of the actuators. The integral compensates constant disturbances north and east (wind) and slows the
+/// response.
 ///
 /// # Failure modes
 ///
 /// - Without speed the rudder has no force: [`Status::Singular`]; the propeller acts alone.
-/// - In reverse the heading is unstable and the vessel turns round. References must move forward.
-/// - A model error of the size of the demand (a polynomial for a hydrofoil at take-off) leaves errors of the same size, which appear in the
-///   status as [`Status::Lost`] alone.
-/// - With saturated commands ([`Status::Saturated`]) the integral follows the achieved acceleration (back-calculation, K. J. Astrom and T.
-///   Hagglund, *Advanced PID Control*, 2006, section 3.5).
+/// - In reverse the heading is unstable. References must move forward.
+/// - A model error of the size of the demand (a polynomial for a hydrofoil at take-off) causes errors of the same size.
+///   Only [`Status::Lost`] indicates them.
+/// - With saturated commands ([`Status::Saturated`]) the integral follows the achieved acceleration (back-calculation,
+///   K. J. Astrom and T. Hagglund, *Advanced PID Control*, 2006, section 3.5).
 #[derive(Clone, Debug)]
 pub struct FeedbackLinearization<M> {
     point: LookaheadPoint<M>,
@@ -103,10 +104,10 @@ pub struct FeedbackLinearization<M> {
 }
 
 impl<M: Affine> FeedbackLinearization<M> {
-    /// A controller that is asked every `dt` seconds.
+    /// A controller with samples of `dt` seconds.
     ///
     /// # Errors
-    /// If options, limits or lags are not possible, or the model has fewer than two commands.
+    /// If options, limits or lags are out of range, or the model has fewer than two commands.
     pub fn new(
         model: M,
         limits: &[Limits],
@@ -135,11 +136,11 @@ impl<M: Affine> FeedbackLinearization<M> {
         self.point.model()
     }
 
-    /// Changes the model and its channels, after an update of an adapted model. Later calls do not allocate where `clone_from` of the model does
-    /// not.
+    /// Changes the model and its channels after an update of an adapted model. Later calls allocate only if
+    /// `clone_from` of the model does.
     ///
     /// # Errors
-    /// If a channel is not invertible any more: model and law stay as they were.
+    /// If a channel is not invertible any more. Model and law stay as they were.
     pub fn update(&mut self, change: impl FnOnce(&mut M)) -> Result<(), ControlError>
     where
         M: Clone,
@@ -176,7 +177,8 @@ impl<M: Affine> FeedbackLinearization<M> {
         self.point.velocity(estimate)
     }
 
-    /// The command against a disturbance acceleration of the point (north, east), and the acceleration that the model predicts.
+    /// The command against a disturbance acceleration of the point (north, east). Also returns the acceleration that
+    /// the model predicts.
     pub(super) fn command_against(
         &mut self,
         estimate: &Estimate<'_>,
@@ -186,7 +188,7 @@ impl<M: Affine> FeedbackLinearization<M> {
     ) -> (Status, [f64; 2]) {
         let FeedbackLinearizationOptions { proportional, derivative, integral, .. } = self.options;
         let error = self.point.error(estimate, reference);
-        // A speed, so that far away the vessel comes at the closing speed, whatever the distance.
+        // A limit on the speed: far away the vessel approaches at the closing speed from any distance.
         let closing =
             shortened(error.position.map(|e| e * (proportional / derivative)), self.options.closing_speed);
         let wanted: [f64; 2] = core::array::from_fn(|i| {
@@ -197,7 +199,7 @@ impl<M: Affine> FeedbackLinearization<M> {
         });
         let (mut status, missing) = self.point.accelerate(estimate, wanted, command);
         if integral > 0.0 {
-            // What could not be done is taken back within the time constant of the proportional part.
+            // The missing acceleration is removed within the time constant of the proportional part.
             let back = proportional / (derivative * integral);
             for i in 0..2 {
                 let rate = closing[i] * (derivative / proportional) + back * missing[i];

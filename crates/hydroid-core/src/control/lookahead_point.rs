@@ -22,9 +22,9 @@ use crate::guidance::Reference;
 /// d2p/dt2  = R(psi) ( d + B tau ),   d = [f_u - r (v + l r), f_v + l f_r + u r],   B_i = [g_iu, g_iv + l g_ir]
 /// ```
 ///
-/// `B` has rank 2 where the rudder has force, because `l g_ir` does not vanish: for this point the vessel is fully actuated. The internal
-/// dynamics are the heading, which follows the point as a trailer does: `d psi/dt = (U sin(chi - psi) - v) / l` for a point with speed
-/// `U` and course `chi`.
+/// `B` has rank 2 if the rudder has force, because `l g_ir` does not vanish: for this point the vessel is fully
+/// actuated. The internal dynamics are the heading, which follows the point like a trailer: `d psi/dt = (U sin(chi -
+/// psi) - v) / l` for a point with speed `U` and course `chi`.
 #[derive(Clone, Debug)]
 pub(super) struct LookaheadPoint<M> {
     model: M,
@@ -39,7 +39,6 @@ pub(super) struct LookaheadPoint<M> {
     min_control_authority: f64,
 }
 
-/// Error of the point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PointError {
     /// Reference minus point, north and east \[m\].
@@ -55,7 +54,7 @@ impl PointError {
 }
 
 impl<M: Affine> LookaheadPoint<M> {
-    /// `distance` metres ahead; `min_control_authority` \[m/s^2\] as [`allocate`] has it.
+    /// `distance` metres ahead; `min_control_authority` \[m/s^2\] as for [`allocate`].
     pub(super) fn new(
         model: M,
         limits: &[Limits],
@@ -87,7 +86,7 @@ impl<M: Affine> LookaheadPoint<M> {
         &self.model
     }
 
-    /// Changes the model, or restores it where a channel is not invertible any more.
+    /// Changes the model, or restores it if a channel is not invertible any more.
     pub(super) fn update(&mut self, change: impl FnOnce(&mut M)) -> Result<(), ControlError>
     where
         M: Clone,
@@ -140,7 +139,6 @@ impl<M: Affine> LookaheadPoint<M> {
         }
     }
 
-    /// Velocity of the point, north and east.
     pub(super) fn velocity(&self, estimate: &Estimate<'_>) -> [f64; 2] {
         let [u, v, r] = estimate.nu;
         let (sin, cos) = Float::sin_cos(estimate.eta[2]);
@@ -148,8 +146,8 @@ impl<M: Affine> LookaheadPoint<M> {
         [u * cos - side * sin, u * sin + side * cos]
     }
 
-    /// Accelerates the point by `wanted` (north, east) \[m/s^2\] within the limits of the actuators. Gives the status, and the acceleration at
-    /// the end of the sample minus the wanted one.
+    /// Accelerates the point by `wanted` (north, east) \[m/s^2\] within the limits of the actuators. Returns the
+    /// status, and the acceleration at the end of the sample minus the demand.
     pub(super) fn accelerate(
         &mut self,
         estimate: &Estimate<'_>,
@@ -186,7 +184,7 @@ impl<M: Affine> LookaheadPoint<M> {
         if applied.saturated {
             status = status.and(Status::Saturated);
         }
-        // NaN, of a diverged model, is singular as well.
+        // NaN, from a diverged model, is singular as well.
         if sigma.is_nan() || sigma < self.min_control_authority {
             status = status.and(Status::Singular);
         }

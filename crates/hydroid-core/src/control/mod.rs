@@ -1,12 +1,14 @@
 //! Control laws: from an estimate of the state and a reference to a command with a status.
 //!
 //! - [`Controller`]: the interface of every law; [`Estimate`] is its input, [`Status`] qualifies its command.
-//! - [`Affine`]: invertible models `d nu/dt = f + sum g_i phi_i`: vessels with known parameters ([`AffinePlant`]), identified equations
-//!   ([`AffineEquations`]) and control-affine networks ([`AffineNetwork`]).
-//! - [`FeedbackLinearization`] and [`Backstepping`] of a lookahead point; [`Autopilot`] without a model, for comparison.
+//! - [`Affine`]: invertible models `d nu/dt = f + sum g_i phi_i`: vessels with known parameters ([`AffinePlant`]),
+//!   identified equations ([`AffineEquations`]) and control-affine networks ([`AffineNetwork`]).
+//! - [`FeedbackLinearization`] and [`Backstepping`] of a lookahead point; [`Autopilot`] without a model, for
+//!   comparison.
 //! - [`AdaptiveAugmentation`]: feedback linearization with a network that learns the model error online.
 //! - [`cem`]: model predictive control on any predictor.
-//! - [`Actuators`]: limits and rate limits of the commands, and inversion of actuator lags (see [`actuator`](crate::actuator)).
+//! - [`Actuators`]: limits and rate limits of the commands, and inversion of actuator lags (see
+//!   [`actuator`](crate::actuator)).
 //! - [`allocate`]: control allocation, damped near singular configurations.
 
 mod actuators;
@@ -46,8 +48,8 @@ pub struct Estimate<'a> {
     pub eta: [f64; 3],
     /// Body velocities `[u, v, r]` \[m/s, m/s, rad/s\].
     pub nu: [f64; 3],
-    /// Measured positions of the actuators in the units of their commands, one number for each input: the force of the propeller, the
-    /// angle of the rudder. NaN where a position is not measured, empty where none is: the controller then uses its own commands.
+    /// Measured positions of the actuators in the units of their commands, one for each input: propeller force, rudder
+    /// angle. NaN if a position is not measured, empty if none is: the controller then uses its own commands.
     pub actuators: &'a [f64],
 }
 
@@ -58,15 +60,15 @@ impl Estimate<'_> {
     }
 }
 
-/// A control law for one vessel: from estimate and reference to the command that is held until the next sample.
+/// A control law for one vessel: from estimate and reference to the command until the next sample.
 ///
-/// No method allocates. Commands are within limits and rate limits for any estimate. Where the estimate is not finite, the last command
-/// is held for a while and the status is [`Status::Blind`].
+/// No method allocates. Commands are within limits and rate limits for any estimate. Without a finite estimate, the
+/// last command is held for a while and the status is [`Status::Blind`].
 pub trait Controller {
     /// Number of commands.
     fn inputs(&self) -> usize;
 
-    /// Resets integrals and takes the actuators to be at rest.
+    /// Resets integrals and assumes the actuators at rest.
     fn reset(&mut self);
 
     /// The command from this sample to the next.

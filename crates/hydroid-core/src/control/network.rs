@@ -22,7 +22,7 @@ impl AffineNetwork {
     /// Of a network whose outputs are `u`, `v` and `r`, in m/s and rad/s.
     ///
     /// # Errors
-    /// If it has other outputs, or its parts contradict each other.
+    /// If it has other outputs, or its parts do not fit together.
     pub fn new(model: Arc<ControlAffine>) -> Result<Self, ControlError> {
         let outputs = model.outputs();
         if outputs != 3 || model.check().is_err() {

@@ -2,9 +2,9 @@
 
 use num_traits::Float;
 
-/// White Gaussian numbers from a seed: uniform numbers by `SplitMix64` (G. L. Steele, D. Lea, C. H. Flood, *Fast splittable
-/// pseudorandom number generators*, 2014), transformed in pairs (G. E. P. Box and M. E. Muller, 1958). Equal on all machines except
-/// for the last digits of logarithm and cosine.
+/// White Gaussian numbers from a seed: uniform numbers by `SplitMix64` (G. L. Steele, D. Lea, C. H. Flood, *Fast
+/// splittable pseudorandom number generators*, 2014), transformed in pairs (G. E. P. Box and M. E. Muller, 1958). Equal
+/// on all machines except for the last digits of logarithm and cosine.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Noise {
     state: u64,

@@ -10,7 +10,7 @@ use proptest::prelude::*;
 
 const RANGES: [(f64, f64); 4] = [(0.0, 2.0), (-0.5, 0.5), (0.0, 2.0), (-0.5, 0.5)];
 
-/// Surge and yaw rate with a lagged propeller and a past rudder among the variables.
+/// Surge and yaw rate with a propeller lag and a past rudder angle.
 fn equations() -> Equations {
     let signals = vec![
         Signal::Lag { input: 2, time_constant_s: Real(0.5) },
@@ -55,7 +55,7 @@ fn mixture() -> ExpertMixture {
     ExpertMixture::new(&equations(), &RANGES, &options, None).unwrap()
 }
 
-/// A run with noise, missing values and a spike now and then.
+/// A run with noise, missing values and spikes.
 fn walk(adapter: &mut dyn Adapter, from: usize, to: usize) -> Vec<u64> {
     let mut seen = Vec::new();
     let mut work = Workspace::new();
@@ -88,7 +88,7 @@ fn goes_on_as_if_nothing_had_been(mut first: impl Adapter, mut second: impl Adap
     };
     let bits = |memory: &[f64]| memory.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
     walk(&mut first, 0, at);
-    // Something else before, of which nothing may be left.
+    // An unrelated run before, without later effect.
     walk(&mut second, 5, 300);
     second.reset();
     walk(&mut second, 7, 50);
@@ -103,7 +103,7 @@ fn goes_on_as_if_nothing_had_been(mut first: impl Adapter, mut second: impl Adap
 
 #[test]
 fn an_adapter_resumes_from_a_saved_state() {
-    // In the warm-up, in a filling window, behind a gap, and long after.
+    // In the warm-up, in an incomplete window, after a gap, and much later.
     for at in [0, 1, 3, 9, 10, 61, 62, 97, 500] {
         goes_on_as_if_nothing_had_been(recursive(), recursive(), at);
         goes_on_as_if_nothing_had_been(mixture(), mixture(), at);
@@ -126,7 +126,7 @@ fn a_frozen_adapter_stays_frozen() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// What comes from a file may be anything.
+    /// Saved states from files are arbitrary.
     #[test]
     fn an_arbitrary_saved_state_never_panics(seed in any::<u64>(), finite in any::<bool>()) {
         let mut x = seed | 1;

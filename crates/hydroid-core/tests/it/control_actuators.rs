@@ -25,7 +25,7 @@ fn followed(lag: Lag, from: f64, command: f64, dt: f64) -> f64 {
     a[0]
 }
 
-/// Numbers that sensors and laws come up with on a bad day.
+/// Arbitrary numbers, including NaN and infinity.
 fn anything() -> impl Strategy<Value = f64> {
     prop_oneof![
         -3.0..3.0f64,
@@ -42,7 +42,7 @@ proptest! {
     fn the_effort_is_reached_at_the_end_of_the_sample(
         map in map(), lag in lag(), dt in 0.02..0.5f64, efforts in prop::collection::vec(-0.8..0.8f64, 1..20),
     ) {
-        // Wide limits: lags of many samples are inverted by commands far beyond the effort.
+        // Wide limits: the inverse of a lag of many samples needs commands far beyond the effort.
         let limits = if map == Map::Sine && lag == Lag::None { 1.2 } else { 1e4 };
         let channel = Channel { map: if lag == Lag::None { map } else { Map::Identity }, lag };
         let mut actuators = Actuators::new(&[channel], &[Limits::between([-limits, limits])], dt, 0.0).unwrap();
@@ -85,7 +85,7 @@ proptest! {
     #[test]
     fn maps_are_inverted(map in map(), a in -1.5..1.5f64) {
         prop_assert!((map.inverse(map.value(a)) - a).abs() < 1e-7);
-        // What no position gives becomes the nearest that there is.
+        // An unreachable effort becomes the nearest one.
         prop_assert!(map.value(map.inverse(100.0 * a)).abs() <= 150.0 + 1e-9);
     }
 
@@ -105,7 +105,7 @@ proptest! {
         prop_assert!(shares <= size / min_control_authority.max(sigma) * (1.0 + 1e-9), "{shares}");
         if sigma >= min_control_authority {
             prop_assert!((sum(0) - wanted[0]).abs() < 1e-9 && (sum(1) - wanted[1]).abs() < 1e-9);
-            // Of all that give it the smallest: no move along the null space makes it smaller.
+            // The smallest solution: no step along the null space reduces it.
             if columns.len() == 3 {
                 let b: Vec<[f64; 2]> = columns.iter().zip(spans).map(|(c, s)| [c[0] * s, c[1] * s]).collect();
                 let minor = |i: usize, j: usize| b[i][0] * b[j][1] - b[j][0] * b[i][1];
@@ -117,7 +117,7 @@ proptest! {
     }
 }
 
-/// `T = 1 s`, `dt = 0.1 s`: the inverse asks for `1 / (1 - exp(-0.1))`, 10.5 times the step, and for the step itself from then on.
+/// `T = 1 s`, `dt = 0.1 s`: the inverse demands `1 / (1 - exp(-0.1))`, 10.5 times the step, then the step itself.
 #[test]
 fn a_lag_is_inverted_in_one_sample_or_in_the_time_given() {
     let channel = Channel { map: Map::Identity, lag: Lag::of_time_constant(1.0) };

@@ -17,7 +17,7 @@ fn wild(k: usize) -> f64 {
     (12.9898 * (k + 1) as f64).sin()
 }
 
-/// A propeller with a lag and a rudder that acts by its sine, with hardly any.
+/// A propeller with a lag, and a rudder with a fast lag that acts by its sine.
 fn network(hidden: Vec<usize>) -> ControlAffine {
     let network = Perceptron { inputs: 3, hidden, outputs: 9 };
     let weights = (0..network.weights()).map(|k| 0.4 * wild(k)).collect();
@@ -35,8 +35,8 @@ fn network(hidden: Vec<usize>) -> ControlAffine {
     ControlAffine { network, weights, scaling, effectors, dt: DT, wash_out: 10 }
 }
 
-/// What a network without a hidden layer, and equations that say the same, predict over 30 samples: `f` and `g` are linear in the
-/// outputs then. Equations are integrated in so many parts of a sample.
+/// Predictions over 30 samples of a network without hidden layer, and of equivalent equations with `parts` integration
+/// steps in a sample: `f` and `g` are linear in the outputs.
 fn linear(lags: [f64; 2], parts: usize) -> [Vec<f64>; 2] {
     let mut model = network(Vec::new());
     for (effector, lag) in model.effectors.iter_mut().zip(lags) {
@@ -78,7 +78,7 @@ fn linear(lags: [f64; 2], parts: usize) -> [Vec<f64>; 2] {
         (0..60).map(|k| if k % 2 == 0 { 100.0 + 80.0 * wild(k) } else { 0.4 * wild(k) }).collect();
     sessions.each_mut().map(|session| {
         let mut y = vec![0.0; 90];
-        // Sensors that report in turns, and a sample in which one is missing.
+        // Outputs measured in turns, and a missing sample.
         session.observe(&[1.8, f64::NAN, 0.1]);
         session.advance(&[50.0, 0.1]);
         session.observe(&[1.9, 0.05, 0.1]);
@@ -99,7 +99,8 @@ fn a_linear_network_equals_linear_equations() {
     assert!(farthest(&network, &equations) < 1e-6, "{}", farthest(&network, &equations));
 }
 
-/// Equations see a lag at the begin of a sample where it was then: one that is much faster than a sample comes a sixth of it late.
+/// Equations hold a lag at its value at the start of a step. For a lag much faster than a sample this is an error of a
+/// sixth.
 #[test]
 fn fast_actuator_lags_are_integrated_within_a_sample() {
     for lags in [[0.7, 0.02], [0.05, 0.002], [0.03, 0.2]] {
@@ -111,7 +112,7 @@ fn fast_actuator_lags_are_integrated_within_a_sample() {
 }
 
 proptest! {
-    /// What laws are told is what the session does: the rate over a very short sample is `f + sum g phi`.
+    /// `f + sum g phi` equals the rate of the session over a very short sample.
     #[test]
     fn f_and_g_are_the_rates_of_the_session(
         u in -1.0..6.0f64, v in -1.0..1.0f64, r in -0.6..0.6f64, force in -100.0..300.0f64, angle in -0.5..0.5f64,

@@ -25,7 +25,7 @@ fn ruled(network: &Perceptron) -> Vec<f64> {
 fn batch<T: Scalar>(network: &Perceptron, weights: &[f64], windows: usize) -> (f64, Vec<f64>, Vec<f64>) {
     let mut batch = Batch::<T>::new(network, windows);
     let lanes = batch.lanes();
-    // Padding lanes have no effect.
+    // Lanes without a window have no effect.
     batch.input_mut().fill(T::nan());
     for w in 0..windows {
         for i in 0..network.inputs {
@@ -127,10 +127,10 @@ fn model(history: usize, horizon: usize, base: BaseModel) -> Direct {
     Direct { weights: ruled(&network), network, scaling, history, horizon, base }
 }
 
-/// Longest past value of [`equations`], in samples.
+/// Number of past samples in [`equations`].
 const PAST: usize = 2;
 
-/// Equations of two outputs and two inputs, with a lag and past values of an output and of an input.
+/// Two outputs and two inputs, with a lag and past values of an output and of an input.
 fn equations() -> BaseModel {
     let signals = vec![
         Signal::Lag { input: 2, time_constant_s: Real(0.2) },
@@ -151,7 +151,7 @@ fn every_model() -> Vec<Direct> {
     sizes.into_iter().flat_map(on).collect()
 }
 
-/// The base prediction over a horizon; equations are stepped along all outputs.
+/// Base of the model over a horizon; equations are simulated along all outputs.
 fn base(model: &Direct, outputs: &[[f64; 2]], passed: &[[f64; 2]], given: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let Some(equations) = model.equations() else {
         let s = &model.scaling;
@@ -184,8 +184,7 @@ fn measured(k: usize) -> [f64; 2] {
     [1.0 + (0.1 * k as f64).sin(), -0.5 + 0.2 * (0.23 * k as f64).cos()]
 }
 
-/// The model's equations on vectors: the prediction from all outputs and commands up to the present, under `given`
-/// ones.
+/// The equations of the model on vectors: predictions from all outputs and commands until now, under `given` commands.
 fn plain(model: &Direct, outputs: &[[f64; 2]], passed: &[[f64; 2]], given: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let s = &model.scaling;
     let (mut outputs, mut passed, mut predicted) = (outputs.to_vec(), passed.to_vec(), Vec::new());
@@ -238,7 +237,7 @@ fn sessions_and_rollouts_equal_the_equations() {
                 assert_eq!(y, measured(k), "nothing can be predicted yet");
             }
             passed.push(command(k));
-            // The second output is sometimes missing and replaced by its prediction.
+            // The second output is missing in some samples; the prediction replaces it.
             let missing = k % 7 == 5;
             let seen = measured(k + 1);
             session.observe(&[seen[0], if missing { f64::NAN } else { seen[1] }]);
@@ -254,7 +253,7 @@ fn sessions_and_rollouts_equal_the_equations() {
     }
 }
 
-/// A session restored from a snapshot, and a fork, give bit-identical predictions.
+/// A restored session and a fork predict identically to the last bit.
 #[test]
 fn snapshots_and_forks_hold_all_that_predictions_depend_on() {
     for model in every_model() {
@@ -283,7 +282,7 @@ fn snapshots_and_forks_hold_all_that_predictions_depend_on() {
     }
 }
 
-/// The first measurement of an output fills its history.
+/// An output with a late first measurement takes it as its past.
 #[test]
 fn sessions_wait_for_the_first_measurement() {
     let model = model(4, 3, BaseModel::Nothing);
@@ -306,7 +305,7 @@ fn sessions_wait_for_the_first_measurement() {
     close(&y, &plain(&model, &outputs, &passed, &given));
 }
 
-/// A last layer of zeros leaves the base prediction, bit-identical also beyond the horizon.
+/// Zeros in the last layer leave the base to the last bit, also beyond the horizon.
 #[test]
 fn a_zero_network_equals_its_base_equations() {
     for (p, h) in [(1, 3), (4, 6), (6, 2)] {
@@ -340,7 +339,7 @@ fn a_zero_network_equals_its_base_equations() {
     }
 }
 
-/// Equations that diverge within a sample leave the last measurement in the history, and only finite values.
+/// Equations that diverge within a sample leave the last measurement in the history, and no NaN.
 #[test]
 fn diverging_equations_hold_the_last_measurement() {
     let steep = Equations::new(vec![Term::monomial(&[0, 0, 0])], vec![1e9, 0.0], 2, 2, 0.1, 4).unwrap();

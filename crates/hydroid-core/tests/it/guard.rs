@@ -12,7 +12,7 @@ use hydroid_core::predict::{Predictor, Workspace};
 const RANGES: [(f64, f64); 5] = [(0.0, 6.0), (-1.5, 1.5), (-1.0, 1.0), (-130.0, 350.0), (-0.524, 0.524)];
 const NOISE: [f64; 3] = [0.01, 0.01, 0.017_453];
 
-/// Samples of the log that are sailed: it takes off after some 170 s, and comes down again at 240 s.
+/// Samples of the log: take-off after about 170 s, and return to displacement mode at 240 s.
 const SAMPLES: usize = 3200;
 
 #[derive(Clone, Copy)]
@@ -31,7 +31,7 @@ fn lawn() -> Vec<Row> {
     rows("lawn3.csv").into_iter().take(SAMPLES).map(row).collect()
 }
 
-/// A GRU that learns with these variances of weights and measurement (in those of the sensors), or does not learn.
+/// A GRU with these variances of weights and measurement (in those of the sensors).
 fn network(weights: f64, noise: f64) -> Box<dyn Adapter> {
     let (model, variances) = pretrained("gru");
     let variances: Vec<f64> = variances.iter().map(|variance| noise * variance).collect();
@@ -52,7 +52,8 @@ fn guarded(weights: f64, noise: f64) -> Guard {
     Guard::new(network(weights, noise), companions, &RANGES, &NOISE, GuardOptions::new(0.1)).unwrap()
 }
 
-/// Error of the prediction over 20 samples from each, as the guard has errors but against the truth; and the events' names.
+/// Prediction errors over 20 samples from each sample, as in the guard but against the truth; and the names of the
+/// events.
 fn errors(session: &mut dyn Adapter, log: &[Row]) -> (Vec<f64>, Vec<&'static str>) {
     let (mut work, mut y) = (Workspace::new(), [0.0; 60]);
     let (mut errors, mut events) = (Vec::new(), Vec::new());
@@ -78,7 +79,7 @@ fn floor() -> f64 {
     (0..3).map(|c| NOISE[c] / (0.5 * (RANGES[c].1 - RANGES[c].0))).sum::<f64>() / 3.0
 }
 
-/// The largest of a function of two means over windows of 30 s.
+/// The maximum of a function of two means over windows of 30 s.
 fn worst(own: &[f64], frozen: &[f64], of: impl Fn(f64, f64) -> f64) -> f64 {
     let mean = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64;
     own.windows(300).zip(frozen.windows(300)).map(|(a, b)| of(mean(a), mean(b))).fold(f64::MIN, f64::max)
@@ -121,8 +122,8 @@ fn the_deviation_bound_holds_with_faults() {
     assert!(mean(&own) < mean(&alone), "{} beside {}", mean(&own), mean(&alone));
 }
 
-/// A stuck speed sensor while foiling, where the reference model diverges within seconds without measurements. The stuck value is
-/// nearly right.
+/// A stuck speed sensor while foiling, with a nearly correct value. The reference model diverges within seconds without
+/// measurements.
 #[test]
 #[ignore = "slow tier: .ci/run runs it"]
 fn a_stuck_speed_sensor_keeps_the_deviation_bound() {

@@ -46,7 +46,7 @@ proptest! {
     fn a_path_has_unit_speed_its_course_and_its_curvature(path in paths(), share in 0.001..0.999f64) {
         let (s, h) = (share * path.length(), 1e-4);
         let (before, here, after) = (path.at(s - h), path.at(s), path.at(s + h));
-        // Not across a joint, where the curvature jumps.
+        // Except at joints, where the curvature jumps.
         prop_assume!(before.curvature == here.curvature && after.curvature == here.curvature);
         let difference = |i: usize| (after.position[i] - before.position[i]) / (2.0 * h);
         prop_assert!((difference(0) - here.course.cos()).abs() < 1e-7);
@@ -137,7 +137,7 @@ proptest! {
             let same = |a: &Reference, b: &Reference| {
                 a.curvature == b.curvature && ((a.speed - b.speed) / h).abs() < 0.3 && distance(a.acceleration, b.acceleration) < 1e-2
             };
-            // Not across a joint, where the acceleration jumps.
+            // Except at joints, where the acceleration jumps.
             if !(same(&before, &here) && same(&here, &after)) {
                 continue;
             }
@@ -172,7 +172,7 @@ proptest! {
         let pose = path.at(5.0);
         let from = [pose.position[0] - off * pose.course.sin(), pose.position[1] + off * pose.course.cos()];
         let mut guidance = LineOfSight::new(settings).unwrap();
-        // For a non-zero integral.
+        // Builds up the integral.
         for _ in 0..30 {
             guidance.update(&pose, from, [0.0, 0.0], 0.1);
         }
@@ -199,6 +199,7 @@ fn a_circle_has_its_radius_and_speed() {
     assert!(distance(port.at(5.0 * PI).position, [10.0, 0.0]) < 1e-9);
 }
 
+/// Length, end and middle of a corner, from the geometry.
 #[test]
 fn way_points_are_cut_as_geometry_says() {
     let path = Path::waypoints(&[[0.0, 0.0], [40.0, 0.0], [40.0, 30.0]], 10.0).unwrap();
@@ -217,7 +218,7 @@ fn way_points_are_cut_as_geometry_says() {
 fn a_lawn_mower_has_the_legs_and_turns_that_were_asked_for() {
     let path = Path::lawn_mower([0.0, 0.0], 0.0, 50.0, 30.0, 4, 10.0, Side::Starboard).unwrap();
     assert!((path.length() - (4.0 * 50.0 + 3.0 * (10.0 * PI + 10.0))).abs() < 1e-9);
-    // Four legs, 30 m apart, to the east; the fourth ends on the line of the start.
+    // Four legs, 30 m apart, to the east; the fourth ends at the line of the start.
     assert!(distance(path.at(path.length()).position, [0.0, 90.0]) < 1e-9);
     assert!(wrap(path.at(path.length()).course - PI).abs() < 1e-9);
     let second = path.project([25.0, 30.0], 50.0 + 10.0 * PI + 10.0 + 25.0, 10.0);
@@ -268,7 +269,8 @@ fn invalid_paths_are_refused() {
     }
 }
 
-/// From rest to rest over a line: `L / U + U / (2 a) + U / (2 b)` seconds if the speed is reached, else a triangle.
+/// From rest to rest over a line: `L / U + U / (2 a) + U / (2 b)` seconds if the speed is reached, else the time of the
+/// triangular profile.
 #[test]
 fn the_time_from_rest_to_rest_is_that_of_the_text_book() {
     let path = Path::legs(&[[0.0, 0.0], [100.0, 0.0]]).unwrap();
@@ -285,7 +287,7 @@ fn the_time_from_rest_to_rest_is_that_of_the_text_book() {
     let fast = SpeedProfile::new(&path, &SpeedLimits { cruise: 90.0, ..limits }).unwrap();
     let peak = (2.0 * 0.5 * 0.25 * 100.0 / 0.75f64).sqrt();
     assert!((fast.duration() - (peak / 0.5 + peak / 0.25)).abs() < 1e-9);
-    // The reference reaches the end at that time, and stays.
+    // The reference arrives at that time and stays.
     let mut walker = TimedReference::new(&fast);
     walker.advance(&fast, fast.duration() - 1e-3);
     assert!(!walker.is_done(&fast));
@@ -301,8 +303,8 @@ fn speed_is_reduced_at_corners() {
     assert_eq!((profile.at(0.0).0, profile.at(50.0).0, profile.at(100.0).0), (3.0, 0.5, 3.0));
 }
 
-/// A vessel with the reference heading in a current across its path: without integral action the error remains
-/// `Delta V / sqrt(U^2 - V^2)`, with it the error vanishes.
+/// A vessel that heads as demanded, in a cross current: without integral action the error is `Delta V / sqrt(U^2 -
+/// V^2)`, with it zero.
 #[test]
 fn integral_action_removes_the_drift() {
     let path = Path::legs(&[[0.0, 0.0], [1_000.0, 0.0]]).unwrap();
@@ -328,7 +330,7 @@ fn integral_action_removes_the_drift() {
 
 #[test]
 fn a_path_reference_stays_on_its_leg() {
-    // Legs 4 m apart, a vessel 3 m off its own: nearer to the next one.
+    // Legs 4 m apart, and a vessel 3 m from its own: the next leg is nearer.
     let path = Path::lawn_mower([0.0, 0.0], 0.0, 60.0, 4.0, 3, 2.0, Side::Starboard).unwrap();
     let mut follower = PathReference::new(0.0, 3.0);
     for k in 0..50 {

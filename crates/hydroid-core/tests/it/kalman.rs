@@ -1,4 +1,5 @@
-//! The extended Kalman filter over state and weights, compared with a naive filter on full matrices, and its invariants.
+//! The extended Kalman filter over state and weights, compared with a naive filter on full matrices, and its
+//! invariants.
 
 use std::sync::Arc;
 
@@ -20,7 +21,7 @@ fn close(ours: &[f64], theirs: &[f64], what: &str) {
     }
 }
 
-/// The filter as a textbook has it: `P <- F P F' + Q`, `K = P H' S^-1`, `P <- (I - K H) P`, all dense.
+/// The textbook filter, dense: `P <- F P F' + Q`, `K = P H' S^-1`, `P <- (I - K H) P`.
 struct Naive {
     packed: Packed<f64>,
     linear: Linearization<f64>,
@@ -104,7 +105,7 @@ fn the_fused_filter_equals_the_naive_one() {
             let (x, z) = sample(k, network.outputs);
             ours.advance(&x);
             naive.advance(&x);
-            // Samples that are predicted only, too.
+            // Some samples without measurement.
             if k % 4 != 1 {
                 ours.observe(&z);
                 naive.observe(&z);
@@ -118,7 +119,6 @@ fn the_fused_filter_equals_the_naive_one() {
     }
 }
 
-/// Weights without variance and noise are left out of everything.
 #[test]
 fn weights_without_variance_stay() {
     let network = cells()[2];
@@ -169,7 +169,7 @@ fn formulations() -> [KalmanNetwork; 3] {
     ]
 }
 
-/// What is learned must be worth something: a vessel that the model does not know is predicted better and better.
+/// Adaptation reduces the prediction errors for an unknown vessel.
 #[test]
 fn errors_decrease_during_adaptation() {
     for mut session in formulations() {
@@ -251,7 +251,7 @@ fn frozen_it_filters_the_state_and_keeps_its_weights() {
     }
     assert!(differs);
     close(session.weights(), &given, "weights");
-    // What was learned before stays as well: no leak moves it.
+    // Earlier changes stay as well: no leak.
     session.freeze(false);
     for k in 0..20 {
         session.observe(&sample(k, 3).1);
@@ -310,7 +310,7 @@ fn invalid_values_are_refused_or_handled() {
     }
 }
 
-/// An outlier pulls no harder than a measurement at the limit does.
+/// An outlier has the effect of a measurement at the threshold.
 #[test]
 fn outliers_have_less_weight() {
     let pull = |huber: f64, by: f64| {
@@ -339,8 +339,7 @@ fn outliers_have_less_weight() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
 
-    /// Whatever is measured, the variances stay positive, and what is expected of a measurement is never surer than its
-    /// noise.
+    /// For any measurements, variances stay positive, and `S` is at least `R`.
     #[test]
     fn variances_stay_positive(
         which in 0_usize..5,

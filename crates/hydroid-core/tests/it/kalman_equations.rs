@@ -38,7 +38,7 @@ fn a_change_of_drag_is_estimated() {
     close(frozen.weights(), &given, 1e-15, "frozen");
 }
 
-/// Bands are right where the filter's assumptions are.
+/// Under the assumptions of the filter.
 #[test]
 fn deviations_have_their_stated_coverage() {
     let deviations = [0.02, 0.004];
@@ -62,7 +62,7 @@ fn deviations_have_their_stated_coverage() {
             for (at, horizon) in [1, 10, 40].into_iter().enumerate() {
                 for i in 0..2 {
                     let error = ahead[2 * (horizon - 1) + i] - y[k + horizon][i];
-                    // Of the uniform noise of these measurements 90 % are within 1.56 deviations.
+                    // 90 % of the uniform noise are within 1.56 deviations.
                     inside[at] += usize::from(error.abs() < 1.56 * band[2 * at + i]);
                 }
             }
@@ -115,7 +115,7 @@ fn a_saved_state_resumes_bit_for_bit_and_forks_predict_the_same() {
             };
             assert_eq!(bits(&session), bits(&other), "{at} {k}");
         }
-        // A snapshot goes back into the session that learns, too.
+        // A snapshot can be restored into the learning session.
         session.restore(&snapshot);
         let mut again = vec![0.0; snapshot.len()];
         session.snapshot(&mut again);
@@ -150,7 +150,7 @@ fn invalid_values_are_refused_or_handled() {
         let mut deviation = [0.0; 2];
         session.deviations(&[7.0; 5], &[5], &mut Workspace::new(), &mut deviation);
         if nonsense.abs() > 1.0 && nonsense.is_finite() {
-            // The actuator is still on its way back from there.
+            // The actuator lag has not settled.
             session.reset();
         }
         for k in 20..150 {

@@ -9,7 +9,7 @@ use hydroid_core::predict::Predictor;
 use crate::damped::{close, command, equations, learnable, measured, options, session};
 use crate::dense::{Matrix, inverse, product, transposed};
 
-/// The filter as a textbook has it, dense, its Jacobians by central differences of [`Equations::step`].
+/// The textbook filter, dense, with Jacobians by central differences of [`Equations::step`].
 struct Naive {
     model: LearnableEquations,
     given: Vec<f64>,
@@ -102,7 +102,7 @@ fn the_filter_equals_a_naive_one_with_finite_differences() {
         let z = [if k % 7 == 3 { f64::NAN } else { 0.4 * (0.09 * t).sin() }, 0.3 * (0.05 * t).cos()];
         ours.advance(&x);
         naive.advance(&x);
-        // Samples that are predicted only, too.
+        // Some samples without measurement.
         if k % 4 != 1 {
             assert!(matches!(ours.observe(&z), Correction::Applied { .. }));
             naive.observe(&z);
@@ -115,7 +115,7 @@ fn the_filter_equals_a_naive_one_with_finite_differences() {
     }
 }
 
-/// The session is that filter, fed with what the signals remember, and begun from what was measured.
+/// The session equals the filter with the memory of the signals as input, started from the measurement.
 #[test]
 fn the_session_uses_the_units_of_the_outputs() {
     let (mut session, mut naive) = (session(), Naive::new());
@@ -128,7 +128,7 @@ fn the_session_uses_the_units_of_the_outputs() {
         session.output(&mut y);
         y
     };
-    // The memory, by hand: lag, u one and two samples ago, r one sample ago.
+    // The memory: lag, u one and two samples ago, r one sample ago.
     let (mut lag, mut past) = (f64::NAN, [f64::NAN; 3]);
     let mut begun = false;
     for k in 0..60 {

@@ -10,7 +10,7 @@ use hydroid_core::predict::{Predictor, Workspace};
 
 use crate::networks::{NAMES, pretrained, rows};
 
-/// A network trained on low speed alone, and the reference's options (`filter.json`).
+/// A network trained at low speed only, and the reference's options (`filter.json`).
 fn model(name: &str) -> (Arc<Recurrent>, FilterOptions) {
     let (model, noise) = pretrained(name);
     let noise: Vec<f64> = noise.iter().map(|variance| 5.0 * variance).collect();
@@ -21,7 +21,7 @@ fn model(name: &str) -> (Arc<Recurrent>, FilterOptions) {
     (Arc::new(model), options)
 }
 
-/// A step: command `k`, then measurement `k + 1`. The reference does not use the measurement before the first command.
+/// Command `k`, then measurement `k + 1`. The reference does not use the measurement before the first command.
 fn step(session: &mut KalmanNetwork, log: &[Vec<f64>], k: usize) {
     session.advance(&log[k][1..3]);
     session.observe(&log[k + 1][3..6]);
@@ -58,8 +58,8 @@ fn the_trace_is_that_of_the_reference() {
     }
 }
 
-/// Mean absolute errors against the truth at horizons 1..100 of each output, over windows that begin every 5 samples from
-/// the 100th on, with the weights of that moment.
+/// Mean absolute errors of each output against the truth at horizons 1..100, over windows that start every 5 samples
+/// from the 100th on, with the weights of that time.
 fn errors(name: &str, log: &[Vec<f64>]) -> Vec<[f64; 3]> {
     let (model, options) = model(name);
     let mut session = KalmanNetwork::new(model, options).unwrap();
@@ -83,7 +83,7 @@ fn errors(name: &str, log: &[Vec<f64>]) -> Vec<[f64; 3]> {
     sums
 }
 
-/// The largest relative difference from the errors of the adapted networks in the reference.
+/// The largest relative difference from the errors in the reference.
 fn worst_error(name: &str) -> f64 {
     let reference = rows(&format!("{name}_error_by_horizon.csv"));
     let mut worst = 0.0_f64;

@@ -15,7 +15,7 @@ use hydroid_core::vessel::{Command, Plant, State, VesselParams};
 
 use crate::networks::pretrained;
 
-/// Uniform numbers from a linear congruential generator (Knuth), whose high bits are good enough to shake a vessel.
+/// Uniform numbers from the high bits of a linear congruential generator (Knuth).
 struct Draws(u64);
 
 impl Draws {
@@ -30,12 +30,12 @@ impl Draws {
     }
 }
 
-/// A hydrofoil that draws a command every 2 to 12 s, and its noisy sensors.
+/// A hydrofoil with a new random command every 2 to 12 s, and its noisy sensors.
 struct Voyage {
     plant: Plant,
     state: State,
     command: Command,
-    /// Samples that it is held for yet.
+    /// Remaining samples of the command.
     left: f64,
     draws: Draws,
 }
@@ -67,7 +67,7 @@ impl Voyage {
     }
 }
 
-/// The thesis's LSTM, trained on low speed alone, with the reference's options.
+/// The LSTM of the thesis, trained at low speed only, with the reference's options.
 fn learner() -> (KalmanNetwork, Vec<f64>) {
     let (model, noise) = pretrained("lstm");
     let noise: Vec<f64> = noise.iter().map(|variance| 5.0 * variance).collect();
@@ -107,7 +107,7 @@ fn voyage(samples: usize) {
         assert_eq!(session.outcome(), Outcome::Accepted, "sample {k}");
         square += session.innovations()[0].value.powi(2);
         if k % 100 == 0 {
-            // What is expected of a measurement without its noise has no negative direction, but for rounding.
+            // S - R has no negative eigenvalue, except for rounding.
             let spread: Vec<f64> = session.filter().prior_output_covariance().to_vec();
             let smallest = smallest_eigenvalue(&spread);
             least = least.min(smallest / noise[0]);

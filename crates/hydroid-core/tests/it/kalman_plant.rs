@@ -1,5 +1,5 @@
-//! The Kalman filter over the parameters of a vessel: derivatives compared with finite differences, the filter compared with a
-//! dense filter, and invariants.
+//! The Kalman filter over the parameters of a vessel: derivatives compared with finite differences, the filter compared
+//! with a dense filter, and invariants.
 
 use hydroid_core::adapt::kalman::{
     Correction, Filter, FilterOptions, KalmanPlant, Learnable, LearnablePlant,
@@ -11,7 +11,7 @@ use hydroid_core::vessel::{Command, Coriolis, PARAMETER, Plant, State, VesselPar
 
 use crate::dense::{Matrix, inverse, product, transposed};
 
-/// Turning near its take-off, with the Munk moment: no parameter is without effect.
+/// Near take-off in a turn, with the Munk moment: every parameter has an effect.
 fn vessels() -> [VesselParams; 4] {
     let full = VesselParams { coriolis: Coriolis::Full, ..VesselParams::hydrofoil() };
     let mut coupled = full.clone();
@@ -25,7 +25,7 @@ fn model(params: &VesselParams) -> PlantModel {
     PlantModel::new(params, 0.1).unwrap()
 }
 
-/// Commands that take a vessel through its modes.
+/// Commands that cover the modes of a vessel.
 fn command(params: &VesselParams, k: usize) -> [f64; 2] {
     let t = k as f64;
     let (low, high) = (params.commands.propeller.limits[0], params.commands.propeller.limits[1]);
@@ -102,7 +102,7 @@ fn partials_are_those_of_central_differences() {
         let count = plant.places().len();
         let weights: Vec<f64> = (0..count).map(|k| 0.05 * (k as f64 * 1.7).sin()).collect();
         plant.set_weights(&weights);
-        // On either side of the change of mode, and where no number is zero.
+        // On either side of the change of mode, without zeros.
         for [u, v, r, p_f] in [[2.4, -0.2, 0.15, 120.0], [0.7, 0.1, -0.3, -20.0], [3.6, 0.3, 0.2, 200.0]] {
             let motion = [u, v, r, p_f];
             let h: Vec<f64> = (0..4).map(|i| plant.scaled(i, motion[i])).collect();
@@ -133,7 +133,7 @@ fn partials_are_those_of_central_differences() {
     }
 }
 
-/// A step of the session, of the learner and of the plant that is simulated: one motion.
+/// One step of the session, of the learner and of the simulated plant give the same motion.
 #[test]
 fn a_plant_model_equals_the_simulation() {
     for params in vessels() {
@@ -168,7 +168,7 @@ fn a_plant_model_equals_the_simulation() {
     assert_eq!(PlantModel::new(&VesselParams::simple(), 0.025).unwrap().steps(), 3);
 }
 
-/// The filter as a textbook has it, dense, its Jacobians by central differences.
+/// The textbook filter, dense, with Jacobians by central differences.
 struct Naive {
     model: LearnablePlant,
     state: Vec<f64>,
@@ -281,7 +281,6 @@ fn changed_parameters_are_found() {
     for path in ["drag.quadratic[0][0]", "rudder.gain", "flying.transition_speed", "propeller.lag"] {
         assert!((learned(path) - 1.0).abs() < 0.05, "{path}: {} of the truth", learned(path));
     }
-    // The hidden force is known.
     let mut snapshot = vec![0.0; session.snapshot_len()];
     session.snapshot(&mut snapshot);
     let mut truth = PlantSession::new(&PlantModel::new(&changed, 0.1).unwrap());
@@ -290,13 +289,13 @@ fn changed_parameters_are_found() {
     assert!((snapshot[3] - truth.motion()[3]).abs() < 3.0, "{} {}", snapshot[3], truth.motion()[3]);
 }
 
-/// Whatever is measured, the parameters stay those of a vessel.
+/// For any measurements, the parameters stay physical.
 #[test]
 fn parameters_stay_those_of_a_vessel() {
     for params in vessels() {
         let plant = LearnablePlant::new(&model(&params));
         let uniform = options(&plant);
-        // So sure of the sensors, and so unsure of the vessel, that it believes nonsense.
+        // Low measurement noise and high parameter variance, so that the filter follows nonsense.
         let options = FilterOptions { initial_weights: vec![4.0; plant.places().len()], ..uniform };
         let mut session = KalmanPlant::new(&model(&params), options).unwrap();
         let mut least = f64::INFINITY;
@@ -315,7 +314,7 @@ fn parameters_stay_those_of_a_vessel() {
         }
         assert!(least < -0.5, "it did believe nonsense: {least}");
     }
-    // A step that the mass matrix forbids is made as far as it allows.
+    // A step that the mass matrix forbids is shortened.
     let mut plant = LearnablePlant::new(&model(&vessels()[3]));
     let place = |path: &str| plant.places().iter().position(|&place| PARAMETER[place].path == path).unwrap();
     let (inertia, added, coupling) =
@@ -335,7 +334,7 @@ fn parameters_stay_those_of_a_vessel() {
 #[test]
 fn bands_have_their_stated_coverage() {
     let params = VesselParams::hydrofoil();
-    // Sines of large arguments: their deviation is the root of a half of their size.
+    // Sines of large arguments: their deviation is the amplitude over sqrt(2).
     let y = measured(&params, 2100, 0.014);
     let model = model(&params);
     let plant = LearnablePlant::new(&model);
@@ -355,7 +354,7 @@ fn bands_have_their_stated_coverage() {
             for (at, horizon) in [1, 10, 40].into_iter().enumerate() {
                 for i in 0..3 {
                     let error = ahead[3 * (horizon - 1) + i] - y[k + horizon][i];
-                    // Of a sine at random 82 % are within 1.36 deviations, and all within 1.42.
+                    // 82 % of a sine of random phase are within 1.36 deviations, and all within 1.42.
                     inside[at] += usize::from(error.abs() < 1.36 * band[3 * at + i]);
                 }
             }

@@ -1,5 +1,5 @@
-//! Filters with a block-diagonal covariance of the weights: against the full filter, against a dense implementation of the same
-//! equations, and properties that hold for all inputs.
+//! Filters with a block-diagonal covariance of the weights: against the full filter, against a dense implementation of
+//! the same equations, and properties that hold for all inputs.
 
 use std::sync::Arc;
 
@@ -32,7 +32,7 @@ fn filter(network: Network, options: FilterOptions) -> Filter<LearnableNetwork> 
     Filter::new(LearnableNetwork::new(Packed::new(network, &weights(network, 0.6))), options).unwrap()
 }
 
-/// The same samples, some unmeasured, some not learned from, with a restart: state, weights and variances stay alike.
+/// Equal state, weights and variances with missing measurements, samples without learning, and a restart.
 fn go_on_alike(network: Network, options: &FilterOptions, forms: [CovarianceForm; 2]) {
     let mut filters =
         forms.map(|covariance| filter(network, FilterOptions { covariance, ..options.clone() }));
@@ -87,7 +87,7 @@ fn diagonal(values: &[f64]) -> Matrix {
         .collect()
 }
 
-/// The definition on dense matrices: `h~ = Psi theta~ + xi`, `P_tt` of which a structure is kept after each measurement.
+/// The definition on dense matrices: `h~ = Psi theta~ + xi`, with the blocks of `P_tt` after each measurement.
 struct Naive {
     packed: Packed<f64>,
     linear: Linearization<f64>,
@@ -96,7 +96,6 @@ struct Naive {
     psi: Matrix,
     pi: Matrix,
     p: Matrix,
-    /// The group of each weight.
     groups: Vec<usize>,
     options: FilterOptions,
 }
@@ -232,7 +231,7 @@ fn stored_numbers() {
     assert_eq!(kept(CovarianceForm::Blocks { group: 1 }), triangles);
 }
 
-/// Weights without variance and noise stay to the last bit, those with noise alone begin to move.
+/// Weights without variance and noise stay to the last bit; those with noise alone are learned.
 #[test]
 fn known_weights_stay() {
     let network = cells()[2];
@@ -347,7 +346,7 @@ fn memory_goes_on_to_the_last_bit() {
     }
 }
 
-/// What is expected of predictions is that of the full filter where the covariance is.
+/// Equal covariances give equal deviations of the predictions.
 #[test]
 fn deviations_ahead_are_those_of_the_full_filter() {
     let forms = [CovarianceForm::Full, CovarianceForm::Blocks { group: usize::MAX }];
@@ -396,8 +395,7 @@ fn invalid_values_are_refused_or_handled() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
 
-    /// Whatever is measured, the variances stay positive, and what is expected of a measurement is never surer than its
-    /// noise.
+    /// For any measurements, variances stay positive, and `S` is at least `R`.
     #[test]
     fn variances_stay_positive(
         which in 0_usize..5,
@@ -427,7 +425,7 @@ proptest! {
             let (hh, tt) = filter.variances();
             prop_assert!(hh.iter().chain(&tt).all(|&p| p > 0.0 && p.is_finite()), "{k}: {hh:?} {tt:?}");
             let (_, s) = filter.innovation();
-            // A difference of products is what the smallest part of S is made of.
+            // The smallest eigenvalue of S is a difference of products.
             prop_assert!(s.iter().zip(&r).all(|(s, r)| *s >= r * (1.0 - 1e-9)), "{k}: {s:?} {r:?}");
         }
     }

@@ -19,7 +19,7 @@ fn model(history: usize, horizon: usize, hold: bool, hidden: &[usize]) -> Direct
     on(if hold { BaseModel::Hold } else { BaseModel::Nothing }, history, horizon, hidden)
 }
 
-/// Of two outputs and two inputs, with a lag and past values of an output.
+/// Two outputs and two inputs, with a lag and past values of an output.
 fn equations() -> BaseModel {
     let signals =
         vec![Signal::Lag { input: 2, time_constant_s: Real(0.2) }, Signal::Past { variable: 0, samples: 2 }];
@@ -80,7 +80,7 @@ fn measured(k: usize) -> [f64; 2] {
     [1.0 + (0.1 * k as f64).sin() + 0.05 * noise, -0.5 + 0.2 * (0.23 * k as f64).cos()]
 }
 
-/// Of one number that the network gives: `R = P^-1` and its weights.
+/// Regression of one target: `R = P^-1` and its weights.
 struct Naive {
     information: Vec<Vec<f64>>,
     theta: Vec<f64>,
@@ -123,8 +123,7 @@ impl Naive {
         self.theta.iter_mut().zip(step).for_each(|(theta, step)| *theta += step);
     }
 
-    /// `R <- R + phi phi'`, then `R <- lambda R + n (1 - lambda) r0 e_j e_j'`; of what is given back to the prior the target is
-    /// its own.
+    /// `R <- R + phi phi'`, then `R <- lambda R + n (1 - lambda) r0 e_j e_j'` with the leak of the target.
     fn learn(&mut self, phi: &[f64], target: f64, options: &LastLayerOptions) {
         let error = target - phi.iter().zip(&self.theta).map(|(phi, theta)| phi * theta).sum::<f64>();
         self.weigh(phi, error, 1.0);
@@ -140,7 +139,7 @@ impl Naive {
     }
 }
 
-/// Rows of the last layer with their biases behind them.
+/// Rows of the last layer, each with its bias.
 fn rows(model: &Direct, weights: &[f64]) -> Vec<Vec<f64>> {
     let gives = model.network.outputs;
     let features = weights.len() / gives - 1;
@@ -148,7 +147,7 @@ fn rows(model: &Direct, weights: &[f64]) -> Vec<Vec<f64>> {
     matrix.chunks_exact(features).zip(bias).map(|(row, b)| [row, &[*b]].concat()).collect()
 }
 
-/// Inputs of the last layer for the window that ended at `k`, by loops.
+/// Inputs of the last layer for the window that ended at `k`.
 fn regressor(model: &Direct, k: usize) -> Vec<f64> {
     let (s, p, h) = (&model.scaling, model.history, model.horizon);
     let outputs =
@@ -166,7 +165,7 @@ fn regressor(model: &Direct, k: usize) -> Vec<f64> {
     x
 }
 
-/// Each target has the estimate of a regression of its own.
+/// Each target has the estimate of its own regression.
 #[test]
 fn every_step_learns_as_if_it_were_alone() {
     for (p, h, below, hidden) in [
@@ -190,7 +189,7 @@ fn every_step_learns_as_if_it_were_alone() {
                 .collect();
             for m in 0..60 {
                 adapter.observe(&measured(m));
-                // The window that ended a horizon ago is complete, if its past is known.
+                // The window that ended a horizon ago is complete if its past is known.
                 let complete = m.checked_sub(h).filter(|k| k + 1 >= p);
                 assert_eq!(adapter.outcome() == Outcome::Accepted, complete.is_some(), "{m}");
                 if let Some(k) = complete {
@@ -294,7 +293,7 @@ fn snapshots_of(model: &Direct) {
     assert_eq!(roll(fork.as_ref()), then);
     adapter.restore(&snapshot);
     assert_eq!((roll(&adapter), adapter.weights()), (then, &weights[..]));
-    // Windows begin again; then it learns on from there.
+    // The windows restart; learning then continues.
     for k in 60..60 + model.horizon {
         adapter.observe(&measured(k));
         adapter.advance(&command(k));
@@ -311,7 +310,7 @@ fn missing_measurements_change_no_weights() {
     let options = LastLayerOptions { leak: false, ..OPTIONS };
     let (mut whole, mut half) = (learner(&model, &options), learner(&model, &options));
     for k in 0..41 {
-        // Regressors are the same until the windows are complete that end where it was not measured any more.
+        // Regressors stay equal until the first window without measurements is complete.
         let gone = k >= 37;
         whole.observe(&measured(k));
         half.observe(&[measured(k)[0], if gone { f64::NAN } else { measured(k)[1] }]);
@@ -319,13 +318,12 @@ fn missing_measurements_change_no_weights() {
         let (a, b) = (rows(&model, whole.weights()), rows(&model, half.weights()));
         for i in 0..8 {
             let (j, c) = (i / 2 + 1, i % 2);
-            // The target of step j of the window that ended 4 samples ago.
             assert_eq!(a[i] != b[i], gone && c == 1 && k - 4 + j >= 37, "{k} {j} {c}");
         }
         whole.advance(&command(k));
         half.advance(&command(k));
     }
-    // Nothing at all: nothing is learned, and nothing breaks.
+    // Without any measurements nothing is learned.
     let before = half.weights().to_vec();
     for k in 41..60 {
         half.observe(&[f64::NAN; 2]);
@@ -342,7 +340,7 @@ fn missing_measurements_change_no_weights() {
     assert!(y[0].is_finite());
 }
 
-/// The band of an output needs errors of that output.
+/// The deviation of an output requires errors of that output.
 #[test]
 fn each_number_has_a_band_from_its_own_errors() {
     let model = model(3, 4, true, &[7, 5]);
@@ -354,7 +352,7 @@ fn each_number_has_a_band_from_its_own_errors() {
         bands
     };
     for k in 0..200 {
-        // Known once, so that windows are whole; then gone until sample 100.
+        // Measured once, so that windows are complete, then missing until sample 100.
         let gone = (1..100).contains(&k);
         adapter.observe(&[measured(k)[0], if gone { f64::NAN } else { measured(k)[1] }]);
         adapter.advance(&command(k));
@@ -392,7 +390,7 @@ fn a_huge_number_has_no_later_effect() {
     }
 }
 
-/// A vessel with another last layer on the same features is identified, and the bands cover its outputs.
+/// A vessel with another last layer on the same features is identified, with correct coverage.
 #[test]
 fn a_last_layer_that_has_changed_is_found() {
     let plain = model(2, 1, false, &[12]);
@@ -442,7 +440,7 @@ fn the_filter_stays_stable_over_a_long_run() {
     let model = model(2, 3, true, &[6]);
     let mut adapter = learner(&model, &LastLayerOptions { forgetting: 0.97, ..OPTIONS });
     for k in 0..200_000 {
-        // Nothing happens but noise, and now and then something does.
+        // Noise with occasional excitation.
         let lively = (k / 5000) % 4 == 3;
         let y = if lively { measured(k) } else { [1.0 + 1e-3 * (k as f64).sin(), -0.5] };
         adapter.observe(&y);
@@ -478,7 +476,7 @@ fn a_guard_takes_frozen_companions() {
     assert_ne!(first.weights(), before);
     second.load(&saved(&first));
     assert_eq!(run(&mut first, 200, 300), run(&mut second, 200, 300));
-    // What never learns is what a plain session is.
+    // A companion equals a plain session.
     let mut companion = companion();
     let mut plain = DirectSession::new(Arc::clone(&model)).unwrap();
     for k in 0..50 {
@@ -515,7 +513,7 @@ fn invalid_options_are_refused_with_a_reason() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// What comes from a file may be anything.
+    /// Saved states from files are arbitrary.
     #[test]
     fn an_arbitrary_saved_state_never_panics(seed in any::<u64>(), finite in any::<bool>()) {
         let mut x = seed | 1;

@@ -3,7 +3,7 @@
 use hydroid_core::adapt::RecursiveLeastSquares;
 use proptest::prelude::*;
 
-/// A small generator of numbers in -1..1, the same on every machine.
+/// Deterministic random numbers in -1..1.
 struct Numbers(u64);
 
 impl Numbers {
@@ -100,7 +100,7 @@ fn equals_the_naive_recursion_over_a_long_run() {
         let mut naive = Naive::new(n, &theta, 5.0, leak);
         for k in 0..20_000 {
             let mut phi = numbers.row(n);
-            // Half of the time most directions are not excited.
+            // Most directions lack excitation half of the time.
             if (k / 1000) % 2 == 1 {
                 phi[3..].fill(0.0);
             }
@@ -124,14 +124,14 @@ fn without_excitation_the_covariance_stays_bounded_and_coefficients_return() {
     let mut fast = RecursiveLeastSquares::new(n, &[1.0; 8], information, true);
     for _ in 0..2_000 {
         let phi = numbers.row(n);
-        // The vessel's coefficients are 2 now.
+        // The true coefficients have changed to 2.
         let z = 2.0 * phi.iter().sum::<f64>();
         fast.predict(&phi, &[z]);
         fast.correct(1.0);
         fast.forget(lambda);
     }
     assert!(fast.coefficients().iter().all(|t| (1.7..2.1).contains(t)), "{:?}", fast.coefficients());
-    // A million samples that say nothing, or the same over and over.
+    // A million samples with zero or constant regressors.
     let bound = lambda.powi(1 - i32::try_from(n).unwrap()) / information;
     for k in 0..1_000_000 {
         let mut phi = vec![0.0; n];
@@ -165,7 +165,7 @@ fn an_eigenvalue_never_exceeds_the_bound_whatever_the_data() {
         fast.predict(&phi, &[numbers.next()]);
         fast.correct(1.0);
         fast.forget(lambda);
-        // x' P x of some unit vectors: none beyond the largest eigenvalue.
+        // x' P x of unit vectors is at most the largest eigenvalue.
         let x = numbers.row(n);
         let square: f64 = x.iter().map(|x| x * x).sum();
         let form: f64 = (0..n * n).map(|k| x[k / n] * fast.covariance(k / n, k % n) * x[k % n]).sum();
@@ -226,7 +226,7 @@ proptest! {
 
 #[test]
 fn a_triangular_prior_equals_its_rows() {
-    // R = T'T against the three rows of T learned from next to nothing; no forgetting, then with it and no data.
+    // The prior R = T'T against the three rows of T as data; without forgetting, then with forgetting and no data.
     let r_factor = [2.0, 0.5, -1.0, 0.0, 0.7, 0.3, 0.0, 0.0, 1.5];
     let mut shaped = RecursiveLeastSquares::with_r_factor(&[1.0, -2.0, 0.5], 4.0, &r_factor, true);
     let mut plain = RecursiveLeastSquares::new(3, &[1.0, -2.0, 0.5], 1e-9, true);
@@ -249,7 +249,6 @@ fn a_triangular_prior_equals_its_rows() {
         learner.correct(2.0);
     }
     close(&shaped, &plain, 1e-7);
-    // Data are forgotten, the prior is not.
     for _ in 0..6000 {
         shaped.forget(0.99);
     }

@@ -20,7 +20,7 @@ fn frozen(name: &str) -> RecurrentSession {
     RecurrentSession::new(Arc::new(pretrained(name).0)).unwrap()
 }
 
-/// Mean absolute errors against the truth at horizons 1..100 of each output, over windows that begin every 5 samples
+/// Mean absolute errors of each output against the truth at horizons 1..100, over windows that start every 5 samples
 /// from the 100th on.
 fn errors(session: &mut dyn Predictor, log: &[Vec<f64>]) -> Vec<[f64; 3]> {
     let commands: Vec<f64> = log.iter().flat_map(|row| [row[1], row[2]]).collect();
@@ -67,7 +67,7 @@ fn frozen_and_filtered_errors_are_those_of_the_reference() {
     }
 }
 
-/// Missing channels are left out: the filter uses the other sensors, and a run without any is open loop.
+/// Missing channels are not used; a run without measurements is open loop.
 #[test]
 fn missing_channels_are_left_out() {
     let log = rows("lawn3.csv");
@@ -92,7 +92,7 @@ fn missing_channels_are_left_out() {
     assert!(errors[0] < 0.3 * errors[3] && errors[1] < 0.3 * errors[3], "{errors:?}");
 }
 
-/// The filter's scratch fits more outputs than states.
+/// Scratch is sufficient for more outputs than states.
 #[test]
 fn outputs_may_be_more_than_the_state_has_numbers() {
     for hidden in [1, 2] {
@@ -132,7 +132,7 @@ fn outputs_may_be_more_than_the_state_has_numbers() {
     }
 }
 
-/// A session restarts after numbers beyond all bounds.
+/// Extreme values restart a session.
 #[test]
 fn a_diverged_filter_restarts() {
     let mut session = filtered("lstm");

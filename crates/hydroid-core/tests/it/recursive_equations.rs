@@ -42,7 +42,7 @@ fn options() -> RecursiveOptions {
 }
 
 fn command(k: usize) -> [f64; 2] {
-    // Transients: between these, more drag cannot be told from less thrust.
+    // Transients: in steady state, more drag is equivalent to less thrust.
     ([0.2, 1.8, 1.0, 0.0][(k / 12) % 4], 0.4 * (0.11 * k as f64).sin()).into()
 }
 
@@ -70,11 +70,11 @@ fn only_the_changed_drag_is_adapted() {
         adapter.advance(&c);
     });
     let [drag, thrust, damping, rudder] = *adapter.weights() else { panic!() };
-    // The prior pulls a little.
+    // The prior has a small effect.
     assert!((-0.6..-0.5).contains(&drag), "{drag}");
     assert!((thrust - 0.5).abs() < 0.05 && (damping + 1.0).abs() < 0.1 && (rudder - 0.8).abs() < 0.08);
     assert_eq!(adapter.equations().coefficient(0, 0), drag);
-    // Terms that were not in an equation are not now.
+    // Terms with zero coefficients stay zero.
     assert_eq!(adapter.equations().active_terms(), 4);
 }
 
@@ -82,7 +82,7 @@ fn only_the_changed_drag_is_adapted() {
 fn all_terms_adapt_with_all_terms() {
     let options = RecursiveOptions { all_terms: true, prior_s: 1.0, ..options() };
     let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &options).unwrap();
-    // A current that the equations do not know.
+    // A current that the equations do not contain.
     let current = Equations::new(
         vessel(0.3).terms().to_vec(),
         vec![-0.3, 0.0, 0.5, 0.0, -0.1, 0.0, -1.0, 0.0, 0.8, 0.0],
@@ -168,7 +168,7 @@ fn a_missing_value_removes_only_its_window() {
     assert!(now.iter().all(|y| y.is_finite()));
 }
 
-/// Steady at last, then one spike: the gated session's coefficients hardly move.
+/// A spike in steady state hardly changes the coefficients of the gated session.
 #[test]
 fn a_spike_is_rejected_and_a_lasting_change_is_accepted() {
     let spiked = |gate| {
@@ -192,7 +192,7 @@ fn a_spike_is_rejected_and_a_lasting_change_is_accepted() {
     assert!(rejected >= 7, "{rejected}");
     assert!(gated < 0.02 && gated < 0.2 * open, "{gated} against {open}");
 
-    // Without any noise, a change of the vessel is beyond every gate; it is believed all the same.
+    // Without noise, a change of the vessel exceeds every gate; it is accepted nevertheless.
     let mut adapter = RecursiveEquations::new(&vessel(0.3), &RANGES, &options()).unwrap();
     for drag in [0.3, 0.6] {
         adapter.reset();
@@ -239,7 +239,7 @@ fn snapshots_contain_the_current_weights_and_frozen_sessions_do_not_adapt() {
     fork.restore(&early);
     fork.rollout(&commands, &mut work, &mut y);
     assert_eq!(y, before);
-    // The fork has weights of its own.
+    // The fork has its own weights.
     let weights = adapter.weights().to_vec();
     assert_ne!(adapter.equations().coefficient(0, 0), early[2]);
     assert_eq!(adapter.equations().coefficient(0, 0), weights[0]);
@@ -294,20 +294,19 @@ fn signals_equal_those_of_the_identification() {
     let mut plant = EquationsSession::new(Arc::new(truth));
     let mut y = [0.0];
     for k in 0..6000usize {
-        // Before it has a past, the vessel cannot move.
+        // The past is unknown at first.
         if k < 4 {
             plant.observe(&[0.2]);
         }
         plant.output(&mut y);
         adapter.observe(&y);
-        // Nothing is learned before lag and past are known.
         assert!(k >= plant.warm_up() || adapter.outcome() == Outcome::Waiting);
         let c = [if (k / 17) % 3 == 0 { 0.8 } else { -0.3 + 0.2 * (0.1 * k as f64).sin() }];
         adapter.advance(&c);
         plant.advance(&c);
     }
     for (found, truth) in adapter.weights().iter().zip([-1.0, 1.5, 0.2]) {
-        // The mean of a lag's ends is not its mean: an error of second order in the sample time.
+        // The mean of the ends of a lag is not its mean: an error of second order in the sample time.
         assert!((found - truth).abs() < 0.06, "{:?}", adapter.weights());
     }
 }
@@ -402,8 +401,8 @@ fn options_whose_numbers_overflow_are_refused() {
         change(&mut options);
         RecursiveEquations::new(&vessel(0.3), &RANGES, &options).map(|_| ())
     };
-    let prior = RecursiveOptionsError::Extreme("the time that the prior is worth");
-    // These panicked, or filled the coefficients with NaN.
+    let prior = RecursiveOptionsError::Extreme("the weight of the prior");
+    // Values that overflow.
     assert_eq!(made(&|s| s.prior_s = 1e308), Err(prior.clone()));
     assert_eq!(made(&|s| s.prior_s = 1e-310), Err(prior));
     assert_eq!(made(&|s| s.forgetting_s = 1e-4), Err(RecursiveOptionsError::Extreme("the forgetting time")));
@@ -416,7 +415,7 @@ fn options_whose_numbers_overflow_are_refused() {
 
 #[test]
 fn a_row_with_weight_zero_changes_nothing() {
-    // An exact model has innovations of zero; then a spike is infinitely many deviations away.
+    // An exact model has innovations of zero: a spike has infinite normalized size.
     let options = RecursiveOptions {
         gate: InnovationGate { inflate: 3.0, reject: f64::INFINITY },
         window: 1,
@@ -496,7 +495,7 @@ fn coverage(sensor: f64, force: f64) -> [f64; 3] {
 fn bands_cover_the_measurements_with_sensor_or_process_noise() {
     for (sensor, force) in [(0.01, 0.0), (0.0, 0.004), (0.01, 0.002)] {
         for share in coverage(sensor, force) {
-            // The noise is uniform: a single one of 80 % has narrower tails than a normal one.
+            // The noise is uniform, with narrower tails than a normal distribution.
             assert!((0.70..0.90).contains(&share), "{sensor} {force}: {:?}", coverage(sensor, force));
         }
     }

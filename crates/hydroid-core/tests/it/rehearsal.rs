@@ -37,14 +37,14 @@ fn session(covariance: CovarianceForm, rehearsal: Option<RehearsalOptions>) -> K
     KalmanNetwork::with_rehearsal(model(shore()), options(covariance), rehearsal).unwrap()
 }
 
-/// Commands of two waters: slow and small about one value, and fast about another.
+/// Commands of two regimes: small about one value, and fast about another.
 fn command(water: usize, k: usize) -> [f64; 2] {
     let (at, speed) = [(-0.8, 0.05), (0.9, 0.15)][water];
     let t = speed * k as f64;
     [at + 0.5 * t.sin(), at + 0.5 * (1.3 * t + 0.4).cos()]
 }
 
-/// Outputs of a network with these weights in a water, and commands, flat.
+/// Outputs of a network with these weights in a regime, and commands, row by row.
 fn sailed(weights: Vec<f64>, water: usize, count: usize) -> (Vec<f64>, Vec<f64>) {
     let mut truth = KalmanNetwork::new(model(weights), options(CovarianceForm::Full)).unwrap();
     let (mut outputs, mut commands, mut y) = (Vec::new(), Vec::new(), [0.0; 2]);
@@ -57,7 +57,7 @@ fn sailed(weights: Vec<f64>, water: usize, count: usize) -> (Vec<f64>, Vec<f64>)
     (outputs, commands)
 }
 
-/// The new water's network is another one.
+/// The new regime has another network.
 fn new_water(count: usize) -> (Vec<f64>, Vec<f64>) {
     let other = shore().iter().enumerate().map(|(k, w)| w + 0.3 * (0.9 * k as f64).cos()).collect();
     sailed(other, 1, count)
@@ -80,7 +80,7 @@ fn sail(session: &mut KalmanNetwork, (y, c): &(Vec<f64>, Vec<f64>), from: usize,
     }
 }
 
-/// Mean error of a simulation of the old water with these weights.
+/// Mean error of a simulation of the old regime with these weights.
 fn forgotten(weights: &[f64]) -> f64 {
     let (y, c) = sailed(shore(), 0, 300);
     let held = KalmanNetwork::new(
@@ -147,7 +147,7 @@ fn a_rehearsing_filter_stays_positive_and_resumes_from_its_saved_state() {
         }
         let mut saved = vec![0.0; one.memory_len()];
         one.save(&mut saved);
-        // The other one has no windows of its own.
+        // The other session has no windows.
         let mut other = session(covariance, Some(REHEARSAL));
         other.load(&saved);
         for session in [&mut one, &mut other] {

@@ -66,7 +66,7 @@ impl core::fmt::Display for GuardError {
         match self {
             Self::Settings => write!(
                 f,
-                "the guard's times must be positive, its stride not longer than its horizon and that not longer than its window, its factor at least 1"
+                "the guard needs positive times, a stride up to its horizon, a horizon up to its window, and a factor of at least 1"
             ),
             Self::Ranges => write!(
                 f,

@@ -13,7 +13,7 @@ use crate::guidance::Reference;
 pub struct SoftLimit {
     /// The output.
     pub output: usize,
-    /// Lowest and highest value \[unit of the output\].
+    /// Minimum and maximum \[unit of the output\].
     pub range: [f64; 2],
     /// Cost weight of the squared excess \[1/unit^2\].
     pub weight: f64,
@@ -27,10 +27,10 @@ pub struct SoftLimit {
 /// beta = asin(v / max(|nu|, U_d / 2, 0.1 m/s))
 /// ```
 ///
-/// `p` is the point `lookahead` metres ahead of the origin; `psi_d` and `U_d` are course and speed of the path at the reference; `s_i` is
-/// half of the range of a command and `dc_i` its change from sample to sample. `beta` is the drift angle, so that the heading term acts
-/// on the course over ground: in a turn or a cross current the heading differs from the course. The pose is integrated by the midpoint
-/// rule. A plan whose prediction is not finite has an infinite cost.
+/// `p` is the point `lookahead` metres ahead of the origin; `psi_d` and `U_d` are course and speed of the path at the
+/// reference; `s_i` is half of the range of a command and `dc_i` its change in a sample. `beta` is the drift angle, so
+/// that the heading term acts on the course over ground, which differs from the heading in a turn or a cross current.
+/// The pose is integrated by the midpoint rule. A plan whose prediction is not finite has an infinite cost.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cost {
     /// Distance of the lookahead point from the origin \[m\].
@@ -41,16 +41,16 @@ pub struct Cost {
     pub heading: f64,
     /// Weight of the squared speed error \[s^2/m^2\].
     pub speed: f64,
-    /// Weight of each command, relative to half of its range.
+    /// Weight of each command.
     pub effort: Vec<f64>,
-    /// Weight of the change of each command in a sample, relative to half of its range.
+    /// Weight of the change of each command in a sample.
     pub rate: Vec<f64>,
     /// Soft limits on outputs.
     pub soft_limits: Vec<SoftLimit>,
 }
 
 impl Cost {
-    /// Weights for tracking a reference with `inputs` commands: 1 for the position, 0.2 for heading and speed, 0.05 for changes.
+    /// Weights for tracking with `inputs` commands: 1 for the position, 0.2 for heading and speed, 0.05 for changes.
     pub fn tracking(inputs: usize) -> Self {
         Self {
             lookahead: 0.0,
@@ -90,14 +90,14 @@ impl Cost {
         for limit in &self.soft_limits {
             at_least("the weight of a limit", limit.weight, 0.0)?;
             let [low, high] = limit.range;
-            // NaN is in no order.
+            // NaN has no order.
             if !matches!(low.partial_cmp(&high), Some(core::cmp::Ordering::Less | core::cmp::Ordering::Equal))
             {
                 let needed = "its range must have two ends, the lower one first";
                 return Err(ControlError::Setting { what: "the range of a limit", value: low, needed });
             }
             if limit.output >= outputs {
-                let needed = "there are not so many outputs";
+                let needed = "the model has fewer outputs";
                 let value = limit.output as f64;
                 return Err(ControlError::Setting { what: "the output of a limit", value, needed });
             }
@@ -105,11 +105,10 @@ impl Cost {
         Ok(())
     }
 
-    /// Cost of a candidate with predicted outputs `y` (`u, v, r` first), row by row.
     pub(super) fn of(&self, moment: &PlanningProblem<'_>, y: &[f64], commands: &[f64]) -> f64 {
         let mut sum = 0.0;
         let known = self.residuals(moment, y, commands, |residual| sum += residual * residual);
-        // A term without weight may still be not finite.
+        // A term without weight may be infinite or NaN.
         if sum.is_finite() && known.is_finite() {
             sum / moment.references.len() as f64
         } else {
@@ -117,13 +116,12 @@ impl Cost {
         }
     }
 
-    /// Largest number of residuals of a sample.
     pub(super) fn residuals_of_a_sample(&self, inputs: usize) -> usize {
         4 + self.soft_limits.len() + 2 * inputs
     }
 
-    /// Residuals whose mean square is the cost, in an order that is the same for all candidates. Gives the sum of the last pose, which is
-    /// not finite where the prediction is not.
+    /// Residuals whose mean square is the cost, in the same order for all candidates. Returns the sum of the last pose,
+    /// which is not finite if the prediction is not.
     pub(super) fn residuals(
         &self,
         moment: &PlanningProblem<'_>,
@@ -174,16 +172,14 @@ impl Cost {
     }
 }
 
-/// Data of a plan that all candidates share.
+/// Data of a plan, shared by all candidates.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PlanningProblem<'a> {
     /// `[x, y, psi]`.
     pub(super) pose: [f64; 3],
     /// `[u, v, r]` of the model.
     pub(super) nu: [f64; 3],
-    /// Number of outputs of the model.
     pub(super) outputs: usize,
-    /// Last command.
     pub(super) last: &'a [f64],
     pub(super) limits: &'a [Limits],
     /// References after each sample of the horizon.
@@ -192,11 +188,11 @@ pub(super) struct PlanningProblem<'a> {
     pub(super) dt: f64,
 }
 
-/// Speed below which the drift angle is not defined \[m/s\].
+/// Minimum speed in the drift angle \[m/s\].
 const ADRIFT: f64 = 0.1;
 
-/// Drift angle from the heading to the course over ground, `asin(v / U)` \[rad\]. It tends to zero below half of the wanted speed, where the course
-/// is not defined.
+/// Drift angle from the heading to the course over ground, `asin(v / U)` \[rad\]. It tends to zero below half of the
+/// demanded speed, where the course is not defined.
 fn drift(v: f64, speed: f64, wanted: f64) -> f64 {
     Float::asin((v / speed.max(0.5 * wanted).max(ADRIFT)).clamp(-1.0, 1.0))
 }

@@ -9,39 +9,37 @@ use super::cost::{Cost, PlanningProblem};
 use crate::actuator::clamp_to_limits;
 use crate::predict::{BATCH, Predictor, Workspace};
 
-/// Step of the differences, in shares of half of the range of a command.
+/// Step of the finite differences, relative to half of the range of a command.
 const SHARE: f64 = 0.01;
 
-/// Damping factors that are tried side by side: from a full step to one along the gradient.
+/// Damping factors of parallel rollouts, from a full step to one along the gradient.
 const DAMPINGS: [f64; 8] = [1e-6, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0];
 
-/// Regularisation of commands without effect, in shares of the largest diagonal entry.
+/// Regularization of commands without effect, relative to the largest diagonal entry.
 const LEAST: f64 = 1e-9;
 
 /// Gauss-Newton steps on a plan, with derivatives by differences.
 ///
-/// Random search leaves noise in every command of a plan. The cost is a mean of squares `r_k^2`, so that a few further rollouts find the
-/// optimum near the best candidate `c`. With `J_ki = dr_k/dc_i`, from one rollout for each command of the plan:
+/// Random search leaves noise in every command of a plan. The cost is a mean of squares `r_k^2`, so that a few more
+/// rollouts find the optimum near the best candidate. With `J_ki = dr_k/dc_i`, from one rollout for each command,
 ///
 /// ```text
 /// (J'J + lambda diag(J'J)) step = -J' r,     lambda = 1e-6 .. 100
 /// ```
 ///
-/// for all `lambda` side by side. The best step is taken if its cost is lower. Commands at a limit with an outward gradient are held
-/// (projected Newton); all steps are clamped to limits and rate limits.
+/// for all `lambda` in parallel. The best step is taken if its cost is lower. Commands at a limit with an outward
+/// gradient are fixed (projected Newton); all steps are clamped to limits and rate limits.
 ///
 /// Sources: H. Bharadhwaj, K. Xie and F. Shkurti, *Model-predictive control via cross-entropy and gradient-based
-/// optimization*, L4DC 2020; K. Levenberg, 1944, and D. W. Marquardt, 1963 (damping); D. P. Bertsekas, *Projected Newton
-/// methods for optimization problems with simple constraints*, 1982.
+/// optimization*, L4DC 2020; K. Levenberg, 1944, and D. W. Marquardt, 1963; D. P. Bertsekas, *Projected Newton methods
+/// for optimization problems with simple constraints*, 1982.
 #[derive(Clone, Debug)]
 pub(super) struct GaussNewton {
-    /// Number of commands of a plan.
     len: usize,
-    /// Largest number of residuals of a plan.
     rows: usize,
-    /// `r` first, then a column of `J` for each command.
+    /// `r`, then a column of `J` for each command.
     residuals: Vec<f64>,
-    /// `J'J`, the lower half of what is solved, the gradient and a step.
+    /// `J'J`, the lower triangle of the damped system, the gradient and a step.
     normal: Vec<f64>,
     factor: Vec<f64>,
     gradient: Vec<f64>,
@@ -51,7 +49,7 @@ pub(super) struct GaussNewton {
 }
 
 impl GaussNewton {
-    /// Memory for plans of `horizon` samples; empty where it is not `used`.
+    /// Memory for plans of `horizon` samples; empty if it is not `used`.
     pub(super) fn new(cost: &Cost, horizon: usize, inputs: usize, used: bool) -> Self {
         let len = if used { horizon * inputs } else { 0 };
         let rows = horizon * cost.residuals_of_a_sample(inputs);
@@ -68,8 +66,8 @@ impl GaussNewton {
         }
     }
 
-    /// A step from a plan and its cost: the candidates that were tried, and the cost of the plan now. `y` has room for the
-    /// outputs of 64 candidates.
+    /// A step from a plan: returns the number of candidates and the new cost of the plan. `y` has room for the outputs
+    /// of 64 candidates.
     pub(super) fn step(
         &mut self,
         (session, work): (&dyn Predictor, &mut Workspace),
@@ -113,7 +111,7 @@ impl GaussNewton {
         (tried, best)
     }
 
-    /// Computes `r` and `J` by forward differences; false where they are not finite.
+    /// Computes `r` and `J` by forward differences; false if they are not finite.
     fn differentiate(
         &mut self,
         (session, work): (&dyn Predictor, &mut Workspace),
@@ -151,7 +149,7 @@ impl GaussNewton {
         }
         let (base, columns) = self.residuals.split_at_mut(self.rows);
         for (at, column) in columns.chunks_exact_mut(self.rows).enumerate() {
-            // By shares of half of the range: commands of any unit weigh alike.
+            // Relative to half of the range: commands of any unit weigh alike.
             let inverse = half(moment, at, inputs) / moved(moment, plan, at, inputs);
             for (moved, base) in column.iter_mut().zip(&*base) {
                 *moved = (*moved - base) * inverse;
@@ -160,7 +158,6 @@ impl GaussNewton {
         self.residuals.iter().all(|r| r.is_finite())
     }
 
-    /// `J'J` and `J' r`.
     fn square(&mut self) {
         let (base, columns) = self.residuals.split_at(self.rows);
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
@@ -174,7 +171,7 @@ impl GaussNewton {
         }
     }
 
-    /// Marks the commands that may move: all but those at a limit with an outward gradient.
+    /// Marks the free commands: all but those at a limit with an outward gradient.
     fn hold(&mut self, moment: &PlanningProblem<'_>, plan: &[f64]) {
         let inputs = moment.limits.len();
         for (at, free) in self.free.iter_mut().enumerate() {
@@ -183,7 +180,7 @@ impl GaussNewton {
         }
     }
 
-    /// Solves for the damped step by a Cholesky factorization; false where there is none.
+    /// Solves for the damped step by a Cholesky factorization; false if there is none.
     fn solve(&mut self, damping: f64) -> bool {
         let n = self.len;
         let largest = (0..n).map(|i| self.normal[i * n + i]).fold(0.0, f64::max);
@@ -200,7 +197,7 @@ impl GaussNewton {
                 let (row, other) = (&l[i * n..i * n + j], &l[j * n..j * n + j]);
                 let rest = given - row.iter().zip(other).map(|(a, b)| a * b).sum::<f64>();
                 if i == j {
-                    // NaN is no positive number either.
+                    // NaN is not positive either.
                     if !(rest > 0.0 && rest.is_finite()) {
                         return false;
                     }
@@ -223,7 +220,6 @@ impl GaussNewton {
     }
 }
 
-/// Half of the range of a command of a plan.
 fn half(moment: &PlanningProblem<'_>, at: usize, inputs: usize) -> f64 {
     let limits = &moment.limits[at % inputs];
     0.5 * (limits.high - limits.low)

@@ -9,17 +9,17 @@ pub struct PlannerOptions {
     pub horizon: usize,
     /// Number of candidates in each iteration.
     pub candidates: usize,
-    /// Number of elites, which define the next iteration.
+    /// Number of elites, which determine the next iteration.
     pub elites: usize,
     /// Largest number of iterations.
     pub iterations: usize,
-    /// Share of the previous mean and deviations that is kept in an update, 0 to 1 (smoothing of de Boer et al.).
+    /// Share of the previous mean and deviations in an update, 0 to 1 (smoothing of de Boer et al.).
     pub momentum: f64,
-    /// Initial deviation, in shares of half of the range of each command.
+    /// Initial deviation, relative to half of the range of each command.
     pub deviation: f64,
-    /// Least deviation, in the same shares.
+    /// Minimum deviation, on the same scale.
     pub least_deviation: f64,
-    /// Correlation time of the drawn commands \[s\]. White noise changes sign too fast to move a vessel.
+    /// Correlation time of the random commands \[s\]. White noise changes sign too fast to move a vessel.
     pub correlation_s: f64,
     /// Largest number of Gauss-Newton steps from the best candidate; 0 for none.
     pub gauss_newton_steps: usize,
@@ -28,7 +28,8 @@ pub struct PlannerOptions {
 }
 
 impl PlannerOptions {
-    /// Largest number of commands of a plan (samples times inputs) for Gauss-Newton steps, whose work grows with its cube.
+    /// Largest number of commands of a plan (samples times inputs) for Gauss-Newton steps; their work grows with its
+    /// cube.
     pub const MAX_GAUSS_NEWTON_COMMANDS: usize = 400;
 
     /// A horizon of 20 samples, 350 candidates, 35 elites, 5 iterations, and 2 Gauss-Newton steps.

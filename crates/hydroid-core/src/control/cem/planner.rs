@@ -19,35 +19,35 @@ use crate::predict::{BATCH, Predictor, Workspace};
 ///
 /// # Law
 ///
-/// Each iteration draws `candidates` command sequences with mean `mu` and deviations `s`, clamps them to limits and rate limits, and
-/// moves mean and deviations to the `elites` with the least [`Cost`]:
+/// Each iteration draws `candidates` command sequences with mean `mu` and deviations `s`, clamps them to limits and
+/// rate limits, and moves mean and deviations to the `elites` with the least [`Cost`]:
 ///
 /// ```text
 /// c_k  = mu_k + s_k n_k,    n_k = a n_{k-1} + sqrt(1 - a^2) white,    a = exp(-dt / correlation)
 /// mu  <- m mu + (1 - m) mean(elites),    s <- m s + (1 - m) deviation(elites)
 /// ```
 ///
-/// The mean and the best sequence so far are always among the candidates. The command is the first row of the best sequence. The next
-/// sample starts from this plan, shifted by one sample with its last row repeated, and from the initial deviations.
-/// `gauss_newton_steps` damped Gauss-Newton steps (derivatives by differences, within limits) refine the best sequence.
+/// The mean and the best sequence are always among the candidates. The command is the first row of the best sequence.
+/// The next sample starts from this plan, shifted by one sample with its last row repeated, and from the initial
+/// deviations. `gauss_newton_steps` damped Gauss-Newton steps refine the best sequence.
 ///
-/// Sources: R. Y. Rubinstein and D. P. Kroese, *The Cross-Entropy Method*, 2004; P.-T. de Boer et al., *A tutorial on the
-/// cross-entropy method*, 2005 (smoothing); C. Pinneri et al., *Sample-efficient cross-entropy method for real-time
-/// planning*, 2020 (coloured noise, elites that are kept, shifted plans); Y. Yang et al., *Data efficient reinforcement
-/// learning for legged robots*, 2019 (on learned multi-step dynamics); H. Bharadhwaj, K. Xie and F. Shkurti, *Model-predictive
-/// control via cross-entropy and gradient-based optimization*, 2020 (refinement of the best sequence).
+/// Sources: R. Y. Rubinstein and D. P. Kroese, *The Cross-Entropy Method*, 2004; P.-T. de Boer et al., *A tutorial on
+/// the cross-entropy method*, 2005 (smoothing); C. Pinneri et al., *Sample-efficient cross-entropy method for real-time
+/// planning*, 2020 (coloured noise, kept elites, shifted plans); Y. Yang et al., *Data efficient reinforcement learning
+/// for legged robots*, 2019; H. Bharadhwaj, K. Xie and F. Shkurti, *Model-predictive control via cross-entropy and
+/// gradient-based optimization*, 2020 (refinement).
 ///
 /// # Time
 ///
-/// The callback `stop` is asked after every 64 candidates and after every Gauss-Newton step, and ends the search. The best sequence so
-/// far, at least the shifted plan, is then used. Without a stop, a plan takes `candidates x horizon x iterations` predicted samples, and
-/// each Gauss-Newton step `horizon x inputs + 9` further rollouts. The result depends on the seed alone; a search that a clock ends
-/// depends on the clock.
+/// The callback `stop` can end the search after every 64 candidates and after every Gauss-Newton step; the best
+/// sequence so far, at least the shifted plan, is then used. A complete plan takes `candidates x horizon x iterations`
+/// predicted samples, and each Gauss-Newton step `horizon x inputs + 9` further rollouts. Without a stop, the result
+/// depends on the seed alone.
 ///
 /// # Failure modes
 ///
-/// The planner does not see beyond the horizon: a turn must begin within it. Where no candidate has a finite cost, the shifted plan is
-/// commanded and the status is [`Status::Blind`].
+/// The planner does not account for anything beyond the horizon: a turn must begin within it. If no candidate has a
+/// finite cost, the shifted plan is commanded and the status is [`Status::Blind`].
 #[derive(Clone, Debug)]
 pub struct Planner {
     options: PlannerOptions,
@@ -60,7 +60,6 @@ pub struct Planner {
     correlation: f64,
     noise: Noise,
     gauss_newton: GaussNewton,
-    /// Number of samples without a finite cost.
     blind: usize,
     last: Vec<f64>,
     plan: Vec<f64>,
@@ -74,13 +73,13 @@ pub struct Planner {
     work: Workspace,
 }
 
-/// Time for which the last plan is continued without a finite cost \[s\].
+/// Time for which the last plan continues without a finite cost \[s\].
 const BLIND_S: f64 = 1.0;
 
 /// Result of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plan {
-    /// Cost of the plan; infinite where there is none.
+    /// Cost of the plan; infinite if there is none.
     pub cost: f64,
     /// Number of finished iterations.
     pub iterations: usize,
@@ -115,7 +114,7 @@ impl Planner {
             });
         }
         if limits.is_empty() {
-            let needed = "a plan needs something to command";
+            let needed = "at least one command is needed";
             return Err(ControlError::Setting { what: "the number of limits", value: 0.0, needed });
         }
         cost.check(limits.len(), outputs)?;
@@ -153,7 +152,7 @@ impl Planner {
         Ok(planner)
     }
 
-    /// Resets the plan to commands at rest and the random numbers to the seed.
+    /// Resets the plan to rest and the random numbers to the seed.
     pub fn reset(&mut self) {
         self.noise = Noise::new(self.options.seed);
         self.blind = 0;
@@ -175,12 +174,12 @@ impl Planner {
         self.options.horizon
     }
 
-    /// Plans from `pose` (`[x, y, psi]`) and the present state of `session`; `references` are where to be after 1, 2, ..
-    /// `horizon` samples. `stop` returns true when the time is up.
+    /// Plans from `pose` (`[x, y, psi]`) and the present state of `session`. `references` are the references after 1,
+    /// 2, .. `horizon` samples. `stop` returns true to end the search.
     ///
     /// # Panics
-    /// If `session` has other numbers of outputs and inputs, there are fewer references than the horizon, or `command` has
-    /// not one number for each input.
+    /// If `session` has other numbers of outputs and inputs, there are fewer references than the horizon, or `command`
+    /// has not one number for each input.
     pub fn command(
         &mut self,
         session: &dyn Predictor,
@@ -192,7 +191,7 @@ impl Planner {
         let inputs = self.limits.len();
         assert!(
             session.outputs() == self.outputs && session.inputs() == inputs,
-            "the model that it was made for"
+            "the numbers of outputs and inputs of the planner"
         );
         let references = &references[..self.options.horizon];
         self.shift();
@@ -205,7 +204,7 @@ impl Planner {
         }
         self.blind = if plan.cost.is_finite() { 0 } else { self.blind.saturating_add(1) };
         if self.blind as f64 * self.dt > BLIND_S {
-            // To rest, as fast as rates allow.
+            // To rest, as fast as the rate limits allow.
             for row in self.plan.chunks_exact_mut(inputs) {
                 row.iter_mut().zip(&self.limits).for_each(|(c, to)| *c = 0.0_f64.clamp(to.low, to.high));
             }
@@ -219,9 +218,7 @@ impl Planner {
         plan
     }
 
-    /// Shifts the plan by one sample, within limits from the last command on.
     fn shift(&mut self) {
-        // The last row is repeated.
         self.plan.copy_within(self.limits.len().., 0);
         clamp_to_limits(&mut self.plan, &self.last, &self.limits, self.dt);
     }
@@ -321,7 +318,6 @@ impl Planner {
             }
         }
         let (sin, cos) = Float::sin_cos(psi);
-        // The reference is one sample later than the pose.
         let now = |i: usize| reference.position[i] - self.dt * reference.velocity[i];
         let north = x + self.cost.lookahead * cos - now(0);
         let east = y + self.cost.lookahead * sin - now(1);
@@ -372,11 +368,10 @@ fn learn(
 ) {
     let (inputs, len) = (limits.len(), mean.len());
     let PlannerOptions { elites, momentum, least_deviation, .. } = *options;
-    // Equal costs in the order of the candidates: the same elites whatever the order was before.
+    // Equal costs in the order of the candidates, for the same elites in any previous order.
     let by_cost = |a: &usize, b: &usize| costs[*a].total_cmp(&costs[*b]).then(a.cmp(b));
     order.select_nth_unstable_by(elites - 1, by_cost);
     let best = &mut order[..elites];
-    // Diverged candidates are no elites.
     let finite = best.iter().filter(|k| costs[**k].is_finite()).count();
     if finite < 2 {
         return;

@@ -47,14 +47,14 @@ fn sailed(
     sail(&sea, &mut controller, Mover::Vessel(PathReference::new(0.0, 6.0)), start, 0.0)
 }
 
-/// `T s^2 + (1 + K K_d) s + K K_p` has the poles that were asked for.
+/// `T s^2 + (1 + K K_d) s + K K_p` has the given poles.
 #[test]
 fn the_gains_place_the_poles() {
     let (gain, time, omega, zeta) = (0.03, 1.7, 0.8, 0.9);
     let gains = HeadingGains::nomoto(gain, time, omega, zeta, 2.0);
     assert!(((1.0 + gain * gains.derivative) / time - 2.0 * zeta * omega).abs() < 1e-12);
     assert!((gain * gains.proportional / time - omega * omega).abs() < 1e-12);
-    // A steady turn of the model needs no error.
+    // The feedforward covers a steady turn of the model.
     assert!((gain * gains.turn - 1.0).abs() < 1e-12);
 }
 
@@ -69,7 +69,7 @@ fn a_lawn_mower_is_followed_and_its_speed_kept() {
     assert!(run.iter().filter(|m| m.t > 5.0).all(|m| m.status <= Status::Saturated));
 }
 
-/// The integral of the line of sight takes the drift of a wind across away, that of the speed what it brakes.
+/// The integral of the line of sight compensates cross drift, that of the speed the braking by the wind.
 #[test]
 fn integral_action_rejects_the_wind() {
     let path = Path::legs(&[[0.0, 0.0], [1_000.0, 0.0]]).unwrap();
@@ -84,7 +84,7 @@ fn integral_action_rejects_the_wind() {
     assert!(rms(&run, 200.0, |m| m.speed - m.state.u) < 1e-3);
 }
 
-/// More speed than there is: the integral does not wind up, and the vessel slows down when it shall.
+/// An unreachable speed: the integral does not wind up, and the vessel slows down on demand.
 #[test]
 fn saturation_causes_no_windup() {
     let vessel = VesselParams::simple();

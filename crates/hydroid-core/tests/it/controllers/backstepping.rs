@@ -1,4 +1,5 @@
-//! Backstepping in closed loop on the true plants: Lyapunov function, disturbance estimates, comparison with feedback linearization.
+//! Backstepping in closed loop on the true plants: Lyapunov function, disturbance estimates, comparison with feedback
+//! linearization.
 
 use hydroid_core::actuator::Limits;
 use hydroid_core::control::{
@@ -20,7 +21,7 @@ fn plant(vessel: &VesselParams) -> AffinePlant {
     AffinePlant::new(vessel).unwrap()
 }
 
-/// A circle of the simple vessel, begun half a metre off, under a wind.
+/// A circle of the simple vessel under a wind, with an initial error of half a metre.
 fn windy(controller: &mut dyn Controller, vessel: &VesselParams, wind: [f64; 2], noise: f64) -> Vec<Moment> {
     let path = Path::circle([0.0, 0.0], 10.0, Side::Starboard, 0.0).unwrap();
     let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(1.5)).unwrap();
@@ -47,7 +48,7 @@ const FIXED: BacksteppingOptions = BacksteppingOptions {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// Without adaptation the two laws are one, with `k_p = q + k_1 k_2` and `k_d = k_1 + k_2`.
+    /// `k_p = q + k_1 k_2` and `k_d = k_1 + k_2`.
     #[test]
     fn without_adaptation_the_law_is_feedback_linearization(
         (k_1, k_2, q) in (0.3..2.0f64, 0.3..2.0f64, 0.1..3.0f64),
@@ -102,8 +103,8 @@ proptest! {
     }
 }
 
-/// A wind that is constant north and east turns round the vessel on a circle; it is learned as what it is, and the distance goes
-/// to zero. Without adaptation it leaves `a / k_p`.
+/// A wind that is constant north and east turns around the vessel on a circle. It is estimated, and the distance
+/// converges to zero; without adaptation it is `a / k_p`.
 #[test]
 fn wind_on_a_circle_is_compensated() {
     let vessel = VesselParams::simple();
@@ -120,7 +121,7 @@ fn wind_on_a_circle_is_compensated() {
     assert!(learning.body().iter().all(|b| b.abs() < 0.005), "{:?}", learning.body());
 }
 
-/// A fifth more mass and drag, and no wind: constant in the body frame of a circle, wherever it points.
+/// 20 % more mass and drag: a disturbance that is constant in the body frame on a circle.
 #[test]
 fn model_error_on_a_circle_is_compensated() {
     let vessel = VesselParams::simple();
@@ -140,7 +141,7 @@ fn model_error_on_a_circle_is_compensated() {
     assert!(without > 0.05 && with < 0.001 && weather_alone > 10.0 * with);
 }
 
-/// `dV/dt = -q k_1 |z_1|^2 - k_2 |z_2|^2`: V never rises but for what samples of 0.1 s and the lag of the propeller leave of it.
+/// `dV/dt = -q k_1 |z_1|^2 - k_2 |z_2|^2`, up to the effects of sampling and of the lag of the propeller.
 #[test]
 fn the_lyapunov_function_falls() {
     let mut vessel = VesselParams::simple();
@@ -212,7 +213,7 @@ fn the_hydrofoil_tracks_circles_in_all_modes() {
         };
         let start = under_way(&vessel, &path, &profile, 1.5, 0.5);
         let run = sail(&sea, &mut controller, Mover::Clock(TimedReference::new(&profile)), start, 1.5);
-        // Half a turn until the two disturbances are told apart.
+        // The two disturbances become observable after half a turn.
         let error = rms(&run, 100.0, |m| m.error);
         println!("{speed} m/s: {error:.4} m");
         assert!(error < limit, "{speed} m/s: {error}");
@@ -229,7 +230,7 @@ fn invalid_tasks_are_refused_and_missing_measurements_hold_the_command() {
     };
     assert_eq!(
         make(BacksteppingOptions { weather: -1.0, ..FIXED }).to_string(),
-        "the rate at which weather is learned is -1: 0 or more is needed"
+        "the adaptation gain of the weather is -1: 0 or more is needed"
     );
     assert_eq!(
         make(BacksteppingOptions { position: 0.0, ..FIXED }).to_string(),

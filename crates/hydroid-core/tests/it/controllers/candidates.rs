@@ -21,7 +21,7 @@ fn wild(k: usize) -> f64 {
     (12.9898 * k as f64).sin()
 }
 
-/// Walks over some samples, one of them with an output missing.
+/// Advances a session over some samples, one of them with a missing output.
 fn walk(session: &mut dyn Predictor, samples: usize) {
     for k in 0..samples {
         let missing = if k == 5 { f64::NAN } else { 0.1 * wild(k + 9) };
@@ -73,7 +73,7 @@ fn network(cell: Cell, base: BaseModel, feedback: bool) -> Arc<Recurrent> {
     Arc::new(Recurrent { network, weights, scaling: scaling(), base, feedback, wash_out: 1 })
 }
 
-/// From a session that has moved, and on equations with gates, a lag and ten integration steps in a sample.
+/// With gates, a lag and ten integration steps in a sample, from an advanced session.
 #[test]
 fn batches_of_equations_equal_single_rollouts() {
     for vessel in [VesselParams::simple(), VesselParams::hydrofoil()] {
@@ -81,7 +81,7 @@ fn batches_of_equations_equal_single_rollouts() {
         walk(&mut session, 3);
         side_by_side(&session, 15);
     }
-    // A lag that is not known yet begins at its first command, as alone.
+    // An unknown lag starts at its first command, as in a single rollout.
     let lag = |seconds| vec![Signal::Lag { input: 3, time_constant_s: Real(seconds) }];
     let lagging = |seconds| {
         let (terms, coefficients) = (vec![Term::monomial(&[5])], vec![0.1, 0.0, 0.0]);
@@ -91,11 +91,11 @@ fn batches_of_equations_equal_single_rollouts() {
         session
     };
     let mut work = side_by_side(&lagging(0.5), 4);
-    // One of another lag does not come out as the one that the work was made for.
+    // A workspace of another lag is not reused.
     agree(&lagging(2.0), &mut work, 4);
 }
 
-/// Every cell over every base, also before all outputs were measured.
+/// Every cell with every base, also before all outputs were measured.
 #[test]
 fn batches_of_recurrent_networks_equal_single_rollouts() {
     let below = Arc::new(equations(&VesselParams::simple(), Force::Hidden));
@@ -120,7 +120,7 @@ fn batches_of_recurrent_networks_equal_single_rollouts() {
     }
 }
 
-/// Over a horizon, over less of it, over more than two.
+/// Shorter and longer than the horizon.
 #[test]
 fn batches_of_direct_predictors_equal_single_rollouts() {
     let below = BaseModel::Equations(Arc::new(equations(&VesselParams::hydrofoil(), Force::Hidden)));
@@ -138,7 +138,7 @@ fn batches_of_direct_predictors_equal_single_rollouts() {
     }
 }
 
-/// With the last layer of the moment, and through a guard.
+/// With the present last layer, and through a guard.
 #[test]
 fn batches_of_adapting_direct_predictors_equal_single_rollouts() {
     let below = BaseModel::Equations(Arc::new(equations(&VesselParams::hydrofoil(), Force::Hidden)));
@@ -178,8 +178,8 @@ fn direct_predictors_that_learn(base: BaseModel) {
     }
 }
 
-/// With the weights of the moment: those that a filter, or recursive least squares, has come to; also through a guard, which
-/// draws towards the model from shore.
+/// With the present weights of a filter or of recursive least squares; also through a guard, which bounds the deviation
+/// from the reference model.
 #[test]
 fn batches_of_adapting_sessions_equal_single_rollouts() {
     let model = network(Cell::Gru { hidden: 5 }, BaseModel::Nothing, false);
@@ -221,7 +221,7 @@ fn batches_of_adapting_sessions_equal_single_rollouts() {
     agree(&session, &mut work, 15);
 }
 
-/// What cannot be rolled out side by side comes one by one, and so does a session of another model than the work's.
+/// Models without batched rollouts, and a workspace of another model.
 #[test]
 fn batches_of_other_models_equal_single_rollouts() {
     let past = vec![Signal::Past { variable: 0, samples: 2 }];

@@ -55,8 +55,8 @@ fn planner(settings: PlannerOptions, cost: Cost, limits: &[Limits]) -> Planner {
 
 const WIDE: [Limits; 2] = [Limits::between([-4.0, 4.0]), Limits::between([-1.0, 1.0])];
 
-/// The least of a quadratic form in the first commands, by its normal equations: `u_{k+1} = a u_k + b c_k` exactly as RK4
-/// has it.
+/// The minimum of a quadratic form in the first commands by its normal equations, with `u_{k+1} = a u_k + b c_k`
+/// exactly as in RK4.
 fn optimum(horizon: usize, target: f64) -> f64 {
     let a = 1.0 - DT + DT * DT / 2.0 - DT.powi(3) / 6.0 + DT.powi(4) / 24.0;
     let (b, half, effort, rate) = (1.0 - a, 4.0, 0.02, 0.5);
@@ -118,7 +118,7 @@ fn the_plan_is_the_optimum_of_a_linear_vessel() {
         let rounding = 1.0 - 1e-9;
         assert!([few, many, once, twice].iter().all(|cost| *cost >= rounding * best), "nothing is better");
         assert!(few < 1.7 * best && many < 1.02 * best);
-        // Residuals that are linear in the commands: one step is all the way, but for limits on it.
+        // The residuals are linear in the commands: one step suffices, except for its limits.
         assert!(once < 1.001 * best && twice < 1.00001 * best);
     }
 }
@@ -149,16 +149,16 @@ fn a_plan_depends_on_its_seed_only_and_a_time_limit_returns_the_best_plan() {
     }
 }
 
-/// Between samples the plan moves on: without time for more than a few candidates, and none of them better, what is commanded
-/// is the old plan one sample later, its last row twice. A search from the unshifted plan would command its first row again.
+/// If the time suffices for a few candidates only, and none of them is better, the command is from the last plan,
+/// shifted by one sample with its last row repeated.
 #[test]
 fn the_shifted_plan_is_where_the_next_search_starts() {
     let mut session = linear();
     let (mut work, mut command) = (Workspace::new(), [0.0; 2]);
-    // A search that has converged: nothing that is drawn by a deviation of a hundredth of a percent betters it by much.
+    // A converged search: samples with a deviation of 0.01 % hardly improve it.
     let settings = PlannerOptions { iterations: 60, least_deviation: 1e-4, ..PlannerOptions::new(1) };
     let mut planner = planner(settings, quadratic(), &WIDE);
-    // Faster from sample to sample, so that the commands of the plan differ from row to row.
+    // The reference accelerates, so that the rows of the plan differ.
     let ramp =
         |from: i32| -> Vec<Reference> { (from..from + 20).map(|k| at_speed(0.05 * f64::from(k))).collect() };
     planner.command(&session, [0.0; 3], &ramp(1), &mut || false, &mut command);
@@ -168,14 +168,14 @@ fn the_shifted_plan_is_where_the_next_search_starts() {
     let mut alone = planner.clone();
     let plan = planner.command(&session, [0.0; 3], &ramp(2), &mut || true, &mut command);
     assert_eq!(plan.tried, BATCH);
-    // The same moment without a model that is known: the shifted plan itself.
+    // Without a finite model state, the plan is the shifted plan itself.
     let mut shifted = [0.0; 2];
     let nowhere = [f64::NAN, 0.0, 0.0];
     let blind = alone.command(&session, nowhere, &ramp(2), &mut || true, &mut shifted);
     assert_eq!(blind.status, Status::Blind);
     assert_eq!(alone.plan()[..38], old[2..]);
     assert_eq!(alone.plan()[38..], old[38..]);
-    // It is the first candidate: what is chosen costs no more, and is it where nothing drawn is better.
+    // It is the first candidate: the result costs no more, and equals it if no sample is better.
     let mut y = [0.0; 60];
     let mut cost = |plan: &[f64]| {
         session.rollout(plan, &mut work, &mut y);
@@ -190,7 +190,6 @@ fn the_shifted_plan_is_where_the_next_search_starts() {
     assert!(start < 0.9 * unshifted, "{start} beside {unshifted}");
 }
 
-/// A limit that can be crossed is not, where that is dear.
 #[test]
 fn soft_limits_are_kept_with_large_weights() {
     let session = linear();
@@ -208,7 +207,7 @@ fn soft_limits_are_kept_with_large_weights() {
     assert!(cheap > 0.6 && dear < 0.32, "{cheap} and {dear}");
 }
 
-/// Where the best is at a limit: the step stays there, and moves what may move.
+/// At an optimum on a limit, the step keeps the limit and moves the free commands.
 #[test]
 fn a_gauss_newton_step_keeps_limits_and_never_raises_the_cost() {
     let session = linear();
@@ -231,11 +230,11 @@ fn a_gauss_newton_step_keeps_limits_and_never_raises_the_cost() {
         assert!(speeds.iter().all(|c| (-0.5..=0.6).contains(c)));
     }
     let (_, speeds) = run(4);
-    // 1 m/s is out of reach: all it has, as fast as it may.
+    // 1 m/s is out of reach: the largest command, at the rate limit.
     assert!((speeds[0] - 0.2).abs() < 1e-9 && (speeds[10] - 0.6).abs() < 1e-9, "{speeds:?}");
 }
 
-/// A vessel that drifts to starboard and steers against it goes along its path: nothing of that costs anything.
+/// A vessel that drifts to starboard and steers against it follows its path without cost.
 #[test]
 fn the_cost_uses_the_course_over_ground() {
     // du/dt = dv/dt = 0, dr/dt = c_1 - r.
@@ -256,12 +255,12 @@ fn the_cost_uses_the_course_over_ground() {
     assert!(along < 1e-9 && command[1].abs() < 1e-3, "{along} {command:?}");
     let (heading, _) = plan(0.3, 0.0);
     assert!(heading > 1e-3, "{heading}");
-    // Without way there is no course, and the heading counts.
+    // At zero speed the course is not defined, and the heading counts.
     let (still, _) = plan(0.0, 0.0);
     assert!(still < 1e-9);
 }
 
-/// On the plants themselves as models: circles in all modes, within the lag's reach, with the state told.
+/// With the plants themselves as models: circles in all modes, with a known state.
 #[test]
 #[ignore = "slow tier: .ci/run runs it"]
 fn cem_controls_the_hydrofoil() {
@@ -273,7 +272,7 @@ fn cem_controls_the_hydrofoil() {
     }
 }
 
-/// Root mean square distance from the reference on a circle, with so many steps downhill \[m\].
+/// Root mean square distance from the reference on a circle \[m\].
 fn circled(speed: f64, radius: f64, gauss_newton_steps: usize) -> f64 {
     let vessel = VesselParams::hydrofoil();
     let limits = AffinePlant::limits(&vessel).map(|l| l.with_rate(2.0 * (l.high - l.low)));
@@ -372,7 +371,7 @@ fn invalid_options_are_refused() {
     let limit = SoftLimit { output: 3, range: [0.0, 1.0], weight: 1.0 };
     assert_eq!(
         make(good, Cost { soft_limits: vec![limit], ..quadratic() }),
-        "the output of a limit is 3: there are not so many outputs"
+        "the output of a limit is 3: the model has fewer outputs"
     );
     assert!(Planner::new(good, quadratic(), &WIDE, 2, DT, 1.0).is_err());
     let upside_down = [WIDE[0], Limits::between([1.0, 0.0])];

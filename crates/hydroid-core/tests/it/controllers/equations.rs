@@ -45,7 +45,7 @@ proptest! {
         }
     }
 
-    /// What multiplies an effort is the derivative by it, which equations have from elsewhere.
+    /// `g` equals the derivative of the equations with respect to the efforts.
     #[test]
     fn g_is_the_jacobian_by_the_efforts(u in 0.0..6.0f64, v in -1.0..1.0f64, r in -0.6..0.6f64, p in -100.0..300.0f64, d in -0.5..0.5f64) {
         let equations = equations(&VesselParams::hydrofoil(), Force::Hidden);
@@ -64,7 +64,7 @@ proptest! {
     }
 }
 
-/// The same law on the vessel, on its equations with a hidden lag, and with the force as an output gives the same commands.
+/// The plant, its equations with a hidden lag, and those with the force as an output give the same commands.
 #[test]
 fn commands_do_not_depend_on_how_the_model_is_written() {
     for vessel in &vessels() {
@@ -111,7 +111,7 @@ fn commands_do_not_depend_on_how_the_model_is_written() {
     }
 }
 
-/// A model that learns hands its coefficients on, the lag of a measured force among them.
+/// An adapted model passes its coefficients on, with the lag of a measured force.
 #[test]
 fn adapted_coefficients_are_used() {
     let (vessel, mut heavy) = (VesselParams::simple(), VesselParams::simple());
@@ -137,14 +137,14 @@ fn adapted_coefficients_are_used() {
     assert!(actuators[0] == 33.0 && actuators[1].is_nan());
 }
 
-/// Coefficients whose lag cannot be inverted are refused as a whole: the laws go on as they were.
+/// Coefficients with a lag that cannot be inverted are refused as a whole.
 #[test]
 fn coefficients_that_are_refused_change_nothing() {
     let (vessel, mut heavy) = (VesselParams::simple(), VesselParams::simple());
     heavy.rigid_body.mass *= 1.2;
     let (before, after) = (equations(&vessel, Force::Measured), equations(&heavy, Force::Measured));
     let mut unstable = after.coefficients().to_vec();
-    // The force of the propeller would grow.
+    // The propeller force would grow.
     unstable[3 * after.terms().len()..].iter_mut().for_each(|c| *c = -*c);
     let model = || AffineEquations::new(&before, [0, 1, 2]).unwrap();
     let limits = AffinePlant::limits(&vessel);
@@ -165,7 +165,7 @@ fn coefficients_that_are_refused_change_nothing() {
         law.command(&estimate, &reference, command);
     }
     assert_eq!(commands[0], commands[1]);
-    // And they still learn what can be.
+    // Later updates are possible.
     law.update(|model| model.set_coefficients(after.coefficients())).unwrap();
     let (mut learned, mut fresh) = (law.model().clone(), AffineEquations::new(&after, [0, 1, 2]).unwrap());
     let (mut one, mut two) = (Motion::new(2), Motion::new(2));
@@ -174,7 +174,7 @@ fn coefficients_that_are_refused_change_nothing() {
     assert_eq!((one, learned.channels()), (two, fresh.channels()));
 }
 
-/// `d nu/dt` of so many inputs with one more term in an equation.
+/// The equations with one more term.
 fn with(output: usize, extra: Term, signals: Vec<Signal>) -> Result<AffineEquations, String> {
     let mut terms = vec![Term::monomial(&[0]), Term::monomial(&[3]), Term::monomial(&[0, 4]), extra];
     let mut coefficients = vec![0.0; 12];
@@ -221,7 +221,7 @@ fn terms_that_are_not_affine_are_refused_by_name() {
     let past = vec![Signal::Past { variable: 0, samples: 2 }];
     let told = with(0, Term::monomial(&[5]), past).unwrap_err();
     assert!(told.starts_with("the term lag(PP) of du/dt has past values"), "{told}");
-    // A gate on the speed and a power of it are motion, whatever stands beside.
+    // A gate on the speed and a power of it belong to the motion.
     let speed = Gate { centre: Real(2.5), slope: Real(12.0) };
     let fine = Term::new(vec![
         factor(0, Shape::Power(2)),
@@ -253,7 +253,7 @@ fn outputs_that_are_no_actuators_are_refused() {
     );
     assert_eq!(AffineEquations::new(&equations, [0, 1, 1]).unwrap_err(), NotAffine::Motion);
     assert_eq!(AffineEquations::new(&equations, [0, 1, 7]).unwrap_err(), NotAffine::Motion);
-    // Without the rudder's term one command is left.
+    // Without the term of the rudder one command is left.
     let rudder = equations.terms().iter().position(|term| term.contains(5)).unwrap();
     let told = (0..3)
         .try_fold(equations.coefficients().to_vec(), |mut coefficients, row| {
@@ -265,7 +265,7 @@ fn outputs_that_are_no_actuators_are_refused() {
     assert_eq!(told, Some(NotAffine::TooFewInputs { given: 1 }));
 }
 
-/// The thrust of a propeller by its revolutions, `n |n|`, is inverted by a root.
+/// The thrust `n |n|` of a propeller is inverted by a root.
 #[test]
 fn signed_squares_are_recognised() {
     let terms = vec![

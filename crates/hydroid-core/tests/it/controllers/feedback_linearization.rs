@@ -25,7 +25,7 @@ fn plant(vessel: &VesselParams) -> AffinePlant {
     AffinePlant::new(vessel).unwrap()
 }
 
-/// A circle, begun under way and half a metre off.
+/// A circle, started under way with an error of half a metre.
 fn circle(
     vessel: &VesselParams,
     controller: &mut dyn Controller,
@@ -53,7 +53,7 @@ fn median(mut values: [f64; 3]) -> f64 {
     values[1]
 }
 
-/// An independent implementation, with `k_p = 1`, `k_d = 2`: 0 with clean and 0.0042 m with noisy velocities.
+/// Independent implementation, with `k_p = 1`, `k_d = 2`: 0 with clean and 0.0042 m with noisy velocities.
 #[test]
 fn the_simple_vessel_tracks_its_circle_as_an_independent_implementation_does() {
     let vessel = VesselParams::simple();
@@ -73,7 +73,7 @@ fn the_simple_vessel_tracks_its_circle_as_an_independent_implementation_does() {
     assert!(noisy < 0.0036, "{noisy}");
 }
 
-/// At low speed, in the middle of taking off, and flying, with the model written as equations.
+/// Displacement mode, take-off and foiling, with the model as equations.
 #[test]
 fn the_hydrofoil_tracks_circles_in_all_modes() {
     let vessel = VesselParams::hydrofoil();
@@ -91,7 +91,7 @@ fn the_hydrofoil_tracks_circles_in_all_modes() {
     }
 }
 
-/// What the documentation says of the bandwidth: in the middle of taking off, 3 rad/s are too much for samples of 0.1 s.
+/// The documented limit of the bandwidth: during take-off, 3 rad/s are too much for samples of 0.1 s.
 #[test]
 fn too_high_a_bandwidth_diverges_at_take_off() {
     let vessel = VesselParams::hydrofoil();
@@ -106,14 +106,14 @@ fn too_high_a_bandwidth_diverges_at_take_off() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Without error the law makes the point accelerate as its reference does: by differences along the plant's own equations.
+    /// Without error the point accelerates like its reference, by differences along the equations of the plant.
     #[test]
     fn the_point_accelerates_as_its_reference(
         (u, v, r, psi) in (0.8..3.5f64, -0.3..0.3f64, -0.3..0.3f64, -4.0..4.0f64),
         (north, east) in (-0.15..0.15f64, -0.15..0.15f64), ahead in 0.6..2.0f64, foil in any::<bool>(),
     ) {
         let mut vessel = if foil { VesselParams::hydrofoil() } else { VesselParams::simple() };
-        // So quick that the force is the command.
+        // The force follows the command immediately.
         vessel.propeller.lag = 1e-3;
         vessel.commands.propeller.limits = [-3e3, 3e3];
         let point = |s: &State| [s.x + ahead * s.psi.cos(), s.y + ahead * s.psi.sin()];
@@ -142,7 +142,7 @@ proptest! {
         }
     }
 
-    /// Whatever it is told, and with limits that are too tight for anything.
+    /// For any estimate, and with very tight limits.
     #[test]
     fn commands_keep_their_limits_and_failures_have_a_status(
         seed in 0u64..1000, speed in 0.2..6.0f64, radius in 3.0..40.0f64, tight in 0.05..1.0f64, rate in 0.05..5.0f64,
@@ -208,14 +208,14 @@ fn a_lawn_mower_from_rest_is_tracked() {
     assert!(singular < 0.1, "singular at {singular} m/s");
     let top = run.iter().map(|m| m.state.u).fold(0.0, f64::max);
     assert!(top > 3.5, "through both modes: {top} m/s");
-    // Where the curvature jumps the yaw takes its time.
+    // The yaw is delayed at jumps of the curvature.
     let worst = run.iter().map(|m| m.error).fold(0.0, f64::max);
     let usual = rms(&run, 5.0, |m| m.error);
     println!("worst {worst:.3} m, root mean square {usual:.4} m");
     assert!(worst < 0.5 && usual < 0.1);
 }
 
-/// Without a clock: the reference is the foot of the point, and goes where the vessel goes.
+/// Without time: the reference is the projection of the point onto the path.
 #[test]
 fn a_path_is_followed_at_the_speeds_that_its_turns_allow() {
     let vessel = VesselParams::simple();
@@ -250,7 +250,7 @@ fn a_path_is_followed_at_the_speeds_that_its_turns_allow() {
     assert!((slow - 1.0).abs() < 0.05, "{slow} m/s in the turns");
 }
 
-/// A constant push leaves `a / k_p`, and nothing with the integral.
+/// A constant disturbance causes an error of `a / k_p`, and none with the integral.
 #[test]
 fn the_integral_rejects_the_wind() {
     let vessel = VesselParams::simple();
@@ -285,7 +285,7 @@ fn the_integral_rejects_the_wind() {
     assert!(with < 1e-4, "{with}");
 }
 
-/// A limit that is too low for the reference winds the integral up without bound, were it not told.
+/// A limit below the demand of the reference would wind the integral up without back-calculation.
 #[test]
 fn saturation_causes_no_windup() {
     let vessel = VesselParams::simple();
@@ -293,7 +293,7 @@ fn saturation_causes_no_windup() {
     let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(2.0)).unwrap();
     let settings = FeedbackLinearizationOptions { integral: 0.3, ..FeedbackLinearizationOptions::new(1.0) };
     let mut controller = law(plant(&vessel), &vessel, settings);
-    // Two minutes of a reference that is 30 m ahead, then one where the vessel is.
+    // Two minutes of a reference 30 m ahead, then one at the vessel.
     let mut command = [0.0; 2];
     let estimate = Estimate { eta: [0.0; 3], nu: [1.5, 0.0, 0.0], actuators: &[] };
     let pose = path.at(30.0);

@@ -1,4 +1,5 @@
-//! Closed loops on the true plants: commands held over samples of 0.1 s, RK4 steps of 10 ms, noisy velocities, exact pose.
+//! Closed loops on the true plants: commands held over samples of 0.1 s, RK4 steps of 10 ms, noisy velocities, exact
+//! pose.
 
 use hydroid_core::control::{Controller, Estimate, Status};
 use hydroid_core::guidance::{Path, PathReference, SpeedProfile, TimedReference};
@@ -24,7 +25,6 @@ impl Noise {
     }
 }
 
-/// How the reference moves.
 pub(crate) enum Mover {
     Clock(TimedReference),
     Vessel(PathReference),
@@ -35,12 +35,11 @@ pub(crate) struct Sea<'a> {
     pub(crate) path: &'a Path,
     pub(crate) profile: &'a SpeedProfile,
     pub(crate) duration_s: f64,
-    /// Scale of the vessel's noise.
     pub(crate) noise: f64,
     pub(crate) seed: u64,
     /// Acceleration by wind, north and east \[m/s^2\].
     pub(crate) wind: [f64; 2],
-    /// Whether a measured force is told.
+    /// Whether the force is measured.
     pub(crate) force: bool,
 }
 
@@ -48,11 +47,11 @@ pub(crate) struct Sea<'a> {
 pub(crate) struct Moment {
     pub(crate) t: f64,
     pub(crate) state: State,
-    /// Distance of the point ahead from its reference \[m\].
+    /// Distance of the lookahead point from its reference \[m\].
     pub(crate) error: f64,
-    /// Of the point, to starboard of the path \[m\].
+    /// Cross-track error of the point, to starboard \[m\].
     pub(crate) cross_track: f64,
-    /// Speed asked for \[m/s\].
+    /// Reference speed \[m/s\].
     pub(crate) speed: f64,
     pub(crate) status: Status,
     pub(crate) command: [f64; 2],
@@ -64,7 +63,7 @@ pub(crate) fn rms(run: &[Moment], from: f64, of: impl Fn(&Moment) -> f64) -> f64
     (late.iter().sum::<f64>() / late.len() as f64).sqrt()
 }
 
-/// A run from a state. What is on the path is a point `ahead` metres ahead of the origin.
+/// A run from a state. The path is for the point `ahead` metres ahead of the origin.
 pub(crate) fn sail(
     sea: &Sea<'_>,
     controller: &mut dyn Controller,
@@ -114,7 +113,7 @@ pub(crate) fn sail(
     run
 }
 
-/// A state whose point ahead is `off` metres outside of the start of the path, under way at the speed asked for there.
+/// A state at the reference speed whose point is `off` metres outside of the start of the path.
 pub(crate) fn under_way(
     vessel: &VesselParams,
     path: &Path,

@@ -11,8 +11,8 @@ use crate::controllers::helm::{DT, Noise, under_way};
 
 const AHEAD: f64 = 1.5;
 
-/// Root mean square of the cross-track error of the point from `from_s` on, and the share of samples that were lost or worse;
-/// on a lawn-mower in water that moves.
+/// Root mean square of the cross-track error of the point from `from_s` on, and the share of samples with the status
+/// lost or worse, on a lawn-mower path in a current.
 fn mow(
     vessel: &VesselParams,
     current: [f64; 2],
@@ -30,7 +30,6 @@ fn mow(
     controller.reset();
     while t < until_s {
         let (sin, cos) = state.psi.sin_cos();
-        // Velocities over ground.
         let nu = [
             state.u + current[0] * cos + current[1] * sin + vessel.noise.u * noise.normal(),
             state.v + current[1] * cos - current[0] * sin + vessel.noise.v * noise.normal(),
@@ -76,8 +75,8 @@ fn heavier(vessel: &VesselParams) -> VesselParams {
     heavy
 }
 
-/// 20 % more mass and a current of 0.3 m/s, from the first second on and from any side: at least 20 % less cross-track error than
-/// the base in the median over seeds, and never more than 1.2 times as much.
+/// 20 % more mass and a current of 0.3 m/s from any side: at least 20 % less cross-track error than the base in the
+/// median over seeds, and never more than 1.2 times as much.
 #[test]
 fn with_more_mass_and_a_current_it_is_better_than_its_base() {
     for (name, vessel) in [("simple", VesselParams::simple()), ("hydrofoil", VesselParams::hydrofoil())] {
@@ -105,7 +104,6 @@ fn with_more_mass_and_a_current_it_is_better_than_its_base() {
     }
 }
 
-/// Where the model is right there is nothing to learn, and little is lost.
 #[test]
 fn with_the_true_model_the_augmentation_costs_little() {
     let vessel = VesselParams::simple();
@@ -122,7 +120,7 @@ fn with_the_true_model_the_augmentation_costs_little() {
     assert!(ratios[4] < 1.05 && ratios[8] < 1.5, "{ratios:?}");
 }
 
-/// Before it has learned anything it is its base; gaps in what is measured are none to learn from; and a reset forgets.
+/// The initial law is the base, gaps in the measurements are not learned, and a reset clears the network.
 #[test]
 fn the_initial_augmentation_is_zero_and_reset_restores_it() {
     let vessel = VesselParams::simple();

@@ -4,12 +4,12 @@
 use hydroid_core::model::sparse::{Equations, Factor, Gate, Real, Shape, Signal, Term};
 use hydroid_core::vessel::{RudderLaw, VesselParams};
 
-/// How the propeller's force is known to the equations.
+/// Form of the propeller force in the equations.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Force {
     /// A hidden lag of the command.
     Hidden,
-    /// An output of its own, the fourth.
+    /// The fourth output.
     Measured,
 }
 
@@ -33,7 +33,7 @@ pub fn equations(vessel: &VesselParams, force: Force) -> Equations {
     library.push(Term::monomial(&[thrust]));
     library.push(Term::new(vec![f(0, one), f(rd, rudder)]));
 
-    // Forces of each term, before the inverse of the mass matrix; `C` is that of the normal mode in both modes.
+    // Forces of each term, before the inverse of the mass matrix; `C` is that of displacement mode in both modes.
     let (body, added) = (&vessel.rigid_body, &vessel.added_mass);
     let mass = |k: f64| {
         let m23 = body.mass * body.x_g - k * added.y_rdot;
