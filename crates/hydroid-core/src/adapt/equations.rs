@@ -20,7 +20,6 @@ use crate::predict::{Predictor, Workspace};
 /// Equations with the same terms, which share a regressor and a covariance.
 #[derive(Clone, Debug)]
 struct Group {
-    /// Positions of the terms in the program.
     terms: Vec<usize>,
     outputs: Vec<usize>,
     /// Index of the first weight of each output.
@@ -57,11 +56,9 @@ pub struct RecursiveEquations {
     inflation: f64,
     outcome: Outcome,
     innovations: Vec<Innovation>,
-    /// In the order of the session's places.
     weights: Vec<f64>,
 }
 
-/// The library over the current interval.
 #[derive(Clone, Debug)]
 struct Library {
     program: Program,
@@ -71,9 +68,8 @@ struct Library {
     start: Vec<f64>,
     /// Whether each of them is constant over the interval.
     holds: Vec<bool>,
-    /// Whether all outputs of the last sample were measured.
     known: bool,
-    /// Whether a command was given after the last sample.
+    /// Whether the last sample was complete, and whether a command was given after it.
     held: bool,
     seen: usize,
     phi: Vec<f64>,
@@ -207,7 +203,6 @@ impl RecursiveEquations {
         self.session.equations()
     }
 
-    /// Without the computation of standard deviations.
     pub(super) fn without_deviations(self) -> Self {
         Self { prediction_variance: None, ..self }
     }
@@ -216,7 +211,7 @@ impl RecursiveEquations {
         self.session.clone()
     }
 
-    /// Adds a measurement to the window and returns whether a row is complete.
+    /// Returns whether a row is complete.
     fn collect(&mut self, y: &[f64]) -> bool {
         let Library { program, inverse, slots, start, holds, known, held, seen, phi, z } = &mut self.library;
         *seen = seen.saturating_add(1);
@@ -278,7 +273,6 @@ impl RecursiveEquations {
         outcome
     }
 
-    /// Copies the coefficients of the regression to the session.
     fn publish(&mut self) {
         for group in &self.groups {
             let n = group.terms.len();
@@ -298,7 +292,6 @@ impl RecursiveEquations {
         }
     }
 
-    /// Copies the coefficients of the session to the regression.
     fn adopt(&mut self) {
         self.session.weights(&mut self.weights);
         self.update_prediction_variance();
@@ -338,7 +331,6 @@ fn unit_columns(r_factor: &[f64], terms: usize) -> Option<(Vec<f64>, Vec<f64>)> 
     Some((norms, unit))
 }
 
-/// The equations with a coefficient, zero where absent, at each adapted place.
 fn adaptable(equations: &Equations, places: &[usize]) -> Result<Equations, RecursiveOptionsError> {
     let mut ones = vec![0.0; equations.coefficients().len()];
     for &place in places {

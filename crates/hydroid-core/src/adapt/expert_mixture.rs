@@ -46,7 +46,6 @@ pub struct ExpertMixtureOptions {
 /// Maximum length of the stored snapshots and commands.
 const MOST_NUMBERS: usize = 1 << 26;
 
-/// Number of comparisons in one horizon.
 const CHECKS: usize = 10;
 
 /// Exponent of the loss in the weights: a 26 % larger loss halves the weight.
@@ -66,7 +65,6 @@ const WORST: f64 = 25.0;
 pub struct ExpertMixture {
     experts: Vec<RecursiveEquations>,
     mixture: ParametricSession,
-    /// Losses of the experts, the reference coefficients, and zero coefficients.
     losses: Vec<f64>,
     expert_weights: Vec<f64>,
     inverse: Vec<f64>,
@@ -76,7 +74,6 @@ pub struct ExpertMixture {
     frozen: bool,
 }
 
-/// Snapshots of the experts and commands over the last horizon.
 #[derive(Clone, Debug)]
 struct Past {
     horizon: usize,
@@ -84,7 +81,6 @@ struct Past {
     trial: ParametricSession,
     /// Ring of snapshots, `checks x experts x snapshot`.
     snapshots: Vec<f64>,
-    /// Ring of commands, `horizon x inputs`.
     commands: Vec<f64>,
     /// Samples since the last missing measurement.
     seen: usize,

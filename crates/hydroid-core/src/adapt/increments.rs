@@ -25,7 +25,6 @@ pub(super) struct Increments {
     stride: usize,
     dt: f64,
     starts: Vec<f64>,
-    /// Sum of the library over each block.
     sums: Vec<f64>,
     /// Index of the incomplete block, the number of its intervals, and the number of complete blocks.
     current: usize,

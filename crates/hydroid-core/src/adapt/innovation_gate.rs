@@ -59,7 +59,6 @@ pub(super) const LARGEST_SHARE: f64 = 0.1;
 /// Bound on the leverage in the test. A spike enlarges the regressor and would otherwise pass its own test.
 const MOST_LEVERAGE: f64 = 1.0;
 
-/// Noise variance of the rows and the gate.
 #[derive(Clone, Debug)]
 pub(super) struct Noise {
     gate: InnovationGate,
@@ -69,7 +68,6 @@ pub(super) struct Noise {
     streak: usize,
     /// Maximum number of consecutive outliers from one faulty sample.
     longest: usize,
-    /// Rate of the noise estimate in steady state.
     rate: f64,
 }
 

@@ -42,7 +42,6 @@ use super::ud_factor::UdFactor;
 pub struct RecursiveLeastSquares {
     factor: UdFactor,
     initial: Vec<f64>,
-    /// Coefficients, `targets x n`.
     theta: Vec<f64>,
     prior: Vec<f64>,
     information: f64,
@@ -97,7 +96,6 @@ impl RecursiveLeastSquares {
         self.factor.memory_len() + self.theta.len() + 1
     }
 
-    /// Writes covariance, coefficients and the index of the next restoration.
     pub(super) fn save(&self, into: &mut Writer<'_>) {
         self.factor.save(into);
         into.numbers(&self.theta);
@@ -233,7 +231,6 @@ fn numbers(factor: &UdFactor) -> Vec<f64> {
     numbers
 }
 
-/// `theta += e gain`.
 fn add(theta: &mut [f64], e: f64, gain: &[f64]) {
     for (theta, gain) in theta.iter_mut().zip(gain) {
         *theta += e * gain;

@@ -10,7 +10,6 @@ impl<'a> Writer<'a> {
         Self(into)
     }
 
-    /// The next `len` numbers, to be filled by the caller.
     pub(super) fn part(&mut self, len: usize) -> &'a mut [f64] {
         let (part, rest) = core::mem::take(&mut self.0).split_at_mut(len);
         self.0 = rest;

@@ -26,7 +26,6 @@ pub struct RecursiveOptions {
 /// Maximum length of a window or horizon \[samples\].
 pub(super) const MOST_SAMPLES: usize = 1_000_000;
 
-/// Maximum number of experts of a mixture.
 pub(super) const MOST_EXPERTS: usize = 16;
 
 /// Maximum weight of a prior \[rows\] and of its inverse, with finite squares.
@@ -87,7 +86,6 @@ impl core::fmt::Display for RecursiveOptionsError {
 impl core::error::Error for RecursiveOptionsError {}
 
 impl RecursiveOptions {
-    /// Checks the options for equations and the ranges of their outputs and inputs.
     pub(super) fn check(
         &self,
         equations: &Equations,

@@ -13,9 +13,7 @@ use crate::predict::{Predictor, Workspace};
 #[derive(Clone, Debug)]
 pub struct ParametricSession {
     session: EquationsSession,
-    /// Coefficients, `outputs x terms`.
     coefficients: Vec<f64>,
-    /// Indices of the adapted coefficients in `outputs x terms`.
     places: Vec<usize>,
 }
 
@@ -30,7 +28,6 @@ impl ParametricSession {
         self.session.equations()
     }
 
-    /// See [`Equations::load`].
     pub(super) fn load(&self, c: &[f64], slots: &mut [f64]) {
         self.session.equations().load(self.session.state(), c, slots);
     }
@@ -52,7 +49,6 @@ impl ParametricSession {
         &self.places
     }
 
-    /// Copies the adapted coefficients, in the order of the places.
     pub(super) fn weights(&self, into: &mut [f64]) {
         assert_eq!(into.len(), self.places.len(), "one number for each place");
         for (weight, &place) in into.iter_mut().zip(&self.places) {

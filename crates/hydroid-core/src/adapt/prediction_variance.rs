@@ -26,7 +26,6 @@ use crate::model::sparse::{Equations, EquationsError, Sensitivity};
 /// Bound on the normalized error in the variance estimate, which limits the effect of a faulty sample.
 const FARTHEST: f64 = 5.0;
 
-/// Online estimate of the one-step errors, and the sensitivities of the rollout.
 #[derive(Clone, Debug)]
 pub(super) struct PredictionVariance {
     sensitivity: Sensitivity,
@@ -35,7 +34,6 @@ pub(super) struct PredictionVariance {
     count: usize,
     /// Samples since the last measurement of each output.
     age: Vec<usize>,
-    /// Rate of the variance estimate in steady state.
     rate: f64,
 }
 

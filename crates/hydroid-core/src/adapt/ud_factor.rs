@@ -23,7 +23,6 @@ use super::memory::{Reader, Writer};
 pub struct UdFactor {
     columns: Vec<f64>,
     d: Vec<f64>,
-    /// `f = U' phi` of the projected regressor.
     f: Vec<f64>,
     gain: Vec<f64>,
     arch: Arch,

@@ -24,8 +24,8 @@ const HOLD_S: f64 = 1.0;
 /// ```
 ///
 /// `a` is measured or predicted from the commands. The inverse amplifies demand and sensor noise by `1 / (1 - e)`, ten
-/// for a sample of a tenth of the lag; `response` \[s\] gives the actuator more than one sample. (A demand on the *mean*
-/// effort over a sample would oscillate: each sample reduces the previous overshoot by the factor `e` only.)
+/// for a sample of a tenth of the lag; `response` \[s\] gives the actuator more than one sample. (A demand on the
+/// *mean* effort over a sample would oscillate: each sample reduces the previous overshoot by the factor `e` only.)
 ///
 /// Assumption: the lag is known. A wrong lag causes wrong efforts until the feedback settles; in equilibrium `a = c`.
 #[derive(Clone, Debug, PartialEq)]

@@ -19,7 +19,6 @@ use crate::model::recurrent::{Cell, Network, Packed};
 /// north-east frame from those in the body frame.
 const INPUTS: usize = 5;
 
-/// Decay of the evidence per window.
 const EVIDENCE_DECAY: f64 = 0.95;
 
 /// Evidence, in squares of the noise, above which the correction is applied. A network fitted to noise alone stays
@@ -116,7 +115,6 @@ pub struct AdaptiveAugmentation<M> {
     x: Vec<f64>,
 }
 
-/// Sums over the present window.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Window {
     samples: usize,
@@ -216,7 +214,6 @@ impl<M: Affine> AdaptiveAugmentation<M> {
         self.predicted
     }
 
-    /// Learns from a finished window and predicts the next.
     fn learn(&mut self, nu: [f64; 3], velocity: [f64; 2]) {
         let Window { samples, begin, modelled, heading } = self.window;
         let count = samples as f64;

@@ -103,13 +103,10 @@ impl core::error::Error for NotAffine {}
 pub(super) struct Part {
     pub(super) row: usize,
     pub(super) channel: Option<usize>,
-    /// Index in [`AffineForm::terms`].
     pub(super) term: usize,
-    /// Index in the table of coefficients.
     pub(super) place: usize,
 }
 
-/// Equations in affine form.
 pub(super) struct AffineForm {
     pub(super) parts: Vec<Part>,
     /// Terms in `u`, `v`, `r` (variables 0, 1, 2).
@@ -219,7 +216,6 @@ pub(super) fn affine_form(equations: &Equations, motion: [usize; 3]) -> Result<A
     Ok(found)
 }
 
-/// Whether the equations of motion depend on an output.
 fn is_used(equations: &Equations, motion: [usize; 3], output: usize) -> bool {
     let Ok(variable) = u16::try_from(output) else { return true };
     let terms = || equations.terms().iter().enumerate();

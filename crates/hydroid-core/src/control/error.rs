@@ -69,7 +69,6 @@ impl core::fmt::Display for ControlError {
 
 impl core::error::Error for ControlError {}
 
-/// `value`, if it is finite and at least `least`.
 pub(super) fn at_least(what: &'static str, value: f64, least: f64) -> Result<f64, ControlError> {
     if value.is_finite() && value >= least {
         Ok(value)
@@ -78,7 +77,6 @@ pub(super) fn at_least(what: &'static str, value: f64, least: f64) -> Result<f64
     }
 }
 
-/// `value`, if it is finite and greater than 0.
 pub(super) fn positive(what: &'static str, value: f64) -> Result<f64, ControlError> {
     if value.is_finite() && value > 0.0 {
         Ok(value)

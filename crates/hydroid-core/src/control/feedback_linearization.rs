@@ -172,7 +172,6 @@ impl<M: Affine> FeedbackLinearization<M> {
         self.point.dt()
     }
 
-    /// Velocity of the point, north and east.
     pub(super) fn velocity(&self, estimate: &Estimate<'_>) -> [f64; 2] {
         self.point.velocity(estimate)
     }

@@ -121,7 +121,6 @@ impl<M: Affine> LookaheadPoint<M> {
         self.actuators.reset();
     }
 
-    /// Holds the last commands, then brings them to rest.
     pub(super) fn hold(&mut self, command: &mut [f64]) -> Status {
         self.actuators.hold(command);
         Status::Blind

@@ -16,7 +16,6 @@ impl Noise {
         Self { state: seed, spare: None }
     }
 
-    /// In `(0, 1]`.
     fn uniform(&mut self) -> f64 {
         self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.state;

@@ -221,7 +221,6 @@ impl SaveState for Guard {
         self.selector.save(&mut into);
         into.numbers(&self.command);
         into.numbers(self.motion.as_flattened());
-        // Exact up to 2^53.
         into.numbers(&[self.sample as f64]);
         for count in [self.pause, self.until_snapshot, self.next_pause] {
             into.count(count);

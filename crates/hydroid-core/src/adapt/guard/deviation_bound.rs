@@ -43,7 +43,6 @@ pub(super) struct Budget {
 }
 
 impl Budget {
-    /// The reference model alone.
     pub(super) const NONE: Self = Self {
         limit: 0.0,
         supported_from: f64::INFINITY,
@@ -52,7 +51,6 @@ impl Budget {
         motion_check: false,
     };
 
-    /// Length of the flat form.
     pub(super) const LEN: usize = 5;
 
     pub(super) fn numbers(self) -> [f64; Self::LEN] {
@@ -70,7 +68,6 @@ impl Budget {
 
 /// Deviation of a prediction from the reference model, with its size if the prediction is projected.
 enum Deviation {
-    /// Within the limit.
     Within,
     /// Large and supported by shadow tests.
     Supported,
@@ -80,7 +77,6 @@ enum Deviation {
     Rejected(f64),
 }
 
-/// Comparison of predictions with the reference model.
 #[derive(Clone, Debug)]
 pub(super) struct DeviationBound {
     /// Predictions are compared within `horizon` steps, over the last `stride` of them \[samples\].
@@ -172,7 +168,6 @@ pub(super) fn estimate_motion(rows: &[f64], motion: &mut Motion) {
     let count = rows.len() / n / 2;
     let (before, late) = rows.split_at(count * n);
     for (i, into) in motion.iter_mut().enumerate() {
-        // Mean value and mean time \[samples since the first row\].
         let mean = |rows: &[f64]| {
             let (mut value, mut time, mut measured) = (0.0, 0.0, 0_usize);
             for (k, y) in rows.iter().skip(i).step_by(n).enumerate().filter(|(_, y)| !y.is_nan()) {
@@ -196,7 +191,6 @@ pub(super) fn extrapolate(motion: &mut Motion) {
     }
 }
 
-/// Predictions of a model, bounded by the reference model.
 pub(super) struct BoundedRollout<'a> {
     pub(super) bound: &'a DeviationBound,
     pub(super) budget: Budget,
@@ -206,7 +200,6 @@ pub(super) struct BoundedRollout<'a> {
 }
 
 impl BoundedRollout<'_> {
-    /// [`Predictor::rollout`].
     pub(super) fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
         let (beside, [of_model, of_reference]) = work.take_pair(y.len());
         if self.budget == Budget::NONE {
@@ -217,7 +210,6 @@ impl BoundedRollout<'_> {
         self.bound.project(y, beside, self.budget, self.motion);
     }
 
-    /// [`Predictor::rollout_batch`].
     pub(super) fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
         let (beside, [of_model, of_reference]) = work.take_pair(y.len());
         if self.budget == Budget::NONE {

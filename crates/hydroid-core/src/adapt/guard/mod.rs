@@ -107,7 +107,6 @@ pub struct Guard {
     measured: Vec<f64>,
     reference_input: Vec<f64>,
     command: Vec<f64>,
-    /// Motion of the vessel ([`deviation_bound`]).
     motion: Vec<[f64; 2]>,
     expected: [Vec<f64>; 3],
     buffers: [Vec<f64>; 2],

@@ -68,7 +68,6 @@ const LOSS_RATIO: f64 = 2.0;
 const MAX_LOSS: f64 = 8.0;
 const ROLLBACK_LOSS: f64 = 40.0;
 
-/// Selects the model that predicts and sets its budget.
 #[derive(Clone, Debug)]
 pub(super) struct ModelSelector {
     pub(super) active: Expert,
@@ -99,7 +98,6 @@ pub(super) struct ModelSelector {
     slope: f64,
     /// Recent cost beyond the budget, as a share of the account.
     overdraft: f64,
-    /// Accumulated loss of the learner.
     learner_loss: f64,
 }
 
@@ -231,7 +229,6 @@ impl ModelSelector {
             self.confirmed = right;
             self.trust += TRUST_GAIN * (f64::from(u8::from(right)) - self.trust);
         }
-        // Without measurements the last error is kept.
         let end = self.stride_errors.len() - 1;
         let near = if tested.stride[baseline].is_finite() {
             tested.stride[baseline]

@@ -58,7 +58,6 @@ impl GuardOptions {
         }
     }
 
-    /// Whether all options are in range.
     pub(super) fn is_sound(&self) -> bool {
         let positive =
             [self.horizon, self.stride, self.window, self.record, self.patience, self.snapshot_interval];

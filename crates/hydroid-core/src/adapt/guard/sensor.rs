@@ -90,8 +90,8 @@ pub(super) struct Sensor {
     last: f64,
     repeats: usize,
     longest: usize,
-    /// The last change of the measurement, and the last change before a rejected series: a return from an outlier is
-    /// not compared with another outlier.
+    /// The last change of the measurement, and the last change before a rejected series: the return from
+    /// an outlier does not hide the next outlier.
     step: f64,
     calm: f64,
     /// The last change of the change: an outlier on a smooth acceleration is isolated as well.

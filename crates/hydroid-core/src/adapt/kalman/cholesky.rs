@@ -19,7 +19,6 @@ pub(super) struct Cholesky {
 }
 
 impl Cholesky {
-    /// Has room for a matrix of at most `most` rows.
     pub(super) fn new(most: usize) -> Self {
         Self { count: 0, lower: vec![0.0; most * most] }
     }
@@ -52,7 +51,6 @@ impl Cholesky {
         if i < j { 0.0 } else { self.lower[i * self.count + j] }
     }
 
-    /// `rows <- L^-1 rows`.
     #[inline(always)]
     pub(super) fn forward(&self, rows: &mut [f64], columns: usize) {
         for i in 0..self.count {
@@ -99,7 +97,6 @@ pub(super) fn transpose(rows: usize, columns: usize, matrix: &[f64], into: &mut 
     }
 }
 
-/// Sets rows and columns of a symmetric matrix to zero, and their diagonal to a number.
 pub(super) fn reset_rows(matrix: &mut [f64], part: Range<usize>, diagonal: f64) {
     let n = matrix.len().isqrt();
     for i in part {

@@ -125,7 +125,6 @@ impl<M: Learnable> Filter<M> {
         core::mem::replace(&mut self.noise_scale, factor)
     }
 
-    /// `Q_h`.
     pub(super) fn state_noise(&self) -> f64 {
         self.options.state_noise
     }

@@ -21,9 +21,8 @@ pub(super) struct MeasurementUpdate {
     pub(super) predicted: Vec<f64>,
     /// `e = z - y` of all outputs; NaN if missing.
     pub(super) innovation: Vec<f64>,
-    /// Diagonal of `S`.
+    /// Diagonals of `S` and of the scaled `R`.
     pub(super) variance: Vec<f64>,
-    /// Diagonal of `R`, after scaling.
     pub(super) noise: Vec<f64>,
     pub(super) measured: Vec<usize>,
     /// `L`.

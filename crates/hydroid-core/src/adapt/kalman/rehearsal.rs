@@ -83,7 +83,6 @@ impl Rehearsal {
         Some((&mut self.states[stored * n..(stored + 1) * n], rows.map(move |row| row.split_at_mut(inputs))))
     }
 
-    /// Goes back to the start of the present window.
     pub(super) fn begin_window(&mut self) {
         self.position -= self.position % self.options.samples;
         self.since = 0;

@@ -13,9 +13,9 @@ use crate::predict::Predictor;
 /// backwards,
 ///
 /// ```text
-/// y_j = b(y_{j-1}) + scale . g(h_j):    l_h += (dg/dh)' scale l_y,    l_theta += (dg/dtheta)' scale l_y,
-///                                       l_y stays if b(y) = y, and becomes zero otherwise
-/// h_j = f(h_{j-1}, x_{j-1}):            l_h <- (df/dh)' l_h,   l_theta += (df/dtheta)' l_h,   l_y += (df/dz)' l_h / scale_y
+/// y_j = b(y_{j-1}) + scale . g(h_j):   l_h += (dg/dh)' scale l_y,    l_theta += (dg/dtheta)' scale l_y,
+///                                      l_y stays if b(y) = y, and becomes zero otherwise
+/// h_j = f(h_{j-1}, x_{j-1}):           l_h <- (df/dh)' l_h,  l_theta += (df/dtheta)' l_h,  l_y += (df/dz)' l_h / scale_y
 /// ```
 #[derive(Clone, Debug)]
 pub(super) struct RolloutGradient {
@@ -26,7 +26,6 @@ pub(super) struct RolloutGradient {
     scratch: Vec<f64>,
     adjoint: Vec<f64>,
     by_input: Vec<f64>,
-    /// Contribution of one step.
     step_state: Vec<f64>,
     step_weights: Vec<f64>,
     /// The adjoints: `state x outputs`, `weights x outputs`, `outputs x outputs`.
@@ -82,7 +81,6 @@ impl RolloutGradient {
         true
     }
 
-    /// Gradients of the outputs after `horizon` steps of the rollout, in physical units.
     pub(super) fn back_propagate(&mut self, session: &RecurrentSession, horizon: usize) {
         let (model, packed) = (session.model(), session.packed());
         let (q, m) = (model.outputs(), model.inputs());

@@ -63,9 +63,7 @@ pub struct DirectLastLayer {
     errors: Vec<f64>,
     /// Prediction of the base equations for the targets, if any.
     base_targets: Vec<f64>,
-    /// Error variance of each target (scaled).
     variance: Vec<f64>,
-    /// Number of errors of each target.
     seen: Vec<usize>,
     /// `S / R = 1 + phi' P phi` of the last window.
     s_over_r: f64,
@@ -169,7 +167,6 @@ impl DirectLastLayer {
         self.seen[number] >= FEWEST_WINDOWS
     }
 
-    /// Updates the weights with the window that the present sample completes.
     fn learn(&mut self) {
         self.innovations.clear();
         self.outcome = Outcome::Waiting;

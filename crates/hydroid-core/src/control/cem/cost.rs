@@ -175,16 +175,13 @@ impl Cost {
 /// Data of a plan, shared by all candidates.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PlanningProblem<'a> {
-    /// `[x, y, psi]`.
     pub(super) pose: [f64; 3],
-    /// `[u, v, r]` of the model.
     pub(super) nu: [f64; 3],
     pub(super) outputs: usize,
     pub(super) last: &'a [f64],
     pub(super) limits: &'a [Limits],
     /// References after each sample of the horizon.
     pub(super) references: &'a [Reference],
-    /// Sample time \[s\].
     pub(super) dt: f64,
 }
 

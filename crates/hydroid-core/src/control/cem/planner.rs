@@ -204,7 +204,6 @@ impl Planner {
         }
         self.blind = if plan.cost.is_finite() { 0 } else { self.blind.saturating_add(1) };
         if self.blind as f64 * self.dt > BLIND_S {
-            // To rest, as fast as the rate limits allow.
             for row in self.plan.chunks_exact_mut(inputs) {
                 row.iter_mut().zip(&self.limits).for_each(|(c, to)| *c = 0.0_f64.clamp(to.low, to.high));
             }
@@ -357,7 +356,6 @@ fn draw(
     }
 }
 
-/// Moves mean and deviations to the elites.
 fn learn(
     options: &PlannerOptions,
     limits: &[Limits],

@@ -25,7 +25,6 @@ fn selector() -> ModelSelector {
 }
 
 proptest! {
-    /// No window exceeds the guarantee, whatever the models predict.
     #[test]
     fn no_window_exceeds_the_guarantee(
         errors in prop::collection::vec((0.0..0.2_f64, 0.0..3.0_f64, 0.0..3.0_f64), 300..600),
@@ -39,7 +38,7 @@ proptest! {
         let mut answered = vec![(Expert::Adapted, selector.budget.limit); delay];
         let mut excesses = Vec::new();
         for (i, &(reference, learner, snapshot)) in errors.iter().enumerate() {
-            // Good models and bad models in turn.
+            // Good models and bad models alternate.
             let good = i / calm % 2 == 0;
             let of = |share: f64| if good { 0.3 * share * reference } else { reference + share };
             let horizon = [of(learner), of(snapshot), reference];
@@ -57,7 +56,6 @@ proptest! {
 }
 
 proptest! {
-    /// A large deviation costs no more than the limit while the error of the model is within its bound.
     #[test]
     fn a_supported_deviation_costs_no_more_than_the_limit(
         errors in prop::collection::vec((0.0..0.2_f64, 0.0..1.0_f64, 0.0..0.2_f64), 20..60),
@@ -115,7 +113,7 @@ fn a_deficit_lasts_until_it_is_paid() {
     assert!((0..5).any(|_| !in_deficit(0.03, 0.04)));
 }
 
-/// The bound on the error of the reference model after a test with these errors of it over horizon and stride.
+/// The bound on the error of the reference model after a test with these errors over horizon and stride.
 fn reference_bound(selector: &mut ModelSelector, [horizon, stride]: [f64; 2], right: Option<bool>) -> f64 {
     let errors = test([0.005, 0.005, horizon]);
     selector.update(&TestErrors { stride: [0.0, 0.0, stride], rejection_right: right, ..errors });
@@ -127,7 +125,7 @@ fn a_confirmed_rejection_widens_the_bound_until_it_is_refuted() {
     let mut selector = selector();
     let mut stride = 0.001;
     let mut bound = |right: Option<bool>| {
-        // The error over a stride grows, as at the beginning of a new mode.
+        // The error over a stride grows, as at the start of a new mode.
         stride *= 1.05;
         reference_bound(&mut selector, [0.1, stride], right)
     };

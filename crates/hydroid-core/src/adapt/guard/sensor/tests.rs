@@ -1,4 +1,4 @@
-//! Sensors that lie in known ways.
+//! Sensors with known faults.
 
 use alloc::vec::Vec;
 
@@ -8,7 +8,7 @@ mod offsets;
 mod spikes;
 mod vessel;
 
-/// White noise of about one.
+/// White noise of about unit variance.
 fn noise(k: u64) -> f64 {
     let mut x = k.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0x1234_5678;
     let mut sum = 0.0;
@@ -19,7 +19,7 @@ fn noise(k: u64) -> f64 {
     sum - 6.0
 }
 
-/// Verdicts of a sensor on `count` samples: what is measured, and what the models expect.
+/// Verdicts on `count` samples of a measurement and the expectations of the models.
 fn verdicts_of(sensor: &mut Sensor, count: u64, sample: impl Fn(u64) -> (f64, [f64; 3])) -> Vec<Verdict> {
     let options = GuardOptions::new(0.1);
     let judge = |k: u64| {
@@ -29,14 +29,13 @@ fn verdicts_of(sensor: &mut Sensor, count: u64, sample: impl Fn(u64) -> (f64, [f
     (0..count).map(judge).collect()
 }
 
-/// Verdicts on a sensor that measures `truth` with noise of 0.01, of which models expect the truth and two others.
+/// Verdicts on `truth` with noise of 0.01 and a fault. The models expect the truth and two deviations from it.
 fn verdicts(truth: impl Fn(u64) -> f64, fault: impl Fn(u64, f64) -> f64) -> Vec<Verdict> {
     verdicts_of(&mut Sensor::new(0.01), 400, |k| {
         (fault(k, truth(k) + 0.01 * noise(k)), [truth(k), truth(k) + 0.05, f64::NAN])
     })
 }
 
-/// The first offset that was found.
 fn found(all: &[Verdict]) -> Option<f64> {
     all.iter().find_map(|v| if let Verdict::Offset { offset } = v { Some(*offset) } else { None })
 }
@@ -75,7 +74,7 @@ fn a_coarse_sensor_is_not_stuck() {
     assert_eq!(stuck, 0);
 }
 
-/// At the start of a run models are off by metres a second, and jump to where the vessel is or do not: nothing is
+/// At the start of a run models deviate by metres a second and jump: no measurement is judged by them.
 /// judged by that.
 #[test]
 fn models_that_find_their_states_excuse_nothing_and_accuse_nobody() {

@@ -3,7 +3,7 @@
 use crate::adapt::memory::{Reader, Writer};
 
 /// Largest change between two innovations of a constant offset, in deviations of the noise: a model without
-/// measurements drifts, but does not jump. The same bound holds for all innovations of a series.
+/// measurements drifts, but does not jump. The bound also holds for all innovations of a series.
 pub(super) const SAME: f64 = 6.0;
 
 /// Gain of the recent mean of the innovations.
@@ -19,34 +19,30 @@ pub(super) struct Track {
     /// The last innovation, and the size of its last change.
     pub(super) last: f64,
     pub(super) drift: f64,
-    /// The innovation before, and the recent mean: before the last one, or before a rejected series.
+    /// The innovation and the recent mean before the last innovation, or before a rejected series.
     pub(super) before: f64,
     mean: f64,
-    /// The first jump of the series, NaN where later ones differed; sums of the first jumps and of all jumps after the
+    /// The first jump of the series, NaN if later ones differed; sums of the first jumps and of all jumps after the
     /// first.
     pub(super) first: f64,
     pub(super) sum: f64,
     rest: f64,
-    /// The least and the largest jump of the series.
     low: f64,
     high: f64,
 }
 
 impl Track {
-    /// Length of the saved memory.
     pub(super) const MEMORY_LEN: usize = 9;
 
-    /// A track without innovations.
     pub(super) fn new() -> Self {
         Self { last: f64::NAN, ..Self::default() }
     }
 
-    /// Jump of the last innovation from the recent mean, which has less noise than the innovation before.
+    /// Jump from the recent mean, which has less noise than the innovation before.
     pub(super) fn jump(&self) -> f64 {
         self.last - self.mean
     }
 
-    /// Takes an innovation, within a rejected series or not.
     pub(super) fn update(&mut self, innovation: f64, in_series: bool) {
         if !in_series {
             self.before = self.last;
@@ -67,14 +63,13 @@ impl Track {
         self.last = self.mean;
     }
 
-    /// Starts a series with the last innovation.
     pub(super) fn begin(&mut self) {
         let jump = self.jump();
         (self.first, self.sum, self.low, self.high) = (jump, jump, jump, jump);
         self.rest = 0.0;
     }
 
-    /// Adds the last innovation to the series; `early` for those that estimate the offset.
+    /// Adds the last innovation to the series; `early` for innovations that estimate the offset.
     pub(super) fn continue_series(&mut self, noise: f64, early: bool) {
         if !self.is_same(noise) {
             self.first = f64::NAN;
@@ -87,7 +82,7 @@ impl Track {
         }
     }
 
-    /// Whether the last innovation may have the offset of the first of the series, given the noise.
+    /// Whether the last innovation can have the offset of the first of the series, given the noise.
     pub(super) fn is_same(&self, noise: f64) -> bool {
         let apart = (self.jump() - self.first).abs();
         self.drift <= SAME * noise && apart <= f64::max(0.5 * self.first.abs(), APART * noise)
@@ -100,7 +95,6 @@ impl Track {
         by(self.sum, length.min(early)).min(by(self.rest, length - 1))
     }
 
-    /// Range of the jumps of the series.
     pub(super) fn spread(&self) -> f64 {
         self.high - self.low
     }

@@ -51,7 +51,6 @@ impl BlockDiagonal {
         diagonal
     }
 
-    /// `P <- growth^2 P + diag(noise)`.
     pub(super) fn advance(&mut self, panels: &[Panel], growth: f64, noise: &[f64]) {
         let scale = growth * growth;
         if scale != 1.0 {

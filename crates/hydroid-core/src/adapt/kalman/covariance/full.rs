@@ -51,12 +51,10 @@ struct Scratch {
     /// `n x max(n, outputs)`, twice.
     square: Vec<f64>,
     transposed: Vec<f64>,
-    /// A panel of `n x width`.
     wide: Aligned<f64>,
     downdated: Vec<f64>,
     /// `(H P)_h` (`outputs x n`).
     by_measurement: Vec<f64>,
-    /// Scratch of the model.
     model: Vec<f64>,
 }
 
@@ -116,7 +114,6 @@ impl FullCovariance {
         self.ht.fill(0.0);
     }
 
-    /// As [`reset`](Self::reset), for a part of the state with equal variances.
     pub(super) fn reset_part(&mut self, part: Range<usize>, initial: f64) {
         let n = self.hh.len().isqrt();
         reset_rows(&mut self.hh, part.clone(), initial);
@@ -125,7 +122,6 @@ impl FullCovariance {
         }
     }
 
-    /// The diagonals of `P_hh` and `P_tt` (`width`).
     pub(super) fn variances(&self) -> (Vec<f64>, Vec<f64>) {
         let n = self.hh.len().isqrt();
         let mut padded = vec![0.0; self.tt.width()];

@@ -59,7 +59,6 @@ impl JointCovariance {
         each!(self, covariance => covariance.reset(initial));
     }
 
-    /// As [`reset`](Self::reset), for a part of the state with equal variances.
     pub(super) fn reset_part(&mut self, part: Range<usize>, initial: f64) {
         each!(self, covariance => covariance.reset_part(part, initial));
     }
@@ -70,7 +69,6 @@ impl JointCovariance {
         each!(self, covariance => covariance.advance(model, growth, noise));
     }
 
-    /// `H P H'` of the outputs after the step, into `measured`.
     pub(super) fn predict_output<M: Learnable>(&mut self, model: &M, measured: &mut MeasurementUpdate) {
         each!(self, covariance => covariance.predict_output(model, measured));
     }
@@ -120,7 +118,6 @@ impl JointCovariance {
         }
     }
 
-    /// All numbers that the filter continues from, except [`pending`](Self::pending).
     pub(super) fn parts(&self) -> [&[f64]; 6] {
         each!(self, covariance => covariance.parts())
     }

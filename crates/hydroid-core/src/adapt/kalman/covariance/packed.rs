@@ -21,7 +21,6 @@ use crate::math::vectors::{Pack, Vectors};
 #[derive(Clone, Debug)]
 pub(super) struct PackedSymmetric {
     blocks: Vec<Block>,
-    /// Padded number of weights.
     width: usize,
     tiles: Aligned<f64>,
 }
@@ -72,7 +71,6 @@ pub(super) struct FusedUpdate<'a> {
     pub(super) downdate: Option<&'a [f64]>,
     pub(super) rank: usize,
     pub(super) scale: f64,
-    /// `width`.
     pub(super) noise: &'a [f64],
     /// `L`, the local rows of each block: `rows x width`, in panels.
     pub(super) local: &'a [f64],
@@ -86,7 +84,6 @@ pub(super) struct FusedUpdate<'a> {
 const MOST_RANK: usize = 4;
 const MOST_ROWS: usize = 2;
 
-/// Columns of the diagonal and their places among the tiles.
 fn diagonal(blocks: &[Block], width: usize) -> impl Iterator<Item = (usize, usize)> {
     let begins = blocks.iter().scan(0, move |next, block| {
         let begin = *next;
@@ -181,7 +178,6 @@ impl PackedSymmetric {
     }
 }
 
-/// A pass with some of the downdate vectors and of the local rows.
 struct FusedPass<'a, 'b> {
     matrix: &'a mut PackedSymmetric,
     update: &'a mut FusedUpdate<'b>,

@@ -36,7 +36,6 @@ impl Panel {
         panels
     }
 
-    /// Range of the panel in a matrix of `rows` rows.
     pub(super) fn of(&self, rows: usize) -> Range<usize> {
         rows * self.start..rows * (self.start + self.width)
     }

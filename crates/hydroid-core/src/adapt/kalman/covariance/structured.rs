@@ -66,7 +66,6 @@ pub(in super::super) struct StructuredCovariance {
     psi: Vec<f64>,
     pi: Vec<f64>,
     tt: BlockDiagonal,
-    /// Local Jacobians of the last step (`rows x width`).
     local: Vec<f64>,
     cholesky: Cholesky,
     scratch: Scratch,
@@ -77,7 +76,6 @@ struct Scratch {
     /// A panel of local rows of all blocks, and a zero matrix of as many rows with a column for each state or output.
     expanded: Vec<f64>,
     zeros: Vec<f64>,
-    /// A panel of `n x width`.
     wide: Vec<f64>,
     /// `H~` and `H~ P_tt` (`outputs x width`).
     jacobian: Vec<f64>,
@@ -151,7 +149,6 @@ impl StructuredCovariance {
         (0..n).for_each(|i| self.pi[i * (n + 1)] = initial[i]);
     }
 
-    /// As [`reset`](Self::reset), for a part of the state with equal variances.
     pub(super) fn reset_part(&mut self, part: Range<usize>, initial: f64) {
         let n = self.pi.len().isqrt();
         reset_rows(&mut self.pi, part.clone(), initial);
@@ -186,7 +183,6 @@ impl StructuredCovariance {
         }
     }
 
-    /// The diagonals of `P_hh` and `P_tt` (`width`).
     pub(super) fn variances(&self) -> (Vec<f64>, Vec<f64>) {
         let n = self.pi.len().isqrt();
         let mut own = self.clone();
@@ -285,7 +281,6 @@ impl StructuredCovariance {
     }
 }
 
-/// `into = by x`.
 struct Scale<'a> {
     x: &'a [f64],
     by: f64,
@@ -308,7 +303,6 @@ impl WithSimd for Scale<'_> {
     }
 }
 
-/// Adds `H~ P_tt H~'` to the covariance of the outputs.
 struct AddOutputCovariance<'a> {
     panels: &'a [Panel],
     jacobian: &'a [f64],

@@ -38,10 +38,8 @@ pub struct LearnableEquations {
     units: Vec<f64>,
     weights: Vec<f64>,
     coefficients: Vec<f64>,
-    /// `A` and `B`.
     by_state: Vec<f64>,
     by_weights: Vec<f64>,
-    /// Rollout of one sample.
     start: Vec<f64>,
     y: Vec<f64>,
     s: Vec<f64>,

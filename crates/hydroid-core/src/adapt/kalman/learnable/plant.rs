@@ -94,7 +94,6 @@ impl LearnablePlant {
         &self.map
     }
 
-    /// Number of passes that a step takes for all derivatives.
     pub(in super::super) fn passes(&self) -> usize {
         self.passes.len()
     }

@@ -31,7 +31,6 @@ pub struct EquationsKind {
     /// Command and memory.
     x: Vec<f64>,
     weights: Vec<f64>,
-    /// Scratch for scaled outputs and coefficients.
     scaled: Vec<f64>,
 }
 
@@ -64,12 +63,10 @@ impl EquationsKind {
         &self.session.state()[..self.session.outputs()]
     }
 
-    /// Whether no run has started.
     fn is_waiting(&self) -> bool {
         self.present_outputs().iter().any(|y| y.is_nan())
     }
 
-    /// Ends the run.
     fn wait(&mut self) {
         let outputs = self.session.outputs();
         self.session.state_mut()[..outputs].fill(f64::NAN);

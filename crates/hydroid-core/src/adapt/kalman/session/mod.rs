@@ -97,7 +97,6 @@ pub trait ModelKind: Clone + Send + Sync {
 pub struct KalmanSession<K: ModelKind> {
     kind: K,
     filter: Filter<K::Model>,
-    /// The scaled measurement.
     z: Vec<f64>,
     outcome: Outcome,
     nis: f64,

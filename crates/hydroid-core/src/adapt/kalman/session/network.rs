@@ -52,7 +52,6 @@ pub struct NetworkKind {
     rehearsal: Option<Rehearsal>,
     /// Base at the present sample, to which the output of the network is added.
     base: Vec<f64>,
-    /// Input and output of the network.
     x: Vec<f64>,
     correction: Vec<f64>,
     gradient: RolloutGradient,
@@ -131,7 +130,6 @@ impl KalmanNetwork {
 }
 
 impl NetworkKind {
-    /// Whether the network maps inputs to outputs without feedback and base.
     fn is_open_loop(&self) -> bool {
         let model = self.session.model();
         matches!(model.base, BaseModel::Nothing) && !model.feedback

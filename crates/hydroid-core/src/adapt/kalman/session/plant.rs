@@ -32,7 +32,6 @@ pub type KalmanPlant = KalmanSession<PlantKind>;
 #[derive(Clone, Debug)]
 pub struct PlantKind {
     session: ParametricPlant,
-    /// The learned parameters in their units.
     parameters: Vec<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! Sensors with an offset, and how well it is known.
+//! Offsets of sensors and their accuracy.
 
 use super::*;
 
@@ -16,26 +16,26 @@ fn an_offset_is_found_and_taken_off() {
 fn a_model_that_is_lost_meanwhile_excuses_no_offset() {
     let all = verdicts_of(&mut Sensor::new(0.01), 230, |k| {
         let offset = if k >= 200 { 0.3 } else { 0.0 };
-        // From the second sample on it expects what is said, by chance.
+        // By chance, its expectation agrees with the faulty sensor from the second sample on.
         let chance = if k > 200 { 0.3 } else { 0.05 };
         (heard(k) + offset, [wave(k), wave(k) + chance, wave(k)])
     });
     assert!(all.iter().any(|v| matches!(v, Verdict::Offset { .. })), "{:?}", &all[198..215]);
 }
 
-/// Models that are told nothing drift; while they cross what is measured, an offset was once taken for the vessel.
+/// Models without measurements drift across the faulty measurements.
 #[test]
 fn an_offset_that_models_drift_across_is_found() {
     let all = verdicts_of(&mut Sensor::new(0.01), 230, |k| {
         let offset = if k >= 200 { -0.8 } else { 0.0 };
-        // All fall by 1.4 m/s^2 and more from then on, one of them slower.
+        // All fall by 1.4 m/s^2 and more, one of them slower.
         let fall = 0.14 * k.saturating_sub(199).min(10) as f64;
         (heard(k) + offset, [wave(k) - 0.5 * fall, wave(k) - fall, wave(k) - 1.5 * fall])
     });
     assert!(found(&all).is_some_and(|offset| (offset + 0.8).abs() < 0.05), "{:?}", &all[198..215]);
 }
 
-/// The same where the vessel slows down as well, so that nobody finds it off by the same from one sample to the next.
+/// The vessel slows down as well: no expectation finds a constant deviation.
 #[test]
 fn an_offset_of_a_vessel_that_slows_down_is_found() {
     let fall = |k: u64, rate: f64| rate * k.saturating_sub(200).min(12) as f64;
@@ -47,8 +47,7 @@ fn an_offset_of_a_vessel_that_slows_down_is_found() {
     assert!(found(&all).is_some_and(|offset| (offset + 0.8).abs() < 0.25), "{:?}", &all[198..215]);
 }
 
-/// The vessel goes on slowing down by more than half as much a sample as the sensor is off by, which no model expects:
-/// it is no way back, no other spike, and taken off is what the sensor is off by.
+/// The vessel slows down by more than half of the offset in a sample, which no model expects.
 #[test]
 fn an_offset_of_a_vessel_that_slows_down_fast_is_found() {
     let options = GuardOptions::new(0.1);
@@ -64,7 +63,7 @@ fn an_offset_of_a_vessel_that_slows_down_fast_is_found() {
     assert!((offset + 0.25).abs() < 0.03, "{offset}");
 }
 
-/// An offset is known better than one measurement is: what was expected before is the mean of some.
+/// An offset is more accurate than a measurement: its reference is the mean of several.
 #[test]
 fn an_offset_is_known_to_less_than_the_noise() {
     let mut square = 0.0;
@@ -75,8 +74,8 @@ fn an_offset_is_known_to_less_than_the_noise() {
     assert!(square.sqrt() < 0.009, "{}", square.sqrt());
 }
 
-/// Nine deviations of the noise are found nearly always. Five of them hardly ever: now and then the first is off by
-/// enough to be refused, for it has noise beside them, but in the mean they are not (28 of the 200 were found when the
+/// Offsets of nine deviations of the noise are nearly always found, those of five hardly ever: a first value with
+/// additional noise may be rejected, but the mean is too small.
 /// mean was not asked).
 #[test]
 fn small_offsets_are_found_among_noise() {

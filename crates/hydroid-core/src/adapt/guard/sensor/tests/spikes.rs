@@ -1,4 +1,4 @@
-//! Spikes, alone and in company, that leave nothing behind.
+//! Single and adjacent spikes leave no offset.
 
 use super::*;
 
@@ -21,8 +21,7 @@ fn spikes_are_refused_also_side_by_side() {
     }
 }
 
-/// The way back from the first was once taken for the vessel's own, the second for the vessel, and all that followed
-/// the third for an offset.
+/// The return from a spike, the second spike and the values after the third are judged correctly.
 #[test]
 fn spikes_with_one_sound_value_between_are_spikes() {
     let all = verdicts(wave, |k, x| match k {
@@ -39,7 +38,7 @@ fn spikes_with_one_sound_value_between_are_spikes() {
     }
 }
 
-/// The second was once believed, as a vessel that moves.
+/// Two similar adjacent spikes are not motion.
 #[test]
 fn spikes_side_by_side_to_nearly_the_same_are_spikes() {
     for second in [0.4, 0.3, 0.58] {
@@ -57,7 +56,7 @@ fn spikes_side_by_side_to_nearly_the_same_are_spikes() {
     }
 }
 
-/// A filter that is told nothing may be elsewhere at once: where the vessel was before the spike it is not off.
+/// A filter without measurements may jump: its deviation from the vessel before the spike is no offset.
 #[test]
 fn models_that_leave_at_a_spike_make_no_offset_of_it() {
     for second in [0.0, 2.5] {
@@ -80,8 +79,7 @@ fn models_that_leave_at_a_spike_make_no_offset_of_it() {
     }
 }
 
-/// The third was once believed, because it was farther off than the second, and what came back was an offset of five
-/// metres a second.
+/// A growing deviation of three spikes is not motion.
 #[test]
 fn three_spikes_side_by_side_are_spikes() {
     for [first, second, third] in [[5.0, -0.3, 5.2], [5.0, 0.3, 5.2], [0.3, 2.0, -4.0], [-3.0, 0.4, -2.0]] {
@@ -100,8 +98,7 @@ fn three_spikes_side_by_side_are_spikes() {
     }
 }
 
-/// A small spike behind a large one, and then the vessel: that the last step is small beside the one before is no
-/// offset.
+/// A small spike after a large one, then the vessel: a last step that is smaller than the one before is no offset.
 #[test]
 fn two_spikes_of_two_sizes_leave_no_offset() {
     for (first, second) in [(3.0, -0.5), (3.0, 0.5), (-0.3, 2.0), (1.0, 0.9), (-4.0, 1.0), (1.0, 1.4)] {
@@ -114,7 +111,7 @@ fn two_spikes_of_two_sizes_leave_no_offset() {
     }
 }
 
-/// The way back from a spike that was not judged is no jump of the sensor.
+/// The return from a spike before screening is no jump of the sensor.
 #[test]
 fn a_spike_in_the_first_samples_leaves_no_offset() {
     let mut sensor = Sensor::new(0.01);
@@ -129,7 +126,7 @@ fn a_spike_in_the_first_samples_leaves_no_offset() {
     }
 }
 
-/// An isolated spike does not hide a later one: a rejected value takes no part in the mean of the innovations.
+/// A rejected value does not change the mean of the innovations.
 #[test]
 fn a_spike_before_an_outage_hides_no_other() {
     let all = verdicts(wave, |k, x| match k {

@@ -1,11 +1,11 @@
-//! Vessels that do what no model expects: no fault of a sensor.
+//! Unexpected motion of the vessel is no sensor fault.
 
 use super::*;
 
-/// What followed a spike was once taken for another one, and that for an offset.
+/// A deviation after a spike is neither a second spike nor an offset.
 #[test]
 fn a_vessel_that_turns_behind_a_spike_has_no_offset() {
-    // All models are off by some five usual deviations from there on.
+    // All models deviate by about five times the RMS from there on.
     let all = verdicts(wave, |k, x| match k {
         250 => x + 0.5,
         251.. => x + 0.07,
@@ -17,15 +17,14 @@ fn a_vessel_that_turns_behind_a_spike_has_no_offset() {
 
 #[test]
 fn a_vessel_that_does_what_no_model_expects_is_believed() {
-    // Speed rises by 2 m/s within a second, of which the models know nothing.
+    // The speed rises by 2 m/s within a second, and the models do not expect it.
     let all = verdicts(wave, |k, x| x + 0.2 * (k.saturating_sub(200).min(10)) as f64);
     let refused = all.iter().filter(|v| matches!(v, Verdict::Spike { .. })).count();
     assert!(refused <= 4, "{refused} refused: {:?}", &all[198..215]);
     assert!(!all.iter().any(|v| matches!(v, Verdict::Offset { .. })));
 }
 
-/// A vessel that takes off was once taken for an offset: it stayed about as far off as at first, from one measurement
-/// to the next.
+/// At take-off the deviation is about constant from one measurement to the next.
 #[test]
 fn what_swells_and_ebbs_is_no_offset() {
     let off = [0.1, 0.118, 0.118, 0.105, 0.09, 0.075, 0.068, 0.068, 0.068];
@@ -35,8 +34,7 @@ fn what_swells_and_ebbs_is_no_offset() {
     assert!(matches!(all[255], Verdict::Spike { .. }), "or nothing was tried: {:?}", &all[248..262]);
 }
 
-/// A spike on a vessel that takes off, of which only the learner knows: it was once an offset of what it had not
-/// learned yet.
+/// A spike at take-off, which only the learner predicts, is no offset.
 #[test]
 fn a_spike_on_a_vessel_that_takes_off_is_no_offset() {
     let way = |k: u64| if k < 250 { wave(k) } else { wave(k) + 0.22 + 0.12 * (k - 250) as f64 };
@@ -50,7 +48,7 @@ fn a_spike_on_a_vessel_that_takes_off_is_no_offset() {
     assert!(matches!(all[250], Verdict::Spike { .. }), "or nothing was tried: {:?}", all[250]);
 }
 
-/// What came back from two spikes side by side was once taken for a third one, and that for an offset.
+/// The return from two adjacent spikes is neither a third spike nor an offset.
 #[test]
 fn a_vessel_that_moved_on_behind_two_spikes_has_no_offset() {
     let all = verdicts(wave, |k, x| match k {
@@ -63,7 +61,7 @@ fn a_vessel_that_moved_on_behind_two_spikes_has_no_offset() {
     assert!(all[252..].iter().all(|verdict| *verdict == Verdict::Sound), "{:?}", &all[250..262]);
 }
 
-/// That the vessel gathered way before a spike once hid it, and the way back from it was taken for one.
+/// An acceleration before a spike does not hide it, and the return from it is no spike.
 #[test]
 fn a_spike_on_a_vessel_that_gathers_way_is_refused() {
     let gathers = |k: u64| wave(k) + 0.12 * (k.saturating_sub(245).min(15)) as f64;
@@ -76,8 +74,7 @@ fn a_spike_on_a_vessel_that_gathers_way_is_refused() {
     }
 }
 
-/// One model finds the vessel off by the same for as long as it takes, another finds it where it expects it: no offset
-/// comes of a small jump.
+/// One model finds a constant deviation, another none: a small jump is no offset.
 #[test]
 fn a_turn_that_one_model_sees_late_leaves_no_offset() {
     let all = verdicts_of(&mut Sensor::new(0.01), 300, |k| {
@@ -90,8 +87,8 @@ fn a_turn_that_one_model_sees_late_leaves_no_offset() {
     assert!(all[258..].iter().all(|verdict| *verdict == Verdict::Sound), "{:?}", &all[248..262]);
 }
 
-/// What no model expects and is no larger than a small spike is believed as soon as it goes farther. What stays is an
-/// offset, if most find it the same: the vessel, if models drift meanwhile.
+/// An unexpected deviation no larger than a small spike is motion as soon as it grows. A constant one is an offset if
+/// most models agree.
 #[test]
 fn a_vessel_that_begins_to_turn_is_believed_and_a_small_offset_is_found() {
     let after = |more: f64, drift: f64| {
@@ -112,8 +109,7 @@ fn a_vessel_that_begins_to_turn_is_believed_and_a_small_offset_is_found() {
     assert!(found(&all).is_some_and(|offset| (offset - 0.07).abs() < 0.02), "{:?}", &all[248..262]);
 }
 
-/// It takes off, which the models do not expect, and then goes steadily: that was once an offset, for it had begun with
-/// a large jump.
+/// A take-off that starts with a large jump and becomes steady.
 #[test]
 fn a_vessel_that_takes_off_has_no_offset() {
     let faster = |k: u64| [0.0, 0.15, 0.27, 0.47, 0.49, 0.5][k.saturating_sub(249).min(5) as usize];
@@ -123,7 +119,7 @@ fn a_vessel_that_takes_off_has_no_offset() {
     assert!(!all.iter().any(|v| matches!(v, Verdict::Offset { .. })), "{:?}", &all[248..262]);
 }
 
-/// The same behind a spike: that it begins by less than the spike was is no return.
+/// After a spike that is larger than the first change of the take-off.
 #[test]
 fn a_vessel_that_takes_off_behind_a_spike_has_no_offset() {
     let faster = |k: u64| 0.15 * k.saturating_sub(249).min(10) as f64;
@@ -133,7 +129,7 @@ fn a_vessel_that_takes_off_behind_a_spike_has_no_offset() {
     assert!(refused <= 4, "{refused} refused: {:?}", &all[248..262]);
 }
 
-/// A vessel that begins to turn behind a spike: models that were told nothing are off by half of the spike.
+/// A turn starts after a spike: models without measurements deviate by half of the spike.
 #[test]
 fn a_small_spike_before_a_turn_leaves_no_offset() {
     let all = verdicts(wave, |k, x| match k {

@@ -10,7 +10,6 @@ fn check(blocks: &[usize], rows_of: fn(usize) -> usize, vectors: usize) {
     let (width, blocks_of) = (matrix.width(), matrix.blocks().to_vec());
     let rank = PackedSymmetric::rank(vectors);
     let number = |k: usize| (0.37 * k as f64 + 0.2).sin();
-    // Block and column of each weight.
     let columns: Vec<(usize, usize)> =
         blocks_of.iter().enumerate().flat_map(|(b, span)| (0..span.len).map(move |k| (b, k))).collect();
     let put = |matrix: &mut [f64], of: usize, row: usize, (b, k): (usize, usize), x: f64| {
