@@ -6,10 +6,10 @@
 //! | adapter | adapted weights and method |
 //! | --- | --- |
 //! | [`RecursiveEquations`] | coefficients of sparse equations, by [`RecursiveLeastSquares`] on increments |
-//! | [`KalmanEquations`](kalman::KalmanEquations) | outputs and coefficients of sparse equations, by an extended Kalman [`Filter`](kalman::Filter) |
+//! | [`KalmanEquations`](kalman::KalmanEquations) | outputs and coefficients of sparse equations, by an extended Kalman filter |
 //! | [`KalmanPlant`](kalman::KalmanPlant) | motion, propeller force and parameters of a vessel, by the filter |
 //! | [`KalmanNetwork`](kalman::KalmanNetwork) | hidden state and weights of a recurrent network, by the filter |
-//! | [`DirectLastLayer`] | last layer of a direct predictor, all steps of its horizon at once, by [`RecursiveLeastSquares`] |
+//! | [`DirectLastLayer`] | last layer of a direct predictor, by [`RecursiveLeastSquares`] |
 //! | [`ExpertMixture`] | several [`RecursiveEquations`] with different priors, weighted by their past errors |
 //! | [`Guard`](guard::Guard) | supervises another adapter |
 

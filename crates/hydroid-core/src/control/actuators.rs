@@ -12,10 +12,9 @@ const HOLD_S: f64 = 1.0;
 
 /// All actuators of a vessel.
 ///
-/// The motion depends on the efforts `tau_i = phi_i(a_i)`; `a_i` is the position of an actuator (a force, an angle,
-/// revolutions) and `c_i` its command. Over a sample of `dt` seconds the position changes from `a` to
-/// `a+ = e a + (1 - e) c`, `e = exp(-dt / T)` ([`Lag`](crate::actuator::Lag), in general). The command for a demanded
-/// effort *at the end of the sample* is
+/// The motion depends on the efforts `tau_i = phi_i(a_i)` of the actuator positions `a_i` (force, angle, revolutions).
+/// In a sample of `dt` seconds the command `c` changes the position from `a` to `a+ = e a + (1 - e) c`, `e = exp(-dt /
+/// T)` ([`Lag`](crate::actuator::Lag), in general). The command for a demanded effort *at the end of the sample* is
 ///
 /// ```text
 /// a_w = phi^-1(tau_w)
@@ -23,16 +22,13 @@ const HOLD_S: f64 = 1.0;
 /// c   = (a_t - e a) / (1 - e),     within [low, high] and within rate dt of the last one
 /// ```
 ///
-/// `a` is measured or predicted from the commands. The inverse amplifies demand and sensor noise by `1 / (1 - e)`, ten
-/// for a sample of a tenth of the lag; `response` \[s\] gives the actuator more than one sample. (A demand on the
-/// *mean* effort over a sample would oscillate: each sample reduces the previous overshoot by the factor `e` only.)
-///
-/// Assumption: the lag is known. A wrong lag causes wrong efforts until the feedback settles; in equilibrium `a = c`.
+/// The inverse amplifies demand and sensor noise by `1 / (1 - e)`, ten for a sample of a tenth of the lag; `response`
+/// \[s\] gives the actuator more than one sample. (A demand on the *mean* effort over a sample would oscillate: each
+/// sample reduces the previous overshoot by the factor `e` only.) The lag must be known; in equilibrium `a = c`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Actuators {
     all: Vec<Actuator>,
     dt: f64,
-    /// Decay of the position error per sample.
     left: f64,
     held_s: f64,
 }

@@ -15,14 +15,12 @@ use crate::adapt::kalman::{Filter, FilterOptions, Learnable, LearnableNetwork};
 use crate::guidance::Reference;
 use crate::model::recurrent::{Cell, Network, Packed};
 
-/// Inputs of the network: scaled `u, v, r`, and cosine and sine of the heading, which distinguish disturbances in the
-/// north-east frame from those in the body frame.
+/// Inputs of the network: scaled `u, v, r`, and cosine and sine of the heading, for disturbances in the earth frame.
 const INPUTS: usize = 5;
 
 const EVIDENCE_DECAY: f64 = 0.95;
 
-/// Evidence, in squares of the noise, above which the correction is applied. A network fitted to noise alone stays
-/// below.
+/// Evidence, in squares of the noise, above which the correction is applied; a fit to noise alone stays below it.
 const EVIDENCE: f64 = 4.0;
 
 /// Options of [`AdaptiveAugmentation`]. The defaults suit a boat of a few metres.
@@ -30,8 +28,7 @@ const EVIDENCE: f64 = 4.0;
 pub struct AdaptiveAugmentationOptions {
     /// Number of hidden units.
     pub hidden: usize,
-    /// Length of the window of a measured acceleration \[s\]. The network learns and the correction changes once a
-    /// window.
+    /// Window of a measured acceleration \[s\]. The network learns and the correction changes once a window.
     pub window_s: f64,
     /// Typical size of the model error \[m/s^2\].
     pub scale: f64,
@@ -69,17 +66,17 @@ impl Default for AdaptiveAugmentationOptions {
 /// d2e/dt2 + k_d de/dt + k_p e = -b,     b = d2p/dt2 - (acceleration predicted by the model)
 /// ```
 ///
-/// A small recurrent network (`tanh`, linear output layer) estimates `b^` in the body frame, and the base law commands
+/// A recurrent network (`tanh`, linear output layer) estimates `b^` in the body frame, and the base law commands
 /// `w - b^`. The mean of `b` over windows of `window_s` is measured, and an extended Kalman filter ([`Filter`])
-/// corrects state and weights of the network:
+/// corrects state and weights:
 ///
 /// ```text
 /// h   = tanh(W x + U h + c),   b^ = scale (V h + d),     x = [u v r cos psi sin psi], scaled
 /// [h; theta] <- [h; theta] + K (R(psi)' b / scale - b^ / scale)
 /// ```
 ///
-/// The output layer starts at zero, so that the law starts as its base. `b` does not depend on `b^`, because the model
-/// predicts the effect of the command: learning cannot excite itself.
+/// The output layer starts at zero, so that the law starts as its base. The model predicts the effect of the command:
+/// `b` does not depend on `b^`, and learning cannot excite itself.
 ///
 /// Sources: A. J. Calise, N. Hovakimyan and M. Idan, *Adaptive output feedback control of nonlinear systems using
 /// neural networks*, Automatica 37, 2001; F. L. Lewis, S. Jagannathan and A. Yesildirek, *Neural Network Control of
@@ -87,20 +84,19 @@ impl Default for AdaptiveAugmentationOptions {
 ///
 /// # Supervision
 ///
-/// Each window is predicted before the network learns from it. The evidence `sum |b|^2 - |b - b^|^2`, with a memory of
-/// about 20 windows, measures the benefit of the correction. Below the noise, the base law commands alone and learning
-/// continues. The norm of the correction is at most `most`.
+/// Each window is predicted before the network learns from it. The correction is applied while the evidence `sum |b|^2
+/// - |b - b^|^2`, with a memory of about 20 windows, exceeds the noise; learning always continues. The norm of the
+/// correction is at most `most`.
 ///
-/// # Assumptions and tuning
+/// # Tuning
 ///
-/// The assumptions are those of the base law. `noise` is the noise of the velocity of the point times `sqrt(2) /
-/// window_s`; a longer window reduces the noise and delays the correction. `scale` is the prior standard deviation of
-/// accelerations due to a wrong mass, a current or a fouled hull. Changes within a window are not learned.
+/// `noise` is the noise of the velocity of the point times `sqrt(2) / window_s`; a longer window reduces the noise and
+/// delays the correction. `scale` is the prior standard deviation of accelerations due to a wrong mass, a current or a
+/// fouled hull. Changes within a window are not learned.
 ///
 /// # Failure modes
 ///
-/// Saturation is known and does not appear as model error, but no correction extends the limits of the vessel or
-/// restores a reference that the base law has lost.
+/// No correction extends the limits of the vessel or restores a reference that the base law has lost.
 #[derive(Clone, Debug)]
 pub struct AdaptiveAugmentation<M> {
     base: FeedbackLinearization<M>,

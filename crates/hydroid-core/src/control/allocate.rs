@@ -2,21 +2,19 @@
 
 use num_traits::Float;
 
-/// Computes the smallest efforts `tau` (relative to their `spans`) with `sum_i b_i tau_i = wanted`. Returns the control
-/// authority. `columns` are the `b_i`, accelerations \[m/s^2\] per unit of effort; `spans` are the ranges of the
-/// efforts. With `B = [b_i s_i]`,
+/// Computes the smallest efforts `tau` (relative to their `spans`) with `sum_i b_i tau_i = wanted`, and returns the
+/// control authority. `columns` are the `b_i`, accelerations \[m/s^2\] per unit of effort. With `B = [b_i s_i]`,
 ///
 /// ```text
 /// tau = S B' (B B' + lambda^2 I)^-1 wanted,     lambda^2 = max(0, min_control_authority^2 - sigma^2)
 /// ```
 ///
 /// The control authority `sigma` \[m/s^2\] is the least singular value of `B`: the acceleration of all actuators
-/// together in their weakest direction. For `sigma >= min_control_authority`, `lambda` is zero and `B tau = wanted`
-/// exactly. Otherwise the demand in the weak direction is damped: its effort stays below `|wanted| /
-/// min_control_authority` spans and vanishes with `sigma`, and the other direction changes in the order of
-/// `(min_control_authority / sigma_max)^2`. (Damped least squares: Y. Nakamura and H. Hanafusa, *Inverse kinematic
-/// solutions with singularity robustness for robot manipulator control*, 1986; damping near the singularity alone: S.
-/// Chiaverini, 1997.)
+/// together in their weakest direction. For `sigma >= min_control_authority`, `B tau = wanted` exactly. Otherwise the
+/// effort in the weak direction stays below `|wanted| / min_control_authority` spans and vanishes with `sigma`, and the
+/// other direction changes in the order of `(min_control_authority / sigma_max)^2`. (Damped least squares: Y. Nakamura
+/// and H. Hanafusa, *Inverse kinematic solutions with singularity robustness for robot manipulator control*, 1986;
+/// damping near the singularity alone: S. Chiaverini, 1997.)
 ///
 /// # Panics
 /// If `spans` or `efforts` have not one number for each column.

@@ -23,15 +23,13 @@ pub struct HeadingGains {
     pub turn: f64,
     /// Speed of these gains \[m/s\]; at `u` they are scaled by `(speed / u)^exponent`.
     pub speed: f64,
-    /// 1 for a rudder in the race of the propeller or a moment proportional to the speed, 2 for one proportional to its
-    /// square.
+    /// 1 for a rudder in the race of the propeller or a moment that grows with the speed, 2 for one with its square.
     pub exponent: f64,
 }
 
 impl HeadingGains {
-    /// Pole placement for a Nomoto model `T dr/dt + r = K delta` (`gain` \[rad/s per unit of the command\],
-    /// `time_constant` \[s\], at `speed`) with a natural frequency `omega` \[rad/s\] and a damping ratio `zeta` (Fossen
-    /// 2021, section 15.3.4):
+    /// Pole placement for a Nomoto model `T dr/dt + r = K delta` (`gain` \[rad/s per command\], `time_constant` \[s\],
+    /// at `speed`) with natural frequency `omega` \[rad/s\] and damping ratio `zeta` (Fossen 2021, section 15.3.4):
     ///
     /// ```text
     /// K_p = omega^2 T / K,   K_d = (2 zeta omega T - 1) / K,   K_i = omega / 10 K_p,   K_turn = 1 / K
@@ -75,14 +73,12 @@ pub struct AutopilotOptions {
     pub tolerance: f64,
 }
 
-/// Line of sight, PID on the heading and PI on the speed, for commands `[propeller, rudder]`: the baseline of the
-/// model-based laws.
+/// Line of sight, PID on the heading and PI on the speed, for commands `[propeller, rudder]`.
 ///
 /// # Law
 ///
-/// With `psi_d` and `r_d` of the integral line of sight ([`LineOfSight`]) for the projection of the vessel onto its
-/// path (a [`PathReference`](crate::guidance::PathReference)), `e_psi = psi_d - psi` within half a turn, `e_u = U_d -
-/// u`:
+/// With `psi_d` and `r_d` of the integral line of sight ([`LineOfSight`]) for the projection onto the path (a
+/// [`PathReference`](crate::guidance::PathReference)), `e_psi = psi_d - psi` within half a turn, `e_u = U_d - u`:
 ///
 /// ```text
 /// rudder    = (speed / u)^exponent (K_turn r_d + K_p e_psi + K_i integral(e_psi) + K_d (r_d - r))

@@ -23,16 +23,13 @@ pub struct BacksteppingOptions {
     pub weight: f64,
     /// `gamma_n` \[1/s^2\]: adaptation gain of a disturbance that is constant north and east (wind); 0 for none.
     pub weather: f64,
-    /// `gamma_b` \[1/s^2\]: adaptation gain of a disturbance that is constant in the body frame (model error, trim); 0
-    /// for none.
+    /// `gamma_b` \[1/s^2\]: adaptation gain of a disturbance that is constant in the body frame; 0 for none.
     pub body: f64,
     /// Largest estimate of either disturbance \[m/s^2\].
     pub most: f64,
     /// Largest closing speed relative to the reference \[m/s\].
     pub closing_speed: f64,
-    /// See
-    /// [`FeedbackLinearizationOptions::min_control_authority`](super::FeedbackLinearizationOptions::min_control_authority)
-    /// \[m/s^2\].
+    /// As in [`FeedbackLinearizationOptions`](super::FeedbackLinearizationOptions) \[m/s^2\].
     pub min_control_authority: f64,
     /// Distance from the reference above which the status is [`Status::Lost`] \[m\].
     pub tolerance: f64,
@@ -59,8 +56,7 @@ impl BacksteppingOptions {
         .with_rate(1.0)
     }
 
-    /// These options with the gains of one rate `k` \[1/s\]: `k_1 = k_2 = k`, `q = k^2`, `gamma_n = gamma_b = k^2 /
-    /// 10`.
+    /// These options with the gains of one rate \[1/s\]: `k_1 = k_2 = k`, `q = k^2`, `gamma_n = gamma_b = k^2 / 10`.
     #[must_use]
     pub fn with_rate(self, k: f64) -> Self {
         Self { position: k, velocity: k, weight: k * k, weather: 0.1 * k * k, body: 0.1 * k * k, ..self }
@@ -83,8 +79,8 @@ impl BacksteppingOptions {
 /// ```
 ///
 /// For `V = q |z_1|^2 / 2 + |z_2|^2 / 2 + |b_n - b_n^|^2 / (2 gamma_n) + |b_b - b_b^|^2 / (2 gamma_b)` this gives
-/// `dV/dt = -q k_1 |z_1|^2 - k_2 |z_2|^2`: distance and rate converge to zero for any constants, on a straight course
-/// and in a turn. (On a straight course only the sum of both constants is observable, and only the sum is needed.)
+/// `dV/dt = -q k_1 |z_1|^2 - k_2 |z_2|^2`: distance and rate converge to zero for any constants. (On a straight course
+/// only the sum of both constants is observable, and only the sum is needed.)
 ///
 /// Sources: M. Krstic, I. Kanellakopoulos, P. V. Kokotovic, *Nonlinear and Adaptive Control Design*, 1995, sections 2.3
 /// (integrator backstepping) and 3.2 (adaptation of constants in the last step); for marine craft T. I. Fossen,
@@ -94,15 +90,15 @@ impl BacksteppingOptions {
 ///
 /// # Tuning
 ///
-/// One rate `k` for all gains ([`BacksteppingOptions::with_rate`]): `k_p = 2 k^2`, `k_d = 2 k`, a damping of 0.7. `k`
-/// should stay below about `0.2 / h` for samples of `h` seconds and below the bandwidth of the actuators. The
-/// disturbances converge within about `10 / k` seconds; faster adaptation increases the noise of the command.
+/// One rate `k` for all gains ([`BacksteppingOptions::with_rate`]): a damping of 0.7. `k` should stay below about `0.2
+/// / h` for samples of `h` seconds and below the bandwidth of the actuators. The disturbances converge within about
+/// `10 / k` seconds; faster adaptation increases the noise of the command.
 ///
 /// # Assumptions and failure modes
 ///
-/// As for [`FeedbackLinearization`](super::FeedbackLinearization). Disturbances that change faster than the adaptation
-/// are attenuated only. With saturated commands, `z_2` contains no information on the disturbances: the estimates are
-/// corrected by the missing acceleration and stay within `most`.
+/// As for [`FeedbackLinearization`](super::FeedbackLinearization). Faster disturbances are attenuated only. With
+/// saturated commands, `z_2` contains no information on the disturbances: the estimates are corrected by the missing
+/// acceleration and stay within `most`.
 #[derive(Clone, Debug)]
 pub struct Backstepping<M> {
     point: LookaheadPoint<M>,
@@ -140,8 +136,7 @@ impl<M: Affine> Backstepping<M> {
         self.point.model()
     }
 
-    /// Changes the model and its channels after an update of an adapted model. Later calls allocate only if
-    /// `clone_from` of the model does.
+    /// See [`FeedbackLinearization::update`](super::FeedbackLinearization::update).
     ///
     /// # Errors
     /// If a channel is not invertible any more. Model and law stay as they were.

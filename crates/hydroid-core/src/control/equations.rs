@@ -12,10 +12,10 @@ pub use super::affine_form::NotAffine;
 
 /// Identified [`Equations`] in the form `d nu/dt = f(nu) + sum_i g_i(nu) phi_i(a_i)`.
 ///
-/// Each term of the equations of motion is a product of factors of `u`, `v`, `r` (gates included) and, for `g_i`, one
-/// function `phi_i` of one actuator: `c`, `sin(c)` or `c |c|`. The actuator is the command itself, its hidden
-/// first-order lag ([`Signal::Lag`](crate::model::sparse::Signal::Lag)), or an output that follows it (a measured
-/// propeller force, `d P_f/dt = a P_f + b PP + c`). [`NotAffine`] names a term of another form.
+/// Each term is a product of factors of `u`, `v`, `r` (gates included) and, for `g_i`, one function `phi_i` of one
+/// actuator: `c`, `sin(c)` or `c |c|`. The actuator is the command itself, its hidden first-order lag
+/// ([`Signal::Lag`](crate::model::sparse::Signal::Lag)), or an output that follows it (a measured propeller force,
+/// `d P_f/dt = a P_f + b PP + c`). [`NotAffine`] names a term of another form.
 #[derive(Debug, PartialEq)]
 pub struct AffineEquations {
     program: Program,
@@ -89,8 +89,8 @@ impl AffineEquations {
         Ok(affine)
     }
 
-    /// Replaces the coefficients (`outputs x terms`) without allocating, after an update of an adapter. Entries that
-    /// were zero at construction stay zero.
+    /// Replaces the coefficients (`outputs x terms`) without allocating. Entries that were zero at construction stay
+    /// zero.
     ///
     /// # Panics
     /// If the number of coefficients differs.
@@ -107,8 +107,7 @@ impl AffineEquations {
         }
     }
 
-    /// Copies measured actuators from the outputs `y` of the equations: `into` has one number for each command, NaN if
-    /// no output is its actuator.
+    /// Copies measured actuators from the outputs `y`: `into` has one number for each command, NaN if none is measured.
     ///
     /// # Panics
     /// If the slices have not these lengths.

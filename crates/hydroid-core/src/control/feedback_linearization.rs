@@ -22,8 +22,7 @@ pub struct FeedbackLinearizationOptions {
     pub integral: f64,
     /// Largest closing speed relative to the reference \[m/s\].
     pub closing_speed: f64,
-    /// Control authority below which the status is [`Status::Singular`] and [`allocate`](super::allocate) damps the
-    /// demand \[m/s^2\].
+    /// Control authority below which [`allocate`](super::allocate) damps the demand \[m/s^2\] ([`Status::Singular`]).
     pub min_control_authority: f64,
     /// Distance from the reference above which the status is [`Status::Lost`] \[m\].
     pub tolerance: f64,
@@ -77,23 +76,22 @@ impl FeedbackLinearizationOptions {
 ///
 /// # Assumptions
 ///
-/// Pose and velocities over ground are measured; the model is affine in known maps of its commands; the vessel moves
-/// forward. The point is ahead of the pivot point of the rudder, `l > -g_v / g_r`: behind it, the rudder first moves
-/// the point the other way. The internal dynamics (heading and sway) are stable in forward motion with damped sway.
+/// Pose and velocities over ground are measured; the model is affine in known maps of its commands. The point is ahead
+/// of the pivot point of the rudder, `l > -g_v / g_r`: behind it, the rudder first moves the point the other way. The
+/// internal dynamics (heading and sway) are stable in forward motion with damped sway.
 ///
 /// # Tuning
 ///
 /// A model error of `a` m/s^2 causes an error of `a / k_p` metres. White noise of `n` m/s in the velocity of the point
 /// at samples of `h` seconds causes `n sqrt(h k_d / (2 k_p))` metres. `omega` must stay below about `0.3 / h` and below
-/// the bandwidth of the actuators. The integral compensates constant disturbances north and east (wind) and slows the
-/// response.
+/// the bandwidth of the actuators. The integral compensates constant disturbances (wind) and slows the response.
 ///
 /// # Failure modes
 ///
 /// - Without speed the rudder has no force: [`Status::Singular`]; the propeller acts alone.
 /// - In reverse the heading is unstable. References must move forward.
-/// - A model error of the size of the demand (a polynomial for a hydrofoil at take-off) causes errors of the same size.
-///   Only [`Status::Lost`] indicates them.
+/// - Only [`Status::Lost`] indicates a model error of the size of the demand (a polynomial for a hydrofoil at
+///   take-off).
 /// - With saturated commands ([`Status::Saturated`]) the integral follows the achieved acceleration (back-calculation,
 ///   K. J. Astrom and T. Hagglund, *Advanced PID Control*, 2006, section 3.5).
 #[derive(Clone, Debug)]
@@ -176,8 +174,8 @@ impl<M: Affine> FeedbackLinearization<M> {
         self.point.velocity(estimate)
     }
 
-    /// The command against a disturbance acceleration of the point (north, east). Also returns the acceleration that
-    /// the model predicts.
+    /// The command against a disturbance acceleration of the point (north, east), and the acceleration that the model
+    /// predicts.
     pub(super) fn command_against(
         &mut self,
         estimate: &Estimate<'_>,
@@ -187,7 +185,7 @@ impl<M: Affine> FeedbackLinearization<M> {
     ) -> (Status, [f64; 2]) {
         let FeedbackLinearizationOptions { proportional, derivative, integral, .. } = self.options;
         let error = self.point.error(estimate, reference);
-        // A limit on the speed: far away the vessel approaches at the closing speed from any distance.
+        // A limit on the speed: the vessel approaches at the closing speed from any distance.
         let closing =
             shortened(error.position.map(|e| e * (proportional / derivative)), self.options.closing_speed);
         let wanted: [f64; 2] = core::array::from_fn(|i| {

@@ -22,9 +22,9 @@ use crate::guidance::Reference;
 /// d2p/dt2  = R(psi) ( d + B tau ),   d = [f_u - r (v + l r), f_v + l f_r + u r],   B_i = [g_iu, g_iv + l g_ir]
 /// ```
 ///
-/// `B` has rank 2 if the rudder has force, because `l g_ir` does not vanish: for this point the vessel is fully
-/// actuated. The internal dynamics are the heading, which follows the point like a trailer: `d psi/dt = (U sin(chi -
-/// psi) - v) / l` for a point with speed `U` and course `chi`.
+/// `B` has rank 2 if the rudder has force, because `l g_ir` does not vanish: the point is fully actuated. The internal
+/// dynamics are the heading, which follows the point like a trailer: `d psi/dt = (U sin(chi - psi) - v) / l` for a
+/// point with speed `U` and course `chi`.
 #[derive(Clone, Debug)]
 pub(super) struct LookaheadPoint<M> {
     model: M,
@@ -146,7 +146,7 @@ impl<M: Affine> LookaheadPoint<M> {
     }
 
     /// Accelerates the point by `wanted` (north, east) \[m/s^2\] within the limits of the actuators. Returns the
-    /// status, and the acceleration at the end of the sample minus the demand.
+    /// status, and the achieved acceleration minus `wanted`.
     pub(super) fn accelerate(
         &mut self,
         estimate: &Estimate<'_>,

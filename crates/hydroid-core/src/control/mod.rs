@@ -3,12 +3,10 @@
 //! - [`Controller`]: the interface of every law; [`Estimate`] is its input, [`Status`] qualifies its command.
 //! - [`Affine`]: invertible models `d nu/dt = f + sum g_i phi_i`: vessels with known parameters ([`AffinePlant`]),
 //!   identified equations ([`AffineEquations`]) and control-affine networks ([`AffineNetwork`]).
-//! - [`FeedbackLinearization`] and [`Backstepping`] of a lookahead point; [`Autopilot`] without a model, for
-//!   comparison.
+//! - [`FeedbackLinearization`] and [`Backstepping`] of a lookahead point; [`Autopilot`] without a model.
 //! - [`AdaptiveAugmentation`]: feedback linearization with a network that learns the model error online.
 //! - [`cem`]: model predictive control on any predictor.
-//! - [`Actuators`]: limits and rate limits of the commands, and inversion of actuator lags (see
-//!   [`actuator`](crate::actuator)).
+//! - [`Actuators`]: limits of the commands, and inversion of actuator lags ([`actuator`](crate::actuator)).
 //! - [`allocate`]: control allocation, damped near singular configurations.
 
 mod actuators;
@@ -62,8 +60,8 @@ impl Estimate<'_> {
 
 /// A control law for one vessel: from estimate and reference to the command until the next sample.
 ///
-/// No method allocates. Commands are within limits and rate limits for any estimate. Without a finite estimate, the
-/// last command is held for a while and the status is [`Status::Blind`].
+/// No method allocates. Commands are within their limits for any estimate. Without a finite estimate, the last command
+/// is held for a while and the status is [`Status::Blind`].
 pub trait Controller {
     /// Number of commands.
     fn inputs(&self) -> usize;

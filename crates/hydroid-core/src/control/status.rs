@@ -12,8 +12,7 @@ pub enum Status {
     Saturated,
     /// The distance from the reference exceeds the tolerance of the law.
     Lost,
-    /// The vessel has little control authority in some direction (no rudder force at zero speed). The demand there is
-    /// damped.
+    /// The vessel has little control authority in some direction (no rudder force at zero speed).
     Singular,
     /// Estimate or reference are not finite. The last command is held for a while, then brought to rest.
     Blind,

@@ -1,7 +1,6 @@
 //! The bound on the deviation of a prediction from the prediction of the reference model.
 //!
-//! For the prediction `p` of an adapted model, the prediction `f` of the reference model, and half the design range
-//! `w` of each output:
+//! For the predictions `p` of an adapted model and `f` of the reference model, and half the design range `w`:
 //!
 //! ```text
 //! d      = mean over outputs of |p - f| / w, with its range over the last stride of steps of the horizon
@@ -10,11 +9,10 @@
 //!        = f + a (p - f)    otherwise, with a = min(1, limit / max d) for all steps
 //! ```
 //!
-//! Within `limit`, the error of the answer exceeds the error of `f` by at most `limit` (triangle inequality). A larger
-//! deviation implies that one of the two predictions is wrong: if the error of `p` is at most `E`, the error of `f` is
-//! at least `d - E`, and the cost of `p` beyond `factor` times the error of `f` is at most `limit` where
-//! `d >= (E (1 + factor) - limit) / factor`. For a reference model with small recent errors `supported_to` is small. In
-//! deficit, a small deviation does not justify further cost.
+//! Within `limit`, the error of the answer exceeds the error of `f` by at most `limit` (triangle inequality). If the
+//! error of `p` is at most `E`, the error of `f` is at least `d - E`, and the cost of `p` beyond `factor` times the
+//! error of `f` is at most `limit` where `d >= (E (1 + factor) - limit) / factor`. For a reference model with small
+//! recent errors `supported_to` is small. In deficit, a small deviation does not justify further cost.
 //!
 //! The motion of the vessel is a third estimate: `m = y + k dy` after `k` samples, from the measured value `y` and its
 //! change `dy` per sample. It is inaccurate, but independent of training data. With `motion_check`, a prediction is
@@ -87,7 +85,6 @@ pub(super) struct DeviationBound {
 }
 
 impl DeviationBound {
-    /// The range of the distance of two predictions over the compared steps.
     fn distance_range(&self, predicted: &[f64], reference: &[f64]) -> (f64, f64) {
         let n = self.scale.len();
         let steps = (predicted.len() / n).min(self.horizon);
@@ -99,7 +96,6 @@ impl DeviationBound {
         })
     }
 
-    /// Whether a prediction is projected because of its size or the motion alone.
     pub(super) fn is_rejected(
         &self,
         predicted: &[f64],
@@ -161,8 +157,8 @@ impl DeviationBound {
     }
 }
 
-/// Estimates the motion from measurements (rows of all outputs, oldest first): value and slope from the means of the
-/// two halves. An output keeps its motion if it is missing in the last row or in more than half of either half.
+/// Estimates the motion from measurements (rows of all outputs, oldest first) by the means of the two halves. An output
+/// keeps its motion if it is missing in the last row or in more than half of either half.
 pub(super) fn estimate_motion(rows: &[f64], motion: &mut Motion) {
     let n = motion.len();
     let count = rows.len() / n / 2;
@@ -329,8 +325,7 @@ mod tests {
     #[test]
     fn motion_is_estimated_from_two_halves() {
         let mut motion = [[f64::NAN; 2], [f64::NAN; 2], [7.0, 1.0], [7.0, 1.0]];
-        // The second output is measured in half of each half, the third in less of the last half, the fourth not at the
-        // end.
+        // The second output is measured in half of each half, the third in less, the fourth not at the end.
         let row = |k: u32| {
             let line = 2.0 + 0.1 * f64::from(k);
             let with = |measured: bool| if measured { line } else { f64::NAN };

@@ -32,7 +32,7 @@ impl Expert {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Event {
-    /// Number of samples observed before this one.
+    /// Number of samples observed before this one, since construction.
     pub sample: u64,
     /// The action.
     pub action: Action,

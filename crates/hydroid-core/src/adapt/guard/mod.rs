@@ -2,9 +2,8 @@
 //!
 //! Three models follow the run: the learner (*adapted*), the last good snapshot of its weights (*snapshot*), and the
 //! delivered model with a state filter and constant weights (*reference*). Measurements pass fault detection first
-//! (`sensor`). Every [`stride`](GuardOptions::stride) samples a shadow test (`shadow_test`) rolls out the three models
-//! of a horizon `H` ago, and the learner of that time with its present weights, under the recorded commands. Their
-//! errors against the measurements are
+//! (`sensor`). Every [`stride`](GuardOptions::stride) samples a shadow test (`shadow_test`) rolls out the models of a
+//! horizon `H` ago, and the learner of that time with its present weights, under the recorded commands. The errors are
 //!
 //! ```text
 //! e_k = mean over outputs and the last stride of steps of |predicted - measured| / (half the design range)
@@ -21,9 +20,9 @@
 //!
 //! A bound (`deviation_bound`) limits the deviation of an answer from the prediction of the reference model, and so its
 //! cost for any measurement. Larger deviations require recent tests in which the reference model must be wrong. An
-//! account over all open windows limits the bounds: the cost so far and the bounds of all pending predictions never
-//! exceed it, so that the reference model, which adds no cost, can end all windows within the guarantee at any time. In
-//! deficit, answers within the bound are those of the reference model.
+//! account over all open windows limits the cost so far plus the bounds of all pending predictions, so that the
+//! reference model, which adds no cost, can end all windows within the guarantee at any time. In deficit, answers
+//! within the bound are those of the reference model.
 
 mod adapter;
 mod deviation_bound;
@@ -103,7 +102,6 @@ pub struct Guard {
     /// Whether learning is stopped outside the design range, and by [`Adapter::freeze`].
     outside: bool,
     stopped: bool,
-    /// The screened measurement, and the one that the reference model observes.
     measured: Vec<f64>,
     reference_input: Vec<f64>,
     command: Vec<f64>,
@@ -120,8 +118,8 @@ impl core::fmt::Debug for Guard {
     }
 }
 
-/// The value of a stuck sensor if it is nearer to the expectation of the learner than the expectation of the reference
-/// model, else NaN. Without measurements the reference model drifts within seconds in unknown conditions.
+/// The value of a stuck sensor if it is nearer to the expectation of the learner than that of the reference model, else
+/// NaN. Without measurements the reference model drifts within seconds in unknown conditions.
 fn nearer(value: f64, learner: f64, reference: f64) -> f64 {
     if (value - learner).abs() < (reference - learner).abs() { value } else { f64::NAN }
 }
@@ -199,8 +197,7 @@ impl Guard {
         self.selector.active
     }
 
-    /// The weights of the active model, in the layout of [`Learning::weights`](crate::adapt::Learning::weights), for
-    /// control laws that invert the model.
+    /// The weights of the active model, in the layout of [`Learning::weights`](crate::adapt::Learning::weights).
     pub fn active_weights(&self) -> &[f64] {
         self.expert(self.selector.active).weights()
     }

@@ -32,8 +32,7 @@ const OVERDRAFT_CAUTION: f64 = 2.0;
 const OVERDRAFT_WINDOWS: f64 = 10.0;
 
 /// Bound on the error of the reference model: this factor times its largest recent error, or times the growth of its
-/// error within a stride at the start of a new mode. `CONFIRMED` multiplies it if the last rejected prediction was
-/// right.
+/// error within a stride at the start of a new mode; `CONFIRMED` times as much if the last rejection was wrong.
 const ERROR_GROWTH: f64 = 6.0;
 const SLOPE_GROWTH: f64 = 40.0;
 const CONFIRMED: f64 = 3.0;
@@ -45,8 +44,7 @@ const RISING: f64 = 1.1;
 const DECAY: f64 = 2.0;
 
 /// This smaller bound and the motion check hold if the reference model was wrong by `WRONG` noise floors within the
-/// horizon, or if at most a share `TRUSTED` of the rejected predictions was right (exponential mean, gain
-/// `TRUST_GAIN`).
+/// horizon, or if at most `TRUSTED` of the rejected predictions were right (exponential mean with gain `TRUST_GAIN`).
 const WRONG: f64 = 10.0;
 const TRUSTED: f64 = 0.75;
 const TRUST_GAIN: f64 = 0.1;
@@ -62,8 +60,7 @@ const UNKNOWN: [f64; 3] = [f64::INFINITY, f64::INFINITY, 0.0];
 const MARGIN: f64 = 0.75;
 
 /// A learner loses a test if its record exceeds the best other record by `LOSS_RATIO` and two noise floors. Its loss
-/// grows by the ratio, at most `MAX_LOSS`. The weights roll back at `ROLLBACK_LOSS`; the delay leaves the learner time
-/// to adapt to forgotten conditions.
+/// grows by the ratio, at most `MAX_LOSS`; at `ROLLBACK_LOSS` the weights roll back. The delay permits adaptation.
 const LOSS_RATIO: f64 = 2.0;
 const MAX_LOSS: f64 = 8.0;
 const ROLLBACK_LOSS: f64 = 40.0;
@@ -145,8 +142,7 @@ impl ModelSelector {
         self.allowance() / self.pending.len() as f64
     }
 
-    /// The account: permitted excess over `factor` times the error of the reference model, summed over the tests of a
-    /// window.
+    /// The account: permitted excess over `factor` times the error of the reference model in the tests of a window.
     fn allowance(&self) -> f64 {
         MARGIN * self.floor * self.account.len() as f64
     }
@@ -274,7 +270,6 @@ impl ModelSelector {
         worst(&self.recent, Expert::Reference) >= WRONG * self.floor || self.trust <= TRUSTED
     }
 
-    /// Whether the record of a model is good enough relative to the reference model.
     fn is_competitive(&self, expert: Expert) -> bool {
         let (own, reference) = (self.record[expert.index()], self.record[Expert::Reference.index()]);
         if expert == self.active {

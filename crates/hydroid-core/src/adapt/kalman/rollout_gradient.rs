@@ -15,7 +15,7 @@ use crate::predict::Predictor;
 /// ```text
 /// y_j = b(y_{j-1}) + scale . g(h_j):   l_h += (dg/dh)' scale l_y,    l_theta += (dg/dtheta)' scale l_y,
 ///                                      l_y stays if b(y) = y, and becomes zero otherwise
-/// h_j = f(h_{j-1}, x_{j-1}):           l_h <- (df/dh)' l_h,  l_theta += (df/dtheta)' l_h,  l_y += (df/dz)' l_h / scale_y
+/// h_j = f(h_{j-1}, x_{j-1}):           l_h <- (df/dh)' l_h, l_theta += (df/dtheta)' l_h, l_y += (df/dz)' l_h / scale_y
 /// ```
 #[derive(Clone, Debug)]
 pub(super) struct RolloutGradient {

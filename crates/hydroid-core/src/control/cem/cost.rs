@@ -28,9 +28,9 @@ pub struct SoftLimit {
 /// ```
 ///
 /// `p` is the point `lookahead` metres ahead of the origin; `psi_d` and `U_d` are course and speed of the path at the
-/// reference; `s_i` is half of the range of a command and `dc_i` its change in a sample. `beta` is the drift angle, so
-/// that the heading term acts on the course over ground, which differs from the heading in a turn or a cross current.
-/// The pose is integrated by the midpoint rule. A plan whose prediction is not finite has an infinite cost.
+/// reference; `s_i` is half of the range of a command and `dc_i` its change in a sample. With the drift angle `beta`,
+/// the heading term acts on the course over ground. The pose is integrated by the midpoint rule. A plan whose
+/// prediction is not finite has an infinite cost.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cost {
     /// Distance of the lookahead point from the origin \[m\].
@@ -120,8 +120,7 @@ impl Cost {
         4 + self.soft_limits.len() + 2 * inputs
     }
 
-    /// Residuals whose mean square is the cost, in the same order for all candidates. Returns the sum of the last pose,
-    /// which is not finite if the prediction is not.
+    /// Residuals whose mean square is the cost. Returns the sum of the last pose: not finite if the prediction is not.
     pub(super) fn residuals(
         &self,
         moment: &PlanningProblem<'_>,
@@ -172,7 +171,6 @@ impl Cost {
     }
 }
 
-/// Data of a plan, shared by all candidates.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PlanningProblem<'a> {
     pub(super) pose: [f64; 3],
@@ -188,8 +186,7 @@ pub(super) struct PlanningProblem<'a> {
 /// Minimum speed in the drift angle \[m/s\].
 const ADRIFT: f64 = 0.1;
 
-/// Drift angle from the heading to the course over ground, `asin(v / U)` \[rad\]. It tends to zero below half of the
-/// demanded speed, where the course is not defined.
+/// Drift angle from the heading to the course over ground \[rad\]; zero at low speed, where the course is undefined.
 fn drift(v: f64, speed: f64, wanted: f64) -> f64 {
     Float::asin((v / speed.max(0.5 * wanted).max(ADRIFT)).clamp(-1.0, 1.0))
 }

@@ -21,7 +21,7 @@ const LEAST: f64 = 1e-9;
 /// Gauss-Newton steps on a plan, with derivatives by differences.
 ///
 /// Random search leaves noise in every command of a plan. The cost is a mean of squares `r_k^2`, so that a few more
-/// rollouts find the optimum near the best candidate. With `J_ki = dr_k/dc_i`, from one rollout for each command,
+/// rollouts find the optimum near the best candidate. With `J_ki = dr_k/dc_i` from one rollout for each command,
 ///
 /// ```text
 /// (J'J + lambda diag(J'J)) step = -J' r,     lambda = 1e-6 .. 100
@@ -66,8 +66,7 @@ impl GaussNewton {
         }
     }
 
-    /// A step from a plan: returns the number of candidates and the new cost of the plan. `y` has room for the outputs
-    /// of 64 candidates.
+    /// Returns the number of candidates and the new cost of the plan. `y` has room for the outputs of 64 candidates.
     pub(super) fn step(
         &mut self,
         (session, work): (&dyn Predictor, &mut Workspace),
@@ -197,7 +196,6 @@ impl GaussNewton {
                 let (row, other) = (&l[i * n..i * n + j], &l[j * n..j * n + j]);
                 let rest = given - row.iter().zip(other).map(|(a, b)| a * b).sum::<f64>();
                 if i == j {
-                    // NaN is not positive either.
                     if !(rest > 0.0 && rest.is_finite()) {
                         return false;
                     }

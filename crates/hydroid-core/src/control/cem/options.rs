@@ -28,8 +28,7 @@ pub struct PlannerOptions {
 }
 
 impl PlannerOptions {
-    /// Largest number of commands of a plan (samples times inputs) for Gauss-Newton steps; their work grows with its
-    /// cube.
+    /// Largest number of commands of a plan (samples times inputs) for Gauss-Newton steps, whose work is cubic in it.
     pub const MAX_GAUSS_NEWTON_COMMANDS: usize = 400;
 
     /// A horizon of 20 samples, 350 candidates, 35 elites, 5 iterations, and 2 Gauss-Newton steps.

@@ -39,15 +39,14 @@ use crate::predict::{BATCH, Predictor, Workspace};
 ///
 /// # Time
 ///
-/// The callback `stop` can end the search after every 64 candidates and after every Gauss-Newton step; the best
-/// sequence so far, at least the shifted plan, is then used. A complete plan takes `candidates x horizon x iterations`
-/// predicted samples, and each Gauss-Newton step `horizon x inputs + 9` further rollouts. Without a stop, the result
-/// depends on the seed alone.
+/// The callback `stop` can end the search after every 64 candidates and after every Gauss-Newton step, with the best
+/// sequence so far. A complete plan takes `candidates x horizon x iterations` predicted samples, and each Gauss-Newton
+/// step `horizon x inputs + 9` further rollouts. Without a stop, the result depends on the seed alone.
 ///
 /// # Failure modes
 ///
-/// The planner does not account for anything beyond the horizon: a turn must begin within it. If no candidate has a
-/// finite cost, the shifted plan is commanded and the status is [`Status::Blind`].
+/// A turn must begin within the horizon. If no candidate has a finite cost, the shifted plan is commanded and the
+/// status is [`Status::Blind`].
 #[derive(Clone, Debug)]
 pub struct Planner {
     options: PlannerOptions,
@@ -174,12 +173,11 @@ impl Planner {
         self.options.horizon
     }
 
-    /// Plans from `pose` (`[x, y, psi]`) and the present state of `session`. `references` are the references after 1,
-    /// 2, .. `horizon` samples. `stop` returns true to end the search.
+    /// Plans from `pose` (`[x, y, psi]`) and the present state of `session`. `references` are those after 1, 2, ..
+    /// `horizon` samples. `stop` returns true to end the search.
     ///
     /// # Panics
-    /// If `session` has other numbers of outputs and inputs, there are fewer references than the horizon, or `command`
-    /// has not one number for each input.
+    /// If `session`, `references` (fewer than the horizon) or `command` do not fit the planner.
     pub fn command(
         &mut self,
         session: &dyn Predictor,
@@ -327,7 +325,7 @@ impl Planner {
     }
 }
 
-/// Candidates of an iteration: the mean, the best sequence so far, and random sequences around the mean.
+/// Candidates of an iteration: the mean, the best sequence so far, and random sequences.
 fn draw(
     noise: &mut Noise,
     correlation: f64,
@@ -366,7 +364,7 @@ fn learn(
 ) {
     let (inputs, len) = (limits.len(), mean.len());
     let PlannerOptions { elites, momentum, least_deviation, .. } = *options;
-    // Equal costs in the order of the candidates, for the same elites in any previous order.
+    // Ties in the order of the candidates, for the same elites in any previous order.
     let by_cost = |a: &usize, b: &usize| costs[*a].total_cmp(&costs[*b]).then(a.cmp(b));
     order.select_nth_unstable_by(elites - 1, by_cost);
     let best = &mut order[..elites];
