@@ -126,7 +126,6 @@ fn a_frozen_adapter_stays_frozen() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Saved states from files are arbitrary.
     #[test]
     fn an_arbitrary_saved_state_never_panics(seed in any::<u64>(), finite in any::<bool>()) {
         let mut x = seed | 1;

@@ -127,7 +127,6 @@ fn model(history: usize, horizon: usize, base: BaseModel) -> Direct {
     Direct { weights: ruled(&network), network, scaling, history, horizon, base }
 }
 
-/// Number of past samples in [`equations`].
 const PAST: usize = 2;
 
 /// Two outputs and two inputs, with a lag and past values of an output and of an input.
@@ -237,7 +236,6 @@ fn sessions_and_rollouts_equal_the_equations() {
                 assert_eq!(y, measured(k), "nothing can be predicted yet");
             }
             passed.push(command(k));
-            // The second output is missing in some samples; the prediction replaces it.
             let missing = k % 7 == 5;
             let seen = measured(k + 1);
             session.observe(&[seen[0], if missing { f64::NAN } else { seen[1] }]);
@@ -253,7 +251,6 @@ fn sessions_and_rollouts_equal_the_equations() {
     }
 }
 
-/// A restored session and a fork predict identically to the last bit.
 #[test]
 fn snapshots_and_forks_hold_all_that_predictions_depend_on() {
     for model in every_model() {

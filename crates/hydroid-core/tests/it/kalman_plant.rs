@@ -133,7 +133,6 @@ fn partials_are_those_of_central_differences() {
     }
 }
 
-/// One step of the session, of the learner and of the simulated plant give the same motion.
 #[test]
 fn a_plant_model_equals_the_simulation() {
     for params in vessels() {
@@ -289,7 +288,6 @@ fn changed_parameters_are_found() {
     assert!((snapshot[3] - truth.motion()[3]).abs() < 3.0, "{} {}", snapshot[3], truth.motion()[3]);
 }
 
-/// For any measurements, the parameters stay physical.
 #[test]
 fn parameters_stay_those_of_a_vessel() {
     for params in vessels() {

@@ -346,7 +346,6 @@ fn memory_goes_on_to_the_last_bit() {
     }
 }
 
-/// Equal covariances give equal deviations of the predictions.
 #[test]
 fn deviations_ahead_are_those_of_the_full_filter() {
     let forms = [CovarianceForm::Full, CovarianceForm::Blocks { group: usize::MAX }];

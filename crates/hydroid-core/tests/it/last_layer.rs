@@ -80,7 +80,6 @@ fn measured(k: usize) -> [f64; 2] {
     [1.0 + (0.1 * k as f64).sin() + 0.05 * noise, -0.5 + 0.2 * (0.23 * k as f64).cos()]
 }
 
-/// Regression of one target: `R = P^-1` and its weights.
 struct Naive {
     information: Vec<Vec<f64>>,
     theta: Vec<f64>,
@@ -165,7 +164,6 @@ fn regressor(model: &Direct, k: usize) -> Vec<f64> {
     x
 }
 
-/// Each target has the estimate of its own regression.
 #[test]
 fn every_step_learns_as_if_it_were_alone() {
     for (p, h, below, hidden) in [
@@ -264,7 +262,6 @@ fn a_session_resumes_from_a_saved_state() {
     }
 }
 
-/// A rollout from a snapshot uses the weights of the snapshot.
 #[test]
 fn a_snapshot_predicts_as_it_did() {
     for model in [model(3, 4, false, &[7, 5]), on(equations(), 3, 4, &[7, 5])] {
@@ -303,7 +300,6 @@ fn snapshots_of(model: &Direct) {
     assert_ne!(adapter.weights(), weights);
 }
 
-/// The weights of an output without measurements stay; those of the other output are not affected.
 #[test]
 fn missing_measurements_change_no_weights() {
     let model = model(3, 4, false, &[7, 5]);
@@ -323,7 +319,6 @@ fn missing_measurements_change_no_weights() {
         whole.advance(&command(k));
         half.advance(&command(k));
     }
-    // Without any measurements nothing is learned.
     let before = half.weights().to_vec();
     for k in 41..60 {
         half.observe(&[f64::NAN; 2]);
@@ -434,7 +429,6 @@ fn a_last_layer_that_has_changed_is_found() {
     assert!(bands[2..].iter().all(|b| b.is_nan()), "beyond what the network gives: {bands:?}");
 }
 
-/// The covariance stays bounded over many samples with little excitation.
 #[test]
 fn the_filter_stays_stable_over_a_long_run() {
     let model = model(2, 3, true, &[6]);
@@ -513,7 +507,6 @@ fn invalid_options_are_refused_with_a_reason() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Saved states from files are arbitrary.
     #[test]
     fn an_arbitrary_saved_state_never_panics(seed in any::<u64>(), finite in any::<bool>()) {
         let mut x = seed | 1;

@@ -3,7 +3,6 @@
 use hydroid_core::adapt::RecursiveLeastSquares;
 use proptest::prelude::*;
 
-/// Deterministic random numbers in -1..1.
 struct Numbers(u64);
 
 impl Numbers {
@@ -124,7 +123,6 @@ fn without_excitation_the_covariance_stays_bounded_and_coefficients_return() {
     let mut fast = RecursiveLeastSquares::new(n, &[1.0; 8], information, true);
     for _ in 0..2_000 {
         let phi = numbers.row(n);
-        // The true coefficients have changed to 2.
         let z = 2.0 * phi.iter().sum::<f64>();
         fast.predict(&phi, &[z]);
         fast.correct(1.0);

@@ -67,7 +67,6 @@ fn frozen_and_filtered_errors_are_those_of_the_reference() {
     }
 }
 
-/// Missing channels are not used; a run without measurements is open loop.
 #[test]
 fn missing_channels_are_left_out() {
     let log = rows("lawn3.csv");
@@ -92,7 +91,6 @@ fn missing_channels_are_left_out() {
     assert!(errors[0] < 0.3 * errors[3] && errors[1] < 0.3 * errors[3], "{errors:?}");
 }
 
-/// Scratch is sufficient for more outputs than states.
 #[test]
 fn outputs_may_be_more_than_the_state_has_numbers() {
     for hidden in [1, 2] {
@@ -132,7 +130,6 @@ fn outputs_may_be_more_than_the_state_has_numbers() {
     }
 }
 
-/// Extreme values restart a session.
 #[test]
 fn a_diverged_filter_restarts() {
     let mut session = filtered("lstm");

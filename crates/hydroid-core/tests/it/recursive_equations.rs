@@ -74,7 +74,6 @@ fn only_the_changed_drag_is_adapted() {
     assert!((-0.6..-0.5).contains(&drag), "{drag}");
     assert!((thrust - 0.5).abs() < 0.05 && (damping + 1.0).abs() < 0.1 && (rudder - 0.8).abs() < 0.08);
     assert_eq!(adapter.equations().coefficient(0, 0), drag);
-    // Terms with zero coefficients stay zero.
     assert_eq!(adapter.equations().active_terms(), 4);
 }
 
@@ -239,7 +238,6 @@ fn snapshots_contain_the_current_weights_and_frozen_sessions_do_not_adapt() {
     fork.restore(&early);
     fork.rollout(&commands, &mut work, &mut y);
     assert_eq!(y, before);
-    // The fork has its own weights.
     let weights = adapter.weights().to_vec();
     assert_ne!(adapter.equations().coefficient(0, 0), early[2]);
     assert_eq!(adapter.equations().coefficient(0, 0), weights[0]);
@@ -294,7 +292,6 @@ fn signals_equal_those_of_the_identification() {
     let mut plant = EquationsSession::new(Arc::new(truth));
     let mut y = [0.0];
     for k in 0..6000usize {
-        // The past is unknown at first.
         if k < 4 {
             plant.observe(&[0.2]);
         }

@@ -147,7 +147,6 @@ fn a_rehearsing_filter_stays_positive_and_resumes_from_its_saved_state() {
         }
         let mut saved = vec![0.0; one.memory_len()];
         one.save(&mut saved);
-        // The other session has no windows.
         let mut other = session(covariance, Some(REHEARSAL));
         other.load(&saved);
         for session in [&mut one, &mut other] {

@@ -47,14 +47,12 @@ fn sailed(
     sail(&sea, &mut controller, Mover::Vessel(PathReference::new(0.0, 6.0)), start, 0.0)
 }
 
-/// `T s^2 + (1 + K K_d) s + K K_p` has the given poles.
 #[test]
 fn the_gains_place_the_poles() {
     let (gain, time, omega, zeta) = (0.03, 1.7, 0.8, 0.9);
     let gains = HeadingGains::nomoto(gain, time, omega, zeta, 2.0);
     assert!(((1.0 + gain * gains.derivative) / time - 2.0 * zeta * omega).abs() < 1e-12);
     assert!((gain * gains.proportional / time - omega * omega).abs() < 1e-12);
-    // The feedforward covers a steady turn of the model.
     assert!((gain * gains.turn - 1.0).abs() < 1e-12);
 }
 

@@ -91,7 +91,6 @@ fn batches_of_equations_equal_single_rollouts() {
         session
     };
     let mut work = side_by_side(&lagging(0.5), 4);
-    // A workspace of another lag is not reused.
     agree(&lagging(2.0), &mut work, 4);
 }
 

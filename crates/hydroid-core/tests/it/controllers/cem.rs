@@ -60,7 +60,6 @@ const WIDE: [Limits; 2] = [Limits::between([-4.0, 4.0]), Limits::between([-1.0, 
 fn optimum(horizon: usize, target: f64) -> f64 {
     let a = 1.0 - DT + DT * DT / 2.0 - DT.powi(3) / 6.0 + DT.powi(4) / 24.0;
     let (b, half, effort, rate) = (1.0 - a, 4.0, 0.02, 0.5);
-    // Rows of a least-squares problem: outputs, efforts, changes.
     let mut rows: Vec<(Vec<f64>, f64)> = Vec::new();
     for k in 0..horizon {
         let answer: Vec<f64> = (0..horizon)
@@ -168,7 +167,6 @@ fn the_shifted_plan_is_where_the_next_search_starts() {
     let mut alone = planner.clone();
     let plan = planner.command(&session, [0.0; 3], &ramp(2), &mut || true, &mut command);
     assert_eq!(plan.tried, BATCH);
-    // Without a finite model state, the plan is the shifted plan itself.
     let mut shifted = [0.0; 2];
     let nowhere = [f64::NAN, 0.0, 0.0];
     let blind = alone.command(&session, nowhere, &ramp(2), &mut || true, &mut shifted);
@@ -376,7 +374,6 @@ fn invalid_options_are_refused() {
     assert!(Planner::new(good, quadratic(), &WIDE, 2, DT, 1.0).is_err());
     let upside_down = [WIDE[0], Limits::between([1.0, 0.0])];
     assert!(Planner::new(good, quadratic(), &upside_down, 3, DT, 1.0).is_err());
-    // A vessel at rest, before it was measured.
     let session = PlantSession::new(&PlantModel::new(&VesselParams::simple(), DT).unwrap());
     let mut command = [9.0; 2];
     let mut planner = planner(good, quadratic(), &WIDE);

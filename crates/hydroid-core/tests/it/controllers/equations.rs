@@ -45,7 +45,6 @@ proptest! {
         }
     }
 
-    /// `g` equals the derivative of the equations with respect to the efforts.
     #[test]
     fn g_is_the_jacobian_by_the_efforts(u in 0.0..6.0f64, v in -1.0..1.0f64, r in -0.6..0.6f64, p in -100.0..300.0f64, d in -0.5..0.5f64) {
         let equations = equations(&VesselParams::hydrofoil(), Force::Hidden);
@@ -137,7 +136,6 @@ fn adapted_coefficients_are_used() {
     assert!(actuators[0] == 33.0 && actuators[1].is_nan());
 }
 
-/// Coefficients with a lag that cannot be inverted are refused as a whole.
 #[test]
 fn coefficients_that_are_refused_change_nothing() {
     let (vessel, mut heavy) = (VesselParams::simple(), VesselParams::simple());
@@ -165,7 +163,6 @@ fn coefficients_that_are_refused_change_nothing() {
         law.command(&estimate, &reference, command);
     }
     assert_eq!(commands[0], commands[1]);
-    // Later updates are possible.
     law.update(|model| model.set_coefficients(after.coefficients())).unwrap();
     let (mut learned, mut fresh) = (law.model().clone(), AffineEquations::new(&after, [0, 1, 2]).unwrap());
     let (mut one, mut two) = (Motion::new(2), Motion::new(2));
@@ -174,7 +171,6 @@ fn coefficients_that_are_refused_change_nothing() {
     assert_eq!((one, learned.channels()), (two, fresh.channels()));
 }
 
-/// The equations with one more term.
 fn with(output: usize, extra: Term, signals: Vec<Signal>) -> Result<AffineEquations, String> {
     let mut terms = vec![Term::monomial(&[0]), Term::monomial(&[3]), Term::monomial(&[0, 4]), extra];
     let mut coefficients = vec![0.0; 12];
@@ -265,7 +261,6 @@ fn outputs_that_are_no_actuators_are_refused() {
     assert_eq!(told, Some(NotAffine::TooFewInputs { given: 1 }));
 }
 
-/// The thrust `n |n|` of a propeller is inverted by a root.
 #[test]
 fn signed_squares_are_recognised() {
     let terms = vec![

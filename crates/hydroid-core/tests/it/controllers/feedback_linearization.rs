@@ -142,7 +142,6 @@ proptest! {
         }
     }
 
-    /// For any estimate, and with very tight limits.
     #[test]
     fn commands_keep_their_limits_and_failures_have_a_status(
         seed in 0u64..1000, speed in 0.2..6.0f64, radius in 3.0..40.0f64, tight in 0.05..1.0f64, rate in 0.05..5.0f64,
@@ -285,7 +284,6 @@ fn the_integral_rejects_the_wind() {
     assert!(with < 1e-4, "{with}");
 }
 
-/// A limit below the demand of the reference would wind the integral up without back-calculation.
 #[test]
 fn saturation_causes_no_windup() {
     let vessel = VesselParams::simple();

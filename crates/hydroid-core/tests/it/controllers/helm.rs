@@ -51,7 +51,6 @@ pub(crate) struct Moment {
     pub(crate) error: f64,
     /// Cross-track error of the point, to starboard \[m\].
     pub(crate) cross_track: f64,
-    /// Reference speed \[m/s\].
     pub(crate) speed: f64,
     pub(crate) status: Status,
     pub(crate) command: [f64; 2],

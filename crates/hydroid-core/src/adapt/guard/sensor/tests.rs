@@ -44,7 +44,6 @@ fn wave(k: u64) -> f64 {
     (0.02 * k as f64).sin()
 }
 
-/// The wave with noise of 0.01.
 fn heard(k: u64) -> f64 {
     wave(k) + 0.01 * noise(k)
 }
@@ -75,7 +74,6 @@ fn a_coarse_sensor_is_not_stuck() {
 }
 
 /// At the start of a run models deviate by metres a second and jump: no measurement is judged by them.
-/// judged by that.
 #[test]
 fn models_that_find_their_states_excuse_nothing_and_accuse_nobody() {
     let mut sensor = Sensor::new(0.01);

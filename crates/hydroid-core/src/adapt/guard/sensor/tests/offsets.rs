@@ -76,7 +76,6 @@ fn an_offset_is_known_to_less_than_the_noise() {
 
 /// Offsets of nine deviations of the noise are nearly always found, those of five hardly ever: a first value with
 /// additional noise may be rejected, but the mean is too small.
-/// mean was not asked).
 #[test]
 fn small_offsets_are_found_among_noise() {
     let found_at = |from: u64, size: f64| {

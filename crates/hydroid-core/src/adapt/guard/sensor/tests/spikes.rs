@@ -21,7 +21,6 @@ fn spikes_are_refused_also_side_by_side() {
     }
 }
 
-/// The return from a spike, the second spike and the values after the third are judged correctly.
 #[test]
 fn spikes_with_one_sound_value_between_are_spikes() {
     let all = verdicts(wave, |k, x| match k {
@@ -38,7 +37,6 @@ fn spikes_with_one_sound_value_between_are_spikes() {
     }
 }
 
-/// Two similar adjacent spikes are not motion.
 #[test]
 fn spikes_side_by_side_to_nearly_the_same_are_spikes() {
     for second in [0.4, 0.3, 0.58] {
@@ -79,7 +77,6 @@ fn models_that_leave_at_a_spike_make_no_offset_of_it() {
     }
 }
 
-/// A growing deviation of three spikes is not motion.
 #[test]
 fn three_spikes_side_by_side_are_spikes() {
     for [first, second, third] in [[5.0, -0.3, 5.2], [5.0, 0.3, 5.2], [0.3, 2.0, -4.0], [-3.0, 0.4, -2.0]] {

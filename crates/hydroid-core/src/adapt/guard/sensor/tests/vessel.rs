@@ -2,7 +2,6 @@
 
 use super::*;
 
-/// A deviation after a spike is neither a second spike nor an offset.
 #[test]
 fn a_vessel_that_turns_behind_a_spike_has_no_offset() {
     // All models deviate by about five times the RMS from there on.
@@ -48,7 +47,6 @@ fn a_spike_on_a_vessel_that_takes_off_is_no_offset() {
     assert!(matches!(all[250], Verdict::Spike { .. }), "or nothing was tried: {:?}", all[250]);
 }
 
-/// The return from two adjacent spikes is neither a third spike nor an offset.
 #[test]
 fn a_vessel_that_moved_on_behind_two_spikes_has_no_offset() {
     let all = verdicts(wave, |k, x| match k {
@@ -61,7 +59,6 @@ fn a_vessel_that_moved_on_behind_two_spikes_has_no_offset() {
     assert!(all[252..].iter().all(|verdict| *verdict == Verdict::Sound), "{:?}", &all[250..262]);
 }
 
-/// An acceleration before a spike does not hide it, and the return from it is no spike.
 #[test]
 fn a_spike_on_a_vessel_that_gathers_way_is_refused() {
     let gathers = |k: u64| wave(k) + 0.12 * (k.saturating_sub(245).min(15)) as f64;
