@@ -84,19 +84,15 @@ impl Default for AdaptiveAugmentationOptions {
 ///
 /// # Supervision
 ///
-/// Each window is predicted before the network learns from it. The correction is applied while the evidence `sum |b|^2
-/// - |b - b^|^2`, with a memory of about 20 windows, exceeds the noise; learning always continues. The norm of the
-/// correction is at most `most`.
+/// Each window is predicted before the network learns from it. The correction is applied while the evidence
+/// `sum |b|^2 - |b - b^|^2`, with a memory of about 20 windows, exceeds the noise; learning always continues. The norm
+/// of the correction is at most `most`. It cannot extend the limits of the vessel or restore a lost reference.
 ///
 /// # Tuning
 ///
 /// `noise` is the noise of the velocity of the point times `sqrt(2) / window_s`; a longer window reduces the noise and
 /// delays the correction. `scale` is the prior standard deviation of accelerations due to a wrong mass, a current or a
 /// fouled hull. Changes within a window are not learned.
-///
-/// # Failure modes
-///
-/// No correction extends the limits of the vessel or restores a reference that the base law has lost.
 #[derive(Clone, Debug)]
 pub struct AdaptiveAugmentation<M> {
     base: FeedbackLinearization<M>,

@@ -14,13 +14,8 @@ use super::status::Status;
 use crate::actuator::Limits;
 use crate::guidance::Reference;
 
-/// A point `l` metres ahead of the origin of a model, and the commands that accelerate it.
-///
-/// ```text
-/// p        = [x, y] + l [cos psi, sin psi]
-/// dp/dt    = R(psi) [u, v + l r]
-/// d2p/dt2  = R(psi) ( d + B tau ),   d = [f_u - r (v + l r), f_v + l f_r + u r],   B_i = [g_iu, g_iv + l g_ir]
-/// ```
+/// The point `p` of [`FeedbackLinearization`](super::FeedbackLinearization), `l` metres ahead of the origin of a model,
+/// with `d2p/dt2 = R(psi) (d + B tau)`, and the commands that accelerate it.
 ///
 /// `B` has rank 2 if the rudder has force, because `l g_ir` does not vanish: the point is fully actuated. The internal
 /// dynamics are the heading, which follows the point like a trailer: `d psi/dt = (U sin(chi - psi) - v) / l` for a

@@ -30,9 +30,8 @@ const LEAST: f64 = 1e-9;
 /// for all `lambda` in parallel. The best step is taken if its cost is lower. Commands at a limit with an outward
 /// gradient are fixed (projected Newton); all steps are clamped to limits and rate limits.
 ///
-/// Sources: H. Bharadhwaj, K. Xie and F. Shkurti, *Model-predictive control via cross-entropy and gradient-based
-/// optimization*, L4DC 2020; K. Levenberg, 1944, and D. W. Marquardt, 1963; D. P. Bertsekas, *Projected Newton methods
-/// for optimization problems with simple constraints*, 1982.
+/// Sources: K. Levenberg, 1944, and D. W. Marquardt, 1963; D. P. Bertsekas, *Projected Newton methods for optimization
+/// problems with simple constraints*, 1982; see [`Planner`](super::Planner) for the refinement of random search.
 #[derive(Clone, Debug)]
 pub(super) struct GaussNewton {
     len: usize,
