@@ -61,10 +61,7 @@ impl RecursiveLeastSquares {
     /// If the coefficients do not fill whole rows of `n`, or `information` is not a positive number.
     pub fn new(n: usize, coefficients: &[f64], information: f64, leak: bool) -> Self {
         assert!(n > 0 && coefficients.len().is_multiple_of(n), "coefficients do not fill whole rows");
-        assert!(
-            information > 0.0 && information.is_finite(),
-            "the prior information must be positive and finite"
-        );
+        assert!(information > 0.0 && information.is_finite(), "the prior information must be positive");
         let factor = UdFactor::new(n, 1.0 / information);
         Self {
             initial: numbers(&factor),

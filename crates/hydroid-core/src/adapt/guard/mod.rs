@@ -349,7 +349,6 @@ impl Guard {
     fn check_health(&mut self) {
         let lost = self.outcome == Outcome::Rejected(Rejection::NotFinite);
         let Health { least_variance, min_s_over_r } = self.learner.health();
-        // An unknown value (NaN) passes.
         if lost || least_variance < 0.0 || min_s_over_r < 1.0 - 1e-6 {
             self.learner.restart();
             self.record_event(Action::Restarted);

@@ -42,7 +42,6 @@ const MOST: usize = 3;
 /// Bound on the jumps in the mean square, relative to the RMS.
 const SOUND: f64 = 4.0;
 
-/// Verdict on a measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Verdict {
     /// Use the measurement.
@@ -106,13 +105,10 @@ pub(super) struct Sensor {
     begun_by: f64,
     /// Whether the second measurement deviated by at least half of the first deviation.
     lasts: bool,
-    /// The last used value, without offset.
     held: f64,
     /// Innovations of each expectation, with persistence last.
     tracks: [Track; EXPECTED + 1],
-    /// Number of samples since the last used measurement.
     pub(super) missing: usize,
-    /// Offset that is subtracted from each measurement.
     pub(super) offset: f64,
 }
 
@@ -123,7 +119,6 @@ impl Sensor {
         own
     }
 
-    /// Length of the saved memory.
     pub(super) const MEMORY_LEN: usize = 17 + Track::MEMORY_LEN * (EXPECTED + 1);
 
     pub(super) fn reset(&mut self) {
@@ -139,7 +134,6 @@ impl Sensor {
         self.tracks = [Track::new(); EXPECTED + 1];
     }
 
-    /// Screens a value, given the expected values (NaN if unknown).
     pub(super) fn judge(&mut self, value: f64, expected: [f64; EXPECTED], options: &GuardOptions) -> Verdict {
         let verdict = self.judged(value, expected, options);
         let used = matches!(
@@ -336,7 +330,6 @@ impl Sensor {
         if self.longest == 0 { 2 } else { options.repeats.max(self.longest.saturating_mul(3)) }
     }
 
-    /// Updates the mean square of the jumps, robustly.
     fn learn(&mut self, jump: f64, warm: bool) {
         self.seen = self.seen.saturating_add(1);
         let share = (1.0 / MEMORY).max(1.0 / self.seen as f64);

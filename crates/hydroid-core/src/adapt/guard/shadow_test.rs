@@ -36,7 +36,6 @@ pub(super) struct TestErrors {
     pub(super) complete: bool,
 }
 
-/// The last samples, and snapshots of the models at some of them.
 pub(super) struct ShadowTest {
     horizon: usize,
     stride: usize,
@@ -50,7 +49,6 @@ pub(super) struct ShadowTest {
     /// The last `H` commands and measurements, each stored twice, so that they are contiguous.
     commands: Vec<f64>,
     measured: Vec<f64>,
-    /// Numbers of samples and commands of this run.
     samples: usize,
     held: usize,
     /// For each origin under test: snapshots of all models, the active model, its budget and the motion.
@@ -98,7 +96,6 @@ impl ShadowTest {
         }
     }
 
-    /// Starts a run.
     pub(super) fn reset(&mut self) {
         (self.samples, self.held) = (0, 0);
     }
@@ -108,7 +105,6 @@ impl ShadowTest {
         self.held += 1;
     }
 
-    /// Stores a measurement after screening; NaN where an output was not used.
     pub(super) fn push_measurement(&mut self, y: &[f64]) {
         push(&mut self.measured, self.samples % self.horizon, y);
         self.samples += 1;
@@ -188,7 +184,6 @@ impl ShadowTest {
         let before = before[self.stride * self.outputs..].chunks_exact(self.outputs);
         let each = self.present.chunks_exact(self.outputs).zip(before);
         let distance = |(now, before): (&[f64], &[f64])| self.bound.distance(now, before);
-        // A diverged rollout has an infinite distance.
         each.map(distance).fold(0.0, |most, d| if d.is_nan() { f64::INFINITY } else { f64::max(most, d) })
     }
 
@@ -339,7 +334,6 @@ fn push(ring: &mut [f64], at: usize, row: &[f64]) {
     ring[half + place..half + place + row.len()].copy_from_slice(row);
 }
 
-/// See [`TestErrors::complete`].
 fn is_complete(rows: &[f64], outputs: usize) -> bool {
     let count = rows.len() / outputs;
     let measured = |output: usize| rows.iter().skip(output).step_by(outputs).filter(|y| !y.is_nan()).count();

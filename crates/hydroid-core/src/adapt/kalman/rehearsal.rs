@@ -32,7 +32,6 @@ impl RehearsalOptions {
     }
 }
 
-/// `x` and `z`.
 type Sample<'a> = (&'a mut [f64], &'a mut [f64]);
 
 /// Stored windows, and the position in them. They are replayed on the second of two [`SharedWeightStates`].
@@ -46,7 +45,6 @@ pub(super) struct Rehearsal {
     inputs: usize,
     row: usize,
     stored: usize,
-    /// Index of the next sample among those of all windows.
     position: usize,
     /// Samples of the run since the last rehearsed one.
     since: usize,

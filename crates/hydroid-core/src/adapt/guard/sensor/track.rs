@@ -6,14 +6,12 @@ use crate::adapt::memory::{Reader, Writer};
 /// measurements drifts, but does not jump. The bound also holds for all innovations of a series.
 pub(super) const SAME: f64 = 6.0;
 
-/// Gain of the recent mean of the innovations.
 const SMOOTH: f64 = 0.3;
 
 /// Largest difference of two measurements of one value, in deviations of the noise (three deviations of the
 /// difference).
 pub(super) const APART: f64 = 4.5;
 
-/// Innovations of one expectation.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Track {
     /// The last innovation, and the size of its last change.

@@ -48,7 +48,6 @@ struct Scratch {
     /// `blocks rows x n` and `blocks rows x outputs`; rows of blocks without learned weights are zero.
     by_state: Vec<f64>,
     by_output: Vec<f64>,
-    /// `n x max(n, outputs)`, twice.
     square: Vec<f64>,
     transposed: Vec<f64>,
     wide: Aligned<f64>,
@@ -98,7 +97,6 @@ impl FullCovariance {
         }
     }
 
-    /// `P_tt` becomes diagonal, and `P_ht` zero.
     pub(super) fn restart(&mut self, initial: &[f64]) {
         self.tt.set_diagonal(initial);
         self.ht.fill(0.0);
@@ -143,7 +141,6 @@ impl FullCovariance {
         least((0..n).map(|i| self.hh[i * (n + 1)]).chain([self.tt.least()]))
     }
 
-    /// `v' P v` of a vector `v = [v_h; v_t]` (`n`, `width`).
     pub(super) fn variance(&mut self, v_h: &[f64], v_t: &[f64]) -> f64 {
         let n = v_h.len();
         let downdated = &mut self.scratch.downdated;
@@ -171,7 +168,6 @@ impl FullCovariance {
         self.hh.len() + self.ht.len() + self.tt.numbers().len()
     }
 
-    /// All numbers that the filter continues from, except [`pending`](Self::pending).
     pub(super) fn parts(&self) -> [&[f64]; 6] {
         [&self.hh, &self.ht, self.tt.numbers(), &self.downdate, &self.local, &self.products]
     }
@@ -181,8 +177,6 @@ impl FullCovariance {
         [hh, ht, tt.numbers_mut(), downdate, local, products]
     }
 
-    /// Time update after a step of the model: multiplies `P_tt` by `growth^2` and adds `noise` to the variances of the
-    /// active state.
     pub(super) fn advance<M: Learnable>(&mut self, model: &M, growth: f64, noise: f64) {
         self.linearize(model);
         let all_rows = model.blocks().len() * model.rows();
@@ -200,8 +194,7 @@ impl FullCovariance {
         self.propagate(model, growth, noise);
     }
 
-    /// Measurement update: subtracts `W W'` from `P`, corrects the state, and writes the change of the weights. The
-    /// downdate of `P_tt` is pending if the filter `learns`.
+    /// Subtracts `W W'` from `P`. The downdate of `P_tt` is pending if the filter `learns`.
     pub(super) fn correct(
         &mut self,
         measured: &MeasurementUpdate,
@@ -323,7 +316,6 @@ struct CrossCovariance<'a> {
     growth: f64,
     ht: &'a mut [f64],
     noise: &'a [f64],
-    /// First row of `products` that the output depends on.
     first_row: usize,
     products: &'a mut [f64],
 }
@@ -364,7 +356,6 @@ impl WithSimd for CrossCovariance<'_> {
     }
 }
 
-/// The measurement update of `P_hh` and `P_ht`, of the state, and the change of the weights.
 struct Downdate<'a> {
     covariance: &'a mut FullCovariance,
     measured: &'a MeasurementUpdate,

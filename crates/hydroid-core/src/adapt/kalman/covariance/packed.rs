@@ -25,13 +25,9 @@ pub(super) struct PackedSymmetric {
     tiles: Aligned<f64>,
 }
 
-/// A block of weights.
-///
-/// A matrix with one column for each weight is stored in panels, one for each block, row by row: the columns of a block
-/// are contiguous.
+/// A block of weights. A matrix with one column for each weight is stored in panels, one for each block, row by row.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Block {
-    /// First column among the padded weights.
     start: usize,
     pub(super) len: usize,
     pub(super) padded: usize,

@@ -5,9 +5,7 @@ use core::ops::Range;
 
 use super::super::learnable::Learnable;
 
-/// Neighbouring blocks of weights.
-///
-/// A matrix with one column for each weight is stored in panels, row by row: the columns of a panel are contiguous.
+/// Neighbouring blocks of weights. A matrix with one column for each weight is stored in panels, row by row.
 #[derive(Clone, Debug)]
 pub(super) struct Panel {
     start: usize,

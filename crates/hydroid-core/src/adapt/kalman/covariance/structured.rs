@@ -87,7 +87,6 @@ struct Scratch {
     /// `H_h Pi H_h'`, and `L^-1 L~` (`outputs x outputs`).
     own: Vec<f64>,
     factors: Vec<f64>,
-    /// `n x max(n, outputs)`, twice.
     square: Vec<f64>,
     transposed: Vec<f64>,
     model: Vec<f64>,
@@ -135,7 +134,6 @@ impl StructuredCovariance {
         }
     }
 
-    /// The covariance of the weights becomes diagonal, and the correlation of the state with them zero.
     pub(super) fn restart(&mut self, initial: &[f64]) {
         self.fold();
         self.psi.fill(0.0);
@@ -269,7 +267,6 @@ impl StructuredCovariance {
         AddOutputCovariance { panels, jacobian, product, covariance: &mut measured.covariance }.run();
     }
 
-    /// Measurement update. Returns false if `R~` is not positive definite.
     pub(super) fn correct(
         &mut self,
         measured: &MeasurementUpdate,

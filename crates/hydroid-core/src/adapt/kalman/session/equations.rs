@@ -28,7 +28,6 @@ pub type KalmanEquations = KalmanSession<EquationsKind>;
 #[derive(Clone, Debug)]
 pub struct EquationsKind {
     session: ParametricSession,
-    /// Command and memory.
     x: Vec<f64>,
     weights: Vec<f64>,
     scaled: Vec<f64>,
@@ -157,7 +156,6 @@ impl ModelKind for EquationsKind {
             self.sync_session(filter, filter.leaks());
         }
         if !self.present_outputs().iter().all(|y| y.is_finite()) {
-            // The past is unknown, or the step has diverged.
             self.wait();
         }
     }
@@ -235,7 +233,6 @@ impl ModelKind for EquationsKind {
             }
             filter.add_variances(by_state, by_weights, into);
             for variance in into.iter_mut() {
-                // Rounding can make a variance negative. NaN stays NaN.
                 *variance = Float::sqrt(variance.clamp(0.0, f64::INFINITY));
             }
         }

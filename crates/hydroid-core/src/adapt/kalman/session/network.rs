@@ -193,7 +193,6 @@ impl ModelKind for NetworkKind {
 
     fn advance(&mut self, filter: &mut Filter<Self::Model>, c: &[f64]) {
         if self.session.is_waiting() {
-            // A network with feedback waits until each output was measured.
             self.base.fill(f64::NAN);
             if self.session.model().feedback {
                 return self.session.advance(c);

@@ -266,7 +266,6 @@ impl ModelKind for PlantKind {
             let (by_state, by_weights) = gradients.split_at(STATE * OUTPUTS);
             filter.add_variances(by_state, by_weights, into);
             for variance in into.iter_mut() {
-                // Rounding can make a variance negative. NaN stays NaN.
                 *variance = Float::sqrt(variance.clamp(0.0, f64::INFINITY));
             }
         }
