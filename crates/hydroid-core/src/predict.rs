@@ -136,6 +136,40 @@ pub trait Predictor: Send + Sync {
     fn fork(&self) -> Box<dyn Predictor>;
 }
 
+/// Methods of [`Predictor`] that call the method of a field.
+macro_rules! delegate {
+    ($field:ident: $($method:ident)*) => { $($crate::predict::delegate!(@$method $field);)* };
+    (@outputs $field:ident) => { fn outputs(&self) -> usize { self.$field.outputs() } };
+    (@inputs $field:ident) => { fn inputs(&self) -> usize { self.$field.inputs() } };
+    (@warm_up $field:ident) => { fn warm_up(&self) -> usize { self.$field.warm_up() } };
+    (@reset $field:ident) => { fn reset(&mut self) { self.$field.reset(); } };
+    (@observe $field:ident) => { fn observe(&mut self, y: &[f64]) { self.$field.observe(y); } };
+    (@advance $field:ident) => { fn advance(&mut self, c: &[f64]) { self.$field.advance(c); } };
+    (@output $field:ident) => { fn output(&self, y: &mut [f64]) { self.$field.output(y); } };
+    (@rollout $field:ident) => {
+        fn rollout(&self, commands: &[f64], work: &mut $crate::predict::Workspace, y: &mut [f64]) {
+            self.$field.rollout(commands, work, y);
+        }
+    };
+    (@rollout_batch $field:ident) => {
+        fn rollout_batch(
+            &self,
+            count: usize,
+            commands: &[f64],
+            work: &mut $crate::predict::Workspace,
+            y: &mut [f64],
+        ) {
+            self.$field.rollout_batch(count, commands, work, y);
+        }
+    };
+    (@snapshot_len $field:ident) => { fn snapshot_len(&self) -> usize { self.$field.snapshot_len() } };
+    (@snapshot $field:ident) => { fn snapshot(&self, into: &mut [f64]) { self.$field.snapshot(into); } };
+    (@fork $field:ident) => {
+        fn fork(&self) -> alloc::boxed::Box<dyn $crate::predict::Predictor> { self.$field.fork() }
+    };
+}
+pub(crate) use delegate;
+
 /// Number of command sequences that callers of [`Predictor::rollout_batch`] should pass at a time.
 pub const BATCH: usize = 64;
 

@@ -2,7 +2,6 @@
 
 mod adapter;
 
-use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
@@ -15,7 +14,7 @@ use super::prediction_variance::PredictionVariance;
 use super::scale::rms_over_range;
 use super::{Innovation, Outcome, Rejection};
 use crate::model::sparse::{Equations, EquationsError, Program, Term};
-use crate::predict::{Predictor, Workspace};
+use crate::predict::{Predictor, delegate};
 
 /// Equations with the same terms, which share a regressor and a covariance.
 #[derive(Clone, Debug)]
@@ -351,17 +350,7 @@ fn adaptable(equations: &Equations, places: &[usize]) -> Result<Equations, Recur
 }
 
 impl Predictor for RecursiveEquations {
-    fn outputs(&self) -> usize {
-        self.session.outputs()
-    }
-
-    fn inputs(&self) -> usize {
-        self.session.inputs()
-    }
-
-    fn warm_up(&self) -> usize {
-        self.session.warm_up()
-    }
+    delegate!(session: outputs inputs warm_up output rollout rollout_batch snapshot_len snapshot fork);
 
     fn reset(&mut self) {
         self.session.reset();
@@ -399,22 +388,6 @@ impl Predictor for RecursiveEquations {
         self.session.output(&mut self.expected);
     }
 
-    fn output(&self, y: &mut [f64]) {
-        self.session.output(y);
-    }
-
-    fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
-        self.session.rollout(commands, work, y);
-    }
-
-    fn snapshot_len(&self) -> usize {
-        self.session.snapshot_len()
-    }
-
-    fn snapshot(&self, into: &mut [f64]) {
-        self.session.snapshot(into);
-    }
-
     /// Restores state and coefficients. The covariance stays, and the window restarts.
     fn restore(&mut self, from: &[f64]) {
         self.session.restore(from);
@@ -422,13 +395,5 @@ impl Predictor for RecursiveEquations {
         self.library.known = false;
         self.library.held = false;
         self.adopt();
-    }
-
-    fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
-        self.session.rollout_batch(count, commands, work, y);
-    }
-
-    fn fork(&self) -> Box<dyn Predictor> {
-        self.session.fork()
     }
 }

@@ -13,7 +13,6 @@
 //! for `n` outputs of the scale `s_c`, a fifth of the design range. The method is the polynomially weighted average
 //! forecaster (Cesa-Bianchi, Lugosi, *Prediction, Learning, and Games*, 2006, section 2.1).
 
-use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
@@ -24,7 +23,7 @@ use super::options::{MOST_EXPERTS, MOST_SAMPLES, RecursiveOptions, RecursiveOpti
 use super::parametric_session::ParametricSession;
 use super::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
 use crate::model::sparse::Equations;
-use crate::predict::{Predictor, Workspace};
+use crate::predict::{Predictor, Workspace, delegate};
 
 /// Options of an [`ExpertMixture`].
 #[derive(Clone, Debug, PartialEq)]
@@ -156,6 +155,7 @@ impl ExpertMixture {
         })
     }
 
+    /// The equations with the current weights.
     pub fn equations(&self) -> &Equations {
         self.mixture.equations()
     }
@@ -231,17 +231,7 @@ impl ExpertMixture {
 const DEVIATIONS: f64 = 5.0;
 
 impl Predictor for ExpertMixture {
-    fn outputs(&self) -> usize {
-        self.mixture.outputs()
-    }
-
-    fn inputs(&self) -> usize {
-        self.mixture.inputs()
-    }
-
-    fn warm_up(&self) -> usize {
-        self.mixture.warm_up()
-    }
+    delegate!(mixture: outputs inputs warm_up output rollout rollout_batch snapshot_len snapshot fork);
 
     fn reset(&mut self) {
         self.experts.iter_mut().for_each(Predictor::reset);
@@ -271,35 +261,11 @@ impl Predictor for ExpertMixture {
         self.past.seen = self.past.seen.saturating_add(1);
     }
 
-    fn output(&self, y: &mut [f64]) {
-        self.mixture.output(y);
-    }
-
-    fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
-        self.mixture.rollout(commands, work, y);
-    }
-
-    fn snapshot_len(&self) -> usize {
-        self.mixture.snapshot_len()
-    }
-
-    fn snapshot(&self, into: &mut [f64]) {
-        self.mixture.snapshot(into);
-    }
-
     /// Restores state and coefficients, for all experts.
     fn restore(&mut self, from: &[f64]) {
         self.mixture.restore(from);
         self.experts.iter_mut().for_each(|expert| expert.restore(from));
         self.past.seen = 0;
-    }
-
-    fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
-        self.mixture.rollout_batch(count, commands, work, y);
-    }
-
-    fn fork(&self) -> Box<dyn Predictor> {
-        self.mixture.fork()
     }
 }
 

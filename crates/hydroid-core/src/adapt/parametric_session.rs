@@ -5,7 +5,7 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 
 use crate::model::sparse::{Equations, EquationsSession};
-use crate::predict::{Predictor, Workspace};
+use crate::predict::{Predictor, delegate};
 
 /// A session of equations whose coefficients are part of its snapshots.
 ///
@@ -66,37 +66,7 @@ impl ParametricSession {
 }
 
 impl Predictor for ParametricSession {
-    fn outputs(&self) -> usize {
-        self.session.outputs()
-    }
-
-    fn inputs(&self) -> usize {
-        self.session.inputs()
-    }
-
-    fn warm_up(&self) -> usize {
-        self.session.warm_up()
-    }
-
-    fn reset(&mut self) {
-        self.session.reset();
-    }
-
-    fn observe(&mut self, y: &[f64]) {
-        self.session.observe(y);
-    }
-
-    fn advance(&mut self, c: &[f64]) {
-        self.session.advance(c);
-    }
-
-    fn output(&self, y: &mut [f64]) {
-        self.session.output(y);
-    }
-
-    fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
-        self.session.rollout(commands, work, y);
-    }
+    delegate!(session: outputs inputs warm_up reset observe advance output rollout rollout_batch);
 
     fn snapshot_len(&self) -> usize {
         self.session.snapshot_len() + self.places.len()
@@ -112,10 +82,6 @@ impl Predictor for ParametricSession {
         let (state, weights) = from.split_at(self.session.snapshot_len());
         self.session.restore(state);
         self.set_weights(weights);
-    }
-
-    fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
-        self.session.rollout_batch(count, commands, work, y);
     }
 
     fn fork(&self) -> Box<dyn Predictor> {

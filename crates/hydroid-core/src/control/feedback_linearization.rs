@@ -18,7 +18,7 @@ pub struct FeedbackLinearizationOptions {
     pub proportional: f64,
     /// `k_d` \[1/s\].
     pub derivative: f64,
-    /// `k_i` \[1/s^3\]; 0 for none. Stability requires `k_i < k_p k_d`; start with a tenth of it.
+    /// `k_i` \[1/s^3\]; 0 for none. Stability requires `k_i < k_p k_d`; start with a fifth of it.
     pub integral: f64,
     /// Largest closing speed relative to the reference \[m/s\].
     pub closing_speed: f64,

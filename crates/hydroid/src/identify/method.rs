@@ -12,7 +12,7 @@ pub enum Method {
     Sindy,
     /// Sparse equations with past outputs and inputs among the variables.
     Lagged,
-    /// Equations with recursive least squares at several forgetting factors: those of another search if they have a lag
+    /// Equations with recursive least squares from several priors: those of another search if they have a lag
     /// or a gate, else equations with all terms.
     Recursive,
     /// A recurrent network with LSTM cells.

@@ -22,7 +22,7 @@ const INCREMENT_HORIZONS: f64 = 0.1;
 
 const SHRINKAGE: f64 = 0.2;
 
-/// Equations with several forgetting factors: the `sparse` ones of another search if they have a lag or a gate, or if
+/// Equations with several priors: the `sparse` ones of another search if they have a lag or a gate, or if
 /// no equations with all terms can be fitted; otherwise equations with all terms of the library.
 pub(super) fn recursive_model(
     job: &Job,

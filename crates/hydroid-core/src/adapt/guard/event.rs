@@ -13,6 +13,7 @@ pub enum Expert {
 }
 
 impl Expert {
+    /// All experts.
     pub const ALL: [Self; 3] = [Self::Adapted, Self::Snapshot, Self::Reference];
 
     /// Index in [`ALL`](Self::ALL).
@@ -30,6 +31,7 @@ impl Expert {
     }
 }
 
+/// An action of the guard.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Event {
     /// Number of samples observed before this one, since construction.

@@ -12,7 +12,7 @@
 //! They select the model that predicts (`model_selector`). A learner that has lost too often takes the weights of a
 //! better model.
 //!
-//! **Guarantee.** Over any window of `N` tests and for any learner,
+//! **Guarantee.** Over any window of `N` tests, under the assumptions of the guide to the guard,
 //!
 //! ```text
 //! sum e_guarded <= factor sum e_reference + N floor       floor = mean over outputs of noise / (half the design range)

@@ -1,23 +1,11 @@
 //! Predictions with the adapted last layer.
 
-use alloc::boxed::Box;
-
 use super::DirectLastLayer;
 use crate::adapt::{Outcome, Rejection};
-use crate::predict::{Predictor, Workspace};
+use crate::predict::{Predictor, delegate};
 
 impl Predictor for DirectLastLayer {
-    fn outputs(&self) -> usize {
-        self.session.outputs()
-    }
-
-    fn inputs(&self) -> usize {
-        self.session.inputs()
-    }
-
-    fn warm_up(&self) -> usize {
-        self.session.warm_up()
-    }
+    delegate!(session: outputs inputs warm_up output rollout rollout_batch snapshot_len snapshot fork);
 
     fn reset(&mut self) {
         self.session.reset();
@@ -47,34 +35,10 @@ impl Predictor for DirectLastLayer {
         self.windows.advance(c, present, self.session.memory());
     }
 
-    fn output(&self, y: &mut [f64]) {
-        self.session.output(y);
-    }
-
-    fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
-        self.session.rollout(commands, work, y);
-    }
-
-    fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
-        self.session.rollout_batch(count, commands, work, y);
-    }
-
-    fn snapshot_len(&self) -> usize {
-        self.session.snapshot_len()
-    }
-
-    fn snapshot(&self, into: &mut [f64]) {
-        self.session.snapshot(into);
-    }
-
     /// Restores state and weights. The windows restart, and the covariance stays.
     fn restore(&mut self, from: &[f64]) {
         self.session.restore(from);
         self.windows.restart(self.session.past(), self.session.memory());
         self.sync_learner();
-    }
-
-    fn fork(&self) -> Box<dyn Predictor> {
-        self.session.fork()
     }
 }

@@ -13,7 +13,7 @@ use super::super::learnable::{Learnable, LearnablePlant};
 use super::super::options::{FilterOptions, FilterOptionsError};
 use super::{KalmanSession, ModelKind};
 use crate::model::{PlantModel, PlantSession};
-use crate::predict::{Predictor, Workspace};
+use crate::predict::{Predictor, Workspace, delegate};
 
 const OUTPUTS: usize = PlantModel::OUTPUTS;
 
@@ -51,33 +51,7 @@ impl ParametricPlant {
 }
 
 impl Predictor for ParametricPlant {
-    fn outputs(&self) -> usize {
-        self.session.outputs()
-    }
-
-    fn inputs(&self) -> usize {
-        self.session.inputs()
-    }
-
-    fn reset(&mut self) {
-        self.session.reset();
-    }
-
-    fn observe(&mut self, y: &[f64]) {
-        self.session.observe(y);
-    }
-
-    fn advance(&mut self, c: &[f64]) {
-        self.session.advance(c);
-    }
-
-    fn output(&self, y: &mut [f64]) {
-        self.session.output(y);
-    }
-
-    fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
-        self.session.rollout(commands, work, y);
-    }
+    delegate!(session: outputs inputs reset observe advance output rollout);
 
     fn snapshot_len(&self) -> usize {
         STATE + self.weights.len()
