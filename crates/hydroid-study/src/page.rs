@@ -47,7 +47,7 @@ fn summary(plan: &Plan, done: &[Done<'_>], claims: &[Judged]) -> Markup {
         }
         @if !claims.is_empty() {
             p {
-                strong { (count(Holds::Reproduced)) " claims are reproduced, " (count(Holds::InPart)) " in part, " (count(Holds::NotReproduced)) " are not." @if count(Holds::NotMeasured) > 0 { " " (count(Holds::NotMeasured)) " could not be measured." } }
+                strong { (count(Holds::Reproduced)) " claims reproduced, " (count(Holds::InPart)) " in part, " (count(Holds::NotReproduced)) " not." @if count(Holds::NotMeasured) > 0 { " " (count(Holds::NotMeasured)) " could not be measured." } }
                 " The thesis states its claims in words. Each verdict compares one measured value, for the stated output, with bounds that hydroid has set. " a href="#claims" { "The bounds and the reasons" } " are at the end of the page."
             }
             (claims_table(claims, false))

@@ -58,7 +58,7 @@ fn worst(trials: &MonteCarlo) -> Markup {
         a.held.cmp(&b.held).then(b.rms_position.total_cmp(&a.rms_position))
     });
     let heads =
-        ["seed", "held", "position [m]", "path [m]", "speed [m/s]", "mass", "current [m/s]", "wind [N]"]
+        ["seed", "within tolerance", "position [m]", "path [m]", "speed [m/s]", "mass", "current [m/s]", "wind [N]"]
             .map(cell);
     let rows: Vec<Vec<Markup>> = order
         .iter()
