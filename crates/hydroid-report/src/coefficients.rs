@@ -19,7 +19,7 @@ pub(super) fn about(found: &SearchResult) -> Markup {
             @if let Some(members) = members {
                 "“90 %” is the interval that contains 90 % of the " (members) " members of an ensemble. "
                 "Each member is fitted with the chosen settings to parts of the training runs, drawn with replacement (bootstrap). "
-                "“Kept” is the share of the members that contain the term. A share below one half is marked: such a term may stand for collinear ones. "
+                "“Included” is the share of the members that contain the term. A share below one half is marked: such a term may stand for collinear ones. "
             }
             "“Share” is the root mean square of the term over the training runs, relative to the sum over all terms of the equation. "
             "Terms can cancel, so that a term with a small share may still matter."
@@ -45,7 +45,7 @@ pub(super) fn coefficients(
     let largest = parts.first().map_or(1.0, |part| part.share).max(f64::MIN_POSITIVE);
     let mut heads = vec![cell("term"), cell("coefficient")];
     if found.ensemble.is_some() {
-        heads.extend([cell("90 %"), cell("kept")]);
+        heads.extend([cell("90 %"), cell("included")]);
     }
     heads.extend([cell("unit"), cell("share")]);
     let rows: Vec<Vec<Markup>> = parts
@@ -61,15 +61,15 @@ pub(super) fn coefficients(
                 let at = index * found.fit.equations.terms().len() + part.place;
                 let get = |list: &[f64]| list.get(at).copied().unwrap_or(f64::NAN);
                 let inclusion = get(&ensemble.inclusion);
-                let kept = format!("{} %", number::fixed(100.0 * inclusion, 0));
+                let share = format!("{} %", number::fixed(100.0 * inclusion, 0));
                 row.push(html! {
                     @if inclusion > 0.0 {
                         (number::text(get(&ensemble.low), 4)) " … " (number::text(get(&ensemble.high), 4))
                     } @else { (number::NONE) }
                 });
                 row.push(html! {
-                    @if inclusion < DOUBTFUL { span.caution title="fewer than half of the members contain this term" { (kept) " ⚠" } }
-                    @else { (kept) }
+                    @if inclusion < DOUBTFUL { span.caution title="fewer than half of the members contain this term" { (share) " ⚠" } }
+                    @else { (share) }
                 });
             }
             row.extend([

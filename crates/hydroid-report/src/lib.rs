@@ -129,11 +129,11 @@ pub fn identification(
     sections.extend(methods::section(&subject));
     sections.extend(network::section(&subject)?);
     if let Some(candidate) = subject.candidate {
-        let walks = rollouts::walk(candidate, &split.test);
+        let rollouts = rollouts::roll_out(candidate, &split.test);
         sections.extend(Sparse::of(candidate).map(|sparse| equations::section(sparse, &split.train)));
         sections.push(growth::section(candidate)?);
-        sections.push(predicted::section(candidate, &walks)?);
-        sections.push(residuals::section(candidate, &walks)?);
+        sections.push(predicted::section(candidate, &rollouts)?);
+        sections.push(residuals::section(candidate, &rollouts)?);
     }
     sections.push(data::section(&subject)?);
     sections.push(selection::section(&subject)?);

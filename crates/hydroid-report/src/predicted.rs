@@ -6,7 +6,7 @@ use maud::{Markup, html};
 use super::figure::{Figure, Key, Line, Mark, Panel, Points, Sign, Stroke, cover, envelope};
 use super::number;
 use super::page::{Section, columns, figure, nothing};
-use super::rollouts::{Rollout, Walk};
+use super::rollouts::{Rollout, RunRollouts};
 use super::series::{self, BINS, COMMAND, held_points, points};
 use super::{ReportError, style};
 use hydroid::evaluate::bands;
@@ -18,36 +18,38 @@ const CLOSER: usize = 3;
 const LEAST: f64 = 0.15;
 const COMMANDS: usize = 8;
 
-pub(super) fn section(candidate: &Candidate, walks: &[Walk<'_>]) -> Result<Section, ReportError> {
+pub(super) fn section(candidate: &Candidate, runs: &[RunRollouts<'_>]) -> Result<Section, ReportError> {
     let (heading, id) = ("Measured against predicted", "predicted");
-    let longest =
-        walks.iter().max_by_key(|walk| walk.rollouts.len()).filter(|walk| !walk.rollouts.is_empty());
-    let Some(walk) = longest else {
+    let longest = runs
+        .iter()
+        .max_by_key(|run_rollouts| run_rollouts.rollouts.len())
+        .filter(|run_rollouts| !run_rollouts.rollouts.is_empty());
+    let Some(run_rollouts) = longest else {
         let why = "No test run is long enough for a rollout over the horizon.";
         return Ok(Section::new(id, heading, nothing(why)));
     };
-    let over = number::duration(walk.horizon as f64 * walk.run.dt);
-    let overview = walk.liveliest(OVERVIEW);
+    let over = number::duration(run_rollouts.horizon as f64 * run_rollouts.run.dt);
+    let overview = run_rollouts.liveliest(OVERVIEW);
     let members = candidate.model.member_sessions();
     let mut blocks = vec![block(
-        walk,
+        run_rollouts,
         &members,
         overview,
         &html! {
-            "The part of " b { (walk.run.name) } " in which the outputs vary most: "
+            "The part of " b { (run_rollouts.run.name) } " in which the outputs vary most: "
             (overview.len()) " rollouts of " (over) ", each of which starts from a measurement (circles)."
         },
     )?];
-    if walk.rollouts.len() > CLOSER {
-        let closer = walk.typical(CLOSER);
+    if run_rollouts.rollouts.len() > CLOSER {
+        let closer = run_rollouts.typical(CLOSER);
         let middle = closer.get(closer.len() / 2).map_or(f64::NAN, |r| r.error);
         blocks.push(block(
-            walk,
+            run_rollouts,
             &members,
             closer,
             &html! {
                 "Detail around the rollout with the median error of the "
-                (number::count(walk.rollouts.len())) " rollouts in this run. Its error is " (number::ratio(middle))
+                (number::count(run_rollouts.rollouts.len())) " rollouts in this run. Its error is " (number::ratio(middle))
                 " standard deviations, as the mean over outputs and time."
             },
         )?);
@@ -69,12 +71,12 @@ pub(super) fn section(candidate: &Candidate, walks: &[Walk<'_>]) -> Result<Secti
 }
 
 fn block(
-    walk: &Walk<'_>,
+    run_rollouts: &RunRollouts<'_>,
     members: &[Box<dyn Predictor>],
     rollouts: &[Rollout],
     caption: &Markup,
 ) -> Result<Markup, ReportError> {
-    let (drawing, left) = draw(walk, members, rollouts);
+    let (drawing, left) = draw(run_rollouts, members, rollouts);
     let caption = html! {
         (caption)
         @if !left.is_empty() {
@@ -85,10 +87,14 @@ fn block(
 }
 
 /// Figure of neighbouring rollouts, and the outputs whose prediction leaves its panel.
-fn draw<'a>(walk: &Walk<'a>, members: &[Box<dyn Predictor>], rollouts: &[Rollout]) -> (Figure, Vec<&'a str>) {
-    let run = walk.run;
+fn draw<'a>(
+    run_rollouts: &RunRollouts<'a>,
+    members: &[Box<dyn Predictor>],
+    rollouts: &[Rollout],
+) -> (Figure, Vec<&'a str>) {
+    let run = run_rollouts.run;
     let from = rollouts.first().map_or(0, |r| r.origin);
-    let to = rollouts.last().map_or(from, |r| r.origin + walk.horizon);
+    let to = rollouts.last().map_or(from, |r| r.origin + run_rollouts.horizon);
     let time = |k: usize| run.t0 + k as f64 * run.dt;
     let mut figure = Figure::new(format!("Measured and predicted outputs of {}", run.name), "time [s]")
         .x_range(time(from), time(to))
@@ -100,7 +106,7 @@ fn draw<'a>(walk: &Walk<'a>, members: &[Box<dyn Predictor>], rollouts: &[Rollout
         figure = figure.key(Key::Area(style::BAND), "90 % of the ensemble");
     }
     let at: Vec<usize> = rollouts.iter().map(|r| r.origin).collect();
-    let steps: Vec<usize> = (1..=walk.horizon).collect();
+    let steps: Vec<usize> = (1..=run_rollouts.horizon).collect();
     let bands = bands(members, run, &run.outputs, &at, &steps);
     let origins: Vec<f64> = rollouts.iter().map(|r| time(r.origin)).collect();
     let hair = Stroke { colour: style::AXIS, width: 0.8, dash: super::figure::Dash::Dotted };
@@ -129,7 +135,7 @@ fn draw<'a>(walk: &Walk<'a>, members: &[Box<dyn Predictor>], rollouts: &[Rollout
             .mark(verticals());
         for (rollout, band) in rollouts.iter().zip(&bands) {
             let edges = |i: usize| (time(rollout.origin + i + 1), band.low[i * n + c], band.high[i * n + c]);
-            let points = (0..walk.horizon).map(edges).collect();
+            let points = (0..run_rollouts.horizon).map(edges).collect();
             panel = panel.mark(Mark::Band { points, colour: style::BAND, opacity: 0.45 });
         }
         panel = panel.mark(Mark::Line(Line::new(measured, style::MEASURED_LINE)));

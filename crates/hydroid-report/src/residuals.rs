@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::figure::{Figure, Line, Mark, Panel};
 use super::number::{self, duration, fixed, with_unit};
 use super::page::{Section, columns, figure, nothing};
-use super::rollouts::Walk;
+use super::rollouts::RunRollouts;
 use super::{ReportError, style};
 use hydroid::identify::Candidate;
 use hydroid::log::Channel;
@@ -28,13 +28,13 @@ struct Residuals {
     correlation: Vec<f64>,
 }
 
-pub(super) fn section(candidate: &Candidate, walks: &[Walk<'_>]) -> Result<Section, ReportError> {
+pub(super) fn section(candidate: &Candidate, runs: &[RunRollouts<'_>]) -> Result<Section, ReportError> {
     let (heading, id) = ("Residuals", "residuals");
     let dt = candidate.model.description.dt;
     let mut blocks: Vec<Markup> = Vec::new();
     let mut missing: Vec<&str> = Vec::new();
     for (c, port) in candidate.model.description.outputs.iter().enumerate() {
-        let series: Vec<&[f64]> = walks.iter().map(|w| w.residuals[c].as_slice()).collect();
+        let series: Vec<&[f64]> = runs.iter().map(|w| w.residuals[c].as_slice()).collect();
         match Residuals::of(&series) {
             Some(residuals) => blocks.extend(residuals.show(&port.channel, dt)?),
             None => missing.push(&port.channel.name),

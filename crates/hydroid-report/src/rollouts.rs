@@ -17,7 +17,7 @@ pub(super) struct Rollout {
 }
 
 /// A test run with its predictions.
-pub(super) struct Walk<'a> {
+pub(super) struct RunRollouts<'a> {
     pub(super) run: &'a Trajectory,
     pub(super) horizon: usize,
     /// Successive rollouts: each starts at the end of the previous one.
@@ -26,12 +26,12 @@ pub(super) struct Walk<'a> {
     pub(super) residuals: Vec<Vec<f64>>,
 }
 
-pub(super) fn walk<'a>(candidate: &Candidate, runs: &'a [Trajectory]) -> Vec<Walk<'a>> {
+pub(super) fn roll_out<'a>(candidate: &Candidate, runs: &'a [Trajectory]) -> Vec<RunRollouts<'a>> {
     let horizon = candidate.test.horizons.last().copied().unwrap_or(1).max(1);
-    runs.iter().map(|run| walk_run(candidate, run, horizon)).collect()
+    runs.iter().map(|run| roll_out_run(candidate, run, horizon)).collect()
 }
 
-fn walk_run<'a>(candidate: &Candidate, run: &'a Trajectory, horizon: usize) -> Walk<'a> {
+fn roll_out_run<'a>(candidate: &Candidate, run: &'a Trajectory, horizon: usize) -> RunRollouts<'a> {
     let mut session = candidate.model.session();
     session.reset();
     let n = session.outputs();
@@ -66,7 +66,7 @@ fn walk_run<'a>(candidate: &Candidate, run: &'a Trajectory, horizon: usize) -> W
         }
         session.advance(run.inputs.row(k));
     }
-    Walk { run, horizon, rollouts, residuals }
+    RunRollouts { run, horizon, rollouts, residuals }
 }
 
 fn error(run: &Trajectory, origin: usize, y: &[f64], deviations: &[f64]) -> f64 {
@@ -90,7 +90,7 @@ pub(super) fn deviation(values: impl Iterator<Item = f64> + Clone) -> f64 {
     mean_finite(values.map(|v| (v - mean).powi(2))).unwrap_or(0.0).sqrt()
 }
 
-impl Walk<'_> {
+impl RunRollouts<'_> {
     /// The `count` neighbouring rollouts in which the outputs vary most.
     pub(super) fn liveliest(&self, count: usize) -> &[Rollout] {
         let count = count.min(self.rollouts.len());

@@ -36,7 +36,7 @@ pub use store::{Key, Store, program};
 
 /// Progress of a study.
 #[derive(Clone, Copy, Debug)]
-pub struct Told<'a> {
+pub struct Status<'a> {
     /// Current experiment.
     pub experiment: &'a str,
     /// Current task.
@@ -50,7 +50,7 @@ pub struct Told<'a> {
 }
 
 /// Progress callback, called from any thread; [`ControlFlow::Break`] stops the study.
-pub type Watch<'a> = &'a (dyn Fn(&Told<'_>) -> ControlFlow<()> + Sync);
+pub type Watch<'a> = &'a (dyn Fn(&Status<'_>) -> ControlFlow<()> + Sync);
 
 struct Done<'a> {
     name: &'a String,

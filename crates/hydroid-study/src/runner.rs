@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::peak_memory;
 use super::plan::{Drive, ModelPlan, Plan, Record};
 use super::store::{Key, Store};
-use super::{StudyError, Told, Watch};
+use super::{Status, StudyError, Watch};
 use hydroid::excitation::{Excitation, LawnMower, LowSpeed, Turn};
 use hydroid::identify::{self, Job, NetworkTrainingOptions, identify_with_stages};
 use hydroid::log::{Split, Trajectory};
@@ -66,8 +66,8 @@ impl<'a> Runner<'a> {
 
     /// Reports progress; an error if the study is cancelled.
     pub(super) fn tell(&self, what: &str, fraction: f64) -> Result<(), Cancelled> {
-        let told = Told { experiment: &self.at, what, fraction, done: self.place.0, of: self.place.1 };
-        match (self.watch)(&told) {
+        let status = Status { experiment: &self.at, what, fraction, done: self.place.0, of: self.place.1 };
+        match (self.watch)(&status) {
             ControlFlow::Continue(()) => Ok(()),
             ControlFlow::Break(()) => Err(Cancelled),
         }

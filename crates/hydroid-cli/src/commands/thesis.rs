@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::time::Instant;
 
-use hydroid_study::{Holds, Plan, Summary, Told};
+use hydroid_study::{Holds, Plan, Status, Summary};
 
 use super::Outcome;
 use crate::args::{Global, Thesis};
@@ -30,9 +30,9 @@ pub fn run(args: &Thesis, global: Global) -> anyhow::Result<Outcome> {
     let bar = ui::Bar::new("study", global);
     // Several threads report progress.
     let last = Mutex::new(String::new());
-    let report = |told: &Told<'_>| {
-        let fraction = told.done as f64 / told.of.max(1) as f64;
-        let text = format!("{}: {}", told.experiment, told.what);
+    let report = |status: &Status<'_>| {
+        let fraction = status.done as f64 / status.of.max(1) as f64;
+        let text = format!("{}: {}", status.experiment, status.what);
         if let Ok(mut last) = last.lock()
             && *last != text
         {

@@ -187,9 +187,9 @@ impl RowBuilder {
     }
 
     fn guarded(&self, guard: &Guard, row: &mut [f64]) {
-        let [learner, kept, frozen] = guard.record();
+        let [learner, snapshot, reference] = guard.record();
         let active = guard.active().index() as f64;
-        row[self.layout.range(Part::Guard)].copy_from_slice(&[active, learner, kept, frozen]);
+        row[self.layout.range(Part::Guard)].copy_from_slice(&[active, learner, snapshot, reference]);
         let into = &mut row[self.layout.range(Part::Events)];
         let events = &guard.events()[..guard.events().len().min(self.layout.max_events())];
         into[0] = events.len() as f64;

@@ -57,9 +57,17 @@ fn worst(trials: &MonteCarlo) -> Markup {
         let (a, b) = (&a.metrics, &b.metrics);
         a.held.cmp(&b.held).then(b.rms_position.total_cmp(&a.rms_position))
     });
-    let heads =
-        ["seed", "within tolerance", "position [m]", "path [m]", "speed [m/s]", "mass", "current [m/s]", "wind [N]"]
-            .map(cell);
+    let heads = [
+        "seed",
+        "within tolerance",
+        "position [m]",
+        "path [m]",
+        "speed [m/s]",
+        "mass",
+        "current [m/s]",
+        "wind [N]",
+    ]
+    .map(cell);
     let rows: Vec<Vec<Markup>> = order
         .iter()
         .take(SHOWN)

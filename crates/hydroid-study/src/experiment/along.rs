@@ -41,12 +41,12 @@ pub struct Along {
 /// Result along a record: times of the origins, errors of frozen, adapted and guarded network, and times of guard
 /// actions.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Walk {
+struct Adaptation {
     t: Vec<f64>,
     errors: [Vec<[f64; 3]>; 3],
     switched_s: Vec<f64>,
     /// Predicted outputs of the adapted network, and their standard deviations.
-    said: Vec<[f64; 3]>,
+    predicted: Vec<[f64; 3]>,
     deviations: Vec<[f64; 3]>,
     measured: Vec<[f64; 3]>,
 }
@@ -58,15 +58,15 @@ impl Along {
         let Some(learned) = models.first() else { return Ok(Outcome::default()) };
         runner.fits(learned, &loaded)?;
         let key = runner.store.key("along", self, &[learned.key, loaded.key]);
-        let walk = runner.store.get("along", key, || self.walk(learned, &loaded))?;
+        let adaptation = runner.store.get("along", key, || self.adapt(learned, &loaded))?;
         let mut outcome = Outcome::default();
         let names = ["frozen", "adapted", "guarded"];
         let mut sheet = Sheet::new(
             "along",
             &["t [s]", "u [m/s]", "way", "error of u [m/s]", "error of v [m/s]", "error of r [rad/s]"],
         );
-        for (way, errors) in names.iter().zip(&walk.errors) {
-            for (t, error) in walk.t.iter().zip(errors) {
+        for (way, errors) in names.iter().zip(&adaptation.errors) {
+            for (t, error) in adaptation.t.iter().zip(errors) {
                 let u = speed(&loaded, *t);
                 let [a, b, c] = *error;
                 sheet.row(vec![(*t).into(), u.into(), (*way).into(), a.into(), b.into(), c.into()]);
@@ -76,7 +76,7 @@ impl Along {
         let steps = self.steps;
         outcome.chart(
             "error_over_time",
-            self.figure(&walk, &loaded),
+            self.figure(&adaptation, &loaded),
             format!(
                 "{}, trained at low speed, along {}: error against the truth of the prediction {steps} steps ({:.1} s) ahead, at the time of its origin, for u, v and r. Curves are means over eight origins (4 s). The frozen network never adapts to flight; the adapted one has been adapted to it after the first take-off. Vertical lines mark the times at which the guard changes the model that predicts.",
                 palette::title(&self.model),
@@ -84,11 +84,11 @@ impl Along {
                 steps as f64 * loaded.run.dt,
             ),
         );
-        let coverage = walk.coverage();
+        let coverage = adaptation.coverage();
         outcome.measure("band_80_holds", coverage);
         outcome.chart(
             "bands",
-            self.bands(&walk, loaded.run.dt),
+            self.bands(&adaptation, loaded.run.dt),
             format!(
                 "Prediction of the adapted network {steps} steps ahead with its 80 % band, and measurements at the predicted time, around the first flight. Along the whole record the bands of u, v and r together contain {:.0} % of the measurements.",
                 100.0 * coverage
@@ -100,26 +100,26 @@ impl Along {
             format!("Track of {}: grey in displacement mode, black while flying.", self.record),
         );
         let flying = |errors: &[[f64; 3]]| {
-            let aloft = walk.t.iter().zip(errors).filter(|(t, _)| speed(&loaded, **t) > TRANSITION);
+            let aloft = adaptation.t.iter().zip(errors).filter(|(t, _)| speed(&loaded, **t) > TRANSITION);
             aloft.map(|(_, error)| error[0]).collect::<Vec<f64>>()
         };
-        let (frozen, adapted) = (flying(&walk.errors[0]), flying(&walk.errors[1]));
+        let (frozen, adapted) = (flying(&adaptation.errors[0]), flying(&adaptation.errors[1]));
         let late = |errors: &[f64]| median(errors[errors.len() / 2..].to_vec());
         outcome.measure("flying_left", late(&adapted) / late(&frozen));
         Ok(outcome)
     }
 
-    fn walk(&self, learned: &Learned, loaded: &LoadedRecord) -> Result<Walk, StudyError> {
+    fn adapt(&self, learned: &Learned, loaded: &LoadedRecord) -> Result<Adaptation, StudyError> {
         let run = &loaded.run;
         let truth = run.truth.as_ref().unwrap_or(&run.outputs);
         let mut adapted = adapt::adapter(&learned.model, &options(false, learned), &[run])?.0;
         let mut guarded = adapt::adapter(&learned.model, &options(true, learned), &[run])?.0;
         let mut frozen = learned.model.session();
-        let mut walk = Walk {
+        let mut adaptation = Adaptation {
             t: Vec::new(),
             errors: Default::default(),
             switched_s: Vec::new(),
-            said: Vec::new(),
+            predicted: Vec::new(),
             deviations: Vec::new(),
             measured: Vec::new(),
         };
@@ -129,7 +129,7 @@ impl Along {
             let origin = k >= WARM_UP && k % STRIDE == 0;
             let commands = run.inputs.rows(k, k + self.steps);
             let at = k + self.steps;
-            for (session, errors) in sessions.into_iter().zip(&mut walk.errors) {
+            for (session, errors) in sessions.into_iter().zip(&mut adaptation.errors) {
                 session.observe(run.outputs.row(k));
                 if origin {
                     session.rollout(commands, &mut work, &mut y);
@@ -139,32 +139,32 @@ impl Along {
             }
             if origin {
                 adapted.rollout(commands, &mut work, &mut y);
-                walk.said.push(std::array::from_fn(|c| y[3 * (self.steps - 1) + c]));
+                adaptation.predicted.push(std::array::from_fn(|c| y[3 * (self.steps - 1) + c]));
                 let mut deviations = [0.0; 3];
                 adapted.deviations(commands, &[self.steps], &mut work, &mut deviations);
-                walk.deviations.push(deviations);
-                walk.measured.push(std::array::from_fn(|c| run.outputs.row(at)[c]));
+                adaptation.deviations.push(deviations);
+                adaptation.measured.push(std::array::from_fn(|c| run.outputs.row(at)[c]));
             }
             frozen.advance(run.inputs.row(k));
             adapted.advance(run.inputs.row(k));
             guarded.advance(run.inputs.row(k));
             if origin {
-                walk.t.push(run.t0 + k as f64 * run.dt);
+                adaptation.t.push(run.t0 + k as f64 * run.dt);
             }
             let events = guarded.guard().map(Guard::events);
             let switched =
                 events.into_iter().flatten().any(|event| matches!(event.action, Action::Switched { .. }));
             if switched {
-                walk.switched_s.push(run.t0 + k as f64 * run.dt);
+                adaptation.switched_s.push(run.t0 + k as f64 * run.dt);
             }
         }
-        Ok(walk)
+        Ok(adaptation)
     }
 
-    fn bands(&self, walk: &Walk, dt: f64) -> Figure {
-        let off = walk.measured.iter().position(|y| y[0] > TRANSITION).unwrap_or(0);
+    fn bands(&self, adaptation: &Adaptation, dt: f64) -> Figure {
+        let off = adaptation.measured.iter().position(|y| y[0] > TRANSITION).unwrap_or(0);
         let from = off.saturating_sub(40);
-        let to = (from + 160).min(walk.t.len());
+        let to = (from + 160).min(adaptation.t.len());
         let ahead = self.steps as f64 * dt;
         let mut figure = Figure::new("Predictions with bands", "time [s]")
             .key(Key::Line(palette::line(&self.model)), format!("predicted {ahead:.1} s earlier"))
@@ -172,11 +172,15 @@ impl Along {
             .key(Key::Line(style::MEASURED_LINE), "measured");
         for (c, (output, unit)) in OUTPUTS.iter().enumerate() {
             let line = |values: &[[f64; 3]]| -> Vec<(f64, f64)> {
-                (from..to).map(|i| (walk.t[i] + ahead, values[i][c])).collect()
+                (from..to).map(|i| (adaptation.t[i] + ahead, values[i][c])).collect()
             };
             let band = |i: usize| {
-                let half = BAND_80 * walk.deviations[i][c];
-                (walk.t[i] + ahead, walk.said[i][c] - half, walk.said[i][c] + half)
+                let half = BAND_80 * adaptation.deviations[i][c];
+                (
+                    adaptation.t[i] + ahead,
+                    adaptation.predicted[i][c] - half,
+                    adaptation.predicted[i][c] + half,
+                )
             };
             let band =
                 Mark::Band { points: (from..to).map(band).collect(), colour: style::BAND, opacity: 0.35 };
@@ -184,20 +188,20 @@ impl Along {
                 Panel::new(format!("{output} [{unit}]"))
                     .height(120.0)
                     .mark(band)
-                    .mark(Mark::Line(Line::new(line(&walk.measured), style::MEASURED_LINE)))
-                    .mark(Mark::Line(Line::new(line(&walk.said), palette::line(&self.model)))),
+                    .mark(Mark::Line(Line::new(line(&adaptation.measured), style::MEASURED_LINE)))
+                    .mark(Mark::Line(Line::new(line(&adaptation.predicted), palette::line(&self.model)))),
             );
         }
         figure
     }
 
-    fn figure(&self, walk: &Walk, loaded: &LoadedRecord) -> Figure {
+    fn figure(&self, adaptation: &Adaptation, loaded: &LoadedRecord) -> Figure {
         let strokes = [
             palette::way("frozen", &self.model),
             palette::line(&self.model),
             Stroke { width: 1.2, colour: style::INK, ..style::MEASURED_LINE },
         ];
-        let speeds = walk.t.iter().map(|&t| (t, speed(loaded, t))).collect();
+        let speeds = adaptation.t.iter().map(|&t| (t, speed(loaded, t))).collect();
         let events = Stroke { colour: style::ALARM, width: 0.8, ..style::MEASURED_LINE };
         let mut figure = Figure::new("Error of the prediction over time", "time [s]")
             .key(Key::Line(strokes[0]), "frozen")
@@ -210,9 +214,9 @@ impl Along {
             );
         for (c, (output, unit)) in OUTPUTS.iter().enumerate() {
             let mut panel = Panel::new(format!("error of {output} [{unit}]")).decades().height(120.0);
-            panel = panel.mark(Mark::Verticals { at: walk.switched_s.clone(), stroke: events });
-            for (errors, stroke) in walk.errors.iter().zip(strokes) {
-                let points = smoothed(&walk.t, errors.iter().map(|error| error[c]));
+            panel = panel.mark(Mark::Verticals { at: adaptation.switched_s.clone(), stroke: events });
+            for (errors, stroke) in adaptation.errors.iter().zip(strokes) {
+                let points = smoothed(&adaptation.t, errors.iter().map(|error| error[c]));
                 panel = panel.mark(Mark::Line(Line::new(points, stroke)));
             }
             figure = figure.panel(panel);
@@ -221,14 +225,16 @@ impl Along {
     }
 }
 
-impl Walk {
+impl Adaptation {
     /// Share of the measurements inside their 80 % band.
     fn coverage(&self) -> f64 {
         let (mut inside, mut all) = (0.0, 0.0);
-        for ((said, deviations), measured) in self.said.iter().zip(&self.deviations).zip(&self.measured) {
+        for ((predicted, deviations), measured) in
+            self.predicted.iter().zip(&self.deviations).zip(&self.measured)
+        {
             for c in 0..3 {
                 all += 1.0;
-                inside += f64::from(u8::from((measured[c] - said[c]).abs() < BAND_80 * deviations[c]));
+                inside += f64::from(u8::from((measured[c] - predicted[c]).abs() < BAND_80 * deviations[c]));
             }
         }
         inside / all

@@ -16,7 +16,7 @@ impl Learning for DirectLastLayer {
     }
 
     fn weights(&self) -> &[f64] {
-        self.session.read_out()
+        self.session.last_layer()
     }
 
     fn freeze(&mut self, frozen: bool) {
@@ -59,7 +59,7 @@ impl Learning for DirectLastLayer {
             return;
         }
         let features = self.phi.len() - 1;
-        self.session.look_ahead(given, &mut self.phi[..features]);
+        self.session.present_features(given, &mut self.phi[..features]);
         let s_over_r = 1.0 + self.learner.as_mut().map_or(0.0, |learner| learner.project(&self.phi));
         let scale = &self.session.model().scaling.correction_scale;
         for (&horizon, into) in horizons.iter().zip(deviations.chunks_exact_mut(n)) {

@@ -83,7 +83,7 @@ impl DirectLastLayer {
         options.check()?;
         let mut own = Self::companion(model, options)?;
         let (n, targets) = (own.phi.len(), own.errors.len());
-        let (matrix, bias) = own.session.read_out().split_at((n - 1) * targets);
+        let (matrix, bias) = own.session.last_layer().split_at((n - 1) * targets);
         let rows = (0..targets).flat_map(|i| matrix[i * (n - 1)..][..n - 1].iter().chain([&bias[i]]));
         let theta: Vec<f64> = rows.copied().collect();
         own.learner = Some(RecursiveLeastSquares::new(n, &theta, options.information, options.leak));
@@ -95,7 +95,7 @@ impl DirectLastLayer {
     /// # Errors
     /// If the model is invalid.
     pub fn companion(model: Arc<Direct>, options: &LastLayerOptions) -> Result<Self, LastLayerError> {
-        let session = DirectSession::with_own_read_out(model).map_err(LastLayerError::Model)?;
+        let session = DirectSession::with_own_last_layer(model).map_err(LastLayerError::Model)?;
         let (targets, outputs) = (session.model().network.outputs, session.model().outputs());
         Ok(Self {
             windows: Windows::new(session.model()),
@@ -129,8 +129,8 @@ impl DirectLastLayer {
     fn load_window(&mut self) -> bool {
         let Some([outputs, passed, ahead]) = self.windows.oldest() else { return false };
         let features = self.phi.len() - 1;
-        self.session.look(outputs, passed, ahead, &mut self.phi[..features]);
-        self.session.give(&self.phi[..features], &mut self.errors);
+        self.session.window_features(outputs, passed, ahead, &mut self.phi[..features]);
+        self.session.apply_last_layer(&self.phi[..features], &mut self.errors);
         let [present, memory, commands] = self.windows.oldest_base();
         self.session.of_equations(present, memory, commands, &mut self.base_targets);
         self.windows.subtract_from_targets(self.session.model(), &self.base_targets, &mut self.errors);
@@ -208,7 +208,7 @@ impl DirectLastLayer {
     fn sync_session(&mut self) {
         let Some(learner) = &self.learner else { return };
         let features = self.phi.len() - 1;
-        let (matrix, bias) = self.session.read_out_mut().split_at_mut(features * self.errors.len());
+        let (matrix, bias) = self.session.last_layer_mut().split_at_mut(features * self.errors.len());
         let rows = matrix.chunks_exact_mut(features).zip(bias);
         for ((row, bias), theta) in rows.zip(learner.coefficients().chunks_exact(features + 1)) {
             row.copy_from_slice(&theta[..features]);
@@ -219,7 +219,7 @@ impl DirectLastLayer {
     fn sync_learner(&mut self) {
         let Some(learner) = &mut self.learner else { return };
         let features = self.phi.len() - 1;
-        let (matrix, bias) = self.session.read_out().split_at(features * self.errors.len());
+        let (matrix, bias) = self.session.last_layer().split_at(features * self.errors.len());
         let rows = matrix.chunks_exact(features).zip(bias);
         for ((row, bias), theta) in rows.zip(learner.coefficients_mut().chunks_exact_mut(features + 1)) {
             theta[..features].copy_from_slice(row);

@@ -43,8 +43,8 @@ impl Field {
             *z = (y[i] - model.scaling.output_mean[i]) / model.scaling.output_scale[i];
         }
         let g = &mut g[..self.outputs * (1 + self.inputs)];
-        let read_out = self.forward.read_out(&model.weights);
-        self.forward.evaluate([&model.weights, read_out], z, hidden, g);
+        let last_layer = self.forward.last_layer(&model.weights);
+        self.forward.evaluate([&model.weights, last_layer], z, hidden, g);
         g
     }
 

@@ -57,7 +57,7 @@ impl<'a> BaseRollout<'a> {
     }
 
     /// Advances the memory of the equations along the predicted outputs instead of their own rollout.
-    pub(super) fn pass(&mut self, commands: &[f64], y: &[f64]) {
+    pub(super) fn advance(&mut self, commands: &[f64], y: &[f64]) {
         let Some(equations) = self.equations else { return };
         let (n, m) = (equations.outputs(), equations.inputs());
         for (k, y) in y.chunks_exact(n).enumerate() {

@@ -64,9 +64,9 @@ impl BatchRollout {
             self.below[..n].copy_from_slice(&session.whole_past()[(p - 1) * n..p * n]);
             self.below[n..].copy_from_slice(session.memory());
         }
-        let read_out = session.read_out();
-        let from = self.weights.len() - read_out.len();
-        self.weights[from..].copy_from_slice(read_out);
+        let last_layer = session.last_layer();
+        let from = self.weights.len() - last_layer.len();
+        self.weights[from..].copy_from_slice(last_layer);
     }
 
     /// Rolls out `count` sequences from the state of a session: `commands` are `count x steps x inputs`, `y` are
@@ -102,7 +102,7 @@ impl BatchRollout {
             }
             for (i, x) in windows[..count * reads].chunks_exact_mut(reads).enumerate() {
                 let given = &commands[(i * steps + first) * m..][..here * m];
-                w.give(x, given.iter().enumerate().map(|(k, &c)| model.scaled_command(k % m, c)));
+                w.set_commands(x, given.iter().enumerate().map(|(k, &c)| model.scaled_command(k % m, c)));
                 for (row, &x) in batch.input_mut().chunks_exact_mut(lanes).zip(&*x) {
                     row[i] = x;
                 }
@@ -119,7 +119,7 @@ impl BatchRollout {
                     for (k, (z, &y)) in predicted.iter_mut().zip(&*y).enumerate() {
                         *z = model.scaled_output(k % n, y);
                     }
-                    w.pass(x, predicted);
+                    w.shift(x, predicted);
                 }
             }
             first += here;

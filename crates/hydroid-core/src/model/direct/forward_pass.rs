@@ -31,23 +31,23 @@ impl ForwardPass {
     }
 
     /// Weights of the last layer: its matrix row by row, then its bias.
-    pub(crate) fn read_out<'a>(&self, weights: &'a [f64]) -> &'a [f64] {
+    pub(crate) fn last_layer<'a>(&self, weights: &'a [f64]) -> &'a [f64] {
         &weights[self.layers.last().map_or(0, |layer| layer.at)..]
     }
 
     /// `g <- f(x)`, as many outputs as `g` has; the weights of the last layer are given separately.
     pub(crate) fn evaluate(
         &self,
-        [weights, read_out]: [&[f64]; 2],
+        [weights, last_layer]: [&[f64]; 2],
         x: &[f64],
         hidden: &mut [f64],
         g: &mut [f64],
     ) {
-        self.arch.dispatch(Step { forward: self, weights, read_out, x, hidden, g });
+        self.arch.dispatch(Step { forward: self, weights, last_layer, x, hidden, g });
     }
 
     /// Inputs of the last layer, given `x`.
-    pub(super) fn look(&self, weights: &[f64], x: &[f64], hidden: &mut [f64], into: &mut [f64]) {
+    pub(super) fn features_of(&self, weights: &[f64], x: &[f64], hidden: &mut [f64], into: &mut [f64]) {
         self.evaluate([weights, &[]], x, hidden, &mut []);
         let inner = self.layers.len() - 1;
         let h = if inner == 0 { x } else { &hidden[(inner % 2) * self.widest..] };
@@ -55,16 +55,16 @@ impl ForwardPass {
     }
 
     /// Applies the last layer to its inputs, as many outputs as `g` has.
-    pub(super) fn give(&self, read_out: &[f64], features: &[f64], g: &mut [f64]) {
+    pub(super) fn apply_last_layer(&self, last_layer: &[f64], features: &[f64], g: &mut [f64]) {
         let Some(layer) = self.layers.last() else { return };
-        self.arch.dispatch(ReadOut { layer, weights: read_out, x: features, g });
+        self.arch.dispatch(LastLayer { layer, weights: last_layer, x: features, g });
     }
 }
 
 pub(crate) struct Step<'a> {
     forward: &'a ForwardPass,
     weights: &'a [f64],
-    read_out: &'a [f64],
+    last_layer: &'a [f64],
     x: &'a [f64],
     hidden: &'a mut [f64],
     g: &'a mut [f64],
@@ -90,19 +90,19 @@ impl WithSimd for Step<'_> {
         }
         let x = if inner.is_empty() { self.x } else { &here[..last.reads] };
         if !self.g.is_empty() {
-            ReadOut { layer: last, weights: self.read_out, x, g: self.g }.with_simd(simd);
+            LastLayer { layer: last, weights: self.last_layer, x, g: self.g }.with_simd(simd);
         }
     }
 }
 
-pub(crate) struct ReadOut<'a> {
+pub(crate) struct LastLayer<'a> {
     layer: &'a Layer,
     weights: &'a [f64],
     x: &'a [f64],
     g: &'a mut [f64],
 }
 
-impl WithSimd for ReadOut<'_> {
+impl WithSimd for LastLayer<'_> {
     type Output = ();
 
     #[inline(always)]

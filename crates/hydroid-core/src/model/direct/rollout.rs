@@ -11,7 +11,7 @@ impl ForwardPass {
     }
 
     /// Inputs of the last layer for a window of outputs, past and future commands; the last given command is held.
-    pub(super) fn look_through(
+    pub(super) fn window_features(
         &self,
         model: &Direct,
         [outputs, passed, ahead]: [&[f64]; 3],
@@ -27,14 +27,14 @@ impl ForwardPass {
         for (i, (x, &c)) in of_commands.iter_mut().zip(passed).enumerate() {
             *x = model.scaled_command(i % w.m, c);
         }
-        w.give(x, scaled(model, ahead));
-        self.look(&model.weights, x, hidden, into);
+        w.set_commands(x, scaled(model, ahead));
+        self.features_of(&model.weights, x, hidden, into);
     }
 
     /// Predicts as many steps as `y` has rows, from a past in physical units and the memory of the equations.
     pub(super) fn roll(
         &self,
-        (model, read_out): (&Direct, &[f64]),
+        (model, last_layer): (&Direct, &[f64]),
         (past, memory): (&[f64], &[f64]),
         commands: &[f64],
         scratch: &mut [f64],
@@ -52,9 +52,9 @@ impl ForwardPass {
         for y in blocks {
             let steps = y.len() / w.n;
             let given = &commands[first * w.m..(first + steps) * w.m];
-            w.give(x, scaled(model, given));
+            w.set_commands(x, scaled(model, given));
             let g = &mut g[..y.len()];
-            self.evaluate([&model.weights, read_out], x, hidden, g);
+            self.evaluate([&model.weights, last_layer], x, hidden, g);
             below.roll(given, y);
             let present = &x[(w.p - 1) * w.n..w.p * w.n];
             for (i, (y, g)) in y.iter_mut().zip(&*g).enumerate() {
@@ -65,8 +65,8 @@ impl ForwardPass {
                 for (i, (g, &y)) in g.iter_mut().zip(&*y).enumerate() {
                     *g = model.scaled_output(i % w.n, y);
                 }
-                w.pass(x, g);
-                below.pass(given, y);
+                w.shift(x, g);
+                below.advance(given, y);
             }
         }
     }

@@ -70,18 +70,18 @@ impl DirectSession {
         &self.past
     }
 
-    pub(crate) fn with_own_read_out(model: Arc<Direct>) -> Result<Self, DirectError> {
+    pub(crate) fn with_own_last_layer(model: Arc<Direct>) -> Result<Self, DirectError> {
         let mut session = Self::new(model)?;
-        session.own = session.forward.read_out(&session.model.weights).to_vec();
+        session.own = session.forward.last_layer(&session.model.weights).to_vec();
         Ok(session)
     }
 
     /// Weights of the last layer: its matrix row by row, then its bias.
-    pub(crate) fn read_out(&self) -> &[f64] {
-        if self.own.is_empty() { self.forward.read_out(&self.model.weights) } else { &self.own }
+    pub(crate) fn last_layer(&self) -> &[f64] {
+        if self.own.is_empty() { self.forward.last_layer(&self.model.weights) } else { &self.own }
     }
 
-    pub(crate) fn read_out_mut(&mut self) -> &mut [f64] {
+    pub(crate) fn last_layer_mut(&mut self) -> &mut [f64] {
         &mut self.own
     }
 
@@ -109,18 +109,24 @@ impl DirectSession {
     }
 
     /// Inputs of the last layer for a window of outputs and commands in physical units; the last given command is held.
-    pub(crate) fn look(&mut self, outputs: &[f64], passed: &[f64], ahead: &[f64], into: &mut [f64]) {
-        self.forward.look_through(&self.model, [outputs, passed, ahead], &mut self.scratch, into);
+    pub(crate) fn window_features(
+        &mut self,
+        outputs: &[f64],
+        passed: &[f64],
+        ahead: &[f64],
+        into: &mut [f64],
+    ) {
+        self.forward.window_features(&self.model, [outputs, passed, ahead], &mut self.scratch, into);
     }
 
     /// Inputs of the last layer for the present window.
-    pub(crate) fn look_ahead(&mut self, ahead: &[f64], into: &mut [f64]) {
+    pub(crate) fn present_features(&mut self, ahead: &[f64], into: &mut [f64]) {
         let (outputs, passed) = self.past.split_at(self.window.outputs());
-        self.forward.look_through(&self.model, [outputs, passed, ahead], &mut self.scratch, into);
+        self.forward.window_features(&self.model, [outputs, passed, ahead], &mut self.scratch, into);
     }
 
-    pub(crate) fn give(&self, features: &[f64], into: &mut [f64]) {
-        self.forward.give(self.read_out(), features, into);
+    pub(crate) fn apply_last_layer(&self, features: &[f64], into: &mut [f64]) {
+        self.forward.apply_last_layer(self.last_layer(), features, into);
     }
 
     pub(crate) fn is_waiting(&self) -> bool {
@@ -166,9 +172,9 @@ impl Predictor for DirectSession {
         self.next.copy_from_slice(&self.past[(p - 1) * n..p * n]);
         if !self.is_waiting() {
             let Self { model, forward, past, below, own, scratch, next, .. } = self;
-            let read_out = if own.is_empty() { forward.read_out(&model.weights) } else { own };
+            let last_layer = if own.is_empty() { forward.last_layer(&model.weights) } else { own };
             let memory = below.get(n..).unwrap_or_default();
-            forward.roll((model, read_out), (past, memory), c, scratch, next);
+            forward.roll((model, last_layer), (past, memory), c, scratch, next);
         }
         if let Some(equations) = self.model.equations() {
             let present = &self.past[(p - 1) * n..p * n];
@@ -192,7 +198,13 @@ impl Predictor for DirectSession {
     fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
         rollout_steps(commands, self.window.m, y, self.window.n);
         let scratch = work.take(self.scratch.len());
-        self.forward.roll((&self.model, self.read_out()), (&self.past, self.memory()), commands, scratch, y);
+        self.forward.roll(
+            (&self.model, self.last_layer()),
+            (&self.past, self.memory()),
+            commands,
+            scratch,
+            y,
+        );
     }
 
     fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {

@@ -35,7 +35,7 @@ impl Window {
     }
 
     /// Writes commands from the present one on into a window; the last one is held.
-    pub(crate) fn give<T: Copy>(&self, window: &mut [T], given: impl Iterator<Item = T>) {
+    pub(crate) fn set_commands<T: Copy>(&self, window: &mut [T], given: impl Iterator<Item = T>) {
         let ahead = &mut window[self.past()..];
         let mut count = 0;
         for (slot, value) in ahead.iter_mut().zip(given) {
@@ -49,7 +49,7 @@ impl Window {
     }
 
     /// Shifts a window by a horizon: predicted outputs and passed commands become the past.
-    pub(crate) fn pass<T: Copy>(&self, window: &mut [T], predicted: &[T]) {
+    pub(crate) fn shift<T: Copy>(&self, window: &mut [T], predicted: &[T]) {
         let (outputs, commands) = window.split_at_mut(self.outputs());
         push(outputs, &predicted[..self.h * self.n]);
         commands.copy_within(self.h * self.m.., 0);
