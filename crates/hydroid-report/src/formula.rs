@@ -137,7 +137,7 @@ fn gate_argument(name: &str, gate: Gate) -> Markup {
 
 /// A name as a symbol: the part after the first underscore, or the digits after a single letter, is an index. Names of
 /// signals, `lag(n_cmd, 1.5 s)`, are unchanged.
-pub(super) fn variable(name: &str) -> Markup {
+pub fn variable(name: &str) -> Markup {
     let (base, index) = match name.split_once('_') {
         Some((base, index)) if !base.is_empty() && !index.is_empty() && !name.contains('(') => (base, index),
         _ => (name, ""),
@@ -172,21 +172,4 @@ fn greek(word: &str) -> Option<&'static str> {
         "omega" => "ω",
         _ => return None,
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_become_symbols() {
-        assert_eq!(variable("u").0, "<span class=\"v\"><i>u</i></span>");
-        assert_eq!(variable("wind_x").0, "<span class=\"v\">wind<sub>x</sub></span>");
-        assert_eq!(variable("u5_bow").0, "<span class=\"v\"><i>u</i><sub>5 bow</sub></span>");
-        assert_eq!(variable("<b>").0, "<span class=\"v\">&lt;b&gt;</span>");
-        assert_eq!(variable("delta_2").0, "<span class=\"v\"><i>δ</i><sub>2</sub></span>");
-        assert_eq!(variable("lag(n_c, 1 s)").0, "<span class=\"v\">lag(n_c, 1 s)</span>");
-        assert_eq!(variable("_").0, "<span class=\"v\"><i>_</i></span>");
-        assert_eq!(variable("").0, "<span class=\"v\"></span>");
-    }
 }

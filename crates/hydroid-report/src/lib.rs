@@ -13,8 +13,10 @@ mod closed_loop;
 mod coefficients;
 mod data;
 mod equations;
-mod formula;
-mod front;
+#[doc(hidden)]
+pub mod formula;
+#[doc(hidden)]
+pub mod front;
 mod growth;
 mod hidden;
 mod methods;
@@ -22,7 +24,8 @@ mod network;
 pub mod number;
 pub mod page;
 mod predicted;
-mod residuals;
+#[doc(hidden)]
+pub mod residuals;
 mod rollouts;
 mod selection;
 mod series;
@@ -140,6 +143,3 @@ pub fn identification(
     sections.push(settings::section(&subject));
     Ok(page::page(&context.title, &sections))
 }
-
-#[cfg(test)]
-mod tests;

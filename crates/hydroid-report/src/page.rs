@@ -184,22 +184,3 @@ fn quoted(text: &str) -> String {
     let mut marks = ['‘', '’'].into_iter().cycle();
     text.chars().map(|c| if c == '`' { marks.next().unwrap_or(c) } else { c }).collect()
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn messages_become_sentences() {
-        assert_eq!(sentence("two runs: -0.5 to 1"), "Two runs: −0.5 to 1.");
-        assert_eq!(sentence("a<1>.csv: cut (see --dt and -c)"), "a<1>.csv: cut (see --dt and -c).");
-        assert_eq!(sentence("'u' is late!"), "'u' is late!");
-        assert_eq!(sentence("`u` and `v` differ"), "‘u’ and ‘v’ differ.");
-        assert_eq!(
-            sentence("/home/me/a.csv: a step of 0.10003000000000029 s"),
-            "a.csv: a step of 0.10003 s."
-        );
-        assert_eq!(sentence("'x [m/s]' is 12345678 m/s."), "'x [m/s]' is 12345678 m/s.");
-        assert_eq!(sentence(""), "");
-    }
-}

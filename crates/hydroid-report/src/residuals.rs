@@ -16,16 +16,19 @@ const REACH: f64 = 4.0;
 const LAGS: usize = 40;
 const FEWEST: usize = 8;
 
-struct Residuals {
-    count: usize,
+/// Statistics of one-step residuals.
+#[derive(Debug)]
+pub struct Residuals {
+    /// Number of finite residuals.
+    pub count: usize,
     mean: f64,
     deviation: f64,
     /// Share of the residuals \[%\] in each bar.
-    bars: Vec<f64>,
+    pub bars: Vec<f64>,
     /// Number of residuals outside the histogram.
     beyond: usize,
     /// Autocorrelation at lags 1, 2, ...
-    correlation: Vec<f64>,
+    pub correlation: Vec<f64>,
 }
 
 pub(super) fn section(candidate: &Candidate, runs: &[RunRollouts<'_>]) -> Result<Section, ReportError> {
@@ -55,7 +58,7 @@ pub(super) fn section(candidate: &Candidate, runs: &[RunRollouts<'_>]) -> Result
 
 impl Residuals {
     /// Statistics over several runs; `None` for too few or constant residuals.
-    fn of(runs: &[&[f64]]) -> Option<Self> {
+    pub fn of(runs: &[&[f64]]) -> Option<Self> {
         let finite = || runs.iter().flat_map(|run| run.iter().copied()).filter(|v| v.is_finite());
         let count = finite().count();
         if count < FEWEST {
@@ -179,29 +182,4 @@ fn correlation(runs: &[Vec<f64>], lag: usize, deviation: f64) -> f64 {
         .filter(|product| product.is_finite())
         .fold((0.0, 0usize), |(sum, n), product| (sum + product, n + 1));
     if pairs == 0 { f64::NAN } else { sum / pairs as f64 / (deviation * deviation) }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn alternating_residuals_are_correlated_and_gaps_are_skipped() {
-        let mut run: Vec<f64> = (0..400).map(|k| if k % 2 == 0 { 1.0 } else { -1.0 }).collect();
-        run[100] = f64::NAN;
-        let residuals = Residuals::of(&[&run]).unwrap();
-        assert!(
-            (residuals.correlation[0] + 1.0).abs() < 0.01 && (residuals.correlation[1] - 1.0).abs() < 0.01
-        );
-        assert_eq!(residuals.count, 399);
-        assert!((residuals.bars.iter().sum::<f64>() - 100.0).abs() < 1e-9);
-    }
-
-    #[test]
-    fn nothing_to_show_is_none() {
-        assert!(Residuals::of(&[]).is_none());
-        assert!(Residuals::of(&[&[1.0; 100]]).is_none());
-        assert!(Residuals::of(&[&[f64::NAN; 100]]).is_none());
-        assert!(Residuals::of(&[&[f64::MAX, f64::MIN].repeat(10)]).is_none());
-    }
 }

@@ -190,6 +190,3 @@ fn settings(subject: &ClosedLoopReport<'_>) -> Section {
     };
     Section::new("settings", "Settings", body)
 }
-
-#[cfg(test)]
-mod tests;

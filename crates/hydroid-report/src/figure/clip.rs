@@ -2,18 +2,18 @@
 
 /// A rectangle on the page \[px\].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Frame {
-    pub(crate) left: f64,
-    pub(crate) top: f64,
-    pub(crate) right: f64,
-    pub(crate) bottom: f64,
+pub struct Frame {
+    pub left: f64,
+    pub top: f64,
+    pub right: f64,
+    pub bottom: f64,
 }
 
 /// A position on the page \[px\].
-pub(crate) type Point = (f64, f64);
+pub type Point = (f64, f64);
 
 /// The parts of a line within a frame. NaN is a gap; a part of one point is a sample between two gaps.
-pub(crate) fn clip(points: &[Point], frame: Frame) -> Vec<Vec<Point>> {
+pub fn clip(points: &[Point], frame: Frame) -> Vec<Vec<Point>> {
     let mut parts: Vec<Vec<Point>> = Vec::new();
     let mut open = false;
     let mut last: Option<Point> = None;
@@ -75,7 +75,7 @@ fn within(a: Point, b: Point, frame: Frame) -> Option<(Point, Point)> {
     (from <= to).then(|| (at(from), at(to)))
 }
 
-pub(crate) fn dashes(points: &[Point], on: f64, off: f64) -> Vec<Vec<Point>> {
+pub fn dashes(points: &[Point], on: f64, off: f64) -> Vec<Vec<Point>> {
     let mut parts = Vec::new();
     let Some(&first) = points.first() else { return parts };
     let (mut drawing, mut left) = (true, on);
@@ -107,35 +107,4 @@ pub(crate) fn dashes(points: &[Point], on: f64, off: f64) -> Vec<Vec<Point>> {
         parts.push(part);
     }
     parts
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const FRAME: Frame = Frame { left: 0.0, top: 0.0, right: 10.0, bottom: 10.0 };
-
-    #[test]
-    fn lines_end_at_the_frame_and_come_back() {
-        let parts = clip(&[(0.0, 5.0), (5.0, 5.0), (5.0, 25.0), (7.0, 25.0), (7.0, 5.0)], FRAME);
-        assert_eq!(parts, [vec![(0.0, 5.0), (5.0, 5.0), (5.0, 10.0)], vec![(7.0, 10.0), (7.0, 5.0)]]);
-    }
-
-    #[test]
-    fn gaps_stay_gaps_and_lone_samples_are_kept() {
-        let gap = (1.0, f64::NAN);
-        let parts = clip(&[gap, (1.0, 1.0), (2.0, 1.0), gap, (3.0, 3.0), gap], FRAME);
-        assert_eq!(parts, [vec![(1.0, 1.0), (2.0, 1.0)], vec![(3.0, 3.0)]]);
-        assert!(clip(&[(f64::NAN, 1.0), (20.0, 20.0)], FRAME).is_empty());
-    }
-
-    #[test]
-    fn dashes_cover_their_share_of_the_line() {
-        let parts = dashes(&[(0.0, 0.0), (10.0, 0.0), (10.0, 10.0)], 3.0, 1.0);
-        let length: f64 = parts
-            .iter()
-            .flat_map(|part| part.windows(2).map(|p| (p[1].0 - p[0].0).hypot(p[1].1 - p[0].1)))
-            .sum();
-        assert!((length - 15.0).abs() < 1e-9, "{length}");
-    }
 }

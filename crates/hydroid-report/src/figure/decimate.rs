@@ -47,31 +47,3 @@ pub fn steps(values: impl Iterator<Item = f64>, t0: f64, dt: f64) -> Vec<(f64, f
     }
     corners
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_envelope_keeps_extremes_and_gaps() {
-        let value = |k: usize| match k {
-            500 => 9.0,
-            700..800 => f64::NAN,
-            _ => (k as f64 * 0.01).sin(),
-        };
-        let thin = envelope((0..1000).map(|k| (k as f64, value(k))), 50);
-        assert!(thin.len() <= 110, "{}", thin.len());
-        assert!(thin.contains(&(500.0, 9.0)));
-        assert!(thin.iter().any(|p| p.1.is_nan()));
-        assert!(thin.windows(2).all(|p| p[0].0 <= p[1].0));
-        assert_eq!(envelope((0..3).map(|k| (f64::from(k), 0.0)), 50).len(), 3);
-        assert!(envelope(std::iter::empty::<(f64, f64)>().collect::<Vec<_>>().into_iter(), 0).is_empty());
-    }
-
-    #[test]
-    fn held_values_are_stairs() {
-        let stairs = steps([1.0, 1.0, 2.0].into_iter(), 0.0, 0.5);
-        assert_eq!(stairs, [(0.0, 1.0), (1.0, 1.0), (1.0, 2.0), (1.5, 2.0)]);
-        assert!(steps(std::iter::empty(), 0.0, 1.0).is_empty());
-    }
-}

@@ -218,20 +218,3 @@ fn spread(labels: &mut [Label], frame: Frame) {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn labels_are_moved_apart_and_stay_in_the_frame() {
-        let frame = Frame { left: 0.0, top: 0.0, right: 100.0, bottom: 100.0 };
-        let mut labels: Vec<Label> = [50.0, 52.0, 51.0, 10.0]
-            .map(|y| Label { at: (0.0, y), words: y.to_string(), colour: style::INK })
-            .into();
-        spread(&mut labels, frame);
-        let y: Vec<f64> = labels.iter().map(|l| l.at.1).collect();
-        assert_eq!(y, [10.0, 35.0, 51.0, 67.0]);
-        assert_eq!(labels[1].words, "50");
-    }
-}

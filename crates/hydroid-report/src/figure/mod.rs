@@ -14,13 +14,16 @@
 //! ```
 
 mod canvas;
-mod clip;
+#[doc(hidden)]
+pub mod clip;
 mod decimate;
 mod layout;
 mod marks;
 mod ranges;
-mod scale;
-mod text;
+#[doc(hidden)]
+pub mod scale;
+#[doc(hidden)]
+pub mod text;
 
 use plotters::style::RGBColor;
 
@@ -292,6 +295,3 @@ impl Figure {
         ))
     }
 }
-
-#[cfg(test)]
-mod tests;

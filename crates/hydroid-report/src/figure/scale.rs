@@ -2,7 +2,7 @@
 
 /// A linear map from an interval of values to an interval of pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Scale {
+pub struct Scale {
     low: f64,
     high: f64,
     from: f64,
@@ -11,7 +11,7 @@ pub(crate) struct Scale {
 
 impl Scale {
     /// Maps `range` to the pixels `from..to`, which may decrease. An empty or non-finite range is widened.
-    pub(crate) fn new(range: (f64, f64), from: f64, to: f64) -> Self {
+    pub fn new(range: (f64, f64), from: f64, to: f64) -> Self {
         let (low, high) = widened(range);
         Self { low, high, from, to }
     }
@@ -21,13 +21,13 @@ impl Scale {
     }
 
     /// Pixel of a value. Far values are clamped to a finite distance; NaN stays NaN.
-    pub(crate) fn place(&self, value: f64) -> f64 {
+    pub fn place(&self, value: f64) -> f64 {
         let share = (value - self.low) / (self.high - self.low);
         self.from + (self.to - self.from) * share.clamp(-1e4, 1e4)
     }
 
     /// About `wanted` ticks at round values, at least two and at most `most`.
-    pub(crate) fn ticks(&self, wanted: usize, most: usize) -> Ticks {
+    pub fn ticks(&self, wanted: usize, most: usize) -> Ticks {
         let width = self.high - self.low;
         let rough = width / wanted.max(1) as f64;
         let power = 10f64.powf(rough.log10().floor());
@@ -45,7 +45,7 @@ impl Scale {
 
     /// Ticks of a logarithmic axis: powers of ten; if fewer than two are in range, 1, 2 and 5 times powers of ten; else
     /// linear.
-    pub(crate) fn decades(&self, most: usize) -> Ticks {
+    pub fn decades(&self, most: usize) -> Ticks {
         let marked = |mantissas: &[f64]| -> Vec<f64> {
             #[allow(clippy::cast_possible_truncation)]
             let (first, last) = (self.low.max(-320.0).floor() as i32, self.high.min(310.0).ceil() as i32);
@@ -88,8 +88,8 @@ fn widened((low, high): (f64, f64)) -> (f64, f64) {
 }
 
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Ticks {
-    pub(crate) values: Vec<f64>,
+pub struct Ticks {
+    pub values: Vec<f64>,
     /// Power of ten that the labels omit and the axis label states; 0 for none.
     pub(crate) power: i32,
     decimals: usize,
@@ -116,7 +116,7 @@ impl Ticks {
     }
 
     /// The label of a tick, with a typographic minus.
-    pub(crate) fn label(&self, value: f64) -> String {
+    pub fn label(&self, value: f64) -> String {
         if self.logarithms {
             let number = 10f64.powf(value);
             // Two digits distinguish the ticks of every logarithmic axis.
@@ -138,7 +138,7 @@ impl Ticks {
     }
 
     /// `×10⁻³` if the labels omit a power of ten; empty otherwise.
-    pub(crate) fn factor(&self) -> String {
+    pub fn factor(&self) -> String {
         if self.power == 0 { String::new() } else { format!("×10{}", superscript(self.power)) }
     }
 }
@@ -175,70 +175,4 @@ pub(crate) fn padded((low, high): (f64, f64), share: f64) -> (f64, f64) {
     let (low, high) = widened((low, high));
     let margin = share * (high - low);
     (low - margin, high + margin)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn labels(low: f64, high: f64, wanted: usize) -> Vec<String> {
-        let ticks = Scale::new((low, high), 0.0, 1.0).ticks(wanted, 9);
-        ticks.values.iter().map(|v| ticks.label(*v)).collect()
-    }
-
-    #[test]
-    fn ticks_are_round_and_written_shortly() {
-        assert_eq!(labels(-0.42, 0.41, 4), ["−0.4", "−0.2", "0.0", "0.2", "0.4"].map(String::from)[..]);
-        let few = Scale::new((-0.0985, -0.005), 0.0, 1.0).ticks(2, 3);
-        assert_eq!(
-            few.values.iter().map(|v| few.label(*v)).collect::<Vec<_>>(),
-            ["−0.075", "−0.050", "−0.025"]
-        );
-        assert_eq!(labels(0.0, 5.0, 5), ["0", "1", "2", "3", "4", "5"]);
-        assert_eq!(labels(1400.0, 1600.0, 2), ["1400", "1500", "1600"]);
-    }
-
-    #[test]
-    fn a_logarithmic_axis_has_the_numbers_themselves() {
-        let labels = |low: f64, high: f64| -> Vec<String> {
-            let ticks = Scale::new((low, high), 0.0, 1.0).decades(8);
-            ticks.values.iter().map(|v| ticks.label(*v)).collect()
-        };
-        assert_eq!(labels(-3.2, 0.5), ["0.001", "0.01", "0.1", "1"]);
-        assert_eq!(labels(-1.5, -0.2), ["0.05", "0.1", "0.2", "0.5"]);
-        assert_eq!(labels(-7.1, -4.9), ["1e-7", "1e-6", "1e-5"]);
-        assert!(labels(0.31, 0.39).len() >= 2);
-        let ticks = Scale::new((0.1, 0.2), 0.0, 1.0).decades(8);
-        assert_eq!([1.4, 12.0, 0.00034].map(|x: f64| ticks.label(x.log10())), ["1.4", "12", "0.00034"]);
-        assert!((2..=9).contains(&labels(-300.0, 300.0).len()));
-    }
-
-    #[test]
-    fn tiny_and_huge_numbers_leave_their_power_to_the_axis() {
-        let ticks = Scale::new((-2e-5, 2e-5), 0.0, 1.0).ticks(4, 9);
-        assert_eq!(ticks.factor(), "×10⁻⁶");
-        assert_eq!(ticks.label(ticks.values[0]), "−20");
-        assert_eq!(Scale::new((0.0, 3e9), 0.0, 1.0).ticks(3, 9).factor(), "×10⁹");
-    }
-
-    #[test]
-    fn degenerate_ranges_have_a_scale_all_the_same() {
-        for range in [
-            (0.0, 0.0),
-            (3.0, 3.0),
-            (f64::NAN, 1.0),
-            (0.0, f64::INFINITY),
-            (-1e308, 1e308),
-            (2.0, 1.0),
-            (0.0, 1e-320),
-            (1e9, 1e9 + 1e-7),
-        ] {
-            let scale = Scale::new(range, 100.0, 0.0);
-            assert!(scale.place(0.5).is_finite(), "{range:?}");
-            let ticks = scale.ticks(5, 9);
-            assert!((1..=20).contains(&ticks.values.len()), "{range:?}: {ticks:?}");
-        }
-        assert!(Scale::new((0.0, 1.0), 0.0, 1.0).place(f64::NAN).is_nan());
-        assert!(Scale::new((0.0, 1.0), 0.0, 1.0).place(1e300).is_finite());
-    }
 }

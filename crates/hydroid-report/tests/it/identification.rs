@@ -1,18 +1,20 @@
+//! The page of an identification.
+
 use std::ops::ControlFlow;
 use std::sync::OnceLock;
 
-use hydroid_core::model::sparse::Term;
-use hydroid_core::vessel::VesselParams;
-
-use super::*;
 use hydroid::excitation::Excitation;
 use hydroid::identify::{
-    GivenRanges, Grade, Job, Method, NetworkTrainingOptions, SindyOptions, identify, verdicts,
+    Candidate, GivenRanges, Grade, IdentifyResult, Job, Method, NetworkTrainingOptions, SindyOptions,
+    identify, verdicts,
 };
-use hydroid::log::{Channel, Table};
+use hydroid::log::{Channel, Note, Split, Table, Trajectory};
 use hydroid::model::Reading;
 use hydroid::progress::silent;
 use hydroid::simulate::{Options, simulate};
+use hydroid_core::model::sparse::{Equations, Gate, Real, Signal, Term};
+use hydroid_core::vessel::VesselParams;
+use hydroid_report::{Context, ReportError, identification, style};
 
 /// A simulated run with channel names that need escaping.
 fn run(seed: u64) -> Trajectory {
@@ -241,7 +243,6 @@ fn errors_that_are_not_finite_are_told_as_such() {
 
 #[test]
 fn rollouts_that_blow_up_are_drawn_as_far_as_the_panel_goes() {
-    use hydroid_core::model::sparse::{Equations, Term};
     let (job, result) = identified();
     let mut wild = result.clone();
     let candidate = &mut wild.candidates[0];
@@ -258,7 +259,6 @@ fn rollouts_that_blow_up_are_drawn_as_far_as_the_panel_goes() {
 
 #[test]
 fn lags_and_modes_are_told_in_words_and_gates_stand_once() {
-    use hydroid_core::model::sparse::{Equations, Gate, Real, Signal};
     let (job, result) = identified();
     let mut gated = result.clone();
     let candidate = &mut gated.candidates[0];

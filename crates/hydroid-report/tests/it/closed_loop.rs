@@ -1,12 +1,12 @@
 //! The page of a closed-loop run.
 
-use super::*;
 use hydroid::closed_loop::{
-    self, Conditions, ControlMethod, ControllerOptions, Dispersion, Scenario, SpeedOptions, Task, Track,
-    monte_carlo,
+    self, Conditions, ControlMethod, ControllerOptions, Dispersion, Metrics, Scenario, SpeedOptions, Task,
+    Track, monte_carlo,
 };
 use hydroid::progress::silent;
 use hydroid_core::vessel::VesselParams;
+use hydroid_report::ClosedLoopReport;
 
 #[test]
 fn the_page_shows_track_errors_commands_and_many_runs() {
@@ -35,16 +35,12 @@ fn the_page_shows_track_errors_commands_and_many_runs() {
         trials: Some(&many),
         tuned: None,
     };
-    let page = steering_page(&subject);
+    let page = hydroid_report::closed_loop(&subject).unwrap();
     for words in
         ["Monte Carlo", "north [m]", "cross-track error [m]", "PP_cmd [N]", "at a limit", "&lt;x&gt;"]
     {
         assert!(page.contains(words), "{words}");
     }
     assert!(!page.contains("NaN"));
-    assert_eq!(page, steering_page(&subject));
-}
-
-fn steering_page(subject: &ClosedLoopReport<'_>) -> String {
-    closed_loop(subject).unwrap()
+    assert_eq!(page, hydroid_report::closed_loop(&subject).unwrap());
 }
