@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use hydroid_core::math::Scalar;
 use hydroid_core::model::direct::{Batch, Direct, DirectError, DirectSession, Perceptron};
-use hydroid_core::model::recurrent::{BaseModel, RecurrentError, Scaling};
+use hydroid_core::model::recurrent::{BaseModel, NetworkError, RecurrentError, Scaling};
 use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
@@ -385,4 +385,33 @@ fn invalid_models_are_refused() {
     };
     let error = DirectError::Numbers(RecurrentError::Equations { equations: (2, 3), model: (2, 2) });
     assert_eq!(refused(alien), error);
+}
+
+#[test]
+fn weights_have_the_order_and_names_of_torch() {
+    let network = Perceptron { inputs: 58, hidden: vec![256; 3], outputs: 60 };
+    assert_eq!(network.check(), Ok(()));
+    assert_eq!(network.weights(), 59 * 256 + 2 * 257 * 256 + 257 * 60);
+    let tensors = network.tensors();
+    let shapes: Vec<_> = tensors.iter().map(|t| (t.name.as_str(), t.shape())).collect();
+    assert_eq!(shapes[0], ("0.weight", vec![256, 58]));
+    assert_eq!(shapes[7], ("6.bias", vec![60]));
+    let mut end = 0;
+    for tensor in &tensors {
+        assert_eq!(tensor.offset, end);
+        end += tensor.len();
+    }
+    assert_eq!(end, network.weights());
+}
+
+#[test]
+fn impossible_perceptrons_are_refused() {
+    let check =
+        |inputs, hidden: &[usize], outputs| Perceptron { inputs, hidden: hidden.to_vec(), outputs }.check();
+    assert_eq!(check(0, &[], 1), Err(NetworkError::Empty("inputs")));
+    assert_eq!(check(1, &[3, 0], 1), Err(NetworkError::Empty("units")));
+    assert_eq!(check(1, &[4097], 1), Err(NetworkError::Huge("units", 4097, 4096)));
+    assert_eq!(check(1, &[1; 65], 1), Err(NetworkError::Huge("layers", 65, 64)));
+    assert!(matches!(check(4096, &[4096; 5], 1), Err(NetworkError::Huge("weights", ..))));
+    assert_eq!(check(3, &[], 2), Ok(()));
 }

@@ -29,6 +29,7 @@ mod plant_physics;
 mod recurrent_backpropagation;
 mod recurrent_batch;
 mod recurrent_derivatives;
+mod recurrent_layout;
 mod recurrent_session;
 mod recurrent_single;
 mod recurrent_state_filter;

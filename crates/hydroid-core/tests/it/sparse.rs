@@ -462,3 +462,38 @@ fn persistence_keeps_the_last_value_measured() {
     assert!(output(&session).iter().all(|y| f64::from_bits(*y).is_nan()));
     assert_eq!(output(fork.as_ref()), [1.0f64.to_bits(), 3.0f64.to_bits()]);
 }
+
+fn power(variable: u16, n: u8) -> Factor {
+    Factor { variable, shape: Shape::Power(n) }
+}
+
+fn factor(shape: Shape) -> Factor {
+    Factor { variable: 0, shape }
+}
+
+#[test]
+fn powers_of_a_variable_are_joined() {
+    let abs = |variable| Factor { variable, shape: Shape::Abs };
+    assert_eq!(Term::new(vec![power(1, 1), power(0, 2), power(1, 1)]).factors(), [power(0, 2), power(1, 2)]);
+    assert_eq!(Term::monomial(&[1, 0, 1, 0]), Term::new(vec![power(0, 2), power(1, 2)]));
+    assert_eq!(Term::new(vec![abs(0), power(0, 1), power(0, 1)]).factors(), [power(0, 2), abs(0)]);
+    assert_eq!(Term::new(vec![abs(0), abs(0), abs(0)]).factors(), [power(0, 2), abs(0)]);
+    let large = Term::new(vec![power(0, 200), power(0, 100)]);
+    assert_eq!(large.degree(), 300);
+    assert!((large.value(&[1.01]) / 1.01f64.powi(300) - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn signs_and_reciprocals_cancel() {
+    assert_eq!(Term::new(vec![power(0, 1), factor(Shape::Sign)]), Term::of(0, Shape::Abs));
+    assert_eq!(Term::new(vec![factor(Shape::Abs), factor(Shape::Sign)]), Term::monomial(&[0]));
+    assert_eq!(Term::new(vec![power(0, 2), factor(Shape::Reciprocal)]), Term::monomial(&[0]));
+    assert_eq!(Term::new(vec![power(0, 1), factor(Shape::Reciprocal)]), Term::constant());
+}
+
+#[test]
+fn the_derivative_of_quadratic_drag_is_one_term() {
+    let drag = Term::signed_square(0, 0);
+    assert_eq!(drag.derivative(0), [(2.0, Term::of(0, Shape::Abs))]);
+    assert!(drag.derivative(1).is_empty());
+}

@@ -273,35 +273,3 @@ impl Network {
         shapes.into_iter().map(place).collect()
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn counts_weights_and_states() {
-        let lstm = Cell::Lstm { hidden: 18, projection: Some(3) };
-        let gru = Cell::Gru { hidden: 18 };
-        let vanilla = Cell::Vanilla { hidden: 18, layers: 2 };
-        for (cell, read_out, weights, state) in
-            [(lstm, false, 558, 21), (gru, true, 1245, 18), (vanilla, true, 1137, 36)]
-        {
-            let network = Network { cell, inputs: 2, outputs: 3, read_out };
-            assert_eq!(network.check(), Ok(()));
-            assert_eq!((network.weights(), network.state_len()), (weights, state));
-        }
-    }
-
-    #[test]
-    fn impossible_networks_are_refused() {
-        let network = |cell, read_out| Network { cell, inputs: 2, outputs: 3, read_out }.check();
-        assert_eq!(network(Cell::Gru { hidden: 0 }, true), Err(NetworkError::Empty("cells")));
-        assert_eq!(network(Cell::Gru { hidden: 5000 }, true), Err(NetworkError::Huge("cells", 5000, 4096)));
-        assert_eq!(
-            network(Cell::Gru { hidden: 5 }, false),
-            Err(NetworkError::Shown { shown: 5, outputs: 3 })
-        );
-        let lstm = Cell::Lstm { hidden: 4, projection: Some(4) };
-        assert_eq!(network(lstm, true), Err(NetworkError::Projection { hidden: 4, projection: 4 }));
-    }
-}
