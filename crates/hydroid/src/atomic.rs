@@ -65,23 +65,3 @@ pub fn probe(folder: &Path) -> Result<(), WriteError> {
     };
     attempt().map_err(|source| WriteError { path: folder.to_owned(), source })
 }
-
-#[cfg(all(test, unix))]
-mod tests {
-    use super::*;
-
-    /// Links and devices must not be replaced.
-    #[test]
-    fn links_and_devices_stay_what_they_are() {
-        let folder = tempfile::tempdir().unwrap();
-        let (target, link) = (folder.path().join("target"), folder.path().join("link"));
-        std::fs::write(&target, "old").unwrap();
-        std::os::unix::fs::symlink(&target, &link).unwrap();
-        write(&link, |out| out.write_all(b"new")).unwrap();
-        assert!(link.is_symlink());
-        assert_eq!(std::fs::read_to_string(&target).unwrap(), "new");
-        write(Path::new("/dev/null"), |out| out.write_all(b"gone")).unwrap();
-        assert!(!Path::new("/dev/null").metadata().unwrap().is_file());
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
-    }
-}

@@ -20,25 +20,3 @@ impl Prbs {
         bit == 1
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::Prbs;
-
-    #[test]
-    fn has_full_length_and_balance() {
-        let mut prbs = Prbs::new(0x2a5);
-        let start = prbs.register;
-        let mut ones = 0;
-        for k in 1..=32_767 {
-            ones += u32::from(prbs.next_bit());
-            assert_eq!(prbs.register == start, k == 32_767, "period at {k}");
-        }
-        assert_eq!(ones, 16_384);
-    }
-
-    #[test]
-    fn leaves_the_dead_state() {
-        assert!((0..20).any(|_| Prbs::new(0).next_bit()) || Prbs::new(0).register != 0);
-    }
-}

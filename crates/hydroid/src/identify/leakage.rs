@@ -41,32 +41,3 @@ fn overlap(a: &Trajectory, b: &Trajectory) -> bool {
         left > 0 && alike == rows
     })
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::log::{Channel, Table};
-
-    fn run(name: &str, values: Vec<f64>) -> Trajectory {
-        let table = |name: &str, values| Table::new(vec![Channel::new(name, "")], values);
-        let inputs = table("c", vec![0.0; values.len()]);
-        Trajectory { name: name.into(), t0: 0.0, dt: 1.0, outputs: table("y", values), inputs, truth: None }
-    }
-
-    #[test]
-    fn shared_stretches_are_found_and_idle_boats_are_not() {
-        let wave =
-            |n: u32, shift: f64| (0..n).map(|k| (0.1 * f64::from(k) + shift).sin()).collect::<Vec<_>>();
-        let whole = run("whole", wave(400, 0.0));
-        let (front, back) = (whole.slice(0, 300), whole.slice(300, 400));
-        let other = run("other", wave(400, 0.5));
-        let refused = |a: &Trajectory, b: &Trajectory| check([&[a], &[b], &[]]).is_err();
-        assert!(refused(&whole, &whole.clone()));
-        assert!(refused(&front, &whole) && refused(&whole, &back) && refused(&back, &whole));
-        assert!(!refused(&front, &back) && !refused(&whole, &other));
-        let idle = |rest: Vec<f64>| run("idle", [vec![0.0; 5_000], rest].concat());
-        assert!(!refused(&idle(wave(400, 0.1)), &idle(wave(400, 0.7))));
-        assert!(refused(&idle(wave(400, 0.1)), &idle(wave(400, 0.1))));
-        assert!(!refused(&idle(vec![]), &idle(wave(400, 0.7))));
-    }
-}

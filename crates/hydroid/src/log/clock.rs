@@ -74,7 +74,7 @@ impl Clock {
     }
 
     /// Clock of increasing time stamps; steps beyond `max_gap_s` are jumps. `None` for fewer than two stamps.
-    pub(crate) fn of(t: &[f64], max_gap_s: f64) -> Option<Self> {
+    pub fn of(t: &[f64], max_gap_s: f64) -> Option<Self> {
         let usual = Self::usual_step(t)?;
         let steps = || t.windows(2).map(|p| p[1] - p[0]);
         let (mut sum, mut singles) = (0.0, 0_usize);
@@ -119,50 +119,4 @@ fn on_grid(t: &[f64], step: f64, max_gap_s: f64) -> bool {
         index += ((p[1] - p[0]) / step).round().max(1.0);
         (p[1] - start - index * step).abs() <= ROUNDING * step
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn round_steps_are_recognised() {
-        assert_eq!(round_if_close(0.100_000_000_000_23), 0.1);
-        assert_eq!(round_if_close(0.05), 0.05);
-        assert_eq!(round_if_close(0.109_5), 0.1095);
-        assert_eq!(round_if_close(0.033_333_333), 0.033_333_333);
-    }
-
-    #[test]
-    fn even_clocks_are_regular_and_keep_their_step() {
-        let t: Vec<f64> = (0..100).map(|k| 1.7e9 + f64::from(k) * 0.1).collect();
-        let clock = Clock::of(&t, 1.0).unwrap();
-        assert!(clock.regular);
-        assert!((clock.step_s - 0.1).abs() < 1e-8, "{clock:?}");
-        let t: Vec<f64> = (0..100).map(|k| f64::from(k) * 0.1).collect();
-        assert_eq!(Clock::of(&t, 1.0).unwrap().step_s, 0.1);
-    }
-
-    #[test]
-    fn rounded_stamps_of_an_even_clock_are_regular() {
-        let t: Vec<f64> = (0..300).map(|k| (f64::from(k) / 30.0 * 1000.0).round() / 1000.0).collect();
-        let clock = Clock::of(&t, 1.0).unwrap();
-        assert!(clock.regular, "{clock:?}");
-        assert!((clock.step_s - 1.0 / 30.0).abs() < 1e-5, "{clock:?}");
-    }
-
-    #[test]
-    fn missing_rows_leave_a_clock_regular_and_jitter_does_not() {
-        let t = [0.0, 0.1, 0.2, 0.4, 0.5, 0.6, 0.7];
-        assert!(Clock::of(&t, 1.0).unwrap().regular);
-        let t = [0.0, 0.1, 0.22, 0.3, 0.41, 0.5, 0.62];
-        assert!(!Clock::of(&t, 1.0).unwrap().regular);
-        let t = [0.0, 0.1, 0.2, 70.03, 70.13, 70.23];
-        assert!(Clock::of(&t, 1.0).unwrap().regular);
-    }
-
-    #[test]
-    fn a_single_stamp_has_no_clock() {
-        assert!(Clock::of(&[1.0], 1.0).is_none());
-    }
 }

@@ -20,7 +20,8 @@ mod resolve;
 mod sanity;
 mod selection;
 mod split;
-mod stamp;
+#[doc(hidden)]
+pub mod stamp;
 mod towed;
 mod trajectory;
 #[doc(hidden)]

@@ -42,21 +42,23 @@ pub use {
     criterion::{Criterion, stepwise_bidirectional},
     ensemble::{BootstrapOptions, Ensemble},
     expression::{Constraint, ExpressionError, ExpressionParser, Relation},
+    library::VariableKind,
+    nelder_mead::{NelderMeadOptions, nelder_mead},
     noise::{noise_std, weak_form_from_noise},
     qr::{BLOCK_ROWS, QrFactor},
     refine::{Outcome, RefineOptions, RefinedEquations, Refinement, noise_excess, refine},
     regression_form::{RowWeights, Rows},
     robust::Loss,
     search::{RefineScope, SearchError, SearchGrid, SearchOptions, SearchResult, Trial, search, substeps},
+    stability::{StabilityCheck, StabilityOptions, stability_check},
     stepwise::stepwise,
     stlsq::stlsq,
     structure::{GateSpec, Lag, Structure},
     structure_constraints::dissipative,
-    substitution::gated,
+    substitution::{gated, substitute_variable},
 };
 
-pub(crate) use library::{UnknownLibrary, VariableKind};
+pub(crate) use library::UnknownLibrary;
 pub(crate) use noise::spike_share;
-pub(crate) use stability::StabilityCheck;
 pub(crate) use structure_constraints::is_supported;
 pub(crate) use structure_search::{StructureSpec, structure_search};

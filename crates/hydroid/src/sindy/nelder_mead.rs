@@ -2,7 +2,7 @@
 
 /// Stopping criteria of the Nelder-Mead simplex method.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct NelderMeadOptions {
+pub struct NelderMeadOptions {
     /// Stop if the values at the corners differ by less.
     pub spread: f64,
     /// Maximum number of evaluations.
@@ -11,7 +11,7 @@ pub(super) struct NelderMeadOptions {
 
 /// Minimiser near `start` and its value, from an initial simplex with the edge `edge[i]` along variable `i`.
 /// A value that is not finite counts as infinite.
-pub(super) fn nelder_mead(
+pub fn nelder_mead(
     mut f: impl FnMut(&[f64]) -> f64,
     start: &[f64],
     edge: &[f64],
@@ -79,38 +79,4 @@ pub(super) fn nelder_mead(
     corners.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (y, x) = corners.swap_remove(0);
     (x, y)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const STOP: NelderMeadOptions = NelderMeadOptions { spread: 1e-14, evaluations: 2_000 };
-
-    #[test]
-    fn the_banana_valley_ends_at_one_and_one() {
-        let rosenbrock = |x: &[f64]| (1.0 - x[0]).powi(2) + 100.0 * (x[1] - x[0] * x[0]).powi(2);
-        let (x, y) = nelder_mead(rosenbrock, &[-1.2, 1.0], &[0.3, 0.3], STOP);
-        assert!(y < 1e-10 && (x[0] - 1.0).abs() < 1e-4 && (x[1] - 1.0).abs() < 1e-4, "{x:?} {y}");
-    }
-
-    #[test]
-    fn one_variable_and_none() {
-        let (x, _) = nelder_mead(|x| (x[0] - 3.0).powi(2), &[0.0], &[1.0], STOP);
-        assert!((x[0] - 3.0).abs() < 1e-6);
-        assert_eq!(nelder_mead(|_| 7.0, &[], &[], STOP), (vec![], 7.0));
-    }
-
-    #[test]
-    fn what_is_not_finite_is_avoided_and_the_budget_kept() {
-        let mut calls = 0;
-        let wall = |x: &[f64]| {
-            calls += 1;
-            if x[0] < 1.0 { f64::NAN } else { x[0] + x[1] * x[1] }
-        };
-        let (x, y) =
-            nelder_mead(wall, &[4.0, 2.0], &[1.0, 1.0], NelderMeadOptions { spread: 0.0, evaluations: 200 });
-        assert!(x[0] >= 1.0 && y < 1.01, "{x:?} {y}");
-        assert!(calls <= 205);
-    }
 }

@@ -13,7 +13,7 @@ use crate::evaluate::DesignRange;
 
 /// Options of the stability check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct StabilityOptions {
+pub struct StabilityOptions {
     /// Number of rollouts.
     pub rollouts: usize,
     /// Length of a rollout \[samples\].
@@ -41,7 +41,7 @@ impl StabilityCheck {
 /// Rolls equations out from initial outputs drawn uniformly from their design ranges, under commands drawn
 /// uniformly from their ranges and held for random times. The commands before a rollout equal its first
 /// command.
-pub(super) fn stability_check(
+pub fn stability_check(
     equations: &Equations,
     outputs: &[DesignRange],
     inputs: &[DesignRange],
@@ -83,34 +83,4 @@ pub(super) fn stability_check(
         )
         .sum();
     StabilityCheck { rollouts: options.rollouts, unbounded }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use hydroid_core::model::sparse::Term;
-
-    const RANGE: [DesignRange; 1] = [DesignRange { low: -1.0, high: 1.0 }];
-
-    fn check(coefficients: [f64; 3]) -> StabilityCheck {
-        // y' = a y + b y^2 + c command.
-        let terms = vec![Term::monomial(&[0]), Term::monomial(&[0, 0]), Term::monomial(&[1])];
-        let equations = Equations::new(terms, coefficients.to_vec(), 1, 1, 0.1, 1).unwrap();
-        stability_check(&equations, &RANGE, &RANGE, StabilityOptions { rollouts: 64, steps: 500, seed: 7 })
-    }
-
-    #[test]
-    fn a_damped_vessel_stays_and_a_run_away_is_seen() {
-        assert!(check([-1.0, 0.0, 1.0]).is_bounded());
-        // y' = -y + 2 y^2 runs away from every state above one half.
-        let some = check([-1.0, 2.0, 0.0]);
-        assert!((8..=24).contains(&some.unbounded), "a quarter of the states: {some:?}");
-        // exp(5) over the rollout: all but states near rest.
-        assert!(check([0.1, 0.0, 0.0]).unbounded > 50);
-    }
-
-    #[test]
-    fn the_same_seed_draws_the_same() {
-        assert_eq!(check([-1.0, 2.0, 0.3]), check([-1.0, 2.0, 0.3]));
-    }
 }

@@ -25,7 +25,7 @@ pub(super) const PART: usize = 1 << 14;
 ///
 /// with the step size `a`, the weight decay `d`, `b1 = 0.9`, `b2 = 0.999`, `e = 1e-8`, and `t` counting from 1.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Adam<T> {
+pub struct Adam<T> {
     /// First moment.
     pub(super) mean: Vec<T>,
     /// Second moment.
@@ -34,11 +34,11 @@ pub(super) struct Adam<T> {
 }
 
 impl<T: Scalar> Adam<T> {
-    pub(super) fn new(weights: usize) -> Self {
+    pub fn new(weights: usize) -> Self {
         Self { mean: vec![T::zero(); weights], square: vec![T::zero(); weights], steps: 0 }
     }
 
-    pub(super) fn step(&mut self, weights: &mut [T], gradient: &[T], rate: f64, decay: f64) {
+    pub fn step(&mut self, weights: &mut [T], gradient: &[T], rate: f64, decay: f64) {
         self.steps += 1;
         let t = self.steps as f64;
         let [b1, b2] = BETA;
@@ -92,7 +92,7 @@ impl<T: Scalar> WithSimd for Step<'_, T> {
 }
 
 /// Clips the norm of a gradient and returns the norm before (Pascanu, Mikolov and Bengio 2013).
-pub(super) fn clip<T: Scalar>(gradient: &mut [T], most: f64) -> f64 {
+pub fn clip<T: Scalar>(gradient: &mut [T], most: f64) -> f64 {
     // Several partial sums, so that an addition does not wait for the previous one.
     let square = |part: &[T]| {
         let mut sums = [0.0; 8];
@@ -112,54 +112,4 @@ pub(super) fn clip<T: Scalar>(gradient: &mut [T], most: f64) -> f64 {
         }
     }
     norm
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Three steps by hand: with gradients 1, 1, -2 the moments are
-    /// m = 0.1, 0.19, -0.029 and v = 0.001, 0.001999, 0.005997001.
-    #[test]
-    fn steps_are_those_of_the_paper() {
-        let (mut adam, mut w) = (Adam::new(1), [0.5f64]);
-        let mut expected = 0.5;
-        for (t, g, m, v) in
-            [(1, 1.0, 0.1, 0.001), (2, 1.0, 0.19, 0.001_999), (3, -2.0, -0.029, 0.005_997_001)]
-        {
-            adam.step(&mut w, &[g], 0.01, 0.1);
-            let (m_hat, v_hat): (f64, f64) = (m / (1.0 - 0.9f64.powi(t)), v / (1.0 - 0.999f64.powi(t)));
-            expected = expected - 0.01 * 0.1 * expected - 0.01 * m_hat / (v_hat.sqrt() + 1e-8);
-            assert!((w[0] - expected).abs() < 1e-12, "step {t}: {} {expected}", w[0]);
-        }
-        // The first step has the length of the step size for any gradient.
-        let (mut adam, mut w) = (Adam::new(2), [0.0f64; 2]);
-        adam.step(&mut w, &[1e-3, -1e3], 0.01, 0.0);
-        assert!((w[0] + 0.01).abs() < 1e-6 && (w[1] - 0.01).abs() < 1e-6);
-    }
-
-    /// A decay of 1e-8 per step, less than the resolution of the weights, acts through the steps.
-    #[test]
-    fn little_decay_acts_in_single_precision() {
-        let end = |decay: f64| {
-            let (mut adam, mut w, mut state) = (Adam::new(1), [1.0f32], 1u64);
-            for _ in 0..100_000 {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-                adam.step(&mut w, &[(state >> 33) as f32 / (1u64 << 30) as f32 - 1.0], 1e-4, decay);
-            }
-            f64::from(w[0])
-        };
-        let ratio = end(1e-4) / end(0.0);
-        assert!((ratio - (-1e-3f64).exp()).abs() < 1e-4, "{ratio}");
-    }
-
-    #[test]
-    fn long_gradients_are_shortened_and_short_ones_are_not() {
-        let mut g = [3.0f64, -4.0];
-        assert_eq!(clip(&mut g, 10.0), 5.0);
-        assert_eq!(g, [3.0, -4.0]);
-        assert_eq!(clip(&mut g, 1.0), 5.0);
-        assert!((g[0] - 0.6).abs() < 1e-15 && (g[1] + 0.8).abs() < 1e-15);
-        assert!(clip(&mut [f32::NAN], 1.0).is_nan());
-    }
 }

@@ -31,7 +31,8 @@
 //! [`TrainOptions::refit`] the selected restart is trained again on training and validation runs. **Optimizer.** Adam
 //! with decoupled weight decay, gradient clipping and a [`schedule`](mod@schedule).
 
-mod adam;
+#[doc(hidden)]
+pub mod adam;
 mod affine;
 mod base;
 mod base_rollout;
@@ -54,7 +55,8 @@ mod scaling;
 #[doc(hidden)]
 pub mod schedule;
 mod validation;
-mod weight_average;
+#[doc(hidden)]
+pub mod weight_average;
 mod windows;
 
 #[cfg(test)]

@@ -35,34 +35,3 @@ pub fn rate(schedule: Schedule, peak: f64, done: usize, steps: usize) -> f64 {
         Schedule::OneCycle => fall((part - WARM_UP) / (1.0 - WARM_UP), CYCLE_END),
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn close(a: f64, b: f64) {
-        assert!((a - b).abs() < 1e-14, "{a} {b}");
-    }
-
-    #[test]
-    fn schedules_are_their_closed_forms() {
-        for done in [0, 17, 1000] {
-            close(rate(Schedule::Constant, 0.3, done, 1000), 0.3);
-        }
-        // The cosine at its start, a third, half and end.
-        for (done, share) in [(0, 1.0), (300, 0.01 + 0.99 * 0.75), (450, 0.01 + 0.99 * 0.5), (900, 0.01)] {
-            close(rate(Schedule::Cosine, 2.0, done, 900), 2.0 * share);
-        }
-        // The cycle: start, half-way up, peak, a third of the way down, end.
-        for (done, share) in [
-            (0, 0.04),
-            (50, 0.04 + 0.96 * 0.5),
-            (100, 1.0),
-            (400, 0.001 + 0.999 * 0.75),
-            (550, 0.001 + 0.999 * 0.5),
-            (1000, 0.001),
-        ] {
-            close(rate(Schedule::OneCycle, 0.01, done, 1000), 0.01 * share);
-        }
-    }
-}

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use hydroid::adapt;
 use hydroid::closed_loop::{
     self, ClosedLoopController, ClosedLoopError, Conditions, ControlMethod, ControllerOptions, Dispersion,
-    Metrics, Observation, Run, Scenario, SpeedOptions, Task, Timing, Track, Wind, monte_carlo,
+    Metrics, Observation, Run, Sample, Scenario, SpeedOptions, Task, Timing, Track, Wind, monte_carlo,
     tune_autopilot,
 };
 use hydroid::model::Model;
@@ -13,7 +13,8 @@ use hydroid::progress::silent;
 use hydroid_core::actuator::Limits;
 use hydroid_core::control::Status;
 use hydroid_core::control::cem::PlannerOptions;
-use hydroid_core::vessel::VesselParams;
+use hydroid_core::guidance::{Pose, Reference};
+use hydroid_core::vessel::{State, VesselParams};
 use proptest::prelude::*;
 
 fn circle(vessel: &VesselParams, radius: f64, speed: f64) -> Scenario {
@@ -330,4 +331,50 @@ fn gains(scenario: &Scenario) -> hydroid_core::control::AutopilotOptions {
         steerage: 0.2,
         tolerance: scenario.tolerance,
     }
+}
+
+/// A run with a constant error of 0.5 m.
+fn constant_error(samples: usize) -> Run {
+    let pose = Pose { position: [0.0; 2], course: 0.0, curvature: 0.0 };
+    let reference = Reference::new(0.0, &pose, 1.0, 0.0);
+    let sample = |k: usize| Sample {
+        t: 0.1 * k as f64,
+        state: State::REST,
+        measured: [0.0; 4],
+        reference,
+        distance: 0.5,
+        cross_track: -0.5,
+        speed_error: 0.1,
+        command: [0.0; 2],
+        status: Status::Tracking,
+        time_us: 1.0,
+    };
+    Run {
+        samples: (0..samples).map(sample).collect(),
+        dt_s: 0.1,
+        limits: [Limits::between([-1.0, 1.0]); 2],
+        tolerance: 2.0,
+        arrived: None,
+        diverged: false,
+    }
+}
+
+fn figures(m: &Metrics) -> [f64; 4] {
+    [m.rms_position, m.rms_cross_track, m.rms_speed, m.max_cross_track]
+}
+
+#[test]
+fn failed_runs_have_infinite_errors() {
+    let sound = Metrics::of(&constant_error(100), 5.0);
+    assert!(sound.held && (sound.rms_position - 0.5).abs() < 1e-12 && sound.max_cross_track == 0.5);
+    let early = Metrics::of(&constant_error(20), 5.0);
+    assert!(!early.held && figures(&early) == [f64::INFINITY; 4], "{early:?}");
+    let told = serde_json::to_value(&early).unwrap();
+    assert!(told["rms_position"].is_null() && told["max_cross_track"].is_null());
+    let lost = Metrics::of(&Run { diverged: true, ..constant_error(100) }, 5.0);
+    assert!(!lost.held && figures(&lost) == [f64::INFINITY; 4], "{lost:?}");
+    let mut broken = constant_error(100);
+    broken.samples[80].cross_track = f64::NAN;
+    let broken = Metrics::of(&broken, 5.0);
+    assert_eq!((broken.rms_cross_track, broken.max_cross_track), (f64::INFINITY, f64::INFINITY));
 }

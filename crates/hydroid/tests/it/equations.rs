@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use hydroid::evaluate::DesignRange;
 use hydroid::log::Channel;
-use hydroid::model::{Body, Description, Members, Model, Port, Provenance, Reading};
+use hydroid::model::{Body, Description, Members, Model, Port, Provenance, Reading, UnitProduct};
 use hydroid::sindy::ExpressionParser;
 use hydroid_core::model::sparse::{Equations, Factor, Gate, Jacobian, Real, Shape, Signal, Term};
 use proptest::prelude::*;
@@ -307,6 +307,42 @@ fn shape() -> impl Strategy<Value = Shape> {
         gate().prop_map(Shape::Above),
         gate().prop_map(Shape::Below),
     ]
+}
+
+fn unit(text: &str) -> UnitProduct {
+    UnitProduct::of_channel("x", text)
+}
+
+#[test]
+fn units_of_channels_are_products_of_symbols() {
+    for (text, expected) in [
+        ("m/s", "m/s"),
+        ("m/s^2", "m/s^2"),
+        ("m^2/s^2", "m^2/s^2"),
+        ("ms-1", "1/ms"),
+        ("m s-1", "m/s"),
+        ("N m", "N m"),
+        ("N*m/s/s", "N m/s^2"),
+        ("rad/s", "1/s"),
+        ("1", "1"),
+        ("1/s", "1/s"),
+        ("", "[x]"),
+        ("furlong/fortnight", "furlong/fortnight"),
+        ("U|", "(U|)"),
+        ("m//s", "(m//s)"),
+        ("3 m", "(3 m)"),
+        ("m^999999999999", "(m^999999999999)"),
+    ] {
+        assert_eq!(unit(text).to_string(), expected, "{text}");
+    }
+}
+
+#[test]
+fn products_of_units_cancel_and_keep_their_order() {
+    assert_eq!(unit("kn").per_second().times(&unit("N"), -1).to_string(), "kn/s/N");
+    assert_eq!(unit("m/s").per_second().times(&unit("m/s"), -2).to_string(), "1/m");
+    assert_eq!(unit("m/s").per_second().times(&unit("m/s"), -1).to_string(), "1/s");
+    assert_eq!(unit("").per_second().times(&unit(""), -1).to_string(), "1/s");
 }
 
 proptest! {

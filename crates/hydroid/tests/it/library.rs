@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use hydroid::log::Channel;
-use hydroid::sindy::{Family, Library, Variables};
+use hydroid::sindy::{Family, Library, VariableKind, Variables};
 use hydroid_core::model::sparse::{Shape, Term};
 
 fn text(library: &Library, variables: &Variables, names: &[&str]) -> String {
@@ -150,4 +150,23 @@ fn a_library_is_read_from_a_file() {
         serde_json::to_string(&Library::polynomial(2).with(Family::Marine)).unwrap(),
         r#"["constant",{"polynomial":{"degree":2}},"marine"]"#
     );
+}
+
+#[test]
+fn kinds_of_variables_follow_units_and_names() {
+    let channel = |name: &str, unit: &str| Channel::new(name, unit);
+    let outputs = [channel("v", "m/s"), channel("u", "m/s")];
+    let inputs = [
+        channel("n", "rps"),
+        channel("delta", "rad"),
+        channel("wind_x", "m^2/s^2"),
+        channel("wind_y", "m/s"),
+    ];
+    let variables = Variables::of_channels(&outputs, &inputs);
+    assert_eq!(variables.surge(), Some(1));
+    let kinds: Vec<VariableKind> = variables.inputs().map(|(_, kind)| kind).collect();
+    assert_eq!(kinds, [VariableKind::Plain, VariableKind::Angle, VariableKind::Wind, VariableKind::Plain]);
+    assert_eq!(variables.inputs().next(), Some((2, VariableKind::Plain)));
+    assert_eq!(Variables::plain(2, 1).surge(), None);
+    assert_eq!(Variables::plain(3, 1).surge(), Some(0));
 }

@@ -1,13 +1,17 @@
 //! Integration tests of the library.
 
 mod adapt;
+#[cfg(unix)]
+mod atomic;
 mod closed_loop;
 mod direct_equations;
 mod equations;
 mod estimate;
 mod evaluate;
 mod evaluate_sessions;
+mod excitation;
 mod expression;
+mod faults;
 mod identified_control;
 mod identify_networks;
 mod invariance;
@@ -23,6 +27,7 @@ mod peer_torch;
 mod qr;
 mod real_ships;
 mod refine;
+mod search_parts;
 mod simulate_input;
 mod simulate_records;
 mod sindy;
@@ -30,6 +35,7 @@ mod sindy_golden;
 mod train;
 mod train_direct;
 mod train_evaluate;
+mod train_parts;
 mod train_refit;
 mod vessel;
 

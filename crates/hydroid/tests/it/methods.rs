@@ -3,10 +3,10 @@
 use hydroid::adapt::{self, adapt};
 use hydroid::excitation::Excitation;
 use hydroid::identify::{
-    EnsembleSize, GateOption, GivenRanges, IdentifyResult, Job, Keyword, LagOption, Method,
-    NetworkTrainingOptions, SindyOptions, identify,
+    EnsembleSize, GateOption, GivenRange, GivenRanges, IdentifyError, IdentifyResult, Job, Keyword,
+    LagOption, Method, NetworkTrainingOptions, SindyOptions, identify,
 };
-use hydroid::log::{Split, Table, Trajectory};
+use hydroid::log::{Channel, Split, Table, Trajectory};
 use hydroid::model::{self, Reading};
 use hydroid::progress::silent;
 use hydroid::simulate::{Options, simulate};
@@ -166,4 +166,55 @@ fn recursive_equations_are_best_on_a_changed_vessel() {
     let still = model::Model { learning: None, ..again };
     let judged = adapt(&still, &[&test], &adapt::Options::default(), &mut silent()).unwrap().report;
     assert_eq!(report.frozen.rmse, judged.frozen.rmse);
+}
+
+#[test]
+fn ranges_have_two_ends_and_a_unit() {
+    for text in ["", "1", "2:1", "1:1", "a:b", "0:inf", "nan:1", "0:1 [kn", "0:1]"] {
+        assert!(text.parse::<GivenRange>().is_err(), "{text}");
+    }
+    let range: GivenRange = " -1.5 : 2e1 [ kn ] ".parse().unwrap();
+    assert_eq!(range, GivenRange { low: -1.5, high: 20.0, unit: Some("kn".into()) });
+}
+
+#[test]
+fn runs_of_different_parts_that_share_data_are_refused() {
+    let run = |name: &str, values: Vec<f64>| {
+        let table = |name: &str, values| Table::new(vec![Channel::new(name, "")], values);
+        let inputs = table("c", vec![0.0; values.len()]);
+        Trajectory { name: name.into(), t0: 0.0, dt: 1.0, outputs: table("y", values), inputs, truth: None }
+    };
+    let wave = |n: u32, shift: f64| (0..n).map(|k| (0.1 * f64::from(k) + shift).sin()).collect::<Vec<_>>();
+    // Without methods, the check of the parts is all that is done.
+    let refused = |a: &Trajectory, b: &Trajectory| {
+        let split = Split {
+            train: vec![a.clone()],
+            validation: vec![b.clone()],
+            test: vec![run("test", wave(400, 0.3))],
+            notes: Vec::new(),
+        };
+        let job = Job {
+            methods: Vec::new(),
+            split,
+            reading: Reading::default(),
+            horizon: 10,
+            origin_stride: 10,
+            seed: 0,
+            ranges: GivenRanges::new(),
+            networks: NetworkTrainingOptions::default(),
+            sindy: SindyOptions::default(),
+        };
+        matches!(identify(&job, &mut silent()), Err(IdentifyError::DataLeakage { .. }))
+    };
+    let whole = run("whole", wave(400, 0.0));
+    let (front, back) = (whole.slice(0, 300), whole.slice(300, 400));
+    let other = run("other", wave(400, 0.5));
+    assert!(refused(&whole, &whole.clone()));
+    assert!(refused(&front, &whole) && refused(&whole, &back) && refused(&back, &whole));
+    assert!(!refused(&front, &back) && !refused(&whole, &other));
+    // A vessel at rest repeats its measurements.
+    let idle = |rest: Vec<f64>| run("idle", [vec![0.0; 5_000], rest].concat());
+    assert!(!refused(&idle(wave(400, 0.1)), &idle(wave(400, 0.7))));
+    assert!(refused(&idle(wave(400, 0.1)), &idle(wave(400, 0.1))));
+    assert!(!refused(&idle(vec![]), &idle(wave(400, 0.7))));
 }

@@ -11,8 +11,7 @@ use serde::{Deserialize, Serialize};
 
 pub use family::Family;
 pub(crate) use text::UnknownLibrary;
-pub(crate) use variables::VariableKind;
-pub use variables::Variables;
+pub use variables::{VariableKind, Variables};
 
 /// The union of families of terms.
 ///

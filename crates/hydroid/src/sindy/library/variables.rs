@@ -88,30 +88,3 @@ fn kind(channel: &Channel) -> VariableKind {
         _ => VariableKind::Plain,
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn kinds_follow_units_and_the_names_of_the_wind() {
-        let channel = |name: &str, unit: &str| Channel::new(name, unit);
-        let outputs = [channel("v", "m/s"), channel("u", "m/s")];
-        let inputs = [
-            channel("n", "rps"),
-            channel("delta", "rad"),
-            channel("wind_x", "m^2/s^2"),
-            channel("wind_y", "m/s"),
-        ];
-        let variables = Variables::of_channels(&outputs, &inputs);
-        assert_eq!(variables.surge(), Some(1));
-        let kinds: Vec<VariableKind> = variables.inputs().map(|(_, kind)| kind).collect();
-        assert_eq!(
-            kinds,
-            [VariableKind::Plain, VariableKind::Angle, VariableKind::Wind, VariableKind::Plain]
-        );
-        assert_eq!(variables.inputs().next(), Some((2, VariableKind::Plain)));
-        assert_eq!(Variables::plain(2, 1).surge(), None);
-        assert_eq!(Variables::plain(3, 1).surge(), Some(0));
-    }
-}

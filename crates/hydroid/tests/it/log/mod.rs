@@ -9,13 +9,18 @@
 )]
 
 mod bad_input;
+mod clock;
 mod clocks;
 mod inspecting;
 mod properties;
 mod reading;
 mod real_logs;
 mod rules;
+mod selection;
+mod split;
+mod stamp;
 mod towed;
+mod units;
 
 use hydroid::log::{LogError, PrepareOptions, Prepared, RawLog, Selection, prepare, read_from};
 
