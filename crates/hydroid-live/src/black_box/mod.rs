@@ -22,7 +22,8 @@
 //! All numbers are little-endian, and sums are XXH3 (64 bits). Segments are written in turn. The sum of a step depends
 //! on sequence and position, so that rows of an earlier turn are recognized. An incomplete step ends its segment.
 
-mod event;
+#[doc(hidden)]
+pub mod event;
 mod head;
 mod read;
 mod rebuild;

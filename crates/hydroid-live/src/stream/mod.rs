@@ -16,9 +16,12 @@
 //! A line that cannot be used is answered too, and does not change the state.
 
 mod answer;
-mod clock;
-mod commands;
-mod latency;
+#[doc(hidden)]
+pub mod clock;
+#[doc(hidden)]
+pub mod commands;
+#[doc(hidden)]
+pub mod latency;
 mod layout;
 mod line;
 mod lines;
@@ -162,7 +165,7 @@ impl Stream {
             line: 0,
             row: 0,
             counts: LineCounts::default(),
-            latency: Latency::new(),
+            latency: Latency::default(),
             state_file: None,
             notes: Vec::new(),
             answered: None,

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::boat::{lines, model, settings};
 use hydroid::adapt::{self, KalmanOptions, Method, adapter};
-use hydroid_live::black_box::{BlackBox, Recorder, Replayed, Source, replay};
+use hydroid_live::black_box::{BlackBox, Recorder, Replayed, Source, event, replay};
 use hydroid_live::stream::{Line, Options, Stream};
 use proptest::prelude::*;
 use serde_json::Value;
@@ -237,6 +237,20 @@ fn a_replay_reports_the_first_different_bit() {
     let first = replayed.first.unwrap();
     assert_eq!((replayed.different, first.what.as_str()), (1, "the estimate of r"));
     assert!(first.recorded != first.replayed && (first.recorded - first.replayed).abs() < 1e-12);
+}
+
+#[test]
+fn every_event_comes_back() {
+    let mut known = 0;
+    for code in 0..32 {
+        if let Some(action) = event::decode(&[f64::from(code), 1.0, 2.0, 0.25, -3.5]) {
+            assert_eq!(event::decode(&event::encode(&action)), Some(action));
+            known += 1;
+        }
+    }
+    assert_eq!(known, 12);
+    assert_eq!(event::decode(&[8.0, 9.0, 0.0, 0.0, 0.0]), None, "there is no such expert");
+    assert_eq!(event::decode(&[7.0]), None);
 }
 
 #[test]

@@ -3,3 +3,4 @@
 mod black_box;
 mod boat;
 mod stream;
+mod stream_parts;

@@ -1,5 +1,7 @@
 //! A live stream: each line gets a JSON answer.
 
+use std::sync::OnceLock;
+
 use crate::boat::model;
 use hydroid::adapt::{self, adapter};
 use hydroid::log::{ChannelSpec, CommandTiming, Wind};
@@ -273,6 +275,38 @@ fn a_state_of_another_model_is_refused_and_kept() {
     }
 }
 
+/// The state of a stream after all kinds of lines.
+fn state() -> &'static [u8] {
+    static STATE: OnceLock<Vec<u8>> = OnceLock::new();
+    STATE.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("s.state");
+        let mut stream = stream();
+        stream.persist_in(&path, "m".to_owned(), &1).unwrap();
+        for line in lines(60) {
+            stream.serve(Line::Whole(line.as_bytes()), &mut Vec::new()).unwrap();
+        }
+        stream.finish().unwrap();
+        std::fs::read(&path).unwrap()
+    })
+}
+
+/// The numbers of a state, which follow the header.
+fn numbers(state: &[u8]) -> &[u8] {
+    let header = u64::from_le_bytes(state[..8].try_into().unwrap());
+    &state[8 + usize::try_from(header).unwrap()..]
+}
+
+#[test]
+fn a_state_is_encoded_exactly_and_another_format_is_named() {
+    let bytes = state();
+    assert_eq!(State::decode(bytes).unwrap().encode().unwrap(), bytes);
+    let text = String::from_utf8_lossy(bytes);
+    let mut changed = bytes.to_vec();
+    changed[text.find("version\\\":1").unwrap() + "version\\\":".len()] = b'7';
+    assert!(State::decode(&changed).unwrap_err().contains("format 7"));
+}
+
 /// Nearly valid lines.
 fn nearly() -> impl Strategy<Value = Vec<u8>> {
     let cell = prop_oneof![
@@ -311,6 +345,26 @@ proptest! {
                 prop_assert!(serde_json::from_slice::<Value>(&out).unwrap()["status"].is_string());
             }
         }
+    }
+
+    #[test]
+    fn a_truncated_or_changed_state_is_refused(cut in 0.0..1.0f64, at in 0.0..1.0f64, to in any::<u8>()) {
+        let bytes = state();
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let place = |share: f64| (share * bytes.len() as f64) as usize;
+        prop_assert!(State::decode(&bytes[..place(cut)]).is_err());
+        let mut changed = bytes.to_vec();
+        changed[place(at)] = to;
+        // Or the change does not concern the numbers.
+        if let Ok(back) = State::decode(&changed) {
+            let back = back.encode().unwrap();
+            prop_assert_eq!(numbers(&back), numbers(bytes));
+        }
+    }
+
+    #[test]
+    fn bytes_are_no_state(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+        prop_assert!(State::decode(&bytes).is_err());
     }
 
     #[test]
