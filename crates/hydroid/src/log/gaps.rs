@@ -106,37 +106,3 @@ fn trim(outputs: &[Vec<f64>], from: usize, to: usize) -> Option<(usize, usize)> 
     }
     (first < last).then_some((first, last))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const N: f64 = f64::NAN;
-
-    #[test]
-    fn long_stretches_cut_and_short_ones_stay() {
-        let u = vec![1.0, N, 1.0, N, N, N, 1.0, 1.0];
-        assert_eq!(usable(std::slice::from_ref(&u), 8, 1.0, 3.0), [(0, 3), (6, 8)]);
-        assert_eq!(usable(&[u], 8, 1.0, 4.0), [(0, 8)]);
-    }
-
-    #[test]
-    fn ends_are_trimmed() {
-        let u = vec![N, 1.0, 1.0, 1.0, N, N];
-        let v = vec![1.0, N, 1.0, 1.0, 1.0, 1.0];
-        assert_eq!(usable(&[u, v], 6, 1.0, 10.0), [(1, 4)]);
-    }
-
-    #[test]
-    fn a_slow_sensor_is_no_gap() {
-        let slow: Vec<f64> = (0..40).map(|k| if k % 10 == 0 { 1.0 } else { N }).collect();
-        let fast = vec![1.0; 40];
-        assert_eq!(usable(&[slow, fast], 40, 0.1, 10.0), [(0, 31)]);
-    }
-
-    #[test]
-    fn nothing_measured_leaves_nothing() {
-        assert!(usable(&[vec![N; 5]], 5, 1.0, 1.0).is_empty());
-        assert!(usable(&[vec![N, N, 1.0], vec![1.0, N, N]], 3, 1.0, 9.0).is_empty());
-    }
-}

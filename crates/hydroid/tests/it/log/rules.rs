@@ -114,6 +114,24 @@ fn a_run_is_cut_only_where_an_output_is_missing_too_long() {
 }
 
 #[test]
+fn a_run_has_every_output_and_no_long_gap() {
+    let runs = |outputs: &[[u8; 2]], max_gap_s| {
+        let cell = |measured, k: usize| if measured == 1 { format!("{}", k * k) } else { String::new() };
+        let row = |(k, [u, v]): (usize, &[u8; 2])| format!("{k},{},{},{}\n", cell(*u, k), cell(*v, k), k % 5);
+        let text = "t,u,v,n\n".to_owned() + &outputs.iter().enumerate().map(row).collect::<String>();
+        let options = PrepareOptions { max_gap_s: Some(max_gap_s), ..PrepareOptions::default() };
+        let p = prepare(&[log(&text)], &Selection::of("u,v", "n").unwrap(), &options);
+        p.map(|p| p.runs.iter().map(|run| (run.t0, run.len())).collect::<Vec<_>>())
+    };
+    let gap = [1, 0, 1, 0, 0, 0, 1, 1, 1].map(|u| [u, 1]);
+    assert_eq!(runs(&gap, 3.0).unwrap(), [(0.0, 3), (6.0, 3)]);
+    assert_eq!(runs(&gap, 4.0).unwrap(), [(0.0, 9)]);
+    let ends = [[0, 1], [1, 0], [1, 1], [1, 1], [0, 1], [0, 1]];
+    assert_eq!(runs(&ends, 10.0).unwrap(), [(1.0, 3)]);
+    assert!(runs(&[[0, 1], [0, 0], [1, 0]], 9.0).is_err());
+}
+
+#[test]
 fn missing_ends_are_trimmed() {
     let p = prepared(&table(50, |k| if (5..30).contains(&k) { u(k) } else { String::new() }, n));
     assert_eq!(p.runs[0].len(), 25);
