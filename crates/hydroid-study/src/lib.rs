@@ -11,7 +11,8 @@ mod experiment;
 mod outcome;
 mod page;
 mod palette;
-mod peak_memory;
+#[doc(hidden)]
+pub mod peak_memory;
 mod plan;
 pub mod recipe;
 mod runner;

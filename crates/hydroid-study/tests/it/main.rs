@@ -1,3 +1,4 @@
 //! Integration tests of the study.
 
 mod hydrofoil;
+mod peak_memory;
