@@ -271,6 +271,26 @@ fn trials_are_summarized_and_a_failed_trial_has_exit_status_one() {
     assert_eq!(report["held"], false);
 }
 
+/// The message about a late start of the evaluation states it in seconds.
+#[test]
+fn durations_are_in_seconds_minutes_or_hours() {
+    let told = |from: &str| {
+        let mut command = Command::cargo_bin("hydroid").unwrap();
+        command.args(["control", "hydrofoil", "--controller", "fl", "--duration", "1"]);
+        text(&command.arg(format!("--evaluate-from={from}")).output().unwrap().stderr)
+    };
+    for (written, seconds) in
+        [("90", 90), ("90s", 90), ("1e3", 1000), ("5m", 300), ("1.5 h", 5400), (" 2 min ", 120)]
+    {
+        let told = told(written);
+        assert!(told.contains(&format!("the evaluation starts at {seconds} s,")), "{written}: {told}");
+    }
+    for wrong in ["", "s", "-1", "0", "nan", "inf", "1d", "1e400", "5 5m"] {
+        let told = told(wrong);
+        assert!(told.contains("is not a duration"), "{wrong}: {told}");
+    }
+}
+
 #[test]
 fn wrong_input_is_refused_with_a_remedy() {
     let folder = TempDir::new().unwrap();
