@@ -153,7 +153,7 @@ fn a_direct_predictor_is_identified_evaluated_and_inspected() {
     fs::write(path.join("direct.toml"), table).unwrap();
     done(path, &job(&["-c", "direct.toml", "--methods", "direct", "-o", "out", "-q"]), &[0, 1]);
     let page = fs::read_to_string(path.join("out/report.html")).unwrap();
-    assert!(page.contains("<h2>Networks</h2>") && page.contains("all of its horizon at once"));
+    assert!(page.contains("<h2>Networks</h2>") && page.contains("whole horizon at once"));
     let shown = done(path, &["inspect", "out/direct.safetensors"], &[0]);
     let shown = String::from_utf8_lossy(&shown.stdout).into_owned();
     for part in [

@@ -1,6 +1,7 @@
 //! Jacobians of equations, for controllers and filters.
 
 use alloc::collections::BTreeMap;
+use alloc::vec;
 use alloc::vec::Vec;
 
 use super::equations::Equations;
@@ -70,5 +71,19 @@ impl Jacobian {
         for &(at, slot, factor) in &self.entries {
             into[at] += factor * slots[slot];
         }
+    }
+
+    /// The matrices `A` and `B` of equations without signals at `y`, `c`. It allocates; not for a control loop.
+    pub fn matrices(&self, y: &[f64], c: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let n = self.outputs;
+        let mut slots = vec![0.0; self.slots()];
+        slots[1..=n].copy_from_slice(y);
+        slots[1 + n..=n + c.len()].copy_from_slice(c);
+        let mut all = vec![0.0; n * self.variables];
+        self.evaluate(&mut slots, &mut all);
+        let columns = |from: usize, to: usize| {
+            all.chunks_exact(self.variables).flat_map(|row| row[from..to].to_vec()).collect()
+        };
+        (columns(0, n), columns(n, n + c.len()))
     }
 }
