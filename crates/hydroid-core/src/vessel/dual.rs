@@ -1,4 +1,4 @@
-//! Dual numbers: values with their partial derivatives.
+//! Dual numbers: values with their partial derivatives (forward-mode automatic differentiation).
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
