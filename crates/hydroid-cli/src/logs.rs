@@ -95,6 +95,7 @@ pub fn training_logs(
         let mut left = seconds;
         for run in prepared.runs {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+            // a number of samples, rounded; a cast saturates
             let samples = (left / run.dt).round() as usize;
             let samples = samples.min(run.len());
             training.replayed.extend((samples > 0).then(|| run.slice(0, samples)));

@@ -64,7 +64,7 @@ impl Bar {
     }
 
     pub fn set_fraction(&self, fraction: f64) {
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // between 0 and 1,000
         self.0.set_position((fraction.clamp(0.0, 1.0) * 1000.0) as u64);
     }
 

@@ -75,6 +75,7 @@ impl Residuals {
             let place = ((value - mean) / deviation + REACH) / (2.0 * REACH) * BARS as f64;
             if (0.0..BARS as f64).contains(&place) {
                 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+                // between 0 and the number of bars
                 let bar = place as usize;
                 bars[bar] += 100.0 / count as f64;
             } else {

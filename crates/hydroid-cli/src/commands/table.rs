@@ -15,6 +15,7 @@ pub fn horizons(evaluation: &Evaluation) -> Vec<usize> {
         // Positive and below the last horizon.
         .map(|steps| {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+            // a number of steps, rounded; a cast saturates
             let steps = steps.round() as usize;
             steps
         })

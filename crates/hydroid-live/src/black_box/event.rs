@@ -32,6 +32,7 @@ pub fn encode(action: &Action) -> [f64; WORDS] {
 pub fn decode(words: &[f64]) -> Option<Action> {
     let &[code, a, b, c, d] = words else { return None };
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    // counts were written as numbers; a cast saturates
     let count = |x: f64| x as usize;
     let expert = |x: f64| Expert::ALL.get(count(x)).copied();
     let output = count(a);

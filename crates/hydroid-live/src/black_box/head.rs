@@ -72,7 +72,7 @@ impl Head {
     }
 
     pub(super) fn every(&self) -> usize {
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // between 1 and 1,000,000
         let every = (WRITE_INTERVAL_S / self.dt * (1.0 + 1e-9)).floor().clamp(1.0, 1e6) as usize;
         every
     }

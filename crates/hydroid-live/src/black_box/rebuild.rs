@@ -37,6 +37,7 @@ impl Head {
         let description = &model.description;
         let dt = description.dt;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        // a whole number of at least 1; a cast saturates
         let samples = |time_s: f64| (time_s / dt).ceil().max(1.0) as usize;
         let mut horizons = vec![1, samples(SECOND_HORIZON_S - 0.5 * dt).min(1000)];
         horizons.dedup();

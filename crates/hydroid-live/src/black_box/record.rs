@@ -218,6 +218,7 @@ impl RowBuilder {
 
 pub(super) fn calls(row: &[f64]) -> u8 {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    // flags were written as numbers; a cast saturates
     let bits = row.first().map_or(0, |&x| x as u8);
     bits
 }

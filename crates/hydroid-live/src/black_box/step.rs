@@ -32,6 +32,7 @@ impl<'a> Step<'a> {
 
     fn count(x: f64) -> usize {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        // counts were written as numbers; a cast saturates
         let count = x as usize;
         count
     }

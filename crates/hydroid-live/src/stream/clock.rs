@@ -91,6 +91,7 @@ impl Clock {
         self.place += TRACKING_GAIN * late;
         self.taken = t;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        // a whole number of steps; a cast saturates
         Arrival::Next(steps as usize)
     }
 

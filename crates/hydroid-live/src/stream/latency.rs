@@ -22,7 +22,7 @@ impl Default for Latency {
 impl Latency {
     pub fn add(&mut self, us: f64) {
         let bin = ((us / SHORTEST_US).ln() / RATIO.ln()).clamp(0.0, (BINS - 1) as f64);
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // clamped to the bins
         let bin = bin as usize;
         self.bins[bin] += 1;
         self.longest_us = self.longest_us.max(us);

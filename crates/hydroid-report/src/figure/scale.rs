@@ -47,7 +47,7 @@ impl Scale {
     /// linear.
     pub fn decades(&self, most: usize) -> Ticks {
         let marked = |mantissas: &[f64]| -> Vec<f64> {
-            #[allow(clippy::cast_possible_truncation)]
+            #[allow(clippy::cast_possible_truncation)] // exponents between -320 and 310
             let (first, last) = (self.low.max(-320.0).floor() as i32, self.high.min(310.0).ceil() as i32);
             let powers = (first..=last).flat_map(|p| mantissas.iter().map(move |m| f64::from(p) + m.log10()));
             powers.filter(|v| (self.low..=self.high).contains(v)).collect()
@@ -100,7 +100,7 @@ pub struct Ticks {
 impl Ticks {
     fn new(values: Vec<f64>, step: f64) -> Self {
         let largest = values.iter().fold(0.0f64, |m, v| m.max(v.abs()));
-        #[allow(clippy::cast_possible_truncation)]
+        #[allow(clippy::cast_possible_truncation)] // an exponent of ten of a finite number
         let power = if largest > 0.0 && !(1e-3..1e5).contains(&largest) {
             3 * (largest.log10() / 3.0).floor() as i32
         } else {

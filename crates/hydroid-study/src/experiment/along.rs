@@ -267,7 +267,7 @@ fn track(loaded: &LoadedRecord) -> Figure {
 }
 
 fn speed(loaded: &LoadedRecord, t: f64) -> f64 {
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // an index, rounded; a cast saturates
     let k = (t / loaded.run.dt).round() as usize;
     loaded.simulated.states().get(k).map_or(f64::NAN, |state| state.u)
 }

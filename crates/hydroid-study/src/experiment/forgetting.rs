@@ -151,6 +151,7 @@ impl Forgetting {
             }
             if guarded {
                 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+                // a number of samples; a cast saturates
                 let samples = ((self.shore_s / shore.run.dt) as usize).min(shore.run.len());
                 adapt::replay_training_runs(session.as_mut(), &[&shore.run.slice(0, samples)]);
             }

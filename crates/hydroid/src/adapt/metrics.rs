@@ -163,7 +163,7 @@ impl Predictor for MeteredAdapter<'_> {
         let start = Instant::now();
         self.adapter.advance(c);
         let us = self.observing_us + start.elapsed().as_secs_f64() * 1e6;
-        #[allow(clippy::cast_possible_truncation)]
+        #[allow(clippy::cast_possible_truncation)] // times need no more digits
         self.times.push(us as f32);
     }
 

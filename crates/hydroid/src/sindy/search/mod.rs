@@ -179,7 +179,7 @@ pub(super) const MOST_TERMS: usize = 1_000;
 
 /// Integration steps per sample of at most 0.1 s: RK4 is accurate for motions slower than about ten per second.
 pub fn substeps(dt: f64) -> usize {
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // between 1 and 1,000
     let steps = (dt / 0.1 - 1e-9).ceil().clamp(1.0, 1000.0) as usize;
     steps
 }
