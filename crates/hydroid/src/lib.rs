@@ -3,7 +3,7 @@
 //! Order of the modules, bottom to top; each imports only modules before it: `log` (runs and their files), `excitation`
 //! (command sequences), `progress`, `toml_file`, `atomic`, `fingerprint`, `evaluate` (multi-step errors of any model),
 //! `faults` (sensor faults), `simulate` (commands to logs), `model` (identified models and their files), `sindy`
-//! (sparse regression), `adapt` (online adaptation along a log), `train` (networks), `closed_loop` (controllers on a
+//! (sparse regression), `committee` (difference equations combined by cross-validation), `adapt` (online adaptation along a log), `train` (networks), `closed_loop` (controllers on a
 //! simulated vessel), `identify` (from runs to an evaluated model).
 //!
 //! Items that are hidden in this documentation serve the other crates of the workspace and its tests. They are no part
@@ -13,6 +13,7 @@ pub mod adapt;
 #[doc(hidden)]
 pub mod atomic;
 pub mod closed_loop;
+pub mod committee;
 pub mod evaluate;
 pub mod excitation;
 pub mod faults;

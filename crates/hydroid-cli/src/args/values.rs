@@ -169,6 +169,8 @@ pub enum Method {
     Lagged,
     /// Equations with recursive adaptation
     Recursive,
+    /// Difference equations that are combined by cross-validation and learn along a run
+    Committee,
     /// A recurrent network with LSTM cells
     Lstm,
     /// A recurrent network with GRU cells
@@ -187,6 +189,7 @@ impl From<Method> for identify::Method {
             Method::Sindy => Self::Sindy,
             Method::Lagged => Self::Lagged,
             Method::Recursive => Self::Recursive,
+            Method::Committee => Self::Committee,
             Method::Lstm => Self::Lstm,
             Method::Gru => Self::Gru,
             Method::Rnn => Self::Rnn,

@@ -183,7 +183,7 @@ const EVENTS_SHOWN: usize = 12;
 fn warnings(report: &Report) -> Vec<Note> {
     let mut notes = Vec::new();
     let remedy = match report.settings {
-        ResolvedOptions::LeastSquares(_) | ResolvedOptions::LastLayer(_) => {
+        ResolvedOptions::LeastSquares(_) | ResolvedOptions::LastLayer(_) | ResolvedOptions::Committee(_) => {
             "keep the initial model; try a longer --forgetting or a larger --prior"
         }
         ResolvedOptions::Kalman(_) => {

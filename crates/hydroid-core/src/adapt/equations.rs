@@ -11,7 +11,7 @@ use super::least_squares::RecursiveLeastSquares;
 use super::options::{RecursiveOptions, RecursiveOptionsError};
 use super::parametric_session::ParametricSession;
 use super::prediction_variance::PredictionVariance;
-use super::scale::rms_over_range;
+use super::scale::{rms_over_range, unit_columns};
 use super::{Innovation, Outcome, Rejection};
 use crate::model::sparse::{Equations, EquationsError, Program, Term};
 use crate::predict::{Predictor, delegate};
@@ -303,31 +303,6 @@ impl RecursiveEquations {
             }
         }
     }
-}
-
-/// Norms of the columns of an upper triangle, and the triangle with unit columns. `None` if it is singular.
-fn unit_columns(r_factor: &[f64], terms: usize) -> Option<(Vec<f64>, Vec<f64>)> {
-    if r_factor.len() != terms * terms
-        || !(0..terms).all(|j| r_factor[j * terms + j] != 0.0)
-        || !r_factor.iter().all(|x| x.is_finite())
-    {
-        return None;
-    }
-    if (0..terms).any(|i| r_factor[i * terms..][..i].iter().any(|x| *x != 0.0)) {
-        return None;
-    }
-    let norm = |j: usize| {
-        num_traits::Float::sqrt(
-            (0..=j).map(|i| r_factor[i * terms + j] * r_factor[i * terms + j]).sum::<f64>(),
-        )
-    };
-    let norms: Vec<f64> = (0..terms).map(norm).collect();
-    // Squares can overflow and underflow.
-    if !norms.iter().all(|norm| norm.is_finite() && (1.0 / norm).is_finite()) {
-        return None;
-    }
-    let unit = r_factor.iter().enumerate().map(|(at, x)| x / norms[at % terms]).collect();
-    Some((norms, unit))
 }
 
 fn adaptable(equations: &Equations, places: &[usize]) -> Result<Equations, RecursiveOptionsError> {

@@ -11,8 +11,10 @@
 //! | [`KalmanNetwork`](kalman::KalmanNetwork) | hidden state and weights of a recurrent network, by the filter |
 //! | [`DirectLastLayer`] | last layer of a direct predictor, by [`RecursiveLeastSquares`] |
 //! | [`ExpertMixture`] | several [`RecursiveEquations`] with different priors, weighted by their past errors |
+//! | [`CommitteeSession`] | coefficients of the members of a committee, by [`RecursiveLeastSquares`] on averaged increments |
 //! | [`Guard`](guard::Guard) | supervises another adapter |
 
+mod committee;
 mod equations;
 mod expert_mixture;
 pub mod guard;
@@ -30,6 +32,7 @@ mod ud_factor;
 
 use crate::predict::{Predictor, Workspace};
 
+pub use committee::{CommitteeSession, increment_stride};
 pub use equations::RecursiveEquations;
 pub use expert_mixture::{ExpertMixture, ExpertMixtureOptions};
 pub use innovation_gate::InnovationGate;

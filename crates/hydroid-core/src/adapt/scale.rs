@@ -1,6 +1,7 @@
-//! Scale of a library term over the design ranges of its variables.
+//! Scales of library terms: over the design ranges of their variables, and over training rows.
 
 use alloc::vec;
+use alloc::vec::Vec;
 
 use crate::model::sparse::Term;
 
@@ -36,4 +37,29 @@ fn fract(x: f64) -> f64 {
 fn prime(position: usize) -> f64 {
     let is_prime = |n: &u32| (2..*n).take_while(|d| d * d <= *n).all(|d| !n.is_multiple_of(d));
     (2..).filter(is_prime).nth(position).map_or(2.0, f64::from)
+}
+
+/// Norms of the columns of an upper triangle, and the triangle with unit columns. `None` if it is singular.
+pub(super) fn unit_columns(r_factor: &[f64], terms: usize) -> Option<(Vec<f64>, Vec<f64>)> {
+    if r_factor.len() != terms * terms
+        || !(0..terms).all(|j| r_factor[j * terms + j] != 0.0)
+        || !r_factor.iter().all(|x| x.is_finite())
+    {
+        return None;
+    }
+    if (0..terms).any(|i| r_factor[i * terms..][..i].iter().any(|x| *x != 0.0)) {
+        return None;
+    }
+    let norm = |j: usize| {
+        num_traits::Float::sqrt(
+            (0..=j).map(|i| r_factor[i * terms + j] * r_factor[i * terms + j]).sum::<f64>(),
+        )
+    };
+    let norms: Vec<f64> = (0..terms).map(norm).collect();
+    // Squares can overflow and underflow.
+    if !norms.iter().all(|norm| norm.is_finite() && (1.0 / norm).is_finite()) {
+        return None;
+    }
+    let unit = r_factor.iter().enumerate().map(|(at, x)| x / norms[at % terms]).collect();
+    Some((norms, unit))
 }

@@ -1,6 +1,7 @@
 //! Models: discrete steps `state+ = f(state, c)`, `y = g(state)`. Weights are part of the model, the state is not.
 
 pub mod affine;
+pub mod committee;
 pub mod direct;
 mod persistence;
 mod plant;

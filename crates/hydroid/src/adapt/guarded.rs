@@ -34,7 +34,7 @@ pub(super) fn guard(
     };
     let noise = match &used {
         ResolvedOptions::Kalman(used) => used.noise.clone(),
-        ResolvedOptions::LeastSquares(_) | ResolvedOptions::LastLayer(_) => {
+        ResolvedOptions::LeastSquares(_) | ResolvedOptions::LastLayer(_) | ResolvedOptions::Committee(_) => {
             options.kalman.noise_of(model, runs).unwrap_or_else(|_| default_noise(model))
         }
     };
@@ -69,7 +69,9 @@ fn constant_weights(model: &Model, options: &Options) -> KalmanOptions {
             noise_factor: 1.0,
             ..filter
         },
-        Body::Equations(_) | Body::Direct(_) | Body::Affine(_) | Body::Plant(_) => filter,
+        Body::Equations(_) | Body::Direct(_) | Body::Affine(_) | Body::Committee(_) | Body::Plant(_) => {
+            filter
+        }
     }
 }
 

@@ -3,6 +3,7 @@
 //! Both models are evaluated on the same runs by [`evaluate`](fn@evaluate). At each origin the adapted model predicts
 //! with the weights of that time, adapted from the samples up to it.
 
+mod committee;
 mod equations;
 #[doc(hidden)]
 pub mod events;
@@ -34,6 +35,7 @@ pub use metrics::{Counts, Coverage, Times};
 pub use plant::LearnedParameter;
 #[doc(hidden)]
 pub use {
+    committee::ResolvedCommittee,
     events::LoggedEvent,
     kalman::ResolvedKalman,
     last_layer::ResolvedLastLayer,
@@ -101,6 +103,8 @@ pub enum ResolvedOptions {
     LeastSquares(ResolvedLeastSquares),
     /// Least squares of the last layer of a direct predictor.
     LastLayer(ResolvedLastLayer),
+    /// Least squares of the members of a committee.
+    Committee(ResolvedCommittee),
     /// Kalman filter.
     Kalman(ResolvedKalman),
 }
@@ -119,7 +123,7 @@ pub struct Adapted {
 pub enum AdaptError {
     /// Kind of model without adaptation.
     #[error(
-        "a model of kind '{kind}' cannot be adapted: give one of equations (methods sindy, lagged, recursive), a recurrent network (lstm, gru, rnn), a direct predictor or a vessel; `hydroid evaluate` evaluates this one without adaptation"
+        "a model of kind '{kind}' cannot be adapted: give one of equations (methods sindy, lagged, recursive), a committee, a recurrent network (lstm, gru, rnn), a direct predictor or a vessel; `hydroid evaluate` evaluates this one without adaptation"
     )]
     Kind {
         /// Of the model.
@@ -194,7 +198,7 @@ impl Options {
             }
             Body::Recurrent(_) => (Method::Kalman, LeastSquaresOptions::default(), KalmanOptions::default()),
             Body::Plant(_) => (Method::Kalman, LeastSquaresOptions::default(), KalmanOptions::of_plants()),
-            Body::Affine(_) => return Self::default(),
+            Body::Affine(_) | Body::Committee(_) => return Self::default(),
         };
         Self { method, least_squares, kalman, ..Self::default() }
     }
@@ -206,7 +210,9 @@ impl Options {
 /// If its kind has no adaptation.
 pub fn adaptable(model: &Model) -> Result<(), AdaptError> {
     match &model.body {
-        Body::Equations(_) | Body::Recurrent(_) | Body::Direct(_) | Body::Plant(_) => Ok(()),
+        Body::Equations(_) | Body::Recurrent(_) | Body::Direct(_) | Body::Committee(_) | Body::Plant(_) => {
+            Ok(())
+        }
         Body::Affine(_) => Err(AdaptError::Kind { kind: model.kind() }),
     }
 }
@@ -252,6 +258,10 @@ fn learner(
         Body::Plant(vessel) => {
             let (adapter, used) = plant::adapter(model, vessel, &options.kalman, runs)?;
             Ok((Box::new(adapter), ResolvedOptions::Kalman(used)))
+        }
+        Body::Committee(committee) => {
+            let (adapter, used) = committee::adapter(model, committee)?;
+            Ok((Box::new(adapter), ResolvedOptions::Committee(used)))
         }
         Body::Affine(_) => Err(AdaptError::Kind { kind: model.kind() }),
     }
@@ -363,12 +373,17 @@ impl Frozen {
         let ranges = model.output_ranges();
         let name = &model.description.name;
         // A model with online learning is evaluated with constant equations.
-        let mut session = Model { learning: None, ..model.clone() }.session();
+        let mut session = model.frozen().session();
         let restarted = evaluate(name, session.as_mut(), &ranges, runs, &options.evaluate, &mut |done| {
             progress(0.5 * done)
         })?;
         let filtered = match (used, model.equations(), model.plant()) {
-            (ResolvedOptions::LeastSquares(_) | ResolvedOptions::LastLayer(_), ..) => None,
+            (
+                ResolvedOptions::LeastSquares(_)
+                | ResolvedOptions::LastLayer(_)
+                | ResolvedOptions::Committee(_),
+                ..,
+            ) => None,
             (ResolvedOptions::Kalman(_), Some(motion), _) => {
                 Some(equations::filtered(model, &motion, &options.kalman, runs)?)
             }
@@ -443,6 +458,7 @@ pub fn learned(
         }
         Body::Recurrent(network) => kalman::learned(model, network, weights)?,
         Body::Direct(direct) => last_layer::learned(model, direct, weights)?,
+        Body::Committee(committee) => committee::learned(model, committee, weights)?,
         Body::Affine(_) => return Err(AdaptError::Kind { kind: model.kind() }),
         Body::Plant(vessel) => plant::learned(model, vessel, weights)?,
     };

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::Method;
+use crate::committee::ChooseError;
 use crate::evaluate::EvaluateError;
 use crate::sindy::expression::ExpressionError;
 use crate::sindy::{SearchError, UnknownLibrary};
@@ -155,6 +156,9 @@ pub enum IdentifyError {
     /// The search for equations failed.
     #[error(transparent)]
     Sindy(#[from] SearchError),
+    /// There is no committee.
+    #[error(transparent)]
+    Committee(#[from] ChooseError),
     /// The runs cannot be evaluated.
     #[error("the {part} runs cannot be evaluated: {error}")]
     Evaluate {
@@ -177,6 +181,7 @@ impl IdentifyError {
     pub(super) fn is_method_specific(&self) -> bool {
         match self {
             Self::Sindy(SearchError::AllDiverged(_))
+            | Self::Committee(ChooseError::TooShort { .. } | ChooseError::Singular)
             | Self::NoBase { .. }
             | Self::NoInputs { .. }
             | Self::NotEvaluable { .. } => true,

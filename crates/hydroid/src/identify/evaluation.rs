@@ -1,6 +1,8 @@
 //! Evaluation of the models on validation and test runs, and selection of the best one.
 
-use super::training::Trained;
+use std::sync::Arc;
+
+use super::training::{Trained, Training};
 use super::{Candidate, IdentifyError, Job, Parts};
 use crate::evaluate::{self, EvaluateError, evaluate};
 use crate::log::Trajectory;
@@ -74,11 +76,17 @@ pub(super) fn evaluate_candidates(
                 }
             })
         };
-        // After a refit on all runs, the validation errors are those of the network before the refit.
-        let before_refit = training
-            .network()
-            .filter(|trained| trained.refit.is_some())
-            .map(|trained| Model { body: Body::from(trained.before_refit().clone()), ..model.clone() });
+        // After a refit on all runs, the validation errors are those of the model before the refit.
+        let before_refit = match &training {
+            Training::Network(trained) if trained.refit.is_some() => {
+                Some(Body::from(trained.before_refit().clone()))
+            }
+            Training::Committee(training) => {
+                Some(Body::Committee(Arc::new(training.before_refit.committee.clone())))
+            }
+            _ => None,
+        };
+        let before_refit = before_refit.map(|body| Model { body, ..model.clone() });
         let validation =
             evaluate_on("validation", before_refit.as_ref().unwrap_or(&model), &parts.validation, 0.0)?;
         let test = evaluate_on("test", &model, &parts.test, 0.5)?;

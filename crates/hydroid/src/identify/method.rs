@@ -15,6 +15,8 @@ pub enum Method {
     /// Equations with recursive least squares from several priors: those of another search if they have a lag
     /// or a gate, else equations with all terms.
     Recursive,
+    /// A committee of difference equations, chosen by cross-validation over runs.
+    Committee,
     /// A recurrent network with LSTM cells.
     Lstm,
     /// A recurrent network with GRU cells.
@@ -34,6 +36,7 @@ impl Method {
             Self::Sindy => "sindy",
             Self::Lagged => "lagged",
             Self::Recursive => "recursive",
+            Self::Committee => "committee",
             Self::Lstm | Self::Gru | Self::Rnn | Self::Direct | Self::Affine => {
                 self.cell().map_or("", CellKind::name)
             }
@@ -43,7 +46,7 @@ impl Method {
     /// The kind of network; none for equations.
     pub fn cell(self) -> Option<CellKind> {
         match self {
-            Self::Sindy | Self::Lagged | Self::Recursive => None,
+            Self::Sindy | Self::Lagged | Self::Recursive | Self::Committee => None,
             Self::Lstm => Some(CellKind::Lstm),
             Self::Gru => Some(CellKind::Gru),
             Self::Rnn => Some(CellKind::Rnn),

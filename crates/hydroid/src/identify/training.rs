@@ -9,6 +9,7 @@ use hydroid_core::model::sparse::Equations;
 use super::{
     Candidate, IdentifyError, Job, Method, Parts, data_summary, equations, networks as recurrent, recursive,
 };
+use crate::committee;
 use crate::evaluate::DesignRange;
 use crate::log::{Channel, Note, Trajectory, noise_level};
 use crate::model::{Body, Description, Members, Model, Port, Provenance, Reading};
@@ -22,8 +23,19 @@ pub enum Training {
     Equations(Arc<SearchResult>),
     /// Equations with recursive least squares.
     Recursive(Arc<SearchResult>),
+    /// A committee.
+    Committee(Arc<CommitteeTraining>),
     /// A network, recurrent or a direct predictor.
     Network(Arc<train::Trained>),
+}
+
+/// Record of the choice of a committee.
+#[derive(Clone, Debug)]
+pub struct CommitteeTraining {
+    /// Chosen on training and validation runs together.
+    pub chosen: committee::Chosen,
+    /// Chosen on the training runs alone, for the errors on the validation runs.
+    pub before_refit: committee::Chosen,
 }
 
 impl Training {
@@ -31,7 +43,7 @@ impl Training {
     pub fn found(&self) -> Option<&Arc<SearchResult>> {
         match self {
             Self::Equations(found) | Self::Recursive(found) => Some(found),
-            Self::Network(_) => None,
+            Self::Network(_) | Self::Committee(_) => None,
         }
     }
 
@@ -39,7 +51,7 @@ impl Training {
     pub fn network(&self) -> Option<&Arc<train::Trained>> {
         match self {
             Self::Network(trained) => Some(trained),
-            Self::Equations(_) | Self::Recursive(_) => None,
+            Self::Equations(_) | Self::Recursive(_) | Self::Committee(_) => None,
         }
     }
 
@@ -47,6 +59,7 @@ impl Training {
     pub fn about(&self) -> &'static str {
         match self {
             Self::Recursive(_) => "equations with online adaptation",
+            Self::Committee(_) => "difference equations, some of which learn along a run",
             Self::Equations(_) if self.has_past() => "equations with past values",
             Self::Equations(_) => "memoryless equations",
             Self::Network(trained) => match trained.model {
@@ -63,6 +76,10 @@ impl Training {
             Self::Equations(found) | Self::Recursive(found) => {
                 format!("chosen among {} settings", found.trials.len())
             }
+            Self::Committee(training) => format!(
+                "chosen among {} candidates by cross-validation and fitted on all training and validation runs",
+                training.chosen.candidates
+            ),
             Self::Network(trained) => format!(
                 "epoch {} of {}{}{}",
                 trained.best_epoch,
@@ -88,7 +105,7 @@ impl Training {
     pub(super) fn complexity(&self) -> (u8, bool) {
         let kind = match self {
             Self::Equations(_) => 0,
-            Self::Recursive(_) => 1,
+            Self::Recursive(_) | Self::Committee(_) => 1,
             Self::Network(_) => 2,
         };
         (kind, self.has_past())
@@ -160,6 +177,26 @@ pub(super) fn train_by(
             let (found, model) = recursive::recursive_model(job, parts, sparse, describe, progress)?;
             let score = score(&found);
             (model, Training::Recursive(found), score)
+        }
+        Method::Committee => {
+            let choose = |runs: &[&Trajectory], from: f64, tell: OnProgress<'_>| {
+                committee::choose(runs, job.horizon, &mut |fraction| tell(from + 0.5 * fraction, None))
+            };
+            let before_refit = choose(&parts.train, 0.0, tell)?;
+            let all: Vec<&Trajectory> = parts.train.iter().chain(&parts.validation).copied().collect();
+            let chosen = choose(&all, 0.5, tell)?;
+            let told = serde_json::json!({
+                "candidates": chosen.candidates,
+                "cross_validated_nrmse": chosen.error,
+                "cross_validated_nrmse_of_the_best": chosen.best_error,
+                "horizon": job.horizon,
+            });
+            let body = Body::Committee(Arc::new(chosen.committee.clone()));
+            let mut model = describe(job, parts, method, body, told);
+            let Provenance { training, validation, .. } = &mut model.description.provenance;
+            training.extend_from_slice(validation);
+            let score = before_refit.error;
+            (model, Training::Committee(Arc::new(CommitteeTraining { chosen, before_refit })), score)
         }
         Method::Lstm | Method::Gru | Method::Rnn | Method::Direct | Method::Affine => {
             let base = sparse.map(|found| Arc::new(found.fit.equations.clone()));

@@ -12,6 +12,8 @@ mod text;
 mod torch;
 mod units;
 
+use std::sync::Arc;
+
 use hydroid_core::adapt::ExpertMixtureOptions;
 use hydroid_core::model::recurrent::Scaling;
 use hydroid_core::predict::Predictor;
@@ -142,6 +144,16 @@ impl Model {
         self.body.kind().session(self)
     }
 
+    /// The model with constant weights: its sessions do not learn.
+    #[must_use]
+    pub fn frozen(&self) -> Self {
+        let body = match &self.body {
+            Body::Committee(committee) => Body::Committee(Arc::new(committee.frozen())),
+            body => body.clone(),
+        };
+        Self { body, learning: None, ..self.clone() }
+    }
+
     /// Whether the model is a network.
     pub fn is_network(&self) -> bool {
         self.scaling().is_some()
@@ -152,7 +164,7 @@ impl Model {
         self.body.kind().scaling()
     }
 
-    /// Description of a network, line by line; empty for other models.
+    /// Description of a network or a committee, line by line; empty for other models.
     pub fn network_text(&self) -> Vec<String> {
         self.body.kind().network_text(&self.description)
     }

@@ -2,6 +2,7 @@
 //!
 //! A new kind is a variant of [`Body`], an implementation of [`Kind`] in its own file, and its lines in this file.
 
+mod committee;
 mod control_affine;
 mod direct;
 mod equations;
@@ -13,6 +14,7 @@ use std::sync::Arc;
 use hydroid_core::control::ControlError;
 use hydroid_core::model::PlantModel;
 use hydroid_core::model::affine::ControlAffine;
+use hydroid_core::model::committee::Committee;
 use hydroid_core::model::direct::{Direct, Perceptron};
 use hydroid_core::model::recurrent::{Recurrent, Scaling};
 use hydroid_core::model::sparse::Equations;
@@ -40,6 +42,8 @@ pub enum Body {
     Direct(Arc<Direct>),
     /// Feed-forward network of the rates that is affine in the efforts of the inputs.
     Affine(Arc<ControlAffine>),
+    /// Committee of difference equations.
+    Committee(Arc<Committee>),
     /// Vessel with given parameters.
     Plant(Arc<PlantModel>),
 }
@@ -127,6 +131,7 @@ impl Body {
             Self::Recurrent(recurrent) => recurrent,
             Self::Direct(direct) => direct,
             Self::Affine(affine) => affine,
+            Self::Committee(committee) => committee,
             Self::Plant(plant) => plant,
         }
     }
@@ -139,6 +144,7 @@ pub(super) enum Structure {
     Recurrent(recurrent::Structure),
     Direct(direct::Structure),
     ControlAffine(control_affine::Structure),
+    Committee(committee::Structure),
 }
 
 impl Structure {
@@ -148,6 +154,7 @@ impl Structure {
             Self::Recurrent(structure) => structure.read(tensors, description),
             Self::Direct(structure) => structure.read(tensors, description),
             Self::ControlAffine(structure) => structure.read(tensors, description),
+            Self::Committee(structure) => structure.read(tensors, description),
         }
     }
 }
@@ -171,6 +178,11 @@ impl Model {
     /// The control-affine network, if the model is of that kind.
     pub fn control_affine(&self) -> Option<&Arc<ControlAffine>> {
         if let Body::Affine(affine) = &self.body { Some(affine) } else { None }
+    }
+
+    /// The committee, if the model is of that kind.
+    pub fn committee(&self) -> Option<&Arc<Committee>> {
+        if let Body::Committee(committee) = &self.body { Some(committee) } else { None }
     }
 
     /// The vessel with given parameters, if the model is of that kind.

@@ -1,0 +1,338 @@
+//! The session of a committee: its past, the rollouts of its members, and the members that learn.
+
+mod learner;
+
+use alloc::boxed::Box;
+use alloc::sync::Arc;
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::innovation_gate::InnovationGate;
+use super::memory::{MOST_COUNTED, Reader, Writer};
+use super::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
+use crate::model::committee::{Committee, CommitteeError, MOST_MEMBERS, Past, weighted_median};
+use crate::predict::{Predictor, Workspace, rollout_steps};
+use learner::Learner;
+
+pub use learner::increment_stride;
+
+/// A session of a [`Committee`], and an [`Adapter`](super::Adapter) of the members that learn.
+///
+/// A member with a [`Prior`](crate::model::committee::Prior) continues the regression of the training rows along the run:
+/// its coefficients are those of ridge regression on all rows so far, where the training rows have the weight of the
+/// prior ([`RecursiveLeastSquares`](super::RecursiveLeastSquares) without forgetting). Rows are increments over the clock
+/// step of the member, averaged over several clock steps. An [`InnovationGate`] reduces the weight of outliers. Which
+/// members learn, and how fast, was decided with the votes, by the errors of rollouts on runs that were left out.
+///
+/// A missing value is replaced by the prediction of the committee. Increments with a missing value are no part of a row.
+#[derive(Clone, Debug)]
+pub struct CommitteeSession {
+    committee: Arc<Committee>,
+    learners: Vec<Learner>,
+    /// Coefficients of the members that learn.
+    weights: Vec<f64>,
+    /// Outputs of the last samples, row by row, the present one last.
+    outputs: Vec<f64>,
+    /// Commands before the present, row by row.
+    inputs: Vec<f64>,
+    started: bool,
+    /// Consecutive samples without a missing value, up to the present one.
+    measured: usize,
+    observed: bool,
+    frozen: bool,
+    inflation: f64,
+    outcome: Outcome,
+    innovations: Vec<Innovation>,
+    /// Prediction of the next sample.
+    next: Vec<f64>,
+    work: Workspace,
+}
+
+impl CommitteeSession {
+    /// A session at the start of a run.
+    ///
+    /// # Errors
+    /// If the prior of a member is singular.
+    pub fn new(committee: Arc<Committee>) -> Result<Self, CommitteeError> {
+        let mut learners = Vec::new();
+        let mut weights = Vec::new();
+        let mut rows = committee.span() + 1;
+        for (index, member) in committee.members().iter().enumerate() {
+            let Some(prior) = &member.prior else { continue };
+            let of = &member.equations;
+            let gate = InnovationGate::default();
+            let learner = Learner::new(index, weights.len(), of, prior, gate);
+            learners.push(learner.ok_or(CommitteeError::Prior { member: index })?);
+            weights.extend_from_slice(of.coefficients());
+            rows = rows.max(of.shape().span() + of.shape().clock + 1);
+        }
+        let outputs = committee.outputs();
+        Ok(Self {
+            outputs: vec![f64::NAN; rows * outputs],
+            inputs: vec![0.0; (rows - 1) * committee.inputs()],
+            innovations: Vec::with_capacity(outputs),
+            committee,
+            learners,
+            weights,
+            started: false,
+            measured: 0,
+            observed: false,
+            frozen: false,
+            inflation: 1.0,
+            outcome: Outcome::Waiting,
+            next: vec![0.0; outputs],
+            work: Workspace::new(),
+        })
+    }
+
+    /// The committee.
+    pub fn committee(&self) -> &Arc<Committee> {
+        &self.committee
+    }
+
+    fn present(&self) -> &[f64] {
+        &self.outputs[self.outputs.len() - self.committee.outputs()..]
+    }
+
+    fn roll(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        let members = self.committee.members();
+        let scratch = members.iter().map(|member| member.equations.scratch()).max().unwrap_or(0);
+        let past = Past { outputs: &self.outputs, inputs: &self.inputs };
+        let numbers = work.take(scratch + members.len() * y.len());
+        let (scratch, predicted) = numbers.split_at_mut(scratch);
+        let mut rest = &self.weights[..];
+        for (member, own) in members.iter().zip(predicted.chunks_exact_mut(y.len().max(1))) {
+            let of = &member.equations;
+            let coefficients = if member.prior.is_some() {
+                let (learned, others) = rest.split_at(of.coefficients().len());
+                rest = others;
+                learned
+            } else {
+                of.coefficients()
+            };
+            of.rollout(coefficients, past, commands, scratch, own);
+        }
+        let mut votes = [(0.0, 0); MOST_MEMBERS];
+        let votes = &mut votes[..members.len()];
+        for (i, y) in y.iter_mut().enumerate() {
+            for ((vote, member), own) in
+                votes.iter_mut().zip(members).zip(predicted.chunks_exact(predicted.len() / members.len()))
+            {
+                *vote = (own[i], member.votes);
+            }
+            *y = weighted_median(votes);
+        }
+    }
+}
+
+impl Predictor for CommitteeSession {
+    fn outputs(&self) -> usize {
+        self.committee.outputs()
+    }
+
+    fn inputs(&self) -> usize {
+        self.committee.inputs()
+    }
+
+    fn warm_up(&self) -> usize {
+        self.committee.span() + 1
+    }
+
+    /// The learned coefficients stay.
+    fn reset(&mut self) {
+        self.outputs.fill(f64::NAN);
+        self.inputs.fill(0.0);
+        self.started = false;
+        self.measured = 0;
+        self.observed = false;
+        self.outcome = Outcome::Waiting;
+        self.innovations.clear();
+        self.learners.iter_mut().for_each(Learner::restart_row);
+    }
+
+    fn observe(&mut self, y: &[f64]) {
+        let n = self.committee.outputs();
+        let newest = self.outputs.len() - n;
+        let mut complete = true;
+        for (c, &y) in y.iter().enumerate() {
+            if y.is_nan() {
+                complete = false;
+                continue;
+            }
+            if self.outputs[newest + c].is_nan() {
+                // The unknown past of an output is its first value.
+                self.outputs[c..]
+                    .iter_mut()
+                    .step_by(n)
+                    .filter(|past| past.is_nan())
+                    .for_each(|past| *past = y);
+            }
+            self.outputs[newest + c] = y;
+        }
+        self.measured = if complete { self.measured.saturating_add(1) } else { 0 };
+        self.observed = true;
+        self.outcome = Outcome::Waiting;
+        self.innovations.clear();
+        if !self.frozen {
+            let past = Past { outputs: &self.outputs, inputs: &self.inputs };
+            for learner in &mut self.learners {
+                let of = &self.committee.members()[learner.member].equations;
+                let outcome = learner.learn(
+                    of,
+                    past,
+                    self.measured,
+                    self.inflation,
+                    &mut self.innovations,
+                    &mut self.weights,
+                );
+                if outcome != Outcome::Waiting {
+                    self.outcome = outcome;
+                }
+            }
+        }
+        self.inflation = 1.0;
+    }
+
+    fn advance(&mut self, c: &[f64]) {
+        let (n, m) = (self.committee.outputs(), self.committee.inputs());
+        if !self.observed {
+            self.measured = 0;
+        }
+        self.observed = false;
+        if !self.started {
+            // The unknown commands before a run are its first one.
+            self.inputs.chunks_exact_mut(m.max(1)).for_each(|row| row.copy_from_slice(c));
+            self.started = true;
+        }
+        let mut work = core::mem::take(&mut self.work);
+        let mut next = core::mem::take(&mut self.next);
+        self.roll(c, &mut work, &mut next);
+        self.work = work;
+        let known = self.present().iter().all(|y| !y.is_nan());
+        self.outputs.copy_within(n.., 0);
+        if self.inputs.len() > m {
+            self.inputs.copy_within(m.., 0);
+        }
+        let end = self.inputs.len();
+        if end > 0 {
+            self.inputs[end - m..].copy_from_slice(c);
+        }
+        if known {
+            let newest = self.outputs.len() - n;
+            self.outputs[newest..].copy_from_slice(&next);
+        }
+        self.next = next;
+    }
+
+    fn output(&self, y: &mut [f64]) {
+        y.copy_from_slice(self.present());
+    }
+
+    fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        rollout_steps(commands, self.inputs(), y, self.outputs());
+        if !y.is_empty() {
+            self.roll(commands, work, y);
+        }
+    }
+
+    fn snapshot_len(&self) -> usize {
+        self.outputs.len() + self.inputs.len() + 1 + self.weights.len()
+    }
+
+    fn snapshot(&self, into: &mut [f64]) {
+        assert_eq!(into.len(), self.snapshot_len(), "room for the snapshot");
+        let mut into = Writer::new(into);
+        into.numbers(&self.outputs);
+        into.numbers(&self.inputs);
+        into.flag(self.started);
+        into.numbers(&self.weights);
+    }
+
+    /// Restores past and coefficients. The covariances stay, and rows restart.
+    fn restore(&mut self, from: &[f64]) {
+        assert_eq!(from.len(), self.snapshot_len(), "a snapshot of this model");
+        let mut from = Reader::new(from);
+        from.numbers(&mut self.outputs);
+        from.numbers(&mut self.inputs);
+        self.started = from.flag();
+        from.numbers(&mut self.weights);
+        self.measured = 0;
+        self.observed = false;
+        for learner in &mut self.learners {
+            learner.adopt(&self.weights);
+        }
+    }
+
+    fn fork(&self) -> Box<dyn Predictor> {
+        Box::new(self.clone())
+    }
+}
+
+impl Learning for CommitteeSession {
+    /// Outcome of the last member that completed a row at this sample; the gates of the others can differ.
+    fn outcome(&self) -> Outcome {
+        self.outcome
+    }
+
+    fn innovations(&self) -> &[Innovation] {
+        &self.innovations
+    }
+
+    fn weights(&self) -> &[f64] {
+        &self.weights
+    }
+
+    fn freeze(&mut self, frozen: bool) {
+        self.frozen = frozen;
+    }
+
+    fn scale_noise(&mut self, factor: f64) {
+        self.inflation = factor;
+    }
+
+    fn restart(&mut self) {
+        self.learners.iter_mut().for_each(Learner::restart);
+    }
+
+    /// Unknown: the covariances are positive by construction.
+    fn health(&self) -> Health {
+        Health::UNKNOWN
+    }
+
+    /// NaN: a committee has no variance of its own.
+    fn deviations(&mut self, _: &[f64], horizons: &[usize], _: &mut Workspace, deviations: &mut [f64]) {
+        assert_eq!(deviations.len(), horizons.len() * self.outputs(), "a row for each horizon");
+        deviations.fill(f64::NAN);
+    }
+}
+
+impl SaveState for CommitteeSession {
+    fn memory_len(&self) -> usize {
+        let learners: usize = self.learners.iter().map(Learner::memory_len).sum();
+        self.snapshot_len() + learners + 3
+    }
+
+    fn save(&self, into: &mut [f64]) {
+        assert_eq!(into.len(), self.memory_len(), "room for the memory");
+        let mut into = Writer::new(into);
+        self.snapshot(into.part(self.snapshot_len()));
+        into.count(self.measured);
+        into.flag(self.observed);
+        into.flag(self.frozen);
+        self.learners.iter().for_each(|learner| learner.save(&mut into));
+    }
+
+    fn load(&mut self, from: &[f64]) {
+        assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
+        let mut from = Reader::new(from);
+        self.restore(from.part(self.snapshot_len()));
+        self.measured = from.count(MOST_COUNTED);
+        self.observed = from.flag();
+        self.frozen = from.flag();
+        self.learners.iter_mut().for_each(|learner| learner.load(&mut from));
+        self.outcome = Outcome::Waiting;
+        self.innovations.clear();
+    }
+}
+
+impl Rehearsing for CommitteeSession {}

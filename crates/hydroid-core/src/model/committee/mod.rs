@@ -1,0 +1,184 @@
+//! A committee: difference equations whose predictions are combined by a weighted median.
+//!
+//! Each member is a set of [`DifferenceEquations`] with a number of votes. A prediction of the committee is, for each
+//! output and sample, the weighted median of the rollouts of the members, so that a member that runs away has no effect
+//! as long as the other members hold more than half of the votes. Members are chosen with replacement (Caruana,
+//! Niculescu-Mizil, Crew and Ksikes, *Ensemble selection from libraries of models*, ICML 2004).
+//!
+//! A member may continue to learn along a run; see [`CommitteeSession`](crate::adapt::CommitteeSession).
+
+mod difference;
+
+use alloc::vec::Vec;
+
+pub use difference::{DifferenceEquations, Past, Shape};
+
+/// A member of a [`Committee`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Member {
+    /// Its equations.
+    pub equations: DifferenceEquations,
+    /// Number of votes.
+    pub votes: u32,
+    /// Prior of a member that learns along a run; `None` for constant coefficients.
+    pub prior: Option<Prior>,
+}
+
+/// Prior of a member that learns: the training rows as information about its coefficients.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prior {
+    /// Clock steps over which a row is averaged.
+    pub averaging: usize,
+    /// Weight of the training rows relative to rows of the run.
+    pub information: f64,
+    /// Upper triangle `R` (`terms x terms`, row by row) with `R'R` the second moments of the terms over the training
+    /// rows, ridge included.
+    pub r_factor: Vec<f64>,
+}
+
+/// Largest number of members.
+pub const MOST_MEMBERS: usize = 64;
+
+/// A committee; see the [module](self).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Committee {
+    members: Vec<Member>,
+}
+
+/// Reasons why a committee is invalid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CommitteeError {
+    /// No members, more than [`MOST_MEMBERS`], or a member without a vote.
+    Members,
+    /// The members have different outputs, inputs or sample times.
+    Channels,
+    /// The prior of a member does not fit its terms, or is singular.
+    Prior {
+        /// Index of the member.
+        member: usize,
+    },
+}
+
+impl core::fmt::Display for CommitteeError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Members => write!(f, "a committee has 1 to {MOST_MEMBERS} members, each with a vote"),
+            Self::Channels => write!(f, "the members have different outputs, inputs or sample times"),
+            Self::Prior { member } => {
+                write!(f, "the prior of member {member} does not fit its terms, or is singular")
+            }
+        }
+    }
+}
+
+impl core::error::Error for CommitteeError {}
+
+impl Committee {
+    /// A committee of members.
+    ///
+    /// # Errors
+    /// If there are too few or too many members, one has no vote, or they do not fit together.
+    pub fn new(members: Vec<Member>) -> Result<Self, CommitteeError> {
+        let Some(first) = members.first() else { return Err(CommitteeError::Members) };
+        if members.len() > MOST_MEMBERS || members.iter().any(|member| member.votes == 0) {
+            return Err(CommitteeError::Members);
+        }
+        let channels = |member: &Member| {
+            let shape = member.equations.shape();
+            (shape.outputs, shape.inputs, shape.dt.to_bits())
+        };
+        if members.iter().any(|member| channels(member) != channels(first)) || channels(first).0 == 0 {
+            return Err(CommitteeError::Channels);
+        }
+        let sound = |member: &Member| {
+            let terms = member.equations.terms().len();
+            member.prior.as_ref().is_none_or(|prior| {
+                prior.r_factor.len() == terms * terms
+                    && prior.averaging > 0
+                    && prior.information.is_finite()
+                    && prior.information > 0.0
+            })
+        };
+        match members.iter().position(|member| !sound(member)) {
+            Some(member) => Err(CommitteeError::Prior { member }),
+            None => Ok(Self { members }),
+        }
+    }
+
+    /// The members.
+    pub fn members(&self) -> &[Member] {
+        &self.members
+    }
+
+    /// Number of outputs.
+    pub fn outputs(&self) -> usize {
+        self.members[0].equations.shape().outputs
+    }
+
+    /// Number of inputs.
+    pub fn inputs(&self) -> usize {
+        self.members[0].equations.shape().inputs
+    }
+
+    /// Sample time \[s\].
+    pub fn dt(&self) -> f64 {
+        self.members[0].equations.shape().dt
+    }
+
+    /// Samples before the present one on which predictions depend.
+    pub fn span(&self) -> usize {
+        self.members.iter().map(|member| member.equations.shape().span()).max().unwrap_or(0)
+    }
+
+    /// The committee without priors, whose coefficients are constant.
+    #[must_use]
+    pub fn frozen(&self) -> Self {
+        let members = self.members.iter().map(|member| Member { prior: None, ..member.clone() }).collect();
+        Self { members }
+    }
+
+    /// The committee with other coefficients of the members that learn, in their order.
+    ///
+    /// # Errors
+    /// If the number of coefficients is wrong, or one is not finite.
+    pub fn with_learned(&self, coefficients: &[f64]) -> Result<Self, crate::model::sparse::EquationsError> {
+        let mut rest = coefficients;
+        let expected = self.learned();
+        if coefficients.len() != expected {
+            return Err(crate::model::sparse::EquationsError::Shape { expected, given: coefficients.len() });
+        }
+        let mut members = self.members.clone();
+        for member in members.iter_mut().filter(|member| member.prior.is_some()) {
+            let of = &member.equations;
+            let (own, others) = rest.split_at(of.coefficients().len());
+            rest = others;
+            member.equations = DifferenceEquations::new(of.terms().to_vec(), own.to_vec(), *of.shape())?;
+        }
+        Ok(Self { members })
+    }
+
+    /// Number of coefficients of the members that learn.
+    pub fn learned(&self) -> usize {
+        let learning = self.members.iter().filter(|member| member.prior.is_some());
+        learning.map(|member| member.equations.coefficients().len()).sum()
+    }
+}
+
+/// The weighted median of `values`: half of the votes are below it, half above. The slice is sorted; values that are not
+/// finite count as infinite.
+pub fn weighted_median(values: &mut [(f64, u32)]) -> f64 {
+    values.iter_mut().filter(|value| value.0.is_nan()).for_each(|value| value.0 = f64::INFINITY);
+    values.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let all: u64 = values.iter().map(|value| u64::from(value.1)).sum();
+    let mut below = 0;
+    for (i, &(value, votes)) in values.iter().enumerate() {
+        below += u64::from(votes);
+        if 2 * below > all {
+            return value;
+        }
+        if 2 * below == all {
+            return values.get(i + 1).map_or(value, |next| 0.5 * (value + next.0));
+        }
+    }
+    f64::NAN
+}

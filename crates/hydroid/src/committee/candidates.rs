@@ -1,0 +1,242 @@
+//! The grid of candidates, their fits and their predictions on folds that were left out.
+
+use hydroid_core::adapt::RecursiveLeastSquares;
+use hydroid_core::model::committee::Shape;
+use rayon::prelude::*;
+
+use super::ChooseError;
+use super::folds::Fold;
+use super::library::Library;
+use super::regression::{Moments, Regression};
+use super::ridge::{Fit, solve};
+use super::rollouts::{Coefficients, predictions};
+use crate::log::Trajectory;
+
+/// Clock steps in a horizon.
+const CLOCKS: [usize; 2] = [30, 15];
+
+/// Most past clock steps.
+const LAGS: usize = 3;
+
+/// Clock steps over which rows are averaged.
+const AVERAGING: [usize; 2] = [1, 4];
+
+/// Ridge penalties relative to the mean square of a term.
+const RIDGES: [f64; 4] = [1e-6, 1e-4, 1e-2, 1e-1];
+
+/// Weights of the training rows for members that learn.
+const INFORMATION: [f64; 2] = [1.0, 0.1];
+
+/// Shares of the horizon at which predictions are compared.
+const MARKS: [usize; 4] = [1, 2, 3, 4];
+
+/// Windows of the comparison, over all folds.
+const WINDOWS: usize = 400;
+
+/// Candidates with constant coefficients that are also tried with learning ones.
+const LEARNING: usize = 80;
+
+/// A candidate: a regression, its ridge penalty, and the weight of the training rows if it learns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Candidate {
+    pub(super) regression: usize,
+    pub(super) ridge: f64,
+    pub(super) information: Option<f64>,
+}
+
+/// Origins of a segment.
+struct Origins {
+    fold: usize,
+    segment: usize,
+    at: Vec<usize>,
+}
+
+/// The grid of candidates and what they share.
+pub(super) struct Grid<'a> {
+    folds: Vec<Fold<'a>>,
+    pub(super) regressions: Vec<Regression>,
+    /// Moments of each regression in each fold.
+    moments: Vec<Vec<Moments>>,
+    origins: Vec<Origins>,
+    marks: Vec<usize>,
+    pub(super) outputs: usize,
+    /// Low and high value of each output.
+    ranges: Vec<(f64, f64)>,
+    /// True outputs in the layout of predictions.
+    pub(super) truth: Vec<f32>,
+}
+
+impl<'a> Grid<'a> {
+    pub(super) fn new(
+        runs: &[&'a Trajectory],
+        folds: Vec<Fold<'a>>,
+        horizon: usize,
+    ) -> Result<Self, ChooseError> {
+        let Some(run) = runs.first() else { return Err(ChooseError::Singular) };
+        let (outputs, inputs) = (run.outputs.width(), run.inputs.width());
+        let mut clocks: Vec<usize> = CLOCKS.iter().map(|steps| (horizon / steps).max(1)).collect();
+        clocks.dedup();
+        let mut regressions = Vec::new();
+        for &clock in &clocks {
+            for lags in 0..=LAGS {
+                let shape = Shape { outputs, inputs, lags, clock, dt: run.dt };
+                for terms in Library::ALL.iter().filter_map(|library| library.terms(&shape, run)) {
+                    let of = |&averaging| Regression::new(terms.clone(), shape, averaging).ok();
+                    regressions.extend(AVERAGING.iter().filter_map(of));
+                }
+            }
+        }
+        let mut marks: Vec<usize> = MARKS.iter().map(|mark| (horizon * mark / MARKS.len()).max(1)).collect();
+        marks.dedup();
+        let warm_up = LAGS * clocks.iter().max().unwrap_or(&1);
+        let origins = origins(&folds, warm_up, horizon);
+        let with_origins = |fold: &usize| origins.iter().any(|o| o.fold == *fold && !o.at.is_empty());
+        if (0..folds.len()).filter(with_origins).count() < 2 {
+            return Err(ChooseError::TooShort { folds: folds.len(), horizon, warm_up });
+        }
+        let range = |c: usize| {
+            let values = runs.iter().flat_map(|run| run.outputs.column(c)).filter(|y| y.is_finite());
+            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), y| (low.min(y), high.max(y)))
+        };
+        let ranges = (0..outputs).map(range).collect();
+        let mut truth = Vec::new();
+        for Origins { fold, segment, at } in &origins {
+            let segment = &folds[*fold].segments[*segment];
+            for k in at {
+                for mark in &marks {
+                    #[expect(
+                        clippy::cast_possible_truncation,
+                        reason = "single precision suffices for the choice"
+                    )]
+                    truth.extend(segment.output(k + mark).iter().map(|y| *y as f32));
+                }
+            }
+        }
+        let moments =
+            regressions.par_iter().map(|of| folds.iter().map(|fold| of.moments(fold)).collect()).collect();
+        Ok(Self { folds, regressions, moments, origins, marks, outputs, ranges, truth })
+    }
+
+    /// Number of horizons at which predictions are compared.
+    pub(super) fn marks(&self) -> usize {
+        self.marks.len()
+    }
+
+    /// All candidates with constant coefficients.
+    pub(super) fn constant(&self) -> Vec<Candidate> {
+        let of = |regression| RIDGES.map(|ridge| Candidate { regression, ridge, information: None });
+        (0..self.regressions.len()).flat_map(of).collect()
+    }
+
+    /// Candidates that learn, for the best ones with constant coefficients.
+    pub(super) fn learning(of: &[Candidate]) -> Vec<Candidate> {
+        let learning = |candidate: &Candidate| {
+            let candidate = *candidate;
+            INFORMATION.map(|information| Candidate { information: Some(information), ..candidate })
+        };
+        of.iter().take(LEARNING).flat_map(learning).collect()
+    }
+
+    /// Fit on all folds but one, or on all.
+    pub(super) fn fit(&self, candidate: &Candidate, without: Option<usize>) -> Option<Fit> {
+        let of = &self.regressions[candidate.regression];
+        let mut sum = Moments::zero(of.terms.len(), self.outputs);
+        let moments = self.moments[candidate.regression].iter().enumerate();
+        moments.filter(|(fold, _)| Some(*fold) != without).for_each(|(_, moments)| sum.add(moments));
+        solve(&sum, of.terms.len(), candidate.ridge)
+    }
+
+    /// Limits of predictions: `width` times the range beyond the range.
+    pub(super) fn limits(&self, width: f64) -> Vec<(f64, f64)> {
+        let limit = |&(low, high): &(f64, f64)| (low - width * (high - low), high + width * (high - low));
+        self.ranges.iter().map(limit).collect()
+    }
+
+    /// Predictions of a candidate on each fold, fitted without it, in the layout of the truth; `None` if a fit fails.
+    pub(super) fn predictions(&self, candidate: &Candidate) -> Option<Vec<f32>> {
+        let of = &self.regressions[candidate.regression];
+        let limits = self.limits(10.0);
+        let mut all = Vec::with_capacity(self.truth.len());
+        let mut fit: Option<(usize, Fit)> = None;
+        for Origins { fold, segment, at } in &self.origins {
+            if fit.as_ref().is_none_or(|(of, _)| of != fold) {
+                fit = Some((*fold, self.fit(candidate, Some(*fold))?));
+            }
+            let (_, fit) = fit.as_ref()?;
+            let segment = &self.folds[*fold].segments[*segment];
+            let roll = |coefficients| predictions(of, coefficients, segment, at, &self.marks, &limits);
+            all.extend(match candidate.information {
+                None => roll(Coefficients::Shared(&fit.coefficients)),
+                Some(information) => {
+                    let rows = of.rows(segment, false);
+                    let mut learner = Learner::new(of, fit, information);
+                    let mut row = 0;
+                    let coefficients: Vec<Vec<f64>> = at
+                        .iter()
+                        .map(|&origin| {
+                            while rows.ends.get(row).is_some_and(|&end| end <= origin) {
+                                learner.learn(rows.phi(row), rows.z(row));
+                                row += 1;
+                            }
+                            learner.coefficients()
+                        })
+                        .collect();
+                    if coefficients.is_empty() { Vec::new() } else { roll(Coefficients::Each(&coefficients)) }
+                }
+            });
+        }
+        Some(all)
+    }
+}
+
+/// Recursive least squares along a segment, as in [`CommitteeSession`](hydroid_core::adapt::CommitteeSession) without its
+/// innovation gate.
+struct Learner<'a> {
+    kernel: RecursiveLeastSquares,
+    scale: &'a [f64],
+    averaging: f64,
+    row: Vec<f64>,
+}
+
+impl<'a> Learner<'a> {
+    fn new(of: &Regression, fit: &'a Fit, information: f64) -> Self {
+        let terms = of.terms.len();
+        let rows = fit.coefficients.chunks_exact(terms);
+        let theta: Vec<f64> = rows.flat_map(|row| row.iter().zip(&fit.scale).map(|(xi, s)| xi * s)).collect();
+        Self {
+            kernel: RecursiveLeastSquares::with_r_factor(&theta, information, &fit.r_factor, false),
+            scale: &fit.scale,
+            averaging: of.averaging as f64,
+            row: vec![0.0; terms],
+        }
+    }
+
+    fn learn(&mut self, phi: &[f64], z: &[f64]) {
+        for ((row, phi), s) in self.row.iter_mut().zip(phi).zip(self.scale) {
+            *row = phi / s;
+        }
+        self.kernel.predict(&self.row, z);
+        self.kernel.correct(self.averaging);
+    }
+
+    fn coefficients(&self) -> Vec<f64> {
+        let rows = self.kernel.coefficients().chunks_exact(self.scale.len());
+        rows.flat_map(|row| row.iter().zip(self.scale).map(|(theta, s)| theta / s)).collect()
+    }
+}
+
+/// Origins with complete windows, evenly spread: at most five in a horizon, and about [`WINDOWS`] in all.
+fn origins(folds: &[Fold<'_>], warm_up: usize, horizon: usize) -> Vec<Origins> {
+    let samples: usize = folds.iter().flat_map(|fold| &fold.segments).map(super::folds::Segment::len).sum();
+    let stride = (horizon / 5).max(samples / WINDOWS).max(1);
+    let mut all = Vec::new();
+    for (fold, of) in folds.iter().enumerate() {
+        for (segment, s) in of.segments.iter().enumerate() {
+            let known =
+                |k: &usize| (k - warm_up..=k + horizon).all(|k| s.output(k).iter().all(|y| y.is_finite()));
+            let at = (warm_up..s.len().saturating_sub(horizon)).step_by(stride).filter(known).collect();
+            all.push(Origins { fold, segment, at });
+        }
+    }
+    all
+}

@@ -1,0 +1,74 @@
+//! Committees of difference equations, chosen by cross-validated rollouts.
+//!
+//! Candidates are ridge regressions of difference equations ([`DifferenceEquations`]): every library, number of past
+//! values, clock step, averaging and ridge penalty of a grid, with constant coefficients, and the best of them with
+//! coefficients that continue to learn along a run. Each candidate is fitted without one fold of the runs and rolled out
+//! over the horizon on that fold, for all folds in turn. Members are chosen with replacement, each time the one that
+//! reduces the error of the mean most (Caruana, Niculescu-Mizil, Crew and Ksikes, ICML 2004), and are fitted again on all
+//! runs. The committee predicts with their weighted median, because a member can run away outside the training data.
+//!
+//! [`DifferenceEquations`]: hydroid_core::model::committee::DifferenceEquations
+
+mod candidates;
+mod folds;
+mod library;
+mod regression;
+mod ridge;
+mod rollouts;
+mod selection;
+
+use hydroid_core::model::committee::{Committee, CommitteeError};
+
+use crate::log::Trajectory;
+use crate::progress::{Cancelled, Progress};
+
+/// Result of the choice of a committee.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Chosen {
+    /// The committee, fitted on all runs.
+    pub committee: Committee,
+    /// Number of candidates that were compared.
+    pub candidates: usize,
+    /// Cross-validated error of the committee: mean NRMSE over outputs and the quarters of the horizon.
+    pub error: f64,
+    /// Cross-validated error of the best single candidate.
+    pub best_error: f64,
+}
+
+/// Reasons why there is no committee.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ChooseError {
+    /// No fold has a window of the horizon.
+    #[error(
+        "the runs are too short for a committee: of {folds} folds, those with a window of {horizon} samples after {warm_up} samples of past are fewer than two. Record for longer, or give a shorter --horizon"
+    )]
+    TooShort {
+        /// Folds.
+        folds: usize,
+        /// Horizon \[samples\].
+        horizon: usize,
+        /// Longest past of a candidate \[samples\].
+        warm_up: usize,
+    },
+    /// No candidate can be fitted.
+    #[error(
+        "no difference equation can be fitted to these runs: the outputs or inputs have no finite rows, or do not vary"
+    )]
+    Singular,
+    /// The members do not form a committee.
+    #[error("the members do not form a committee: {0}")]
+    Committee(#[from] CommitteeError),
+    /// Cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+/// Chooses a committee for predictions up to `horizon` samples ahead.
+///
+/// # Errors
+/// If the runs are too short or cannot be fitted, or `progress` cancels.
+pub fn choose(runs: &[&Trajectory], horizon: usize, progress: Progress<'_>) -> Result<Chosen, ChooseError> {
+    let folds = folds::folds(runs);
+    let grid = candidates::Grid::new(runs, folds, horizon)?;
+    selection::choose(&grid, progress)
+}

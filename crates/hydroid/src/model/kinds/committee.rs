@@ -1,0 +1,146 @@
+//! Committees of difference equations. File: for the member `k` the tensors `coefficients.k` (outputs x terms) and, if it
+//! learns, `r_factor.k` (terms x terms); terms, clock steps and votes are in the head.
+
+use std::sync::Arc;
+
+use hydroid_core::adapt::CommitteeSession;
+use hydroid_core::model::committee::{Committee, DifferenceEquations, Member, Prior, Shape};
+use hydroid_core::model::sparse::Term;
+use hydroid_core::predict::Predictor;
+use safetensors::tensor::SafeTensors;
+use serde::{Deserialize, Serialize};
+
+use super::{Body, Encoded, Kind};
+use crate::model::file::{numbers, tensor};
+use crate::model::{Description, Members, Model};
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(in crate::model) struct Structure {
+    members: Vec<MemberStructure>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MemberStructure {
+    terms: Vec<Term>,
+    /// Past clock steps among the variables.
+    lags: usize,
+    /// Samples of a clock step.
+    clock: usize,
+    votes: u32,
+    /// For a member that learns.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    learning: Option<LearningStructure>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LearningStructure {
+    /// Clock steps over which a row is averaged.
+    averaging: usize,
+    /// Weight of the training rows.
+    information: f64,
+}
+
+fn coefficients(member: usize) -> String {
+    format!("coefficients.{member}")
+}
+
+fn r_factor(member: usize) -> String {
+    format!("r_factor.{member}")
+}
+
+impl Structure {
+    pub(super) fn read(self, tensors: &SafeTensors<'_>, description: Description) -> Result<Model, String> {
+        let (outputs, inputs, dt) = (description.outputs.len(), description.inputs.len(), description.dt);
+        let member = |(k, member): (usize, MemberStructure)| -> Result<Member, String> {
+            let MemberStructure { terms, lags, clock, votes, learning } = member;
+            let count = terms.len();
+            let own = numbers(tensors, &coefficients(k), &[outputs, count])?;
+            let shape = Shape { outputs, inputs, lags, clock, dt };
+            let equations = DifferenceEquations::new(terms, own, shape).map_err(|error| error.to_string())?;
+            let prior = match learning {
+                Some(LearningStructure { averaging, information }) => {
+                    let r_factor = numbers(tensors, &r_factor(k), &[count, count])?;
+                    Some(Prior { averaging, information, r_factor })
+                }
+                None => None,
+            };
+            Ok(Member { equations, votes, prior })
+        };
+        let members = self.members.into_iter().enumerate().map(member).collect::<Result<_, _>>()?;
+        let committee = Arc::new(Committee::new(members).map_err(|error| error.to_string())?);
+        // The session checks the priors.
+        CommitteeSession::new(Arc::clone(&committee)).map_err(|error| error.to_string())?;
+        Ok(Model {
+            description,
+            body: Body::Committee(committee),
+            members: Members::default(),
+            learning: None,
+        })
+    }
+}
+
+impl Kind for Arc<Committee> {
+    fn name(&self, _: &Model) -> &'static str {
+        "committee"
+    }
+
+    fn title(&self, _: &Model) -> &'static str {
+        "A committee of difference equations that predicts with their weighted median"
+    }
+
+    fn weights(&self) -> usize {
+        self.members().iter().map(|member| member.equations.coefficients().len()).sum()
+    }
+
+    fn session(&self, _: &Model) -> Box<dyn Predictor> {
+        match CommitteeSession::new(Self::clone(self)) {
+            Ok(session) => Box::new(session),
+            Err(error) => panic!("{error}"),
+        }
+    }
+
+    fn encode(&self, _: &Model) -> Result<Encoded, String> {
+        let mut tensors = Vec::new();
+        let mut members = Vec::new();
+        for (k, Member { equations, votes, prior }) in self.members().iter().enumerate() {
+            let (terms, shape) = (equations.terms(), equations.shape());
+            let count = terms.len();
+            tensors.push(tensor(&coefficients(k), vec![shape.outputs, count], equations.coefficients()));
+            if let Some(prior) = prior {
+                tensors.push(tensor(&r_factor(k), vec![count, count], &prior.r_factor));
+            }
+            let learning = prior
+                .as_ref()
+                .map(|&Prior { averaging, information, .. }| LearningStructure { averaging, information });
+            let (lags, clock, votes) = (shape.lags, shape.clock, *votes);
+            members.push(MemberStructure { terms: terms.to_vec(), lags, clock, votes, learning });
+        }
+        Ok(Encoded::Tensors(super::Structure::Committee(Structure { members }), tensors))
+    }
+
+    fn network_text(&self, _: &Description) -> Vec<String> {
+        let votes: u32 = self.members().iter().map(|member| member.votes).sum();
+        let first = format!("{} members with {votes} votes:", self.members().len());
+        let member = |Member { equations, votes, prior }: &Member| {
+            let shape = equations.shape();
+            let learns = match prior {
+                Some(prior) => format!(
+                    "learns along a run (training rows with weight {}, rows over {:.3} s)",
+                    prior.information,
+                    (prior.averaging * shape.clock) as f64 * shape.dt
+                ),
+                None => String::from("constant coefficients"),
+            };
+            format!(
+                "  {votes:>2} votes  {:>3} terms, {} past values, clock step {:.3} s, {learns}",
+                equations.terms().len(),
+                shape.lags,
+                shape.clock as f64 * shape.dt
+            )
+        };
+        std::iter::once(first).chain(self.members().iter().map(member)).collect()
+    }
+}
