@@ -86,7 +86,10 @@ fn windows(candidate: &Candidate) -> Markup {
         let diverged = if evaluation.diverged == 0 {
             "none diverged".to_owned()
         } else {
-            format!("{} diverged and are not in the errors", number::count(evaluation.diverged))
+            format!(
+                "{} diverged and enter the errors with limited predictions",
+                number::count(evaluation.diverged)
+            )
         };
         format!("{} windows, {diverged}", number::count(evaluation.windows))
     };

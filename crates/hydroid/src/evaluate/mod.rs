@@ -4,8 +4,9 @@
 //! 1`. It is rolled out with the true commands `c_k ..` and compared at horizons `1..=H`, beside persistence (each
 //! output keeps its value at the origin).
 //!
-//! A rollout has *diverged* if it is not finite or leaves ten times the design range. Diverged rollouts are counted and
-//! excluded from the means of the model and of persistence.
+//! A rollout has *diverged* if it is not finite or leaves ten times the range of its output: the design range, widened to
+//! the range of the run on which the model is evaluated. Diverged rollouts are counted. Their predictions are limited to
+//! ten times the range and stay in every error, so that the errors of model and persistence cover all windows.
 
 mod band;
 mod sums;
@@ -56,9 +57,21 @@ pub struct DesignRange {
 impl DesignRange {
     /// Whether a value is farther than ten half-widths from the centre of the range, or NaN.
     pub fn diverged(self, value: f64) -> bool {
+        let (low, high) = self.limits();
+        !(low..=high).contains(&value)
+    }
+
+    /// Limits of predictions: ten half-widths below and above the centre of the range.
+    pub fn limits(self) -> (f64, f64) {
         let centre = 0.5 * (self.low + self.high);
         let half = 0.5 * (self.high - self.low);
-        value.is_nan() || (value - centre).abs() > 10.0 * half
+        (centre - 10.0 * half, centre + 10.0 * half)
+    }
+
+    /// The smallest range that contains this one and all values.
+    #[must_use]
+    pub(crate) fn including(self, values: impl Iterator<Item = f64>) -> Self {
+        values.fold(self, |range, y| Self { low: range.low.min(y), high: range.high.max(y) })
     }
 }
 
@@ -149,7 +162,7 @@ pub struct Evaluation {
     pub windows: usize,
     /// Evaluated runs.
     pub runs: RunCount,
-    /// Diverged windows.
+    /// Diverged windows; their limited predictions are part of all errors.
     pub diverged: usize,
     /// First diverged windows.
     pub divergences: Vec<Divergence>,

@@ -20,7 +20,7 @@ const SNAPSHOTS: usize = 4 << 20;
 /// Largest number of listed divergences.
 const MOST_LISTED: usize = 10;
 
-/// Evaluates a session on runs; `ranges` are the design ranges of the outputs.
+/// Evaluates a session on runs; `ranges` are the design ranges of the outputs, which the range of a run widens.
 ///
 /// The session is reset and observes each run once to its end in the caller's thread, so that an adapter learns along
 /// the run. Rollouts start from snapshots in forks of the session, in parallel on the current rayon pool. The result
@@ -69,6 +69,8 @@ pub fn evaluate(
     let total: usize = runs.iter().map(|run| run.len()).sum();
     let mut before = 0;
     for (run, target) in runs.iter().zip(&targets) {
+        let ranges: Vec<DesignRange> =
+            ranges.iter().enumerate().map(|(c, range)| range.including(target.column(c))).collect();
         let evaluation =
             RunEvaluation { run, target, ranges, shift: &shift, variance: &variance, options, warm_up };
         let windows = tally.windows;
@@ -161,7 +163,8 @@ struct Tally {
 struct RunEvaluation<'a> {
     run: &'a Trajectory,
     target: &'a Table,
-    ranges: &'a [DesignRange],
+    /// Design ranges, widened to the range of the run.
+    ranges: Vec<DesignRange>,
     shift: &'a [f64],
     variance: &'a [f64],
     options: &'a Options,
@@ -234,10 +237,11 @@ impl RunEvaluation<'_> {
                         fork.restore(&snapshots[at..at + size]);
                         let k = pending.origin;
                         fork.rollout(self.run.inputs.rows(k, k + h), work, y);
-                        match self.diverged(k, y) {
-                            Some(divergence) => divergences.push(divergence),
-                            None => self.add(pending, y, &mut sums),
+                        if let Some(divergence) = self.diverged(k, y) {
+                            divergences.push(divergence);
+                            self.limit(k, y);
                         }
+                        self.add(pending, y, &mut sums);
                     }
                     (sums, divergences)
                 },
@@ -263,6 +267,19 @@ impl RunEvaluation<'_> {
             horizon: bad / n + 1,
             channel: self.run.outputs.channels()[bad % n].name.clone(),
         })
+    }
+
+    /// Limits a diverged rollout; a value that is not a number becomes the limit that is farther from the target.
+    fn limit(&self, origin: usize, y: &mut [f64]) {
+        let n = self.ranges.len();
+        for (step, row) in y.chunks_exact_mut(n).enumerate() {
+            let target = self.target.row(origin + step + 1);
+            for ((y, range), target) in row.iter_mut().zip(&self.ranges).zip(target) {
+                let (low, high) = range.limits();
+                let farther = if target - low > high - target { low } else { high };
+                *y = if y.is_nan() { farther } else { y.clamp(low, high) };
+            }
+        }
     }
 
     fn add(&self, pending: &Pending, y: &[f64], sums: &mut Sums) {

@@ -158,14 +158,18 @@ fn a_diverged_rollout_is_counted_and_reported() {
         assert_eq!((told[0].run.as_str(), told[0].horizon, told[0].channel.as_str()), ("storm", 3, "v"));
         assert!(near(told[0].origin_s, 100.0 + 20.0 * DT));
         for h in 0..5 {
-            for c in 0..2 {
+            for c in (0..2).filter(|c| (h, *c) != (2, 1)) {
                 assert!(near(result.mae[h][c], 0.1) && near(result.max[h][c], 0.1));
             }
         }
-        // Persistence is evaluated on the same windows, without origin 20.
-        let kept: Vec<f64> =
-            (0..95).filter(|k| *k != 20).map(|k| (outputs[k + 1][0] - outputs[k][0]).abs()).collect();
-        assert!(near(result.persistence.mae[0][0], kept.iter().sum::<f64>() / 94.0));
+        // The diverged prediction of v is limited to 10; NaN to the limit that is farther from the target.
+        let (above, below) = (10.0 - outputs[23][1], 10.0 + outputs[23][1]);
+        let expected = if error(20, 3, 1).is_nan() { above.max(below) } else { above };
+        assert!(near(result.max[2][1], expected), "{}", result.max[2][1]);
+        assert!(near(result.mae[2][1], (94.0 * 0.1 + result.max[2][1]) / 95.0));
+        // Persistence is evaluated on all windows.
+        let kept: Vec<f64> = (0..95).map(|k| (outputs[k + 1][0] - outputs[k][0]).abs()).collect();
+        assert!(near(result.persistence.mae[0][0], kept.iter().sum::<f64>() / 95.0));
         assert_eq!(result.score(), f64::INFINITY, "never the best");
     }
 }
@@ -179,8 +183,18 @@ fn divergence_starts_at_ten_times_the_design_range() {
     let outside = Oracle::new(&outputs, |_, _, c| if c == 0 { -20.001 } else { 0.0 });
     let result = judge(&outside, &[&run("a", &outputs)], &options(1)).unwrap();
     assert_eq!((result.windows, result.diverged), (9, 9));
-    // No window is left for a mean.
-    assert!(result.mae[0][0].is_nan() && result.max[0][0].is_nan() && result.persistence.mae[0][0].is_nan());
+    // The windows stay in the errors, with the limit -18 as prediction.
+    assert!(near(result.mae[0][0], 20.0) && near(result.max[0][0], 20.0));
+    assert_eq!(result.persistence.mae[0][0], 0.0);
+}
+
+#[test]
+fn a_right_prediction_outside_the_design_range_has_not_diverged() {
+    // The design range of v is -1 to 1.
+    let outputs: Vec<Vec<f64>> = (0..50).map(|k| vec![2.0, f64::from(k)]).collect();
+    let result = judge(&Oracle::new(&outputs, |_, _, _| 0.1), &[&run("a", &outputs)], &options(5)).unwrap();
+    assert_eq!((result.windows, result.diverged), (45, 0));
+    assert!(near(result.mae[4][1], 0.1) && near(result.persistence.mae[4][1], 5.0));
 }
 
 #[test]
