@@ -64,7 +64,7 @@ pub struct Identify {
     #[arg(long, num_args = 1.., value_name = "LOG")]
     pub test: Vec<PathBuf>,
     /// Methods, separated by commas
-    #[arg(long, value_delimiter = ',', default_value = "sindy,lagged,recursive")]
+    #[arg(long, value_delimiter = ',', default_value = "sindy,committee")]
     pub methods: Vec<Method>,
     /// Longest prediction horizon: samples (100) or seconds (10s) (default: 100 samples)
     #[arg(long, value_name = "N|Ns")]

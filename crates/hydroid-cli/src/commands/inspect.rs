@@ -123,6 +123,9 @@ fn model_json(file: &Path, model: &Model) -> serde_json::Value {
     if let Some(serde_json::Value::Object(parts)) = model.equations().map(equations) {
         document.as_object_mut().into_iter().for_each(|object| object.extend(parts.clone()));
     }
+    if model.committee().is_some() {
+        document["members"] = json!(model.named_members());
+    }
     if let Some(plant) = model.plant() {
         document["vessel"] = json!(plant.params());
     }
@@ -208,6 +211,9 @@ fn show_model(file: &Path, model: &Model) {
     show_ports(d);
     if let Some(motion) = model.equations() {
         show_equations("equations", motion);
+    }
+    if model.committee().is_some() {
+        model.network_text().iter().for_each(|line| outln!("{line}"));
     }
     show_network(model);
     let p = &d.provenance;

@@ -5,7 +5,7 @@ use hydroid_core::model::committee::Shape;
 use rayon::prelude::*;
 
 use super::ChooseError;
-use super::folds::Fold;
+use super::folds::{Fold, Segment};
 use super::library::Library;
 use super::regression::{Moments, Regression};
 use super::ridge::{Fit, solve};
@@ -32,6 +32,12 @@ const MARKS: [usize; 4] = [1, 2, 3, 4];
 
 /// Windows of the comparison, over all folds.
 const WINDOWS: usize = 400;
+
+/// Most samples of all folds with origins: the beginnings of long folds.
+const JUDGED: usize = 60_000;
+
+/// Most rows of a regression; of more rows, evenly spread ones are used.
+const ROWS: usize = 60_000;
 
 /// Candidates with constant coefficients that are also tried with learning ones.
 const LEARNING: usize = 80;
@@ -112,8 +118,13 @@ impl<'a> Grid<'a> {
                 }
             }
         }
-        let moments =
-            regressions.par_iter().map(|of| folds.iter().map(|fold| of.moments(fold)).collect()).collect();
+        let samples = samples(&folds);
+        let moments = |of: &Regression| -> Vec<Moments> {
+            let (stride, _) = of.increments();
+            let every = (samples / stride).div_ceil(ROWS).max(1);
+            folds.iter().map(|fold| of.moments(fold, every)).collect()
+        };
+        let moments = regressions.par_iter().map(moments).collect();
         Ok(Self { folds, regressions, moments, origins, marks, outputs, ranges, truth })
     }
 
@@ -168,19 +179,17 @@ impl<'a> Grid<'a> {
             all.extend(match candidate.information {
                 None => roll(Coefficients::Shared(&fit.coefficients)),
                 Some(information) => {
-                    let rows = of.rows(segment, false);
                     let mut learner = Learner::new(of, fit, information);
-                    let mut row = 0;
-                    let coefficients: Vec<Vec<f64>> = at
-                        .iter()
-                        .map(|&origin| {
-                            while rows.ends.get(row).is_some_and(|&end| end <= origin) {
-                                learner.learn(rows.phi(row), rows.z(row));
-                                row += 1;
-                            }
-                            learner.coefficients()
-                        })
-                        .collect();
+                    let mut coefficients: Vec<Vec<f64>> = Vec::with_capacity(at.len());
+                    let (_, increments) = of.increments();
+                    let last = at.last().map_or(0, |last| last + 1);
+                    of.for_each_row(segment, increments, last, &mut |end, phi, z| {
+                        while at.get(coefficients.len()).is_some_and(|&origin| origin < end) {
+                            coefficients.push(learner.coefficients());
+                        }
+                        learner.learn(phi, z);
+                    });
+                    coefficients.resize_with(at.len(), || learner.coefficients());
                     if coefficients.is_empty() { Vec::new() } else { roll(Coefficients::Each(&coefficients)) }
                 }
             });
@@ -225,16 +234,25 @@ impl<'a> Learner<'a> {
     }
 }
 
-/// Origins with complete windows, evenly spread: at most five in a horizon, and about [`WINDOWS`] in all.
+/// Samples of all folds.
+fn samples(folds: &[Fold<'_>]) -> usize {
+    folds.iter().flat_map(|fold| &fold.segments).map(Segment::len).sum()
+}
+
+/// Origins with complete windows, evenly spread over the first samples of each fold: at most five in a horizon, and about
+/// [`WINDOWS`] in all.
 fn origins(folds: &[Fold<'_>], warm_up: usize, horizon: usize) -> Vec<Origins> {
-    let samples: usize = folds.iter().flat_map(|fold| &fold.segments).map(super::folds::Segment::len).sum();
-    let stride = (horizon / 5).max(samples / WINDOWS).max(1);
+    let most = JUDGED / folds.len().max(1);
+    let stride = (horizon / 5).max(samples(folds).min(JUDGED) / WINDOWS).max(1);
     let mut all = Vec::new();
     for (fold, of) in folds.iter().enumerate() {
+        let mut left = most;
         for (segment, s) in of.segments.iter().enumerate() {
+            let end = s.len().min(left);
+            left -= end;
             let known =
                 |k: &usize| (k - warm_up..=k + horizon).all(|k| s.output(k).iter().all(|y| y.is_finite()));
-            let at = (warm_up..s.len().saturating_sub(horizon)).step_by(stride).filter(known).collect();
+            let at = (warm_up..end.saturating_sub(horizon)).step_by(stride).filter(known).collect();
             all.push(Origins { fold, segment, at });
         }
     }

@@ -7,7 +7,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::folds::{Fold, Segment};
 
-/// Points evaluated side by side.
+/// Points evaluated side by side, and rows added at a time.
 const BLOCK: usize = 64;
 
 /// A library with its clock step and its averaging.
@@ -38,25 +38,8 @@ impl Moments {
     }
 }
 
-/// Averaged rows of a segment, in the order of time.
-pub(super) struct Rows {
-    pub(super) terms: usize,
-    outputs: usize,
-    /// Sample of the end of each row, within the segment.
-    pub(super) ends: Vec<usize>,
-    phi: Vec<f64>,
-    z: Vec<f64>,
-}
-
-impl Rows {
-    pub(super) fn phi(&self, row: usize) -> &[f64] {
-        &self.phi[row * self.terms..][..self.terms]
-    }
-
-    pub(super) fn z(&self, row: usize) -> &[f64] {
-        &self.z[row * self.outputs..][..self.outputs]
-    }
-}
+/// Called with the end, the terms and the rates of a row.
+type OnRow<'a> = &'a mut dyn FnMut(usize, &[f64], &[f64]);
 
 impl Regression {
     pub(super) fn new(terms: Vec<Term>, shape: Shape, averaging: usize) -> Result<Self, EquationsError> {
@@ -76,40 +59,56 @@ impl Regression {
         (stride, samples.div_ceil(stride))
     }
 
-    /// Moments of all overlapping rows of a fold.
-    pub(super) fn moments(&self, fold: &Fold<'_>) -> Moments {
+    /// Moments of the overlapping rows of a fold, of which every `every`-th is used.
+    pub(super) fn moments(&self, fold: &Fold<'_>, every: usize) -> Moments {
         let mut moments = Moments::zero(self.terms.len(), self.shape.outputs);
         let (stride, _) = self.increments();
-        let weight = stride as f64 / self.shape.clock as f64;
+        let weight = (every * stride) as f64 / self.shape.clock as f64;
+        let (terms, outputs, arch) = (self.terms.len(), self.shape.outputs, Arch::new());
+        let mut rows = Vec::with_capacity(BLOCK * (terms + outputs));
         for segment in &fold.segments {
-            let rows = self.rows(segment, true);
-            Arch::new().dispatch(AddMoments { rows: &rows, weight, into: &mut moments });
+            self.for_each_row(segment, every, segment.len(), &mut |_, phi, z| {
+                rows.extend_from_slice(phi);
+                rows.extend_from_slice(z);
+                if rows.len() >= BLOCK * (terms + outputs) {
+                    arch.dispatch(AddMoments { rows: &rows, terms, outputs, weight, into: &mut moments });
+                    rows.clear();
+                }
+            });
         }
+        arch.dispatch(AddMoments { rows: &rows, terms, outputs, weight, into: &mut moments });
         moments
     }
 
-    /// Averaged rows of a segment, overlapping or one after the other. Rows with a missing value are left out.
-    pub(super) fn rows(&self, segment: &Segment<'_>, overlapping: bool) -> Rows {
+    /// Calls `add` with the end, the terms and the rates of averaged rows of a segment up to the sample `to`, in the order
+    /// of time: `every` increments lie between the first increments of two rows. Rows with a missing value are left out.
+    pub(super) fn for_each_row(&self, segment: &Segment<'_>, every: usize, to: usize, add: OnRow<'_>) {
         let Shape { outputs: n, clock, dt, .. } = self.shape;
         let terms = self.terms.len();
         let (stride, increments) = self.increments();
         let clock_s = clock as f64 * dt;
-        let mut rows = Rows { terms, outputs: n, ends: Vec::new(), phi: Vec::new(), z: Vec::new() };
-        let first = self.shape.span();
-        let starts: Vec<usize> = (first..segment.len().saturating_sub(clock)).step_by(stride).collect();
+        let end = to.min(segment.len()).saturating_sub(clock);
+        // Increments between two rows are skipped.
+        let needed = |&index: &usize| index % every < increments || every < increments;
+        let starts = (self.shape.span()..end).step_by(stride).enumerate();
+        let starts: Vec<(usize, usize)> = starts.filter(|(index, _)| needed(index)).collect();
         let mut slots = vec![0.0; self.program.slots() * BLOCK];
         // The last `increments` increments, each with its terms and its rate.
         let width = terms + n;
         let mut ring = vec![0.0; increments * width];
         let mut sum = vec![0.0; width];
+        // Consecutive increments without a missing value.
         let mut filled = 0;
         for block in starts.chunks(BLOCK) {
-            for (lane, &start) in block.iter().enumerate() {
+            for (lane, &(_, start)) in block.iter().enumerate() {
                 segment.load(&self.shape, start, None, &mut slots[BLOCK + lane..], BLOCK);
             }
             self.program.evaluate_block(&mut slots, BLOCK);
-            for (lane, &start) in block.iter().enumerate() {
-                let place = &mut ring[(filled % increments) * width..][..width];
+            for (lane, &(index, start)) in block.iter().enumerate() {
+                if every >= increments && index % every == 0 {
+                    filled = 0;
+                }
+                let place = &mut ring[(index % increments) * width..][..width];
                 for (t, value) in place[..terms].iter_mut().enumerate() {
                     *value = slots[self.program.slot(t) * BLOCK + lane];
                 }
@@ -117,13 +116,8 @@ impl Regression {
                 for ((value, now), before) in place[terms..].iter_mut().zip(now).zip(before) {
                     *value = (now - before) / clock_s;
                 }
-                if !place.iter().all(|x| x.is_finite()) {
-                    filled = 0;
-                    continue;
-                }
-                filled += 1;
-                let due = if overlapping { filled >= increments } else { filled.is_multiple_of(increments) };
-                if !due {
+                filled = if place.iter().all(|x| x.is_finite()) { filled + 1 } else { 0 };
+                if filled < increments || !(index + 1 - increments).is_multiple_of(every) {
                     continue;
                 }
                 sum.fill(0.0);
@@ -131,17 +125,20 @@ impl Regression {
                     sum.iter_mut().zip(part).for_each(|(sum, x)| *sum += x);
                 }
                 let share = 1.0 / increments as f64;
-                rows.phi.extend(sum[..terms].iter().map(|x| x * share));
-                rows.z.extend(sum[terms..].iter().map(|x| x * share));
-                rows.ends.push(start + clock);
+                for x in &mut sum {
+                    *x *= share;
+                }
+                add(start + clock, &sum[..terms], &sum[terms..]);
             }
         }
-        rows
     }
 }
 
 struct AddMoments<'a> {
-    rows: &'a Rows,
+    /// Terms and rates of each row.
+    rows: &'a [f64],
+    terms: usize,
+    outputs: usize,
     weight: f64,
     into: &'a mut Moments,
 }
@@ -155,10 +152,9 @@ impl WithSimd for AddMoments<'_> {
     )]
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Self { rows, weight, into } = self;
-        let terms = rows.terms;
-        for row in 0..rows.ends.len() {
-            let (phi, z) = (rows.phi(row), rows.z(row));
+        let Self { rows, terms, outputs, weight, into } = self;
+        for row in rows.chunks_exact(terms + outputs) {
+            let (phi, z) = row.split_at(terms);
             for (i, &a) in phi.iter().enumerate() {
                 let a = a * weight;
                 let line = &mut into.gram[i * terms + i..(i + 1) * terms];

@@ -32,7 +32,7 @@ pub use torch::{NamedTensor, weights_from_torch};
 #[doc(hidden)]
 pub use {
     jacobian::{JacobianEntry, JacobianText},
-    kinds::cell_text,
+    kinds::{NamedMember, cell_text},
     members::MAX_MEMBERS,
     modes::{Mode, Modes, NamedGate},
     units::{TermCoefficient, UnitProduct},

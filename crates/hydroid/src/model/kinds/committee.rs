@@ -43,6 +43,57 @@ struct LearningStructure {
     information: f64,
 }
 
+/// A member of a committee with the names of its terms.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NamedMember {
+    /// Number of votes.
+    pub votes: u32,
+    /// Clock step \[s\].
+    pub clock_s: f64,
+    /// Past clock steps among the variables.
+    pub past_steps: usize,
+    /// Names of the terms; `u(-1 s)` is the output `u` one second ago, and the name of an input its mean over a clock
+    /// step.
+    pub terms: Vec<String>,
+    /// Coefficients \[unit of the output per second\], a row for each output.
+    pub coefficients: Vec<Vec<f64>>,
+    /// Whether it learns along a run.
+    pub learns: bool,
+}
+
+impl Model {
+    /// The members of a committee; empty for other models.
+    #[doc(hidden)]
+    pub fn named_members(&self) -> Vec<NamedMember> {
+        let Some(committee) = self.committee() else { return Vec::new() };
+        let ports = || self.description.outputs.iter().chain(&self.description.inputs);
+        let named = |Member { equations, votes, prior }: &Member| {
+            let shape = equations.shape();
+            let clock_s = shape.clock as f64 * shape.dt;
+            let name = |lag: usize, name: &str| match lag {
+                0 => name.to_owned(),
+                lag => format!("{name}(-{} s)", (lag as f64 * clock_s * 1e3).round() / 1e3),
+            };
+            let names: Vec<String> = (0..=shape.lags)
+                .flat_map(|lag| ports().map(move |port| name(lag, &port.channel.name)))
+                .collect();
+            NamedMember {
+                votes: *votes,
+                clock_s,
+                past_steps: shape.lags,
+                terms: equations.terms().iter().map(|term| term.name(&names)).collect(),
+                coefficients: equations
+                    .coefficients()
+                    .chunks(equations.terms().len().max(1))
+                    .map(<[f64]>::to_vec)
+                    .collect(),
+                learns: prior.is_some(),
+            }
+        };
+        committee.members().iter().map(named).collect()
+    }
+}
+
 fn coefficients(member: usize) -> String {
     format!("coefficients.{member}")
 }

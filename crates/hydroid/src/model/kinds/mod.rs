@@ -29,6 +29,7 @@ use super::{Description, Model, NamedEquations};
 
 pub(super) use vessel::read as read_vessel;
 
+pub use committee::NamedMember;
 pub use recurrent::cell_text;
 
 /// Structure and numbers of a model, by kind.
