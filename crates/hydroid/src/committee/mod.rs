@@ -31,6 +31,8 @@ pub struct Chosen {
     pub candidates: usize,
     /// Cross-validated error of the committee: mean NRMSE over outputs and the quarters of the horizon.
     pub error: f64,
+    /// The same of the committee with constant coefficients.
+    pub constant_error: f64,
     /// Cross-validated error of the best single candidate.
     pub best_error: f64,
 }

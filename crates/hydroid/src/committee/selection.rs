@@ -79,53 +79,65 @@ fn trials(
 }
 
 pub(super) fn choose(grid: &Grid<'_>, progress: Progress<'_>) -> Result<Chosen, ChooseError> {
-    let limits = grid.limits(1.0);
     let judge = Judge::new(&grid.truth, grid.outputs * grid.marks());
-    let constant = grid.constant();
-    let mut all = trials(grid, &judge, &constant, &mut |f| progress(0.4 * f))?;
-    let best: Vec<Candidate> = all.iter().map(|trial| trial.candidate).collect();
-    let learning = Grid::learning(&best);
-    all.truncate(SHORTLIST);
-    all.extend(trials(grid, &judge, &learning, &mut |f| progress(0.4 + 0.5 * f))?);
+    let candidates = grid.constant();
+    let mut constant = trials(grid, &judge, &candidates, &mut |f| progress(0.4 * f))?;
+    let best: Vec<Candidate> = constant.iter().map(|trial| trial.candidate).collect();
+    let candidates = Grid::learning(&best);
+    let compared = best.len() + candidates.len();
+    constant.truncate(SHORTLIST);
+    limit(grid, &mut constant);
+    let mut learning = trials(grid, &judge, &candidates, &mut |f| progress(0.4 + 0.5 * f))?;
+    learning.truncate(SHORTLIST);
+    limit(grid, &mut learning);
+    let constant: Vec<&Trial> = constant.iter().collect();
+    let mut all: Vec<&Trial> = constant.iter().copied().chain(&learning).collect();
     all.sort_by(|a, b| a.error.total_cmp(&b.error));
     all.truncate(SHORTLIST);
-    let Some(best_error) = all.first().map(|trial| trial.error) else { return Err(ChooseError::Singular) };
-    let outputs = grid.outputs;
-    for trial in &mut all {
-        for (at, p) in trial.predicted.iter_mut().enumerate() {
-            let (low, high) = limits[at % outputs];
-            #[expect(clippy::cast_possible_truncation, reason = "single precision suffices for the choice")]
-            let limited = p.clamp(low as f32, high as f32);
-            *p = limited;
-        }
+    let best_error = all.first().ok_or(ChooseError::Singular)?.error;
+    let (votes, error) = select(&judge, &all);
+    report(progress, 0.95)?;
+    let (constant_votes, constant_error) = select(&judge, &constant);
+    let members = |trials: &[&Trial], votes: &[u32]| -> Option<Vec<Member>> {
+        let chosen = trials.iter().zip(votes).filter(|(_, votes)| **votes > 0);
+        chosen.map(|(trial, votes)| member(grid, &trial.candidate, *votes)).collect()
+    };
+    let committee = Committee::new(members(&all, &votes).ok_or(ChooseError::Singular)?)?;
+    let committee = match members(&constant, &constant_votes).filter(|members| !members.is_empty()) {
+        Some(members) => committee.with_constant(members)?,
+        None => committee,
+    };
+    Ok(Chosen { committee, candidates: compared, error, constant_error, best_error })
+}
+
+/// Limits predictions to one range beyond the range of each output.
+fn limit(grid: &Grid<'_>, trials: &mut [Trial]) {
+    let limits = grid.limits(1.0);
+    for (at, p) in trials.iter_mut().flat_map(|trial| trial.predicted.iter_mut().enumerate()) {
+        let (low, high) = limits[at % grid.outputs];
+        #[expect(clippy::cast_possible_truncation, reason = "single precision suffices for the choice")]
+        let limited = p.clamp(low as f32, high as f32);
+        *p = limited;
     }
-    let mut sum = vec![0.0f64; grid.truth.len()];
-    let mut votes = vec![0; all.len()];
-    let mut error = best_error;
+}
+
+/// Votes of candidates, chosen with replacement, and the error of their mean.
+fn select(judge: &Judge<'_>, trials: &[&Trial]) -> (Vec<u32>, f64) {
+    let mut sum = vec![0.0f64; judge.truth.len()];
+    let mut votes = vec![0; trials.len()];
+    let mut error = f64::INFINITY;
     for round in 0..VOTES {
         let share = 1.0 / f64::from(round + 1);
-        let errors: Vec<f64> = all
-            .par_iter()
-            .map(|trial| {
-                judge.error(sum.iter().zip(&trial.predicted).map(|(s, p)| share * (s + f64::from(*p))))
-            })
-            .collect();
-        let Some(best) = (0..all.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b])) else { break };
+        let with = |trial: &&Trial| {
+            judge.error(sum.iter().zip(&trial.predicted).map(|(s, p)| share * (s + f64::from(*p))))
+        };
+        let errors: Vec<f64> = trials.par_iter().map(with).collect();
+        let Some(best) = (0..trials.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b])) else { break };
         error = errors[best];
         votes[best] += 1;
-        sum.iter_mut().zip(&all[best].predicted).for_each(|(sum, p)| *sum += f64::from(*p));
-        report(progress, 0.9 + 0.1 * f64::from(round) / f64::from(VOTES))?;
+        sum.iter_mut().zip(&trials[best].predicted).for_each(|(sum, p)| *sum += f64::from(*p));
     }
-    let mut members = Vec::new();
-    for (trial, votes) in all.iter().zip(votes).filter(|(_, votes)| *votes > 0) {
-        members.push(member(grid, &trial.candidate, votes).ok_or(ChooseError::Singular)?);
-    }
-    Ok(Chosen {
-        committee: Committee::new(members)?,
-        candidates: constant.len() + learning.len(),
-        error,
-        best_error,
-    })
+    (votes, error)
 }
 
 /// A member, fitted on all folds.

@@ -8,7 +8,7 @@ use crate::evaluate::{self, EvaluateError, evaluate};
 use crate::log::Trajectory;
 use crate::model::{Body, Model};
 use crate::progress::Progress;
-use crate::sindy::SearchError;
+use crate::sindy::{BlockLosses, SearchError};
 
 impl Parts<'_> {
     fn held_out(&self) -> [(&'static str, &[&Trajectory]); 2] {
@@ -98,14 +98,27 @@ pub(super) fn evaluate_candidates(
 /// Minimum relative decrease of the validation error by a more complex method.
 const MIN_IMPROVEMENT: f64 = 0.02;
 
-/// The model with the smallest validation error, where a more complex model must improve it by [`MIN_IMPROVEMENT`]. The
-/// test runs do not influence the choice; if its rollouts diverge on them, there is no best model.
+/// The model with the smallest validation error, where a more complex model must improve it by [`MIN_IMPROVEMENT`]. A
+/// committee takes its place unless the difference exceeds one standard error (one-standard-error rule: Breiman et al.,
+/// Classification and Regression Trees, 1984, section 3.4.3). The test runs do not influence the choice; if its rollouts diverge on them, there is no best model.
 pub(super) fn select_best(candidates: &[Candidate]) -> Option<usize> {
     let judged = candidates.iter().map(|candidate| {
         let score = (candidate.validation.diverged == 0).then(|| candidate.validation.score());
         (candidate.training.complexity(), score)
     });
-    least_error(&judged.collect::<Vec<_>>()).filter(|&i| candidates[i].test.diverged == 0)
+    let judged: Vec<_> = judged.collect();
+    let best = least_error(&judged)?;
+    // The other methods chose a model on the validation runs, which favours them there by chance; the committee did not.
+    let committee =
+        candidates.iter().position(|candidate| matches!(candidate.training, Training::Committee(_)));
+    let committee = committee.filter(|&i| judged[i].1.is_some());
+    let losses =
+        |i: usize| BlockLosses { validation: candidates[i].validation.blocks.clone(), training: Vec::new() };
+    let best = match committee {
+        Some(committee) if !losses(best).is_significantly_better(&losses(committee)) => committee,
+        _ => best,
+    };
+    Some(best).filter(|&i| candidates[i].test.diverged == 0)
 }
 
 fn least_error<C: Ord>(judged: &[(C, Option<f64>)]) -> Option<usize> {

@@ -188,6 +188,7 @@ pub(super) fn train_by(
             let told = serde_json::json!({
                 "candidates": chosen.candidates,
                 "cross_validated_nrmse": chosen.error,
+                "cross_validated_nrmse_frozen": chosen.constant_error,
                 "cross_validated_nrmse_of_the_best": chosen.best_error,
                 "horizon": job.horizon,
             });

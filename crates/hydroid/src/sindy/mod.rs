@@ -32,6 +32,7 @@ pub use error::FitError;
 pub use fit::{Fit, LinearRegression};
 pub use library::{Family, Library, Variables};
 pub use options::{FitOptions, Optimizer, RegressionOptions, Scaling};
+pub(crate) use parsimony::BlockLosses;
 pub use regression_form::RegressionForm;
 
 // Parts of the search for the other crates and the tests of this workspace.

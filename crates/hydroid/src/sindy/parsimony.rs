@@ -6,7 +6,7 @@ use super::fit::Fit;
 
 /// Losses of one model by block ([`Evaluation::blocks`](crate::evaluate::Evaluation::blocks)).
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct BlockLosses {
+pub(crate) struct BlockLosses {
     /// Losses on the validation runs.
     pub validation: Vec<f64>,
     /// Losses on excerpts of the training runs; may be empty.
@@ -47,7 +47,7 @@ impl BlockLosses {
     }
 
     /// Whether these losses are smaller than others by more than one standard error.
-    pub(super) fn is_significantly_better(&self, other: &Self) -> bool {
+    pub(crate) fn is_significantly_better(&self, other: &Self) -> bool {
         let difference = self.paired_difference(other);
         difference.mean < -difference.error
     }

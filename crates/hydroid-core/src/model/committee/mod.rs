@@ -43,6 +43,8 @@ pub const MOST_MEMBERS: usize = 64;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Committee {
     members: Vec<Member>,
+    /// Members of the frozen committee.
+    constant: Vec<Member>,
 }
 
 /// Reasons why a committee is invalid.
@@ -74,7 +76,7 @@ impl core::fmt::Display for CommitteeError {
 impl core::error::Error for CommitteeError {}
 
 impl Committee {
-    /// A committee of members.
+    /// A committee of members. The [frozen](Self::frozen) committee has the same members without priors.
     ///
     /// # Errors
     /// If there are too few or too many members, one has no vote, or they do not fit together.
@@ -99,10 +101,26 @@ impl Committee {
                     && prior.information > 0.0
             })
         };
-        match members.iter().position(|member| !sound(member)) {
-            Some(member) => Err(CommitteeError::Prior { member }),
-            None => Ok(Self { members }),
+        if let Some(member) = members.iter().position(|member| !sound(member)) {
+            Err(CommitteeError::Prior { member })
+        } else {
+            let constant = members.iter().map(|member| Member { prior: None, ..member.clone() }).collect();
+            Ok(Self { members, constant })
         }
+    }
+
+    /// The committee with other members for its [frozen](Self::frozen) form: equations that predict best with learned
+    /// coefficients need not predict best with constant ones. Priors of the members are dropped.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new); if outputs, inputs or sample time differ from those of the members.
+    pub fn with_constant(self, members: Vec<Member>) -> Result<Self, CommitteeError> {
+        let other = Self::new(members)?;
+        let channels = |of: &Self| (of.outputs(), of.inputs(), of.dt().to_bits());
+        if channels(&self) != channels(&other) {
+            return Err(CommitteeError::Channels);
+        }
+        Ok(Self { constant: other.constant, ..self })
     }
 
     /// The members.
@@ -130,14 +148,18 @@ impl Committee {
         self.members.iter().map(|member| member.equations.shape().span()).max().unwrap_or(0)
     }
 
-    /// The committee without priors, whose coefficients are constant.
+    /// The committee of the members with constant coefficients.
     #[must_use]
     pub fn frozen(&self) -> Self {
-        let members = self.members.iter().map(|member| Member { prior: None, ..member.clone() }).collect();
-        Self { members }
+        Self { members: self.constant.clone(), constant: self.constant.clone() }
     }
 
-    /// The committee with other coefficients of the members that learn, in their order.
+    /// The members of the [frozen](Self::frozen) committee.
+    pub fn constant_members(&self) -> &[Member] {
+        &self.constant
+    }
+
+    /// The committee with other coefficients of the members that learn, in their order. The frozen form stays.
     ///
     /// # Errors
     /// If the number of coefficients is wrong, or one is not finite.
@@ -154,7 +176,7 @@ impl Committee {
             rest = others;
             member.equations = DifferenceEquations::new(of.terms().to_vec(), own.to_vec(), *of.shape())?;
         }
-        Ok(Self { members })
+        Ok(Self { members, constant: self.constant.clone() })
     }
 
     /// Number of coefficients of the members that learn.

@@ -1,5 +1,6 @@
 //! Committees of difference equations. File: for the member `k` the tensors `coefficients.k` (outputs x terms) and, if it
-//! learns, `r_factor.k` (terms x terms); terms, clock steps and votes are in the head.
+//! learns, `r_factor.k` (terms x terms), for the member `k` of the frozen committee `constant.k`; terms, clock steps and
+//! votes are in the head.
 
 use std::sync::Arc;
 
@@ -18,6 +19,8 @@ use crate::model::{Description, Members, Model};
 #[serde(deny_unknown_fields)]
 pub(in crate::model) struct Structure {
     members: Vec<MemberStructure>,
+    /// Members of the frozen committee.
+    constant: Vec<MemberStructure>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -98,6 +101,10 @@ fn coefficients(member: usize) -> String {
     format!("coefficients.{member}")
 }
 
+fn constant(member: usize) -> String {
+    format!("constant.{member}")
+}
+
 fn r_factor(member: usize) -> String {
     format!("r_factor.{member}")
 }
@@ -105,23 +112,30 @@ fn r_factor(member: usize) -> String {
 impl Structure {
     pub(super) fn read(self, tensors: &SafeTensors<'_>, description: Description) -> Result<Model, String> {
         let (outputs, inputs, dt) = (description.outputs.len(), description.inputs.len(), description.dt);
-        let member = |(k, member): (usize, MemberStructure)| -> Result<Member, String> {
-            let MemberStructure { terms, lags, clock, votes, learning } = member;
-            let count = terms.len();
-            let own = numbers(tensors, &coefficients(k), &[outputs, count])?;
-            let shape = Shape { outputs, inputs, lags, clock, dt };
-            let equations = DifferenceEquations::new(terms, own, shape).map_err(|error| error.to_string())?;
-            let prior = match learning {
-                Some(LearningStructure { averaging, information }) => {
-                    let r_factor = numbers(tensors, &r_factor(k), &[count, count])?;
-                    Some(Prior { averaging, information, r_factor })
-                }
-                None => None,
+        let member =
+            |name: fn(usize) -> String, k: usize, member: MemberStructure| -> Result<Member, String> {
+                let MemberStructure { terms, lags, clock, votes, learning } = member;
+                let count = terms.len();
+                let own = numbers(tensors, &name(k), &[outputs, count])?;
+                let shape = Shape { outputs, inputs, lags, clock, dt };
+                let equations =
+                    DifferenceEquations::new(terms, own, shape).map_err(|error| error.to_string())?;
+                let prior = match learning {
+                    Some(LearningStructure { averaging, information }) => {
+                        let r_factor = numbers(tensors, &r_factor(k), &[count, count])?;
+                        Some(Prior { averaging, information, r_factor })
+                    }
+                    None => None,
+                };
+                Ok(Member { equations, votes, prior })
             };
-            Ok(Member { equations, votes, prior })
-        };
-        let members = self.members.into_iter().enumerate().map(member).collect::<Result<_, _>>()?;
-        let committee = Arc::new(Committee::new(members).map_err(|error| error.to_string())?);
+        let read =
+            |name: fn(usize) -> String, members: Vec<MemberStructure>| -> Result<Vec<Member>, String> {
+                members.into_iter().enumerate().map(|(k, of)| member(name, k, of)).collect()
+            };
+        let (members, frozen) = (read(coefficients, self.members)?, read(constant, self.constant)?);
+        let committee = Committee::new(members).and_then(|committee| committee.with_constant(frozen));
+        let committee = Arc::new(committee.map_err(|error| error.to_string())?);
         // The session checks the priors.
         CommitteeSession::new(Arc::clone(&committee)).map_err(|error| error.to_string())?;
         Ok(Model {
@@ -155,21 +169,26 @@ impl Kind for Arc<Committee> {
 
     fn encode(&self, _: &Model) -> Result<Encoded, String> {
         let mut tensors = Vec::new();
-        let mut members = Vec::new();
-        for (k, Member { equations, votes, prior }) in self.members().iter().enumerate() {
-            let (terms, shape) = (equations.terms(), equations.shape());
-            let count = terms.len();
-            tensors.push(tensor(&coefficients(k), vec![shape.outputs, count], equations.coefficients()));
-            if let Some(prior) = prior {
-                tensors.push(tensor(&r_factor(k), vec![count, count], &prior.r_factor));
+        let mut encode = |name: fn(usize) -> String, all: &[Member]| -> Vec<MemberStructure> {
+            let mut members = Vec::new();
+            for (k, Member { equations, votes, prior }) in all.iter().enumerate() {
+                let (terms, shape) = (equations.terms(), equations.shape());
+                let count = terms.len();
+                tensors.push(tensor(&name(k), vec![shape.outputs, count], equations.coefficients()));
+                if let Some(prior) = prior {
+                    tensors.push(tensor(&r_factor(k), vec![count, count], &prior.r_factor));
+                }
+                let learning = prior.as_ref().map(|&Prior { averaging, information, .. }| {
+                    LearningStructure { averaging, information }
+                });
+                let (lags, clock, votes) = (shape.lags, shape.clock, *votes);
+                members.push(MemberStructure { terms: terms.to_vec(), lags, clock, votes, learning });
             }
-            let learning = prior
-                .as_ref()
-                .map(|&Prior { averaging, information, .. }| LearningStructure { averaging, information });
-            let (lags, clock, votes) = (shape.lags, shape.clock, *votes);
-            members.push(MemberStructure { terms: terms.to_vec(), lags, clock, votes, learning });
-        }
-        Ok(Encoded::Tensors(super::Structure::Committee(Structure { members }), tensors))
+            members
+        };
+        let members = encode(coefficients, self.members());
+        let constant = encode(constant, self.constant_members());
+        Ok(Encoded::Tensors(super::Structure::Committee(Structure { members, constant }), tensors))
     }
 
     fn network_text(&self, _: &Description) -> Vec<String> {
@@ -192,6 +211,8 @@ impl Kind for Arc<Committee> {
                 shape.clock as f64 * shape.dt
             )
         };
-        std::iter::once(first).chain(self.members().iter().map(member)).collect()
+        let frozen = format!("frozen: {} members with constant coefficients", self.constant_members().len());
+        let lines = std::iter::once(first).chain(self.members().iter().map(member));
+        lines.chain(std::iter::once(frozen)).collect()
     }
 }

@@ -1,0 +1,265 @@
+//! Leave-one-run-out on public sets of real and simulated vessels: each run is the test run once, and everything is
+//! identified again from all other runs.
+//!
+//! ```text
+//! HYDROID_DATA=... cargo run --release -p hydroid-study --example leave_one_run_out -- [method,method] [SET ...]
+//! ```
+//!
+//! The table has the NRMSE of each output at the horizon, over the windows of all runs together, from every fifth sample
+//! on; `frozen` is the committee with constant coefficients.
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use hydroid::evaluate::{Options, evaluate};
+use hydroid::identify::{Job, Method, NetworkTrainingOptions, SindyOptions, identify, output_ranges};
+use hydroid::log::{self, PrepareOptions, Selection, Trajectory, split_named};
+use hydroid::model::Reading;
+use hydroid::progress::silent;
+use hydroid_core::predict::{Predictor, Workspace};
+
+/// Runs of a vessel.
+struct Set {
+    name: &'static str,
+    folder: &'static str,
+    runs: &'static [&'static str],
+    outputs: &'static str,
+    inputs: &'static str,
+    wind: bool,
+    horizon_s: f64,
+}
+
+const ESSO: Set = Set {
+    name: "esso-random",
+    folder: "esso-osaka",
+    runs: &[
+        "random_03-Aug-2020_11_04_37",
+        "random_06-Aug-2020_16_24_25_1",
+        "random_06-Aug-2020_16_24_25_4",
+        "random_06-Aug-2020_16_24_25_6",
+        "random_31-Jul-2020_12_29_58",
+        "random_31-Jul-2020_14_52_18",
+    ],
+    outputs: "u=u_velo,v=vm_velo,r=r_angvelo",
+    inputs: "n=n_prop,delta=delta_rudder",
+    wind: false,
+    horizon_s: 30.0,
+};
+
+const FLEET: Set = Set {
+    name: "",
+    folder: "",
+    runs: &["run1", "run2", "run3", "run4", "run5", "run6"],
+    outputs: "u,v,r",
+    inputs: "",
+    wind: false,
+    horizon_s: 30.0,
+};
+
+const SETS: [Set; 9] = [
+    Set {
+        name: "cybership",
+        folder: "cybership-enterprise1",
+        runs: &["random_run1", "run1", "random_run3", "dptest1"],
+        outputs: "u=u_mps,v=v_mps,r=r_radps",
+        inputs: "u1_vsp1_x,u2_vsp1_y,u3_vsp2_x,u4_vsp2_y,u5_bowthruster",
+        wind: false,
+        horizon_s: 5.0,
+    },
+    Set { name: "esso-random-wind", wind: true, ..ESSO },
+    ESSO,
+    Set {
+        name: "esso-zigzag-wind",
+        runs: &[
+            "zigzag_31-Jul-2020_13_22_52",
+            "zigzag_31-Jul-2020_13_29_19",
+            "zigzag_31-Jul-2020_13_50_28",
+            "zigzag_31-Jul-2020_14_03_39",
+        ],
+        wind: true,
+        horizon_s: 20.0,
+        ..ESSO
+    },
+    Set { name: "otter", folder: "fleet/otter/rates", inputs: "n_left,n_right", horizon_s: 20.0, ..FLEET },
+    Set { name: "tanker", folder: "fleet/tanker/rates", inputs: "rpm,rudder", horizon_s: 60.0, ..FLEET },
+    Set { name: "clarke83", folder: "fleet/clarke83/rates", inputs: "thrust,delta", ..FLEET },
+    Set { name: "zefakkel", folder: "fleet/zefakkel/rates", inputs: "speed_order,rudder", ..FLEET },
+    Set {
+        name: "transit",
+        folder: "fleet/transit/rates",
+        inputs: "throttle,delta_cmd",
+        horizon_s: 60.0,
+        ..FLEET
+    },
+];
+
+impl Set {
+    /// The runs, by the file that each comes from.
+    fn read(&self, data: &Path) -> anyhow::Result<(Vec<Vec<Trajectory>>, Reading)> {
+        let files: Vec<PathBuf> =
+            self.runs.iter().map(|run| data.join(self.folder).join(run).with_extension("csv")).collect();
+        let raw = files.iter().map(|file| log::read(file)).collect::<Result<Vec<_>, _>>()?;
+        let wind = self.wind.then(|| "wind_velo_relative_mid,wind_dir_relative_mid".parse());
+        let selection = Selection { wind: wind.transpose()?, ..Selection::of(self.outputs, self.inputs)? };
+        let options = PrepareOptions::default();
+        let prepared = log::prepare(&raw, &selection, &options)?;
+        let mut runs = vec![Vec::new(); files.len()];
+        for (run, source) in prepared.runs.into_iter().zip(prepared.sources) {
+            runs[source].push(run);
+        }
+        Ok((runs, Reading { selection: prepared.selection, options }))
+    }
+}
+
+/// A session that continues with the next of its sessions at each [`reset`](Predictor::reset), the start of a run.
+struct OnePerRun {
+    sessions: Vec<Box<dyn Predictor>>,
+    runs: usize,
+}
+
+impl OnePerRun {
+    fn session(&self) -> &dyn Predictor {
+        self.sessions[self.runs.saturating_sub(1)].as_ref()
+    }
+
+    fn session_mut(&mut self) -> &mut dyn Predictor {
+        self.sessions[self.runs.saturating_sub(1)].as_mut()
+    }
+}
+
+impl Predictor for OnePerRun {
+    fn outputs(&self) -> usize {
+        self.sessions[0].outputs()
+    }
+    fn inputs(&self) -> usize {
+        self.sessions[0].inputs()
+    }
+    fn warm_up(&self) -> usize {
+        self.sessions.iter().map(|session| session.warm_up()).max().unwrap_or(1)
+    }
+    fn reset(&mut self) {
+        self.runs += 1;
+        self.session_mut().reset();
+    }
+    fn observe(&mut self, y: &[f64]) {
+        self.session_mut().observe(y);
+    }
+    fn advance(&mut self, c: &[f64]) {
+        self.session_mut().advance(c);
+    }
+    fn output(&self, y: &mut [f64]) {
+        self.session().output(y);
+    }
+    fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        self.session().rollout(commands, work, y);
+    }
+    fn snapshot_len(&self) -> usize {
+        self.session().snapshot_len()
+    }
+    fn snapshot(&self, into: &mut [f64]) {
+        self.session().snapshot(into);
+    }
+    fn restore(&mut self, from: &[f64]) {
+        self.session_mut().restore(from);
+    }
+    fn fork(&self) -> Box<dyn Predictor> {
+        self.session().fork()
+    }
+}
+
+fn methods(list: &str) -> anyhow::Result<Vec<Method>> {
+    let method = |name: &str| Ok(serde_json::from_value(serde_json::Value::from(name))?);
+    list.split(',').map(method).collect()
+}
+
+fn measure(set: &Set, data: &Path, methods: &[Method]) -> anyhow::Result<()> {
+    let (runs, reading) = set.read(data)?;
+    let first = runs.iter().flatten().next().ok_or_else(|| anyhow::anyhow!("{}: no runs", set.name))?;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive number")]
+    let horizon = (set.horizon_s / first.dt).round() as usize;
+    // Sessions by name of the model, with one session for each run.
+    let mut sessions: Vec<(String, Vec<Box<dyn Predictor>>)> = Vec::new();
+    let mut add = |name: &str, make: &mut dyn FnMut() -> Box<dyn Predictor>, parts: usize| {
+        let place = sessions.iter().position(|(known, _)| known == name).unwrap_or(sessions.len());
+        if place == sessions.len() {
+            sessions.push((name.to_owned(), Vec::new()));
+        }
+        sessions[place].1.extend((0..parts).map(|_| make()));
+    };
+    let clock = Instant::now();
+    for (left_out, test) in runs.iter().enumerate() {
+        let others = runs.iter().enumerate().filter(|(index, _)| *index != left_out);
+        let train: Vec<Trajectory> = others.flat_map(|(_, parts)| parts.iter().cloned()).collect();
+        let job = Job {
+            methods: methods.to_vec(),
+            split: split_named(train, Vec::new(), test.clone())?,
+            reading: reading.clone(),
+            horizon,
+            // Errors of the test runs are computed below.
+            origin_stride: 50,
+            seed: 0,
+            ranges: std::collections::BTreeMap::default(),
+            sindy: SindyOptions::default(),
+            networks: NetworkTrainingOptions::default(),
+        };
+        let Ok(identified) = identify(&job, &mut silent()) else {
+            println!("{}: nothing was identified without {}", set.name, set.runs[left_out]);
+            return Ok(());
+        };
+        for candidate in &identified.candidates {
+            let model = &candidate.model;
+            add(&model.description.name, &mut || model.session(), test.len());
+            if model.committee().is_some() {
+                add("frozen", &mut || model.frozen().session(), test.len());
+            }
+        }
+        let best = identified.best.unwrap_or(0);
+        add("best", &mut || identified.candidates[best].model.session(), test.len());
+    }
+    let seconds = clock.elapsed().as_secs_f64() / runs.len() as f64;
+    let all: Vec<&Trajectory> = runs.iter().flatten().collect();
+    let ranges = output_ranges(&all);
+    // The first ten seconds of a run are the past of the first origin.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive number")]
+    let warm_up = (10.0_f64 / first.dt).round() as usize;
+    let options = Options { horizon, origin_stride: 5, warm_up, ..Options::default() };
+    for (name, sessions) in sessions {
+        if sessions.len() != all.len() {
+            println!("| {} | `{name}` | missing for some runs |", set.name);
+            continue;
+        }
+        let mut session = OnePerRun { sessions, runs: 0 };
+        let errors =
+            evaluate(&name, &mut session, &ranges, &all, &options, &mut |_| ControlFlow::Continue(()))?;
+        let last = &errors.nrmse[horizon - 1];
+        let mean = |row: &[f64]| row.iter().sum::<f64>() / row.len() as f64;
+        let outputs: Vec<String> = last.iter().map(|x| format!("{x:.3}")).collect();
+        println!(
+            "| {}, {} s | `{name}` | {} | {:.3} | {:.3} | {} | {seconds:.1} |",
+            set.name,
+            set.horizon_s,
+            outputs.join(" | "),
+            mean(last),
+            mean(&errors.persistence.nrmse[horizon - 1]),
+            errors.diverged,
+        );
+    }
+    Ok(())
+}
+
+fn main() -> anyhow::Result<()> {
+    let Some(data) = std::env::var_os("HYDROID_DATA") else {
+        println!("skipped: no HYDROID_DATA");
+        return Ok(());
+    };
+    let mut args = std::env::args().skip(1);
+    let methods = methods(&args.next().unwrap_or_else(|| String::from("sindy,committee")))?;
+    let chosen: Vec<String> = args.collect();
+    println!("| set, horizon | model | u | v | r | mean | persistence | diverged | s per identification |");
+    println!("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |");
+    for set in SETS.iter().filter(|set| chosen.is_empty() || chosen.iter().any(|name| name == set.name)) {
+        measure(set, Path::new(&data), &methods)?;
+    }
+    Ok(())
+}
