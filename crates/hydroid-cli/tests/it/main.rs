@@ -8,6 +8,7 @@ mod adapt_vessels;
 mod bad_input;
 mod black_box;
 mod commands;
+mod committee;
 mod common;
 mod control;
 mod documents;

@@ -1,9 +1,12 @@
 //! The saved state of an adapter is complete.
 
+use std::sync::Arc;
+
 use hydroid_core::adapt::{
-    Adapter, ExpertMixture, ExpertMixtureOptions, InnovationGate, Learning, Outcome, RecursiveEquations,
-    RecursiveOptions, SaveState,
+    Adapter, CommitteeSession, ExpertMixture, ExpertMixtureOptions, InnovationGate, Outcome,
+    RecursiveEquations, RecursiveOptions, SaveState,
 };
+use hydroid_core::model::committee::{self, Committee, DifferenceEquations, Member, Prior};
 use hydroid_core::model::sparse::{Equations, Real, Signal, Term};
 use hydroid_core::predict::Workspace;
 use proptest::prelude::*;
@@ -53,6 +56,23 @@ fn mixture() -> ExpertMixture {
         gate: InnovationGate::default(),
     };
     ExpertMixture::new(&equations(), &RANGES, &options, None).unwrap()
+}
+
+/// Two members that learn with different clock steps, and a constant one.
+fn committee() -> CommitteeSession {
+    let terms = [Term::constant(), Term::signed_square(0, 0), Term::monomial(&[1]), Term::monomial(&[6])];
+    let member = |clock, averaging: Option<usize>| {
+        let shape = committee::Shape { outputs: 2, inputs: 2, lags: 1, clock, dt: 0.1 };
+        let coefficients = vec![0.1, -0.3, 0.0, 0.2, 0.0, 0.1, -1.0, 0.3];
+        let equations = DifferenceEquations::new(terms.to_vec(), coefficients, shape).unwrap();
+        let r_factor =
+            (0..16).map(|at| [2.0, 0.1, 0.2, 0.1, 0.0][at % 5] * f64::from(u8::from(at % 4 >= at / 4)));
+        let r_factor: Vec<f64> = r_factor.collect();
+        let prior = averaging.map(|averaging| Prior { averaging, information: 2.0, r_factor });
+        Member { equations, votes: 1, prior }
+    };
+    let members = vec![member(3, Some(2)), member(4, None), member(2, Some(1))];
+    CommitteeSession::new(Arc::new(Committee::new(members).unwrap())).unwrap()
 }
 
 /// A run with noise, missing values and spikes.
@@ -107,16 +127,20 @@ fn an_adapter_resumes_from_a_saved_state() {
     for at in [0, 1, 3, 9, 10, 61, 62, 97, 500] {
         goes_on_as_if_nothing_had_been(recursive(), recursive(), at);
         goes_on_as_if_nothing_had_been(mixture(), mixture(), at);
+        goes_on_as_if_nothing_had_been(committee(), committee(), at);
     }
 }
 
 #[test]
 fn a_frozen_adapter_stays_frozen() {
-    let mut frozen = recursive();
+    stays_frozen(recursive(), recursive());
+    stays_frozen(committee(), committee());
+}
+
+fn stays_frozen(mut frozen: impl Adapter, mut other: impl Adapter) {
     frozen.freeze(true);
     let mut memory = vec![0.0; frozen.memory_len()];
     frozen.save(&mut memory);
-    let mut other = recursive();
     other.load(&memory);
     let before = other.weights().to_vec();
     walk(&mut other, 0, 200);
@@ -141,6 +165,13 @@ proptest! {
         walk(&mut adapter, 0, 100);
         let mut adapter = mixture();
         let memory: Vec<f64> = (0..adapter.memory_len()).map(|_| next()).collect();
+        adapter.load(&memory);
+        walk(&mut adapter, 0, 100);
+        let mut adapter = committee();
+        let mut memory: Vec<f64> = (0..adapter.memory_len()).map(|_| next()).collect();
+        adapter.load(&memory);
+        walk(&mut adapter, 0, 100);
+        memory.fill(f64::MAX);
         adapter.load(&memory);
         walk(&mut adapter, 0, 100);
     }

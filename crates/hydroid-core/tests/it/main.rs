@@ -1,6 +1,7 @@
 //! Integration tests of the on-board crate.
 
 mod adapter_memory;
+mod committee;
 mod control_actuators;
 mod control_affine;
 mod controllers;

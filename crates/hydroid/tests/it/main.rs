@@ -4,6 +4,7 @@ mod adapt;
 #[cfg(unix)]
 mod atomic;
 mod closed_loop;
+mod committee;
 mod direct_equations;
 mod equations;
 mod estimate;

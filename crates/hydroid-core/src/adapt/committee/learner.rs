@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 
 use super::super::innovation_gate::{InnovationGate, Noise};
 use super::super::least_squares::RecursiveLeastSquares;
-use super::super::memory::{MOST_COUNTED, Reader, Writer};
+use super::super::memory::{Reader, Writer};
 use super::super::scale::unit_columns;
 use super::super::{Innovation, Outcome, Rejection};
 use crate::model::committee::{DifferenceEquations, Past, Prior};
@@ -28,6 +28,8 @@ pub(super) struct Learner {
     averaging: usize,
     /// Samples between two increments.
     stride: usize,
+    /// Increments in a row, and those in the present one.
+    row_increments: usize,
     increments: usize,
     phi: Vec<f64>,
     z: Vec<f64>,
@@ -60,7 +62,8 @@ impl Learner {
         if !kernel.is_sound() {
             return None;
         }
-        let samples = prior.averaging.saturating_mul(shape.clock);
+        let samples = prior.averaging * shape.clock;
+        let stride = increment_stride(samples);
         // A faulty sample is part of the increments that begin or end with it or have it among their past values.
         let longest = (shape.lags + 1).div_ceil(prior.averaging) + 1;
         Some(Self {
@@ -70,7 +73,8 @@ impl Learner {
             noise: Noise::new(shape.outputs, gate, longest, samples as f64 * shape.dt),
             scales,
             averaging: prior.averaging,
-            stride: increment_stride(samples),
+            stride,
+            row_increments: samples.div_ceil(stride),
             increments: 0,
             phi: vec![0.0; terms],
             z: vec![0.0; shape.outputs],
@@ -125,7 +129,7 @@ impl Learner {
             *phi += slots[program.slot(t)];
         }
         self.increments += 1;
-        if self.increments * self.stride < self.averaging * shape.clock {
+        if self.increments < self.row_increments {
             return Outcome::Waiting;
         }
         let share = 1.0 / self.increments as f64;
@@ -205,6 +209,6 @@ impl Learner {
         self.noise.load(from);
         from.numbers(&mut self.phi);
         from.numbers(&mut self.z);
-        self.increments = from.count(MOST_COUNTED);
+        self.increments = from.count(self.row_increments - 1);
     }
 }

@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 use crate::model::sparse::{EquationsError, Program, ProgramError, Term};
 
 /// Largest number of samples from the oldest past value to the end of a clock step.
-const MOST_PAST: usize = 1 << 20;
+pub(super) const MOST_PAST: usize = 1 << 20;
 
 /// Difference equations over a clock step of `T = clock dt` seconds:
 ///
@@ -137,7 +137,7 @@ impl DifferenceEquations {
             let block = &mut slots[1 + lag * (n + m)..][..n + m];
             let row = rows - 1 - back;
             block[..n].copy_from_slice(&past.outputs[row * n..][..n]);
-            if back >= clock {
+            if m > 0 && back >= clock {
                 let mean = &mut block[n..];
                 mean.fill(0.0);
                 for j in 0..clock {
@@ -198,6 +198,8 @@ impl DifferenceEquations {
 
     fn rates(&self, coefficients: &[f64], of: &[usize], slots: &[f64], rates: &mut [f64]) {
         let count = self.terms.len();
+        // Without terms the rates are zero.
+        rates.fill(0.0);
         for (rate, row) in rates.iter_mut().zip(coefficients.chunks_exact(count.max(1))) {
             let (mut even, mut odd) = (0.0, 0.0);
             let mut pairs = of.chunks_exact(2);

@@ -11,6 +11,7 @@ mod difference;
 
 use alloc::vec::Vec;
 
+use difference::MOST_PAST;
 pub use difference::{DifferenceEquations, Past, Shape};
 
 /// A member of a [`Committee`].
@@ -93,10 +94,12 @@ impl Committee {
             return Err(CommitteeError::Channels);
         }
         let sound = |member: &Member| {
-            let terms = member.equations.terms().len();
+            let (terms, clock) = (member.equations.terms().len(), member.equations.shape().clock);
             member.prior.as_ref().is_none_or(|prior| {
-                prior.r_factor.len() == terms * terms
-                    && prior.averaging > 0
+                let samples = prior.averaging.saturating_mul(clock);
+                terms > 0
+                    && prior.r_factor.len() == terms * terms
+                    && (1..=MOST_PAST).contains(&samples)
                     && prior.information.is_finite()
                     && prior.information > 0.0
             })
