@@ -148,13 +148,18 @@ impl<'a> Grid<'a> {
         of.iter().take(LEARNING).flat_map(learning).collect()
     }
 
-    /// Fit on all folds but one, or on all.
-    pub(super) fn fit(&self, candidate: &Candidate, without: Option<usize>) -> Option<Fit> {
+    /// Fit on the folds that `with` admits.
+    pub(super) fn fit(&self, candidate: &Candidate, with: impl Fn(usize) -> bool) -> Option<Fit> {
         let of = &self.regressions[candidate.regression];
         let mut sum = Moments::zero(of.terms.len(), self.outputs);
         let moments = self.moments[candidate.regression].iter().enumerate();
-        moments.filter(|(fold, _)| Some(*fold) != without).for_each(|(_, moments)| sum.add(moments));
+        moments.filter(|(fold, _)| with(*fold)).for_each(|(_, moments)| sum.add(moments));
         solve(&sum, of.terms.len(), candidate.ridge)
+    }
+
+    /// Whether a fold contains training runs alone; true for all folds if none does.
+    pub(super) fn is_training(&self, fold: usize) -> bool {
+        !self.folds[fold].validation || self.folds.iter().all(|fold| fold.validation)
     }
 
     /// Limits of predictions: `width` times the range beyond the range.
@@ -171,7 +176,7 @@ impl<'a> Grid<'a> {
         let mut fit: Option<(usize, Fit)> = None;
         for Origins { fold, segment, at } in &self.origins {
             if fit.as_ref().is_none_or(|(of, _)| of != fold) {
-                fit = Some((*fold, self.fit(candidate, Some(*fold))?));
+                fit = Some((*fold, self.fit(candidate, |other| other != *fold)?));
             }
             let (_, fit) = fit.as_ref()?;
             let segment = &self.folds[*fold].segments[*segment];

@@ -19,6 +19,8 @@ pub(super) struct Segment<'a> {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Fold<'a> {
     pub(super) segments: Vec<Segment<'a>>,
+    /// Whether a segment is part of a validation run.
+    pub(super) validation: bool,
 }
 
 impl<'a> Segment<'a> {
@@ -64,21 +66,24 @@ impl<'a> Segment<'a> {
     }
 }
 
-/// Runs as folds if there are at least three; else blocks. Many runs share folds in turn.
-pub(super) fn folds<'a>(runs: &[&'a Trajectory]) -> Vec<Fold<'a>> {
+/// Runs as folds if there are at least three; else blocks. Many runs share folds in turn. The last `validation` runs are
+/// validation runs.
+pub(super) fn folds<'a>(runs: &[&'a Trajectory], validation: usize) -> Vec<Fold<'a>> {
+    let training = runs.len() - validation.min(runs.len());
     let whole = |run: &'a Trajectory| Segment { run, from: 0, to: run.len() };
     if runs.len() >= *FOLDS.start() {
         let mut folds = vec![Fold::default(); runs.len().min(*FOLDS.end())];
         let count = folds.len();
         for (i, run) in runs.iter().enumerate() {
             folds[i % count].segments.push(whole(run));
+            folds[i % count].validation |= i >= training;
         }
         return folds;
     }
     let blocks = FOLDS.end().div_ceil(runs.len().max(1));
-    let block = |run: &'a Trajectory, b: usize| {
+    let block = |index: usize, run: &'a Trajectory, b: usize| {
         let [from, to] = [b, b + 1].map(|b| b * run.len() / blocks);
-        Fold { segments: vec![Segment { run, from, to }] }
+        Fold { segments: vec![Segment { run, from, to }], validation: index >= training }
     };
-    runs.iter().flat_map(|run| (0..blocks).map(|b| block(run, b))).collect()
+    runs.iter().enumerate().flat_map(|(i, run)| (0..blocks).map(move |b| block(i, run, b))).collect()
 }

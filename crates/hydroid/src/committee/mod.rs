@@ -27,6 +27,9 @@ use crate::progress::{Cancelled, Progress};
 pub struct Chosen {
     /// The committee, fitted on all runs.
     pub committee: Committee,
+    /// The same members, fitted without the folds that contain validation runs; equal to the committee if there are
+    /// none, or only such folds.
+    pub before_refit: Committee,
     /// Number of candidates that were compared.
     pub candidates: usize,
     /// Cross-validated error of the committee: mean NRMSE over outputs and the quarters of the horizon.
@@ -70,7 +73,22 @@ pub enum ChooseError {
 /// # Errors
 /// If the runs are too short or cannot be fitted, or `progress` cancels.
 pub fn choose(runs: &[&Trajectory], horizon: usize, progress: Progress<'_>) -> Result<Chosen, ChooseError> {
-    let folds = folds::folds(runs);
-    let grid = candidates::Grid::new(runs, folds, horizon)?;
+    choose_with_validation(runs, &[], horizon, progress)
+}
+
+/// As [`choose`], for training and validation runs together, with the same members fitted without validation runs as
+/// [`Chosen::before_refit`].
+///
+/// # Errors
+/// As [`choose`].
+pub fn choose_with_validation(
+    training: &[&Trajectory],
+    validation: &[&Trajectory],
+    horizon: usize,
+    progress: Progress<'_>,
+) -> Result<Chosen, ChooseError> {
+    let runs = [training, validation].concat();
+    let folds = folds::folds(&runs, validation.len());
+    let grid = candidates::Grid::new(&runs, folds, horizon)?;
     selection::choose(&grid, progress)
 }

@@ -98,16 +98,17 @@ pub(super) fn choose(grid: &Grid<'_>, progress: Progress<'_>) -> Result<Chosen, 
     let (votes, error) = select(&judge, &all);
     report(progress, 0.95)?;
     let (constant_votes, constant_error) = select(&judge, &constant);
-    let members = |trials: &[&Trial], votes: &[u32]| -> Option<Vec<Member>> {
-        let chosen = trials.iter().zip(votes).filter(|(_, votes)| **votes > 0);
-        chosen.map(|(trial, votes)| member(grid, &trial.candidate, *votes)).collect()
+    let fitted = |with: &dyn Fn(usize) -> bool| -> Result<Committee, ChooseError> {
+        let members = |trials: &[&Trial], votes: &[u32]| -> Result<Vec<Member>, ChooseError> {
+            let chosen = trials.iter().zip(votes).filter(|(_, votes)| **votes > 0);
+            let member = |(trial, votes): (&&Trial, &u32)| member(grid, &trial.candidate, *votes, with);
+            chosen.map(|pair| member(pair).ok_or(ChooseError::Singular)).collect()
+        };
+        let committee = Committee::new(members(&all, &votes)?)?;
+        Ok(committee.with_constant(members(&constant, &constant_votes)?)?)
     };
-    let committee = Committee::new(members(&all, &votes).ok_or(ChooseError::Singular)?)?;
-    let committee = match members(&constant, &constant_votes).filter(|members| !members.is_empty()) {
-        Some(members) => committee.with_constant(members)?,
-        None => committee,
-    };
-    Ok(Chosen { committee, candidates: compared, error, constant_error, best_error })
+    let (committee, before_refit) = (fitted(&|_| true)?, fitted(&|fold| grid.is_training(fold))?);
+    Ok(Chosen { committee, before_refit, candidates: compared, error, constant_error, best_error })
 }
 
 /// Limits predictions to one range beyond the range of each output.
@@ -140,10 +141,15 @@ fn select(judge: &Judge<'_>, trials: &[&Trial]) -> (Vec<u32>, f64) {
     (votes, error)
 }
 
-/// A member, fitted on all folds.
-fn member(grid: &Grid<'_>, candidate: &Candidate, votes: u32) -> Option<Member> {
+/// A member, fitted on the folds that `with` admits.
+fn member(
+    grid: &Grid<'_>,
+    candidate: &Candidate,
+    votes: u32,
+    with: &dyn Fn(usize) -> bool,
+) -> Option<Member> {
     let of = &grid.regressions[candidate.regression];
-    let fit = grid.fit(candidate, None)?;
+    let fit = grid.fit(candidate, with)?;
     let prior = candidate.information.map(|information| {
         let mut r_factor = fit.r_factor;
         for row in r_factor.chunks_exact_mut(of.terms.len()) {

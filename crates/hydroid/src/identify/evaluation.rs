@@ -81,9 +81,7 @@ pub(super) fn evaluate_candidates(
             Training::Network(trained) if trained.refit.is_some() => {
                 Some(Body::from(trained.before_refit().clone()))
             }
-            Training::Committee(training) => {
-                Some(Body::Committee(Arc::new(training.before_refit.committee.clone())))
-            }
+            Training::Committee(chosen) => Some(Body::Committee(Arc::new(chosen.before_refit.clone()))),
             _ => None,
         };
         let before_refit = before_refit.map(|body| Model { body, ..model.clone() });

@@ -35,7 +35,7 @@ pub use networks::{NetworkOptions, NetworkTrainingOptions};
 pub use options::{
     Auto, EnsembleSize, FixedGate, GateOption, Keyword, LagOption, RefineOption, SindyOptions,
 };
-pub use training::{CommitteeTraining, Training};
+pub use training::Training;
 pub use verdict::{Grade, Verdict, verdicts};
 
 use evaluation::{check_evaluable, check_horizon, evaluate_candidates, select_best};

@@ -24,18 +24,9 @@ pub enum Training {
     /// Equations with recursive least squares.
     Recursive(Arc<SearchResult>),
     /// A committee.
-    Committee(Arc<CommitteeTraining>),
+    Committee(Arc<committee::Chosen>),
     /// A network, recurrent or a direct predictor.
     Network(Arc<train::Trained>),
-}
-
-/// Record of the choice of a committee.
-#[derive(Clone, Debug)]
-pub struct CommitteeTraining {
-    /// Chosen on training and validation runs together.
-    pub chosen: committee::Chosen,
-    /// Chosen on the training runs alone, for the errors on the validation runs.
-    pub before_refit: committee::Chosen,
 }
 
 impl Training {
@@ -76,9 +67,9 @@ impl Training {
             Self::Equations(found) | Self::Recursive(found) => {
                 format!("chosen among {} settings", found.trials.len())
             }
-            Self::Committee(training) => format!(
+            Self::Committee(chosen) => format!(
                 "chosen among {} candidates by cross-validation and fitted on all training and validation runs",
-                training.chosen.candidates
+                chosen.candidates
             ),
             Self::Network(trained) => format!(
                 "epoch {} of {}{}{}",
@@ -179,12 +170,9 @@ pub(super) fn train_by(
             (model, Training::Recursive(found), score)
         }
         Method::Committee => {
-            let choose = |runs: &[&Trajectory], from: f64, tell: OnProgress<'_>| {
-                committee::choose(runs, job.horizon, &mut |fraction| tell(from + 0.5 * fraction, None))
-            };
-            let before_refit = choose(&parts.train, 0.0, tell)?;
-            let all: Vec<&Trajectory> = parts.train.iter().chain(&parts.validation).copied().collect();
-            let chosen = choose(&all, 0.5, tell)?;
+            let progress = &mut |fraction| tell(fraction, None);
+            let (train, validation) = (&parts.train, &parts.validation);
+            let chosen = committee::choose_with_validation(train, validation, job.horizon, progress)?;
             let told = serde_json::json!({
                 "candidates": chosen.candidates,
                 "cross_validated_nrmse": chosen.error,
@@ -196,8 +184,8 @@ pub(super) fn train_by(
             let mut model = describe(job, parts, method, body, told);
             let Provenance { training, validation, .. } = &mut model.description.provenance;
             training.extend_from_slice(validation);
-            let score = before_refit.error;
-            (model, Training::Committee(Arc::new(CommitteeTraining { chosen, before_refit })), score)
+            let score = chosen.error;
+            (model, Training::Committee(Arc::new(chosen)), score)
         }
         Method::Lstm | Method::Gru | Method::Rnn | Method::Direct | Method::Affine => {
             let base = sparse.map(|found| Arc::new(found.fit.equations.clone()));
