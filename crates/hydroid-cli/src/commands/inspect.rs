@@ -91,6 +91,12 @@ fn latex(file: &Path, model: &Model) -> anyhow::Result<String> {
             file.display()
         );
     }
+    if model.committee().is_some() {
+        bail!(
+            "{} is a committee of difference equations: `hydroid inspect --json` lists their terms and coefficients; --methods sindy identifies equations of motion",
+            file.display()
+        );
+    }
     let Some(base) = model.base_equations() else {
         bail!(
             "{} is a network without equations: use `hydroid inspect` without --latex, or identify equations by --methods sindy",

@@ -307,6 +307,26 @@ fn a_committee_predicts_the_weighted_median_of_its_members() {
 }
 
 #[test]
+fn the_frozen_form_may_have_other_members() {
+    let committee = Committee::new(vec![learning(2, 0.9, 3)]).unwrap();
+    assert_eq!(committee.frozen(), Committee::new(vec![member(2, 0.9, 3)]).unwrap());
+    let other = committee.clone().with_constant(vec![learning(3, 1.1, 1), member(4, 0.8, 2)]).unwrap();
+    assert_eq!(other.members(), committee.members());
+    let frozen = Committee::new(vec![member(3, 1.1, 1), member(4, 0.8, 2)]).unwrap();
+    assert_eq!(other.frozen(), frozen);
+    assert_eq!(frozen.learned(), 0);
+    let doubled: Vec<f64> = other.members()[0].equations.coefficients().iter().map(|xi| 2.0 * xi).collect();
+    let learned = other.with_learned(&doubled).unwrap();
+    assert_eq!(learned.members()[0].equations.coefficients(), doubled);
+    assert_eq!(learned.frozen(), frozen, "learning does not change the frozen form");
+    let slow = Shape { dt: 0.2, ..shape(2, 3) };
+    let slow = DifferenceEquations::new(terms(), equations(3).coefficients().to_vec(), slow).unwrap();
+    let slow = Member { equations: slow, votes: 1, prior: None };
+    assert_eq!(committee.clone().with_constant(vec![slow]), Err(CommitteeError::Channels));
+    assert_eq!(committee.with_constant(Vec::new()), Err(CommitteeError::Members));
+}
+
+#[test]
 fn a_missing_value_is_replaced_by_the_prediction() {
     let new = || session(vec![member(3, 1.0, 2), learning(2, 0.9, 1)]);
     let (mut gaps, mut filled) = (new(), new());

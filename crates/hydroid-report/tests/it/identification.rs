@@ -309,6 +309,8 @@ fn found_mut(candidate: &mut Candidate) -> &mut hydroid::sindy::SearchResult {
         hydroid::identify::Training::Equations(found) | hydroid::identify::Training::Recursive(found) => {
             std::sync::Arc::make_mut(found)
         }
-        hydroid::identify::Training::Network(_) => panic!("a network has no search"),
+        hydroid::identify::Training::Network(_) | hydroid::identify::Training::Committee(_) => {
+            panic!("it has no search")
+        }
     }
 }

@@ -32,7 +32,8 @@ pub struct Chosen {
     pub before_refit: Committee,
     /// Number of candidates that were compared.
     pub candidates: usize,
-    /// Cross-validated error of the committee: mean NRMSE over outputs and the quarters of the horizon.
+    /// Cross-validated error of the choice: NRMSE of the mean prediction of the members, averaged over outputs and the
+    /// quarters of the horizon. The members were chosen by it.
     pub error: f64,
     /// The same of the committee with constant coefficients.
     pub constant_error: f64,

@@ -106,7 +106,7 @@ pub(super) fn select_best(candidates: &[Candidate]) -> Option<usize> {
     });
     let judged: Vec<_> = judged.collect();
     let best = least_error(&judged)?;
-    // The other methods chose a model on the validation runs, which favours them there by chance; the committee did not.
+    // The error of one winner among many settings is too small on the runs that chose it.
     let committee =
         candidates.iter().position(|candidate| matches!(candidate.training, Training::Committee(_)));
     let committee = committee.filter(|&i| judged[i].1.is_some());

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use hydroid::adapt::{self, Options, ResolvedOptions, adapt};
-use hydroid::committee::{ChooseError, Chosen, choose};
+use hydroid::committee::{ChooseError, Chosen, choose, choose_with_validation};
 use hydroid::evaluate::{self, DesignRange};
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::model::{
@@ -144,7 +144,7 @@ fn a_chosen_committee_predicts_as_well_as_the_noise_permits() {
     assert!(limit < 0.3 * persistence, "the simulation is predictable: {limit} {persistence}");
     for (count, samples) in [(1, 1500), (2, 750), (3, 500), (7, 220)] {
         let runs: Vec<_> = (0..count).map(|i| run(GAIN, 2_000 * i, samples)).collect();
-        let Chosen { committee, candidates, error, best_error } = chosen(&runs, HORIZON).unwrap();
+        let Chosen { committee, candidates, error, best_error, .. } = chosen(&runs, HORIZON).unwrap();
         let mut session = CommitteeSession::new(Arc::new(committee.clone())).unwrap();
         let own = session_error(&mut session, &test, HORIZON);
         println!(
@@ -194,6 +194,34 @@ fn known_difference_equations_are_found() {
     let mut session = CommitteeSession::new(Arc::new(found.committee)).unwrap();
     let own = session_error(&mut session, &simulated(9000, 400), HORIZON);
     assert!(own < 1e-3 && found.error < 1e-3, "{own} {}", found.error);
+}
+
+#[test]
+fn the_members_before_the_refit_have_not_seen_the_validation_run() {
+    let runs: Vec<Trajectory> = (0..3).map(|i| run(1.0, 5_000 * i, 1_500)).collect();
+    let [a, b, c] = [&runs[0], &runs[1], &runs[2]];
+    let with =
+        |validation: &Trajectory| choose_with_validation(&[a, b], &[validation], 30, &mut silent()).unwrap();
+    let chosen = with(c);
+    assert_eq!(votes(&chosen.before_refit), votes(&chosen.committee));
+    assert_ne!(chosen.before_refit, chosen.committee);
+    let structure = |of: &Committee| -> Vec<_> {
+        of.members().iter().map(|m| (*m.equations.shape(), m.equations.terms().to_vec(), m.votes)).collect()
+    };
+    assert_eq!(structure(&chosen.before_refit), structure(&chosen.committee));
+    // Without validation runs there is nothing to leave out.
+    let all = choose(&[a, b, c], 30, &mut silent()).unwrap();
+    assert_eq!((&all.before_refit, &all.committee), (&chosen.committee, &chosen.committee));
+    // Another last sample of the validation run changes the fit on all runs alone.
+    let mut values = c.outputs.rows(0, c.len()).to_vec();
+    let last = values.len() - 1;
+    values[last] += 1e-3;
+    let changed = Trajectory { outputs: Table::new(c.outputs.channels().to_vec(), values), ..c.clone() };
+    let changed = with(&changed);
+    assert_ne!(changed.committee, chosen.committee);
+    if structure(&changed.before_refit) == structure(&chosen.before_refit) {
+        assert_eq!(changed.before_refit, chosen.before_refit);
+    }
 }
 
 #[test]

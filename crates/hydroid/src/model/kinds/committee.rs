@@ -205,7 +205,7 @@ impl Kind for Arc<Committee> {
                 None => String::from("constant coefficients"),
             };
             format!(
-                "  {votes:>2} votes  {:>3} terms, {} past values, clock step {:.3} s, {learns}",
+                "  votes {votes:>2}, {:>3} terms, {} past values, clock step {:.3} s, {learns}",
                 equations.terms().len(),
                 shape.lags,
                 shape.clock as f64 * shape.dt
