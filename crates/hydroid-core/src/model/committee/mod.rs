@@ -162,7 +162,8 @@ impl Committee {
         &self.constant
     }
 
-    /// The committee with other coefficients of the members that learn, in their order. The frozen form stays.
+    /// The committee with other coefficients of the members that learn, in their order. Its [frozen](Self::frozen) form
+    /// has the same members, because the learned coefficients hold what the run showed.
     ///
     /// # Errors
     /// If the number of coefficients is wrong, or one is not finite.
@@ -179,7 +180,8 @@ impl Committee {
             rest = others;
             member.equations = DifferenceEquations::new(of.terms().to_vec(), own.to_vec(), *of.shape())?;
         }
-        Ok(Self { members, constant: self.constant.clone() })
+        let constant = members.iter().map(|member| Member { prior: None, ..member.clone() }).collect();
+        Ok(Self { members, constant })
     }
 
     /// Number of coefficients of the members that learn.
