@@ -28,7 +28,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Option<Section> {
     let body = html! {
         (table(&heads, &rows, 2))
         p.small {
-            "“Validation” is the mean NRMSE over all outputs and horizons on the validation runs. The model with the smallest value is chosen, but a more complex method only if its value is at least 2 % lower. "
+            "“Validation” is the mean NRMSE over all outputs and horizons on the validation runs. The model with the smallest value is chosen, but a more complex method only if its value is at least 2 % lower, and a committee unless another value is lower by more than its standard error. "
             "The columns of the outputs are their NRMSE on the test runs, " (horizon) " ahead, and “mean” is the mean over all outputs. The test runs do not influence the choice. "
             "“Weights” are the non-zero coefficients of equations, or the weights of a network. All methods are evaluated on the same rollouts."
         }
