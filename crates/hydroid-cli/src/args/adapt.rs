@@ -132,8 +132,9 @@ pub struct BlackBoxArgs {
 /// Adapt a model online along a log and compare it with the frozen model, or serve a live stream
 ///
 /// The log is read once, sample by sample. The predictions from an origin use only the data up to this origin.
-/// Equations and the last layer of direct predictors adapt by recursive least squares with forgetting. Recurrent networks,
-/// vessels, and equations with --learner kalman adapt by an extended Kalman filter over state and weights.
+/// Equations and the last layer of direct predictors adapt by recursive least squares with forgetting, the members of a
+/// committee without forgetting. Recurrent networks, vessels, and equations with --learner kalman adapt by an extended
+/// Kalman filter over state and weights.
 ///
 /// The guard rejects implausible measurements, compares the adapted model with the reference model by shadow tests, and
 /// predicts with the reference model where the tests do not support the adapted one. Each event is logged.

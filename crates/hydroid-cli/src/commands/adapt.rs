@@ -183,9 +183,10 @@ const EVENTS_SHOWN: usize = 12;
 fn warnings(report: &Report) -> Vec<Note> {
     let mut notes = Vec::new();
     let remedy = match report.settings {
-        ResolvedOptions::LeastSquares(_) | ResolvedOptions::LastLayer(_) | ResolvedOptions::Committee(_) => {
+        ResolvedOptions::LeastSquares(_) | ResolvedOptions::LastLayer(_) => {
             "keep the initial model; try a longer --forgetting or a larger --prior"
         }
+        ResolvedOptions::Committee(_) => "keep the initial model",
         ResolvedOptions::Kalman(_) => {
             "keep the initial model; try a smaller --weight-variance or a larger --noise-factor"
         }

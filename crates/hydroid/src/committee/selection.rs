@@ -42,7 +42,7 @@ impl<'a> Judge<'a> {
         Self { truth, deviations: (0..columns).map(deviation).collect() }
     }
 
-    /// Mean NRMSE over marks and outputs of `scale * predicted`.
+    /// Mean NRMSE of predictions over marks and outputs.
     fn error(&self, predicted: impl Iterator<Item = f64>) -> f64 {
         let columns = self.deviations.len();
         let mut squares = vec![0.0; columns];
