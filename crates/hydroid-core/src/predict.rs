@@ -131,6 +131,26 @@ pub trait Predictor: Send + Sync {
     /// If `from` has not [`snapshot_len`](Self::snapshot_len) numbers.
     fn restore(&mut self, from: &[f64]);
 
+    /// Rolls out each of `count` command sequences from a snapshot of its own: `snapshots` are `count x snapshot_len`,
+    /// `commands` and `y` as in [`rollout_batch`](Self::rollout_batch). The state of the session afterwards is that of one
+    /// of the snapshots.
+    ///
+    /// This default restores and rolls out one snapshot after another. Equations compute all of them side by side; they
+    /// add sums in another order, and results differ in the last digits.
+    ///
+    /// # Panics
+    /// If the slices do not hold `count` snapshots and `count` sequences of the same whole number of rows.
+    fn rollout_snapshots(
+        &mut self,
+        count: usize,
+        snapshots: &[f64],
+        commands: &[f64],
+        work: &mut Workspace,
+        y: &mut [f64],
+    ) {
+        restore_and_roll_out(self, count, snapshots, commands, work, y);
+    }
+
     /// A new session with the same predictions; constant weights are shared. The fork of an adapted session need not
     /// learn.
     fn fork(&self) -> Box<dyn Predictor>;
@@ -183,6 +203,25 @@ pub(crate) fn rollout_each<P: Predictor + ?Sized>(
     let (inputs, outputs) = (commands.len() / count.max(1), y.len() / count.max(1));
     assert!(commands.len() == count * inputs && y.len() == count * outputs, "whole sequences");
     for k in 0..count {
+        let y = &mut y[k * outputs..(k + 1) * outputs];
+        session.rollout(&commands[k * inputs..(k + 1) * inputs], work, y);
+    }
+}
+
+pub(crate) fn restore_and_roll_out<P: Predictor + ?Sized>(
+    session: &mut P,
+    count: usize,
+    snapshots: &[f64],
+    commands: &[f64],
+    work: &mut Workspace,
+    y: &mut [f64],
+) {
+    let (inputs, outputs) = (commands.len() / count.max(1), y.len() / count.max(1));
+    let size = session.snapshot_len();
+    let whole = commands.len() == count * inputs && y.len() == count * outputs;
+    assert!(whole && snapshots.len() == count * size, "whole sequences and snapshots");
+    for k in 0..count {
+        session.restore(&snapshots[k * size..(k + 1) * size]);
         let y = &mut y[k * outputs..(k + 1) * outputs];
         session.rollout(&commands[k * inputs..(k + 1) * inputs], work, y);
     }

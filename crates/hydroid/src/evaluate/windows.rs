@@ -228,18 +228,21 @@ impl RunEvaluation<'_> {
             .par_chunks(TASK)
             .enumerate()
             .map_init(
-                || (session.fork(), Workspace::new(), vec![0.0; h * n]),
-                |(fork, work, y), (task, origins)| {
+                || (session.fork(), Workspace::new(), Vec::new(), Vec::new()),
+                |(fork, work, commands, predicted), (task, origins)| {
                     let mut sums = Sums::new(h * n);
                     let mut divergences = Vec::new();
-                    for (i, pending) in origins.iter().enumerate() {
-                        let at = (task * TASK + i) * size;
-                        fork.restore(&snapshots[at..at + size]);
-                        let k = pending.origin;
-                        fork.rollout(self.run.inputs.rows(k, k + h), work, y);
-                        if let Some(divergence) = self.diverged(k, y) {
+                    commands.clear();
+                    for pending in origins {
+                        commands.extend_from_slice(self.run.inputs.rows(pending.origin, pending.origin + h));
+                    }
+                    predicted.resize(origins.len() * h * n, 0.0);
+                    let snapshots = &snapshots[task * TASK * size..][..origins.len() * size];
+                    fork.rollout_snapshots(origins.len(), snapshots, commands, work, predicted);
+                    for (pending, y) in origins.iter().zip(predicted.chunks_exact_mut(h * n)) {
+                        if let Some(divergence) = self.diverged(pending.origin, y) {
                             divergences.push(divergence);
-                            self.limit(k, y);
+                            self.limit(pending.origin, y);
                         }
                         self.add(pending, y, &mut sums);
                     }

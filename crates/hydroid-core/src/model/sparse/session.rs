@@ -7,7 +7,7 @@ use alloc::vec::Vec;
 
 use super::equations::{BatchRollout, Equations};
 use crate::model::persistence::take_measured;
-use crate::predict::{Predictor, Workspace, rollout_each, rollout_steps};
+use crate::predict::{Predictor, Workspace, restore_and_roll_out, rollout_each, rollout_steps};
 
 /// A run of [`Equations`]: measurements replace the outputs; missing ones are predicted. Predictions start once each
 /// output has been measured; until then measured values are held, so that sensors may report in turns.
@@ -98,6 +98,22 @@ impl Predictor for EquationsSession {
         match work.batch(fits, || BatchRollout::new(equations, count)) {
             Some(memory) => memory.rollout(equations, &self.state, count, commands, y),
             None => rollout_each(self, count, commands, work, y),
+        }
+    }
+
+    fn rollout_snapshots(
+        &mut self,
+        count: usize,
+        snapshots: &[f64],
+        commands: &[f64],
+        work: &mut Workspace,
+        y: &mut [f64],
+    ) {
+        let equations = &*self.equations;
+        let fits = |memory: &BatchRollout| memory.fits(equations, count);
+        match work.batch(fits, || BatchRollout::new(equations, count)) {
+            Some(memory) => memory.rollout_each(equations, snapshots, count, commands, y),
+            None => restore_and_roll_out(self, count, snapshots, commands, work, y),
         }
     }
 

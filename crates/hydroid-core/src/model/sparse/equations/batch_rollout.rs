@@ -12,7 +12,7 @@ use crate::actuator::lag_step;
 use crate::model::sparse::program::Program;
 use crate::model::sparse::signal::Signal;
 
-/// Scratch memory for rollouts of one set of equations from one state under many command sequences at once. Numbers are
+/// Scratch memory for rollouts of one set of equations under many command sequences at once. Numbers are
 /// laid out as in [`Program::evaluate_block`]: a row for each variable, sub-product and output. Results equal
 /// [`Equations::step`] up to the order of sums and the last digits of the logistic function of a gate.
 #[derive(Clone, Debug)]
@@ -85,10 +85,37 @@ impl BatchRollout {
         commands: &[f64],
         y: &mut [f64],
     ) {
-        let (n, m) = (equations.outputs, equations.inputs);
-        let steps = y.len() / (n * count.max(1));
-        assert!(y.len() == steps * n * count && commands.len() == steps * m * count, "whole sequences");
         self.begin(state, count);
+        self.go(equations, count, commands, y);
+    }
+
+    /// As [`rollout`](Self::rollout), each sequence from a state of its own: `states` are `count x` state length.
+    ///
+    /// # Panics
+    /// As [`rollout`](Self::rollout).
+    pub(crate) fn rollout_each(
+        &mut self,
+        equations: &Equations,
+        states: &[f64],
+        count: usize,
+        commands: &[f64],
+        y: &mut [f64],
+    ) {
+        let len = equations.state_len();
+        assert!(states.len() == count * len, "one state for each sequence");
+        self.begin(&states[..len], count);
+        for (variable, row) in self.state.chunks_exact_mut(count).take(len).enumerate() {
+            for (x, state) in row.iter_mut().zip(states.chunks_exact(len)) {
+                *x = state[variable];
+            }
+        }
+        self.go(equations, count, commands, y);
+    }
+
+    fn go(&mut self, equations: &Equations, count: usize, commands: &[f64], y: &mut [f64]) {
+        let (n, m) = (equations.outputs, equations.inputs);
+        let steps = y.len() / (n * count);
+        assert!(y.len() == steps * n * count && commands.len() == steps * m * count, "whole sequences");
         for step in 0..steps {
             self.step(equations, count, |i, j| commands[(i * steps + step) * m + j]);
             for (output, row) in self.outputs_mut(n, count).chunks_exact(count).enumerate() {
