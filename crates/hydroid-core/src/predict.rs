@@ -92,6 +92,13 @@ pub trait Predictor: Send + Sync {
     /// Steps from `t_k` to `t_{k+1}` under the command `c_k`, which is held over the interval.
     fn advance(&mut self, c: &[f64]);
 
+    /// [`advance`](Self::advance) and [`observe`](Self::observe) in one. A model may omit the prediction where a complete
+    /// measurement replaces it.
+    fn advance_observe(&mut self, c: &[f64], y: &[f64]) {
+        self.advance(c);
+        self.observe(y);
+    }
+
     /// The estimate of the present outputs; NaN where there is none yet.
     fn output(&self, y: &mut [f64]);
 

@@ -18,7 +18,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Result<Section, ReportError> {
     if super::runs(split).next().is_none() {
         return Ok(Section::new(id, heading, nothing("There are no runs.")));
     }
-    let channels = data_summary(split);
+    let (channels, used) = (data_summary(split), used(split));
     let remarks: Vec<&Note> = subject.context.notes.iter().filter(|note| !note.is_warning()).collect();
     let warned = subject.context.notes.len() - remarks.len();
     let mut drawings = Vec::new();
@@ -32,12 +32,12 @@ pub(super) fn section(subject: &Subject<'_>) -> Result<Section, ReportError> {
     }
     let caption = html! {
         "Range of each channel in each part of the data. The range of the training runs is shaded. The mark in a bar is the mean. "
-        "Where the test runs leave the training range, the model extrapolates."
+        @if !split.test.is_empty() { "Where the test runs leave the training range, the model extrapolates." }
     };
-    let chart = figure(&chart(&channels)?, &caption);
+    let chart = figure(&chart(&channels, &used)?, &caption);
     let body = html! {
         (columns(&[chart, run_table(split)]))
-        (channel_table(&channels))
+        (channel_table(&channels, &used))
         (columns(&drawings))
         @if split.train.len() > DRAWN {
             p.small { "The figures show the first " (DRAWN) " of " (split.train.len()) " training runs." }
@@ -84,33 +84,41 @@ fn missing(run: &Trajectory) -> String {
     format!("{} ({} %)", number::count(missing), number::text(percent, 2))
 }
 
-fn chart(channels: &[ChannelSummary]) -> Result<String, ReportError> {
+/// Parts of the split that have runs.
+fn used(split: &Split) -> Vec<usize> {
+    let parts = [&split.train, &split.validation, &split.test];
+    (0..PARTS.len()).filter(|&i| !parts[i].is_empty()).collect()
+}
+
+fn chart(channels: &[ChannelSummary], used: &[usize]) -> Result<String, ReportError> {
     let rows: Vec<RangeRow> = channels
         .iter()
         .map(|summary| RangeRow {
             name: with_unit(&summary.channel.name, &summary.channel.unit),
-            intervals: summary.parts.map(|p| Interval { low: p.min, high: p.max, mean: p.mean }).into(),
+            intervals: used
+                .iter()
+                .map(|&part| summary.parts[part])
+                .map(|p| Interval { low: p.min, high: p.max, mean: p.mean })
+                .collect(),
         })
         .collect();
-    let parts: Vec<_> = PARTS.into_iter().zip(style::PARTS).collect();
+    let parts: Vec<_> = used.iter().map(|&part| (PARTS[part], style::PARTS[part])).collect();
     Ok(range_chart("Ranges of all channels by part of the split", &parts, &rows)?)
 }
 
-fn channel_table(channels: &[ChannelSummary]) -> Markup {
-    let heads = ["channel", "training", "validation", "test", "mean", "std"].map(cell);
+fn channel_table(channels: &[ChannelSummary], used: &[usize]) -> Markup {
+    let parts = used.iter().map(|&part| PARTS[part]);
+    let heads: Vec<Markup> = ["channel"].into_iter().chain(parts).chain(["mean", "std"]).map(cell).collect();
     let span = |low: f64, high: f64| html! { (number::text(low, 3)) " … " (number::text(high, 3)) };
     let rows: Vec<Vec<Markup>> = channels
         .iter()
         .map(|summary| {
-            let [train, validation, test] = summary.parts;
-            vec![
-                html! { span.name { (with_unit(&summary.channel.name, &summary.channel.unit)) } },
-                span(train.min, train.max),
-                span(validation.min, validation.max),
-                span(test.min, test.max),
-                cell(number::text(train.mean, 3)),
-                cell(number::text(train.std, 3)),
-            ]
+            let mut cells =
+                vec![html! { span.name { (with_unit(&summary.channel.name, &summary.channel.unit)) } }];
+            cells.extend(used.iter().map(|&part| span(summary.parts[part].min, summary.parts[part].max)));
+            let train = summary.parts[0];
+            cells.extend([cell(number::text(train.mean, 3)), cell(number::text(train.std, 3))]);
+            cells
         })
         .collect();
     html! {

@@ -2,11 +2,11 @@
 
 use maud::{Markup, html};
 
-use super::ReportError;
 use super::figure::{Dash, Figure, Line, Mark, Panel, Stroke};
 use super::number::{self, ratio, seconds_text};
 use super::page::{Section, cell, columns, figure, nothing, table};
 use super::style;
+use super::{ReportError, judged_on};
 use hydroid::evaluate::Evaluation;
 use hydroid::identify::Candidate;
 
@@ -14,9 +14,9 @@ const ROWS: usize = 5;
 
 pub(super) fn section(candidate: &Candidate) -> Result<Section, ReportError> {
     let (heading, id) = ("Error over the horizon", "error");
-    let test = &candidate.test;
+    let test = candidate.judged();
     if test.windows == 0 || test.horizons.is_empty() {
-        let why = "No test rollout was possible, so the error is unknown.";
+        let why = "No rollout was possible, so the error is unknown.";
         return Ok(Section::new(id, heading, nothing(why)));
     }
     let caption = html! {
@@ -30,7 +30,7 @@ pub(super) fn section(candidate: &Candidate) -> Result<Section, ReportError> {
     let tables = html! {
         @for c in 0..test.channels.len() { (channel_table(test, c)) }
         p.small {
-            "Values are from the test runs. MAE is the mean absolute error. RMSE is the root mean square error. NRMSE is the RMSE in standard deviations of the output. R"
+            "Values are from " (judged_on(candidate)) ". MAE is the mean absolute error. RMSE is the root mean square error. NRMSE is the RMSE in standard deviations of the output. R"
             sup { "2" } " is 1 − NRMSE" sup { "2" } ". “Last value” is the NRMSE of persistence, which keeps the measurement at the origin."
         }
     };
@@ -44,7 +44,7 @@ pub(super) fn section(candidate: &Candidate) -> Result<Section, ReportError> {
 const TOP: f64 = 3.0;
 
 fn chart(candidate: &Candidate) -> Figure {
-    let (test, validation) = (&candidate.test, &candidate.validation);
+    let (test, validation) = (candidate.judged(), &candidate.validation);
     let mut figure = Figure::new("NRMSE over the horizon, for each output", "time ahead [s]")
         .x_range(0.0, last_horizon(test) * test.dt);
     for (c, name) in test.channels.iter().enumerate() {
@@ -55,12 +55,16 @@ fn chart(candidate: &Candidate) -> Figure {
             });
             std::iter::once(start).chain(points).collect()
         };
+        let of_validation = candidate.test.is_some().then(|| {
+            Line::new(curve(validation, &validation.nrmse), style::VALIDATION_LINE).labelled("validation")
+        });
+        let label = if candidate.test.is_some() { "model, test" } else { "model" };
         let lines = [
-            Line::new(curve(validation, &validation.nrmse), style::VALIDATION_LINE).labelled("validation"),
-            Line::new(curve(test, &test.nrmse), style::MODEL_LINE).labelled("model, test"),
+            Line::new(curve(test, &test.nrmse), style::MODEL_LINE).labelled(label),
             // Drawn over the model; the dashes show where the two coincide.
             Line::new(curve(test, &test.persistence.nrmse), style::PERSISTENCE_LINE).labelled("last value"),
         ];
+        let lines: Vec<Line> = of_validation.into_iter().chain(lines).collect();
         let highest = lines.iter().flat_map(|l| l.points.iter().map(|p| p.1)).filter(|v| v.is_finite());
         // Very large errors are cut off, so that the others remain legible.
         let top = highest.fold(1.1, f64::max).min(TOP);
@@ -81,7 +85,7 @@ fn last_horizon(evaluation: &Evaluation) -> f64 {
 }
 
 fn windows(candidate: &Candidate) -> Markup {
-    let (test, validation) = (&candidate.test, &candidate.validation);
+    let (test, validation) = (candidate.judged(), &candidate.validation);
     let described = |evaluation: &Evaluation| {
         let diverged = if evaluation.diverged == 0 {
             "none diverged".to_owned()
@@ -95,7 +99,11 @@ fn windows(candidate: &Candidate) -> Markup {
     };
     html! {
         "Each rollout starts from a measured sample and uses the recorded commands, without further measurements. "
-        "Test: " (described(test)) ". Validation, on which the settings were chosen: " (described(validation)) "."
+        @if candidate.test.is_some() {
+            "Test: " (described(test)) ". Validation, on which the settings were chosen: " (described(validation)) "."
+        } @else {
+            "Cross-validation: " (described(test)) "."
+        }
         @if let Some(first) = test.divergences.first() {
             " The first one to diverge is that of " (first.run) " from " (seconds_text(first.origin_s)) "\u{a0}s, in " (first.channel)
             " after " (number::duration(first.horizon as f64 * test.dt)) "."

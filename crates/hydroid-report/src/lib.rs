@@ -118,6 +118,11 @@ fn runs(split: &Split) -> impl Iterator<Item = &Trajectory> {
     split.train.iter().chain(&split.validation).chain(&split.test)
 }
 
+/// The runs on which a model is judged.
+fn judged_on(candidate: &Candidate) -> &'static str {
+    if candidate.test.is_some() { "the test runs" } else { "runs that were left out" }
+}
+
 /// The page of an identification: `result` and the `split` it came from.
 ///
 /// # Errors
@@ -132,7 +137,7 @@ pub fn identification(
     sections.extend(methods::section(&subject));
     sections.extend(network::section(&subject)?);
     if let Some(candidate) = subject.candidate {
-        let rollouts = rollouts::roll_out(candidate, &split.test);
+        let rollouts = rollouts::roll_out(candidate, result, split);
         sections.extend(Sparse::of(candidate).map(|sparse| equations::section(sparse, &split.train)));
         sections.push(growth::section(candidate)?);
         sections.push(predicted::section(candidate, &rollouts)?);

@@ -1,4 +1,4 @@
-//! The section on measured and predicted outputs of the test runs.
+//! The section on measured and predicted outputs.
 
 use hydroid_core::predict::Predictor;
 use maud::{Markup, html};
@@ -25,7 +25,7 @@ pub(super) fn section(candidate: &Candidate, runs: &[RunRollouts<'_>]) -> Result
         .max_by_key(|run_rollouts| run_rollouts.rollouts.len())
         .filter(|run_rollouts| !run_rollouts.rollouts.is_empty());
     let Some(run_rollouts) = longest else {
-        let why = "No test run is long enough for a rollout over the horizon.";
+        let why = "No run is long enough for a rollout over the horizon.";
         return Ok(Section::new(id, heading, nothing(why)));
     };
     let over = number::duration(run_rollouts.horizon as f64 * run_rollouts.run.dt);

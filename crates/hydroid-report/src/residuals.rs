@@ -6,7 +6,7 @@ use super::figure::{Figure, Line, Mark, Panel};
 use super::number::{self, duration, fixed, with_unit};
 use super::page::{Section, columns, figure, nothing};
 use super::rollouts::RunRollouts;
-use super::{ReportError, style};
+use super::{ReportError, judged_on, style};
 use hydroid::identify::Candidate;
 use hydroid::log::Channel;
 
@@ -45,7 +45,7 @@ pub(super) fn section(candidate: &Candidate, runs: &[RunRollouts<'_>]) -> Result
     }
     let body = html! {
         p {
-            "A residual is the measurement minus the prediction of one sample (" (duration(dt)) ") earlier, on the test runs. "
+            "A residual is the measurement minus the prediction of one sample (" (duration(dt)) ") earlier, on " (judged_on(candidate)) ". "
             "Residuals of a complete model are white noise: normally distributed and uncorrelated from sample to sample."
         }
         @if !missing.is_empty() {

@@ -1,10 +1,11 @@
-//! Predictions along the test runs: successive rollouts and one-step residuals.
+//! Predictions along the runs on which a model is judged: successive rollouts and one-step residuals.
 
 use hydroid_core::predict::Workspace;
 
 use hydroid::evaluate::mean_finite;
-use hydroid::identify::Candidate;
-use hydroid::log::Trajectory;
+use hydroid::identify::{Candidate, IdentifyResult};
+use hydroid::log::{Split, Trajectory};
+use hydroid::model::Model;
 
 pub(super) struct Rollout {
     pub(super) origin: usize,
@@ -16,7 +17,7 @@ pub(super) struct Rollout {
     pub(super) error: f64,
 }
 
-/// A test run with its predictions.
+/// A run with its predictions.
 pub(super) struct RunRollouts<'a> {
     pub(super) run: &'a Trajectory,
     pub(super) horizon: usize,
@@ -26,13 +27,22 @@ pub(super) struct RunRollouts<'a> {
     pub(super) residuals: Vec<Vec<f64>>,
 }
 
-pub(super) fn roll_out<'a>(candidate: &Candidate, runs: &'a [Trajectory]) -> Vec<RunRollouts<'a>> {
-    let horizon = candidate.test.horizons.last().copied().unwrap_or(1).max(1);
-    runs.iter().map(|run| roll_out_run(candidate, run, horizon)).collect()
+pub(super) fn roll_out<'a>(
+    candidate: &Candidate,
+    result: &'a IdentifyResult,
+    split: &'a Split,
+) -> Vec<RunRollouts<'a>> {
+    let horizon = candidate.judged().horizons.last().copied().unwrap_or(1).max(1);
+    if let (None, Some(folds)) = (&candidate.test, &result.cross_validation) {
+        let runs = folds.runs(&split.train).into_iter();
+        let model = |fold: usize| candidate.left_out.get(fold).unwrap_or(&candidate.model);
+        return runs.map(|(fold, run)| roll_out_run(model(fold), run, horizon)).collect();
+    }
+    split.test.iter().map(|run| roll_out_run(&candidate.model, run, horizon)).collect()
 }
 
-fn roll_out_run<'a>(candidate: &Candidate, run: &'a Trajectory, horizon: usize) -> RunRollouts<'a> {
-    let mut session = candidate.model.session();
+fn roll_out_run<'a>(model: &Model, run: &'a Trajectory, horizon: usize) -> RunRollouts<'a> {
+    let mut session = model.session();
     session.reset();
     let n = session.outputs();
     let warm_up = session.warm_up().max(1);

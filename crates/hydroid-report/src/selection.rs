@@ -52,7 +52,8 @@ fn choice(candidate: &Candidate, found: &SearchResult) -> Result<Markup, ReportE
         p {
             "Every setting was fitted to the training runs and rolled out on the validation runs and on excerpts of the training runs. Its score is the mean NRMSE over both, all outputs and all horizons. "
             "The chosen setting is the simplest one within one standard error of the best. Its rollouts stay bounded if those of any setting near the best do. "
-            "The test runs did not influence the choice. "
+            @if candidate.test.is_some() { "The test runs did not influence the choice. " }
+            @if !candidate.left_out.is_empty() { "Terms and coefficients were then fitted to all runs with the chosen settings. " }
             (by_output(candidate, found))
             @if let Some(text) = found.refinement.describe(dt) { "The coefficients were " (text) ". " }
             (number::count(found.trials.len())) " settings were tried"

@@ -15,7 +15,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Section {
     add("seed", context.seed.to_string());
     if let Some(candidate) = subject.candidate {
         let description = &candidate.model.description;
-        let test = &candidate.test;
+        let test = candidate.judged();
         add("model", format!("{} ({})", description.name, candidate.model.kind()));
         add("sample time", format!("{} s", seconds_text(description.dt)));
         let horizon = test.horizons.last().copied().unwrap_or(0);

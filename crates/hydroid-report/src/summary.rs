@@ -3,10 +3,12 @@
 use maud::{Markup, html};
 
 use super::number::{self, duration, ratio};
-use super::page::{Section, notes};
-use super::{Subject, runs, style};
-use hydroid::identify::{Candidate, Grade, Verdict};
+use super::page::{Section, cell, notes, readable, table};
+use super::{Subject, judged_on, runs, style};
+use hydroid::evaluate::RunErrors;
+use hydroid::identify::{Candidate, CrossValidation, Grade, Verdict};
 use hydroid::log::{Note, Severity, Split, Trajectory};
+use hydroid::model::Port;
 
 const SHOWN: usize = 5;
 
@@ -24,6 +26,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Section {
             @if !subject.result.verdicts.is_empty() { (legend(candidate)) }
         }
         (facts(subject))
+        @if let Some(candidate) = subject.candidate { (errors_by_run(candidate)) }
         @if !warnings.is_empty() {
             h3 { "Warnings" }
             (notes(&warnings[..warnings.len().min(SHOWN)]))
@@ -75,20 +78,23 @@ fn headline(subject: &Subject<'_>) -> Markup {
         );
     };
     let over = horizon(candidate);
-    let (test, validation) = (&candidate.test, &candidate.validation);
-    if verdicts.is_empty() || test.windows == 0 {
-        let why = html! { "No test rollout was possible, so the prediction error is unknown." };
+    let (judged, validation) = (candidate.judged(), &candidate.validation);
+    let on = judged_on(candidate);
+    if verdicts.is_empty() || judged.windows == 0 {
+        let why = html! { "No rollout was possible, so the prediction error is unknown." };
         return banner("bad", "This model was not judged.", &why);
     }
     if subject.result.best.is_none() {
-        if test.diverged + validation.diverged == 0 {
+        if judged.diverged + validation.diverged == 0 {
             let why = html! { "No model was good enough to be recommended. The sections below show the first one." };
             return banner("bad", "No model is recommended.", &why);
         }
         let text = html! {
-            (number::count(test.diverged)) " of " (number::count(test.windows)) " test rollouts and "
-            (number::count(validation.diverged)) " of " (number::count(validation.windows))
-            " validation rollouts over " (over) " diverge. The errors below leave these out and are therefore too small."
+            (number::count(judged.diverged)) " of " (number::count(judged.windows)) " rollouts over " (over) " on " (on)
+            @if candidate.test.is_some() {
+                " and " (number::count(validation.diverged)) " of " (number::count(validation.windows)) " on the validation runs"
+            }
+            " diverge. They enter the errors below with predictions that are limited to ten times the range."
         };
         return banner("bad", "Do not use this model: it diverges.", &text);
     }
@@ -106,13 +112,13 @@ fn headline(subject: &Subject<'_>) -> Markup {
     }
     if usable.is_empty() {
         let text = html! {
-            "On the test runs, " (list(&good)) @if good.len() == 1 { " is" } @else { " are" }
+            "On " (on) ", " (list(&good)) @if good.len() == 1 { " is" } @else { " are" }
             " predicted over " (over) " with at most half of the error of persistence and the mean." (learns(candidate))
         };
         return banner("good", "A good model.", &text);
     }
     let text = html! {
-        "On the test runs, all outputs are predicted over " (over) " better than by persistence and the mean"
+        "On " (on) ", all outputs are predicted over " (over) " better than by persistence and the mean"
         @if !good.is_empty() { ", and " (list(&good)) " with at most half of their error" } "." (learns(candidate))
     };
     banner("usable", "A usable model.", &text)
@@ -121,7 +127,7 @@ fn headline(subject: &Subject<'_>) -> Markup {
 fn learns(candidate: &Candidate) -> Markup {
     html! {
         @if candidate.model.learning.is_some() {
-            " This model adapts online: its errors are those of the model adapted along each test run up to the origin. The equations below are the initial ones. The comparison of methods includes models that do not adapt."
+            " This model adapts online: its errors are those of the model adapted along each run up to the origin. The equations below are the initial ones. The comparison of methods includes models that do not adapt."
         }
     }
 }
@@ -131,7 +137,7 @@ fn banner(class: &str, title: &str, text: &Markup) -> Markup {
 }
 
 fn horizon(candidate: &Candidate) -> String {
-    let test = &candidate.test;
+    let test = candidate.judged();
     duration(test.horizons.last().map_or(0.0, |&h| h as f64 * test.dt))
 }
 
@@ -159,12 +165,12 @@ fn tile(verdict: &Verdict, candidate: &Candidate) -> Markup {
 }
 
 fn legend(candidate: &Candidate) -> Markup {
-    let test = &candidate.test;
+    let test = candidate.judged();
     let last = test.nrmse.last().into_iter().chain(test.persistence.nrmse.last());
     let beyond = last.flatten().any(|nrmse| *nrmse > BAR_END);
     html! {
         p.small {
-            "Error of open-loop predictions " (horizon(candidate)) " ahead on the test runs, in standard deviations of the output (NRMSE): "
+            "Error of open-loop predictions " (horizon(candidate)) " ahead on " (judged_on(candidate)) ", in standard deviations of the output (NRMSE): "
             "0 is perfect, and predicting the mean gives 1. “Last value” is the error of persistence, which keeps the measurement at the origin. "
             "The grade of each output compares its error with the smaller error of persistence and the mean. Good: at most 50 %. Usable: at most 90 %."
             @if beyond { " A full bar means " (BAR_END) " or more." }
@@ -178,6 +184,7 @@ fn facts(subject: &Subject<'_>) -> Markup {
     let seconds: f64 = runs(split).map(Trajectory::duration_s).sum();
     let count = runs(split).count();
     let parts = [("training", &split.train), ("validation", &split.validation), ("test", &split.test)];
+    let parts: Vec<_> = parts.into_iter().filter(|(_, runs)| !runs.is_empty()).collect();
     html! {
         dl.facts {
             @if let Some(candidate) = subject.candidate {
@@ -191,23 +198,85 @@ fn facts(subject: &Subject<'_>) -> Markup {
             dt { "Data" }
             dd {
                 (runs_text(count)) ", " (duration(seconds)) " in all" (rate(split))
-                ": "
-                @for (i, (name, runs)) in parts.iter().enumerate() {
-                    @if i > 0 { ", " }
-                    (name) " " (duration(total(runs)))
+                @if parts.len() > 1 {
+                    ": "
+                    @for (i, (name, runs)) in parts.iter().enumerate() {
+                        @if i > 0 { ", " }
+                        (name) " " (duration(total(runs)))
+                    }
                 }
             }
             @if let Some(candidate) = subject.candidate {
-                dt { "Evaluation" }
+                @let judged = candidate.judged();
+                dt { "Judgement" }
                 dd {
-                    (number::count(candidate.test.windows)) " rollouts of " (horizon(candidate)) " on "
-                    (runs_text(candidate.test.runs.used)) " that were not used for fitting or selection"
-                    @if candidate.test.runs.unused > 0 {
-                        "; " (runs_text(candidate.test.runs.unused)) " too short for the horizon and not evaluated"
+                    @if candidate.test.is_some() {
+                        (number::count(judged.windows)) " rollouts of " (horizon(candidate)) " on "
+                        (runs_text(judged.runs.used)) " that were not used for fitting or selection"
+                    } @else {
+                        "Cross-validation: each " (part_name(subject)) " was predicted by a model that was fitted without it, in "
+                        (number::count(judged.windows)) " rollouts of " (horizon(candidate)) "; the delivered model was then fitted to all of them"
                     }
-                    @if candidate.test.diverged > 0 { "; " (number::count(candidate.test.diverged)) " of them diverged" }
+                    @if judged.runs.unused > 0 {
+                        "; " (runs_text(judged.runs.unused)) " too short for the horizon and not evaluated"
+                    }
+                    @if judged.diverged > 0 { "; " (number::count(judged.diverged)) " rollouts diverged" }
                 }
+                dt { "Range of use" }
+                dd { (range_of_use(candidate)) }
             }
+        }
+    }
+}
+
+/// The runs or blocks of a cross-validation.
+fn part_name(subject: &Subject<'_>) -> &'static str {
+    let blocks = subject.result.cross_validation.as_ref().is_some_and(CrossValidation::has_blocks);
+    if blocks { "block of a run" } else { "run" }
+}
+
+/// Where the model may be used: horizon and ranges of the training runs.
+fn range_of_use(candidate: &Candidate) -> Markup {
+    let description = &candidate.model.description;
+    let ports: Vec<&Port> = description.outputs.iter().chain(&description.inputs).collect();
+    html! {
+        "Up to " (horizon(candidate)) " ahead, for "
+        @for (i, port) in ports.iter().enumerate() {
+            @let range = port.training_range.unwrap_or(port.range);
+            @if i > 0 { ", " }
+            span.name { (port.channel.name) } " from " (number::text(range.low, 3)) " to " (number::text(range.high, 3))
+            @if !port.channel.unit.is_empty() { " " (number::unit(&port.channel.unit)) }
+        }
+        ". Predictions outside these ranges are unreliable."
+    }
+}
+
+/// Most runs in the table of the summary.
+const MOST_RUNS: usize = 60;
+
+/// Errors at the longest horizon, run by run; nothing for a single run.
+fn errors_by_run(candidate: &Candidate) -> Markup {
+    let judged = candidate.judged();
+    if judged.by_run.len() < 2 {
+        return html! {};
+    }
+    let mut heads = vec![cell("run"), cell("rollouts")];
+    heads.extend(judged.channels.iter().map(cell));
+    heads.extend([cell("last value, mean"), cell("diverged")]);
+    let mean = |row: &[f64]| row.iter().sum::<f64>() / row.len().max(1) as f64;
+    let row = |run: &RunErrors| {
+        let mut cells = vec![html! { span.name { (readable(&run.run)) } }, cell(number::count(run.windows))];
+        cells.extend(run.nrmse.iter().map(|value| cell(ratio(*value))));
+        cells.extend([cell(ratio(mean(&run.persistence))), cell(number::count(run.diverged))]);
+        cells
+    };
+    let rows: Vec<Vec<Markup>> = judged.by_run.iter().take(MOST_RUNS).map(row).collect();
+    html! {
+        h3 { "Error of each run" }
+        (table(&heads, &rows, 1))
+        p.small {
+            "Error " (horizon(candidate)) " ahead in standard deviations of the output over all runs of the table. “Last value” is the error of persistence."
+            @if judged.by_run.len() > MOST_RUNS { " The first " (MOST_RUNS) " of " (number::count(judged.by_run.len())) " runs are shown." }
         }
     }
 }

@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let identified = identify(&job, &mut silent())?;
     let best = &identified.candidates[identified.best.ok_or("every model diverged")?];
 
-    println!("NRMSE over 10 s on the test block: {:.3}", best.test.score());
+    println!("NRMSE over 10 s on the test block: {:.3}", best.judged().score());
     for verdict in &identified.verdicts {
         println!("{}: {:?}", verdict.channel, verdict.grade);
     }

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use hydroid::excitation::Excitation;
 use hydroid::identify::{
-    self, EnsembleSize, IdentifyResult, Job, NetworkTrainingOptions, RefineOption, SindyOptions,
+    self, Candidate, EnsembleSize, IdentifyResult, Job, NetworkTrainingOptions, RefineOption, SindyOptions,
 };
-use hydroid::log::{InputDelay, Note, Split, split_named};
+use hydroid::log::{InputDelay, Note, Split, Trajectory, split_named};
 use hydroid::model::{self, Reading};
 use hydroid::simulate::Options;
 use hydroid::{atomic, log};
@@ -93,17 +93,23 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         files = demonstration(&args.output, seed, global)?;
     }
     let reading = logs::reading(logs::from_config(log), &args.log)?;
-    let (split, reading, notes) = files.split(&reading)?;
+    let methods: Vec<identify::Method> = args.methods.iter().map(|&method| method.into()).collect();
+    let cross_validated =
+        files.validate.is_empty() && methods.iter().all(|method| method.is_cross_validated());
+    let (split, reading, notes) = files.split(&reading, cross_validated)?;
     ui::print_notes(&notes, global);
     apply_equation_args(args, &mut sindy);
     let dt = split.train.first().map_or(1.0, |run| run.dt);
     let horizon = args.horizon.or(identify.horizon).map_or(HORIZON, |horizon| horizon.samples(dt));
     let job = Job {
-        methods: args.methods.iter().map(|&method| method.into()).collect(),
+        methods,
+        origin_stride: args
+            .origin_stride
+            .or(identify.origin_stride)
+            .unwrap_or_else(|| origin_stride(&split, cross_validated)),
         split,
         reading,
         horizon,
-        origin_stride: args.origin_stride.or(identify.origin_stride).unwrap_or(1),
         seed,
         ranges,
         sindy,
@@ -127,6 +133,15 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         show(&args.output, &identified);
     }
     Ok(if identified.is_usable() { Outcome::Done } else { Outcome::Missed })
+}
+
+/// Origins of a cross-validation: more of them change the errors in the third digit only.
+const CROSS_VALIDATION_ORIGINS: usize = 10_000;
+
+/// Every sample is an origin of the evaluation on test runs; in a cross-validation, the origins are spread over all runs.
+fn origin_stride(split: &Split, cross_validated: bool) -> usize {
+    let samples: usize = split.train.iter().map(Trajectory::len).sum();
+    if cross_validated { (samples / CROSS_VALIDATION_ORIGINS).max(1) } else { 1 }
 }
 
 fn apply_network_args(args: &Identify, networks: &mut NetworkTrainingOptions) {
@@ -176,8 +191,9 @@ struct Files {
 }
 
 impl Files {
-    /// Reads all files together, with common channels and sample time, and splits the runs.
-    fn split(&self, reading: &Reading) -> anyhow::Result<(Split, Reading, Vec<Note>)> {
+    /// Reads all files together, with common channels and sample time, and splits the runs. All runs but named test runs
+    /// are training runs of a cross-validation.
+    fn split(&self, reading: &Reading, cross_validated: bool) -> anyhow::Result<(Split, Reading, Vec<Note>)> {
         let all: Vec<PathBuf> = self.train.iter().chain(&self.validate).chain(&self.test).cloned().collect();
         let (raw, prepared) = logs::prepare(&all, reading)?;
         let mut steps = Vec::new();
@@ -206,7 +222,12 @@ impl Files {
                 test.push(run);
             }
         }
-        Ok((split_named(train, validate, test)?, reading, notes))
+        let split = if cross_validated {
+            Split { train, validation: Vec::new(), test, notes: Vec::new() }
+        } else {
+            split_named(train, validate, test)?
+        };
+        Ok((split, reading, notes))
     }
 }
 
@@ -301,6 +322,7 @@ fn write(
     }
     let summary = json!({
         "models": models,
+        "cross_validated": identified.cross_validation.is_some(),
         "best": identified.best.map(|i| identified.candidates[i].model.description.name.clone()),
         "verdicts": identified.verdicts,
         "ranges": identified.ranges,
@@ -330,6 +352,15 @@ fn show_ranges(identified: &IdentifyResult) {
     }
 }
 
+/// The runs on which a model is judged.
+fn judged_on(candidate: &Candidate) -> &'static str {
+    if candidate.test.is_some() {
+        "the test runs"
+    } else {
+        "runs that were left out (cross-validation; the model is fitted to all of them)"
+    }
+}
+
 fn show(folder: &Path, identified: &IdentifyResult) {
     for candidate in &identified.candidates {
         let model = &candidate.model;
@@ -354,14 +385,17 @@ fn show(folder: &Path, identified: &IdentifyResult) {
                 outln!("  {line}");
             }
         }
-        outln!("\non the test runs:");
-        ui::write_out(format_args!("{}", table::errors(&candidate.test)));
+        outln!("\non {}:", judged_on(candidate));
+        ui::write_out(format_args!("{}", table::errors(candidate.judged())));
     }
     show_ranges(identified);
+    let shown = identified.best.unwrap_or(0);
+    let on = judged_on(&identified.candidates[shown]);
     let best = identified.best.map(|best| identified.candidates[best].model.description.name.as_str());
-    match best {
-        Some(name) => outln!("\nbest model on the validation runs: {name}; its grades on the test runs:"),
-        None => outln!("\nno best model; grades of the first model on the test runs:"),
+    match (best, &identified.cross_validation) {
+        (Some(name), None) => outln!("\nbest model on the validation runs: {name}; its grades on {on}:"),
+        (Some(name), Some(_)) => outln!("\nbest model in the cross-validation: {name}; its grades on {on}:"),
+        (None, _) => outln!("\nno best model; grades of the first model on {on}:"),
     }
     table::show_verdicts(&identified.verdicts);
     outln!("\nwritten to {}: models, report.html, identify.json", folder.display());

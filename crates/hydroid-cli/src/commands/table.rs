@@ -78,6 +78,32 @@ pub fn errors(evaluation: &Evaluation) -> String {
             d.run, d.origin_s, d.horizon, d.channel
         );
     }
+    text + &runs(evaluation)
+}
+
+/// Largest number of runs in a table.
+const MOST_RUNS: usize = 30;
+
+/// Errors of each run at the longest horizon; nothing for a single run.
+fn runs(evaluation: &Evaluation) -> String {
+    let mut text = String::new();
+    let all = &evaluation.by_run;
+    let Some(&last) = evaluation.horizons.last().filter(|_| all.len() > 1) else { return text };
+    let time = trim(&format!("{:.4} s", last as f64 * evaluation.dt));
+    let _ = writeln!(
+        text,
+        "each run, {time} ahead: NRMSE with the standard deviation over all runs (persistence)"
+    );
+    for run in all.iter().take(MOST_RUNS) {
+        let cells = evaluation.channels.iter().zip(run.nrmse.iter().zip(&run.persistence));
+        let cells: Vec<String> =
+            cells.map(|(channel, (nrmse, kept))| format!("{channel} {nrmse:.3} ({kept:.3})")).collect();
+        let diverged = if run.diverged > 0 { format!(", {} diverged", run.diverged) } else { String::new() };
+        let _ = writeln!(text, "  {}: {}; {} windows{diverged}", run.run, cells.join(", "), run.windows);
+    }
+    if all.len() > MOST_RUNS {
+        let _ = writeln!(text, "  and {} more runs", all.len() - MOST_RUNS);
+    }
     text
 }
 

@@ -174,7 +174,7 @@ fn a_useless_or_diverging_model_is_called_that_first() {
     let mut diverged = result.clone();
     diverged.best = None;
     assert!(page(&diverged, &job.split).contains("No model is recommended."));
-    diverged.candidates[0].test.diverged = 3;
+    diverged.candidates[0].test.as_mut().unwrap().diverged = 3;
     let text = page(&diverged, &job.split);
     assert!(text.contains("Do not use this model: it diverges."));
     let banner = text.find("Do not use this model").unwrap();
@@ -184,8 +184,14 @@ fn a_useless_or_diverging_model_is_called_that_first() {
 #[test]
 fn without_candidates_there_is_a_page_that_says_so() {
     let (job, _) = identified();
-    let nothing =
-        IdentifyResult { candidates: vec![], best: None, verdicts: vec![], warnings: vec![], ranges: vec![] };
+    let nothing = IdentifyResult {
+        candidates: vec![],
+        best: None,
+        verdicts: vec![],
+        warnings: vec![],
+        ranges: vec![],
+        cross_validation: None,
+    };
     assert!(page(&nothing, &job.split).contains("Nothing was identified."));
     let empty = Split { train: vec![], validation: vec![], test: vec![], notes: vec![] };
     assert!(page(&nothing, &empty).contains("There are no runs."));
@@ -197,12 +203,13 @@ fn without_windows_trials_or_variation_there_is_a_page() {
     let mut poor = result.clone();
     let candidate = &mut poor.candidates[0];
     found_mut(candidate).trials.clear();
-    candidate.test.windows = 0;
-    candidate.test.horizons.clear();
-    for table in [&mut candidate.test.nrmse, &mut candidate.test.mae, &mut candidate.test.rmse] {
+    let test = candidate.test.as_mut().unwrap();
+    test.windows = 0;
+    test.horizons.clear();
+    for table in [&mut test.nrmse, &mut test.mae, &mut test.rmse] {
         table.clear();
     }
-    poor.verdicts = verdicts(&candidate.test);
+    poor.verdicts = verdicts(candidate.judged());
     let text = page(&poor, &job.split);
     assert!(text.contains("This model was not judged.") && text.contains("No settings were tried."));
 
@@ -224,7 +231,7 @@ fn errors_that_are_not_finite_are_told_as_such() {
     let (job, result) = identified();
     let mut wild = result.clone();
     let candidate = &mut wild.candidates[0];
-    for (h, row) in candidate.test.nrmse.iter_mut().enumerate() {
+    for (h, row) in candidate.test.as_mut().unwrap().nrmse.iter_mut().enumerate() {
         row[0] = if h % 2 == 0 { f64::NAN } else { f64::INFINITY };
         row[1] = 1e200;
     }
@@ -236,7 +243,7 @@ fn errors_that_are_not_finite_are_told_as_such() {
     found_mut(candidate).fit.scaled.clear();
     found_mut(candidate).unidentifiable =
         vec![Term::constant(), Term::monomial(&[0]), Term::monomial(&[10_000])];
-    wild.verdicts = verdicts(&candidate.test);
+    wild.verdicts = verdicts(candidate.judged());
     let text = page(&wild, &job.split);
     assert!(text.contains('∞') && text.contains("cannot distinguish some terms"));
 }

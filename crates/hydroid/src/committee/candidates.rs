@@ -133,6 +133,17 @@ impl<'a> Grid<'a> {
         self.marks.len()
     }
 
+    /// Number of folds.
+    pub(super) fn folds(&self) -> usize {
+        self.folds.len()
+    }
+
+    /// Windows of all folds but `without`, in the layout of predictions.
+    pub(super) fn windows_outside(&self, without: Option<usize>) -> Vec<usize> {
+        let folds = self.origins.iter().flat_map(|o| std::iter::repeat_n(o.fold, o.at.len()));
+        folds.enumerate().filter(|(_, fold)| Some(*fold) != without).map(|(window, _)| window).collect()
+    }
+
     /// All candidates with constant coefficients.
     pub(super) fn constant(&self) -> Vec<Candidate> {
         let of = |regression| RIDGES.map(|ridge| Candidate { regression, ridge, information: None });

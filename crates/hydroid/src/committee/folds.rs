@@ -9,16 +9,16 @@ const FOLDS: std::ops::RangeInclusive<usize> = 3..=6;
 
 /// Contiguous samples of a run. Rows and rollouts of a segment use no sample outside it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Segment<'a> {
-    run: &'a Trajectory,
-    from: usize,
-    to: usize,
+pub(crate) struct Segment<'a> {
+    pub(crate) run: &'a Trajectory,
+    pub(crate) from: usize,
+    pub(crate) to: usize,
 }
 
 /// Segments that are left out together.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Fold<'a> {
-    pub(super) segments: Vec<Segment<'a>>,
+pub(crate) struct Fold<'a> {
+    pub(crate) segments: Vec<Segment<'a>>,
     /// Whether a segment is part of a validation run.
     pub(super) validation: bool,
 }
@@ -68,7 +68,7 @@ impl<'a> Segment<'a> {
 
 /// Runs as folds if there are at least three; else blocks. Many runs share folds in turn. The last `validation` runs are
 /// validation runs.
-pub(super) fn folds<'a>(runs: &[&'a Trajectory], validation: usize) -> Vec<Fold<'a>> {
+pub(crate) fn folds<'a>(runs: &[&'a Trajectory], validation: usize) -> Vec<Fold<'a>> {
     let training = runs.len() - validation.min(runs.len());
     let whole = |run: &'a Trajectory| Segment { run, from: 0, to: run.len() };
     if runs.len() >= *FOLDS.start() {

@@ -10,7 +10,7 @@
 //! [`DifferenceEquations`]: hydroid_core::model::committee::DifferenceEquations
 
 mod candidates;
-mod folds;
+pub(crate) mod folds;
 mod library;
 mod regression;
 mod ridge;
@@ -30,6 +30,11 @@ pub struct Chosen {
     /// The same members, fitted without the folds that contain validation runs; equal to the committee if there are
     /// none, or only such folds.
     pub before_refit: Committee,
+    /// For each fold, a committee that was chosen by the errors on the other folds and fitted without it. Its errors on
+    /// the fold are nearly unbiased: the errors of a candidate on the other folds belong to fits that include the fold,
+    /// but no error on the fold influences the choice (Tsamardinos, Greasidou and Borboudakis, Machine Learning 107
+    /// (2018) 1895).
+    pub left_out: Vec<Committee>,
     /// Number of candidates that were compared.
     pub candidates: usize,
     /// Cross-validated error of the choice: NRMSE of the mean prediction of the members, averaged over outputs and the

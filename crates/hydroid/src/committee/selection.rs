@@ -19,10 +19,19 @@ const WORST: f64 = 10.0;
 /// Candidates computed between two reports of the progress.
 const BATCH: usize = 32;
 
+/// A candidate with its predictions on the folds that were left out.
 struct Trial {
     candidate: Candidate,
     predicted: Vec<f32>,
+}
+
+/// Result of a selection of members.
+struct Ballot {
+    members: Vec<(Candidate, u32)>,
+    /// Error of the mean prediction of the members.
     error: f64,
+    /// Error of the best single candidate.
+    best_error: f64,
 }
 
 /// Reference of the errors: truth and its standard deviation for each mark and output.
@@ -42,6 +51,10 @@ impl<'a> Judge<'a> {
         Self { truth, deviations: (0..columns).map(deviation).collect() }
     }
 
+    fn error_of(&self, predicted: &[f32]) -> f64 {
+        self.error(predicted.iter().map(|p| f64::from(*p)))
+    }
+
     /// Mean NRMSE of predictions over marks and outputs.
     fn error(&self, predicted: impl Iterator<Item = f64>) -> f64 {
         let columns = self.deviations.len();
@@ -58,10 +71,9 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// Predictions and errors of candidates, the best first.
+/// Predictions of candidates, in their order; without those that cannot be fitted.
 fn trials(
     grid: &Grid<'_>,
-    judge: &Judge<'_>,
     candidates: &[Candidate],
     progress: Progress<'_>,
 ) -> Result<Vec<Trial>, ChooseError> {
@@ -69,74 +81,105 @@ fn trials(
     for (batch, part) in candidates.chunks(BATCH).enumerate() {
         report(progress, (batch * BATCH) as f64 / candidates.len() as f64)?;
         trials.par_extend(part.par_iter().filter_map(|candidate| {
-            let predicted = grid.predictions(candidate)?;
-            let error = judge.error(predicted.iter().map(|p| f64::from(*p)));
-            Some(Trial { candidate: *candidate, predicted, error })
+            Some(Trial { candidate: *candidate, predicted: grid.predictions(candidate)? })
         }));
     }
-    trials.sort_by(|a, b| a.error.total_cmp(&b.error));
     Ok(trials)
 }
 
 pub(super) fn choose(grid: &Grid<'_>, progress: Progress<'_>) -> Result<Chosen, ChooseError> {
-    let judge = Judge::new(&grid.truth, grid.outputs * grid.marks());
-    let candidates = grid.constant();
-    let mut constant = trials(grid, &judge, &candidates, &mut |f| progress(0.4 * f))?;
-    let best: Vec<Candidate> = constant.iter().map(|trial| trial.candidate).collect();
-    let candidates = Grid::learning(&best);
-    let compared = best.len() + candidates.len();
-    constant.truncate(SHORTLIST);
-    limit(grid, &mut constant);
-    let mut learning = trials(grid, &judge, &candidates, &mut |f| progress(0.4 + 0.5 * f))?;
-    learning.truncate(SHORTLIST);
-    limit(grid, &mut learning);
-    let constant: Vec<&Trial> = constant.iter().collect();
-    let mut all: Vec<&Trial> = constant.iter().copied().chain(&learning).collect();
-    all.sort_by(|a, b| a.error.total_cmp(&b.error));
-    all.truncate(SHORTLIST);
-    let best_error = all.first().ok_or(ChooseError::Singular)?.error;
-    let (votes, error) = select(&judge, &all);
-    report(progress, 0.95)?;
-    let (constant_votes, constant_error) = select(&judge, &constant);
-    let fitted = |with: &dyn Fn(usize) -> bool| -> Result<Committee, ChooseError> {
-        let members = |trials: &[&Trial], votes: &[u32]| -> Result<Vec<Member>, ChooseError> {
-            let chosen = trials.iter().zip(votes).filter(|(_, votes)| **votes > 0);
-            let member = |(trial, votes): (&&Trial, &u32)| member(grid, &trial.candidate, *votes, with);
-            chosen.map(|pair| member(pair).ok_or(ChooseError::Singular)).collect()
-        };
-        let committee = Committee::new(members(&all, &votes)?)?;
-        Ok(committee.with_constant(members(&constant, &constant_votes)?)?)
+    let mut all = trials(grid, &grid.constant(), &mut |f| progress(0.4 * f))?;
+    let constant = all.len();
+    let best: Vec<Candidate> = {
+        let judge = Judge::new(&grid.truth, grid.outputs * grid.marks());
+        let errors: Vec<f64> = all.par_iter().map(|trial| judge.error_of(&trial.predicted)).collect();
+        order(&errors).into_iter().map(|i| all[i].candidate).collect()
     };
-    let (committee, before_refit) = (fitted(&|_| true)?, fitted(&|fold| grid.is_training(fold))?);
-    Ok(Chosen { committee, before_refit, candidates: compared, error, constant_error, best_error })
-}
-
-/// Limits predictions to one range beyond the range of each output.
-fn limit(grid: &Grid<'_>, trials: &mut [Trial]) {
-    let limits = grid.limits(1.0);
-    for (at, p) in trials.iter_mut().flat_map(|trial| trial.predicted.iter_mut().enumerate()) {
-        let (low, high) = limits[at % grid.outputs];
-        #[expect(clippy::cast_possible_truncation, reason = "single precision suffices for the choice")]
-        let limited = p.clamp(low as f32, high as f32);
-        *p = limited;
+    let learning = Grid::learning(&best);
+    let compared = best.len() + learning.len();
+    all.extend(trials(grid, &learning, &mut |f| progress(0.4 + 0.5 * f))?);
+    let committee = |without: Option<usize>, with: &dyn Fn(usize) -> bool| {
+        let fitted = |ballot: &Ballot| -> Result<Vec<Member>, ChooseError> {
+            let member = |(candidate, votes): &(Candidate, u32)| {
+                member(grid, candidate, *votes, with).ok_or(ChooseError::Singular)
+            };
+            ballot.members.iter().map(member).collect()
+        };
+        let (ballot, frozen) = (ballot(grid, &all, without)?, ballot(grid, &all[..constant], without)?);
+        let committee = Committee::new(fitted(&ballot)?)?.with_constant(fitted(&frozen)?)?;
+        Ok::<_, ChooseError>((committee, ballot, frozen))
+    };
+    report(progress, 0.9)?;
+    let (chosen, ballot, frozen) = committee(None, &|_| true)?;
+    let (before_refit, ..) = committee(None, &|fold| grid.is_training(fold))?;
+    let mut left_out = Vec::new();
+    for fold in 0..grid.folds() {
+        report(progress, 0.92 + 0.08 * fold as f64 / grid.folds() as f64)?;
+        left_out.push(committee(Some(fold), &|other| other != fold)?.0);
     }
+    Ok(Chosen {
+        committee: chosen,
+        before_refit,
+        left_out,
+        candidates: compared,
+        error: ballot.error,
+        constant_error: frozen.error,
+        best_error: ballot.best_error,
+    })
 }
 
-/// Votes of candidates, chosen with replacement, and the error of their mean.
-fn select(judge: &Judge<'_>, trials: &[&Trial]) -> (Vec<u32>, f64) {
+/// Indices in ascending order of the errors.
+fn order(errors: &[f64]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..errors.len()).collect();
+    order.sort_by(|&a, &b| errors[a].total_cmp(&errors[b]));
+    order
+}
+
+/// Selects members by their predictions on all folds but `without`.
+fn ballot(grid: &Grid<'_>, trials: &[Trial], without: Option<usize>) -> Result<Ballot, ChooseError> {
+    let columns = grid.outputs * grid.marks();
+    let rows = grid.windows_outside(without);
+    let pick = |values: &[f32]| -> Vec<f32> {
+        rows.iter().flat_map(|row| &values[row * columns..(row + 1) * columns]).copied().collect()
+    };
+    let truth = pick(&grid.truth);
+    let judge = Judge::new(&truth, columns);
+    let errors: Vec<f64> = trials.par_iter().map(|trial| judge.error_of(&pick(&trial.predicted))).collect();
+    let shortlist: Vec<usize> = order(&errors).into_iter().take(SHORTLIST).collect();
+    let best_error = shortlist.first().map(|&i| errors[i]).ok_or(ChooseError::Singular)?;
+    let limits = grid.limits(1.0);
+    let limited = |&i: &usize| -> Vec<f32> {
+        let mut predicted = pick(&trials[i].predicted);
+        for (at, p) in predicted.iter_mut().enumerate() {
+            let (low, high) = limits[at % grid.outputs];
+            #[expect(clippy::cast_possible_truncation, reason = "single precision suffices for the choice")]
+            let limited = p.clamp(low as f32, high as f32);
+            *p = limited;
+        }
+        predicted
+    };
+    let predicted: Vec<Vec<f32>> = shortlist.iter().map(limited).collect();
+    let (votes, error) = select(&judge, &predicted);
+    let members = shortlist.iter().zip(votes).filter(|(_, votes)| *votes > 0);
+    let members = members.map(|(&i, votes)| (trials[i].candidate, votes)).collect();
+    Ok(Ballot { members, error, best_error })
+}
+
+/// Votes of predictions, chosen with replacement, and the error of their mean.
+fn select(judge: &Judge<'_>, predicted: &[Vec<f32>]) -> (Vec<u32>, f64) {
     let mut sum = vec![0.0f64; judge.truth.len()];
-    let mut votes = vec![0; trials.len()];
+    let mut votes = vec![0; predicted.len()];
     let mut error = f64::INFINITY;
     for round in 0..VOTES {
         let share = 1.0 / f64::from(round + 1);
-        let with = |trial: &&Trial| {
-            judge.error(sum.iter().zip(&trial.predicted).map(|(s, p)| share * (s + f64::from(*p))))
+        let with = |predicted: &Vec<f32>| {
+            judge.error(sum.iter().zip(predicted).map(|(s, p)| share * (s + f64::from(*p))))
         };
-        let errors: Vec<f64> = trials.par_iter().map(with).collect();
-        let Some(best) = (0..trials.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b])) else { break };
+        let errors: Vec<f64> = predicted.par_iter().map(with).collect();
+        let Some(best) = (0..predicted.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b])) else { break };
         error = errors[best];
         votes[best] += 1;
-        sum.iter_mut().zip(&trials[best].predicted).for_each(|(sum, p)| *sum += f64::from(*p));
+        sum.iter_mut().zip(&predicted[best]).for_each(|(sum, p)| *sum += f64::from(*p));
     }
     (votes, error)
 }

@@ -20,7 +20,7 @@ use crate::log::Channel;
 pub use band::BAND;
 pub(crate) use band::quantile;
 pub use band::{Band, BandCoverage, band_coverage, bands};
-pub use windows::evaluate;
+pub use windows::{evaluate, evaluate_each};
 
 /// Outputs that the session observes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -188,6 +188,26 @@ pub struct Evaluation {
     /// Infinite if a rollout diverged.
     #[serde(skip)]
     pub blocks: Vec<f64>,
+    /// Errors on each run with a window.
+    #[serde(default)]
+    pub by_run: Vec<RunErrors>,
+}
+
+/// Errors on one run at the longest horizon.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RunErrors {
+    /// Name of the run.
+    pub run: String,
+    /// Windows, diverged ones included.
+    pub windows: usize,
+    /// Diverged windows.
+    pub diverged: usize,
+    /// RMSE of each output over its standard deviation over all evaluated runs, so that the runs can be compared.
+    #[serde(deserialize_with = "null_row_is_nan")]
+    pub nrmse: Vec<f64>,
+    /// The same of persistence.
+    #[serde(deserialize_with = "null_row_is_nan")]
+    pub persistence: Vec<f64>,
 }
 
 /// Largest number of blocks in [`Evaluation::blocks`].
@@ -213,6 +233,11 @@ impl Evaluation {
 fn null_is_nan<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Vec<Vec<f64>>, D::Error> {
     let table: Vec<Vec<Option<f64>>> = Deserialize::deserialize(deserializer)?;
     Ok(table.into_iter().map(|row| row.into_iter().map(|v| v.unwrap_or(f64::NAN)).collect()).collect())
+}
+
+fn null_row_is_nan<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
+    let row: Vec<Option<f64>> = Deserialize::deserialize(deserializer)?;
+    Ok(row.into_iter().map(|v| v.unwrap_or(f64::NAN)).collect())
 }
 
 /// Mean of the finite values.

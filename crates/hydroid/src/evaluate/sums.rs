@@ -35,6 +35,10 @@ impl Sums {
         Self { cells: vec![Cell::default(); cells] }
     }
 
+    pub(super) fn len(&self) -> usize {
+        self.cells.len()
+    }
+
     /// Adds one comparison; a missing target is skipped.
     pub(super) fn add(&mut self, cell: usize, predicted: f64, kept: f64, target: f64, shift: f64) {
         if target.is_nan() {

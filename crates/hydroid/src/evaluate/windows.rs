@@ -3,10 +3,10 @@
 use hydroid_core::predict::{Predictor, Workspace};
 use rayon::prelude::*;
 
-use super::sums::Sums;
+use super::sums::{Figures, Sums};
 use super::{
     Against, BLOCKS, Baseline, DesignRange, Divergence, EvaluateError, Evaluation, Options, Origin, RunCount,
-    describe, mean_finite,
+    RunErrors, describe, mean_finite,
 };
 use crate::log::{Table, Trajectory};
 use crate::progress::{self, Progress};
@@ -39,10 +39,63 @@ pub fn evaluate(
     options: &Options,
     progress: Progress<'_>,
 ) -> Result<Evaluation, EvaluateError> {
-    let (n, h) = (session.outputs(), options.horizon);
-    let warm_up = options.warm_up.max(session.warm_up()).max(1);
-    assert_eq!(ranges.len(), n, "one design range for each output");
-    check(session, runs, options, warm_up)?;
+    evaluate_with(name, Sessions::One(session), ranges, runs, options, progress)
+}
+
+/// Evaluates on each run a session of its own, for example of the model that was fitted without this run. Otherwise as
+/// [`evaluate`].
+///
+/// # Errors
+/// As [`evaluate`].
+///
+/// # Panics
+/// If the number of sessions differs from the number of runs, or that of design ranges from that of outputs.
+pub fn evaluate_each(
+    name: &str,
+    sessions: &mut [Box<dyn Predictor>],
+    ranges: &[DesignRange],
+    runs: &[&Trajectory],
+    options: &Options,
+    progress: Progress<'_>,
+) -> Result<Evaluation, EvaluateError> {
+    assert_eq!(sessions.len(), runs.len(), "one session for each run");
+    evaluate_with(name, Sessions::Each(sessions), ranges, runs, options, progress)
+}
+
+/// Sessions of the runs.
+enum Sessions<'a> {
+    One(&'a mut dyn Predictor),
+    Each(&'a mut [Box<dyn Predictor>]),
+}
+
+impl Sessions<'_> {
+    fn of(&mut self, run: usize) -> &mut dyn Predictor {
+        match self {
+            Self::One(session) => *session,
+            Self::Each(sessions) => sessions[run].as_mut(),
+        }
+    }
+}
+
+fn evaluate_with(
+    name: &str,
+    mut sessions: Sessions<'_>,
+    ranges: &[DesignRange],
+    runs: &[&Trajectory],
+    options: &Options,
+    progress: Progress<'_>,
+) -> Result<Evaluation, EvaluateError> {
+    let (n, h) = (ranges.len(), options.horizon);
+    let count = if let Sessions::Each(sessions) = &sessions { sessions.len() } else { 1 };
+    let mut warm_up = options.warm_up.max(1);
+    for index in 0..count {
+        warm_up = warm_up.max(sessions.of(index).warm_up());
+    }
+    for index in 0..count {
+        let session = sessions.of(index);
+        assert_eq!(session.outputs(), n, "one design range for each output");
+        check(session, runs, options, warm_up)?;
+    }
     let targets: Vec<&Table> = runs
         .iter()
         .map(|run| match options.against {
@@ -58,27 +111,23 @@ pub fn evaluate(
             mean_finite(squares).filter(|v| *v > 0.0).unwrap_or(f64::INFINITY)
         })
         .collect();
-    let mut tally = Tally {
-        sums: Sums::new(h * n),
-        losses: Vec::new(),
-        windows: 0,
-        diverged: 0,
-        divergences: Vec::new(),
-        runs: RunCount::default(),
-    };
+    let mut tally = Tally::new(h * n);
     let total: usize = runs.iter().map(|run| run.len()).sum();
     let mut before = 0;
-    for (run, target) in runs.iter().zip(&targets) {
+    let mut by_run = Vec::new();
+    for (index, (run, target)) in runs.iter().zip(&targets).enumerate() {
         let ranges: Vec<DesignRange> =
             ranges.iter().enumerate().map(|(c, range)| range.including(target.column(c))).collect();
         let evaluation =
             RunEvaluation { run, target, ranges, shift: &shift, variance: &variance, options, warm_up };
-        let windows = tally.windows;
-        evaluation.go(session, &mut tally, &mut |done| {
+        let mut of_run = Tally::new(h * n);
+        evaluation.go(sessions.of(index), &mut of_run, &mut |done| {
             progress::report(progress, (before + done) as f64 / total as f64)
         })?;
-        if tally.windows > windows {
+        if of_run.windows > 0 {
             tally.runs.used += 1;
+            by_run.push(of_run.errors(&run.name, &variance, n));
+            tally.add(of_run);
         } else {
             tally.runs.unused += 1;
             tally.runs.unused_samples += run.len();
@@ -89,7 +138,7 @@ pub fn evaluate(
         // Runs are long enough, so that a missing value is the cause.
         return Err(EvaluateError::NoOrigin { channel: latest(runs, options) });
     }
-    Ok(tabulate(name, runs[0], options, &tally))
+    Ok(Evaluation { by_run, ..tabulate(name, runs[0], options, &tally) })
 }
 
 fn check(
@@ -160,6 +209,44 @@ struct Tally {
     runs: RunCount,
 }
 
+impl Tally {
+    fn new(cells: usize) -> Self {
+        Self {
+            sums: Sums::new(cells),
+            losses: Vec::new(),
+            windows: 0,
+            diverged: 0,
+            divergences: Vec::new(),
+            runs: RunCount::default(),
+        }
+    }
+
+    fn add(&mut self, run: Self) {
+        self.sums.merge(&run.sums);
+        self.losses.extend(run.losses);
+        self.windows += run.windows;
+        self.diverged += run.diverged;
+        let room = MOST_LISTED.saturating_sub(self.divergences.len());
+        self.divergences.extend(run.divergences.into_iter().take(room));
+    }
+
+    /// Errors at the longest horizon, with the standard deviations of all runs.
+    fn errors(&self, run: &str, variance: &[f64], outputs: usize) -> RunErrors {
+        let last = self.sums.len() - outputs;
+        let figures: Vec<Figures> = (0..outputs).map(|c| self.sums.figures(last + c)).collect();
+        let relative = |of: fn(&Figures) -> f64| -> Vec<f64> {
+            figures.iter().zip(variance).map(|(figures, variance)| of(figures) / variance.sqrt()).collect()
+        };
+        RunErrors {
+            run: run.to_owned(),
+            windows: self.windows,
+            diverged: self.diverged,
+            nrmse: relative(|figures| figures.rmse),
+            persistence: relative(|figures| figures.kept_rmse),
+        }
+    }
+}
+
 struct RunEvaluation<'a> {
     run: &'a Trajectory,
     target: &'a Table,
@@ -194,7 +281,11 @@ impl RunEvaluation<'_> {
         let mut kept = vec![f64::NAN; seen.width()];
         let mut first_origin = None;
         for k in 0..self.run.len() {
-            session.observe(seen.row(k));
+            if k == 0 {
+                session.observe(seen.row(k));
+            } else {
+                session.advance_observe(self.run.inputs.row(k - 1), seen.row(k));
+            }
             for (kept, &y) in kept.iter_mut().zip(seen.row(k)) {
                 if !y.is_nan() {
                     *kept = y;
@@ -217,7 +308,6 @@ impl RunEvaluation<'_> {
                 snapshots.clear();
                 report(k)?;
             }
-            session.advance(self.run.inputs.row(k));
         }
         Ok(())
     }
@@ -299,7 +389,7 @@ impl RunEvaluation<'_> {
 fn tabulate(name: &str, run: &Trajectory, options: &Options, tally: &Tally) -> Evaluation {
     let (channels, units) = describe(run.outputs.channels());
     let n = channels.len();
-    let table = |figure: fn(&super::sums::Figures) -> f64| -> Vec<Vec<f64>> {
+    let table = |figure: fn(&Figures) -> f64| -> Vec<Vec<f64>> {
         (0..options.horizon)
             .map(|h| (0..n).map(|c| figure(&tally.sums.figures(h * n + c))).collect())
             .collect()
@@ -327,6 +417,7 @@ fn tabulate(name: &str, run: &Trajectory, options: &Options, tally: &Tally) -> E
             nrmse: table(|f| f.kept_nrmse),
         },
         blocks: blocks(&tally.losses),
+        by_run: Vec::new(),
     }
 }
 

@@ -2,17 +2,20 @@
 
 use std::sync::Arc;
 
+use hydroid_core::predict::Predictor;
+
 use super::training::{Trained, Training};
 use super::{Candidate, IdentifyError, Job, Parts};
-use crate::evaluate::{self, EvaluateError, evaluate};
+use crate::evaluate::{self, EvaluateError, evaluate, evaluate_each};
 use crate::log::Trajectory;
 use crate::model::{Body, Model};
 use crate::progress::Progress;
 use crate::sindy::{BlockLosses, SearchError};
 
 impl Parts<'_> {
-    fn held_out(&self) -> [(&'static str, &[&Trajectory]); 2] {
-        [("validation", &self.validation), ("test", &self.test)]
+    fn held_out(&self) -> impl Iterator<Item = (&'static str, &[&Trajectory])> {
+        let parts = [("validation", &self.validation[..]), ("test", &self.test[..])];
+        parts.into_iter().filter(|(_, runs)| !runs.is_empty())
     }
 }
 
@@ -20,7 +23,7 @@ impl Parts<'_> {
 pub(super) fn check_horizon(job: &Job, parts: &Parts<'_>) -> Result<(), IdentifyError> {
     let longest =
         parts.held_out().map(|(part, runs)| (runs.iter().map(|run| run.len()).max().unwrap_or(0), part));
-    let (longest, part) = longest[0].min(longest[1]);
+    let (longest, part) = longest.min().unwrap_or((0, "training"));
     if job.horizon < longest {
         return Ok(());
     }
@@ -62,18 +65,18 @@ pub(super) fn evaluate_candidates(
     };
     let count = trained.len() as f64;
     let mut candidates = Vec::new();
-    for Trained { model, training, train_seconds, .. } in trained {
+    for Trained { model, training, train_seconds, left_out, .. } in trained {
         let start = candidates.len() as f64;
-        let mut evaluate_on = |part, model: &Model, runs: &[&Trajectory], from: f64| {
+        let mut evaluate_on = |part, sessions: &mut [Box<dyn Predictor>], runs: &[&Trajectory], from: f64| {
             let mut report = |f: f64| progress((start + from + 0.5 * f) / count);
-            // A new session for each part, because sessions may adapt.
-            let mut session = model.session();
-            let name = &model.description.name;
-            evaluate(name, session.as_mut(), &parts.ranges, runs, &options, &mut report).map_err(|error| {
-                match error {
-                    EvaluateError::Cancelled(c) => IdentifyError::Sindy(SearchError::Cancelled(c)),
-                    error => IdentifyError::Evaluate { part, error },
-                }
+            let (name, ranges) = (&model.description.name, &parts.ranges);
+            let evaluation = match sessions {
+                [session] => evaluate(name, session.as_mut(), ranges, runs, &options, &mut report),
+                sessions => evaluate_each(name, sessions, ranges, runs, &options, &mut report),
+            };
+            evaluation.map_err(|error| match error {
+                EvaluateError::Cancelled(c) => IdentifyError::Sindy(SearchError::Cancelled(c)),
+                error => IdentifyError::Evaluate { part, error },
             })
         };
         // After a refit on all runs, the validation errors are those of the model before the refit.
@@ -85,10 +88,21 @@ pub(super) fn evaluate_candidates(
             _ => None,
         };
         let before_refit = before_refit.map(|body| Model { body, ..model.clone() });
-        let validation =
-            evaluate_on("validation", before_refit.as_ref().unwrap_or(&model), &parts.validation, 0.0)?;
-        let test = evaluate_on("test", &model, &parts.test, 0.5)?;
-        candidates.push(Candidate { model, training, train_seconds, validation, test });
+        let mut of_validation: Vec<Box<dyn Predictor>> = match parts.folds {
+            Some(folds) => {
+                let runs = folds.runs(&job.split.train);
+                runs.into_iter().map(|(fold, _)| left_out[fold].session()).collect()
+            }
+            None => vec![before_refit.as_ref().unwrap_or(&model).session()],
+        };
+        let validation = evaluate_on("validation", &mut of_validation, &parts.validation, 0.0)?;
+        let test = if parts.test.is_empty() {
+            None
+        } else {
+            // A new session, because sessions may adapt.
+            Some(evaluate_on("test", &mut [model.session()], &parts.test, 0.5)?)
+        };
+        candidates.push(Candidate { model, training, train_seconds, validation, test, left_out });
     }
     Ok(candidates)
 }
@@ -116,7 +130,7 @@ pub(super) fn select_best(candidates: &[Candidate]) -> Option<usize> {
         Some(committee) if !losses(best).is_significantly_better(&losses(committee)) => committee,
         _ => best,
     };
-    Some(best).filter(|&i| candidates[i].test.diverged == 0)
+    Some(best).filter(|&i| candidates[i].judged().diverged == 0)
 }
 
 fn least_error<C: Ord>(judged: &[(C, Option<f64>)]) -> Option<usize> {

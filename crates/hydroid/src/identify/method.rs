@@ -43,6 +43,11 @@ impl Method {
         }
     }
 
+    /// Whether models of this method are cross-validated over the runs; the others need validation and test runs.
+    pub fn is_cross_validated(self) -> bool {
+        matches!(self, Self::Sindy | Self::Committee)
+    }
+
     /// The kind of network; none for equations.
     pub fn cell(self) -> Option<CellKind> {
         match self {

@@ -1,7 +1,9 @@
-//! Identification: fit on training runs, selection on validation runs, evaluation on test runs.
+//! Identification: fit on training runs, selection on validation runs, evaluation on test runs; or cross-validation over
+//! all runs.
 
 mod collinearity;
 mod control_affine;
+mod cross_validation;
 mod data_summary;
 mod design_range;
 mod equations;
@@ -26,6 +28,7 @@ use crate::model::{Model, Reading};
 use crate::progress::Progress;
 use crate::train;
 
+pub use cross_validation::CrossValidation;
 #[doc(hidden)]
 pub use data_summary::{ChannelSummary, data_summary, output_ranges};
 pub use design_range::{ChannelRange, GivenRange, GivenRanges};
@@ -46,7 +49,8 @@ use training::{Trained, train_by};
 pub struct Job {
     /// Methods; the model with the smallest validation error is the best one.
     pub methods: Vec<Method>,
-    /// Runs for training, validation and test.
+    /// Runs for training, validation and test. Without validation runs, all methods must be
+    /// [cross-validated](Method::is_cross_validated) over the training runs; test runs are optional then.
     pub split: Split,
     /// How the logs were read; stored in the model file.
     pub reading: Reading,
@@ -87,10 +91,20 @@ pub struct Candidate {
     pub training: Training,
     /// Duration of fit and selection \[s\].
     pub train_seconds: f64,
-    /// Errors on the validation runs.
+    /// Errors on the validation runs. In a cross-validation, the errors on all folds, each predicted by the model of
+    /// [`left_out`](Self::left_out) that was chosen and fitted without it.
     pub validation: Evaluation,
-    /// Errors on the test runs.
-    pub test: Evaluation,
+    /// Errors on the test runs, if there are any.
+    pub test: Option<Evaluation>,
+    /// For each fold of a cross-validation, the model without it.
+    pub left_out: Vec<Model>,
+}
+
+impl Candidate {
+    /// The errors that judge the model: those on the test runs, else those of the cross-validation.
+    pub fn judged(&self) -> &Evaluation {
+        self.test.as_ref().unwrap_or(&self.validation)
+    }
 }
 
 /// Result of an identification.
@@ -106,6 +120,8 @@ pub struct IdentifyResult {
     pub warnings: Vec<Note>,
     /// Design ranges, outputs first, and whether they were stated.
     pub ranges: Vec<ChannelRange>,
+    /// The folds, if the models were cross-validated.
+    pub cross_validation: Option<CrossValidation>,
 }
 
 /// Validation windows per run in the search.
@@ -133,15 +149,25 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
     }
     let [train, validation, test] = [&job.split.train, &job.split.validation, &job.split.test]
         .map(|runs| runs.iter().collect::<Vec<&Trajectory>>());
-    for (runs, part) in [(&train, "train"), (&validation, "validate"), (&test, "test")] {
-        if runs.is_empty() {
-            return Err(IdentifyError::NoRuns(part));
-        }
-    }
-    leakage::check([&train, &validation, &test])?;
     let methods = methods(job)?;
+    let cross = validation.is_empty() && methods.iter().all(|method| method.is_cross_validated());
+    let needed = if cross { 1 } else { 3 };
+    let named = [(&train, "train"), (&validation, "validate"), (&test, "test")];
+    if let Some((_, part)) = named.into_iter().take(needed).find(|(runs, _)| runs.is_empty()) {
+        return Err(IdentifyError::NoRuns(part));
+    }
+    if cross {
+        // Every run is a part of its own.
+        let single: Vec<&[&Trajectory]> = train.iter().map(std::slice::from_ref).chain([&test[..]]).collect();
+        leakage::check(&single)?;
+    } else {
+        leakage::check(&[&train, &validation, &test])?;
+    }
     let ranges = design_range::design_ranges(&job.ranges, &train)?;
-    let parts = Parts::new([train, validation, test], &ranges);
+    let folds = cross.then(|| CrossValidation::new(&job.split.train));
+    let judged = folds.as_ref().map(|folds| folds.runs(&job.split.train));
+    let validation = judged.map_or(validation, |judged| judged.into_iter().map(|(_, run)| run).collect());
+    let parts = Parts { folds: folds.as_ref(), ..Parts::new([train, validation, test], &ranges) };
     check_horizon(job, &parts)?;
     job.networks.check(job, &methods, &parts)?;
     let mut warnings = job.split.notes.clone();
@@ -186,12 +212,12 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
     })?;
     let best = select_best(&candidates);
     let shown: &Candidate = &candidates[best.unwrap_or(0)];
-    let verdicts = verdicts(&shown.test);
+    let verdicts = verdicts(shown.judged());
     warnings.extend(verdict::spikes(&parts.train, &job.sindy));
     let data = data_summary(&job.split);
     warnings.extend(verdict::warnings(shown, &verdicts, &data, &job.split.test));
     warnings.extend(collinearity::warnings(shown, &data, &job.split.train));
-    Ok(IdentifyResult { candidates, best, verdicts, warnings, ranges })
+    Ok(IdentifyResult { candidates, best, verdicts, warnings, ranges, cross_validation: folds })
 }
 
 /// The requested methods without duplicates, equations before networks, which may use them as base model.
@@ -214,8 +240,10 @@ fn no_model(method: &str, error: &IdentifyError) -> Note {
     Note::warning(format!("no model by the method {method}: {}", error.without_method()))
 }
 
+#[derive(Clone)]
 struct Parts<'a> {
     train: Vec<&'a Trajectory>,
+    /// Validation runs; the runs or blocks of all folds in a cross-validation.
     validation: Vec<&'a Trajectory>,
     test: Vec<&'a Trajectory>,
     /// Design ranges of the outputs.
@@ -226,6 +254,8 @@ struct Parts<'a> {
     training_ranges: Vec<DesignRange>,
     /// Channels with a stated design range.
     given: Vec<String>,
+    /// The folds of a cross-validation over the training runs.
+    folds: Option<&'a CrossValidation>,
 }
 
 impl<'a> Parts<'a> {
@@ -233,7 +263,16 @@ impl<'a> Parts<'a> {
         let of = |input: bool| all.iter().filter(|c| c.input == input).map(|c| c.range).collect();
         let given = all.iter().filter(|c| c.given).map(|c| c.channel.name.clone()).collect();
         let training_ranges = output_ranges(&train);
-        Self { train, validation, test, ranges: of(false), inputs: of(true), training_ranges, given }
+        Self {
+            train,
+            validation,
+            test,
+            ranges: of(false),
+            inputs: of(true),
+            training_ranges,
+            given,
+            folds: None,
+        }
     }
 }
 

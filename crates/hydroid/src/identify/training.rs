@@ -4,16 +4,19 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
+use hydroid_core::model::committee::Committee;
 use hydroid_core::model::sparse::Equations;
 
 use super::{
-    Candidate, IdentifyError, Job, Method, Parts, data_summary, equations, networks as recurrent, recursive,
+    Candidate, IdentifyError, Job, Method, Parts, data_summary, equations, networks as recurrent,
+    output_ranges, recursive,
 };
 use crate::committee;
 use crate::evaluate::DesignRange;
 use crate::log::{Channel, Note, Trajectory, noise_level};
 use crate::model::{Body, Description, Members, Model, Port, Provenance, Reading};
-use crate::sindy::SearchResult;
+use crate::progress::{self, Progress};
+use crate::sindy::{SearchError, SearchResult, refit};
 use crate::train;
 
 /// Record of a training.
@@ -116,6 +119,8 @@ pub(super) struct Trained {
     pub(super) train_seconds: f64,
     /// Score of the search on the validation runs.
     pub(super) score: f64,
+    /// For each fold, the model that was fitted without it; empty without cross-validation.
+    pub(super) left_out: Vec<Model>,
 }
 
 /// Called with the completed fraction of a method and the progress of the training of a network.
@@ -145,7 +150,24 @@ pub(super) fn train_by(
         })
     };
     let score = |found: &SearchResult| found.trials[found.chosen].validation.unwrap_or(f64::INFINITY);
+    let mut left_out = Vec::new();
     let (model, training, score) = match method {
+        Method::Sindy if parts.folds.is_some() => {
+            let (found, fits) = cross_validated_equations(job, parts, &mut |fraction| tell(fraction, None))?;
+            let body = Body::Equations(Arc::new(found.fit.equations.clone()));
+            let mut model = describe(job, parts, method, body, of_search(&found));
+            if let Some(ensemble) = &found.ensemble {
+                model.members = Members::new(&ensemble.members);
+            }
+            let with = |equations| Model {
+                body: Body::Equations(Arc::new(equations)),
+                members: Members::default(),
+                ..model.clone()
+            };
+            left_out = fits.into_iter().map(with).collect();
+            let score = score(&found);
+            (model, Training::Equations(found), score)
+        }
         Method::Sindy | Method::Lagged => {
             let progress = &mut |fraction| tell(fraction, None);
             let found = match method {
@@ -171,8 +193,8 @@ pub(super) fn train_by(
         }
         Method::Committee => {
             let progress = &mut |fraction| tell(fraction, None);
-            let (train, validation) = (&parts.train, &parts.validation);
-            let chosen = committee::choose_with_validation(train, validation, job.horizon, progress)?;
+            let validation: &[&Trajectory] = if parts.folds.is_some() { &[] } else { &parts.validation };
+            let chosen = committee::choose_with_validation(&parts.train, validation, job.horizon, progress)?;
             let told = serde_json::json!({
                 "candidates": chosen.candidates,
                 "cross_validated_nrmse": chosen.error,
@@ -184,6 +206,13 @@ pub(super) fn train_by(
             let mut model = describe(job, parts, method, body, told);
             let Provenance { training, validation, .. } = &mut model.description.provenance;
             training.extend_from_slice(validation);
+            if parts.folds.is_some() {
+                let with = |committee: &Committee| {
+                    let body = Body::Committee(Arc::new(committee.clone()));
+                    Model { body, ..model.clone() }
+                };
+                left_out = chosen.left_out.iter().map(with).collect();
+            }
             let score = chosen.error;
             (model, Training::Committee(Arc::new(chosen)), score)
         }
@@ -204,7 +233,39 @@ pub(super) fn train_by(
             (model, Training::Network(Arc::new(trained)), score)
         }
     };
-    Ok(Trained { model, training, train_seconds: clock.elapsed().as_secs_f64(), score })
+    Ok(Trained { model, training, train_seconds: clock.elapsed().as_secs_f64(), score, left_out })
+}
+
+/// Equations with the settings of a search, fitted to all runs, and for each fold those fitted without it.
+fn cross_validated_equations(
+    job: &Job,
+    parts: &Parts<'_>,
+    progress: Progress<'_>,
+) -> Result<(Arc<SearchResult>, Vec<Equations>), IdentifyError> {
+    let Some(folds) = parts.folds else { return Err(IdentifyError::NoRuns("validate")) };
+    let [train, validation] = folds.search(&job.split.train);
+    let part = Parts {
+        training_ranges: output_ranges(&train),
+        train,
+        validation,
+        test: Vec::new(),
+        folds: None,
+        ..parts.clone()
+    };
+    let found = equations::memoryless(job, &part, &mut |f| progress(0.8 * f))?;
+    let ranges = &parts.training_ranges;
+    let mut left_out = Vec::new();
+    for fold in 0..folds.folds() {
+        progress::report(progress, 0.8 + 0.1 * fold as f64 / folds.folds() as f64)
+            .map_err(SearchError::Cancelled)?;
+        let runs = folds.without(fold, &job.split.train);
+        left_out.push(refit(&found, &runs, ranges, (0, job.seed))?.0.equations);
+    }
+    let (fit, ensemble) = refit(&found, &parts.train, ranges, (job.sindy.members.0, job.seed))?;
+    progress::report(progress, 1.0).map_err(SearchError::Cancelled)?;
+    let mut found = Arc::unwrap_or_clone(found);
+    (found.fit, found.ensemble) = (fit, ensemble);
+    Ok((Arc::new(found), left_out))
 }
 
 fn describe(

@@ -84,7 +84,7 @@ pub(super) fn warnings(
     test_runs: &[Trajectory],
 ) -> Vec<Note> {
     let mut notes = Vec::new();
-    let test = &candidate.test;
+    let test = candidate.judged();
     // Rounded to a millisecond against rounding errors of the product.
     let horizon_s = (1e3 * test.horizons.last().map_or(0.0, |&h| h as f64 * test.dt)).round() / 1e3;
     for verdict in verdicts.iter().filter(|v| v.grade == Grade::NotIdentified) {
@@ -98,7 +98,8 @@ pub(super) fn warnings(
             ),
         );
     }
-    for (evaluation, part) in [(&candidate.validation, "validation"), (test, "test")] {
+    let of_test = candidate.test.as_ref().map(|test| (test, "test"));
+    for (evaluation, part) in [(&candidate.validation, "validation")].into_iter().chain(of_test) {
         if evaluation.runs.unused > 0 {
             notes.push(
                 Note::warning(format!(

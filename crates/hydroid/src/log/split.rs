@@ -68,6 +68,14 @@ pub fn split_runs(runs: Vec<Trajectory>) -> Result<Split, LogError> {
     }
 }
 
+/// The run on which a search among at least three runs chooses its settings: the last one of suitable length. `None` if
+/// there are fewer runs, or none is suitable.
+pub(crate) fn validation_run(runs: &[Trajectory]) -> Option<usize> {
+    let total: usize = runs.iter().map(Trajectory::len).sum();
+    let sane = |i: &usize| SANE.contains(&(runs[*i].len() as f64 / total.max(1) as f64));
+    (0..runs.len()).rev().find(sane).filter(|_| runs.len() >= 3)
+}
+
 /// Splits runs with given roles. Without test runs, all runs are split as by [`split_runs`] (there must be no
 /// validation runs); without validation runs, the validation is the last quarter of the longest training run.
 ///

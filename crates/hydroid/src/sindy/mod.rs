@@ -50,7 +50,9 @@ pub use {
     refine::{Outcome, RefineOptions, RefinedEquations, Refinement, noise_excess, refine},
     regression_form::{RowWeights, Rows},
     robust::Loss,
-    search::{RefineScope, SearchError, SearchGrid, SearchOptions, SearchResult, Trial, search, substeps},
+    search::{
+        RefineScope, SearchError, SearchGrid, SearchOptions, SearchResult, Trial, refit, search, substeps,
+    },
     stability::{StabilityCheck, StabilityOptions, stability_check},
     stepwise::stepwise,
     stlsq::stlsq,

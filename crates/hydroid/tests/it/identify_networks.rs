@@ -101,7 +101,7 @@ fn a_horizon_longer_than_all_runs_is_refused_for_all_methods() {
 fn runs_too_short_for_evaluation_are_refused_before_training() {
     let (enough, _) = done(&job(&[Method::Gru], [400, 200, 76], true));
     let gru = &enough.unwrap().candidates[0];
-    assert_eq!((gru.training.network().unwrap().wash_out, gru.test.windows), (50, 1));
+    assert_eq!((gru.training.network().unwrap().wash_out, gru.judged().windows), (50, 1));
 
     let (refused, heard) = done(&job(&[Method::Gru], [400, 200, 75], true));
     let told = refused.unwrap_err().to_string();
@@ -119,7 +119,7 @@ fn runs_too_short_for_evaluation_are_refused_before_training() {
 
     let mut given = job(&[Method::Gru], [400, 200, 75], true);
     given.networks.gru.wash_out_s = Some(4.9);
-    assert_eq!(done(&given).0.unwrap().candidates[0].test.windows, 1);
+    assert_eq!(done(&given).0.unwrap().candidates[0].judged().windows, 1);
 }
 
 #[test]

@@ -60,7 +60,7 @@ fn a_constant_vessel_needs_no_lags_and_no_adaptation() {
     let (found, _) = identified(1.0, &[Method::Sindy, Method::Lagged, Method::Recursive]);
     assert_eq!(names(&found), ["sindy", "lagged", "recursive"]);
     assert_eq!(found.best, Some(0), "what is no better beyond the noise is not called best");
-    let windows: Vec<usize> = found.candidates.iter().map(|c| c.test.windows).collect();
+    let windows: Vec<usize> = found.candidates.iter().map(|c| c.judged().windows).collect();
     assert!(windows.iter().all(|w| *w == windows[0]), "all are judged on the same windows: {windows:?}");
     let lagged = found.candidates[1].found().unwrap().fit.equations.signals();
     assert!(!lagged.is_empty(), "the past is there to be used");
@@ -139,7 +139,7 @@ fn recursive_equations_are_best_on_a_changed_vessel() {
     let (found, test) = identified(1.6, &[Method::Recursive, Method::Sindy]);
     assert_eq!(found.best, Some(0));
     let [learning, fixed] = [&found.candidates[0], &found.candidates[1]];
-    assert!(learning.test.score() < 0.8 * fixed.test.score());
+    assert!(learning.judged().score() < 0.8 * fixed.judged().score());
     assert_eq!((learning.model.kind(), fixed.model.kind()), ("recursive_equations", "sparse_equations"));
 
     // The file contains the adaptation: the model read back gives equal predictions.

@@ -58,7 +58,7 @@ fn means(ship: &Ship, data: &Path) -> (IdentifyResult, Vec<f64>, f64) {
     let methods = vec![Method::Sindy, Method::Lagged, Method::Recursive];
     let sindy = SindyOptions { members: EnsembleSize(0), ..SindyOptions::default() };
     let result = identify(&Job { methods, sindy, ..job(split, ship.horizon, 5) }, &mut silent()).unwrap();
-    let means = result.candidates.iter().map(|c| last(&c.test).1).collect();
+    let means = result.candidates.iter().map(|c| last(c.judged()).1).collect();
     let ridge = last(&chosen(&baseline(ship, data)).test).1;
     (result, means, ridge)
 }
@@ -71,8 +71,8 @@ fn cybership_is_a_tenth_below_the_ridge_that_validation_chooses() {
     let (result, means, ridge) = means(&CYBERSHIP, &data);
     let best = result.best.unwrap();
     assert!(means[best] < 0.9 * ridge, "{means:?} against {ridge}");
-    assert!(result.candidates.iter().all(|c| c.test.diverged == 0));
-    beats_persistence(&result.candidates[best].test, 0.85);
+    assert!(result.candidates.iter().all(|c| c.judged().diverged == 0));
+    beats_persistence(result.candidates[best].judged(), 0.85);
     assert!(result.is_usable());
     // Constant equations are better than ridge with negligible shrinkage.
     for row in plain(&baseline(&CYBERSHIP, &data)) {
@@ -89,7 +89,7 @@ fn esso_is_a_tenth_below_the_ridge_that_validation_chooses() {
     let (result, means, ridge) = means(&ESSO, &data);
     assert!(means.iter().all(|mean| *mean < 0.9 * ridge), "{means:?} against {ridge}");
     assert!(means[result.best.unwrap()] < 0.8 * ridge, "{means:?} against {ridge}");
-    assert!(result.candidates.iter().all(|c| c.test.diverged == 0));
+    assert!(result.candidates.iter().all(|c| c.judged().diverged == 0));
     assert!(result.is_usable());
 }
 

@@ -190,7 +190,7 @@ fn a_method_like_the_others_with_a_file_and_an_ensemble() {
     let candidate = &identified.candidates[0];
     let model = &candidate.model;
     assert_eq!((model.kind(), model.description.name.as_str()), ("direct", "direct"));
-    assert!(candidate.test.score() < 0.3, "{}", candidate.test.score());
+    assert!(candidate.judged().score() < 0.3, "{}", candidate.judged().score());
     let text = model.network_text().join("\n");
     assert!(text.contains("22-16-16-16"), "{text}");
     let bytes = encode(model).unwrap();

@@ -76,6 +76,15 @@ impl Predictor for EquationsSession {
         }
     }
 
+    fn advance_observe(&mut self, c: &[f64], y: &[f64]) {
+        if y.iter().all(|y| !y.is_nan()) {
+            self.equations.wait(&mut self.state, c, &mut self.scratch);
+        } else {
+            self.advance(c);
+        }
+        self.observe(y);
+    }
+
     fn output(&self, y: &mut [f64]) {
         y.copy_from_slice(&self.state[..self.equations.outputs()]);
     }

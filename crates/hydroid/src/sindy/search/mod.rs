@@ -5,11 +5,13 @@
 
 mod excerpts;
 mod refinement;
+mod refit;
 mod selection;
 
 use std::sync::Arc;
 
 use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::evaluate::{self, DesignRange, EvaluateError, Evaluation, evaluate};
@@ -28,6 +30,8 @@ use crate::sindy::regression_form::RegressionForm;
 use crate::sindy::robust::Loss;
 use crate::sindy::stability::{StabilityCheck, StabilityOptions, stability_check};
 use crate::sindy::structure::Structure;
+
+pub use refit::refit;
 
 /// The grid of options.
 #[derive(Clone, Debug, PartialEq)]
@@ -133,6 +137,8 @@ pub struct SearchResult {
     pub ensemble: Option<Ensemble>,
     /// Record of the refinement.
     pub refinement: Refinement,
+    /// The grid of the search.
+    pub grid: SearchGrid,
 }
 
 /// Failure of the search.
@@ -204,7 +210,7 @@ pub fn search(
     for (index, (structure, &regression)) in
         grid.structures.iter().flat_map(|s| grid.regressions.iter().map(move |r| (s, r))).enumerate()
     {
-        let prepared = match search.prepare(training, structure, regression, grid, 0) {
+        let prepared = match prepare(training, &search.variables, structure, regression, grid.loss, 0) {
             Ok(prepared) => Arc::new(prepared),
             // The error of the first, smallest library is reported.
             Err(error) => {
@@ -213,26 +219,32 @@ pub fn search(
             }
         };
         let constraints = structure.constraints(&grid.constraints, &search.variables);
-        for (position, &ridge) in grid.ridges.iter().enumerate() {
-            let done = (index as f64 + position as f64 / grid.ridges.len() as f64) / pairs as f64;
-            progress::report(progress, 0.9 * done)?;
-            let mut last: Option<Vec<f64>> = None;
-            for &optimizer in &grid.optimizers {
-                let fit = match prepared.fit(&fit_options(optimizer, ridge, run.dt, &constraints)) {
-                    Ok(fit) => fit,
-                    Err(error) => {
-                        first_error.get_or_insert(error.into());
-                        continue;
-                    }
-                };
-                // A stricter optimizer with an unchanged result is not evaluated again.
-                if last.as_ref() != Some(&fit.scaled) {
-                    last = Some(fit.scaled.clone());
-                    let settings = TrialSettings { structure, regression, optimizer, ridge };
-                    search.add_trial(settings, fit, Arc::clone(&prepared))?;
+        progress::report(progress, 0.9 * index as f64 / pairs as f64)?;
+        let fits = |ridge: f64| -> Vec<(TrialSettings<'_>, Result<Fit, FitError>)> {
+            let of = |&optimizer: &Optimizer| {
+                let settings = TrialSettings { structure, regression, optimizer, ridge };
+                (settings, prepared.fit(&fit_options(optimizer, ridge, run.dt, &constraints)))
+            };
+            let mut fits: Vec<_> = grid.optimizers.iter().map(of).collect();
+            // A stricter optimizer with an unchanged result is not evaluated again.
+            fits.dedup_by(|b, a| matches!((&a.1, &b.1), (Ok(a), Ok(b)) if a.scaled == b.scaled));
+            fits
+        };
+        let fits: Vec<_> = grid.ridges.par_iter().flat_map_iter(|&ridge| fits(ridge)).collect();
+        let mut trials = Vec::new();
+        for (settings, fit) in fits {
+            match fit {
+                Ok(fit) => trials.push((settings, fit)),
+                Err(error) => {
+                    first_error.get_or_insert(error.into());
                 }
             }
         }
+        let tried: Vec<_> = trials
+            .into_par_iter()
+            .map(|(settings, fit)| search.trial(settings, fit, Arc::clone(&prepared)))
+            .collect::<Result<_, _>>()?;
+        search.tried.extend(tried);
     }
     if search.tried.iter().all(|tried| tried.trial.score.is_none()) {
         return Err(match first_error {
@@ -241,13 +253,27 @@ pub fn search(
             _ => SearchError::AllDiverged(search.tried.len()),
         });
     }
-    let found = search.select(training, grid, run.dt, &mut |f| progress(0.9 + 0.1 * f))?;
+    let found = search.select(training, grid, &mut |f| progress(0.9 + 0.1 * f))?;
     progress::report(progress, 1.0)?;
     Ok(found)
 }
 
 fn fit_options(optimizer: Optimizer, ridge: f64, dt: f64, constraints: &Constraints) -> FitOptions {
     FitOptions { optimizer, ridge, substeps: substeps(dt), constraints: constraints.clone() }
+}
+
+fn prepare(
+    runs: &[&Trajectory],
+    variables: &Variables,
+    structure: &Structure,
+    regression: RegressionForm,
+    loss: Loss,
+    groups: usize,
+) -> Result<LinearRegression, SearchError> {
+    structure.check_size(variables)?;
+    let signals = structure.signals(variables);
+    let preparation = RegressionOptions { signals: &signals, loss, groups, ..RegressionOptions::default() };
+    Ok(LinearRegression::with(runs, structure.terms(variables), regression, &preparation)?)
 }
 
 struct Search<'a> {
@@ -281,28 +307,12 @@ struct TrialScore {
 }
 
 impl Search<'_> {
-    fn prepare(
+    fn trial(
         &self,
-        training: &[&Trajectory],
-        structure: &Structure,
-        regression: RegressionForm,
-        grid: &SearchGrid,
-        groups: usize,
-    ) -> Result<LinearRegression, SearchError> {
-        structure.check_size(&self.variables)?;
-        let signals = structure.signals(&self.variables);
-        let preparation =
-            RegressionOptions { signals: &signals, loss: grid.loss, groups, ..RegressionOptions::default() };
-        let terms = structure.terms(&self.variables);
-        Ok(LinearRegression::with(training, terms, regression, &preparation)?)
-    }
-
-    fn add_trial(
-        &mut self,
         settings: TrialSettings<'_>,
         fit: Fit,
         prepared: Arc<LinearRegression>,
-    ) -> Result<(), SearchError> {
+    ) -> Result<EvaluatedTrial, SearchError> {
         let judged = self.score(&fit.equations)?;
         let finite = |x: f64| x.is_finite().then_some(x);
         let trial = Trial {
@@ -316,8 +326,7 @@ impl Search<'_> {
             training: judged.training.and_then(finite),
             diverged: judged.diverged,
         };
-        self.tried.push(EvaluatedTrial { trial, fit, losses: judged.losses, prepared });
-        Ok(())
+        Ok(EvaluatedTrial { trial, fit, losses: judged.losses, prepared })
     }
 
     fn score(&self, equations: &Equations) -> Result<TrialScore, SearchError> {

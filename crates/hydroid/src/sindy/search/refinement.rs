@@ -1,6 +1,8 @@
 //! Refinement of the selected equations by multi-step prediction errors, accepted only if the predictions improve.
 
-use super::{Search, SearchError, SearchGrid};
+use hydroid_core::model::sparse::Equations;
+
+use super::{RefineScope, Search, SearchError, SearchGrid, Variables};
 use crate::log::Trajectory;
 use crate::progress::Progress;
 use crate::sindy::constraints::{Coefficient, Constraints, Equality};
@@ -10,7 +12,7 @@ use crate::sindy::refine::{
     Attempt, Outcome, RefineOptions, RefinedEquations, Refinement, noise_excess, refine,
 };
 use crate::sindy::robust::Loss;
-use crate::sindy::structure::{GateSpec, Lag};
+use crate::sindy::structure::{GateSpec, Lag, Structure};
 
 /// Window lengths relative to the horizon; a shorter window has a smaller share of initial-state errors.
 const WINDOW_LENGTHS: [f64; 2] = [1.0, 1.0 / 3.0];
@@ -23,6 +25,15 @@ const PRIOR_STRENGTHS: [f64; 4] = [1.0, 0.1, 0.01, 0.001];
 /// Beyond it, unmodelled forces dominate: errors of multi-step predictions are then correlated, and least squares on
 /// them would fit the forces of these particular runs.
 const MAX_NOISE_EXCESS: f64 = std::f64::consts::SQRT_2;
+
+impl RefineScope {
+    /// Lags and gates of structures that are refined.
+    pub(super) fn of(self, structures: &[&Structure]) -> (Vec<Lag>, Vec<GateSpec>) {
+        let lags = structures.iter().filter(|_| self.lags).flat_map(|s| s.lags.iter().copied());
+        let gates = structures.iter().filter(|_| self.gate).filter_map(|s| s.gate);
+        (lags.collect(), gates.collect())
+    }
+}
 
 pub(super) struct Selected<'a> {
     pub(super) rows: &'a [usize],
@@ -43,11 +54,10 @@ impl Search<'_> {
         let mut refinement = Refinement::default();
         let Some(scope) = grid.refine else { return Ok((selected, refinement)) };
         refinement.before = selected.score.is_finite().then_some(selected.score);
-        let structures = || selected.rows.iter().map(|&row| &self.tried[row].trial.structure);
-        let lags: Vec<Lag> =
-            structures().filter(|_| scope.lags).flat_map(|s| s.lags.iter().copied()).collect();
-        let gates: Vec<GateSpec> = structures().filter(|_| scope.gate).filter_map(|s| s.gate).collect();
-        let constraints = self.constraints_of(grid, &selected);
+        let structures: Vec<&Structure> =
+            selected.rows.iter().map(|&row| &self.tried[row].trial.structure).collect();
+        let (lags, gates) = scope.of(&structures);
+        let constraints = constraints_of(grid, &self.variables, &structures, &selected.fit.equations);
         let unbounded = self.stability(&selected.fit.equations).unbounded;
         let mut best: Option<RefinedEquations> = None;
         for (index, length) in WINDOW_LENGTHS.into_iter().enumerate() {
@@ -99,45 +109,55 @@ impl Search<'_> {
             (None, false) => Outcome::NoBetter,
         };
         if let Some(refined) = best {
-            if let Some(ensemble) = &mut selected.ensemble {
-                let old = selected.fit.equations.coefficients();
-                let by: Vec<f64> =
-                    refined.equations.coefficients().iter().zip(old).map(|(new, old)| new - old).collect();
-                ensemble.shift(&by, &constraints.signs, refined.equations.terms().len());
-            }
-            // A contribution is proportional to its coefficient.
-            let before = selected.fit.equations.coefficients();
-            for ((scaled, old), new) in
-                selected.fit.scaled.iter_mut().zip(before).zip(refined.equations.coefficients())
-            {
-                *scaled *= if *old == 0.0 { 1.0 } else { new / old };
-            }
-            selected.fit.equations = refined.equations;
+            take_refined(refined.equations, &mut selected.fit, &mut selected.ensemble, &constraints);
         }
         Ok((selected, refinement))
     }
+}
 
-    /// The constraints on the terms of equations that may come from several trials.
-    fn constraints_of(&self, grid: &SearchGrid, selected: &Selected<'_>) -> Constraints {
-        let mut constraints = Constraints::default();
-        for (output, &row) in selected.rows.iter().enumerate() {
-            let structure = &self.tried[row].trial.structure;
-            let own = structure.constraints(&grid.constraints, &self.variables);
-            let terms = structure.terms(&self.variables);
-            let place = |at: &Coefficient| {
-                let term = selected.fit.equations.terms().iter().position(|t| *t == terms[at.term])?;
-                Some(Coefficient { equation: at.equation, term })
-            };
-            let here = |at: &Coefficient| at.equation == output;
-            let signs = own.signs.iter().filter(|(at, _)| here(at));
-            constraints.signs.extend(signs.filter_map(|(at, sign)| Some((place(at)?, *sign))));
-            // Coupled equations come from one trial: each equality is taken once.
-            let first = |e: &&Equality| e.weights.first().is_some_and(|(at, _)| here(at));
-            for equality in own.equalities.iter().filter(first) {
-                let weights = equality.weights.iter().filter_map(|(at, a)| Some((place(at)?, *a))).collect();
-                constraints.equalities.push(Equality { weights, value: equality.value });
-            }
-        }
-        constraints
+/// Replaces the coefficients of a fit and shifts its ensemble.
+pub(super) fn take_refined(
+    refined: Equations,
+    fit: &mut Fit,
+    ensemble: &mut Option<Ensemble>,
+    constraints: &Constraints,
+) {
+    let before = fit.equations.coefficients();
+    if let Some(ensemble) = ensemble {
+        let by: Vec<f64> = refined.coefficients().iter().zip(before).map(|(new, old)| new - old).collect();
+        ensemble.shift(&by, &constraints.signs, refined.terms().len());
     }
+    // A contribution is proportional to its coefficient.
+    for ((scaled, old), new) in fit.scaled.iter_mut().zip(before).zip(refined.coefficients()) {
+        *scaled *= if *old == 0.0 { 1.0 } else { new / old };
+    }
+    fit.equations = refined;
+}
+
+/// The constraints on the terms of equations that may come from several trials, those of `structures`.
+pub(super) fn constraints_of(
+    grid: &SearchGrid,
+    variables: &Variables,
+    structures: &[&Structure],
+    equations: &Equations,
+) -> Constraints {
+    let mut constraints = Constraints::default();
+    for (output, structure) in structures.iter().enumerate() {
+        let own = structure.constraints(&grid.constraints, variables);
+        let terms = structure.terms(variables);
+        let place = |at: &Coefficient| {
+            let term = equations.terms().iter().position(|t| *t == terms[at.term])?;
+            Some(Coefficient { equation: at.equation, term })
+        };
+        let here = |at: &Coefficient| at.equation == output;
+        let signs = own.signs.iter().filter(|(at, _)| here(at));
+        constraints.signs.extend(signs.filter_map(|(at, sign)| Some((place(at)?, *sign))));
+        // Coupled equations come from one trial: each equality is taken once.
+        let first = |e: &&Equality| e.weights.first().is_some_and(|(at, _)| here(at));
+        for equality in own.equalities.iter().filter(first) {
+            let weights = equality.weights.iter().filter_map(|(at, a)| Some((place(at)?, *a))).collect();
+            constraints.equalities.push(Equality { weights, value: equality.value });
+        }
+    }
+    constraints
 }

@@ -1,7 +1,9 @@
 //! Choice of the equations among the trials, output by output, and their bootstrap ensemble.
 
 use super::refinement::Selected;
-use super::{Search, SearchError, SearchGrid, SearchResult, TrialScore, fit_options};
+use super::{
+    Search, SearchError, SearchGrid, SearchResult, Trial, TrialScore, Variables, fit_options, prepare,
+};
 use crate::log::Trajectory;
 use crate::progress::Progress;
 use crate::sindy::ensemble::{BootstrapOptions, Ensemble};
@@ -40,7 +42,6 @@ impl Search<'_> {
         &self,
         training: &[&Trajectory],
         grid: &SearchGrid,
-        dt: f64,
         progress: Progress<'_>,
     ) -> Result<SearchResult, SearchError> {
         let preference = self.preference();
@@ -53,7 +54,9 @@ impl Search<'_> {
         let coupled = grid.constraints.iter().any(couples_outputs);
         let others: &[usize] = if coupled { &[] } else { &preference };
         let (equations, fit, score) = self.select_by_output(chosen, others)?;
-        let ensemble = self.ensemble(training, grid, dt, &equations, &fit)?;
+        let trials: Vec<&Trial> = equations.iter().map(|&i| &self.tried[i].trial).collect();
+        let bootstrap = (self.options.ensemble_size, self.options.seed);
+        let ensemble = ensemble(training, grid, &trials, &fit, bootstrap)?;
         let candidate = Selected { rows: &equations, fit, ensemble, score };
         let (refined, refinement) = self.refine_selected(training, grid, candidate, progress)?;
         let Selected { fit, ensemble, score, .. } = refined;
@@ -73,6 +76,7 @@ impl Search<'_> {
             ensemble,
             refinement,
             fit,
+            grid: grid.clone(),
         })
     }
 
@@ -125,37 +129,30 @@ impl Search<'_> {
         let terms = fit.equations.terms().len();
         fit.equations.coefficients()[output * terms..(output + 1) * terms].to_vec()
     }
+}
 
-    /// The bootstrap ensemble of the selected equations, over the terms of the combined model.
-    fn ensemble(
-        &self,
-        training: &[&Trajectory],
-        grid: &SearchGrid,
-        dt: f64,
-        rows: &[usize],
-        fit: &Fit,
-    ) -> Result<Option<Ensemble>, SearchError> {
-        if self.options.ensemble_size == 0 {
-            return Ok(None);
-        }
-        let terms = fit.equations.terms();
-        let bootstrap = BootstrapOptions {
-            resamples: self.options.ensemble_size,
-            seed: self.options.seed,
-            ..BootstrapOptions::default()
-        };
-        let mut whole = Ensemble::zero(self.options.ensemble_size, rows.len(), terms.len());
-        for (output, &equation) in rows.iter().enumerate() {
-            let trial = &self.tried[equation].trial;
-            let prepared =
-                self.prepare(training, &trial.structure, trial.regression, grid, BOOTSTRAP_BLOCKS)?;
-            let constraints = trial.structure.constraints(&grid.constraints, &self.variables);
-            let options = fit_options(trial.optimizer, trial.ridge, dt, &constraints);
-            let ensemble = prepared.ensemble(&options, &bootstrap)?;
-            let places: Vec<Option<usize>> =
-                prepared.terms().iter().map(|term| terms.iter().position(|known| known == term)).collect();
-            whole.replace_equation(output, &ensemble, &places);
-        }
-        Ok(Some(whole))
+/// The bootstrap ensemble of equations, over their terms; `trials` are those of the equations.
+pub(super) fn ensemble(
+    training: &[&Trajectory],
+    grid: &SearchGrid,
+    trials: &[&Trial],
+    fit: &Fit,
+    (resamples, seed): (usize, u64),
+) -> Result<Option<Ensemble>, SearchError> {
+    let Some(run) = training.first().filter(|_| resamples > 0) else { return Ok(None) };
+    let variables = Variables::of(run);
+    let terms = fit.equations.terms();
+    let bootstrap = BootstrapOptions { resamples, seed, ..BootstrapOptions::default() };
+    let mut whole = Ensemble::zero(resamples, trials.len(), terms.len());
+    for (output, trial) in trials.iter().enumerate() {
+        let Trial { structure, regression, .. } = trial;
+        let prepared = prepare(training, &variables, structure, *regression, grid.loss, BOOTSTRAP_BLOCKS)?;
+        let constraints = structure.constraints(&grid.constraints, &variables);
+        let options = fit_options(trial.optimizer, trial.ridge, run.dt, &constraints);
+        let ensemble = prepared.ensemble(&options, &bootstrap)?;
+        let places: Vec<Option<usize>> =
+            prepared.terms().iter().map(|term| terms.iter().position(|known| known == term)).collect();
+        whole.replace_equation(output, &ensemble, &places);
     }
+    Ok(Some(whole))
 }

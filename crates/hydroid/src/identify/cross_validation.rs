@@ -1,0 +1,100 @@
+//! Cross-validation over runs: each fold is predicted by models that were fitted without it.
+
+use crate::committee::folds::{Segment, folds};
+use crate::log::{Trajectory, validation_run};
+
+/// The folds of an identification: runs, or contiguous blocks of one or two runs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CrossValidation {
+    parts: Vec<Part>,
+    folds: usize,
+    /// Runs on which a search chooses its settings.
+    validation: Validation,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct Part {
+    run: usize,
+    fold: usize,
+    /// The block; the whole run if there is none.
+    block: Option<Trajectory>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Validation {
+    Run(usize),
+    /// The last quarter of a run, and its other three quarters.
+    Quarter {
+        run: usize,
+        before: Trajectory,
+        quarter: Trajectory,
+    },
+}
+
+impl CrossValidation {
+    pub(super) fn new(runs: &[Trajectory]) -> Self {
+        let all: Vec<&Trajectory> = runs.iter().collect();
+        let folds = folds(&all, 0);
+        let part = |fold: usize, segment: &Segment<'_>| {
+            let Segment { run, from, to } = *segment;
+            let block = (from > 0 || to < run.len()).then(|| Trajectory {
+                name: format!("{}, {:.0} to {:.0} s", run.name, from as f64 * run.dt, to as f64 * run.dt),
+                ..run.slice(from, to)
+            });
+            let index = all.iter().position(|known| std::ptr::eq(*known, run));
+            Part { run: index.unwrap_or(0), fold, block }
+        };
+        let mut parts: Vec<Part> = folds
+            .iter()
+            .enumerate()
+            .flat_map(|(fold, of)| of.segments.iter().map(move |segment| part(fold, segment)))
+            .collect();
+        // Blocks of a run stay in the order of time.
+        parts.sort_by_key(|part| part.run);
+        let validation = match validation_run(runs) {
+            Some(run) => Validation::Run(run),
+            None => {
+                let run = (0..runs.len()).max_by_key(|&i| runs[i].len()).unwrap_or(0);
+                let at = runs.get(run).map_or(0, |run| run.len() * 3 / 4);
+                let slice = |from, to| runs[run].slice(from, to);
+                Validation::Quarter { run, before: slice(0, at), quarter: slice(at, runs[run].len()) }
+            }
+        };
+        Self { parts, folds: folds.len(), validation }
+    }
+
+    /// Number of folds.
+    pub fn folds(&self) -> usize {
+        self.folds
+    }
+
+    /// Whether the folds are blocks of one or two runs.
+    pub fn has_blocks(&self) -> bool {
+        self.parts.iter().any(|part| part.block.is_some())
+    }
+
+    /// Runs or blocks, each with its fold; `runs` are those of the identification.
+    pub fn runs<'a>(&'a self, runs: &'a [Trajectory]) -> Vec<(usize, &'a Trajectory)> {
+        let run = |part: &'a Part| (part.fold, part.block.as_ref().unwrap_or(&runs[part.run]));
+        self.parts.iter().map(run).collect()
+    }
+
+    /// Runs or blocks of all folds but one.
+    pub(super) fn without<'a>(&'a self, fold: usize, runs: &'a [Trajectory]) -> Vec<&'a Trajectory> {
+        self.runs(runs).into_iter().filter(|(of, _)| *of != fold).map(|(_, run)| run).collect()
+    }
+
+    /// Training and validation runs of a search.
+    pub(super) fn search<'a>(&'a self, runs: &'a [Trajectory]) -> [Vec<&'a Trajectory>; 2] {
+        match &self.validation {
+            Validation::Run(validation) => {
+                let others = runs.iter().enumerate().filter(|(i, _)| i != validation);
+                [others.map(|(_, run)| run).collect(), vec![&runs[*validation]]]
+            }
+            Validation::Quarter { run, before, quarter } => {
+                let train = runs.iter().enumerate().map(|(i, other)| if i == *run { before } else { other });
+                [train.collect(), vec![quarter]]
+            }
+        }
+    }
+}
