@@ -2,6 +2,7 @@
 
 use maud::{Markup, html};
 
+use super::equations::Sparse;
 use super::number::{self, duration, ratio};
 use super::page::{Section, cell, notes, readable, table};
 use super::{Subject, judged_on, runs, style};
@@ -21,6 +22,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Section {
             @if let Some(made) = &subject.context.made { p.made { (made) } }
         }
         (headline(subject))
+        @if let Some(candidate) = subject.candidate { p { (delivery(subject, candidate)) } }
         @if let Some(candidate) = subject.candidate {
             div.tiles { @for verdict in &subject.result.verdicts { (tile(verdict, candidate)) } }
             @if !subject.result.verdicts.is_empty() { (legend(candidate)) }
@@ -122,6 +124,33 @@ fn headline(subject: &Subject<'_>) -> Markup {
         @if !good.is_empty() { ", and " (list(&good)) " with at most half of their error" } "." (learns(candidate))
     };
     banner("usable", "A usable model.", &text)
+}
+
+/// What was delivered, how it was judged, and what the readable equations cost.
+fn delivery(subject: &Subject<'_>, candidate: &Candidate) -> Markup {
+    let title = candidate.model.title();
+    let mean = |candidate: &Candidate| {
+        let row = candidate.judged().nrmse.last().map_or(&[][..], Vec::as_slice);
+        row.iter().sum::<f64>() / row.len().max(1) as f64
+    };
+    let readable = subject.result.candidates.iter().filter(|other| Sparse::of(other).is_some());
+    let readable = readable.min_by(|a, b| mean(a).total_cmp(&mean(b)));
+    let readable = readable.filter(|_| Sparse::of(candidate).is_none() && mean(candidate) > 0.0);
+    html! {
+        "The delivered model (" (title.to_lowercase()) ") "
+        @if candidate.test.is_none() {
+            "was fitted to all runs. It was judged by cross-validation: each " (part_name(subject))
+            " was predicted by a model that was fitted without it."
+        } @else {
+            "was judged on test runs that took no part in fitting or selection."
+        }
+        " Use it up to " (horizon(candidate)) " ahead, inside the ranges of speeds and commands below."
+        @if let Some(equations) = readable {
+            @let change = 100.0 * (mean(equations) / mean(candidate) - 1.0);
+            " The equations of " (equations.model.description.name) " can be read; their mean error " (horizon(candidate)) " ahead is "
+            (number::text(change.abs(), 2)) " % " @if change < 0.0 { "smaller" } @else { "larger" } "."
+        }
+    }
 }
 
 fn learns(candidate: &Candidate) -> Markup {

@@ -6,18 +6,18 @@
 //! ```
 //!
 //! The table has the NRMSE of each output at the horizon, over the windows of all runs together, from every fifth sample
-//! on; `frozen` is the committee with constant coefficients.
+//! on; `frozen` is the committee with constant coefficients. The last column is the smallest and the largest share of the
+//! measurements inside each prediction band of the best model, over outputs and quarters of the horizon.
 
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use hydroid::evaluate::{Options, evaluate};
+use hydroid::evaluate::{Options, PredictionCoverage, evaluate, evaluate_each};
 use hydroid::identify::{Job, Method, NetworkTrainingOptions, SindyOptions, identify, output_ranges};
-use hydroid::log::{self, PrepareOptions, Selection, Trajectory, split_named};
+use hydroid::log::{self, LogError, PrepareOptions, Selection, Split, Trajectory, split_named};
 use hydroid::model::Reading;
 use hydroid::progress::silent;
-use hydroid_core::predict::{Predictor, Workspace};
+use hydroid_core::predict::Predictor;
 
 /// Runs of a vessel.
 struct Set {
@@ -112,65 +112,49 @@ impl Set {
     }
 }
 
-/// A session that continues with the next of its sessions at each [`reset`](Predictor::reset), the start of a run.
-struct OnePerRun {
-    sessions: Vec<Box<dyn Predictor>>,
-    runs: usize,
+/// Share of the measurements inside prediction bands, for each level, quarter of the horizon and output.
+#[derive(Default)]
+struct Coverage {
+    levels: Vec<f64>,
+    /// Sums of shares, weighted by windows.
+    sums: Vec<f64>,
+    windows: f64,
 }
 
-impl OnePerRun {
-    fn session(&self) -> &dyn Predictor {
-        self.sessions[self.runs.saturating_sub(1)].as_ref()
+impl Coverage {
+    fn add(&mut self, coverage: &PredictionCoverage, windows: usize) {
+        let shares: Vec<f64> = coverage.share.iter().flatten().flatten().copied().collect();
+        self.levels.clone_from(&coverage.levels);
+        self.sums.resize(shares.len(), 0.0);
+        self.sums.iter_mut().zip(shares).for_each(|(sum, share)| *sum += share * windows as f64);
+        self.windows += windows as f64;
     }
 
-    fn session_mut(&mut self) -> &mut dyn Predictor {
-        self.sessions[self.runs.saturating_sub(1)].as_mut()
-    }
-}
-
-impl Predictor for OnePerRun {
-    fn outputs(&self) -> usize {
-        self.sessions[0].outputs()
-    }
-    fn inputs(&self) -> usize {
-        self.sessions[0].inputs()
-    }
-    fn warm_up(&self) -> usize {
-        self.sessions.iter().map(|session| session.warm_up()).max().unwrap_or(1)
-    }
-    fn reset(&mut self) {
-        self.runs += 1;
-        self.session_mut().reset();
-    }
-    fn observe(&mut self, y: &[f64]) {
-        self.session_mut().observe(y);
-    }
-    fn advance(&mut self, c: &[f64]) {
-        self.session_mut().advance(c);
-    }
-    fn output(&self, y: &mut [f64]) {
-        self.session().output(y);
-    }
-    fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
-        self.session().rollout(commands, work, y);
-    }
-    fn snapshot_len(&self) -> usize {
-        self.session().snapshot_len()
-    }
-    fn snapshot(&self, into: &mut [f64]) {
-        self.session().snapshot(into);
-    }
-    fn restore(&mut self, from: &[f64]) {
-        self.session_mut().restore(from);
-    }
-    fn fork(&self) -> Box<dyn Predictor> {
-        self.session().fork()
+    /// Smallest and largest share \[%\] of each level over quarters and outputs.
+    fn describe(&self) -> String {
+        let of = |(level, sums): (&f64, &[f64])| {
+            let percent = |x: f64| 100.0 * x / self.windows;
+            let low = sums.iter().copied().fold(f64::INFINITY, f64::min);
+            let high = sums.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            format!("{:.0} %: {:.0} to {:.0}", 100.0 * level, percent(low), percent(high))
+        };
+        let count = self.sums.len() / self.levels.len().max(1);
+        let each = self.levels.iter().zip(self.sums.chunks_exact(count.max(1)));
+        each.map(of).collect::<Vec<_>>().join("; ")
     }
 }
 
 fn methods(list: &str) -> anyhow::Result<Vec<Method>> {
     let method = |name: &str| Ok(serde_json::from_value(serde_json::Value::from(name))?);
     list.split(',').map(method).collect()
+}
+
+/// All runs but the test runs are cross-validated, or split where a method needs validation runs.
+fn split(train: Vec<Trajectory>, test: &[Trajectory], methods: &[Method]) -> Result<Split, LogError> {
+    if methods.iter().all(|method| method.is_cross_validated()) {
+        return Ok(Split { train, validation: Vec::new(), test: test.to_vec(), notes: Vec::new() });
+    }
+    split_named(train, Vec::new(), test.to_vec())
 }
 
 fn measure(set: &Set, data: &Path, methods: &[Method]) -> anyhow::Result<()> {
@@ -188,16 +172,16 @@ fn measure(set: &Set, data: &Path, methods: &[Method]) -> anyhow::Result<()> {
         sessions[place].1.extend((0..parts).map(|_| make()));
     };
     let clock = Instant::now();
+    let mut coverage = Coverage::default();
     for (left_out, test) in runs.iter().enumerate() {
         let others = runs.iter().enumerate().filter(|(index, _)| *index != left_out);
         let train: Vec<Trajectory> = others.flat_map(|(_, parts)| parts.iter().cloned()).collect();
         let job = Job {
             methods: methods.to_vec(),
-            split: split_named(train, Vec::new(), test.clone())?,
+            split: split(train, test, methods)?,
             reading: reading.clone(),
             horizon,
-            // Errors of the test runs are computed below.
-            origin_stride: 50,
+            origin_stride: 5,
             seed: 0,
             ranges: std::collections::BTreeMap::default(),
             sindy: SindyOptions::default(),
@@ -214,8 +198,15 @@ fn measure(set: &Set, data: &Path, methods: &[Method]) -> anyhow::Result<()> {
                 add("frozen", &mut || model.frozen().session(), test.len());
             }
         }
-        let best = identified.best.unwrap_or(0);
-        add("best", &mut || identified.candidates[best].model.session(), test.len());
+        let best = &identified.candidates[identified.best.unwrap_or(0)].model;
+        add("best", &mut || best.session(), test.len());
+        if let Some(bands) = &best.description.bands {
+            let quarters = (1..=4).map(|i| horizon * i / 4).collect();
+            let options = Options { horizon, origin_stride: 5, errors_at: quarters, ..Options::default() };
+            let (runs, ranges): (Vec<&Trajectory>, _) = (test.iter().collect(), best.output_ranges());
+            let errors = evaluate("best", best.session().as_mut(), &ranges, &runs, &options, &mut silent())?;
+            coverage.add(&bands.coverage(&errors), errors.windows);
+        }
     }
     let seconds = clock.elapsed().as_secs_f64() / runs.len() as f64;
     let all: Vec<&Trajectory> = runs.iter().flatten().collect();
@@ -224,19 +215,18 @@ fn measure(set: &Set, data: &Path, methods: &[Method]) -> anyhow::Result<()> {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive number")]
     let warm_up = (10.0_f64 / first.dt).round() as usize;
     let options = Options { horizon, origin_stride: 5, warm_up, ..Options::default() };
-    for (name, sessions) in sessions {
+    for (name, mut sessions) in sessions {
         if sessions.len() != all.len() {
             println!("| {} | `{name}` | missing for some runs |", set.name);
             continue;
         }
-        let mut session = OnePerRun { sessions, runs: 0 };
-        let errors =
-            evaluate(&name, &mut session, &ranges, &all, &options, &mut |_| ControlFlow::Continue(()))?;
+        let errors = evaluate_each(&name, &mut sessions, &ranges, &all, &options, &mut silent())?;
+        let bands = if name == "best" { coverage.describe() } else { String::new() };
         let last = &errors.nrmse[horizon - 1];
         let mean = |row: &[f64]| row.iter().sum::<f64>() / row.len() as f64;
         let outputs: Vec<String> = last.iter().map(|x| format!("{x:.3}")).collect();
         println!(
-            "| {}, {} s | `{name}` | {} | {:.3} | {:.3} | {} | {seconds:.1} |",
+            "| {}, {} s | `{name}` | {} | {:.3} | {:.3} | {} | {seconds:.1} | {bands} |",
             set.name,
             set.horizon_s,
             outputs.join(" | "),
@@ -256,8 +246,10 @@ fn main() -> anyhow::Result<()> {
     let mut args = std::env::args().skip(1);
     let methods = methods(&args.next().unwrap_or_else(|| String::from("sindy,committee")))?;
     let chosen: Vec<String> = args.collect();
-    println!("| set, horizon | model | u | v | r | mean | persistence | diverged | s per identification |");
-    println!("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |");
+    println!(
+        "| set, horizon | model | u | v | r | mean | persistence | diverged | s per identification | inside bands |"
+    );
+    println!("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | --- |");
     for set in SETS.iter().filter(|set| chosen.is_empty() || chosen.iter().any(|name| name == set.name)) {
         measure(set, Path::new(&data), &methods)?;
     }

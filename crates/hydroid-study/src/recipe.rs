@@ -105,6 +105,7 @@ pub fn judged(
         origin: Origin::True,
         against: Against::Truth,
         warm_up: 1,
+        ..Options::default()
     };
     Ok(evaluate("sindy", session, ranges, &[test], &options, &mut silent())?)
 }

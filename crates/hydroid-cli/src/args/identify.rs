@@ -7,13 +7,13 @@ use hydroid::identify::{GateOption, LagOption};
 
 use super::{Duration, Horizon, LogArgs, Method, NamedRange};
 
-/// Identify models from logs, evaluate them on test runs, and write a report
+/// Identify models from logs, judge them by cross-validation or on test runs, and write a report
 #[derive(Debug, ClapArgs)]
 #[command(after_help = "Examples:
   hydroid identify -o demo                                     without a log: simulates a hydrofoil
-  hydroid identify a.csv b.csv c.csv -o out                    three runs: training a, validation b, test c
-  hydroid identify a.csv --validate b.csv --test c.csv --outputs u,v,r --inputs n,delta -o out
-  hydroid identify long.csv -o out                             one run: blocks of 60 %, 20 %, 20 %
+  hydroid identify a.csv b.csv c.csv -o out                    each run is left out once, then all are used
+  hydroid identify a.csv b.csv --test c.csv --outputs u,v,r --inputs n,delta -o out
+  hydroid identify long.csv -o out                             one run: six blocks, each left out once
   hydroid identify a.csv b.csv c.csv --gate u=2.5/12 --lag n=1.5 --dissipative -o out
   hydroid identify a.csv b.csv c.csv --library 'marine + rational' --constraint 'v: u r = r: u v' -o out
   hydroid identify a.csv b.csv c.csv --term u --term 'u |u|' --term 'n |n|' --lag none --gate none -o out
@@ -51,16 +51,17 @@ option of the command line only:
 // Flags of the command line.
 #[allow(clippy::struct_excessive_bools)]
 pub struct Identify {
-    /// Training logs; without --validate and --test the logs, or one log, are split
+    /// Logs to identify from. The methods sindy and committee are cross-validated over these runs (blocks of one or two
+    /// runs) and then fitted to all of them; other methods split them into training, validation and test
     #[arg(value_name = "LOG")]
     pub logs: Vec<PathBuf>,
     /// Configuration file (default: hydroid.toml in the current folder, if it exists)
     #[arg(long, short, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// Validation logs, for the choice of hyperparameters
+    /// Validation logs, for the choice of hyperparameters, in place of the cross-validation (needs --test)
     #[arg(long, num_args = 1.., value_name = "LOG")]
     pub validate: Vec<PathBuf>,
-    /// Test logs, for the final evaluation only
+    /// Test logs, for the final evaluation only; without them the cross-validation judges
     #[arg(long, num_args = 1.., value_name = "LOG")]
     pub test: Vec<PathBuf>,
     /// Methods, separated by commas
@@ -69,7 +70,7 @@ pub struct Identify {
     /// Longest prediction horizon: samples (100) or seconds (10s) (default: 100 samples)
     #[arg(long, value_name = "N|Ns")]
     pub horizon: Option<Horizon>,
-    /// Distance between the origins of the final evaluation [samples] (default: 1)
+    /// Distance between the origins of the final evaluation [samples] (default: 1; about 10,000 origins in a cross-validation)
     #[arg(long, value_name = "N")]
     pub origin_stride: Option<usize>,
     /// Library of terms: families joined by +, as in 'marine + rational': degree N, marine, marine cubic, x|x|, x|y|,

@@ -1,7 +1,7 @@
 //! `hydroid evaluate`.
 
 use anyhow::Context;
-use hydroid::evaluate::{self, BandCoverage, Evaluation, Options};
+use hydroid::evaluate::{self, BandCoverage, Evaluation, Options, PredictionCoverage};
 use hydroid::identify::{Grade, verdicts};
 use hydroid::model;
 use serde::Serialize;
@@ -17,6 +17,9 @@ struct Document<'a> {
     /// For models with an ensemble.
     #[serde(skip_serializing_if = "Option::is_none")]
     band_coverage: Option<&'a BandCoverage>,
+    /// For models with prediction bands.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    prediction_bands: Option<&'a PredictionCoverage>,
 }
 
 pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
@@ -28,7 +31,11 @@ pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     let model = logs::with_step_of(model, &prepared.runs)?;
     model.check(&prepared.runs)?;
     ui::print_notes(model.outside(&prepared.runs).as_slice(), global);
-    let options = options(args.evaluation, model.description.dt);
+    let mut options = options(args.evaluation, model.description.dt);
+    let bands = model.description.bands.as_ref();
+    if bands.is_some() {
+        options.errors_at = quarters(options.horizon);
+    }
     let runs: Vec<_> = prepared.runs.iter().collect();
     let bar = ui::Bar::new("evaluating", global);
     let evaluation = evaluate::evaluate(
@@ -43,11 +50,19 @@ pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     drop(bar);
     let horizons = table::horizons(&evaluation);
     let band = evaluate::band_coverage(&model.member_sessions(), &runs, &options, &horizons);
+    let coverage = bands.map(|bands| bands.coverage(&evaluation));
     let verdicts = verdicts(&evaluation);
     if global.json {
-        super::print_json(&Document { evaluation: &evaluation, band_coverage: band.as_ref() })?;
+        super::print_json(&Document {
+            evaluation: &evaluation,
+            band_coverage: band.as_ref(),
+            prediction_bands: coverage.as_ref(),
+        })?;
     } else {
         ui::write_out(format_args!("{}", table::errors(&evaluation)));
+        if let Some(coverage) = &coverage {
+            ui::write_out(format_args!("\n{}", table::coverage(coverage, &evaluation)));
+        }
         if let Some(band) = &band {
             ui::write_out(format_args!("\n{}", table::band(band, &evaluation)));
         }
@@ -56,6 +71,13 @@ pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     }
     let sound = verdicts.iter().all(|v| v.grade != Grade::NotIdentified);
     Ok(if sound && evaluation.diverged == 0 { Outcome::Done } else { Outcome::Missed })
+}
+
+/// The quarters of a horizon \[samples\].
+fn quarters(horizon: usize) -> Vec<usize> {
+    let mut quarters: Vec<usize> = (1..=4).map(|i| (horizon * i / 4).max(1)).collect();
+    quarters.dedup();
+    quarters
 }
 
 pub fn options(evaluation: EvaluationArgs, dt: f64) -> Options {

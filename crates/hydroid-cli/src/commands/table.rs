@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use hydroid::evaluate::{BandCoverage, Evaluation};
+use hydroid::evaluate::{BandCoverage, Evaluation, PredictionCoverage};
 use hydroid::identify::{Grade, Verdict};
 
 /// Rows of a table: first, last and round horizons.
@@ -103,6 +103,25 @@ fn runs(evaluation: &Evaluation) -> String {
     }
     if all.len() > MOST_RUNS {
         let _ = writeln!(text, "  and {} more runs", all.len() - MOST_RUNS);
+    }
+    text
+}
+
+/// Share of the measurements inside the prediction bands of a model.
+pub fn coverage(coverage: &PredictionCoverage, evaluation: &Evaluation) -> String {
+    let mut text = String::new();
+    let levels: Vec<String> = coverage.levels.iter().map(|level| format!("{:.0} %", 100.0 * level)).collect();
+    let _ = writeln!(text, "share of the measurements inside the prediction bands of {}:", levels.join(", "));
+    for (h, horizon) in coverage.horizons.iter().enumerate() {
+        let time = trim(&format!("{:.4} s", *horizon as f64 * evaluation.dt));
+        let cells = evaluation.channels.iter().enumerate().map(|(c, channel)| {
+            let share = |table: &Vec<Vec<f64>>| {
+                let share = table[h][c];
+                if share.is_nan() { String::from("-") } else { format!("{:.0} %", 100.0 * share) }
+            };
+            format!("{channel} {}", coverage.share.iter().map(share).collect::<Vec<_>>().join(", "))
+        });
+        let _ = writeln!(text, "{time:>10}  {}", cells.collect::<Vec<_>>().join("; "));
     }
     text
 }

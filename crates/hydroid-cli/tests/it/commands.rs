@@ -247,7 +247,8 @@ fn hydroid_toml_in_the_current_folder_is_read() {
     assert_eq!(document["models"].as_array().unwrap().len(), 1, "a method said twice is tried once");
     let unknown = hydroid(folder.path(), &["identify", "-o", "out", "--methods", "crystal-ball"]);
     assert_eq!(unknown.status.code(), Some(2));
-    assert_eq!(document["models"][0]["test"]["horizons"].as_array().unwrap().len(), 20);
+    assert_eq!(document["models"][0]["validation"]["horizons"].as_array().unwrap().len(), 20);
+    assert!(document["cross_validated"] == true && document["models"][0]["test"].is_null());
     assert!(!folder.path().join("out/hydrofoil-train.csv").exists());
 }
 

@@ -27,6 +27,7 @@ pub(crate) fn model() -> Model {
     reading.selection.inputs = ["n", "delta"].map(ChannelSpec::named).into();
     Model {
         description: Description {
+            bands: None,
             name: "sindy".to_owned(),
             dt: 0.1,
             outputs: vec![port("u", "m/s"), port("r", "rad/s")],

@@ -49,6 +49,7 @@ fn from_ten_minutes(vessel: &VesselParams, seed: u64) -> (IdentifyResult, Evalua
         origin: Origin::True,
         against: Against::Truth,
         warm_up: 1,
+        ..Options::default()
     };
     let mut session = identified.candidates[0].model.session();
     let ranges = output_ranges(&[&job.split.train[0]]);

@@ -9,6 +9,7 @@
 //! ten times the range and stay in every error, so that the errors of model and persistence cover all windows.
 
 mod band;
+mod prediction_bands;
 mod sums;
 mod windows;
 
@@ -20,6 +21,7 @@ use crate::log::Channel;
 pub use band::BAND;
 pub(crate) use band::quantile;
 pub use band::{Band, BandCoverage, band_coverage, bands};
+pub use prediction_bands::{PredictionBands, PredictionCoverage};
 pub use windows::{evaluate, evaluate_each};
 
 /// Outputs that the session observes.
@@ -88,6 +90,8 @@ pub struct Options {
     pub against: Against,
     /// Least warm-up \[samples\]; the model's own warm-up may be longer.
     pub warm_up: usize,
+    /// Horizons \[samples\] at which the errors of single windows are kept, for [prediction bands](PredictionBands).
+    pub errors_at: Vec<usize>,
 }
 
 impl Default for Options {
@@ -98,6 +102,7 @@ impl Default for Options {
             origin: Origin::Measured,
             against: Against::Measurement,
             warm_up: 1,
+            errors_at: Vec::new(),
         }
     }
 }
@@ -191,6 +196,13 @@ pub struct Evaluation {
     /// Errors on each run with a window.
     #[serde(default)]
     pub by_run: Vec<RunErrors>,
+    /// Horizons of [`errors`](Self::errors) \[samples\].
+    #[serde(skip)]
+    pub errors_at: Vec<usize>,
+    /// Absolute errors of windows spread over all runs, for each horizon of [`errors_at`](Self::errors_at) and each
+    /// output; NaN without a measurement.
+    #[serde(skip)]
+    pub errors: Vec<Vec<f32>>,
 }
 
 /// Errors on one run at the longest horizon.

@@ -17,6 +17,9 @@ const TASK: usize = 32;
 /// Memory of pending snapshots \[numbers\].
 const SNAPSHOTS: usize = 4 << 20;
 
+/// Largest number of windows whose single errors are kept.
+const MOST_KEPT: usize = 100_000;
+
 /// Largest number of listed divergences.
 const MOST_LISTED: usize = 10;
 
@@ -111,16 +114,26 @@ fn evaluate_with(
             mean_finite(squares).filter(|v| *v > 0.0).unwrap_or(f64::INFINITY)
         })
         .collect();
-    let mut tally = Tally::new(h * n);
+    let mut tally = Tally::new(h * n, options.errors_at.len() * n);
+    let samples: usize = runs.iter().map(|run| run.len()).sum();
+    let keep_every = (samples / options.origin_stride / MOST_KEPT).max(1);
     let total: usize = runs.iter().map(|run| run.len()).sum();
     let mut before = 0;
     let mut by_run = Vec::new();
     for (index, (run, target)) in runs.iter().zip(&targets).enumerate() {
         let ranges: Vec<DesignRange> =
             ranges.iter().enumerate().map(|(c, range)| range.including(target.column(c))).collect();
-        let evaluation =
-            RunEvaluation { run, target, ranges, shift: &shift, variance: &variance, options, warm_up };
-        let mut of_run = Tally::new(h * n);
+        let evaluation = RunEvaluation {
+            run,
+            target,
+            ranges,
+            shift: &shift,
+            variance: &variance,
+            options,
+            warm_up,
+            keep_every,
+        };
+        let mut of_run = Tally::new(h * n, options.errors_at.len() * n);
         evaluation.go(sessions.of(index), &mut of_run, &mut |done| {
             progress::report(progress, (before + done) as f64 / total as f64)
         })?;
@@ -147,7 +160,8 @@ fn check(
     options: &Options,
     warm_up: usize,
 ) -> Result<(), EvaluateError> {
-    if options.horizon == 0 || options.origin_stride == 0 {
+    let kept = options.errors_at.iter().all(|horizon| (1..=options.horizon).contains(horizon));
+    if options.horizon == 0 || options.origin_stride == 0 || !kept {
         return Err(EvaluateError::NoHorizon);
     }
     let needed = warm_up.saturating_add(options.horizon);
@@ -207,10 +221,12 @@ struct Tally {
     diverged: usize,
     divergences: Vec<Divergence>,
     runs: RunCount,
+    /// Errors of single windows, for each horizon and output.
+    errors: Vec<Vec<f32>>,
 }
 
 impl Tally {
-    fn new(cells: usize) -> Self {
+    fn new(cells: usize, kept: usize) -> Self {
         Self {
             sums: Sums::new(cells),
             losses: Vec::new(),
@@ -218,12 +234,14 @@ impl Tally {
             diverged: 0,
             divergences: Vec::new(),
             runs: RunCount::default(),
+            errors: vec![Vec::new(); kept],
         }
     }
 
     fn add(&mut self, run: Self) {
         self.sums.merge(&run.sums);
         self.losses.extend(run.losses);
+        self.errors.iter_mut().zip(run.errors).for_each(|(all, errors)| all.extend(errors));
         self.windows += run.windows;
         self.diverged += run.diverged;
         let room = MOST_LISTED.saturating_sub(self.divergences.len());
@@ -235,7 +253,13 @@ impl Tally {
         let last = self.sums.len() - outputs;
         let figures: Vec<Figures> = (0..outputs).map(|c| self.sums.figures(last + c)).collect();
         let relative = |of: fn(&Figures) -> f64| -> Vec<f64> {
-            figures.iter().zip(variance).map(|(figures, variance)| of(figures) / variance.sqrt()).collect()
+            // The NRMSE of a constant output is undefined.
+            let deviation = |variance: f64| if variance.is_finite() { variance.sqrt() } else { f64::NAN };
+            figures
+                .iter()
+                .zip(variance)
+                .map(|(figures, variance)| of(figures) / deviation(*variance))
+                .collect()
         };
         RunErrors {
             run: run.to_owned(),
@@ -256,6 +280,8 @@ struct RunEvaluation<'a> {
     variance: &'a [f64],
     options: &'a Options,
     warm_up: usize,
+    /// Windows per window whose errors are kept.
+    keep_every: usize,
 }
 
 /// A pending origin: sample and last observed value of each output.
@@ -314,7 +340,8 @@ impl RunEvaluation<'_> {
 
     fn roll_out(&self, session: &dyn Predictor, pending: &[Pending], snapshots: &[f64], tally: &mut Tally) {
         let (n, h, size) = (session.outputs(), self.options.horizon, session.snapshot_len());
-        let parts: Vec<(Sums, Vec<Divergence>)> = pending
+        let before = tally.windows;
+        let parts: Vec<(Sums, Vec<Divergence>, Vec<f32>)> = pending
             .par_chunks(TASK)
             .enumerate()
             .map_init(
@@ -329,25 +356,46 @@ impl RunEvaluation<'_> {
                     predicted.resize(origins.len() * h * n, 0.0);
                     let snapshots = &snapshots[task * TASK * size..][..origins.len() * size];
                     fork.rollout_snapshots(origins.len(), snapshots, commands, work, predicted);
-                    for (pending, y) in origins.iter().zip(predicted.chunks_exact_mut(h * n)) {
+                    let mut errors = Vec::new();
+                    for (i, (pending, y)) in origins.iter().zip(predicted.chunks_exact_mut(h * n)).enumerate()
+                    {
                         if let Some(divergence) = self.diverged(pending.origin, y) {
                             divergences.push(divergence);
                             self.limit(pending.origin, y);
                         }
                         self.add(pending, y, &mut sums);
+                        if (before + task * TASK + i).is_multiple_of(self.keep_every) {
+                            self.keep(pending.origin, y, &mut errors);
+                        }
                     }
-                    (sums, divergences)
+                    (sums, divergences, errors)
                 },
             )
             .collect();
         tally.windows += pending.len();
-        for ((sums, divergences), origins) in parts.into_iter().zip(pending.chunks(TASK)) {
+        for ((sums, divergences, errors), origins) in parts.into_iter().zip(pending.chunks(TASK)) {
             let loss = if divergences.is_empty() { sums.loss(self.variance) } else { f64::INFINITY };
             tally.losses.push((loss, origins.len()));
             tally.sums.merge(&sums);
+            if !tally.errors.is_empty() {
+                for window in errors.chunks_exact(tally.errors.len()) {
+                    tally.errors.iter_mut().zip(window).for_each(|(all, error)| all.push(*error));
+                }
+            }
             tally.diverged += divergences.len();
             let room = MOST_LISTED.saturating_sub(tally.divergences.len());
             tally.divergences.extend(divergences.into_iter().take(room));
+        }
+    }
+
+    /// Appends the absolute errors at the horizons of [`Options::errors_at`].
+    fn keep(&self, origin: usize, y: &[f64], errors: &mut Vec<f32>) {
+        let n = self.ranges.len();
+        for &horizon in &self.options.errors_at {
+            let predicted = &y[(horizon - 1) * n..horizon * n];
+            let target = self.target.row(origin + horizon);
+            #[expect(clippy::cast_possible_truncation, reason = "single precision suffices for bands")]
+            errors.extend(predicted.iter().zip(target).map(|(y, target)| (y - target).abs() as f32));
         }
     }
 
@@ -418,6 +466,8 @@ fn tabulate(name: &str, run: &Trajectory, options: &Options, tally: &Tally) -> E
         },
         blocks: blocks(&tally.losses),
         by_run: Vec::new(),
+        errors_at: options.errors_at.clone(),
+        errors: tally.errors.clone(),
     }
 }
 

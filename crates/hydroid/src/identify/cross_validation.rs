@@ -1,5 +1,7 @@
 //! Cross-validation over runs: each fold is predicted by models that were fitted without it.
 
+use std::borrow::Cow;
+
 use crate::committee::folds::{Segment, folds};
 use crate::log::{Trajectory, validation_run};
 
@@ -15,6 +17,8 @@ pub struct CrossValidation {
 #[derive(Clone, Debug, PartialEq)]
 struct Part {
     run: usize,
+    from: usize,
+    to: usize,
     fold: usize,
     /// The block; the whole run if there is none.
     block: Option<Trajectory>,
@@ -42,7 +46,7 @@ impl CrossValidation {
                 ..run.slice(from, to)
             });
             let index = all.iter().position(|known| std::ptr::eq(*known, run));
-            Part { run: index.unwrap_or(0), fold, block }
+            Part { run: index.unwrap_or(0), from, to, fold, block }
         };
         let mut parts: Vec<Part> = folds
             .iter()
@@ -50,7 +54,7 @@ impl CrossValidation {
             .flat_map(|(fold, of)| of.segments.iter().map(move |segment| part(fold, segment)))
             .collect();
         // Blocks of a run stay in the order of time.
-        parts.sort_by_key(|part| part.run);
+        parts.sort_by_key(|part| (part.run, part.from));
         let validation = match validation_run(runs) {
             Some(run) => Validation::Run(run),
             None => {
@@ -79,9 +83,20 @@ impl CrossValidation {
         self.parts.iter().map(run).collect()
     }
 
-    /// Runs or blocks of all folds but one.
-    pub(super) fn without<'a>(&'a self, fold: usize, runs: &'a [Trajectory]) -> Vec<&'a Trajectory> {
-        self.runs(runs).into_iter().filter(|(of, _)| *of != fold).map(|(_, run)| run).collect()
+    /// The runs without one fold. Neighbouring blocks are joined.
+    pub(super) fn without<'a>(&self, fold: usize, runs: &'a [Trajectory]) -> Vec<Cow<'a, Trajectory>> {
+        let mut joined: Vec<(usize, usize, usize)> = Vec::new();
+        for part in self.parts.iter().filter(|part| part.fold != fold) {
+            match joined.last_mut() {
+                Some((run, _, to)) if *run == part.run && *to == part.from => *to = part.to,
+                _ => joined.push((part.run, part.from, part.to)),
+            }
+        }
+        let of = |(run, from, to): (usize, usize, usize)| {
+            let whole = from == 0 && to == runs[run].len();
+            if whole { Cow::Borrowed(&runs[run]) } else { Cow::Owned(runs[run].slice(from, to)) }
+        };
+        joined.into_iter().map(of).collect()
     }
 
     /// Training and validation runs of a search.

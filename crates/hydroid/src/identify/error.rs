@@ -113,7 +113,7 @@ pub enum IdentifyError {
         longest.saturating_sub(1)
     )]
     Horizon {
-        /// `validation` or `test`.
+        /// `validation`, `test`, or `left-out` in a cross-validation.
         part: &'static str,
         /// As given \[samples\].
         horizon: usize,
@@ -127,7 +127,7 @@ pub enum IdentifyError {
         "it cannot be evaluated: the warm-up requires {warm_up} samples and a measurement of each output, the horizon {horizon} samples; all {part} runs are shorter than both together (the longest has {longest} samples). Use longer runs, a shorter --horizon, or a shorter wash_out_s of the network"
     )]
     NotEvaluable {
-        /// `validation` or `test`.
+        /// `validation`, `test`, or `left-out` in a cross-validation.
         part: &'static str,
         /// Samples of warm-up.
         warm_up: usize,

@@ -6,7 +6,7 @@ use hydroid_core::predict::Predictor;
 
 use super::training::{Trained, Training};
 use super::{Candidate, IdentifyError, Job, Parts};
-use crate::evaluate::{self, EvaluateError, evaluate, evaluate_each};
+use crate::evaluate::{self, EvaluateError, PredictionBands, evaluate, evaluate_each};
 use crate::log::Trajectory;
 use crate::model::{Body, Model};
 use crate::progress::Progress;
@@ -14,7 +14,8 @@ use crate::sindy::{BlockLosses, SearchError};
 
 impl Parts<'_> {
     fn held_out(&self) -> impl Iterator<Item = (&'static str, &[&Trajectory])> {
-        let parts = [("validation", &self.validation[..]), ("test", &self.test[..])];
+        let validation = if self.folds.is_some() { "left-out" } else { "validation" };
+        let parts = [(validation, &self.validation[..]), ("test", &self.test[..])];
         parts.into_iter().filter(|(_, runs)| !runs.is_empty())
     }
 }
@@ -61,11 +62,12 @@ pub(super) fn evaluate_candidates(
         horizon: job.horizon,
         origin_stride: job.origin_stride,
         warm_up,
+        errors_at: PredictionBands::horizons(job.horizon),
         ..evaluate::Options::default()
     };
     let count = trained.len() as f64;
     let mut candidates = Vec::new();
-    for Trained { model, training, train_seconds, left_out, .. } in trained {
+    for Trained { mut model, training, train_seconds, left_out, .. } in trained {
         let start = candidates.len() as f64;
         let mut evaluate_on = |part, sessions: &mut [Box<dyn Predictor>], runs: &[&Trajectory], from: f64| {
             let mut report = |f: f64| progress((start + from + 0.5 * f) / count);
@@ -102,6 +104,7 @@ pub(super) fn evaluate_candidates(
             // A new session, because sessions may adapt.
             Some(evaluate_on("test", &mut [model.session()], &parts.test, 0.5)?)
         };
+        model.description.bands = PredictionBands::new(&validation);
         candidates.push(Candidate { model, training, train_seconds, validation, test, left_out });
     }
     Ok(candidates)

@@ -149,8 +149,7 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
     }
     let [train, validation, test] = [&job.split.train, &job.split.validation, &job.split.test]
         .map(|runs| runs.iter().collect::<Vec<&Trajectory>>());
-    let methods = methods(job)?;
-    let cross = validation.is_empty() && methods.iter().all(|method| method.is_cross_validated());
+    let cross = validation.is_empty() && job.methods.iter().all(|method| method.is_cross_validated());
     let needed = if cross { 1 } else { 3 };
     let named = [(&train, "train"), (&validation, "validate"), (&test, "test")];
     if let Some((_, part)) = named.into_iter().take(needed).find(|(runs, _)| runs.is_empty()) {
@@ -163,6 +162,7 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
     } else {
         leakage::check(&[&train, &validation, &test])?;
     }
+    let methods = methods(job)?;
     let ranges = design_range::design_ranges(&job.ranges, &train)?;
     let folds = cross.then(|| CrossValidation::new(&job.split.train));
     let judged = folds.as_ref().map(|folds| folds.runs(&job.split.train));

@@ -259,6 +259,7 @@ fn cross_validated_equations(
         progress::report(progress, 0.8 + 0.1 * fold as f64 / folds.folds() as f64)
             .map_err(SearchError::Cancelled)?;
         let runs = folds.without(fold, &job.split.train);
+        let runs: Vec<&Trajectory> = runs.iter().map(AsRef::as_ref).collect();
         left_out.push(refit(&found, &runs, ranges, (0, job.seed))?.0.equations);
     }
     let (fit, ensemble) = refit(&found, &parts.train, ranges, (job.sindy.members.0, job.seed))?;
@@ -296,6 +297,7 @@ fn describe(
     let names = |runs: &[Trajectory]| runs.iter().map(|run| run.name.clone()).collect();
     Model {
         description: Description {
+            bands: None,
             name: method.name().to_owned(),
             dt: run.dt,
             outputs: ports(run.outputs.channels(), &parts.ranges, &parts.training_ranges),

@@ -19,7 +19,7 @@ use hydroid_core::model::recurrent::Scaling;
 use hydroid_core::predict::Predictor;
 use serde::{Deserialize, Serialize};
 
-use crate::evaluate::DesignRange;
+use crate::evaluate::{DesignRange, PredictionBands};
 use crate::log::{Channel, Note, PrepareOptions, Selection, Trajectory};
 
 pub use file::{ModelError, decode, encode, read, write};
@@ -76,6 +76,9 @@ pub struct Description {
     pub reading: Reading,
     /// Provenance.
     pub provenance: Provenance,
+    /// Prediction bands, from the errors on runs that were left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bands: Option<PredictionBands>,
 }
 
 /// Preprocessing from a log to runs.

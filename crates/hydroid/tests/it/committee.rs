@@ -356,6 +356,7 @@ fn port(name: &str, low: f64, high: f64) -> Port {
 fn model(committee: Committee) -> Model {
     Model {
         description: Description {
+            bands: None,
             name: String::from("committee"),
             dt: DT,
             outputs: vec![port("u", 0.0, 1.5), port("r", -0.6, 0.6)],

@@ -36,6 +36,7 @@ fn made(
     let (n, m) = (outputs.len(), inputs.len());
     Model {
         description: Description {
+            bands: None,
             name: String::from("sindy"),
             dt: 0.1,
             outputs: ports(outputs),

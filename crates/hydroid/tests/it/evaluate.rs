@@ -5,8 +5,12 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use crate::judged::{DT, RANGES, judge, options, run, table, wave};
-use hydroid::evaluate::{Against, DesignRange, EvaluateError, Evaluation, Options, Origin, evaluate};
+use hydroid::evaluate::{
+    Against, DesignRange, EvaluateError, Evaluation, Options, Origin, PredictionBands, evaluate,
+    evaluate_each,
+};
 use hydroid::log::Trajectory;
+use hydroid::progress::silent;
 use hydroid_core::model::Persistence;
 use hydroid_core::predict::{Predictor, Workspace, rollout_steps};
 
@@ -397,7 +401,7 @@ fn json_has_the_keys_and_shapes_of_the_contract() {
         "persistence",
     ]);
     // In addition to the contract.
-    contract.extend(["divergences", "runs"]);
+    contract.extend(["divergences", "runs", "by_run"]);
     assert_eq!(keys(&json), contract);
     assert_eq!(keys(&json["persistence"]), BTreeSet::from(["mae", "rmse", "nrmse"]));
     assert_eq!(keys(&json["divergences"][0]), BTreeSet::from(["run", "origin_s", "horizon", "channel"]));
@@ -448,4 +452,53 @@ fn an_output_that_is_never_measured_is_named() {
     // One run with measurements is enough.
     let good = run("b", &wave(20));
     assert_eq!(judge(&model, &[&run("a", &outputs), &good], &options(3)).unwrap().windows, 17);
+}
+
+#[test]
+fn each_run_has_errors_of_its_own_and_a_session_of_its_own() {
+    let outputs = wave(60);
+    let runs = [run("a", &outputs), run("b", &outputs[..40])];
+    let errors: [fn(usize, usize, usize) -> f64; 2] = [|_, _, _| 0.25, |_, _, _| -0.5];
+    let sessions = || errors.map(|error| Box::new(Oracle::new(&outputs, error)) as Box<dyn Predictor>);
+    let both = runs.each_ref();
+    let result = evaluate_each("each", &mut sessions(), &RANGES, &both, &options(5), &mut silent()).unwrap();
+    assert_eq!(result.by_run.iter().map(|run| run.run.as_str()).collect::<Vec<_>>(), ["a", "b"]);
+    assert_eq!(result.by_run.iter().map(|run| run.windows).collect::<Vec<_>>(), [55, 35]);
+    // The deviation is that over both runs.
+    for c in 0..2 {
+        let all: Vec<f64> = outputs.iter().chain(&outputs[..40]).map(|row| row[c]).collect();
+        let deviation = deviation(&all);
+        assert!(near(result.by_run[0].nrmse[c], 0.25 / deviation));
+        assert!(near(result.by_run[1].nrmse[c], 0.5 / deviation));
+        let pooled = ((55.0 * 0.25f64.powi(2) + 35.0 * 0.5f64.powi(2)) / 90.0).sqrt();
+        assert!(near(result.rmse[4][c], pooled));
+    }
+}
+
+#[test]
+fn bands_hold_their_share_of_the_errors_they_are_made_of_and_of_twice_as_large_ones_less() {
+    let outputs = wave(500);
+    let log = run("a", &outputs);
+    // Errors between -1 and 1 thousandths times the horizon, evenly spread.
+    let oracle =
+        Oracle::new(&outputs, |k, h, _| ((0.618_034 * k as f64).fract() * 2.0 - 1.0) * 1e-3 * h as f64);
+    let larger =
+        Oracle::new(&outputs, |k, h, _| ((0.618_034 * k as f64).fract() * 2.0 - 1.0) * 2e-3 * h as f64);
+    let options = Options { errors_at: vec![2, 4, 8], ..options(8) };
+    let result = judge(&oracle, &[&log], &options).unwrap();
+    let bands = PredictionBands::new(&result).unwrap();
+    let worse = judge(&larger, &[&log], &options).unwrap();
+    let (held, less) = (bands.coverage(&result), bands.coverage(&worse));
+    for (i, level) in [0.5, 0.8, 0.9].into_iter().enumerate() {
+        for h in 0..3 {
+            for c in 0..2 {
+                let width = level * 1e-3 * [2.0, 4.0, 8.0][h];
+                assert!((bands.half_width(i, [2, 4, 8][h], c) / width - 1.0).abs() < 0.02);
+                assert!((held.share[i][h][c] - level).abs() < 0.005);
+                assert!((less.share[i][h][c] - 0.5 * level).abs() < 0.02);
+            }
+        }
+    }
+    // Errors are kept at horizons of the evaluation only.
+    assert!(judge(&oracle, &[&log], &Options { errors_at: vec![9], ..options }).is_err());
 }

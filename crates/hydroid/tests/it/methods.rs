@@ -1,6 +1,7 @@
 //! The choice of the best method, and files of adapting models.
 
 use hydroid::adapt::{self, adapt};
+use hydroid::evaluate;
 use hydroid::excitation::Excitation;
 use hydroid::identify::{
     EnsembleSize, GateOption, GivenRange, GivenRanges, IdentifyError, IdentifyResult, Job, Keyword,
@@ -217,4 +218,110 @@ fn runs_of_different_parts_that_share_data_are_refused() {
     assert!(!refused(&idle(wave(400, 0.1)), &idle(wave(400, 0.7))));
     assert!(refused(&idle(wave(400, 0.1)), &idle(wave(400, 0.1))));
     assert!(!refused(&idle(vec![]), &idle(wave(400, 0.7))));
+}
+
+/// Three runs of one vessel and one of another, in the order given, cross-validated.
+fn cross_validated(methods: &[Method], drags: &[f64], test: Vec<Trajectory>) -> (IdentifyResult, Job) {
+    let runs = drags.iter().zip(1..).map(|(&drag, seed)| run(drag, seed, 300.0)).collect();
+    let job = Job {
+        methods: methods.to_vec(),
+        split: Split { train: runs, validation: Vec::new(), test, notes: Vec::new() },
+        reading: Reading::default(),
+        horizon: 50,
+        origin_stride: 10,
+        seed: 0,
+        ranges: GivenRanges::new(),
+        networks: NetworkTrainingOptions::default(),
+        sindy: SindyOptions {
+            degree: Some(2),
+            signed_squares: Some(false),
+            lag: LagOption::Keyword(Keyword::None),
+            gate: GateOption::Keyword(Keyword::None),
+            ridge: Some(1e-6),
+            members: EnsembleSize(0),
+            ..SindyOptions::default()
+        },
+    };
+    (identify(&job, &mut silent()).unwrap(), job)
+}
+
+#[test]
+fn each_run_is_judged_by_models_without_it_and_the_delivered_model_is_fitted_to_all() {
+    // Five times the drag in the last run: models that have not seen it must fail on it, and on it alone.
+    let (found, job) =
+        cross_validated(&[Method::Sindy, Method::Committee], &[1.0, 1.0, 1.0, 5.0], Vec::new());
+    let folds = found.cross_validation.as_ref().unwrap();
+    assert!((folds.folds(), folds.has_blocks()) == (4, false));
+    for candidate in &found.candidates {
+        let name = &candidate.model.description.name;
+        assert!(candidate.test.is_none() && candidate.left_out.len() == 4, "{name}");
+        let judged = candidate.judged();
+        assert_eq!(judged.by_run.len(), 4);
+        let mean = |run: usize| judged.by_run[run].nrmse.iter().sum::<f64>() / 3.0;
+        let others = (0..3).map(mean).fold(0.0, f64::max);
+        assert!(mean(3) > 2.0 * others, "{name}: {} against {others}", mean(3));
+        // The model without the last run is that of the original vessel.
+        let last = &job.split.train[3];
+        let error = |model: &model::Model| {
+            let options = evaluate::Options { horizon: 50, origin_stride: 10, ..Default::default() };
+            let ranges = model.output_ranges();
+            let mut session = model.frozen().session();
+            evaluate::evaluate("", session.as_mut(), &ranges, &[last], &options, &mut silent())
+                .unwrap()
+                .score()
+        };
+        assert!(error(&candidate.model) < 0.9 * error(&candidate.left_out[3]), "{name}");
+        let bands = candidate.model.description.bands.as_ref().unwrap();
+        assert_eq!(bands.horizons.last(), Some(&50));
+        let provenance = &candidate.model.description.provenance;
+        assert!((provenance.training.len(), provenance.validation.len()) == (4, 0));
+    }
+}
+
+#[test]
+fn one_run_is_divided_into_blocks_and_test_runs_take_no_part() {
+    let test = run(1.0, 9, 120.0);
+    let (found, _) = cross_validated(&[Method::Committee], &[1.0], vec![test.clone()]);
+    let folds = found.cross_validation.as_ref().unwrap();
+    assert!((folds.folds(), folds.has_blocks()) == (6, true));
+    let candidate = &found.candidates[0];
+    assert_eq!(candidate.validation.by_run.len(), 6);
+    assert_eq!(candidate.judged().by_run.len(), 1, "the test run judges");
+    assert!(candidate.judged().score() < 0.5, "{}", candidate.judged().score());
+    // The bands hold about their share on the test run.
+    let bands = candidate.model.description.bands.as_ref().unwrap();
+    let options = evaluate::Options { horizon: 50, errors_at: vec![12, 25, 50], ..Default::default() };
+    let ranges = candidate.model.output_ranges();
+    let mut session = candidate.model.session();
+    let judged =
+        evaluate::evaluate("", session.as_mut(), &ranges, &[&test], &options, &mut silent()).unwrap();
+    let coverage = bands.coverage(&judged);
+    for (level, table) in coverage.levels.iter().zip(&coverage.share) {
+        let mean = table.iter().flatten().sum::<f64>() / 9.0;
+        assert!((mean - level).abs() < 0.2, "{level}: {mean}");
+    }
+}
+
+/// Runs that are given twice would be predicted by a model that was fitted to them.
+#[test]
+fn the_runs_of_a_cross_validation_must_differ() {
+    let once = run(1.0, 1, 120.0);
+    let runs = vec![once.clone(), run(1.0, 2, 120.0), Trajectory { name: "again".into(), ..once }];
+    let job = Job {
+        methods: vec![Method::Committee],
+        split: Split { train: runs, validation: Vec::new(), test: Vec::new(), notes: Vec::new() },
+        reading: Reading::default(),
+        horizon: 50,
+        origin_stride: 10,
+        seed: 0,
+        ranges: GivenRanges::new(),
+        networks: NetworkTrainingOptions::default(),
+        sindy: SindyOptions::default(),
+    };
+    let refused = identify(&job, &mut silent()).unwrap_err();
+    assert!(matches!(refused, IdentifyError::DataLeakage { .. }), "{refused}");
+    // Networks need validation runs.
+    let job = Job { methods: vec![Method::Committee, Method::Gru], ..job };
+    let job = Job { split: Split { train: vec![run(1.0, 1, 60.0)], ..job.split }, ..job };
+    assert!(matches!(identify(&job, &mut silent()), Err(IdentifyError::NoRuns("validate"))));
 }

@@ -49,6 +49,7 @@ fn model() -> Model {
         vec![ChannelSpec { scale: 0.1 + 0.2, ..ChannelSpec::renamed("u", "Geschw. \"ü\"") }];
     Model {
         description: Description {
+            bands: None,
             name: String::from("sindy"),
             dt,
             outputs: vec![

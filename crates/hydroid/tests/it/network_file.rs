@@ -41,6 +41,7 @@ fn model(network: Network, weights: Vec<f64>, base: BaseModel, feedback: bool) -
     let recurrent = Recurrent { network, weights, scaling, base, feedback, wash_out: 7 };
     Model {
         description: Description {
+            bands: None,
             name: network.cell.name().to_owned(),
             dt: DT,
             outputs: (0..outputs).map(|i| port(format!("y{i}"))).collect(),

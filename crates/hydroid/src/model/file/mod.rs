@@ -190,5 +190,8 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
     if description.outputs.is_empty() {
         return Err(inconsistent(String::from("it has no outputs")));
     }
+    if description.bands.as_ref().is_some_and(|bands| !bands.is_valid(description.outputs.len())) {
+        return Err(inconsistent(String::from("its prediction bands do not fit its outputs")));
+    }
     head.structure.read(&tensors, description).map_err(inconsistent)
 }

@@ -62,6 +62,7 @@ impl Model {
         let selection =
             Selection { outputs: named(&outputs), inputs: named(&inputs), ..Selection::default() };
         let description = Description {
+            bands: None,
             name: params.name.clone(),
             dt: dt_s,
             reading: Reading { selection, options: PrepareOptions::default() },
