@@ -4,13 +4,16 @@ use std::sync::Arc;
 
 use hydroid_core::adapt::{Adapter, CommitteeSession, Learning, Outcome, Rejection, increment_stride};
 use hydroid_core::model::committee::{
-    Committee, CommitteeError, DifferenceEquations, MOST_MEMBERS, Member, Past, Prior, Shape, weighted_median,
+    Committee, CommitteeError, DifferenceEquations, Limits, MOST_MEMBERS, Member, Past, Prior, Shape,
+    weighted_median,
 };
 use hydroid_core::model::sparse::{EquationsError, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
 
 const DT: f64 = 0.1;
+
+const UNLIMITED: Limits<'static> = Limits { low: &[f64::NEG_INFINITY; 2], high: &[f64::INFINITY; 2] };
 
 /// White noise between -1 and 1, the same on every machine.
 fn noise(k: usize, channel: usize) -> f64 {
@@ -121,7 +124,7 @@ fn a_rollout_follows_the_documented_equation() {
                 // Scratch memory has arbitrary content.
                 let mut scratch = vec![f64::NAN; of.scratch()];
                 let mut found = vec![f64::NAN; 2 * horizon];
-                of.rollout(&XI, past, future, &mut scratch, &mut found);
+                of.rollout(&XI, past, future, UNLIMITED, &mut scratch, &mut found);
                 let expected = naive_rollout(y, &c, horizon, clock).concat();
                 for (found, expected) in found.iter().zip(&expected) {
                     assert!((found - expected).abs() < 1e-12, "clock {clock}: {found} for {expected}");
@@ -157,7 +160,7 @@ fn equations_without_terms_are_persistence() {
     let of = DifferenceEquations::new(Vec::new(), Vec::new(), shape(1, 3)).unwrap();
     let past = Past { outputs: &[0.5, -2.0].repeat(4), inputs: &[0.1; 3] };
     let mut y = [f64::NAN; 10];
-    of.rollout(&[], past, &[0.3; 5], &mut vec![f64::NAN; of.scratch()], &mut y);
+    of.rollout(&[], past, &[0.3; 5], UNLIMITED, &mut vec![f64::NAN; of.scratch()], &mut y);
     assert_eq!(y.as_slice(), [0.5, -2.0].repeat(5));
     let prior = Prior { averaging: 1, information: 1.0, r_factor: Vec::new() };
     let member = Member { equations: of, votes: 1, prior: Some(prior) };
@@ -751,4 +754,40 @@ fn invalid_committees_are_refused() {
     refused(&|r| r[5] = f64::INFINITY);
     refused(&|r| r[9] = 0.1);
     assert!(CommitteeError::Prior { member: 1 }.to_string().contains("member 1"));
+}
+
+/// An unstable member in a committee with ranges stays within one width of the range, or of the present value where that
+/// is farther; without ranges it does not.
+#[test]
+fn rollouts_outside_the_training_data_stay_bounded() {
+    let shape = Shape { outputs: 1, inputs: 1, lags: 1, clock: 3, dt: DT };
+    let terms = vec![Term::monomial(&[0]), Term::monomial(&[0, 0, 0]), Term::monomial(&[1])];
+    let member = || {
+        let equations = DifferenceEquations::new(terms.clone(), vec![2.0, 5.0, 1.0], shape).unwrap();
+        Member { equations, votes: 1, prior: None }
+    };
+    let rolled_out = |committee: Committee, from: f64, command: f64| {
+        let mut session = CommitteeSession::new(Arc::new(committee)).unwrap();
+        for _ in 0..8 {
+            session.observe(&[from]);
+            session.advance(&[command]);
+        }
+        session.observe(&[from]);
+        let mut y = [0.0; 200];
+        session.rollout(&[command; 200], &mut Workspace::new(), &mut y);
+        y
+    };
+    let free = Committee::new(vec![member()]).unwrap();
+    assert!(rolled_out(free.clone(), 0.5, 1.0).iter().any(|y| !y.is_finite() || y.abs() > 1e6));
+    let limited = free.clone().with_ranges(vec![(-1.0, 1.0)]).unwrap();
+    for (from, command, last) in [(0.5, 1.0, 3.0), (-0.5, -1.0, -3.0), (4.0, 1.0, 6.0), (-4.0, 1.0, -6.0)] {
+        for committee in [limited.clone(), limited.frozen(), limited.with_learned(&[]).unwrap()] {
+            let y = rolled_out(committee, from, command);
+            assert_eq!(y[199], last, "from {from}");
+            assert!(y.iter().all(|y| y.abs() <= last.abs()));
+        }
+    }
+    for wrong in [vec![], vec![(1.0, 1.0)], vec![(0.0, f64::NAN)], vec![(0.0, 1.0); 2]] {
+        assert_eq!(free.clone().with_ranges(wrong), Err(CommitteeError::Ranges));
+    }
 }

@@ -100,11 +100,8 @@ impl<'a> Grid<'a> {
         if (0..folds.len()).filter(with_origins).count() < 2 {
             return Err(ChooseError::TooShort { folds: folds.len(), horizon, warm_up });
         }
-        let range = |c: usize| {
-            let values = runs.iter().flat_map(|run| run.outputs.column(c)).filter(|y| y.is_finite());
-            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), y| (low.min(y), high.max(y)))
-        };
-        let ranges = (0..outputs).map(range).collect();
+        let segments = || folds.iter().flat_map(|fold| &fold.segments);
+        let ranges = (0..outputs).map(|c| range(segments(), c)).collect();
         let mut truth = Vec::new();
         for Origins { fold, segment, at } in &origins {
             let segment = &folds[*fold].segments[*segment];
@@ -173,16 +170,22 @@ impl<'a> Grid<'a> {
         !self.folds[fold].validation || self.folds.iter().all(|fold| fold.validation)
     }
 
-    /// Limits of predictions: `width` times the range beyond the range.
-    pub(super) fn limits(&self, width: f64) -> Vec<(f64, f64)> {
-        let limit = |&(low, high): &(f64, f64)| (low - width * (high - low), high + width * (high - low));
+    /// Limits of predictions, as in the committee: one width of the range beyond it.
+    fn limits(&self) -> Vec<(f64, f64)> {
+        let limit = |&(low, high): &(f64, f64)| (low - (high - low), high + (high - low));
         self.ranges.iter().map(limit).collect()
+    }
+
+    /// Range of each output in the folds that `with` admits.
+    pub(super) fn ranges_of(&self, with: impl Fn(usize) -> bool) -> Vec<(f64, f64)> {
+        let folds = || self.folds.iter().enumerate().filter(|(fold, _)| with(*fold)).map(|(_, of)| of);
+        (0..self.outputs).map(|c| range(folds().flat_map(|fold| &fold.segments), c)).collect()
     }
 
     /// Predictions of a candidate on each fold, fitted without it, in the layout of the truth; `None` if a fit fails.
     pub(super) fn predictions(&self, candidate: &Candidate) -> Option<Vec<f32>> {
         let of = &self.regressions[candidate.regression];
-        let limits = self.limits(10.0);
+        let limits = self.limits();
         let mut all = Vec::with_capacity(self.truth.len());
         let mut fit: Option<(usize, Fit)> = None;
         for Origins { fold, segment, at } in &self.origins {
@@ -247,6 +250,20 @@ impl<'a> Learner<'a> {
     fn coefficients(&self) -> Vec<f64> {
         let rows = self.kernel.coefficients().chunks_exact(self.scale.len());
         rows.flat_map(|row| row.iter().zip(self.scale).map(|(theta, s)| theta / s)).collect()
+    }
+}
+
+/// Range of an output; of positive width, also for a constant output.
+fn range<'a>(segments: impl Iterator<Item = &'a Segment<'a>>, c: usize) -> (f64, f64) {
+    let values = segments.flat_map(|segment| (0..segment.len()).map(|k| segment.output(k)[c]));
+    let (low, high) = values
+        .filter(|y| y.is_finite())
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), y| (low.min(y), high.max(y)));
+    if low < high {
+        (low, high)
+    } else {
+        let middle = if low.is_finite() { low } else { 0.0 };
+        (middle - 0.5 * middle.abs().max(1.0), middle + 0.5 * middle.abs().max(1.0))
     }
 }
 

@@ -107,6 +107,7 @@ pub(super) fn choose(grid: &Grid<'_>, progress: Progress<'_>) -> Result<Chosen, 
         };
         let (ballot, frozen) = (ballot(grid, &all, without)?, ballot(grid, &all[..constant], without)?);
         let committee = Committee::new(fitted(&ballot)?)?.with_constant(fitted(&frozen)?)?;
+        let committee = committee.with_ranges(grid.ranges_of(with))?;
         Ok::<_, ChooseError>((committee, ballot, frozen))
     };
     report(progress, 0.9)?;
@@ -147,18 +148,7 @@ fn ballot(grid: &Grid<'_>, trials: &[Trial], without: Option<usize>) -> Result<B
     let errors: Vec<f64> = trials.par_iter().map(|trial| judge.error_of(&pick(&trial.predicted))).collect();
     let shortlist: Vec<usize> = order(&errors).into_iter().take(SHORTLIST).collect();
     let best_error = shortlist.first().map(|&i| errors[i]).ok_or(ChooseError::Singular)?;
-    let limits = grid.limits(1.0);
-    let limited = |&i: &usize| -> Vec<f32> {
-        let mut predicted = pick(&trials[i].predicted);
-        for (at, p) in predicted.iter_mut().enumerate() {
-            let (low, high) = limits[at % grid.outputs];
-            #[expect(clippy::cast_possible_truncation, reason = "single precision suffices for the choice")]
-            let limited = p.clamp(low as f32, high as f32);
-            *p = limited;
-        }
-        predicted
-    };
-    let predicted: Vec<Vec<f32>> = shortlist.iter().map(limited).collect();
+    let predicted: Vec<Vec<f32>> = shortlist.iter().map(|&i| pick(&trials[i].predicted)).collect();
     let (votes, error) = select(&judge, &predicted);
     let members = shortlist.iter().zip(votes).filter(|(_, votes)| *votes > 0);
     let members = members.map(|(&i, votes)| (trials[i].candidate, votes)).collect();

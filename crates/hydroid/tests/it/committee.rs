@@ -345,7 +345,8 @@ fn by_hand(information: f64) -> Committee {
     let r_factor =
         (0..36).map(|at| if at % 7 == 0 { 1.0 } else { f64::from(u8::from(at % 6 > at / 6)) / 7.0 });
     let prior = Prior { averaging: 2, information, r_factor: r_factor.collect() };
-    Committee::new(vec![member(1, 3, 2, None), member(0, 2, 3, Some(prior))]).unwrap()
+    let committee = Committee::new(vec![member(1, 3, 2, None), member(0, 2, 3, Some(prior))]).unwrap();
+    committee.with_ranges(vec![(-100.0, 100.0); 2]).unwrap()
 }
 
 fn port(name: &str, low: f64, high: f64) -> Port {

@@ -10,7 +10,7 @@ use alloc::vec::Vec;
 use super::innovation_gate::InnovationGate;
 use super::memory::{MOST_COUNTED, Reader, Writer};
 use super::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
-use crate::model::committee::{Committee, CommitteeError, MOST_MEMBERS, Past, weighted_median};
+use crate::model::committee::{Committee, CommitteeError, Limits, MOST_MEMBERS, Past, weighted_median};
 use crate::predict::{Predictor, Workspace, rollout_steps};
 use learner::Learner;
 
@@ -98,7 +98,12 @@ impl CommitteeSession {
         let members = self.committee.members();
         let scratch = members.iter().map(|member| member.equations.scratch()).max().unwrap_or(0);
         let past = Past { outputs: &self.outputs, inputs: &self.inputs };
-        let numbers = work.take(scratch + members.len() * y.len());
+        let outputs = self.committee.outputs();
+        let numbers = work.take(2 * outputs + scratch + members.len() * y.len());
+        let (limits, numbers) = numbers.split_at_mut(2 * outputs);
+        let (low, high) = limits.split_at_mut(outputs);
+        self.committee.limits(self.present(), low, high);
+        let limits = Limits { low, high };
         let (scratch, predicted) = numbers.split_at_mut(scratch);
         let mut rest = &self.weights[..];
         for (member, own) in members.iter().zip(predicted.chunks_exact_mut(y.len().max(1))) {
@@ -110,7 +115,7 @@ impl CommitteeSession {
             } else {
                 of.coefficients()
             };
-            of.rollout(coefficients, past, commands, scratch, own);
+            of.rollout(coefficients, past, commands, limits, scratch, own);
         }
         let mut votes = [(0.0, 0); MOST_MEMBERS];
         let votes = &mut votes[..members.len()];

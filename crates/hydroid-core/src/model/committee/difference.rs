@@ -68,6 +68,15 @@ pub struct Past<'a> {
     pub inputs: &'a [f64],
 }
 
+/// Limits of predictions, a number for each output.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits<'a> {
+    /// Lowest predictions.
+    pub low: &'a [f64],
+    /// Highest predictions.
+    pub high: &'a [f64],
+}
+
 impl DifferenceEquations {
     /// Equations from terms and coefficients (`outputs x terms`, row by row).
     ///
@@ -148,8 +157,8 @@ impl DifferenceEquations {
         }
     }
 
-    /// Predicts the outputs of the next samples under `commands` (rows), with `coefficients` in place of the own ones.
-    /// `scratch` has [`scratch`](Self::scratch) numbers.
+    /// Predicts the outputs of the next samples under `commands` (rows), with `coefficients` in place of the own ones and
+    /// within `limits`. `scratch` has [`scratch`](Self::scratch) numbers.
     ///
     /// # Panics
     /// If the slices are shorter than documented.
@@ -158,6 +167,7 @@ impl DifferenceEquations {
         coefficients: &[f64],
         past: Past<'_>,
         commands: &[f64],
+        limits: Limits<'_>,
         scratch: &mut [f64],
         y: &mut [f64],
     ) {
@@ -183,8 +193,13 @@ impl DifferenceEquations {
                     rate.iter_mut().zip(&*held).for_each(|(rate, held)| *rate += held);
                 }
                 let elapsed_s = (j + 1) as f64 * dt;
-                for ((y, y0), rate) in y[(base + j) * n..][..n].iter_mut().zip(&*start).zip(&*rate) {
-                    *y = y0 + elapsed_s * rate;
+                let limits = limits.low.iter().zip(limits.high);
+                let rates = start.iter().zip(&*rate);
+                for ((y, (y0, rate)), (low, high)) in
+                    y[(base + j) * n..][..n].iter_mut().zip(rates).zip(limits)
+                {
+                    // What is not a number stays so.
+                    *y = limited(y0 + elapsed_s * rate, *low, *high);
                 }
             }
             base += clock;
@@ -212,6 +227,17 @@ impl DifferenceEquations {
             }
             *rate = even + odd;
         }
+    }
+}
+
+/// A value within limits; NaN stays NaN.
+fn limited(value: f64, low: f64, high: f64) -> f64 {
+    if value < low {
+        low
+    } else if value > high {
+        high
+    } else {
+        value
     }
 }
 

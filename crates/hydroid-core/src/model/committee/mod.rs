@@ -5,6 +5,9 @@
 //! as long as the other members hold more than half of the votes. Members are chosen with replacement (Caruana,
 //! Niculescu-Mizil, Crew and Ksikes, *Ensemble selection from libraries of models*, ICML 2004).
 //!
+//! A rollout stays sane outside the training data: it leaves neither the training range of an output nor its present value
+//! by more than one width of that range, because the polynomials of a member can grow without bound there.
+//!
 //! A member may continue to learn along a run; see [`CommitteeSession`](crate::adapt::CommitteeSession).
 
 mod difference;
@@ -12,7 +15,7 @@ mod difference;
 use alloc::vec::Vec;
 
 use difference::MOST_PAST;
-pub use difference::{DifferenceEquations, Past, Shape};
+pub use difference::{DifferenceEquations, Limits, Past, Shape};
 
 /// A member of a [`Committee`].
 #[derive(Clone, Debug, PartialEq)]
@@ -46,6 +49,8 @@ pub struct Committee {
     members: Vec<Member>,
     /// Members of the frozen committee.
     constant: Vec<Member>,
+    /// Training ranges of the outputs (low, high); without limits if empty.
+    ranges: Vec<(f64, f64)>,
 }
 
 /// Reasons why a committee is invalid.
@@ -55,6 +60,8 @@ pub enum CommitteeError {
     Members,
     /// The members have different outputs, inputs or sample times.
     Channels,
+    /// Not one finite range of positive width for each output.
+    Ranges,
     /// The prior of a member does not fit its terms, or is singular.
     Prior {
         /// Index of the member.
@@ -67,6 +74,7 @@ impl core::fmt::Display for CommitteeError {
         match self {
             Self::Members => write!(f, "a committee has 1 to {MOST_MEMBERS} members, each with a vote"),
             Self::Channels => write!(f, "the members have different outputs, inputs or sample times"),
+            Self::Ranges => write!(f, "the ranges of a committee are finite, one for each output"),
             Self::Prior { member } => {
                 write!(f, "the prior of member {member} does not fit its terms, or is singular")
             }
@@ -108,7 +116,37 @@ impl Committee {
             Err(CommitteeError::Prior { member })
         } else {
             let constant = members.iter().map(|member| Member { prior: None, ..member.clone() }).collect();
-            Ok(Self { members, constant })
+            Ok(Self { members, constant, ranges: Vec::new() })
+        }
+    }
+
+    /// The committee with limited predictions: a rollout from the outputs `y` stays between `min(low, y) - (high - low)` and
+    /// `max(high, y) + (high - low)` of the range (low, high) of each output.
+    ///
+    /// # Errors
+    /// If there is not one finite range of positive width for each output.
+    pub fn with_ranges(self, ranges: Vec<(f64, f64)>) -> Result<Self, CommitteeError> {
+        let sound = |&(low, high): &(f64, f64)| low.is_finite() && high.is_finite() && low < high;
+        if ranges.len() == self.outputs() && ranges.iter().all(sound) {
+            Ok(Self { ranges, ..self })
+        } else {
+            Err(CommitteeError::Ranges)
+        }
+    }
+
+    /// Training ranges of the outputs (low, high); empty if predictions have no limits.
+    pub fn ranges(&self) -> &[(f64, f64)] {
+        &self.ranges
+    }
+
+    /// Writes the limits of rollouts from the outputs `y`.
+    pub(crate) fn limits(&self, y: &[f64], low: &mut [f64], high: &mut [f64]) {
+        low.fill(f64::NEG_INFINITY);
+        high.fill(f64::INFINITY);
+        for (((low, high), range), y) in low.iter_mut().zip(high).zip(&self.ranges).zip(y) {
+            let width = range.1 - range.0;
+            *low = range.0.min(*y) - width;
+            *high = range.1.max(*y) + width;
         }
     }
 
@@ -154,7 +192,7 @@ impl Committee {
     /// The committee of the members with constant coefficients.
     #[must_use]
     pub fn frozen(&self) -> Self {
-        Self { members: self.constant.clone(), constant: self.constant.clone() }
+        Self { members: self.constant.clone(), constant: self.constant.clone(), ranges: self.ranges.clone() }
     }
 
     /// The members of the [frozen](Self::frozen) committee.
@@ -181,7 +219,7 @@ impl Committee {
             member.equations = DifferenceEquations::new(of.terms().to_vec(), own.to_vec(), *of.shape())?;
         }
         let constant = members.iter().map(|member| Member { prior: None, ..member.clone() }).collect();
-        Ok(Self { members, constant })
+        Ok(Self { members, constant, ranges: self.ranges.clone() })
     }
 
     /// Number of coefficients of the members that learn.

@@ -21,6 +21,9 @@ pub(in crate::model) struct Structure {
     members: Vec<MemberStructure>,
     /// Members of the frozen committee.
     constant: Vec<MemberStructure>,
+    /// Training ranges of the outputs (low, high); predictions have no limits without them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    ranges: Vec<(f64, f64)>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -135,6 +138,9 @@ impl Structure {
             };
         let (members, frozen) = (read(coefficients, self.members)?, read(constant, self.constant)?);
         let committee = Committee::new(members).and_then(|committee| committee.with_constant(frozen));
+        let committee = committee.and_then(|committee| {
+            if self.ranges.is_empty() { Ok(committee) } else { committee.with_ranges(self.ranges) }
+        });
         let committee = Arc::new(committee.map_err(|error| error.to_string())?);
         // The session checks the priors.
         CommitteeSession::new(Arc::clone(&committee)).map_err(|error| error.to_string())?;
@@ -188,7 +194,8 @@ impl Kind for Arc<Committee> {
         };
         let members = encode(coefficients, self.members());
         let constant = encode(constant, self.constant_members());
-        Ok(Encoded::Tensors(super::Structure::Committee(Structure { members, constant }), tensors))
+        let structure = Structure { members, constant, ranges: self.ranges().to_vec() };
+        Ok(Encoded::Tensors(super::Structure::Committee(structure), tensors))
     }
 
     fn network_text(&self, _: &Description) -> Vec<String> {
