@@ -20,6 +20,19 @@ pub struct Source {
     pub channel: Channel,
 }
 
+impl Source {
+    /// A column in a unit, as a channel with the name of the column.
+    pub(crate) fn of(column: usize, name: &str, unit: &Unit) -> Self {
+        let channel = Channel::new(name, unit.si.clone());
+        Self { column, factor: unit.factor, scale: 1.0, channel }
+    }
+
+    /// SI value of the unit of the column, 1 without a unit.
+    pub(crate) fn unit_factor(&self) -> f64 {
+        self.factor / self.scale
+    }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Role {
     Time,

@@ -6,6 +6,7 @@ mod delay;
 mod excitation;
 mod lags;
 mod noise;
+mod pose;
 mod stats;
 
 pub use delay::{Confidence, DelayEstimate};
@@ -136,14 +137,16 @@ fn inspect_runs(
         clock_report(inspection, &columns, options);
         repeats(inspection, &columns);
     }
-    let prepared = match prepare(std::slice::from_ref(log), selection, options) {
-        Ok(prepared) => prepared,
-        Err(e) => {
-            inspection.notes.push(Note::warning(e.to_string()));
-            return;
-        }
+    let prepared = prepare(std::slice::from_ref(log), selection, options);
+    let failed = prepared.as_ref().err().map(|e| Note::warning(e.to_string()));
+    inspection.notes.extend(failed);
+    let Ok(prepared) = prepared else {
+        // A wrong unit may be the reason.
+        pose::check(log, resolved, selection, options, &mut inspection.notes);
+        return;
     };
     inspection.notes.extend(prepared.notes);
+    pose::check(log, resolved, selection, options, &mut inspection.notes);
     let repeated = inspection.repeated_rows;
     inspection.outputs = noise::reports(&prepared.runs, repeated, &mut inspection.notes);
     inspection.inputs = excitation::reports(&prepared.runs, &mut inspection.notes);
