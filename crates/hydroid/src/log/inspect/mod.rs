@@ -5,6 +5,7 @@
 mod delay;
 mod excitation;
 mod lags;
+mod neutral;
 mod noise;
 mod pose;
 mod stats;
@@ -150,6 +151,7 @@ fn inspect_runs(
     let repeated = inspection.repeated_rows;
     inspection.outputs = noise::reports(&prepared.runs, repeated, &mut inspection.notes);
     inspection.inputs = excitation::reports(&prepared.runs, &mut inspection.notes);
+    neutral::check(log, resolved, selection, &mut inspection.notes);
     let noisy = inspection.outputs.iter().any(|o| o.mostly_noise) || repeated > MANY_REPEATS;
     let delays = delay::estimate(&prepared.runs, noisy);
     for (report, own) in inspection.inputs.iter_mut().zip(delays.per_input) {
