@@ -7,6 +7,7 @@ mod excitation;
 mod lags;
 mod neutral;
 mod noise;
+mod plausible;
 mod pose;
 mod stats;
 
@@ -147,7 +148,8 @@ fn inspect_runs(
         return;
     };
     inspection.notes.extend(prepared.notes);
-    pose::check(log, resolved, selection, options, &mut inspection.notes);
+    let compared = pose::check(log, resolved, selection, options, &mut inspection.notes);
+    plausible::check(&log.path, &prepared.runs, compared, &mut inspection.notes);
     let repeated = inspection.repeated_rows;
     inspection.outputs = noise::reports(&prepared.runs, repeated, &mut inspection.notes);
     inspection.inputs = excitation::reports(&prepared.runs, &mut inspection.notes);

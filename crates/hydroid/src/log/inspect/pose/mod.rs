@@ -29,6 +29,15 @@ use windows::Window;
 /// Two factors of units differ by at least 9 %; smaller differences are rounding.
 const SAME: f64 = 1e-6;
 
+/// Outputs of which the pose shows whether they are right.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Compared {
+    /// `r`.
+    pub(super) yaw: bool,
+    /// `u` or `v`.
+    pub(super) path: bool,
+}
+
 /// Compares the outputs with the pose and adds a note for each one that contradicts it.
 pub(super) fn check(
     log: &RawLog,
@@ -36,13 +45,19 @@ pub(super) fn check(
     selection: &Selection,
     options: &PrepareOptions,
     notes: &mut Vec<Note>,
-) {
-    let Ok(specs) = resolve::outputs_or_default(log, selection) else { return };
-    let Some(pose) = columns::find(log, resolved) else { return };
-    let Some((channels, windows)) = read(log, resolved, &pose, options.max_gap_s) else { return };
+) -> Compared {
+    let none = Compared::default();
+    let Ok(specs) = resolve::outputs_or_default(log, selection) else { return none };
+    let Some(pose) = columns::find(log, resolved) else { return none };
+    let Some((channels, windows)) = read(log, resolved, &pose, options.max_gap_s) else { return none };
     let check = Check { channels, windows, pose };
     let verdicts = check.verdicts();
     check.report(log, &specs, &verdicts, notes);
+    let known = |motion: Motion| {
+        let channel = check.channel_of(motion);
+        channel.is_some_and(|channel| !matches!(verdicts[channel], Verdict::Unknown))
+    };
+    Compared { yaw: known(Motion::Yaw), path: known(Motion::Surge) || known(Motion::Sway) }
 }
 
 /// An output and the motion that its name states.
