@@ -402,14 +402,25 @@ pub fn unknown(log: &RawLog, name: &str) -> LogError {
         .collect();
     ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
     let nearest: Vec<String> = ranked.iter().take(3).map(|(_, n)| format!("`{n}`")).collect();
-    let nearest =
-        if nearest.is_empty() { String::new() } else { format!("; did you mean {}?", nearest.join(" or ")) };
+    let nearest = match with_blanks(log, name) {
+        Some(expression) => format!("; an offset or a scale needs blanks: write `{expression}`"),
+        None if nearest.is_empty() => String::new(),
+        None => format!("; did you mean {}?", nearest.join(" or ")),
+    };
     LogError::UnknownColumn {
         path: log.path.clone(),
         name: name.to_owned(),
         nearest,
         columns: all_names(log),
     }
+}
+
+/// The expression that a name like `pwm-1511` or `pwm/400` was meant to be, if there is such a column.
+fn with_blanks(log: &RawLog, name: &str) -> Option<String> {
+    let at = name.rfind(['+', '-', '/'])?;
+    let (column, number) = (name[..at].trim(), name[at + 1..].trim());
+    let fits = number.parse::<f64>().is_ok() && find(log, column).is_some();
+    fits.then(|| format!("{column} {} {number}", &name[at..=at]))
 }
 
 /// Names of all columns in the form of a selection.

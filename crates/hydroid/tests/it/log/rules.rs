@@ -439,3 +439,13 @@ fn a_column_whose_name_looks_like_an_expression_is_found() {
     let again = prepare(&[log(text)], &p.selection, &PrepareOptions::default()).unwrap();
     assert_eq!(again.runs[0].inputs, p.runs[0].inputs);
 }
+
+#[test]
+fn an_offset_without_blanks_is_refused_with_the_right_form() {
+    let raw = log("t,u,pwm\n0,1,1500\n1,2,1700\n2,3,1300\n");
+    for (inputs, expected) in [("L=pwm-1500", "`pwm - 1500`"), ("L=pwm/400", "`pwm / 400`")] {
+        let selection = Selection::of("u", inputs).unwrap();
+        let message = error_of(prepare(std::slice::from_ref(&raw), &selection, &PrepareOptions::default()));
+        assert!(message.contains(expected), "{message}");
+    }
+}
