@@ -179,6 +179,7 @@ pub struct Simulate {
 #[command(after_help = "Examples:
   hydroid inspect log.csv
   hydroid inspect log.csv --outputs u=SOG_kn[kn],r=ROT[deg/min] --inputs n=rpm[rpm],delta=rudder[deg]
+  hydroid inspect log.csv --inputs 'L=thr_left - 1511,R=thr_right - 1511'   pulse widths and their neutral position
   hydroid inspect out/sindy.safetensors
   hydroid inspect out/sindy.safetensors --latex > equations.tex   needs the package amsmath
   hydroid inspect out/sindy.safetensors --json                    with the entries of the Jacobian
@@ -239,10 +240,11 @@ pub struct LogArgs {
     /// Time column: seconds, ISO 8601, or with a unit: 'timestamp [ms]' (default: t, time, t_s, timestamp, time_s)
     #[arg(long, value_name = "COLUMN")]
     pub time: Option<String>,
-    /// Outputs: NAME or NAME=COLUMN, with [unit] and * scale: u=SOG_kn[kn] (default: u,v,r)
+    /// Outputs: NAME or NAME=COLUMN, with [unit], offset and scale: u=SOG_kn[kn], r=(gyro - 0.02) * -1 (default: u,v,r)
     #[arg(long, value_name = "LIST")]
     pub outputs: Option<String>,
-    /// Inputs, in the same form: n=rpm[rpm] (default: columns that end in _cmd or _ang)
+    /// Inputs, in the same form: n=rpm[rpm], L=thr_left - 1511, L=(thr_left - 1500) / 400 (default: columns that end in
+    /// _cmd or _ang)
     #[arg(long, value_name = "LIST")]
     pub inputs: Option<String>,
     /// Columns of wind speed and direction; the inputs are U^2 cos and U^2 sin

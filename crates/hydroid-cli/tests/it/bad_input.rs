@@ -330,3 +330,64 @@ fn with_json_an_error_is_a_json_document() {
     let document: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert!(document["error"].as_str().unwrap().contains("nowhere.csv"));
 }
+
+/// A boat on a winding path with its pose, whose yaw rate is in deg/s without a stated unit.
+fn winding(rows: usize) -> Vec<String> {
+    let mut lines = vec![String::from("t [s],u [m/s],r,n_cmd,d_cmd,x [m],y [m],psi [rad]")];
+    let (mut u, mut r, mut x, mut y, mut psi) = (1.0, 0.0, 0.0, 0.0, 0.2_f64);
+    for k in 0..rows {
+        let n = 1.0 + 0.5 * (k as f64 * 0.05).sin() + 0.3 * (k as f64 * 0.171).cos();
+        let d = 0.4 * (k as f64 * 0.03).sin();
+        let rate = f64::to_degrees(r);
+        lines.push(format!("{:.1},{u:.6},{rate:.6},{n:.6},{d:.6},{x:.4},{y:.4},{psi:.6}", k as f64 * 0.1));
+        x += 0.1 * u * psi.cos();
+        y += 0.1 * u * psi.sin();
+        psi += 0.1 * r;
+        u += 0.1 * (-0.4 * u + 0.8 * n);
+        r += 0.1 * (-0.9 * r + 0.5 * d);
+    }
+    lines
+}
+
+#[test]
+fn a_yaw_rate_that_contradicts_the_heading_is_warned_of_by_inspect_and_identify() {
+    let folder = TempDir::new().unwrap();
+    write(&folder, "bad.csv", &winding(900));
+    let inspected = hydroid(folder.path(), &["inspect", "bad.csv"]);
+    let identified = hydroid(folder.path(), &[IDENTIFY, &["--methods", "sindy"]].concat());
+    for output in [inspected, identified] {
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() < Some(2), "{message}");
+        let warning = "warning: bad.csv: `r` contradicts the pose: as read it is 57.3 times the rate of change of `psi`; its unit seems to be deg/s";
+        assert!(message.contains(warning), "{message}");
+        assert!(message.contains("--outputs \"u,r [deg/s]\""), "{message}");
+    }
+}
+
+#[test]
+fn an_offset_in_the_inputs_is_stored_in_the_model_and_applied_to_further_logs() {
+    let folder = TempDir::new().unwrap();
+    write(&folder, "bad.csv", &good(900));
+    let shifted: Vec<String> = good(900)
+        .iter()
+        .map(|line| {
+            let mut cells: Vec<String> = line.split(',').map(String::from).collect();
+            cells[3] = cells[3].parse::<f64>().map_or("pwm".to_owned(), |n| (1500.0 + 400.0 * n).to_string());
+            cells.join(",")
+        })
+        .collect();
+    write(&folder, "pwm.csv", &shifted);
+    let errors = |log: &str, inputs: &str, out: &str| {
+        let args = ["identify", log, "-o", out, "--outputs", "u,r", "--inputs", inputs, "--methods", "sindy"];
+        let output = hydroid(folder.path(), &args);
+        assert!(output.status.code() < Some(2), "{}", String::from_utf8_lossy(&output.stderr));
+        let model = format!("{out}/sindy.safetensors");
+        let output = hydroid(folder.path(), &["evaluate", &model, log, "--json"]);
+        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+        let document: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        document["rmse"].as_array().unwrap().last().unwrap()[0].as_f64().unwrap()
+    };
+    let plain = errors("bad.csv", "n_cmd,d_cmd", "plain");
+    let offset = errors("pwm.csv", "n_cmd=(pwm - 1500) / 400,d_cmd", "offset");
+    assert!((plain - offset).abs() <= 1e-3 * plain.max(1e-3), "{plain} {offset}");
+}

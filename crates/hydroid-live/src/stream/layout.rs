@@ -1,6 +1,6 @@
 //! Assignment of the columns of a stream, from the CSV header or from the keys of the first JSON object.
 
-use hydroid::log::line::{Resolved, Source, Time, find, unknown};
+use hydroid::log::line::{Resolved, Source, Time, locate, unknown};
 use hydroid::log::line::{delimiter, header_columns, name_the_nameless};
 use hydroid::log::{ChannelSpec, LogError, Note, RawColumn, RawLog, Table, Trajectory};
 use hydroid::model::{Model, Reading};
@@ -98,7 +98,7 @@ fn object(
     let commands: Vec<&ChannelSpec> = selection.inputs.iter().chain(wind).collect();
     for (specs, least) in [(outputs, 1), (commands.clone(), commands.len())] {
         let absent: Vec<&ChannelSpec> =
-            specs.iter().copied().filter(|spec| find(&log, &spec.column).is_none()).collect();
+            specs.iter().copied().filter(|spec| locate(&log, spec).is_none()).collect();
         if let Some(first) = absent.first().filter(|_| specs.len() < absent.len() + least) {
             return Err(unknown(&log, &first.column));
         }

@@ -135,12 +135,12 @@ impl Place<'_> {
     fn time(&self, item: &Item<'_>, source: &Source, comma: bool) -> Result<f64, LogError> {
         let column = &self.layout.names[source.column];
         let t = match item {
-            Item::Number(t) => t * source.factor,
+            Item::Number(t) => source.si(*t),
             Item::Missing => f64::NAN,
             Item::Text(text) => match number(text, comma) {
                 // Seconds since 1970 resolve a quarter of a microsecond.
                 Cell::Stamp(stamp) => (stamp.seconds * 1e6).round() / 1e6,
-                Cell::Number(t) => t * source.factor,
+                Cell::Number(t) => source.si(t),
                 Cell::Missing => f64::NAN,
                 Cell::Bad { infinite } => return Err(self.not_a_number(column, text, infinite)),
             },
@@ -168,7 +168,7 @@ impl Place<'_> {
                 Cell::Stamp(_) => return Err(self.not_a_number(column, text, false)),
             },
         };
-        let value = value * source.factor;
+        let value = source.si(value);
         if value.is_finite() { Ok(value) } else { Err(self.not_a_number(column, "a number too large", true)) }
     }
 
@@ -201,11 +201,9 @@ impl Place<'_> {
             for (value, source) in row.iter().zip(sources) {
                 let value = match value {
                     Value::Null => f64::NAN,
-                    value => value
-                        .as_f64()
-                        .map(|x| x * source.factor)
-                        .filter(|x| x.is_finite())
-                        .ok_or_else(wrong)?,
+                    value => {
+                        value.as_f64().map(|x| source.si(x)).filter(|x| x.is_finite()).ok_or_else(wrong)?
+                    }
                 };
                 into.push(value);
             }

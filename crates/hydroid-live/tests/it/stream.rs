@@ -372,3 +372,17 @@ proptest! {
         let _ = stream().serve(Line::Whole(&line), &mut Vec::new());
     }
 }
+
+#[test]
+fn offsets_and_scales_apply_to_measurements_and_commands() {
+    let mut reading = model().description.reading;
+    reading.selection.outputs = vec!["u=(u - 1) * 2".parse().unwrap(), "r".parse().unwrap()];
+    reading.selection.inputs = vec!["n=(pwm - 1500) / 400".parse().unwrap(), "delta".parse().unwrap()];
+    let mut stream = stream_reading(reading).unwrap();
+    assert!(ask(&mut stream, "t [s],u [m/s],r [rad/s],pwm,delta [rad]").is_none());
+    let answer = ask(&mut stream, "0,1.5,0.1,1700,0").unwrap();
+    assert_eq!(answer["estimate"]["u"], 1.0, "{answer}");
+    // du/dt = -0.3 u |u| + 0.5 n with n = 0.5.
+    let next = answer["prediction"]["u"][0].as_f64().unwrap();
+    assert!((next - (1.0 + 0.1 * (-0.3 + 0.25))).abs() < 1e-3, "{answer}");
+}

@@ -37,9 +37,9 @@ impl Columns {
         let take = |source: &Source| -> Result<Vec<f64>, LogError> {
             let raw = checked(log, source)?;
             Ok(if all {
-                raw.values.iter().map(|x| x * source.factor).collect()
+                raw.values.iter().map(|x| source.si(*x)).collect()
             } else {
-                rows.iter().map(|&k| raw.values[k] * source.factor).collect()
+                rows.iter().map(|&k| source.si(raw.values[k])).collect()
             })
         };
         let take_all = |sources: &[Source]| sources.iter().map(take).collect::<Result<Vec<_>, _>>();
@@ -124,7 +124,7 @@ fn times(log: &RawLog, time: &Time, notes: &mut Vec<Note>) -> Result<Vec<f64>, L
         return Err(LogError::OneTime { path, line, column, value });
     }
     let Some(first) = &column.stamps else {
-        return Ok(column.values.iter().map(|x| x * source.factor).collect());
+        return Ok(column.values.iter().map(|x| source.si(*x)).collect());
     };
     let zone = if first.zoned { "" } else { " (no zone is given: taken as UTC)" };
     notes.push(Note::info(format!("{}: times are seconds since {}{zone}", log.path, first.text)));

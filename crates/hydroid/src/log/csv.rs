@@ -12,6 +12,7 @@ use std::path::Path;
 
 use super::error::LogError;
 use super::stamp;
+use super::units;
 
 /// The columns of a log file before selection.
 #[derive(Clone, Debug, PartialEq)]
@@ -346,7 +347,12 @@ pub fn header_columns(header: &[String], path: &str) -> Result<Vec<RawColumn>, L
     let mut seen = std::collections::HashMap::new();
     for (i, cell) in header.iter().enumerate() {
         let cell = if i == 0 { cell.trim_start_matches('#').trim_start() } else { cell };
-        let (name, unit) = name_and_unit(cell);
+        let (mut name, unit) = name_and_unit(cell);
+        // `speed (kn)` beside `speed (km/h)` or `speed`: the unit distinguishes the names.
+        let twin = |(j, other): (usize, &String)| j != i && name_and_unit(other).0 == name;
+        if cell.ends_with(')') && unit.is_some() && header.iter().enumerate().any(twin) {
+            name = cell.trim();
+        }
         if !name.is_empty()
             && let Some(first) = seen.insert(name.to_owned(), i)
         {
@@ -382,8 +388,16 @@ pub fn name_the_nameless(columns: &mut [RawColumn]) {
     }
 }
 
+/// Name and unit of `name [unit]` or `name (unit)`. A text in parentheses that is no known unit belongs to the name.
 pub(crate) fn name_and_unit(cell: &str) -> (&str, Option<&str>) {
     let cell = cell.trim();
+    if let Some(inner) = cell.strip_suffix(')')
+        && let Some((name, unit)) = inner.rsplit_once('(')
+        && !name.trim().is_empty()
+        && units::is_unit_in_parentheses(unit)
+    {
+        return (name.trim(), Some(unit.trim()));
+    }
     if let Some(inner) = cell.strip_suffix(']')
         && let Some((name, unit)) = inner.rsplit_once('[')
         && !name.trim().is_empty()

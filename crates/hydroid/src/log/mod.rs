@@ -49,7 +49,7 @@ pub use {
 #[doc(hidden)]
 pub mod line {
     pub use super::csv::{Cell, delimiter, header_columns, name_the_nameless, number};
-    pub use super::resolve::{Resolved, Source, Time, find, unknown};
+    pub use super::resolve::{Resolved, Source, Time, locate, unknown};
     pub use super::sanity::check_value;
     pub use super::stamp::Stamp;
 }

@@ -136,7 +136,7 @@ fn resolve_all(
         let selected = concrete.outputs.iter().chain(&concrete.inputs);
         let wind = concrete.wind.iter().flat_map(|w| [&w.speed, &w.direction]);
         for spec in selected.chain(wind) {
-            if resolve::find(log, &spec.column).is_none() {
+            if resolve::locate(log, spec).is_none() {
                 return Err(LogError::DifferentColumns {
                     first: logs[0].path.clone(),
                     second: log.path.clone(),

@@ -1,5 +1,7 @@
 //! Application of a selection to a log: positions, units and factors of the columns.
 
+use std::borrow::Cow;
+
 use super::csv::{RawColumn, RawLog};
 use super::error::LogError;
 use super::note::Note;
@@ -12,12 +14,37 @@ use super::units::{self, Quantity, Unit, UnitError};
 pub struct Source {
     /// Position of the column.
     pub column: usize,
-    /// SI value = value in the log times this.
-    pub factor: f64,
+    /// SI value = (value in the log - offset) times this.
+    factor: f64,
+    /// Value in the log at which the channel is zero.
+    offset: f64,
     /// Factor given by the user.
     scale: f64,
     /// Name and SI unit.
     pub channel: Channel,
+}
+
+impl Source {
+    /// A column in a unit, as a channel with the name of the column.
+    pub(crate) fn of(column: usize, name: &str, unit: &Unit) -> Self {
+        let channel = Channel::new(name, unit.si.clone());
+        Self { column, factor: unit.factor, offset: 0.0, scale: 1.0, channel }
+    }
+
+    /// The SI value of a value in the log.
+    pub fn si(&self, value: f64) -> f64 {
+        (value - self.offset) * self.factor
+    }
+
+    /// Whether the channel is zero at another value of the log than 0.
+    pub(crate) fn has_offset(&self) -> bool {
+        self.offset != 0.0
+    }
+
+    /// SI value of the unit of the column, 1 without a unit.
+    pub(crate) fn unit_factor(&self) -> f64 {
+        self.factor / self.scale
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -182,10 +209,11 @@ pub(crate) fn time(
         }
     };
     // Stamps are in seconds, whatever unit the header gives.
-    if let Some(column) = find(log, &spec.column).filter(|&i| log.columns[i].stamps.is_some()) {
+    let column = locate(log, &spec).map(|(column, _)| column);
+    if let Some(column) = column.filter(|&i| log.columns[i].stamps.is_some()) {
         let channel = Channel::new(&spec.name, "s");
         return Ok(Time::Column {
-            source: Source { column, factor: 1.0, scale: 1.0, channel },
+            source: Source { column, factor: 1.0, offset: 0.0, scale: 1.0, channel },
             stated: true,
         });
     }
@@ -253,7 +281,7 @@ fn truth(log: &RawLog, outputs: &[Source]) -> Result<Option<Vec<Source>>, LogErr
             }
             factor = unit.factor * output.scale;
         }
-        truth.push(Source { column, factor, scale: output.scale, channel: output.channel.clone() });
+        truth.push(Source { column, factor, ..output.clone() });
     }
     Ok(Some(truth))
 }
@@ -268,7 +296,8 @@ fn sources(
 }
 
 fn source(log: &RawLog, spec: &ChannelSpec, role: Role, notes: &mut Vec<Note>) -> Result<Source, LogError> {
-    let column = find(log, &spec.column).ok_or_else(|| unknown(log, &spec.column))?;
+    let (column, spec) = locate(log, spec).ok_or_else(|| unknown(log, &spec.column))?;
+    let spec = spec.as_ref();
     let raw = &log.columns[column];
     if raw.name != spec.column {
         notes.push(Note::info(format!(
@@ -305,11 +334,11 @@ fn source(log: &RawLog, spec: &ChannelSpec, role: Role, notes: &mut Vec<Note>) -
     };
     let Some(unit) = unit else {
         let channel = Channel::new(&spec.name, "");
-        return Ok(Source { column, factor: spec.scale, scale: spec.scale, channel });
+        return Ok(Source { column, factor: spec.scale, offset: spec.offset, scale: spec.scale, channel });
     };
     note_unit(log, &raw.name, &unit, role, notes);
-    let factor = spec.scale * unit.factor;
-    Ok(Source { column, factor, scale: spec.scale, channel: Channel::new(&spec.name, unit.si) })
+    let (factor, channel) = (spec.scale * unit.factor, Channel::new(&spec.name, unit.si));
+    Ok(Source { column, factor, offset: spec.offset, scale: spec.scale, channel })
 }
 
 /// Adds a note on the conversion of a unit.
@@ -337,8 +366,15 @@ fn note_unit(log: &RawLog, column: &str, unit: &Unit, role: Role, notes: &mut Ve
     }
 }
 
+/// Column of a specification, and the specification with the name of a column that looks like an expression.
+pub fn locate<'a>(log: &RawLog, spec: &'a ChannelSpec) -> Option<(usize, Cow<'a, ChannelSpec>)> {
+    spec.as_names()
+        .find_map(|named| Some((log.position(&named.column)?, Cow::Owned(named))))
+        .or_else(|| Some((find(log, &spec.column)?, Cow::Borrowed(spec))))
+}
+
 /// Column of this name: exact, else without case, else without a unit suffix (`u` for `u_mps`), if only one fits.
-pub fn find(log: &RawLog, name: &str) -> Option<usize> {
+pub(super) fn find(log: &RawLog, name: &str) -> Option<usize> {
     let only = |fits: &dyn Fn(&str) -> bool| {
         let mut found = log.columns.iter().enumerate().filter(|(_, c)| fits(&c.name)).map(|(i, _)| i);
         match (found.next(), found.next()) {
@@ -366,14 +402,25 @@ pub fn unknown(log: &RawLog, name: &str) -> LogError {
         .collect();
     ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
     let nearest: Vec<String> = ranked.iter().take(3).map(|(_, n)| format!("`{n}`")).collect();
-    let nearest =
-        if nearest.is_empty() { String::new() } else { format!("; did you mean {}?", nearest.join(" or ")) };
+    let nearest = match with_blanks(log, name) {
+        Some(expression) => format!("; an offset or a scale needs blanks: write `{expression}`"),
+        None if nearest.is_empty() => String::new(),
+        None => format!("; did you mean {}?", nearest.join(" or ")),
+    };
     LogError::UnknownColumn {
         path: log.path.clone(),
         name: name.to_owned(),
         nearest,
         columns: all_names(log),
     }
+}
+
+/// The expression that a name like `pwm-1511` or `pwm/400` was meant to be, if there is such a column.
+fn with_blanks(log: &RawLog, name: &str) -> Option<String> {
+    let at = name.rfind(['+', '-', '/'])?;
+    let (column, number) = (name[..at].trim(), name[at + 1..].trim());
+    let fits = number.parse::<f64>().is_ok() && find(log, column).is_some();
+    fits.then(|| format!("{column} {} {number}", &name[at..=at]))
 }
 
 /// Names of all columns in the form of a selection.

@@ -7,8 +7,9 @@ use super::csv::name_and_unit;
 use super::error::LogError;
 
 /// A channel and the column it comes from, as written on the command line or in `hydroid.toml`: `NAME`, `NAME=COLUMN`,
-/// `NAME=COLUMN [unit]`, `NAME=COLUMN [unit] * 0.01`. The unit overrides that of the header; stored values are SI. The
-/// scale multiplies the values of the log before the conversion of the unit.
+/// `NAME=COLUMN [unit]`, `NAME=COLUMN [unit] * 0.01`, `NAME=COLUMN - 1500`, `NAME=(COLUMN - 1500) / 400`. The unit
+/// overrides that of the header; stored values are SI. With the value $x$ of the log, the value of the channel is
+/// $(x - \mathrm{offset}) \cdot \mathrm{scale}$, which is then converted from the unit.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct ChannelSpec {
@@ -18,7 +19,9 @@ pub struct ChannelSpec {
     pub column: String,
     /// Unit of the column, if given.
     pub unit: Option<String>,
-    /// Factor on the values of the log.
+    /// Value of the log at which the channel is zero.
+    pub offset: f64,
+    /// Factor on the values of the log less the offset.
     pub scale: f64,
 }
 
@@ -26,12 +29,26 @@ impl ChannelSpec {
     /// A channel with the name of its column.
     pub fn named(name: impl Into<String>) -> Self {
         let name = name.into();
-        Self { column: name.clone(), name, unit: None, scale: 1.0 }
+        Self { column: name.clone(), name, unit: None, offset: 0.0, scale: 1.0 }
     }
 
     /// A channel whose name differs from the name of its column.
     pub fn renamed(name: impl Into<String>, column: impl Into<String>) -> Self {
-        Self { name: name.into(), column: column.into(), unit: None, scale: 1.0 }
+        Self { name: name.into(), column: column.into(), unit: None, offset: 0.0, scale: 1.0 }
+    }
+
+    /// The texts that a log may contain as the name of a column although they are read as an expression: `Engine - 1`
+    /// and `Speed (kn)`, each as the specification of that column.
+    pub(crate) fn as_names(&self) -> impl Iterator<Item = Self> + '_ {
+        let offset = (self.offset != 0.0 && self.unit.is_none()).then(|| {
+            let expression = Self { name: String::new(), scale: 1.0, ..self.clone() }.to_string();
+            (expression.trim_start_matches('=').to_owned(), 0.0)
+        });
+        let unit = self.unit.as_ref().map(|unit| (format!("{} ({unit})", self.column), self.offset));
+        offset.into_iter().chain(unit).map(|(column, offset)| {
+            let name = if self.name == self.column { &column } else { &self.name };
+            Self { name: name.clone(), column, offset, ..self.clone() }
+        })
     }
 
     /// Several specifications separated by commas, as in `--outputs u,v,r=YAW [deg/s]`.
@@ -52,16 +69,19 @@ impl FromStr for ChannelSpec {
             Some((name, source)) => (Some(name.trim()), source.trim()),
             None => (None, text.trim()),
         };
-        // ` * 0.01` is a scale only if a number follows: a column may have the name `a*b`.
-        let (source, scale) = match source.rsplit_once('*') {
-            Some((front, factor)) if factor.trim().parse::<f64>().is_ok() => {
-                (front.trim(), factor.trim().parse::<f64>().unwrap_or(f64::NAN))
-            }
-            _ => (source, 1.0),
-        };
+        let (source, scale) = scaled(source);
         if !scale.is_finite() || scale == 0.0 {
             return Err(bad("the scale must be a finite number other than 0"));
         }
+        let inner = source.strip_prefix('(').and_then(|inner| inner.strip_suffix(')')).and_then(shifted);
+        let outer = shifted(source);
+        if inner.is_none()
+            && let Some((front, _)) = outer
+            && (scale != 1.0 || scaled(front).0 != front)
+        {
+            return Err(bad("a scale and an offset need parentheses, NAME=(COLUMN - OFFSET) * SCALE"));
+        }
+        let (source, offset) = inner.or(outer).unwrap_or((source, 0.0));
         let (column, unit) = name_and_unit(source);
         let name = name.unwrap_or(column);
         if column.is_empty() {
@@ -70,20 +90,62 @@ impl FromStr for ChannelSpec {
         if name.is_empty() {
             return Err(bad("the name of the channel is empty"));
         }
-        Ok(Self { name: name.to_owned(), column: column.to_owned(), unit: unit.map(str::to_owned), scale })
+        Ok(Self {
+            name: name.to_owned(),
+            column: column.to_owned(),
+            unit: unit.map(str::to_owned),
+            offset,
+            scale,
+        })
     }
+}
+
+/// Splits `SOURCE * 0.01` and `SOURCE / 400`. The end is a scale only if it is a number: a column may have the name
+/// `a*b`.
+fn scaled(source: &str) -> (&str, f64) {
+    if let Some((front, factor)) = source.rsplit_once('*')
+        && let Ok(scale) = factor.trim().parse()
+    {
+        return (front.trim(), scale);
+    }
+    // A division needs a blank before it: a column may have the name `engine/2`.
+    if let Some((front, divisor)) = source.rsplit_once('/')
+        && front.ends_with(char::is_whitespace)
+        && let Ok(divisor) = divisor.trim().parse::<f64>()
+    {
+        return (front.trim(), 1.0 / divisor);
+    }
+    (source, 1.0)
+}
+
+/// Splits `COLUMN - 1500` and `COLUMN + 3`. The sign needs a blank before it: a column may have the name `pwm-1`.
+fn shifted(source: &str) -> Option<(&str, f64)> {
+    source.rmatch_indices(['+', '-']).find_map(|(at, sign)| {
+        let (front, number) = (&source[..at], source[at + 1..].trim());
+        let value: f64 = number.parse().ok()?;
+        let digits = number.starts_with(|c: char| c.is_ascii_digit() || c == '.');
+        let apart = front.ends_with(char::is_whitespace) && !front.trim().is_empty();
+        (digits && apart && value.is_finite())
+            .then(|| (front.trim(), if sign == "-" { value } else { -value }))
+    })
 }
 
 impl fmt::Display for ChannelSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // A column name with `=` needs the form `NAME=COLUMN`.
-        if self.name == self.column {
+        let parentheses = self.offset != 0.0 && self.scale != 1.0;
+        let open = if parentheses { "(" } else { "" };
+        // An expression and a column name with `=` need the form `NAME=COLUMN`.
+        if self.name == self.column && self.offset == 0.0 {
             f.write_str(&self.name)?;
         } else {
-            write!(f, "{}={}", self.name, self.column)?;
+            write!(f, "{}={open}{}", self.name, self.column)?;
         }
         if let Some(unit) = &self.unit {
             write!(f, " [{unit}]")?;
+        }
+        if self.offset != 0.0 {
+            let sign = if self.offset > 0.0 { '-' } else { '+' };
+            write!(f, " {sign} {}{}", self.offset.abs(), if parentheses { ")" } else { "" })?;
         }
         if self.scale != 1.0 {
             write!(f, " * {}", self.scale)?;

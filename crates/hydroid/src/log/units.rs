@@ -225,10 +225,36 @@ fn find(squeezed: &str, text: &str) -> Result<Option<&'static Known>, UnitError>
     }
 }
 
-/// The unit in the suffix of a column name (`u_mps`, `heading_deg`), if any, and the name without it. The suffixes
-/// `_ms` and `_us` are units of the time column only (`clock`); elsewhere they denote pulse widths, which are not
-/// converted.
+/// Whether the text in parentheses at the end of a name, as in `Speed (kn)`, is a unit. Numbers (`thruster (1)`) and
+/// single letters in another case (`rudder (S)`) belong to the name. An ambiguous unit counts as one, so that it is
+/// refused like an ambiguous unit in brackets.
+pub(crate) fn is_unit_in_parentheses(text: &str) -> bool {
+    let text = text.trim();
+    let single = text.chars().count() == 1;
+    let exact = TABLE.iter().any(|k| k.names.contains(&text));
+    match Unit::parse(text) {
+        Ok(unit) if unit.quantity == Some(Quantity::Number) => text == "%",
+        Ok(unit) => unit.is_known() && (exact || !single),
+        Err(_) => true,
+    }
+}
+
+/// The unit in the suffix of a column name (`u_mps`, `u_m_s`, `heading_deg`), if any, and the name without it. The
+/// suffixes `_ms` and `_us` are units of the time column only (`clock`); elsewhere they denote pulse widths, which are
+/// not converted.
 pub fn from_name(name: &str, clock: bool) -> Option<(&str, &'static str)> {
+    // Before the others: `u_m_s` does not end in seconds.
+    const QUOTIENTS: &[(&str, &str)] = &[
+        ("m_s", "m/s"),
+        ("cm_s", "cm/s"),
+        ("mm_s", "mm/s"),
+        ("km_h", "km/h"),
+        ("ft_s", "ft/s"),
+        ("m_s2", "m/s^2"),
+        ("rad_s", "rad/s"),
+        ("deg_s", "deg/s"),
+        ("deg_min", "deg/min"),
+    ];
     const ENDINGS: &[(&str, &str)] = &[
         ("mps", "m/s"),
         ("radps", "rad/s"),
@@ -248,12 +274,13 @@ pub fn from_name(name: &str, clock: bool) -> Option<(&str, &'static str)> {
         ("V", "V"),
     ];
     const CLOCK: &[(&str, &str)] = &[("ms", "ms"), ("us", "us"), ("ns", "ns"), ("sec", "s")];
-    let (stem, ending) = name.rsplit_once('_')?;
-    if stem.is_empty() {
-        return None;
-    }
     let clock_endings = if clock { CLOCK } else { &[] };
-    // Short suffixes are case-sensitive (`N`, `n`); long suffixes are not.
-    let fits = |e: &str| e == ending || e.len() > 2 && e.eq_ignore_ascii_case(ending);
-    ENDINGS.iter().chain(clock_endings).find(|(e, _)| fits(e)).map(|(_, unit)| (stem, *unit))
+    QUOTIENTS.iter().chain(ENDINGS).chain(clock_endings).find_map(|(ending, unit)| {
+        let at = name.len().checked_sub(ending.len()).filter(|&at| name.is_char_boundary(at))?;
+        let (stem, found) = name.split_at(at);
+        let stem = stem.strip_suffix('_').filter(|stem| !stem.is_empty())?;
+        // Short suffixes are case-sensitive (`N`, `n`); long suffixes are not.
+        let fits = *ending == found || ending.len() > 2 && ending.eq_ignore_ascii_case(found);
+        fits.then_some((stem, *unit))
+    })
 }

@@ -45,8 +45,11 @@ fn model() -> Model {
         (0..10u32).map(|k| if k % 3 == 0 { 0.0 } else { f64::from(k).sqrt() / 7.0 }).collect();
     let dt = 1.0 / 3.0;
     let mut reading = Reading::default();
-    reading.selection.outputs =
-        vec![ChannelSpec { scale: 0.1 + 0.2, ..ChannelSpec::renamed("u", "Geschw. \"ü\"") }];
+    reading.selection.outputs = vec![ChannelSpec {
+        scale: 0.1 + 0.2,
+        offset: -1.0 / 3.0,
+        ..ChannelSpec::renamed("u", "Geschw. \"ü\"")
+    }];
     Model {
         description: Description {
             bands: None,

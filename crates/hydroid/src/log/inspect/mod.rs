@@ -5,7 +5,10 @@
 mod delay;
 mod excitation;
 mod lags;
+mod neutral;
 mod noise;
+mod plausible;
+mod pose;
 mod stats;
 
 pub use delay::{Confidence, DelayEstimate};
@@ -136,17 +139,21 @@ fn inspect_runs(
         clock_report(inspection, &columns, options);
         repeats(inspection, &columns);
     }
-    let prepared = match prepare(std::slice::from_ref(log), selection, options) {
-        Ok(prepared) => prepared,
-        Err(e) => {
-            inspection.notes.push(Note::warning(e.to_string()));
-            return;
-        }
+    let prepared = prepare(std::slice::from_ref(log), selection, options);
+    let failed = prepared.as_ref().err().map(|e| Note::warning(e.to_string()));
+    inspection.notes.extend(failed);
+    let Ok(prepared) = prepared else {
+        // A wrong unit may be the reason.
+        pose::check(log, resolved, selection, options, &mut inspection.notes);
+        return;
     };
     inspection.notes.extend(prepared.notes);
+    let compared = pose::check(log, resolved, selection, options, &mut inspection.notes);
+    plausible::check(&log.path, &prepared.runs, compared, &mut inspection.notes);
     let repeated = inspection.repeated_rows;
     inspection.outputs = noise::reports(&prepared.runs, repeated, &mut inspection.notes);
     inspection.inputs = excitation::reports(&prepared.runs, &mut inspection.notes);
+    neutral::check(log, resolved, selection, &mut inspection.notes);
     let noisy = inspection.outputs.iter().any(|o| o.mostly_noise) || repeated > MANY_REPEATS;
     let delays = delay::estimate(&prepared.runs, noisy);
     for (report, own) in inspection.inputs.iter_mut().zip(delays.per_input) {

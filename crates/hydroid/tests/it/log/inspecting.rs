@@ -218,3 +218,54 @@ fn a_column_of_time_stamps_is_seconds() {
     assert_eq!((found.duration_s, found.columns[0].not_numbers), (Some(2.0), 0));
     assert_eq!(found.columns[0].unit, "s");
 }
+
+/// Warnings with their remedies for a log with these rows of u, v, r and two commands.
+fn warned(rows: usize, row: impl Fn(f64) -> [f64; 5]) -> Vec<(String, String)> {
+    let mut text = String::from("t,u,v,r,L,R\n");
+    for k in 0..rows {
+        let values = row(k as f64).map(|x| x.to_string()).join(",");
+        text += &format!("{:.1},{values}\n", k as f64 * 0.1);
+    }
+    let found = inspect(&log(&text), &Selection::of("u,v,r", "L,R").unwrap()).unwrap();
+    let warnings = found.notes.into_iter().filter(hydroid::log::Note::is_warning);
+    warnings.map(|n| (n.message, n.remedy.unwrap_or_default())).collect()
+}
+
+#[test]
+fn a_pulse_width_without_an_offset_is_noted_with_its_neutral_position() {
+    let pulse = |k: f64| 1500.0 + (300.0 * (0.2 * k).sin()).round();
+    let noted = |row: &dyn Fn(f64) -> [f64; 5]| {
+        warned(400, row).into_iter().find(|(message, _)| message.contains("pulse widths"))
+    };
+    // At rest for a quarter of the log, after a start under command.
+    let (message, remedy) = noted(&|k| {
+        let left = if k > 300.0 { 1511.0 } else { pulse(k + 3.0) };
+        [1.0, 0.1, 0.01 * k.sin(), left, (0.3 * k).sin()]
+    })
+    .unwrap();
+    assert!(message.contains("`L` (1511)") && !message.contains("`R`"), "{message}");
+    assert!(remedy.contains("--inputs \"L=L - 1511,R\""), "{remedy}");
+    // At rest in the first row only.
+    let first = |k: f64| if k == 0.0 { 1489.0 } else { pulse(k) };
+    let (_, remedy) = noted(&|k| [1.0, 0.1, 0.01 * k.sin(), first(k), first(k)]).unwrap();
+    assert!(remedy.contains("L=L - 1489,R=R - 1489"), "{remedy}");
+    // Revolutions per minute, a command in percent, and a pulse width that never rests.
+    assert_eq!(noted(&|k| [1.0, 0.1, 0.01 * k.sin(), 3.0 * pulse(k), (30.0 * k).sin()]), None);
+    assert_eq!(noted(&|k| [1.0, 0.1, 0.01 * k.sin(), 1800.0 + (300.0 * k.sin()).round(), k.sin()]), None);
+}
+
+#[test]
+fn an_impossible_yaw_rate_and_a_sway_above_surge_are_warned_of() {
+    let about = |part: &str, row: &dyn Fn(f64) -> [f64; 5]| {
+        warned(400, row).iter().filter(|(message, _)| message.contains(part)).count()
+    };
+    let moving = |u: f64, v: f64, r: f64| {
+        move |k: f64| {
+            [u + 0.1 * k.sin(), v * (0.1 * k).sin(), r * (0.1 * k).cos(), (0.2 * k).sin(), (0.3 * k).cos()]
+        }
+    };
+    assert_eq!(about("no vessel turns as fast", &moving(1.0, 0.2, 12.0)), 1);
+    assert_eq!(about("no vessel turns as fast", &moving(1.0, 0.2, 1.5)), 0);
+    assert_eq!(about("move sideways", &moving(0.2, 2.0, 0.1)), 1);
+    assert_eq!(about("move sideways", &moving(1.0, 1.5, 0.1)), 0);
+}

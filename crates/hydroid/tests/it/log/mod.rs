@@ -12,6 +12,7 @@ mod bad_input;
 mod clock;
 mod clocks;
 mod inspecting;
+mod pose;
 mod properties;
 mod reading;
 mod real_logs;

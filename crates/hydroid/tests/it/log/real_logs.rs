@@ -152,3 +152,12 @@ fn tank_logs_have_a_step_and_no_time_column() {
         "{message}"
     );
 }
+
+#[test]
+fn the_pulse_widths_of_the_twin_thruster_boat_have_a_neutral_position() {
+    let Some(path) = data("usv-asw/boat1_2_circle.csv") else { return };
+    let found = inspect(&read(&path).unwrap(), &usv(), &PrepareOptions::default()).unwrap();
+    let remedy = found.notes.iter().find(|n| n.message.contains("pulse widths")).unwrap().remedy.as_deref();
+    let expected = "--inputs \"pwm_left_us=pwm_left_us - 1510,pwm_right_us=pwm_right_us - 1510\"";
+    assert!(remedy.unwrap().contains(expected), "{remedy:?}");
+}

@@ -394,3 +394,58 @@ fn outputs_that_are_never_measured_together_are_warned_of() {
     let warned = p.notes.iter().find(|n| n.is_warning() && n.message.contains("no two outputs")).unwrap();
     assert!(warned.remedy.as_ref().unwrap().contains("--dt 0.2"), "{warned:?}");
 }
+
+#[test]
+fn units_in_parentheses_and_quotients_in_names_are_read() {
+    let text = "Time (ms),u (kn),r_deg_s,thruster (1),rudder (S),Trim (%)\n0,1,90,1,2,50\n100,2,0,2,3,50\n200,3,45,3,4,50\n";
+    let raw = log(text);
+    let names: Vec<&str> = raw.columns.iter().map(|c| c.name.as_str()).collect();
+    assert_eq!(names, ["Time", "u", "r_deg_s", "thruster (1)", "rudder (S)", "Trim"]);
+    let selection = Selection::of("u,r", "thruster (1),rudder (S),Trim").unwrap();
+    let p = prepare(&[raw], &selection, &PrepareOptions::default()).unwrap();
+    assert!((p.runs[0].dt - 0.1).abs() < 1e-12);
+    assert!((output(&p, 0, 0)[0] - 1852.0 / 3600.0).abs() < 1e-12);
+    assert!((output(&p, 0, 1)[0] - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+    assert_eq!(input(&p, 0, 2)[0], 0.5);
+}
+
+#[test]
+fn two_columns_that_differ_in_the_unit_in_parentheses_keep_it_in_their_names() {
+    let text = "t,speed (kn),speed (km/h),n\n0,1,1.852,1\n1,2,3.704,2\n2,3,5.556,3\n";
+    for (column, others) in [("speed (kn)", 1.0), ("speed (km/h)", 1.0)] {
+        let selection = Selection::of(&format!("u={column}"), "n").unwrap();
+        let p = prepare(&[log(text)], &selection, &PrepareOptions::default()).unwrap();
+        assert!((output(&p, 0, 0)[0] - others * 1852.0 / 3600.0).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn an_offset_is_subtracted_before_the_scale_and_the_unit() {
+    let text = "t,u [kn],pwm\n0,1,1500\n1,2,1700\n2,3,1300\n";
+    let selection = Selection::of("u=(u - 1) * 2", "L=(pwm - 1500) / 400").unwrap();
+    let p = prepare(&[log(text)], &selection, &PrepareOptions::default()).unwrap();
+    assert_eq!(input(&p, 0, 0), [0.0, 0.5, -0.5]);
+    assert!((output(&p, 0, 0)[2] - 4.0 * 1852.0 / 3600.0).abs() < 1e-12);
+    // The selection of the model file reads further logs in the same way.
+    assert_eq!(p.selection.inputs[0].to_string(), "L=(pwm - 1500) * 0.0025");
+}
+
+#[test]
+fn a_column_whose_name_looks_like_an_expression_is_found() {
+    let text = "t,u,Engine - 1,Engine - 2\n0,1,5,6\n1,2,7,8\n2,3,9,9\n";
+    let selection = Selection::of("u", "Engine - 1,Engine - 2").unwrap();
+    let p = prepare(&[log(text)], &selection, &PrepareOptions::default()).unwrap();
+    assert_eq!((input(&p, 0, 0), input(&p, 0, 1)), (vec![5.0, 7.0, 9.0], vec![6.0, 8.0, 9.0]));
+    let again = prepare(&[log(text)], &p.selection, &PrepareOptions::default()).unwrap();
+    assert_eq!(again.runs[0].inputs, p.runs[0].inputs);
+}
+
+#[test]
+fn an_offset_without_blanks_is_refused_with_the_right_form() {
+    let raw = log("t,u,pwm\n0,1,1500\n1,2,1700\n2,3,1300\n");
+    for (inputs, expected) in [("L=pwm-1500", "`pwm - 1500`"), ("L=pwm/400", "`pwm / 400`")] {
+        let selection = Selection::of("u", inputs).unwrap();
+        let message = error_of(prepare(std::slice::from_ref(&raw), &selection, &PrepareOptions::default()));
+        assert!(message.contains(expected), "{message}");
+    }
+}

@@ -99,6 +99,14 @@ fn endings_of_names_state_units() {
         ("motor_n", false, None),
         ("gap", false, None),
         ("_m", false, None),
+        ("u_m_s", false, Some(("u", "m/s"))),
+        ("acc_x_m_s2", false, Some(("acc_x", "m/s^2"))),
+        ("r_deg_s", false, Some(("r", "deg/s"))),
+        ("r_rad_s", false, Some(("r", "rad/s"))),
+        ("rot_deg_min", false, Some(("rot", "deg/min"))),
+        ("sog_km_h", false, Some(("sog", "km/h"))),
+        ("time_s", true, Some(("time", "s"))),
+        ("°_ü", false, None),
     ] {
         assert_eq!(from_name(name, clock), expected, "{name}");
     }

@@ -1,0 +1,150 @@
+//! Columns of a log that hold the pose: heading and position.
+
+use std::f64::consts::{PI, TAU};
+
+use super::super::super::csv::{RawColumn, RawLog};
+use super::super::super::resolve::{Resolved, Source};
+use super::super::super::units::{self, Quantity, Unit};
+
+/// Columns of a pose, each the only one of its kind in the log.
+pub(super) struct PoseColumns {
+    /// Heading \[rad\].
+    pub(super) heading: Source,
+    /// Two axes of the position \[m\].
+    pub(super) position: Option<[Source; 2]>,
+    /// Whether the name says that the heading grows clockwise: a compass.
+    pub(super) compass: bool,
+    /// Whether the heading is named `psi`, which is clockwise in the notation of Fossen.
+    pub(super) psi: bool,
+    /// Whether the axes are named north and east.
+    pub(super) north_east: bool,
+}
+
+/// Parts of the names of references and of quantities that are no pose.
+const NOT_MEASURED: &[&str] = &[
+    "ref",
+    "reference",
+    "des",
+    "desired",
+    "target",
+    "sp",
+    "setpoint",
+    "cmd",
+    "rate",
+    "vel",
+    "velo",
+    "velocity",
+    "speed",
+    "acc",
+    "wind",
+    "true",
+    "std",
+    "var",
+    "error",
+    "err",
+];
+/// Parts of the names of positions whose unit is not stated.
+const POSITION: &[&str] = &["pos", "position", "pose"];
+
+/// The pose of a log; nothing if the heading is missing, ambiguous, or of an unknown unit.
+pub(super) fn find(log: &RawLog, resolved: &Resolved) -> Option<PoseColumns> {
+    let free = |i: usize| !resolved.inputs.iter().any(|s| s.column == i);
+    let headings: Vec<(usize, Unit)> = (0..log.columns.len())
+        .filter(|&i| free(i) && is_heading(&log.columns[i]))
+        .filter_map(|i| Some((i, angle(&log.columns[i])?)))
+        .collect();
+    let [(column, unit)] = headings.as_slice() else { return None };
+    let parts = parts(&log.columns[*column]);
+    let has = |names: &[&str]| parts.iter().any(|part| names.contains(&part.as_str()));
+    let pairs = position_pairs(log, free);
+    let (position, north_east) = match pairs.as_slice() {
+        [(x, y, north_east)] => {
+            let source = |i: usize| Some(Source::of(i, &log.columns[i].name, &length(&log.columns[i])?));
+            (source(*x).zip(source(*y)).map(|(x, y)| [x, y]), *north_east)
+        }
+        _ => (None, false),
+    };
+    Some(PoseColumns {
+        heading: Source::of(*column, &log.columns[*column].name, unit),
+        position,
+        compass: has(&["heading", "hdg", "compass"]),
+        psi: has(&["psi"]),
+        north_east,
+    })
+}
+
+/// The parts of a column's name without its unit, in lower case.
+fn parts(column: &RawColumn) -> Vec<String> {
+    let stem = match &column.unit {
+        Some(_) => &column.name,
+        None => units::from_name(&column.name, false).map_or(column.name.as_str(), |(stem, _)| stem),
+    };
+    let separated = |c: char| !c.is_alphanumeric();
+    stem.split(separated).filter(|p| !p.is_empty()).map(str::to_lowercase).collect()
+}
+
+fn stated(column: &RawColumn) -> Option<&str> {
+    column.unit.as_deref().or_else(|| units::from_name(&column.name, false).map(|(_, unit)| unit))
+}
+
+fn of_quantity(text: &str, quantity: Quantity) -> Option<Unit> {
+    Unit::parse(text).ok().filter(|unit| unit.quantity == Some(quantity))
+}
+
+fn is_heading(column: &RawColumn) -> bool {
+    let parts = parts(column);
+    let named = |names: &[&str]| parts.iter().any(|part| names.contains(&part.as_str()));
+    named(&["psi", "heading", "yaw", "hdg", "compass"]) && !named(NOT_MEASURED)
+}
+
+/// The unit of a heading. Without a stated unit, the jumps of the heading show it, where it wraps around.
+fn angle(column: &RawColumn) -> Option<Unit> {
+    if let Some(text) = stated(column) {
+        return of_quantity(text, Quantity::Angle);
+    }
+    let values = || column.values.iter().copied().filter(|x| !x.is_nan());
+    let largest = values().fold(0.0, |most: f64, x| most.max(x.abs()));
+    let jump = values().zip(values().skip(1)).map(|(a, b)| (b - a).abs()).fold(0.0, f64::max);
+    // A heading that wraps jumps by nearly a turn and stays within one.
+    let wraps = |turn: f64| jump > 0.75 * turn && jump <= turn && largest <= 1.01 * turn;
+    let text = if wraps(360.0) {
+        "deg"
+    } else if wraps(TAU) && largest > 0.9 * PI {
+        "rad"
+    } else {
+        return None;
+    };
+    Unit::parse(text).ok()
+}
+
+/// The unit of a position; without a stated one, metres.
+fn length(column: &RawColumn) -> Option<Unit> {
+    of_quantity(stated(column).unwrap_or("m"), Quantity::Length)
+}
+
+/// Pairs of columns whose names differ in `x` and `y`, or in `north` and `east`.
+fn position_pairs(log: &RawLog, free: impl Fn(usize) -> bool) -> Vec<(usize, usize, bool)> {
+    const AXES: &[(&str, &str, bool)] =
+        &[("x", "y", false), ("north", "east", true), ("northing", "easting", true)];
+    let parts: Vec<Vec<String>> = log.columns.iter().map(parts).collect();
+    let fits = |i: usize| {
+        let usual = parts[i].iter().all(|part| {
+            POSITION.contains(&part.as_str()) || AXES.iter().any(|(x, y, _)| [x, y].contains(&&part.as_str()))
+        });
+        let measured = !parts[i].iter().any(|part| NOT_MEASURED.contains(&part.as_str()));
+        let column = &log.columns[i];
+        free(i) && measured && length(column).is_some() && (usual || stated(column).is_some())
+    };
+    let mut found = Vec::new();
+    for (i, own) in parts.iter().enumerate().filter(|(i, _)| fits(*i)) {
+        for (x, y, north_east) in AXES {
+            let Some(at) = own.iter().position(|part| part == x) else { continue };
+            let mut other = own.clone();
+            (*y).clone_into(&mut other[at]);
+            if let Some(j) = (0..parts.len()).find(|&j| parts[j] == other && fits(j)) {
+                found.push((i, j, *north_east));
+            }
+        }
+    }
+    found
+}
