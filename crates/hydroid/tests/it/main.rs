@@ -12,6 +12,7 @@ mod evaluate;
 mod evaluate_sessions;
 mod excitation;
 mod expression;
+mod extrapolation;
 mod faults;
 mod identified_control;
 mod identify_networks;

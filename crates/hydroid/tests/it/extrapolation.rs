@@ -1,0 +1,62 @@
+//! Use outside the training data: identified from small commands, judged on large ones.
+
+use hydroid::evaluate::{Options, evaluate};
+use hydroid::excitation::{Excitation, mixed};
+use hydroid::identify::{GivenRanges, Job, Method, NetworkTrainingOptions, SindyOptions, identify};
+use hydroid::log::{Split, Trajectory};
+use hydroid::model::{Model, Reading};
+use hydroid::progress::silent;
+use hydroid::simulate;
+use hydroid_core::vessel::{Command, Plant, VesselParams};
+
+const DT: f64 = 0.1;
+
+/// Ten minutes of mixed commands, whose deviations from their mean (rudder: from zero) are multiplied by `share`.
+fn run(vessel: &VesselParams, seed: u64, share: f64) -> Trajectory {
+    let plant = Plant::new(vessel).unwrap();
+    let commands = mixed(vessel, &plant, seed, DT, 6_000).unwrap();
+    let mean = commands.iter().map(|c| c.pp).sum::<f64>() / commands.len() as f64;
+    let rows = commands.iter().enumerate().map(|(k, c)| {
+        let command = Command { pp: mean + share * (c.pp - mean), rd: share * c.rd };
+        (DT * k as f64, command)
+    });
+    let excitation = Excitation::Given(rows.collect());
+    let options =
+        simulate::Options { duration_s: 600.0, seed, ..simulate::Options::new(vessel.clone(), excitation) };
+    simulate::simulate(&options, &mut silent()).unwrap().to_trajectory(&["u", "v", "r"]).unwrap()
+}
+
+#[test]
+fn from_small_commands_to_large_ones_nothing_diverges_and_persistence_is_beaten() {
+    for vessel in [VesselParams::simple(), VesselParams::hydrofoil_low_speed(), VesselParams::hydrofoil()] {
+        let name = &vessel.name;
+        let small = (0..3).map(|seed| run(&vessel, seed, 0.3)).collect();
+        let large = run(&vessel, 9, 1.0);
+        let job = Job {
+            methods: vec![Method::Committee],
+            split: Split { train: small, validation: Vec::new(), test: Vec::new(), notes: Vec::new() },
+            reading: Reading::default(),
+            horizon: 100,
+            origin_stride: 20,
+            seed: 0,
+            ranges: GivenRanges::new(),
+            networks: NetworkTrainingOptions::default(),
+            sindy: SindyOptions::default(),
+        };
+        let found = identify(&job, &mut silent()).unwrap();
+        let model = &found.candidates[found.best.unwrap()].model;
+        let options = Options { horizon: 100, origin_stride: 10, ..Options::default() };
+        let judged = |model: &Model| {
+            let ranges = model.output_ranges();
+            evaluate(name, model.session().as_mut(), &ranges, &[&large], &options, &mut silent()).unwrap()
+        };
+        for (form, errors) in [("learning", judged(model)), ("frozen", judged(&model.frozen()))] {
+            assert_eq!(errors.diverged, 0, "{name}, {form}");
+            for h in [24, 49, 74, 99] {
+                let mean = |row: &[f64]| row.iter().sum::<f64>() / 3.0;
+                let (own, kept) = (mean(&errors.nrmse[h]), mean(&errors.persistence.nrmse[h]));
+                assert!(own < kept, "{name}, {form}: {own} at {h}, persistence {kept}");
+            }
+        }
+    }
+}
