@@ -94,6 +94,17 @@ fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
     if !args.guard.no_guard {
         options = options.guarded(model);
     }
+    if model.committee().is_some() {
+        let none = args.learner.is_none()
+            && args.forgetting.is_none()
+            && args.kalman == KalmanArgs::default()
+            && args.least_squares == LeastSquaresArgs::default();
+        ensure!(
+            none,
+            "a committee has no options of adaptation: its members continue the regression of the training rows, with the weights that cross-validation chose. Leave --learner, --forgetting and the options of least squares and of the Kalman filter out"
+        );
+        return Ok(options);
+    }
     let (equations, direct) = (model.equations().is_some(), model.direct().is_some());
     ensure!(
         !direct || args.learner != Some(Learner::Kalman),

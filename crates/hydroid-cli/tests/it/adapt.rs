@@ -37,10 +37,12 @@ fn an_adapted_model_is_written_with_its_history() {
     for key in ["80", "95"] {
         assert!((0.0..=1.0).contains(&report["coverage"][key].as_f64().unwrap()), "{key}");
     }
-    // `frozen` equals the output of `evaluate`, apart from the coverage of the ensemble band.
+    // `frozen` equals the output of `evaluate`, apart from the coverage of the bands.
     let evaluated = hydroid(at, &["evaluate", MODEL, "c.csv", "--json"]);
     let mut evaluated: Value = serde_json::from_slice(&evaluated.stdout).unwrap();
-    assert!(evaluated.as_object_mut().unwrap().remove("band_coverage").is_some());
+    for key in ["band_coverage", "prediction_bands"] {
+        assert!(evaluated.as_object_mut().unwrap().remove(key).is_some(), "{key}");
+    }
     assert!(evaluated == report["frozen"], "the frozen model is the model");
 
     let inspected = hydroid(at, &["inspect", "least_squares.safetensors", "--json"]);

@@ -78,6 +78,7 @@ fn the_hydrofoil_is_simulated_identified_and_evaluated() {
     let mut evaluated = json(&output);
     let band = evaluated.as_object_mut().unwrap().remove("band_coverage");
     assert!(band.is_some(), "how often the ensemble's band holds");
+    assert!(evaluated.as_object_mut().unwrap().remove("prediction_bands").is_some());
     assert!(evaluated == model["test"], "the same figures");
 
     // From true origins against the truth, short-term errors are smaller.

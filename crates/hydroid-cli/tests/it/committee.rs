@@ -5,7 +5,7 @@ use std::fs;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use crate::common::{done, text};
+use crate::common::{done, run, text};
 
 const MODEL: &str = "out/committee.safetensors";
 
@@ -55,8 +55,26 @@ fn a_committee_is_identified_evaluated_and_adapted() {
     let nrmse = provenance["settings"]["cross_validated_nrmse"].as_f64().unwrap();
     assert!((0.001..1.0).contains(&nrmse), "{nrmse}");
 
-    let evaluated = document(&format!("evaluate {MODEL} c.csv --horizon 20 --json"));
+    let mut evaluated = document(&format!("evaluate {MODEL} c.csv --horizon 20 --json"));
+    let bands = evaluated.as_object_mut().unwrap().remove("prediction_bands").unwrap();
     assert_eq!(evaluated, model["test"]);
+    assert_eq!((&bands["levels"], &bands["horizons"]), (&json!([0.5, 0.8, 0.9]), &json!([5, 10, 15, 20])));
+    for h in 0..4 {
+        for c in 0..2 {
+            let shares = [0, 1, 2].map(|level: usize| bands["share"][level][h][c].as_f64().unwrap());
+            assert!(0.0 <= shares[0] && shares[0] <= shares[1] && shares[1] <= shares[2], "{shares:?}");
+        }
+    }
+    let shown = text(&done(at, &format!("evaluate {MODEL} c.csv --horizon 20")).stdout);
+    assert!(shown.contains("inside the prediction bands of 50 %, 80 %, 90 %"), "{shown}");
+
+    // A committee has no options of adaptation.
+    for option in ["--forgetting 60", "--prior 60", "--noise-factor 2", "--learner kalman"] {
+        let args = format!("adapt {MODEL} c.csv {option}");
+        let refused = run(at, &args);
+        assert_eq!(refused.status.code(), Some(2), "{option}");
+        assert!(text(&refused.stderr).contains("a committee has no options of adaptation"), "{option}");
+    }
 
     let args = format!("adapt {MODEL} d.csv --horizon 20 -o adapted.safetensors --json");
     let report = document(&args);
@@ -89,4 +107,38 @@ fn a_committee_is_identified_evaluated_and_adapted() {
         }
         assert_ne!(answer["status"], "error", "{answer}");
     }
+}
+
+#[test]
+fn every_log_enters_the_model_and_is_judged_without_it() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    for (seed, file) in [(1, "a.csv"), (2, "b.csv"), (3, "c.csv")] {
+        done(at, &format!("simulate simple --seed {seed} --duration 90 -o {file}"));
+    }
+    let identify =
+        "identify a.csv b.csv c.csv --outputs u,r --horizon 20 --lag none --gate none --members 0 -o out";
+    let document: Value = serde_json::from_slice(&done(at, &format!("{identify} --json -q")).stdout).unwrap();
+    assert_eq!(document["cross_validated"], true);
+    for model in document["models"].as_array().unwrap() {
+        assert!(model["test"].is_null());
+        let runs: Vec<&str> = model["validation"]["by_run"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|run| run["run"].as_str().unwrap())
+            .collect();
+        assert_eq!(runs, ["a.csv", "b.csv", "c.csv"]);
+        let inspected = done(at, &format!("inspect {} --json", model["file"].as_str().unwrap()));
+        let inspected: Value = serde_json::from_slice(&inspected.stdout).unwrap();
+        let provenance = &inspected["description"]["provenance"];
+        assert_eq!(provenance["training"], json!(["a.csv", "b.csv", "c.csv"]));
+        assert_eq!(provenance["validation"], json!([]));
+    }
+    let page = fs::read_to_string(at.join("out/report.html")).unwrap();
+    for words in ["was fitted to all runs", "by cross-validation", "Error of each run", "Range of use"] {
+        assert!(page.contains(words), "{words}");
+    }
+    let shown = text(&done(at, &format!("{identify} --methods committee")).stdout);
+    assert!(shown.contains("each run, 2 s ahead") && shown.contains("  b.csv: u "), "{shown}");
 }

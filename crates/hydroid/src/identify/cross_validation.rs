@@ -27,12 +27,15 @@ struct Part {
 #[derive(Clone, Debug, PartialEq)]
 enum Validation {
     Run(usize),
-    /// The last quarter of a run, and its other three quarters.
-    Quarter {
-        run: usize,
-        before: Trajectory,
-        quarter: Trajectory,
-    },
+    /// The last quarter of the longest run.
+    Quarter(Box<Quarter>),
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct Quarter {
+    run: usize,
+    before: Trajectory,
+    after: Trajectory,
 }
 
 impl CrossValidation {
@@ -55,15 +58,13 @@ impl CrossValidation {
             .collect();
         // Blocks of a run stay in the order of time.
         parts.sort_by_key(|part| (part.run, part.from));
-        let validation = match validation_run(runs) {
-            Some(run) => Validation::Run(run),
-            None => {
-                let run = (0..runs.len()).max_by_key(|&i| runs[i].len()).unwrap_or(0);
-                let at = runs.get(run).map_or(0, |run| run.len() * 3 / 4);
-                let slice = |from, to| runs[run].slice(from, to);
-                Validation::Quarter { run, before: slice(0, at), quarter: slice(at, runs[run].len()) }
-            }
+        let quarter = || {
+            let run = (0..runs.len()).max_by_key(|&i| runs[i].len()).unwrap_or(0);
+            let at = runs[run].len() * 3 / 4;
+            let (before, after) = (runs[run].slice(0, at), runs[run].slice(at, runs[run].len()));
+            Validation::Quarter(Box::new(Quarter { run, before, after }))
         };
+        let validation = validation_run(runs).map_or_else(quarter, Validation::Run);
         Self { parts, folds: folds.len(), validation }
     }
 
@@ -106,9 +107,10 @@ impl CrossValidation {
                 let others = runs.iter().enumerate().filter(|(i, _)| i != validation);
                 [others.map(|(_, run)| run).collect(), vec![&runs[*validation]]]
             }
-            Validation::Quarter { run, before, quarter } => {
+            Validation::Quarter(of) => {
+                let Quarter { run, before, after } = &**of;
                 let train = runs.iter().enumerate().map(|(i, other)| if i == *run { before } else { other });
-                [train.collect(), vec![quarter]]
+                [train.collect(), vec![after]]
             }
         }
     }
