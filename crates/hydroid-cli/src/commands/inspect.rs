@@ -9,7 +9,7 @@ use std::path::Path;
 use anyhow::bail;
 use hydroid::log::inspect::{Confidence, DelayEstimate};
 use hydroid::log::{self, Inspection};
-use hydroid::model::{self, Description, Model, NamedEquations, Reading};
+use hydroid::model::{self, Description, Model, NamedEquations, Port, Reading};
 use hydroid_core::model::recurrent::{BaseModel, Scaling, Tensor};
 use hydroid_live::black_box::{BlackBox, is_black_box};
 use serde_json::json;
@@ -223,13 +223,41 @@ fn show_model(file: &Path, model: &Model) {
     }
     show_network(model);
     let p = &d.provenance;
+    let validation = if p.validation.is_empty() {
+        String::new()
+    } else {
+        format!("; validation runs {}", p.validation.join(", "))
+    };
     outln!(
-        "identified by hydroid {} with seed {}; training runs {}; validation runs {}",
+        "identified by hydroid {} with seed {}; training runs {}{validation}",
         p.hydroid,
         p.seed,
-        p.training.join(", "),
-        p.validation.join(", ")
+        p.training.join(", ")
     );
+    show_bands(d);
+}
+
+/// Half-widths of the prediction bands of 80 % at a quarter, half and the whole of the longest horizon.
+fn show_bands(d: &Description) {
+    let Some(bands) = &d.bands else { return };
+    let (Some(level), Some(&last)) =
+        (bands.levels.iter().position(|level| *level == 0.8), bands.horizons.last())
+    else {
+        return;
+    };
+    outln!("prediction bands of 80 %:");
+    for horizon in [last / 4, last / 2, last].into_iter().filter(|horizon| *horizon > 0) {
+        let width = |(c, port): (usize, &Port)| {
+            format!(
+                "{} ±{:.3e} {}",
+                port.channel.name,
+                bands.half_width(level, horizon, c),
+                port.channel.unit
+            )
+        };
+        let widths: Vec<String> = d.outputs.iter().enumerate().map(width).collect();
+        outln!("{:>9.3} s  {}", horizon as f64 * d.dt, widths.join(", "));
+    }
 }
 
 fn show_ports(d: &Description) {

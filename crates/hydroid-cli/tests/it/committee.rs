@@ -37,7 +37,7 @@ fn a_committee_is_identified_evaluated_and_adapted() {
     }
 
     let shown = text(&done(at, &format!("inspect {MODEL}")).stdout);
-    for words in ["committee", "with 20 votes", "past values, clock step"] {
+    for words in ["committee", "with 20 votes", "past values, clock step", "prediction bands of 80 %"] {
         assert!(shown.contains(words), "{words}: {shown}");
     }
     let inspected = document(&format!("inspect {MODEL} --json"));
@@ -102,8 +102,9 @@ fn a_committee_is_identified_evaluated_and_adapted() {
             let now = number(&answer["estimate"][channel]);
             let ahead = number(&answer["prediction"][channel][1]);
             assert!((ahead - now).abs() < 1.0, "{answer}");
-            // A committee has no estimate of its variance.
-            assert_eq!(answer["band_80"][channel], json!([null, null]), "{answer}");
+            // The bands are those of the model file.
+            let [near, far] = [0, 1].map(|at| number(&answer["band_80"][channel][at]));
+            assert!(0.0 < near && near < far, "{answer}");
         }
         assert_ne!(answer["status"], "error", "{answer}");
     }

@@ -16,6 +16,9 @@ const LEVELS: [f64; 3] = [0.5, 0.8, 0.9];
 /// Largest number of horizons with a band.
 const HORIZONS: usize = 24;
 
+/// Longest horizon \[samples\].
+const LONGEST: usize = 1_000_000;
+
 /// Half-widths of prediction bands about a prediction, by level, horizon and output.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -49,7 +52,7 @@ impl PredictionBands {
     }
 
     /// Bands from the errors of an evaluation at its [`errors_at`](super::Options::errors_at). `None` if there are no
-    /// horizons, or an output has no errors at one of them.
+    /// horizons, one is longer than a million samples, or an output has no errors at one of them.
     pub fn new(evaluation: &Evaluation) -> Option<Self> {
         let outputs = evaluation.channels.len();
         let mut half_widths = vec![Vec::new(); LEVELS.len()];
@@ -68,7 +71,8 @@ impl PredictionBands {
             half_widths.iter_mut().zip(rows).for_each(|(all, row)| all.push(row));
         }
         let horizons = evaluation.errors_at.clone();
-        (!horizons.is_empty()).then(|| Self { levels: LEVELS.to_vec(), horizons, half_widths })
+        let bounded = horizons.last().is_some_and(|last| *last <= LONGEST);
+        bounded.then(|| Self { levels: LEVELS.to_vec(), horizons, half_widths })
     }
 
     /// Half-width at a level (by index), horizon and output: linear between horizons with a band, NaN beyond the last.
@@ -120,6 +124,7 @@ impl PredictionBands {
         let row = |row: &Vec<f64>| row.len() == outputs && row.iter().all(|x| x.is_finite() && *x >= 0.0);
         let table = |table: &Vec<Vec<f64>>| table.len() == self.horizons.len() && table.iter().all(row);
         self.horizons.first().is_some_and(|first| *first > 0)
+            && self.horizons.last().is_some_and(|last| *last <= LONGEST)
             && ascending
             && levels
             && self.half_widths.len() == self.levels.len()

@@ -57,7 +57,8 @@ pub(super) fn evaluate_candidates(
     trained: Vec<Trained>,
     progress: Progress<'_>,
 ) -> Result<Vec<Candidate>, IdentifyError> {
-    let warm_up = trained.iter().map(|t| t.model.session().warm_up()).max().unwrap_or(1);
+    let models = trained.iter().flat_map(|t| std::iter::once(&t.model).chain(&t.left_out));
+    let warm_up = models.map(|model| model.session().warm_up()).max().unwrap_or(1);
     let options = evaluate::Options {
         horizon: job.horizon,
         origin_stride: job.origin_stride,

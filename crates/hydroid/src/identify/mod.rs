@@ -171,6 +171,12 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
     check_horizon(job, &parts)?;
     job.networks.check(job, &methods, &parts)?;
     let mut warnings = job.split.notes.clone();
+    if folds.as_ref().is_some_and(CrossValidation::has_blocks) {
+        let message =
+            "one or two logs: the cross-validation leaves out contiguous blocks of them, one after another";
+        let remedy = "three separate runs or more are a stricter test, because wind, load and sensors are the same within one run";
+        warnings.push(Note::warning(message).with_remedy(remedy));
+    }
     let mut trained: Vec<Trained> = Vec::new();
     let mut failure = None;
     // Training time of the networks, failed ones included, for the shared time budget.

@@ -99,7 +99,8 @@ pub(super) fn warnings(
         );
     }
     let of_test = candidate.test.as_ref().map(|test| (test, "test"));
-    for (evaluation, part) in [(&candidate.validation, "validation")].into_iter().chain(of_test) {
+    let judged = if candidate.left_out.is_empty() { "validation" } else { "left-out" };
+    for (evaluation, part) in [(&candidate.validation, judged)].into_iter().chain(of_test) {
         if evaluation.runs.unused > 0 {
             notes.push(
                 Note::warning(format!(

@@ -473,6 +473,13 @@ fn damaged_files_are_refused() {
     refused(&altered(many, "", None), "'coefficients.2' is missing");
     refused(&altered(|head| head["description"]["inputs"] = json!([]), "", None), "");
     refused(&altered(|head| head["description"]["outputs"] = json!([]), "", None), "");
+    for (horizon, half_widths) in
+        [(1, json!([[[1.0]]])), (1, json!([[[1.0, -1.0]]])), (1 << 40, json!([[[1.0, 1.0]]]))]
+    {
+        let bands = json!({"levels": [0.8], "horizons": [horizon], "half_widths": half_widths});
+        let head = move |head: &mut Value| head["description"]["bands"] = bands.clone();
+        refused(&altered(head, "", None), "prediction bands");
+    }
     // A member that learns with its information out of bounds.
     for information in [1e-300, 1e300] {
         let learning = json!({"averaging": 2, "information": information});

@@ -45,6 +45,8 @@ pub struct CommitteeSession {
     innovations: Vec<Innovation>,
     /// Prediction of the next sample.
     next: Vec<f64>,
+    /// Standard deviations of the prediction errors, a row for each horizon from 1 on; may be empty.
+    deviations: Arc<[f64]>,
     work: Workspace,
 }
 
@@ -81,8 +83,20 @@ impl CommitteeSession {
             inflation: 1.0,
             outcome: Outcome::Waiting,
             next: vec![0.0; outputs],
+            deviations: Arc::from([]),
             work: Workspace::new(),
         })
+    }
+
+    /// The session with standard deviations of its prediction errors, `horizons x outputs`, from the horizon 1 on: errors
+    /// on runs that were left out.
+    ///
+    /// # Panics
+    /// If the deviations are not whole rows.
+    #[must_use]
+    pub fn with_deviations(self, deviations: Vec<f64>) -> Self {
+        assert!(deviations.len().is_multiple_of(self.committee.outputs()), "a number for each output");
+        Self { deviations: deviations.into(), ..self }
     }
 
     /// The committee.
@@ -304,10 +318,16 @@ impl Learning for CommitteeSession {
         Health::UNKNOWN
     }
 
-    /// NaN: a committee has no variance of its own.
+    /// Those of [`with_deviations`](CommitteeSession::with_deviations); NaN beyond their last horizon.
     fn deviations(&mut self, _: &[f64], horizons: &[usize], _: &mut Workspace, deviations: &mut [f64]) {
-        assert_eq!(deviations.len(), horizons.len() * self.outputs(), "a row for each horizon");
-        deviations.fill(f64::NAN);
+        let outputs = self.committee.outputs();
+        assert_eq!(deviations.len(), horizons.len() * outputs, "a row for each horizon");
+        for (row, &horizon) in deviations.chunks_exact_mut(outputs).zip(horizons) {
+            match self.deviations.chunks_exact(outputs).nth(horizon.wrapping_sub(1)) {
+                Some(known) => row.copy_from_slice(known),
+                None => row.fill(f64::NAN),
+            }
+        }
     }
 }
 
