@@ -474,7 +474,7 @@ fn damaged_files_are_refused() {
     refused(&altered(|head| head["description"]["inputs"] = json!([]), "", None), "");
     refused(&altered(|head| head["description"]["outputs"] = json!([]), "", None), "");
     for (horizon, half_widths) in
-        [(1, json!([[[1.0]]])), (1, json!([[[1.0, -1.0]]])), (1 << 40, json!([[[1.0, 1.0]]]))]
+        [(1, json!([[[1.0]]])), (1, json!([[[1.0, -1.0]]])), (1_u64 << 40, json!([[[1.0, 1.0]]]))]
     {
         let bands = json!({"levels": [0.8], "horizons": [horizon], "half_widths": half_widths});
         let head = move |head: &mut Value| head["description"]["bands"] = bands.clone();
