@@ -16,7 +16,7 @@ use hydroid_core::control::{
 };
 use hydroid_core::guidance::{Path, Side, SpeedLimits, SpeedProfile, TimedReference};
 use hydroid_core::model::recurrent::{
-    BaseModel, Cell, Network, Recurrent, RecurrentSession, Rollout, Scaling,
+    BaseModel, Cell, Network, Recurrent, Rollout, Scaling,
 };
 use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
 use hydroid_core::model::{PlantModel, PlantSession};
