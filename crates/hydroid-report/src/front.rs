@@ -4,8 +4,11 @@ use hydroid::sindy::Trial;
 
 /// Pareto front of score against number of terms, fewest terms first.
 pub fn front(trials: &[Trial]) -> Vec<(f64, f64)> {
-    let mut points: Vec<(usize, f64)> =
-        trials.iter().filter_map(|t| t.score.filter(|s| s.is_finite()).map(|s| (t.terms, s))).collect();
+    let mut points: Vec<(usize, f64)> = trials
+        .iter()
+        .filter(|t| t.finalist)
+        .filter_map(|t| Some((t.terms, t.score.filter(|s| s.is_finite())?)))
+        .collect();
     points.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
     let mut best = f64::INFINITY;
     points.retain(|(_, score)| {

@@ -40,9 +40,10 @@ fn choice(candidate: &Candidate, found: &SearchResult) -> Result<Markup, ReportE
         return Ok(nothing("No settings were tried."));
     }
     let diverged = found.trials.iter().filter(|t| t.score.is_none()).count();
+    let finalists = found.trials.iter().filter(|t| t.finalist).count();
     let (drawing, above) = chart(&found.trials, found.chosen);
     let caption = html! {
-        "Each symbol is one setting. The score is a mean over all outputs; lower is better. The line is the Pareto front: the smallest score for each number of terms."
+        "Each symbol is one setting. The score is a mean over all outputs; lower is better. The line is the Pareto front of the settings that were scored on all origins: the smallest score for each number of terms."
         @if above > 0 { " Triangles at the top are " (number::count(above)) " settings with larger scores." }
         @if diverged > 0 { " Crosses at the top are " (number::count(diverged)) " settings that diverged." }
     };
@@ -51,6 +52,7 @@ fn choice(candidate: &Candidate, found: &SearchResult) -> Result<Markup, ReportE
     Ok(html! {
         p {
             "Every setting was fitted to the training runs and rolled out on the validation runs and on excerpts of the training runs. Its score is the mean NRMSE over both, all outputs and all horizons. "
+            "All settings were first scored on a sixteenth of the origins; the best quarter of them on a quarter, and of these again the best quarter, " (number::count(finalists)) " settings, on all. "
             "The chosen setting is the simplest one within one standard error of the best. Its rollouts stay bounded if those of any setting near the best do. "
             @if candidate.test.is_some() { "The test runs did not influence the choice. " }
             @if !candidate.left_out.is_empty() { "Terms and coefficients were then fitted to all runs with the chosen settings. " }
@@ -182,6 +184,7 @@ fn chart(trials: &[Trial], chosen: usize) -> (Figure, usize) {
 fn best(trials: &[Trial], chosen: usize, dt: f64) -> Markup {
     let mut order: Vec<usize> = (0..trials.len()).collect();
     let key = |i: usize| trials[i].score.unwrap_or(f64::INFINITY);
+    order.retain(|&i| trials[i].finalist);
     order.sort_by(|&a, &b| key(a).total_cmp(&key(b)).then((a != chosen).cmp(&(b != chosen))));
     let shown = order.len().min(BEST);
     // The chosen setting is the simplest of similar ones and may not be among the best rows.

@@ -5,6 +5,9 @@
 //! HYDROID_DATA=... cargo run --release -p hydroid-study --example leave_one_run_out -- [method,method] [SET ...]
 //! ```
 //!
+//! `-- write FOLDER` writes the prepared runs for other programs
+//! (`benches/peers/pysindy_leave_one_run_out.py`).
+//!
 //! The table has the NRMSE of each output at the horizon, over the windows of all runs together, from every fifth sample
 //! on; `frozen` is the committee with constant coefficients. The last column is the smallest and the largest share of the
 //! measurements inside each prediction band of the best model, over outputs and quarters of the horizon.
@@ -238,13 +241,50 @@ fn measure(set: &Set, data: &Path, methods: &[Method]) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Writes the prepared runs of all sets as CSV files with `outputs` and inputs, and `sets.json`.
+fn write(folder: &Path, data: &Path) -> anyhow::Result<()> {
+    let mut sets = Vec::new();
+    for set in &SETS {
+        let (runs, _) = set.read(data)?;
+        let mut names = Vec::new();
+        for (number, parts) in runs.iter().enumerate() {
+            let mut files = Vec::new();
+            for (part, run) in parts.iter().enumerate() {
+                let name = format!("{}-{number}-{part}.csv", set.name);
+                let mut text = String::new();
+                let channels = run.outputs.channels().iter().chain(run.inputs.channels());
+                text += &channels.map(|channel| channel.name.as_str()).collect::<Vec<_>>().join(",");
+                for k in 0..run.len() {
+                    let row = run.outputs.row(k).iter().chain(run.inputs.row(k)).map(f64::to_string);
+                    text += "\n";
+                    text += &row.collect::<Vec<_>>().join(",");
+                }
+                std::fs::write(folder.join(&name), text)?;
+                files.push(name);
+            }
+            names.push(files);
+        }
+        let first = runs.iter().flatten().next().ok_or_else(|| anyhow::anyhow!("{}: no runs", set.name))?;
+        sets.push(serde_json::json!({
+            "name": set.name, "dt": first.dt, "outputs": first.outputs.channels().len(),
+            "horizon": (set.horizon_s / first.dt).round(), "runs": names,
+        }));
+    }
+    Ok(std::fs::write(folder.join("sets.json"), serde_json::to_vec_pretty(&sets)?)?)
+}
+
 fn main() -> anyhow::Result<()> {
     let Some(data) = std::env::var_os("HYDROID_DATA") else {
         println!("skipped: no HYDROID_DATA");
         return Ok(());
     };
     let mut args = std::env::args().skip(1);
-    let methods = methods(&args.next().unwrap_or_else(|| String::from("sindy,committee")))?;
+    let first = args.next().unwrap_or_else(|| String::from("sindy,committee"));
+    if first == "write" {
+        let folder = args.next().ok_or_else(|| anyhow::anyhow!("write needs a folder"))?;
+        return write(Path::new(&folder), Path::new(&data));
+    }
+    let methods = methods(&first)?;
     let chosen: Vec<String> = args.collect();
     println!(
         "| set, horizon | model | u | v | r | mean | persistence | diverged | s per identification | inside bands |"

@@ -82,9 +82,12 @@ fn the_pareto_front_falls() {
         validation: score,
         training: None,
         diverged: 0,
+        finalist: true,
     };
     let trials = [(5, Some(0.3)), (2, Some(0.9)), (2, Some(0.7)), (3, Some(0.8)), (9, Some(0.3)), (1, None)]
         .map(trial);
+    // Scored on few origins only.
+    let trials = [&trials[..], &[Trial { finalist: false, ..trial((4, Some(0.1))) }]].concat();
     let front = front(&trials);
     assert_eq!(front, [(2.0, 0.7), (5.0, 0.3)]);
     assert_eq!(stairs(&front, 10.0), [(2.0, 0.7), (5.0, 0.7), (5.0, 0.3), (10.0, 0.3)]);

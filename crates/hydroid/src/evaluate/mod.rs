@@ -22,6 +22,7 @@ pub use band::BAND;
 pub(crate) use band::quantile;
 pub use band::{Band, BandCoverage, band_coverage, bands};
 pub use prediction_bands::{PredictionBands, PredictionCoverage};
+pub(crate) use windows::{TASK as WINDOWS, blocks as loss_blocks, latest};
 pub use windows::{evaluate, evaluate_each};
 
 /// Outputs that the session observes.

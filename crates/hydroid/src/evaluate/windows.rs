@@ -12,7 +12,7 @@ use crate::log::{Table, Trajectory};
 use crate::progress::{self, Progress};
 
 /// Origins of a task. Tasks depend on origins only, so that sums do not depend on the number of threads.
-const TASK: usize = 32;
+pub(crate) const TASK: usize = 32;
 
 /// Memory of pending snapshots \[numbers\].
 const SNAPSHOTS: usize = 4 << 20;
@@ -198,7 +198,7 @@ fn seen<'a>(run: &'a Trajectory, options: &Options) -> &'a Table {
 }
 
 /// The output whose first value is the latest in the longest run.
-fn latest(runs: &[&Trajectory], options: &Options) -> String {
+pub(crate) fn latest(runs: &[&Trajectory], options: &Options) -> String {
     let Some(run) = runs.iter().max_by_key(|run| run.len()) else { return String::new() };
     let table = seen(run, options);
     let first = |c: &usize| table.column(*c).position(|y| !y.is_nan()).unwrap_or(run.len());
@@ -472,7 +472,7 @@ fn tabulate(name: &str, run: &Trajectory, options: &Options, tally: &Tally) -> E
 }
 
 /// Merges the losses of tasks into blocks of consecutive windows.
-fn blocks(losses: &[(f64, usize)]) -> Vec<f64> {
+pub(crate) fn blocks(losses: &[(f64, usize)]) -> Vec<f64> {
     let size = losses.len().div_ceil(BLOCKS).max(1);
     losses
         .chunks(size)

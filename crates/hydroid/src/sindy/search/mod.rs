@@ -4,17 +4,20 @@
 //! make the choice robust for short validation runs.
 
 mod excerpts;
+mod halving;
+mod judge;
 mod refinement;
 mod refit;
 mod selection;
+mod windows;
 
 use std::sync::Arc;
 
-use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
+use hydroid_core::model::sparse::{Equations, Term};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::evaluate::{self, DesignRange, EvaluateError, Evaluation, evaluate};
+use crate::evaluate::{self, DesignRange, EvaluateError};
 use crate::log::Trajectory;
 use crate::progress::{self, Cancelled, Progress};
 use crate::sindy::constraints::Constraints;
@@ -30,6 +33,8 @@ use crate::sindy::regression_form::RegressionForm;
 use crate::sindy::robust::Loss;
 use crate::sindy::stability::{StabilityCheck, StabilityOptions, stability_check};
 use crate::sindy::structure::Structure;
+
+use judge::{Judge, TrialScore};
 
 pub use refit::refit;
 
@@ -110,6 +115,8 @@ pub struct Trial {
     pub training: Option<f64>,
     /// Windows that diverged in validation and training runs.
     pub diverged: usize,
+    /// Whether the scores are over all origins. The others are over a part of them.
+    pub finalist: bool,
 }
 
 /// Result of the search.
@@ -203,50 +210,16 @@ pub fn search(
     let run = training.first().ok_or(SearchError::Empty)?;
     let excerpts = excerpts::excerpts(training, options.evaluation.horizon, grid.warm_up(run));
     let excerpts: Vec<&Trajectory> = excerpts.iter().collect();
-    let mut search =
-        Search { options, excerpts: &excerpts, variables: Variables::of(run), tried: Vec::new() };
-    let mut first_error = None;
-    let pairs = grid.structures.len() * grid.regressions.len();
-    for (index, (structure, &regression)) in
-        grid.structures.iter().flat_map(|s| grid.regressions.iter().map(move |r| (s, r))).enumerate()
-    {
-        let prepared = match prepare(training, &search.variables, structure, regression, grid.loss, 0) {
-            Ok(prepared) => Arc::new(prepared),
-            // The error of the first, smallest library is reported.
-            Err(error) => {
-                first_error.get_or_insert(error);
-                continue;
-            }
-        };
-        let constraints = structure.constraints(&grid.constraints, &search.variables);
-        progress::report(progress, 0.9 * index as f64 / pairs as f64)?;
-        let fits = |ridge: f64| -> Vec<(TrialSettings<'_>, Result<Fit, FitError>)> {
-            let of = |&optimizer: &Optimizer| {
-                let settings = TrialSettings { structure, regression, optimizer, ridge };
-                (settings, prepared.fit(&fit_options(optimizer, ridge, run.dt, &constraints)))
-            };
-            let mut fits: Vec<_> = grid.optimizers.iter().map(of).collect();
-            // A stricter optimizer with an unchanged result is not evaluated again.
-            fits.dedup_by(|b, a| matches!((&a.1, &b.1), (Ok(a), Ok(b)) if a.scaled == b.scaled));
-            fits
-        };
-        let fits: Vec<_> = grid.ridges.par_iter().flat_map_iter(|&ridge| fits(ridge)).collect();
-        let mut trials = Vec::new();
-        for (settings, fit) in fits {
-            match fit {
-                Ok(fit) => trials.push((settings, fit)),
-                Err(error) => {
-                    first_error.get_or_insert(error.into());
-                }
-            }
-        }
-        let tried: Vec<_> = trials
-            .into_par_iter()
-            .map(|(settings, fit)| search.trial(settings, fit, Arc::clone(&prepared)))
-            .collect::<Result<_, _>>()?;
-        search.tried.extend(tried);
-    }
-    if search.tried.iter().all(|tried| tried.trial.score.is_none()) {
+    let mut search = Search {
+        options,
+        excerpts: &excerpts,
+        judge: Judge::new(options, &excerpts, 1)?,
+        variables: Variables::of(run),
+        tried: Vec::new(),
+    };
+    let (fitted, first_error) = fit_all(training, &search.variables, grid, &mut |f| progress(0.4 * f))?;
+    search.halve(fitted, &mut |f| progress(0.4 + 0.5 * f))?;
+    if search.finalists().next().is_none() {
         return Err(match first_error {
             Some(error) if search.tried.is_empty() => error,
             _ if search.tried.is_empty() => SearchError::Empty,
@@ -256,6 +229,51 @@ pub fn search(
     let found = search.select(training, grid, &mut |f| progress(0.9 + 0.1 * f))?;
     progress::report(progress, 1.0)?;
     Ok(found)
+}
+
+/// Fits of the whole grid, and the error of the first, smallest library that could not be fitted.
+fn fit_all<'a>(
+    training: &[&Trajectory],
+    variables: &Variables,
+    grid: &'a SearchGrid,
+    progress: Progress<'_>,
+) -> Result<(Vec<Fitted<'a>>, Option<SearchError>), SearchError> {
+    let dt = training.first().map_or(1.0, |run| run.dt);
+    let (mut fitted, mut first_error) = (Vec::new(), None);
+    let pairs = grid.structures.len() * grid.regressions.len();
+    for (index, (structure, &regression)) in
+        grid.structures.iter().flat_map(|s| grid.regressions.iter().map(move |r| (s, r))).enumerate()
+    {
+        progress::report(progress, index as f64 / pairs as f64)?;
+        let prepared = match prepare(training, variables, structure, regression, grid.loss, 0) {
+            Ok(prepared) => Arc::new(prepared),
+            Err(error) => {
+                first_error.get_or_insert(error);
+                continue;
+            }
+        };
+        let constraints = structure.constraints(&grid.constraints, variables);
+        let fits = |ridge: f64| -> Vec<(TrialSettings<'a>, Result<Fit, FitError>)> {
+            let of = |&optimizer: &Optimizer| {
+                let settings = TrialSettings { structure, regression, optimizer, ridge };
+                (settings, prepared.fit(&fit_options(optimizer, ridge, dt, &constraints)))
+            };
+            let mut fits: Vec<_> = grid.optimizers.iter().map(of).collect();
+            // A stricter optimizer with an unchanged result is not evaluated again.
+            fits.dedup_by(|b, a| matches!((&a.1, &b.1), (Ok(a), Ok(b)) if a.scaled == b.scaled));
+            fits
+        };
+        let fits: Vec<_> = grid.ridges.par_iter().flat_map_iter(|&ridge| fits(ridge)).collect();
+        for (settings, fit) in fits {
+            match fit {
+                Ok(fit) => fitted.push(Fitted { settings, fit, prepared: Arc::clone(&prepared) }),
+                Err(error) => {
+                    first_error.get_or_insert(error.into());
+                }
+            }
+        }
+    }
+    Ok((fitted, first_error))
 }
 
 fn fit_options(optimizer: Optimizer, ridge: f64, dt: f64, constraints: &Constraints) -> FitOptions {
@@ -279,6 +297,7 @@ fn prepare(
 struct Search<'a> {
     options: &'a SearchOptions<'a>,
     excerpts: &'a [&'a Trajectory],
+    judge: Judge<'a>,
     variables: Variables,
     tried: Vec<EvaluatedTrial>,
 }
@@ -291,6 +310,12 @@ struct TrialSettings<'a> {
     ridge: f64,
 }
 
+struct Fitted<'a> {
+    settings: TrialSettings<'a>,
+    fit: Fit,
+    prepared: Arc<LinearRegression>,
+}
+
 struct EvaluatedTrial {
     trial: Trial,
     fit: Fit,
@@ -298,79 +323,17 @@ struct EvaluatedTrial {
     prepared: Arc<LinearRegression>,
 }
 
-struct TrialScore {
-    score: f64,
-    validation: f64,
-    training: Option<f64>,
-    diverged: usize,
-    losses: BlockLosses,
-}
-
 impl Search<'_> {
-    fn trial(
-        &self,
-        settings: TrialSettings<'_>,
-        fit: Fit,
-        prepared: Arc<LinearRegression>,
-    ) -> Result<EvaluatedTrial, SearchError> {
-        let judged = self.score(&fit.equations)?;
-        let finite = |x: f64| x.is_finite().then_some(x);
-        let trial = Trial {
-            structure: settings.structure.clone(),
-            regression: settings.regression,
-            optimizer: settings.optimizer,
-            ridge: settings.ridge,
-            terms: fit.equations.active_terms(),
-            score: finite(judged.score),
-            validation: finite(judged.validation),
-            training: judged.training.and_then(finite),
-            diverged: judged.diverged,
-        };
-        Ok(EvaluatedTrial { trial, fit, losses: judged.losses, prepared })
+    /// Trials of the last round that did not diverge.
+    fn finalists(&self) -> impl Iterator<Item = usize> {
+        let is_finalist = |i: &usize| self.tried[*i].trial.finalist && self.tried[*i].trial.score.is_some();
+        (0..self.tried.len()).filter(is_finalist)
     }
 
-    fn score(&self, equations: &Equations) -> Result<TrialScore, SearchError> {
-        let on_validation =
-            self.evaluate(equations, self.options.validation, self.options.evaluation.origin_stride)?;
-        let validation = on_validation.score();
-        let mut judged = TrialScore {
-            score: validation,
-            validation,
-            training: None,
-            diverged: on_validation.diverged,
-            losses: BlockLosses { validation: on_validation.blocks, training: Vec::new() },
-        };
-        // Skipped for a model that diverged, or whose score cannot become the lowest.
-        let best = self.tried.iter().filter_map(|tried| tried.trial.score).fold(f64::INFINITY, f64::min);
-        if !self.excerpts.is_empty() && 0.5 * validation < best {
-            // The number of origins equals that on the validation runs.
-            let samples = |runs: &[&Trajectory]| runs.iter().map(|run| run.len()).sum::<usize>();
-            let ratio = samples(self.excerpts) / samples(self.options.validation).max(1);
-            let stride = self.options.evaluation.origin_stride * ratio.max(1);
-            let on_training = self.evaluate(equations, self.excerpts, stride)?;
-            judged.diverged += on_training.diverged;
-            judged.training = Some(on_training.score());
-            judged.score = 0.5 * (validation + on_training.score());
-            judged.losses.training = on_training.blocks;
-        }
-        Ok(judged)
-    }
-
-    fn evaluate(
-        &self,
-        equations: &Equations,
-        runs: &[&Trajectory],
-        origin_stride: usize,
-    ) -> Result<Evaluation, SearchError> {
-        let options = evaluate::Options { origin_stride, ..self.options.evaluation.clone() };
-        let mut session = EquationsSession::new(Arc::new(equations.clone()));
-        let silent = &mut progress::silent();
-        evaluate("sindy", &mut session, self.options.outputs, runs, &options, silent).map_err(|error| {
-            match error {
-                EvaluateError::Cancelled(cancelled) => SearchError::Cancelled(cancelled),
-                other => SearchError::Validation(other),
-            }
-        })
+    /// Score of equations on all origins.
+    fn score(&self, equations: &Equations) -> TrialScore {
+        let equations = Arc::new(equations.clone());
+        self.judge.score(&equations, &self.judge.snapshots(&equations))
     }
 
     fn stability(&self, equations: &Equations) -> StabilityCheck {

@@ -88,7 +88,7 @@ impl Search<'_> {
             }
             let share = |f: f64| (index as f64 + f) / WINDOW_LENGTHS.len() as f64;
             for refined in refine(&options, &selected.fit.equations, &mut |f| progress(share(f)))? {
-                let judged = self.score(&refined.equations)?;
+                let judged = self.score(&refined.equations);
                 refinement.attempts.push(Attempt {
                     horizon,
                     strength: refined.strength,

@@ -9,7 +9,7 @@ use crate::progress;
 use crate::sindy::ensemble::Ensemble;
 use crate::sindy::fit::Fit;
 use crate::sindy::parsimony::combine_equations;
-use crate::sindy::refine::{RefineOptions, refine};
+use crate::sindy::refine::{Attempt, RefineOptions, refine};
 use crate::sindy::robust::Loss;
 use crate::sindy::structure::Structure;
 
@@ -43,10 +43,7 @@ pub fn refit(
     let trials: Vec<&Trial> = found.equations.iter().map(|&index| &found.trials[index]).collect();
     let mut members = ensemble(runs, grid, &trials, &fit, (resamples, seed))?;
     let Some((taken, scope)) = found.refinement.taken.zip(grid.refine) else { return Ok((fit, members)) };
-    let attempts = &found.refinement.attempts;
-    let horizon = attempts[taken].horizon;
-    let strengths: Vec<f64> =
-        attempts[..=taken].iter().filter(|a| a.horizon == horizon).map(|a| a.strength).collect();
+    let Attempt { horizon, strength, .. } = found.refinement.attempts[taken];
     let structures: Vec<&Structure> = trials.iter().map(|trial| &trial.structure).collect();
     let (lags, gates) = scope.of(&structures);
     let constraints = constraints_of(grid, &variables, &structures, &fit.equations);
@@ -54,7 +51,7 @@ pub fn refit(
         runs,
         ranges: outputs,
         horizon,
-        strengths: &strengths,
+        strengths: &[strength],
         huber: if let Loss::Huber(bound) = grid.loss { Some(bound) } else { None },
         lags: &lags,
         gates: &gates,

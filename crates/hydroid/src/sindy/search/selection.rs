@@ -23,15 +23,10 @@ impl Search<'_> {
     /// Trials within one standard error of the best by their number of parameters, then the others by score.
     fn preference(&self) -> Vec<usize> {
         let score = |i: usize| self.tried[i].trial.score.unwrap_or(f64::INFINITY);
-        let mut order: Vec<usize> = (0..self.tried.len()).filter(|&i| score(i).is_finite()).collect();
+        let mut order: Vec<usize> = self.finalists().collect();
         order.sort_by(|&a, &b| score(a).total_cmp(&score(b)));
         let Some(&best) = order.first() else { return order };
-        // A trial that was abandoned early has no losses on the training runs.
-        let compared =
-            |i: usize| self.tried[i].losses.training.len() == self.tried[best].losses.training.len();
-        let alike = |i: usize| {
-            compared(i) && self.tried[i].losses.is_within_one_standard_error(&self.tried[best].losses)
-        };
+        let alike = |i: usize| self.tried[i].losses.is_within_one_standard_error(&self.tried[best].losses);
         let (mut simple, rest): (Vec<usize>, Vec<usize>) = order.into_iter().partition(|&i| alike(i));
         simple.sort_by_key(|&i| self.tried[i].trial.terms + self.tried[i].trial.structure.parameters());
         simple.extend(rest);
@@ -53,7 +48,7 @@ impl Search<'_> {
         // Equations that constraints couple come from one fit.
         let coupled = grid.constraints.iter().any(couples_outputs);
         let others: &[usize] = if coupled { &[] } else { &preference };
-        let (equations, fit, score) = self.select_by_output(chosen, others)?;
+        let (equations, fit, score) = self.select_by_output(chosen, others);
         let trials: Vec<&Trial> = equations.iter().map(|&i| &self.tried[i].trial).collect();
         let bootstrap = (self.options.ensemble_size, self.options.seed);
         let ensemble = ensemble(training, grid, &trials, &fit, bootstrap)?;
@@ -81,11 +76,7 @@ impl Search<'_> {
     }
 
     /// Replaces the equation of each output by that of another trial, if significantly better and not less stable.
-    fn select_by_output(
-        &self,
-        chosen: usize,
-        preference: &[usize],
-    ) -> Result<(Vec<usize>, Fit, f64), SearchError> {
+    fn select_by_output(&self, chosen: usize, preference: &[usize]) -> (Vec<usize>, Fit, f64) {
         let outputs = self.variables.outputs().count();
         let mut rows = vec![chosen; outputs];
         let mut fit = self.tried[chosen].fit.clone();
@@ -108,7 +99,7 @@ impl Search<'_> {
                 next[output] = other;
                 let fits: Vec<&Fit> = next.iter().map(|&i| &self.tried[i].fit).collect();
                 let Ok(composed) = combine_equations(&fits) else { continue };
-                let judged = self.score(&composed.equations)?;
+                let judged = self.score(&composed.equations);
                 let ahead = best.as_ref().map_or(score, |(_, _, best)| best.score);
                 if judged.score < ahead && judged.losses.is_significantly_better(&losses) {
                     best = Some((other, composed, judged));
@@ -121,7 +112,7 @@ impl Search<'_> {
                 (fit, losses, score) = (composed, judged.losses, judged.score);
             }
         }
-        Ok((rows, fit, score))
+        (rows, fit, score)
     }
 
     fn equation(&self, trial: usize, output: usize) -> Vec<f64> {
