@@ -78,7 +78,7 @@ pub(super) fn section(sparse: Sparse<'_>, training: &[Trajectory]) -> Section {
         }
         details {
             summary { "Equations in LaTeX, to copy" }
-            pre.copy { (motion.equations_latex()) (motion.units_latex()) }
+            pre.copy { (motion.equations_latex()) (motion.units_latex()) (motion.coefficients_latex()) }
         }
     };
     Section::new("equations", "Equations", body)

@@ -173,8 +173,8 @@ pub struct Simulate {
 
 /// Show the contents of logs, models and black boxes
 ///
-/// Logs: channels, units, rate, gaps, ranges, excitation, delays. Models: equations or layers, training range, history.
-/// Black boxes (hydroid adapt --black-box): time span, settings, outcomes of the samples, events.
+/// Logs: channels, units, rate, gaps, ranges, excitation, delays. Models: equations with standard errors or layers,
+/// training range, history. Black boxes (hydroid adapt --black-box): time span, settings, outcomes of the samples, events.
 #[derive(Debug, ClapArgs)]
 #[command(after_help = "Examples:
   hydroid inspect log.csv
@@ -188,7 +188,7 @@ pub struct Inspect {
     /// Logs (CSV), models (.safetensors; vessels: .toml), black boxes
     #[arg(required = true, value_name = "LOG|MODEL|BOX")]
     pub files: Vec<PathBuf>,
-    /// Print only the equations of models, in LaTeX
+    /// Print only the equations of models, with standard errors of the coefficients, in LaTeX
     #[arg(long)]
     pub latex: bool,
     #[command(flatten)]

@@ -83,7 +83,7 @@ fn is_model(path: &Path) -> bool {
 
 fn latex(file: &Path, model: &Model) -> anyhow::Result<String> {
     if let Some(motion) = model.equations() {
-        return Ok(format!("{}{}", motion.equations_latex(), motion.units_latex()));
+        return Ok(motion.equations_latex() + &motion.units_latex() + &motion.coefficients_latex());
     }
     if model.plant().is_some() {
         bail!(
@@ -122,7 +122,9 @@ fn model_json(file: &Path, model: &Model) -> serde_json::Value {
             "equations": motion.equations_text(),
             "latex": motion.equations_latex(),
             "latex_units": motion.units_latex(),
+            "latex_coefficients": motion.coefficients_latex(),
             "coefficients": motion.coefficients(),
+            "correlation": motion.correlations(),
             "jacobian": motion.jacobian_text(),
         })
     };
@@ -283,13 +285,20 @@ fn show_ports(d: &Description) {
 }
 
 fn show_equations(heading: &str, motion: NamedEquations<'_>) {
-    outln!("{heading}:");
-    for equation in motion.equations_text() {
-        outln!("  {equation}");
-    }
-    outln!("units of the coefficients:");
-    for line in motion.units_text() {
-        outln!("  {line}");
+    let coefficients = motion.coefficients_text();
+    let units = if coefficients.is_empty() { motion.units_text() } else { Vec::new() };
+    for (heading, lines) in [
+        (heading, motion.equations_text()),
+        ("coefficients ± standard errors (block bootstrap)", coefficients),
+        ("units of the coefficients", units),
+        ("strongly correlated coefficients, which are only determined together", motion.correlations_text()),
+    ] {
+        if !lines.is_empty() {
+            outln!("{heading}:");
+        }
+        for line in lines {
+            outln!("  {line}");
+        }
     }
 }
 

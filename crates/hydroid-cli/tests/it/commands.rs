@@ -146,13 +146,22 @@ fn prints_equations(folder: &Path, document: &Value) {
     for equation in document["equations"].as_array().unwrap() {
         assert!(text.contains(equation.as_str().unwrap()), "{text}");
     }
-    assert!(text.contains("units of the coefficients:"), "{text}");
-    let both = ["latex", "latex_units"].map(|key| document[key].as_str().unwrap());
-    assert_eq!(latex, both.concat());
+    let parts = ["latex", "latex_units", "latex_coefficients"].map(|key| document[key].as_str().unwrap());
+    assert_eq!(latex, parts.concat());
     assert!(latex.starts_with("\\begin{align*}\n  \\dot{u} &="), "{latex}");
     // The Jacobian of linear equations is the matrix of coefficients.
     let coefficients = document["coefficients"].as_array().unwrap();
     let of_u = coefficients.iter().find(|c| c["output"] == "u" && c["term"] == "u").unwrap();
+    assert!(text.contains("coefficients ± standard errors") && latex.contains("\\pm"), "{text}{latex}");
+    let error = of_u["standard_error"].as_f64().unwrap();
+    assert!(error > 0.0 && error < of_u["value"].as_f64().unwrap().abs(), "{of_u}");
+    let correlation = &document["correlation"][0];
+    assert_eq!(
+        (&correlation["output"], &correlation["matrix"][0][0]),
+        (&Value::from("u"), &Value::from(1.0))
+    );
+    let terms_of_u = coefficients.iter().filter(|c| c["output"] == "u").map(|c| &c["term"]);
+    assert!(terms_of_u.eq(correlation["terms"].as_array().unwrap()), "{correlation}");
     let entry = &document["jacobian"]["A"][0][0];
     assert_eq!((&entry["terms"][0][0], &entry["terms"][0][1]), (&of_u["value"], &Value::from("1")));
     assert_eq!((&entry["unit"], &of_u["unit"]), (&Value::from("1/s"), &Value::from("1/s")));

@@ -134,6 +134,8 @@ fn the_page_is_whole_and_says_what_was_found() {
         "PP_cmd",
         "d(u)/dt =",
         "NRMSE of u",
+        "standard error",
+        "\\pm",
         "autocorrelation",
         "share of the training range",
         "chosen",

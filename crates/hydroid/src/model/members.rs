@@ -44,6 +44,13 @@ impl Members {
         (&self.places, &self.values)
     }
 
+    /// The number at a place in each member.
+    pub(super) fn values_at(&self, place: usize) -> Vec<f64> {
+        let column = self.places.binary_search(&place);
+        let rows = self.values.chunks_exact(self.places.len().max(1));
+        rows.map(|row| column.map_or(0.0, |column| row[column])).collect()
+    }
+
     /// Number of members.
     pub fn len(&self) -> usize {
         self.values.len() / self.places.len().max(1)

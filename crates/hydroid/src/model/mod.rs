@@ -10,6 +10,7 @@ mod modes;
 mod named_equations;
 mod text;
 mod torch;
+mod uncertainty;
 mod units;
 
 use std::sync::Arc;
@@ -29,12 +30,14 @@ pub(crate) use kinds::NotInvertible;
 pub use members::Members;
 pub use named_equations::NamedEquations;
 pub use torch::{NamedTensor, weights_from_torch};
+pub use uncertainty::CoefficientUncertainty;
 #[doc(hidden)]
 pub use {
     jacobian::{JacobianEntry, JacobianText},
     kinds::{NamedMember, cell_text},
     members::MAX_MEMBERS,
     modes::{Mode, Modes, NamedGate},
+    uncertainty::NamedCorrelation,
     units::{TermCoefficient, UnitProduct},
 };
 

@@ -5,13 +5,15 @@ use std::sync::Arc;
 use hydroid_core::adapt::{ExpertMixture, RecursiveEquations, RecursiveOptions, RecursiveOptionsError};
 use hydroid_core::model::sparse::Equations;
 
-use super::{Description, Learning, Model};
+use super::{Description, Learning, Members, Model};
 
 /// Equations of motion with the names and units of their channels; see [`Model::equations`].
 #[derive(Clone, Copy, Debug)]
 pub struct NamedEquations<'a> {
     pub(super) description: &'a Description,
     pub(super) equations: &'a Arc<Equations>,
+    /// Ensemble of the coefficients; none for base equations and for coefficients that are adapted.
+    pub(super) members: Option<&'a Members>,
 }
 
 impl NamedEquations<'_> {
@@ -40,7 +42,7 @@ impl NamedEquations<'_> {
 
 impl Model {
     pub(crate) fn named<'a>(&'a self, equations: &'a Arc<Equations>) -> NamedEquations<'a> {
-        NamedEquations { description: &self.description, equations }
+        NamedEquations { description: &self.description, equations, members: None }
     }
 
     /// The base equations of a grey-box network, if any.

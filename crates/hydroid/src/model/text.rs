@@ -2,6 +2,7 @@
 
 use hydroid_core::model::sparse::{Equations, Signal, Term};
 
+use super::uncertainty::rounded;
 use super::{Mode, NamedEquations};
 
 const DIGITS: usize = 4;
@@ -73,14 +74,39 @@ impl NamedEquations<'_> {
                 rows.push(std::iter::once(modes.name(term, &names)).chain(units).collect());
             }
         }
-        let width =
-            |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or_default();
-        let widths: Vec<usize> = (0..=equations.outputs()).map(width).collect();
-        let line = |row: &Vec<String>| {
-            let cells = row.iter().zip(&widths).map(|(cell, &width)| format!("{cell:<width$}"));
-            cells.collect::<Vec<_>>().join("  ").trim_end().to_owned()
-        };
-        rows.iter().map(line).collect()
+        aligned(&rows)
+    }
+
+    /// The coefficients with standard errors and units: a heading, then a line for each; empty without standard errors.
+    pub fn coefficients_text(&self) -> Vec<String> {
+        let Some(uncertainty) = self.coefficient_uncertainty() else { return Vec::new() };
+        let (names, modes) = (self.variable_names(), self.modes());
+        let mut rows = vec![["equation", "term", "coefficient", "unit"].map(str::to_owned).to_vec()];
+        for (i, equation) in uncertainty.iter().enumerate() {
+            for (&j, error) in equation.terms.iter().zip(&equation.standard_errors) {
+                let term = &self.equations.terms()[j];
+                rows.push(vec![
+                    format!("d{}/dt", names[i]),
+                    modes.name(term, &names),
+                    estimate(self.equations.coefficient(i, j), *error),
+                    self.coefficient_unit(i, term).to_string(),
+                ]);
+            }
+        }
+        aligned(&rows)
+    }
+
+    /// Pairs of strongly correlated coefficients, a line for each: `du/dt: u and u |u| (-0.97)`.
+    pub fn correlations_text(&self) -> Vec<String> {
+        let (names, modes) = (self.variable_names(), self.modes());
+        let name = |j: usize| modes.name(&self.equations.terms()[j], &names);
+        let mut lines = Vec::new();
+        for (output, equation) in names.iter().zip(self.coefficient_uncertainty().unwrap_or_default()) {
+            for (i, j, correlation) in equation.strongly_correlated() {
+                lines.push(format!("d{output}/dt: {} and {} ({correlation:.2})", name(i), name(j)));
+            }
+        }
+        lines
     }
 
     /// Active signals with their variables.
@@ -100,6 +126,26 @@ impl NamedEquations<'_> {
 pub(super) fn active(equations: &Equations, output: usize) -> impl Iterator<Item = (f64, &Term)> {
     let terms = equations.terms().iter().enumerate();
     terms.map(move |(j, term)| (equations.coefficient(output, j), term)).filter(|(c, _)| *c != 0.0)
+}
+
+/// Rows of equal length as lines with columns of equal width.
+fn aligned(rows: &[Vec<String>]) -> Vec<String> {
+    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or_default();
+    let widths: Vec<usize> = (0..rows.first().map_or(0, Vec::len)).map(width).collect();
+    let line = |row: &Vec<String>| {
+        let cells = row.iter().zip(&widths).map(|(cell, &width)| format!("{cell:<width$}"));
+        cells.collect::<Vec<_>>().join("  ").trim_end().to_owned()
+    };
+    rows.iter().map(line).collect()
+}
+
+/// `-0.412 ± 0.013`, `(-4.12 ± 0.13)e-7`; the value alone without a standard error.
+fn estimate(value: f64, error: Option<f64>) -> String {
+    match error.map(|error| rounded(value, error)) {
+        None => format!("{}{}", if value < 0.0 { "-" } else { "" }, significant(value.abs(), DIGITS)),
+        Some((value, error, 0)) => format!("{value} ± {error}"),
+        Some((value, error, power)) => format!("({value} ± {error})e{power}"),
+    }
 }
 
 /// `-0.907 u + 0.1 u |u|`; 0 without terms.

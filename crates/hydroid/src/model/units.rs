@@ -70,6 +70,8 @@ pub struct TermCoefficient {
     pub term: String,
     /// Its value.
     pub value: f64,
+    /// Its standard error, in the same unit; `None` without an ensemble, or if all members agree.
+    pub standard_error: Option<f64>,
     /// Its unit.
     pub unit: String,
 }
@@ -140,12 +142,14 @@ impl NamedEquations<'_> {
     pub fn coefficients(&self) -> Vec<TermCoefficient> {
         let equations = self.equations;
         let names = self.variable_names();
+        let uncertainty = self.coefficient_uncertainty();
         let of = |i: usize| {
-            let names = &names;
-            active(equations, i).map(move |(value, term)| TermCoefficient {
+            let (names, uncertainty) = (&names, &uncertainty);
+            active(equations, i).enumerate().map(move |(k, (value, term))| TermCoefficient {
                 output: names[i].clone(),
                 term: term.name(names),
                 value,
+                standard_error: uncertainty.as_ref().and_then(|of| of[i].standard_errors[k]),
                 unit: self.coefficient_unit(i, term).to_string(),
             })
         };

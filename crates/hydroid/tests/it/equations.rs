@@ -10,7 +10,12 @@ use hydroid_core::model::sparse::{Equations, Factor, Gate, Jacobian, Real, Shape
 use proptest::prelude::*;
 
 /// A model of channels `(name, unit)` with terms as text and a row of coefficients for each output.
-fn model(outputs: &[(&str, &str)], inputs: &[(&str, &str)], terms: &[&str], rows: &[&[f64]]) -> Model {
+pub(crate) fn model(
+    outputs: &[(&str, &str)],
+    inputs: &[(&str, &str)],
+    terms: &[&str],
+    rows: &[&[f64]],
+) -> Model {
     let names = outputs.iter().chain(inputs).map(|(name, _)| *name);
     let mut parser = ExpressionParser::new(names, outputs.len(), 0.1);
     let terms = terms.iter().map(|text| parser.term(text).unwrap()).collect();

@@ -39,6 +39,7 @@ mod train_direct;
 mod train_evaluate;
 mod train_parts;
 mod train_refit;
+mod uncertainty;
 mod vessel;
 
 #[path = "../../../hydroid-core/tests/it/module_order.rs"]

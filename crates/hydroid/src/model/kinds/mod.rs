@@ -163,7 +163,9 @@ impl Structure {
 impl Model {
     /// The equations of motion, if the model is of that kind.
     pub fn equations(&self) -> Option<NamedEquations<'_>> {
-        if let Body::Equations(equations) = &self.body { Some(self.named(equations)) } else { None }
+        let Body::Equations(equations) = &self.body else { return None };
+        let members = Some(&self.members).filter(|_| self.learning.is_none());
+        Some(NamedEquations { members, ..self.named(equations) })
     }
 
     /// The recurrent network, if the model is of that kind.

@@ -1,5 +1,6 @@
 //! A model's equations in LaTeX; they need the package amsmath.
 
+mod coefficients;
 mod symbol;
 
 use hydroid_core::model::sparse::{Gate, Shape, Signal, Term};
