@@ -2,11 +2,11 @@
 //! identified again from all other runs.
 //!
 //! ```text
-//! HYDROID_DATA=... cargo run --release -p hydroid-study --example leave_one_run_out -- [method,method] [SET ...]
+//! HYDROID_DATA=... cargo run --release -p hydroid-study --example leave_one_run_out -- [method,method[=S]] [SET ...]
 //! ```
 //!
-//! `-- write FOLDER` writes the prepared runs for other programs
-//! (`benches/peers/pysindy_leave_one_run_out.py`).
+//! `=S` is the time budget of the networks of an identification \[s\]. `-- write FOLDER` writes the prepared runs for
+//! other programs (`benches/peers/pysindy_leave_one_run_out.py`).
 //!
 //! The table has the NRMSE of each output at the horizon, over the windows of all runs together, from every fifth sample
 //! on; `frozen` is the committee with constant coefficients. The last column is the smallest and the largest share of the
@@ -160,7 +160,7 @@ fn split(train: Vec<Trajectory>, test: &[Trajectory], methods: &[Method]) -> Res
     split_named(train, Vec::new(), test.to_vec())
 }
 
-fn measure(set: &Set, data: &Path, methods: &[Method]) -> anyhow::Result<()> {
+fn measure(set: &Set, data: &Path, methods: &[Method], budget_s: Option<f64>) -> anyhow::Result<()> {
     let (runs, reading) = set.read(data)?;
     let first = runs.iter().flatten().next().ok_or_else(|| anyhow::anyhow!("{}: no runs", set.name))?;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive number")]
@@ -188,7 +188,7 @@ fn measure(set: &Set, data: &Path, methods: &[Method]) -> anyhow::Result<()> {
             seed: 0,
             ranges: std::collections::BTreeMap::default(),
             sindy: SindyOptions::default(),
-            networks: NetworkTrainingOptions::default(),
+            networks: NetworkTrainingOptions { budget_s, ..NetworkTrainingOptions::default() },
         };
         let Ok(identified) = identify(&job, &mut silent()) else {
             println!("{}: nothing was identified without {}", set.name, set.runs[left_out]);
@@ -284,14 +284,16 @@ fn main() -> anyhow::Result<()> {
         let folder = args.next().ok_or_else(|| anyhow::anyhow!("write needs a folder"))?;
         return write(Path::new(&folder), Path::new(&data));
     }
-    let methods = methods(&first)?;
+    let (names, budget) = first.split_once('=').map_or((&first[..], None), |(names, s)| (names, Some(s)));
+    let methods = methods(names)?;
+    let budget_s = budget.map(str::parse).transpose()?;
     let chosen: Vec<String> = args.collect();
     println!(
         "| set, horizon | model | u | v | r | mean | persistence | diverged | s per identification | inside bands |"
     );
     println!("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | --- |");
     for set in SETS.iter().filter(|set| chosen.is_empty() || chosen.iter().any(|name| name == set.name)) {
-        measure(set, Path::new(&data), &methods)?;
+        measure(set, Path::new(&data), &methods, budget_s)?;
     }
     Ok(())
 }

@@ -13,6 +13,12 @@ use crate::sindy::{
     StructureSpec, Variables, search, structure_search,
 };
 
+/// Largest number of samples for the refinement of delivered equations.
+pub(super) const REFINE_SAMPLES: usize = 100_000;
+
+/// Largest number of samples for the refinement of equations that are fitted again.
+pub(super) const DRAFT_REFINE_SAMPLES: usize = 30_000;
+
 pub(super) fn quick(job: &Job, parts: &Parts<'_>) -> evaluate::Options {
     let longest = parts.validation.iter().map(|run| run.len()).max().unwrap_or(0);
     evaluate::Options {
@@ -155,6 +161,7 @@ fn searched(
         evaluation: evaluate::Options { warm_up: grid.warm_up(train[0]), ..quick(job, parts) },
         seed: job.seed,
         ensemble_size: job.sindy.members.0,
+        refine_samples: if parts.draft { DRAFT_REFINE_SAMPLES } else { REFINE_SAMPLES },
     };
     Ok(Arc::new(search(train, &judge, grid, progress)?))
 }

@@ -262,6 +262,8 @@ struct Parts<'a> {
     given: Vec<String>,
     /// The folds of a cross-validation over the training runs.
     folds: Option<&'a CrossValidation>,
+    /// Whether only settings are searched for, and the equations fitted again.
+    draft: bool,
 }
 
 impl<'a> Parts<'a> {
@@ -278,6 +280,7 @@ impl<'a> Parts<'a> {
             training_ranges,
             given,
             folds: None,
+            draft: false,
         }
     }
 }

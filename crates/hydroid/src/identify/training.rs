@@ -16,7 +16,7 @@ use crate::evaluate::DesignRange;
 use crate::log::{Channel, Note, Trajectory, noise_level};
 use crate::model::{Body, Description, Members, Model, Port, Provenance, Reading};
 use crate::progress::{self, Progress};
-use crate::sindy::{SearchError, SearchResult, refit};
+use crate::sindy::{SearchError, SearchResult, refit, subsample};
 use crate::train;
 
 /// Record of a training.
@@ -236,6 +236,9 @@ pub(super) fn train_by(
     Ok(Trained { model, training, train_seconds: clock.elapsed().as_secs_f64(), score, left_out })
 }
 
+/// Largest number of samples for the choice of settings and for the fits without a fold.
+const DRAFT_SAMPLES: usize = 300_000;
+
 /// Equations with the settings of a search, fitted to all runs, and for each fold those fitted without it.
 fn cross_validated_equations(
     job: &Job,
@@ -244,12 +247,16 @@ fn cross_validated_equations(
 ) -> Result<(Arc<SearchResult>, Vec<Equations>), IdentifyError> {
     let Some(folds) = parts.folds else { return Err(IdentifyError::NoRuns("validate")) };
     let [train, validation] = folds.search(&job.split.train);
+    let draft = |runs: &[&Trajectory]| subsample(runs, DRAFT_SAMPLES, (10 * job.horizon).max(3_000));
+    let train = draft(&train);
+    let train: Vec<&Trajectory> = train.iter().collect();
     let part = Parts {
         training_ranges: output_ranges(&train),
         train,
         validation,
         test: Vec::new(),
         folds: None,
+        draft: true,
         ..parts.clone()
     };
     let found = equations::memoryless(job, &part, &mut |f| progress(0.8 * f))?;
@@ -260,9 +267,13 @@ fn cross_validated_equations(
             .map_err(SearchError::Cancelled)?;
         let runs = folds.without(fold, &job.split.train);
         let runs: Vec<&Trajectory> = runs.iter().map(AsRef::as_ref).collect();
-        left_out.push(refit(&found, &runs, ranges, (0, job.seed))?.0.equations);
+        let runs = draft(&runs);
+        let runs: Vec<&Trajectory> = runs.iter().collect();
+        let (fit, _) = refit(&found, &runs, ranges, (0, job.seed), equations::DRAFT_REFINE_SAMPLES)?;
+        left_out.push(fit.equations);
     }
-    let (fit, ensemble) = refit(&found, &parts.train, ranges, (job.sindy.members.0, job.seed))?;
+    let (fit, ensemble) =
+        refit(&found, &parts.train, ranges, (job.sindy.members.0, job.seed), equations::REFINE_SAMPLES)?;
     progress::report(progress, 1.0).map_err(SearchError::Cancelled)?;
     let mut found = Arc::unwrap_or_clone(found);
     (found.fit, found.ensemble) = (fit, ensemble);

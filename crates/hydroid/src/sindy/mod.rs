@@ -64,4 +64,4 @@ pub use {
 pub(crate) use library::UnknownLibrary;
 pub(crate) use noise::spike_share;
 pub(crate) use structure_constraints::is_supported;
-pub(crate) use structure_search::{StructureSpec, structure_search};
+pub(crate) use structure_search::{StructureSpec, structure_search, subsample};

@@ -64,7 +64,8 @@ pub(crate) fn structure_search(
     progress: Progress<'_>,
 ) -> Result<Vec<Structure>, Cancelled> {
     let Some(first) = runs.first() else { return Ok(Vec::new()) };
-    let (some, all) = (subsample(runs, SCAN_SAMPLES), subsample(runs, REFINE_SAMPLES));
+    let of = |most: usize| subsample(runs, most, SEGMENT_SAMPLES);
+    let (some, all) = (of(SCAN_SAMPLES), of(REFINE_SAMPLES));
     let free = [*lags == StructureSpec::Search, *gate == StructureSpec::Search];
     let max_time_constant = MAX_TIME_CONSTANT * regression.window() as f64 * first.dt;
     let mean_length = some.iter().map(Trajectory::len).sum::<usize>() as f64 / some.len() as f64;
@@ -284,16 +285,14 @@ impl StructureCost<'_> {
 }
 
 /// The runs, or evenly spaced segments of them if they have more than `most` samples together.
-fn subsample(runs: &[&Trajectory], most: usize) -> Vec<Trajectory> {
+pub(crate) fn subsample(runs: &[&Trajectory], most: usize, segment: usize) -> Vec<Trajectory> {
     let total: usize = runs.iter().map(|run| run.len()).sum();
     if total <= most {
         return runs.iter().map(|&run| run.clone()).collect();
     }
     let every = total.div_ceil(most);
     let pieces = runs.iter().flat_map(|run| {
-        (0..run.len())
-            .step_by(SEGMENT_SAMPLES)
-            .map(move |from| (run, from, (from + SEGMENT_SAMPLES).min(run.len())))
+        (0..run.len()).step_by(segment).map(move |from| (run, from, (from + segment).min(run.len())))
     });
     pieces.step_by(every).map(|(run, from, to)| run.slice(from, to)).collect()
 }

@@ -301,6 +301,7 @@ fn searched(run: &Trajectory, degree: u8, refine: Option<bool>, ensemble_size: u
         evaluation: options,
         seed: 0,
         ensemble_size,
+        refine_samples: 100_000,
     };
     search(&[run], &judge, &grid, &mut quiet).unwrap()
 }

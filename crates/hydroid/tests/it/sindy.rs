@@ -388,6 +388,7 @@ fn search_of(data: &Trajectory, grid: &SearchGrid) -> Result<SearchResult, Searc
         evaluation: options,
         seed: 0,
         ensemble_size: 10,
+        refine_samples: 100_000,
     };
     search(&[data], &judge, grid, &mut |_| ControlFlow::Continue(()))
 }

@@ -108,6 +108,31 @@ impl CommitteeSession {
         &self.outputs[self.outputs.len() - self.committee.outputs()..]
     }
 
+    fn begin_step(&mut self, c: &[f64]) {
+        if !self.observed {
+            self.measured = 0;
+        }
+        self.observed = false;
+        if !self.started {
+            // The unknown commands before a run are its first one.
+            self.inputs.chunks_exact_mut(c.len().max(1)).for_each(|row| row.copy_from_slice(c));
+            self.started = true;
+        }
+    }
+
+    /// Moves the past by a sample; the newest outputs are those of the sample before.
+    fn shift(&mut self, c: &[f64]) {
+        let (n, m) = (self.committee.outputs(), self.committee.inputs());
+        self.outputs.copy_within(n.., 0);
+        if self.inputs.len() > m {
+            self.inputs.copy_within(m.., 0);
+        }
+        let end = self.inputs.len();
+        if end > 0 {
+            self.inputs[end - m..].copy_from_slice(c);
+        }
+    }
+
     fn roll(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
         let members = self.committee.members();
         let scratch = members.iter().map(|member| member.equations.scratch()).max().unwrap_or(0);
@@ -213,34 +238,28 @@ impl Predictor for CommitteeSession {
     }
 
     fn advance(&mut self, c: &[f64]) {
-        let (n, m) = (self.committee.outputs(), self.committee.inputs());
-        if !self.observed {
-            self.measured = 0;
-        }
-        self.observed = false;
-        if !self.started {
-            // The unknown commands before a run are its first one.
-            self.inputs.chunks_exact_mut(m.max(1)).for_each(|row| row.copy_from_slice(c));
-            self.started = true;
-        }
+        self.begin_step(c);
         let mut work = core::mem::take(&mut self.work);
         let mut next = core::mem::take(&mut self.next);
         self.roll(c, &mut work, &mut next);
         self.work = work;
         let known = self.present().iter().all(|y| !y.is_nan());
-        self.outputs.copy_within(n.., 0);
-        if self.inputs.len() > m {
-            self.inputs.copy_within(m.., 0);
-        }
-        let end = self.inputs.len();
-        if end > 0 {
-            self.inputs[end - m..].copy_from_slice(c);
-        }
+        self.shift(c);
         if known {
-            let newest = self.outputs.len() - n;
+            let newest = self.outputs.len() - next.len();
             self.outputs[newest..].copy_from_slice(&next);
         }
         self.next = next;
+    }
+
+    fn advance_observe(&mut self, c: &[f64], y: &[f64]) {
+        if y.iter().all(|y| !y.is_nan()) {
+            self.begin_step(c);
+            self.shift(c);
+        } else {
+            self.advance(c);
+        }
+        self.observe(y);
     }
 
     fn output(&self, y: &mut [f64]) {

@@ -1,20 +1,21 @@
-//! Excerpts of the training runs for the score.
+//! Excerpts of the training runs.
 
 use crate::log::Trajectory;
 
-/// Maximum number of samples in the excerpts; more samples do not change the choice.
-const EXCERPT_SAMPLES: usize = 15_000;
+/// Maximum number of samples for the score; more samples do not change the choice.
+pub(super) const SCORE_SAMPLES: usize = 15_000;
 
-/// The training runs, or evenly spaced excerpts of three horizons, with the warm-up if it exceeds two horizons.
-pub(super) fn excerpts(runs: &[&Trajectory], horizon: usize, warm_up: usize) -> Vec<Trajectory> {
+/// The training runs, or evenly spaced excerpts of three horizons, with the warm-up if it exceeds two horizons, of about
+/// `most` samples together.
+pub(super) fn excerpts(runs: &[&Trajectory], horizon: usize, warm_up: usize, most: usize) -> Vec<Trajectory> {
     let three = 3 * horizon + 1;
     let length = if warm_up + horizon <= three { three } else { warm_up + three };
     let runs: Vec<&&Trajectory> = runs.iter().filter(|run| run.len() > horizon).collect();
     let total: usize = runs.iter().map(|run| run.len()).sum();
-    if total <= EXCERPT_SAMPLES.max(2 * length) {
+    if total <= most.max(2 * length) {
         return runs.into_iter().map(|&run| run.clone()).collect();
     }
-    let count = (EXCERPT_SAMPLES / length).max(2);
+    let count = (most / length).max(2);
     let mut parts = Vec::new();
     for run in runs.iter().step_by(runs.len().div_ceil(count)) {
         let length = length.min(run.len());
@@ -41,7 +42,10 @@ mod tests {
 
     fn lengths(samples: usize, runs: usize) -> Vec<usize> {
         let runs: Vec<Trajectory> = (0..runs).map(|_| run(samples)).collect();
-        excerpts(&runs.iter().collect::<Vec<_>>(), 100, 71).iter().map(Trajectory::len).collect()
+        excerpts(&runs.iter().collect::<Vec<_>>(), 100, 71, SCORE_SAMPLES)
+            .iter()
+            .map(Trajectory::len)
+            .collect()
     }
 
     #[test]
@@ -51,7 +55,7 @@ mod tests {
         let long = lengths(72_000, 1);
         assert_eq!((long.len(), long[0]), (49, 301));
         // Excerpts exist for a log that gaps cut into pieces shorter than three horizons.
-        let short = excerpts(&[&run(72_000)], 20, 71);
+        let short = excerpts(&[&run(72_000)], 20, 71, SCORE_SAMPLES);
         assert!(short.iter().all(|part| part.len() == 132), "a lag that settles in 7 s, a horizon of 2 s");
         let cut = lengths(200, 2_000);
         assert!(cut.iter().all(|&n| n == 200) && (20..=49).contains(&cut.len()), "{}", cut.len());

@@ -34,6 +34,7 @@ use crate::sindy::robust::Loss;
 use crate::sindy::stability::{StabilityCheck, StabilityOptions, stability_check};
 use crate::sindy::structure::Structure;
 
+use excerpts::SCORE_SAMPLES;
 use judge::{Judge, TrialScore};
 
 pub use refit::refit;
@@ -92,6 +93,8 @@ pub struct SearchOptions<'a> {
     pub seed: u64,
     /// Bootstrap ensemble over the terms of `fit`.
     pub ensemble_size: usize,
+    /// Largest number of samples for the refinement; of longer runs excerpts are used.
+    pub refine_samples: usize,
 }
 
 /// One point of the grid and its score.
@@ -208,7 +211,8 @@ pub fn search(
     progress: Progress<'_>,
 ) -> Result<SearchResult, SearchError> {
     let run = training.first().ok_or(SearchError::Empty)?;
-    let excerpts = excerpts::excerpts(training, options.evaluation.horizon, grid.warm_up(run));
+    let horizon = options.evaluation.horizon;
+    let excerpts = excerpts::excerpts(training, horizon, grid.warm_up(run), SCORE_SAMPLES);
     let excerpts: Vec<&Trajectory> = excerpts.iter().collect();
     let mut search = Search {
         options,

@@ -2,6 +2,7 @@
 
 use hydroid_core::model::sparse::Equations;
 
+use super::excerpts::excerpts;
 use super::{RefineScope, Search, SearchError, SearchGrid, Variables};
 use crate::log::Trajectory;
 use crate::progress::Progress;
@@ -60,6 +61,9 @@ impl Search<'_> {
         let constraints = constraints_of(grid, &self.variables, &structures, &selected.fit.equations);
         let unbounded = self.stability(&selected.fit.equations).unbounded;
         let mut best: Option<RefinedEquations> = None;
+        let excerpts =
+            refined_excerpts(training, grid, self.options.evaluation.horizon, self.options.refine_samples);
+        let excerpts: Vec<&Trajectory> = excerpts.iter().collect();
         for (index, length) in WINDOW_LENGTHS.into_iter().enumerate() {
             // A positive number far below 2^53.
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
@@ -68,7 +72,7 @@ impl Search<'_> {
                 continue;
             }
             let options = RefineOptions {
-                runs: training,
+                runs: &excerpts,
                 ranges: self.options.outputs,
                 horizon,
                 strengths: &PRIOR_STRENGTHS,
@@ -113,6 +117,17 @@ impl Search<'_> {
         }
         Ok((selected, refinement))
     }
+}
+
+/// The training runs of a refinement.
+pub(super) fn refined_excerpts(
+    training: &[&Trajectory],
+    grid: &SearchGrid,
+    horizon: usize,
+    most: usize,
+) -> Vec<Trajectory> {
+    let warm_up = training.first().map_or(1, |run| grid.warm_up(run));
+    excerpts(training, horizon, warm_up, most)
 }
 
 /// Replaces the coefficients of a fit and shifts its ensemble.

@@ -1,6 +1,6 @@
 //! The equations of a search, fitted to other runs.
 
-use super::refinement::{constraints_of, take_refined};
+use super::refinement::{constraints_of, refined_excerpts, take_refined};
 use super::selection::ensemble;
 use super::{SearchError, SearchResult, Trial, Variables, fit_options, prepare};
 use crate::evaluate::DesignRange;
@@ -15,7 +15,8 @@ use crate::sindy::structure::Structure;
 
 /// Fits equations with the settings of a search to `runs`: library, lags, gate, form of the regression, method of term
 /// selection, ridge penalty and refinement of each equation. Terms are selected and coefficients fitted again.
-/// `resamples` is the size of the bootstrap ensemble, and `seed` its seed.
+/// `resamples` is the size of the bootstrap ensemble, `seed` its seed, and `refine_samples` the largest number of samples
+/// for the refinement.
 ///
 /// # Errors
 /// If the equations cannot be fitted.
@@ -24,6 +25,7 @@ pub fn refit(
     runs: &[&Trajectory],
     outputs: &[DesignRange],
     (resamples, seed): (usize, u64),
+    refine_samples: usize,
 ) -> Result<(Fit, Option<Ensemble>), SearchError> {
     let run = runs.first().ok_or(SearchError::Empty)?;
     let grid = &found.grid;
@@ -47,8 +49,10 @@ pub fn refit(
     let structures: Vec<&Structure> = trials.iter().map(|trial| &trial.structure).collect();
     let (lags, gates) = scope.of(&structures);
     let constraints = constraints_of(grid, &variables, &structures, &fit.equations);
+    let excerpts = refined_excerpts(runs, grid, horizon, refine_samples);
+    let excerpts: Vec<&Trajectory> = excerpts.iter().collect();
     let options = RefineOptions {
-        runs,
+        runs: &excerpts,
         ranges: outputs,
         horizon,
         strengths: &[strength],
