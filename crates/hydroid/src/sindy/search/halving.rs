@@ -4,6 +4,7 @@ use super::judge::{Judge, TrialScore};
 use super::{EvaluatedTrial, Fitted, Search, SearchError, Trial, TrialSettings};
 use crate::progress::Progress;
 use crate::sindy::fit::Fit;
+use crate::sindy::parsimony::BlockLosses;
 
 /// Of the trials of a round, one in `HALVING` is scored again on `HALVING` times as many origins.
 const HALVING: usize = 4;
@@ -11,9 +12,20 @@ const HALVING: usize = 4;
 /// Rounds before the last one, which uses all origins.
 const ROUNDS: u32 = 2;
 
+impl EvaluatedTrial {
+    fn take(&mut self, judged: TrialScore, finalist: bool) {
+        let finite = |x: f64| x.is_finite().then_some(x);
+        self.trial.score = finite(judged.score);
+        self.trial.validation = finite(judged.validation);
+        self.trial.training = judged.training.and_then(finite);
+        self.trial.diverged = judged.diverged;
+        self.trial.finalist = finalist;
+        self.losses = judged.losses;
+    }
+}
+
 impl Fitted<'_> {
     fn tried(self, judged: TrialScore, finalist: bool) -> EvaluatedTrial {
-        let finite = |x: f64| x.is_finite().then_some(x);
         let TrialSettings { structure, regression, optimizer, ridge } = self.settings;
         let trial = Trial {
             structure: structure.clone(),
@@ -21,13 +33,16 @@ impl Fitted<'_> {
             optimizer,
             ridge,
             terms: self.fit.equations.active_terms(),
-            score: finite(judged.score),
-            validation: finite(judged.validation),
-            training: judged.training.and_then(finite),
-            diverged: judged.diverged,
+            score: None,
+            validation: None,
+            training: None,
+            diverged: 0,
             finalist,
         };
-        EvaluatedTrial { trial, fit: self.fit, losses: judged.losses, prepared: self.prepared }
+        let losses = BlockLosses::default();
+        let mut tried = EvaluatedTrial { trial, fit: self.fit, losses, prepared: self.prepared };
+        tried.take(judged, finalist);
+        tried
     }
 }
 
@@ -66,6 +81,21 @@ impl Search<'_> {
         }
         tried.sort_by_key(|(index, _)| *index);
         self.tried = tried.into_iter().map(|(_, tried)| tried).collect();
+        if self.finalists().next().is_none() {
+            self.score_the_others(progress)?;
+        }
+        Ok(())
+    }
+
+    /// Scores the trials on all origins that did not diverge on a part of them.
+    fn score_the_others(&mut self, progress: Progress<'_>) -> Result<(), SearchError> {
+        let others: Vec<usize> =
+            (0..self.tried.len()).filter(|&i| self.tried[i].trial.score.is_some()).collect();
+        let fits: Vec<&Fit> = others.iter().map(|&i| &self.tried[i].fit).collect();
+        let scores = self.judge.score_all(&fits, progress)?;
+        for (i, score) in others.into_iter().zip(scores) {
+            self.tried[i].take(score, true);
+        }
         Ok(())
     }
 }
