@@ -37,12 +37,13 @@ impl<'a> Judge<'a> {
         thinning: usize,
     ) -> Result<Self, SearchError> {
         let (ranges, evaluation) = (options.outputs, &options.evaluation);
-        let validation = Windows::new(options.validation, ranges, evaluation, thinning)
+        let stride = evaluation.origin_stride.max(1);
+        let validation = Windows::new(options.validation, ranges, evaluation, (stride, thinning))
             .map_err(SearchError::Validation)?;
         // The number of origins equals that on the validation runs.
         let samples = |runs: &[&Trajectory]| runs.iter().map(|run| run.len()).sum::<usize>();
         let ratio = samples(excerpts) / samples(options.validation).max(1);
-        let training = Windows::new(excerpts, ranges, evaluation, thinning * ratio.max(1)).ok();
+        let training = Windows::new(excerpts, ranges, evaluation, (stride * ratio.max(1), thinning)).ok();
         Ok(Self { validation, training })
     }
 

@@ -17,7 +17,7 @@ pub(super) struct Windows<'a> {
     /// Run and sample of each origin.
     origins: Vec<(usize, usize)>,
     horizon: usize,
-    /// Measurements and their standard deviation over the windows, for each horizon and output.
+    /// Number of measurements, and their standard deviation over all origins, for each horizon and output.
     targets: Vec<(f64, f64)>,
     /// Variance of each output over all runs.
     variance: Vec<f64>,
@@ -36,7 +36,7 @@ pub(super) struct WindowScore {
 }
 
 impl<'a> Windows<'a> {
-    /// Origins as in [`evaluate`](crate::evaluate::evaluate()), one in `thinning`.
+    /// Origins as in [`evaluate`](crate::evaluate::evaluate()), `stride` samples apart, one in `thinning` of all.
     ///
     /// # Errors
     /// If there are none.
@@ -44,10 +44,9 @@ impl<'a> Windows<'a> {
         runs: &'a [&'a Trajectory],
         ranges: &[DesignRange],
         options: &Options,
-        thinning: usize,
+        (stride, thinning): (usize, usize),
     ) -> Result<Self, EvaluateError> {
         let (horizon, warm_up) = (options.horizon, options.warm_up.max(1));
-        let stride = (options.origin_stride * thinning).max(1);
         let mut origins = Vec::new();
         for (index, run) in runs.iter().enumerate() {
             let first = first_origin(run, warm_up).unwrap_or(run.len());
@@ -77,12 +76,17 @@ impl<'a> Windows<'a> {
             origins,
         };
         let outputs = ranges.len();
-        windows.targets = (0..horizon * outputs)
-            .map(|cell| deviation(windows.targets_of(cell / outputs + 1, cell % outputs)))
-            .collect();
+        let cells = || (0..horizon * outputs).map(|cell| (cell / outputs + 1, cell % outputs));
+        // Few origins have hardly a standard deviation: all origins give it.
+        let deviations: Vec<f64> =
+            cells().map(|(step, output)| deviation(windows.targets_of(step, output))).collect();
+        let thinned = windows.origins.iter().copied().step_by(thinning).collect();
+        windows.origins = thinned;
+        let count = |(step, output)| windows.targets_of(step, output).filter(|y| !y.is_nan()).count() as f64;
+        windows.targets = cells().map(count).zip(deviations).collect();
         windows.variance = (0..outputs)
             .map(|c| {
-                let (_, deviation) = deviation(runs.iter().flat_map(|run| run.outputs.column(c)));
+                let deviation = deviation(runs.iter().flat_map(|run| run.outputs.column(c)));
                 if deviation > 0.0 { deviation * deviation } else { f64::INFINITY }
             })
             .collect();
@@ -193,12 +197,12 @@ fn first_origin(run: &Trajectory, warm_up: usize) -> Option<usize> {
     Some(first.max(warm_up - 1))
 }
 
-/// Number of the values that are not missing, and their standard deviation; NaN if they are constant.
-fn deviation(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
+/// Standard deviation of the values that are not missing; NaN if they are constant.
+fn deviation(values: impl Iterator<Item = f64> + Clone) -> f64 {
     let measured = values.filter(|y| !y.is_nan());
     let count = measured.clone().count() as f64;
     let mean = measured.clone().sum::<f64>() / count;
     let variance = measured.clone().map(|y| (y - mean) * (y - mean)).sum::<f64>() / count;
     // Rounding leaves a variance to a constant.
-    (count, if variance > 1e-12 * mean * mean { variance.sqrt() } else { f64::NAN })
+    if variance > 1e-12 * mean * mean { variance.sqrt() } else { f64::NAN }
 }
