@@ -158,7 +158,7 @@ fn searched(
         validation: &parts.validation,
         outputs: &parts.training_ranges,
         inputs: &inputs,
-        evaluation: evaluate::Options { warm_up: grid.warm_up(train[0]), ..quick(job, parts) },
+        evaluation: quick(job, parts),
         seed: job.seed,
         ensemble_size: job.sindy.members.0,
         refine_samples: if parts.draft { DRAFT_REFINE_SAMPLES } else { REFINE_SAMPLES },

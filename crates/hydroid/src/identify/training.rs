@@ -152,8 +152,13 @@ pub(super) fn train_by(
     let score = |found: &SearchResult| found.trials[found.chosen].validation.unwrap_or(f64::INFINITY);
     let mut left_out = Vec::new();
     let (model, training, score) = match method {
-        Method::Sindy if parts.folds.is_some() => {
-            let (found, fits) = cross_validated_equations(job, parts, &mut |fraction| tell(fraction, None))?;
+        Method::Sindy | Method::Lagged => {
+            let progress = &mut |fraction| tell(fraction, None);
+            let (found, fits) = match method {
+                Method::Lagged => (equations::lagged(job, parts, progress)?, Vec::new()),
+                _ if parts.folds.is_some() => cross_validated_equations(job, parts, progress)?,
+                _ => (equations::memoryless(job, parts, progress)?, Vec::new()),
+            };
             let body = Body::Equations(Arc::new(found.fit.equations.clone()));
             let mut model = describe(job, parts, method, body, of_search(&found));
             if let Some(ensemble) = &found.ensemble {
@@ -165,20 +170,6 @@ pub(super) fn train_by(
                 ..model.clone()
             };
             left_out = fits.into_iter().map(with).collect();
-            let score = score(&found);
-            (model, Training::Equations(found), score)
-        }
-        Method::Sindy | Method::Lagged => {
-            let progress = &mut |fraction| tell(fraction, None);
-            let found = match method {
-                Method::Lagged => equations::lagged(job, parts, progress)?,
-                _ => equations::memoryless(job, parts, progress)?,
-            };
-            let body = Body::Equations(Arc::new(found.fit.equations.clone()));
-            let mut model = describe(job, parts, method, body, of_search(&found));
-            if let Some(ensemble) = &found.ensemble {
-                model.members = Members::new(&ensemble.members);
-            }
             let score = score(&found);
             (model, Training::Equations(found), score)
         }

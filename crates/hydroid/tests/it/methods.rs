@@ -30,7 +30,12 @@ fn identified(drag: f64, methods: &[Method]) -> (IdentifyResult, Trajectory) {
         test: vec![test.clone()],
         notes: Vec::new(),
     };
-    let job = Job {
+    (identify(&job(methods, split), &mut silent()).unwrap(), test)
+}
+
+/// A short search over polynomials.
+fn job(methods: &[Method], split: Split) -> Job {
+    Job {
         methods: methods.to_vec(),
         split,
         reading: Reading::default(),
@@ -48,8 +53,7 @@ fn identified(drag: f64, methods: &[Method]) -> (IdentifyResult, Trajectory) {
             members: EnsembleSize(0),
             ..SindyOptions::default()
         },
-    };
-    (identify(&job, &mut silent()).unwrap(), test)
+    }
 }
 
 fn names(identified: &IdentifyResult) -> Vec<&str> {
@@ -223,25 +227,7 @@ fn runs_of_different_parts_that_share_data_are_refused() {
 /// A cross-validation over runs with the drag multiplied by each of the factors.
 fn cross_validated(methods: &[Method], drags: &[f64], test: Vec<Trajectory>) -> (IdentifyResult, Job) {
     let runs = drags.iter().zip(1..).map(|(&drag, seed)| run(drag, seed, 300.0)).collect();
-    let job = Job {
-        methods: methods.to_vec(),
-        split: Split { train: runs, validation: Vec::new(), test, notes: Vec::new() },
-        reading: Reading::default(),
-        horizon: 50,
-        origin_stride: 10,
-        seed: 0,
-        ranges: GivenRanges::new(),
-        networks: NetworkTrainingOptions::default(),
-        sindy: SindyOptions {
-            degree: Some(2),
-            signed_squares: Some(false),
-            lag: LagOption::Keyword(Keyword::None),
-            gate: GateOption::Keyword(Keyword::None),
-            ridge: Some(1e-6),
-            members: EnsembleSize(0),
-            ..SindyOptions::default()
-        },
-    };
+    let job = job(methods, Split { train: runs, validation: Vec::new(), test, notes: Vec::new() });
     (identify(&job, &mut silent()).unwrap(), job)
 }
 
@@ -310,17 +296,8 @@ fn one_run_is_divided_into_blocks_and_test_runs_take_no_part() {
 fn the_runs_of_a_cross_validation_must_differ() {
     let once = run(1.0, 1, 120.0);
     let runs = vec![once.clone(), run(1.0, 2, 120.0), Trajectory { name: "again".into(), ..once }];
-    let job = Job {
-        methods: vec![Method::Committee],
-        split: Split { train: runs, validation: Vec::new(), test: Vec::new(), notes: Vec::new() },
-        reading: Reading::default(),
-        horizon: 50,
-        origin_stride: 10,
-        seed: 0,
-        ranges: GivenRanges::new(),
-        networks: NetworkTrainingOptions::default(),
-        sindy: SindyOptions::default(),
-    };
+    let split = Split { train: runs, validation: Vec::new(), test: Vec::new(), notes: Vec::new() };
+    let job = job(&[Method::Committee], split);
     let refused = identify(&job, &mut silent()).unwrap_err();
     assert!(matches!(refused, IdentifyError::DataLeakage { .. }), "{refused}");
     // Networks need validation runs.

@@ -211,6 +211,9 @@ pub fn search(
     progress: Progress<'_>,
 ) -> Result<SearchResult, SearchError> {
     let run = training.first().ok_or(SearchError::Empty)?;
+    let mut options = options.clone();
+    options.evaluation.warm_up = options.evaluation.warm_up.max(grid.warm_up(run));
+    let options = &options;
     let horizon = options.evaluation.horizon;
     let excerpts = excerpts::excerpts(training, horizon, grid.warm_up(run), SCORE_SAMPLES);
     let excerpts: Vec<&Trajectory> = excerpts.iter().collect();
