@@ -204,6 +204,9 @@ pub struct Evaluation {
     /// output; NaN without a measurement.
     #[serde(skip)]
     pub errors: Vec<Vec<f32>>,
+    /// Number of these windows in each run, in the order of the errors.
+    #[serde(skip)]
+    pub windows_of_runs: Vec<usize>,
 }
 
 /// Errors on one run at the longest horizon.

@@ -1,10 +1,11 @@
 //! Prediction bands from the errors on runs that were left out.
 //!
-//! The half-width of the band of level `q` at a horizon is the `ceil((n + 1) q)`-th smallest of the `n` absolute errors at
-//! this horizon (split conformal prediction: Lei, G'Sell, Rinaldo, Tibshirani and Wasserman, *Journal of the American
-//! Statistical Association* 113 (2018) 1094). If the errors on a new run are distributed as those on the runs that were
-//! left out, the band holds at least the share `q` of the measurements. Neighbouring windows of a run are correlated, so
-//! that the share varies from run to run.
+//! The half-width of a band at a horizon is the `ceil((n + 1) p)`-th smallest of the `n` absolute errors at this horizon
+//! (split conformal prediction: Lei, G'Sell, Rinaldo, Tibshirani and Wasserman, *Journal of the American Statistical
+//! Association* 113 (2018) 1094). Windows of a run are alike and runs differ, so that `p` is not the level `q` of the band
+//! itself: it is chosen such that bands from all runs but one hold the share `q` of the measurements of this run, in the
+//! mean over runs, outputs and horizons. If a new run differs from the runs that were left out as they differ from each
+//! other, the band holds about the share `q` of its measurements.
 
 use serde::{Deserialize, Serialize};
 
@@ -55,6 +56,7 @@ impl PredictionBands {
     /// horizons, one is longer than a million samples, or an output has no errors at one of them.
     pub fn new(evaluation: &Evaluation) -> Option<Self> {
         let outputs = evaluation.channels.len();
+        let quantiles = quantiles(evaluation);
         let mut half_widths = vec![Vec::new(); LEVELS.len()];
         for errors in evaluation.errors.chunks_exact(outputs) {
             let mut rows = vec![Vec::with_capacity(outputs); LEVELS.len()];
@@ -64,7 +66,7 @@ impl PredictionBands {
                     return None;
                 }
                 sizes.sort_unstable_by(f32::total_cmp);
-                for (row, level) in rows.iter_mut().zip(LEVELS) {
+                for (row, level) in rows.iter_mut().zip(quantiles) {
                     row.push(f64::from(sizes[rank(level, sizes.len())]));
                 }
             }
@@ -130,6 +132,48 @@ impl PredictionBands {
             && self.half_widths.len() == self.levels.len()
             && self.half_widths.iter().all(table)
     }
+}
+
+/// The quantile of the errors for each level.
+///
+/// The share of the errors of all other runs that an error exceeds is its level among them. A band of the quantile `p` of
+/// the other runs holds the errors whose level is at most `p`.
+fn quantiles(evaluation: &Evaluation) -> [f64; 3] {
+    let runs = &evaluation.windows_of_runs;
+    let run_of: Vec<usize> = runs.iter().enumerate().flat_map(|(run, &n)| (0..n).map(move |_| run)).collect();
+    let mut levels: Vec<(f32, f64)> = Vec::new();
+    for errors in &evaluation.errors {
+        let mut sorted: Vec<(f32, usize)> = errors
+            .iter()
+            .copied()
+            .zip(run_of.iter().copied())
+            .filter(|(error, _)| error.is_finite())
+            .collect();
+        sorted.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        let mut totals = vec![0_usize; runs.len()];
+        sorted.iter().for_each(|(_, run)| totals[*run] += 1);
+        let mut seen = vec![0_usize; runs.len()];
+        for (rank, (_, run)) in sorted.iter().enumerate() {
+            let others = sorted.len() - totals[*run];
+            if others > 0 {
+                #[expect(clippy::cast_possible_truncation, reason = "a share")]
+                let level = ((rank - seen[*run]) as f64 / others as f64) as f32;
+                levels.push((level, 1.0 / totals[*run] as f64));
+            }
+            seen[*run] += 1;
+        }
+    }
+    levels.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let total: f64 = levels.iter().map(|(_, weight)| weight).sum();
+    LEVELS.map(|level| {
+        let mut sum = 0.0;
+        let held = |(_, weight): &&(f32, f64)| {
+            sum += weight;
+            sum >= level * total
+        };
+        // A single run gives no information on others.
+        levels.iter().find(held).map_or(level, |(quantile, _)| f64::from(*quantile))
+    })
 }
 
 /// Index of the conformal quantile among `count` sorted errors.

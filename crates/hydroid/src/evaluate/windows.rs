@@ -120,6 +120,7 @@ fn evaluate_with(
     let total: usize = runs.iter().map(|run| run.len()).sum();
     let mut before = 0;
     let mut by_run = Vec::new();
+    let mut windows_of_runs = Vec::new();
     for (index, (run, target)) in runs.iter().zip(&targets).enumerate() {
         let ranges: Vec<DesignRange> =
             ranges.iter().enumerate().map(|(c, range)| range.including(target.column(c))).collect();
@@ -140,6 +141,7 @@ fn evaluate_with(
         if of_run.windows > 0 {
             tally.runs.used += 1;
             by_run.push(of_run.errors(&run.name, &variance, n));
+            windows_of_runs.extend(of_run.errors.first().map(Vec::len));
             tally.add(of_run);
         } else {
             tally.runs.unused += 1;
@@ -151,7 +153,7 @@ fn evaluate_with(
         // Runs are long enough, so that a missing value is the cause.
         return Err(EvaluateError::NoOrigin { channel: latest(runs, options) });
     }
-    Ok(Evaluation { by_run, ..tabulate(name, runs[0], options, &tally) })
+    Ok(Evaluation { by_run, windows_of_runs, ..tabulate(name, runs[0], options, &tally) })
 }
 
 fn check(
@@ -468,6 +470,7 @@ fn tabulate(name: &str, run: &Trajectory, options: &Options, tally: &Tally) -> E
         by_run: Vec::new(),
         errors_at: options.errors_at.clone(),
         errors: tally.errors.clone(),
+        windows_of_runs: Vec::new(),
     }
 }
 

@@ -502,3 +502,22 @@ fn bands_hold_their_share_of_the_errors_they_are_made_of_and_of_twice_as_large_o
     // Errors are kept at horizons of the evaluation only.
     assert!(judge(&oracle, &[&log], &Options { errors_at: vec![9], ..options }).is_err());
 }
+
+#[test]
+fn bands_of_runs_that_differ_hold_their_share_of_the_run_that_is_left_out() {
+    let outputs = wave(2_000);
+    let (a, b) = (run("a", &outputs), run("b", &outputs));
+    // Errors on the second run are twice those on the first.
+    let small = Oracle::new(&outputs, |k, _, _| ((0.618_034 * k as f64).fract() * 2.0 - 1.0) * 1e-3);
+    let large = Oracle::new(&outputs, |k, _, _| ((0.618_034 * k as f64).fract() * 2.0 - 1.0) * 2e-3);
+    let mut sessions: [Box<dyn Predictor>; 2] = [Box::new(small), Box::new(large)];
+    let options = Options { errors_at: vec![4], ..options(4) };
+    let result = evaluate_each("each", &mut sessions, &RANGES, &[&a, &b], &options, &mut silent()).unwrap();
+    let bands = PredictionBands::new(&result).unwrap();
+    // Bands of the quantile p hold min(2p, 1) of the first run by the second one and p / 2 of the second by the first:
+    // 50 % at p = 0.4. The share of pooled errors below x is 0.75 x / 1e-3 there. The widest band of the first run holds
+    // half of the second, so that the other bands contain all errors.
+    for (level, width) in [0.4 / 0.75 * 1e-3, 2e-3, 2e-3].into_iter().enumerate() {
+        assert!((bands.half_width(level, 4, 0) / width - 1.0).abs() < 0.02, "{bands:?}");
+    }
+}
