@@ -151,7 +151,9 @@ fn quantiles(evaluation: &Evaluation) -> [f64; 3] {
             .collect();
         sorted.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         let mut totals = vec![0_usize; runs.len()];
-        sorted.iter().for_each(|(_, run)| totals[*run] += 1);
+        for (_, run) in &sorted {
+            totals[*run] += 1;
+        }
         let mut seen = vec![0_usize; runs.len()];
         for (rank, (_, run)) in sorted.iter().enumerate() {
             let others = sorted.len() - totals[*run];
