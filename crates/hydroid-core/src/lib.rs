@@ -3,7 +3,8 @@
 //!
 //! Order of the modules, each of which imports only those before it: `math` (vector kernels), `actuator` (lags, command
 //! maps, limits), `vessel` (the parametric plant), `predict` (the prediction session), `model` (equations, networks,
-//! plants over samples), `adapt` (online adaptation and its guard), `guidance` (paths and references), `control`
+//! plants over samples), `adapt` (online adaptation and its guard), `current`
+//! (predictions over ground in a current), `guidance` (paths and references), `control`
 //! (control laws and planning).
 //!
 //! Conventions: body velocities `nu = (u, v, r)`, surge and sway in m/s (forward, starboard), yaw rate in rad/s
@@ -19,6 +20,7 @@ extern crate std;
 pub mod actuator;
 pub mod adapt;
 pub mod control;
+pub mod current;
 pub mod guidance;
 pub mod math;
 pub mod model;

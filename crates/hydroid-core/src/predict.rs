@@ -86,6 +86,12 @@ pub trait Predictor: Send + Sync {
     /// its weights is an option of the session.
     fn reset(&mut self);
 
+    /// Takes the heading \[rad\], clockwise from north, of the sample that is observed next. Models of the motion over
+    /// ground ignore it; see [`ThroughWater`](crate::current::ThroughWater).
+    fn observe_heading(&mut self, heading: f64) {
+        let _ = heading;
+    }
+
     /// Takes the measurement `y_k`. A NaN is a missing value, for which the session keeps its own prediction.
     fn observe(&mut self, y: &[f64]);
 

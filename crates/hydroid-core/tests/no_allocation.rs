@@ -26,6 +26,7 @@ use hydroid_core::control::{
     Autopilot, AutopilotOptions, Backstepping, BacksteppingOptions, Controller, Estimate,
     FeedbackLinearization, FeedbackLinearizationOptions, HeadingGains, SpeedGains,
 };
+use hydroid_core::current::{CurrentOptions, ThroughWater};
 use hydroid_core::guidance::{
     LineOfSight, LineOfSightOptions, Path, PathReference, Reference, Side, SpeedLimits, SpeedProfile,
     TimedReference,
@@ -328,6 +329,33 @@ fn planning_allocates_nothing(session: &dyn Predictor) {
     assert_eq!(count, 0, "allocations while planning");
 }
 
+/// Samples with their windows, and missing values.
+fn estimating_the_current_allocates_nothing(model: Box<dyn Predictor>) {
+    let options = CurrentOptions {
+        motion: [0, 1, 2],
+        dt: 0.1,
+        window: 10,
+        stride: 4,
+        deviations: [0.1, 0.1, 0.05],
+        initial: 0.5,
+        walk: 0.01,
+    };
+    let mut session = ThroughWater::new(model, options).unwrap();
+    let mut run = || {
+        for k in 0..100 {
+            let x = 0.01 * f64::from(k);
+            session.observe_heading(if k % 41 == 3 { f64::NAN } else { x });
+            session.advance_observe(
+                &[20.0, 0.1],
+                &[2.0 + x.sin(), 0.1 * x, if k == 50 { f64::NAN } else { 0.1 }],
+            );
+        }
+    };
+    run();
+    assert_eq!(allocations(run), 0, "allocations while estimating the current");
+    assert_ne!(session.current().velocity, [0.0; 2]);
+}
+
 /// A whole way there and back, and a rollout.
 fn recurrent_batches_allocate_nothing(cell: Cell) {
     let network = Network { cell, inputs: 2, outputs: 3, read_out: true };
@@ -410,6 +438,7 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     let mut session = EquationsSession::new(Arc::new(flying));
     session.observe(&[2.0, 0.0, 0.1]);
     planning_allocates_nothing(&session);
+    estimating_the_current_allocates_nothing(Box::new(session.clone()));
     let terms: Vec<Term> = (0..5).flat_map(|a| (a..5).map(move |b| Term::monomial(&[a, b]))).collect();
     let coefficients = (0..3 * terms.len()).map(|k| 0.01 * ((k % 5) as f64 - 2.0)).collect();
     let equations = Equations::new(terms, coefficients, 3, 2, 0.1, 2).unwrap();

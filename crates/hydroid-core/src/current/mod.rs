@@ -1,0 +1,453 @@
+//! Predictions over ground by a model of the motion through the water, with an estimate of the current.
+//!
+//! Hull, propellers and rudders act on the motion through the water, and most sensors measure the motion over ground. With
+//! the heading `psi` and the current `(c_n, c_e)` \[m/s\], north and east, surge and sway through the water are
+//!
+//! ```text
+//! u_w = u - c_n cos psi - c_e sin psi
+//! v_w = v + c_n sin psi - c_e cos psi
+//! ```
+//!
+//! and the yaw rate is the same (T. I. Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control*, 2nd edition,
+//! 2021, section 10.3). [`ThroughWater`] is a predictor of the motion over ground around a predictor of the motion through
+//! the water.
+
+mod past;
+
+use alloc::boxed::Box;
+use alloc::vec;
+use alloc::vec::Vec;
+
+use num_traits::Float;
+
+use crate::predict::{Predictor, Workspace, rollout_steps};
+use past::Past;
+
+/// Options of the estimate of the current.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CurrentOptions {
+    /// Indices of surge, sway and yaw rate among the outputs.
+    pub motion: [usize; 3],
+    /// Sample time \[s\].
+    pub dt: f64,
+    /// Length of a window \[samples\]: the current is estimated from the errors of predictions over it.
+    pub window: usize,
+    /// Samples between the ends of two windows.
+    pub stride: usize,
+    /// Standard deviations of the errors at the end of a window under the right current: surge and sway \[m/s\], yaw rate
+    /// \[rad/s\].
+    pub deviations: [f64; 3],
+    /// Standard deviation of each component of the current at the start of a run \[m/s\].
+    pub initial: f64,
+    /// Standard deviation of the change of each component in a second \[m/s\], a random walk; 0 for a constant current.
+    pub walk: f64,
+}
+
+/// Longest window \[samples\].
+pub const LONGEST_WINDOW: usize = 1_000_000;
+
+impl CurrentOptions {
+    /// Whether the options are valid for a model with this number of outputs.
+    pub fn are_valid(&self, outputs: usize) -> bool {
+        let [u, v, r] = self.motion;
+        let positive = |x: f64| x.is_finite() && x > 0.0;
+        self.motion.iter().all(|&c| c < outputs)
+            && u != v
+            && v != r
+            && r != u
+            && (1..=LONGEST_WINDOW).contains(&self.window)
+            && self.stride >= 1
+            && self.deviations.into_iter().all(positive)
+            && positive(self.dt)
+            && positive(self.initial)
+            && self.walk.is_finite()
+            && self.walk >= 0.0
+    }
+}
+
+/// An estimate of the current.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Current {
+    /// Components north and east \[m/s\].
+    pub velocity: [f64; 2],
+    /// Variance of the north component, covariance, variance of the east component \[m^2/s^2\].
+    pub covariance: [f64; 3],
+}
+
+/// Surge and sway \[m/s\] of a current (north, east) in the body frame at a heading \[rad\].
+pub fn in_body([north, east]: [f64; 2], heading: f64) -> [f64; 2] {
+    let (sin, cos) = Float::sin_cos(heading);
+    [north * cos + east * sin, east * cos - north * sin]
+}
+
+/// Inverse of a symmetric matrix (upper left, off the diagonal, lower right); `None` unless it is positive definite.
+fn inverse([a, b, c]: [f64; 3]) -> Option<[f64; 3]> {
+    let determinant = a * c - b * b;
+    let sound = a > 0.0 && determinant > 0.0 && determinant.is_finite();
+    sound.then(|| [c / determinant, -b / determinant, a / determinant])
+}
+
+fn product([a, b, c]: [f64; 3], [x, y]: [f64; 2]) -> [f64; 2] {
+    [a * x + b * y, b * x + c * y]
+}
+
+/// Norm of three standardized errors with full weight: 95 % of a chi distribution with three degrees of freedom.
+const FULL_WEIGHT: f64 = 2.8;
+
+/// Largest number of iterations of an update.
+const ITERATIONS: usize = 4;
+
+/// Step of the numerical derivatives, in initial standard deviations.
+const STEP: f64 = 0.1;
+
+/// Change at which the iterations end, in initial standard deviations.
+const SMALL: f64 = 0.01;
+
+/// A session that predicts the motion over ground.
+///
+/// [`observe_heading`](Predictor::observe_heading) takes the heading of the sample that is observed next. Without a
+/// heading, the session predicts it from the yaw rate; before the first one, it takes the water as still.
+///
+/// The current is a random walk, estimated by an iterated extended Kalman filter (B. M. Bell and F. W. Cathey, *IEEE
+/// Transactions on Automatic Control* 38 (1993) 294). Its measurements are the errors of predictions over windows: under
+/// a current, the model observes the past of the window and predicts its end. Huber weights limit the effect of a window
+/// that the model cannot explain. Windows overlap, and each counts by the share that is new. After each window, the model
+/// observes its past again under the new estimate, so that all its memory belongs to one current.
+///
+/// The model itself must not learn: what it learned under another current would stay.
+pub struct ThroughWater {
+    inner: Box<dyn Predictor>,
+    /// A session of the same model that observes the past again.
+    replay: Box<dyn Predictor>,
+    options: CurrentOptions,
+    current: Current,
+    /// Heading at the present sample; NaN before the first one.
+    heading: f64,
+    /// Heading of the sample that is observed next; NaN if there is none.
+    next_heading: f64,
+    /// Yaw rate at the present sample.
+    rate: f64,
+    past: Past,
+    /// Samples since the last window.
+    since: usize,
+    row: Vec<f64>,
+    state: Vec<f64>,
+    commands: Vec<f64>,
+    predicted: Vec<f64>,
+    work: Workspace,
+}
+
+impl ThroughWater {
+    /// A session around a model of the motion through the water, at the start of a run; `None` if the options are not
+    /// [valid](CurrentOptions::are_valid).
+    pub fn new(inner: Box<dyn Predictor>, options: CurrentOptions) -> Option<Self> {
+        let (outputs, inputs, window) = (inner.outputs(), inner.inputs(), options.window);
+        options.are_valid(outputs).then(|| Self {
+            replay: inner.fork(),
+            options,
+            current: initial_estimate(&options),
+            heading: f64::NAN,
+            next_heading: f64::NAN,
+            rate: f64::NAN,
+            past: Past::new(outputs, inputs, inner.warm_up() + window),
+            since: 0,
+            row: vec![0.0; outputs],
+            state: vec![0.0; inner.snapshot_len()],
+            commands: Vec::with_capacity(inputs * window),
+            predicted: vec![0.0; outputs * window],
+            work: Workspace::new(),
+            inner,
+        })
+    }
+
+    /// The estimate of the current.
+    pub fn current(&self) -> &Current {
+        &self.current
+    }
+
+    /// Heading \[rad\] at the present sample, measured or predicted; NaN before the first one.
+    pub fn heading(&self) -> f64 {
+        self.heading
+    }
+
+    /// Adds `sign` times a current to outputs.
+    fn add_current(&self, current: [f64; 2], heading: f64, sign: f64, y: &mut [f64]) {
+        if heading.is_finite() {
+            let [surge, sway] = in_body(current, heading);
+            y[self.options.motion[0]] += sign * surge;
+            y[self.options.motion[1]] += sign * sway;
+        }
+    }
+
+    /// Lets the second session observe the samples from `from` to `to` samples before the newest, under a current.
+    fn observe_past(&mut self, current: [f64; 2], from: usize, to: usize) {
+        let mut row = core::mem::take(&mut self.row);
+        self.replay.restore(&self.state);
+        self.replay.reset();
+        for back in (to..=from).rev() {
+            let (y, heading, _) = self.past.row(back);
+            row.copy_from_slice(y);
+            self.add_current(current, heading, -1.0, &mut row);
+            if back == from {
+                self.replay.observe(&row);
+            } else {
+                self.replay.advance_observe(self.past.row(back + 1).2, &row);
+            }
+        }
+        self.row = row;
+    }
+
+    /// Error of the prediction over the last window under a current, in standard deviations.
+    fn error(&mut self, current: [f64; 2]) -> [f64; 3] {
+        let window = self.options.window;
+        self.observe_past(current, self.inner.warm_up() + window - 1, window);
+        let mut predicted = core::mem::take(&mut self.predicted);
+        self.replay.rollout(&self.commands, &mut self.work, &mut predicted);
+        let (y, heading, _) = self.past.row(0);
+        let end = predicted.len() - y.len();
+        self.add_current(current, heading, 1.0, &mut predicted[end..]);
+        let mut errors = [0.0; 3];
+        for ((error, of), deviation) in
+            errors.iter_mut().zip(self.options.motion).zip(self.options.deviations)
+        {
+            *error = (y[of] - predicted[end + of]) / deviation;
+        }
+        self.predicted = predicted;
+        errors
+    }
+
+    /// Updates the current by the last window; no effect where a number is not finite.
+    fn update_by_window(&mut self) {
+        let CurrentOptions { window, stride, initial, .. } = self.options;
+        self.inner.snapshot(&mut self.state);
+        self.commands.clear();
+        for back in (1..=window).rev() {
+            self.commands.extend_from_slice(self.past.row(back).2);
+        }
+        let Some(prior) = inverse(self.current.covariance) else { return };
+        let before = self.current.velocity;
+        let mut next = self.current;
+        let step = STEP * initial;
+        let share = (stride as f64 / window as f64).min(1.0);
+        for _ in 0..ITERATIONS {
+            let c = next.velocity;
+            let error = self.error(c);
+            let slopes = [self.error([c[0] + step, c[1]]), self.error([c[0], c[1] + step])];
+            let size = Float::sqrt(error.iter().map(|e| e * e).sum::<f64>());
+            let weight = share * if size > FULL_WEIGHT { FULL_WEIGHT / size } else { 1.0 };
+            let mut information = prior;
+            let mut right = product(prior, [before[0] - c[0], before[1] - c[1]]);
+            for (i, e) in error.iter().enumerate() {
+                let [north, east] = slopes.map(|other| (e - other[i]) / step);
+                information[0] += weight * north * north;
+                information[1] += weight * north * east;
+                information[2] += weight * east * east;
+                right[0] += weight * north * e;
+                right[1] += weight * east * e;
+            }
+            let Some(covariance) = inverse(information) else { return };
+            let change = product(covariance, right);
+            if !change.iter().all(|x| x.is_finite()) {
+                return;
+            }
+            next = Current { velocity: [c[0] + change[0], c[1] + change[1]], covariance };
+            if change.iter().all(|x| x.abs() < SMALL * initial) {
+                break;
+            }
+        }
+        self.current = next;
+        self.observe_past(next.velocity, self.inner.warm_up() - 1, 0);
+        self.replay.snapshot(&mut self.state);
+        self.inner.restore(&self.state);
+    }
+
+    /// Puts the outputs through the water into `row`.
+    fn take_measurement(&mut self, y: &[f64]) {
+        if self.next_heading.is_finite() {
+            self.heading = self.next_heading;
+        }
+        self.past.push(y, self.next_heading);
+        self.next_heading = f64::NAN;
+        let mut row = core::mem::take(&mut self.row);
+        row.copy_from_slice(y);
+        self.add_current(self.current.velocity, self.heading, -1.0, &mut row);
+        self.row = row;
+    }
+
+    fn update_estimate(&mut self) {
+        let variance = self.options.walk * self.options.walk * self.options.dt;
+        self.current.covariance[0] += variance;
+        self.current.covariance[2] += variance;
+        self.since = self.since.saturating_add(1);
+        if self.since >= self.options.stride && self.past.is_complete() {
+            self.since = 0;
+            self.update_by_window();
+        }
+        self.update_rate();
+    }
+
+    fn update_rate(&mut self) {
+        self.inner.output(&mut self.row);
+        self.rate = self.row[self.options.motion[2]];
+    }
+
+    /// Turns predictions through the water into predictions over ground, from a heading and a yaw rate on.
+    fn put_over_ground(&self, current: [f64; 2], mut heading: f64, mut rate: f64, y: &mut [f64]) {
+        let yaw = self.options.motion[2];
+        for row in y.chunks_exact_mut(self.inner.outputs()) {
+            let before = if rate.is_finite() { rate } else { row[yaw] };
+            heading += 0.5 * self.options.dt * (before + row[yaw]);
+            rate = row[yaw];
+            self.add_current(current, heading, 1.0, row);
+        }
+    }
+}
+
+fn initial_estimate(options: &CurrentOptions) -> Current {
+    let variance = options.initial * options.initial;
+    Current { velocity: [0.0; 2], covariance: [variance, 0.0, variance] }
+}
+
+/// Numbers of a snapshot beside those of the model: current, its covariance, heading, yaw rate.
+const OWN: usize = 7;
+
+impl Predictor for ThroughWater {
+    fn outputs(&self) -> usize {
+        self.inner.outputs()
+    }
+
+    fn inputs(&self) -> usize {
+        self.inner.inputs()
+    }
+
+    fn warm_up(&self) -> usize {
+        self.inner.warm_up()
+    }
+
+    /// The next run may have another current.
+    fn reset(&mut self) {
+        self.inner.reset();
+        self.current = initial_estimate(&self.options);
+        self.heading = f64::NAN;
+        self.next_heading = f64::NAN;
+        self.rate = f64::NAN;
+        self.past.clear();
+        self.since = 0;
+    }
+
+    fn observe_heading(&mut self, heading: f64) {
+        self.next_heading = heading;
+    }
+
+    fn observe(&mut self, y: &[f64]) {
+        self.take_measurement(y);
+        self.inner.observe(&self.row);
+        self.update_estimate();
+    }
+
+    fn advance(&mut self, c: &[f64]) {
+        self.past.set_command(c);
+        let before = self.rate;
+        self.inner.advance(c);
+        self.update_rate();
+        let step = 0.5 * self.options.dt * (before + self.rate);
+        if step.is_finite() {
+            self.heading += step;
+        }
+    }
+
+    fn advance_observe(&mut self, c: &[f64], y: &[f64]) {
+        if self.next_heading.is_finite() && y.iter().all(|y| !y.is_nan()) {
+            self.past.set_command(c);
+            self.take_measurement(y);
+            self.inner.advance_observe(c, &self.row);
+            self.update_estimate();
+        } else {
+            self.advance(c);
+            self.observe(y);
+        }
+    }
+
+    fn output(&self, y: &mut [f64]) {
+        self.inner.output(y);
+        self.add_current(self.current.velocity, self.heading, 1.0, y);
+    }
+
+    fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        rollout_steps(commands, self.inputs(), y, self.outputs());
+        self.inner.rollout(commands, work, y);
+        self.put_over_ground(self.current.velocity, self.heading, self.rate, y);
+    }
+
+    fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        self.inner.rollout_batch(count, commands, work, y);
+        for y in y.chunks_exact_mut((y.len() / count.max(1)).max(1)) {
+            self.put_over_ground(self.current.velocity, self.heading, self.rate, y);
+        }
+    }
+
+    fn snapshot_len(&self) -> usize {
+        self.inner.snapshot_len() + OWN
+    }
+
+    fn snapshot(&self, into: &mut [f64]) {
+        let (inner, own) = into.split_at_mut(self.inner.snapshot_len());
+        self.inner.snapshot(inner);
+        let Current { velocity: [north, east], covariance: [p, q, r] } = self.current;
+        own.copy_from_slice(&[north, east, p, q, r, self.heading, self.rate]);
+    }
+
+    fn restore(&mut self, from: &[f64]) {
+        let (inner, own) = from.split_at(self.inner.snapshot_len());
+        assert_eq!(own.len(), OWN, "a snapshot of this model");
+        self.inner.restore(inner);
+        self.current = Current { velocity: [own[0], own[1]], covariance: [own[2], own[3], own[4]] };
+        self.heading = own[5];
+        self.rate = own[6];
+        self.past.clear();
+    }
+
+    fn rollout_snapshots(
+        &mut self,
+        count: usize,
+        snapshots: &[f64],
+        commands: &[f64],
+        work: &mut Workspace,
+        y: &mut [f64],
+    ) {
+        let (all, inner) = (self.snapshot_len(), self.inner.snapshot_len());
+        assert_eq!(snapshots.len(), count * all, "whole snapshots");
+        let (numbers, [work, _]) = work.take_pair(count * inner);
+        for (place, from) in numbers.chunks_exact_mut(inner.max(1)).zip(snapshots.chunks_exact(all)) {
+            place.copy_from_slice(&from[..inner]);
+        }
+        self.inner.rollout_snapshots(count, &numbers[..count * inner], commands, work, y);
+        let size = (y.len() / count.max(1)).max(1);
+        for (y, from) in y.chunks_exact_mut(size).zip(snapshots.chunks_exact(all)) {
+            let own = &from[inner..];
+            self.put_over_ground([own[0], own[1]], own[5], own[6], y);
+        }
+        if let Some(last) = snapshots.chunks_exact(all).last() {
+            self.restore(last);
+        }
+    }
+
+    fn fork(&self) -> Box<dyn Predictor> {
+        Box::new(Self {
+            inner: self.inner.fork(),
+            replay: self.replay.fork(),
+            options: self.options,
+            current: self.current,
+            heading: self.heading,
+            next_heading: self.next_heading,
+            rate: self.rate,
+            past: self.past.clone(),
+            since: self.since,
+            row: self.row.clone(),
+            state: self.state.clone(),
+            commands: self.commands.clone(),
+            predicted: self.predicted.clone(),
+            work: Workspace::new(),
+        })
+    }
+}
