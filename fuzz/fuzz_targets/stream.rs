@@ -37,6 +37,7 @@ fn model() -> Model {
                 settings: Default::default(),
             },
             bands: None,
+ current: None,
         },
         body: Body::Equations(Arc::new(Equations::new(terms, vec![-0.3, 0.5], 1, 1, 0.1, 1).unwrap())),
         members: Members::default(),

@@ -40,6 +40,7 @@ pub struct Log {
     pub outputs: Vec<ChannelSpec>,
     pub inputs: Vec<ChannelSpec>,
     pub wind: Option<Wind>,
+    pub heading: Option<ChannelSpec>,
     pub dt: Option<f64>,
     pub max_gap_s: Option<f64>,
     pub command_timing: CommandTiming,

@@ -23,6 +23,9 @@ pub fn reading(base: Reading, args: &LogArgs) -> Result<Reading, LogError> {
     if let Some(inputs) = &args.inputs {
         selection.inputs = log::ChannelSpec::parse_list(inputs)?;
     }
+    if let Some(heading) = &args.heading {
+        selection.heading = Some(heading.parse()?);
+    }
     if let Some(wind) = &args.wind {
         selection.wind = Some(wind.parse()?);
     }
@@ -42,6 +45,7 @@ pub fn from_config(log: config::Log) -> Reading {
             outputs: log.outputs,
             inputs: log.inputs,
             wind: log.wind,
+            heading: log.heading,
         },
         options: log::PrepareOptions {
             dt: log.dt,

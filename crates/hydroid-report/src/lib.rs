@@ -11,6 +11,7 @@ pub mod style;
 
 mod closed_loop;
 mod coefficients;
+mod currents;
 mod data;
 mod equations;
 #[doc(hidden)]

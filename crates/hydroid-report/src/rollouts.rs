@@ -54,6 +54,7 @@ fn roll_out_run<'a>(model: &Model, run: &'a Trajectory, horizon: usize) -> RunRo
     let mut origin = None;
     let deviations: Vec<f64> = (0..n).map(|c| deviation(run.outputs.column(c))).collect();
     for k in 0..run.len() {
+        session.observe_heading(run.heading_at(k));
         session.observe(run.outputs.row(k));
         for (kept, &y) in kept.iter_mut().zip(run.outputs.row(k)) {
             if !y.is_nan() {

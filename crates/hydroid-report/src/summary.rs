@@ -2,6 +2,7 @@
 
 use maud::{Markup, html};
 
+use super::currents::currents;
 use super::equations::Sparse;
 use super::number::{self, duration, ratio};
 use super::page::{Section, cell, notes, readable, table};
@@ -29,6 +30,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Section {
         }
         (facts(subject))
         @if let Some(candidate) = subject.candidate { (errors_by_run(candidate)) }
+        (currents(subject.result.currents.as_ref()))
         @if !warnings.is_empty() {
             h3 { "Warnings" }
             (notes(&warnings[..warnings.len().min(SHOWN)]))
@@ -222,6 +224,7 @@ fn facts(subject: &Subject<'_>) -> Markup {
                     (candidate.model.title()) ", " (number::count(candidate.model.weights())) @if candidate.model.is_network() { " weights for " } @else { " coefficients for " }
                     (number::count(candidate.model.description.outputs.len())) " outputs and "
                     (number::count(candidate.model.description.inputs.len())) " inputs"
+                    @if candidate.model.description.current.is_some() { ", of the motion through the water" }
                 }
             }
             dt { "Data" }

@@ -2,10 +2,10 @@
 //! identified again from all other runs.
 //!
 //! ```text
-//! HYDROID_DATA=... cargo run --release -p hydroid-study --example leave_one_run_out -- [method,method[=S]] [SET ...]
+//! HYDROID_DATA=... cargo run --release -p hydroid-study --example leave_one_run_out -- [method,method[,through-water][=S]] [SET ...]
 //! ```
 //!
-//! `=S` is the time budget of the networks of an identification \[s\]. `-- write FOLDER` writes the prepared runs for
+//! `through-water` also tries models of the motion through the water. `=S` is the time budget of the networks of an identification \[s\]. `-- write FOLDER` writes the prepared runs for
 //! other programs (`benches/peers/pysindy_leave_one_run_out.py`).
 //!
 //! The table has the NRMSE of each output at the horizon, over the windows of all runs together, from every fifth sample
@@ -160,7 +160,13 @@ fn split(train: Vec<Trajectory>, test: &[Trajectory], methods: &[Method]) -> Res
     split_named(train, Vec::new(), test.to_vec())
 }
 
-fn measure(set: &Set, data: &Path, methods: &[Method], budget_s: Option<f64>) -> anyhow::Result<()> {
+fn measure(
+    set: &Set,
+    data: &Path,
+    methods: &[Method],
+    through_water: bool,
+    budget_s: Option<f64>,
+) -> anyhow::Result<()> {
     let (runs, reading) = set.read(data)?;
     let first = runs.iter().flatten().next().ok_or_else(|| anyhow::anyhow!("{}: no runs", set.name))?;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive number")]
@@ -187,6 +193,7 @@ fn measure(set: &Set, data: &Path, methods: &[Method], budget_s: Option<f64>) ->
             origin_stride: 5,
             seed: 0,
             ranges: std::collections::BTreeMap::default(),
+            through_water,
             sindy: SindyOptions::default(),
             networks: NetworkTrainingOptions { budget_s, ..NetworkTrainingOptions::default() },
         };
@@ -214,9 +221,9 @@ fn measure(set: &Set, data: &Path, methods: &[Method], budget_s: Option<f64>) ->
     let seconds = clock.elapsed().as_secs_f64() / runs.len() as f64;
     let all: Vec<&Trajectory> = runs.iter().flatten().collect();
     let ranges = output_ranges(&all);
-    // The first ten seconds of a run are the past of the first origin.
+    let past_s = if set.folder.starts_with("fleet") { 60.0 } else { 10.0 };
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive number")]
-    let warm_up = (10.0_f64 / first.dt).round() as usize;
+    let warm_up = (past_s / first.dt).round() as usize;
     let options = Options { horizon, origin_stride: 5, warm_up, ..Options::default() };
     for (name, mut sessions) in sessions {
         if sessions.len() != all.len() {
@@ -285,6 +292,10 @@ fn main() -> anyhow::Result<()> {
         return write(Path::new(&folder), Path::new(&data));
     }
     let (names, budget) = first.split_once('=').map_or((&first[..], None), |(names, s)| (names, Some(s)));
+    let (names, through_water) = match names.strip_suffix(",through-water") {
+        Some(names) => (names, true),
+        None => (names, false),
+    };
     let methods = methods(names)?;
     let budget_s = budget.map(str::parse).transpose()?;
     let chosen: Vec<String> = args.collect();
@@ -293,7 +304,7 @@ fn main() -> anyhow::Result<()> {
     );
     println!("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | --- |");
     for set in SETS.iter().filter(|set| chosen.is_empty() || chosen.iter().any(|name| name == set.name)) {
-        measure(set, Path::new(&data), &methods, budget_s)?;
+        measure(set, Path::new(&data), &methods, through_water, budget_s)?;
     }
     Ok(())
 }

@@ -129,6 +129,7 @@ pub fn coarse(run: &Trajectory, stride: usize, held: Held) -> Vec<Trajectory> {
                 outputs: Table::new(run.outputs.channels().to_vec(), outputs),
                 inputs: Table::new(run.inputs.channels().to_vec(), inputs),
                 truth: None,
+                heading: None,
             }
         })
         .collect()

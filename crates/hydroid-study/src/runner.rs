@@ -168,6 +168,7 @@ impl<'a> Runner<'a> {
                 seed,
                 ranges: plan.ranges.clone(),
                 networks,
+                through_water: false,
                 sindy: plan.sindy.clone(),
             };
             let what = format!("training {name}, seed {seed}");

@@ -37,6 +37,7 @@ fn run(samples: usize, phase: f64) -> Trajectory {
         outputs: Table::new(channels(&["u", "v", "r"]), outputs),
         inputs: Table::new(channels(&["n", "delta"]), inputs),
         truth: None,
+        heading: None,
     }
 }
 

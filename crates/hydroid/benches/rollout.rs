@@ -134,6 +134,7 @@ fn evaluate_7300_samples_at_horizon_100(bencher: Bencher, active: usize) {
         outputs: Table::new(channels("y", OUTPUTS), outputs.collect()),
         inputs: Table::new(channels("c", INPUTS), (0..7_300).flat_map(command).collect()),
         truth: None,
+        heading: None,
     };
     let ranges = [DesignRange { low: -2.0, high: 2.0 }; OUTPUTS];
     bencher.counter(ItemsCount::new(7_200usize * 100)).bench_local(|| {

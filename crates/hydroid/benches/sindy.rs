@@ -27,6 +27,7 @@ fn run(samples: usize, outputs: usize, inputs: usize) -> Trajectory {
         outputs: table("y", outputs, 0),
         inputs: table("c", inputs, outputs),
         truth: None,
+        heading: None,
     }
 }
 

@@ -24,6 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         origin_stride: 10,
         seed: 0,
         ranges: BTreeMap::default(),
+        through_water: false,
         sindy: SindyOptions::default(),
         networks: NetworkTrainingOptions::default(),
     };

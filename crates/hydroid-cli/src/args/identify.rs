@@ -67,6 +67,10 @@ pub struct Identify {
     /// Methods, separated by commas
     #[arg(long, value_delimiter = ',', default_value = "sindy,committee")]
     pub methods: Vec<Method>,
+    /// Also try models of the motion through the water, with a current for each run; the cross-validation decides. The logs
+    /// need a heading
+    #[arg(long)]
+    pub through_water: bool,
     /// Longest prediction horizon: samples (100) or seconds (10s) (default: 100 samples)
     #[arg(long, value_name = "N|Ns")]
     pub horizon: Option<Horizon>,

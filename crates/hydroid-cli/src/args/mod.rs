@@ -250,6 +250,10 @@ pub struct LogArgs {
     /// Columns of wind speed and direction; the inputs are U^2 cos and U^2 sin
     #[arg(long, value_name = "SPEED,DIRECTION")]
     pub wind: Option<String>,
+    /// Column of the heading, clockwise from north: psi, 'yaw [deg]', 'yaw * -1' (default: the only column that is named like
+    /// a heading and changes with the yaw rate r)
+    #[arg(long, value_name = "COLUMN")]
+    pub heading: Option<String>,
     /// before: the command of row k acts from row k to k+1 (default); after: from row k-1 to k
     #[arg(long, value_name = "before|after", value_parser = parse_timing)]
     pub command_timing: Option<CommandTiming>,

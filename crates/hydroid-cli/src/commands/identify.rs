@@ -112,6 +112,7 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         horizon,
         seed,
         ranges,
+        through_water: args.through_water,
         sindy,
         networks,
     };
@@ -326,6 +327,7 @@ fn write(
         "best": identified.best.map(|i| identified.candidates[i].model.description.name.clone()),
         "verdicts": identified.verdicts,
         "ranges": identified.ranges,
+        "currents": identified.currents,
         "warnings": notes.iter().chain(&identified.warnings).collect::<Vec<_>>(),
     });
     atomic::write(&folder.join("report.html"), |out| out.write_all(page.as_bytes()))?;

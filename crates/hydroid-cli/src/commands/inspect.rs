@@ -236,6 +236,14 @@ fn show_model(file: &Path, model: &Model) {
         p.seed,
         p.training.join(", ")
     );
+    if let Some(current) = &d.current {
+        let column = d.reading.selection.heading.as_ref().map_or("", |heading| &heading.column);
+        outln!(
+            "motion through the water: the current is estimated along a run with the heading `{column}`, from errors over {:.1} s; standard deviation of its components {:.3} m/s",
+            current.window as f64 * d.dt,
+            current.initial_m_s
+        );
+    }
     show_bands(d);
 }
 

@@ -314,3 +314,71 @@ fn every_command_has_help_with_an_example() {
         }
     }
 }
+
+/// Three runs of a vessel that turns, in currents; the heading is in the last column.
+fn runs_in_currents(folder: &Path, heading: &str) -> [String; 3] {
+    [(1, [0.0, 0.0]), (2, [0.3, -0.1]), (3, [-0.2, 0.2])].map(|(number, [north, east])| {
+        let (mut log, mut psi) = (format!("t,n_cmd,rudder_ang [rad],u,v,r,{heading}\n"), 0.2_f64);
+        let (mut u, mut v, mut r) = (0.8_f64, 0.0, 0.0);
+        for k in 0..1200_u32 {
+            let held = f64::from((k / 40 * 7 + number * 3) % 11) / 11.0;
+            let (n, rudder) = (0.4 + held, (f64::from(k / 40 * 5 % 7) - 3.0) / 5.0);
+            let (sin, cos) = psi.sin_cos();
+            let (over_u, over_v) = (u + north * cos + east * sin, v + east * cos - north * sin);
+            let noise = |c: u32| 0.01 * f64::from((k * 7919 + c * 104_729) % 1000) / 1000.0;
+            let _ = writeln!(
+                log,
+                "{:.1},{n:.3},{rudder:.3},{:.5},{:.5},{:.5},{:.4}",
+                0.2 * f64::from(k),
+                over_u + noise(1),
+                over_v + noise(2),
+                r + noise(3),
+                psi.to_degrees()
+            );
+            psi += 0.2 * r;
+            (u, v, r) = (
+                u + 0.2 * (0.4 * n - 0.4 * u),
+                v + 0.2 * (-0.5 * v - 0.3 * u * r),
+                r + 0.2 * (-0.6 * r + 0.3 * u * rudder),
+            );
+        }
+        let name = format!("run{number}.csv");
+        fs::write(folder.join(&name), log).unwrap();
+        name
+    })
+}
+
+#[test]
+fn a_model_of_the_motion_through_the_water_is_identified_and_evaluated() {
+    let folder = TempDir::new().unwrap();
+    let names = runs_in_currents(folder.path(), "heading [deg]");
+    let [a, b, c] = names.each_ref().map(String::as_str);
+    let identify = ["identify", a, b, c, "--horizon", "10s", "--methods", "committee", "--through-water"];
+    let output = hydroid(folder.path(), &[&identify[..], &["-o", "out"]].concat());
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(told.contains("predicts the motion through the water"), "{told}");
+    let text = fs::read_to_string(folder.path().join("out/identify.json")).unwrap();
+    let summary: Value = serde_json::from_str(&text).unwrap();
+    let found = &summary["currents"]["runs"];
+    assert!((found[1]["north_m_s"].as_f64().unwrap() - 0.3).abs() < 0.02, "{found}");
+    assert!((found[2]["east_m_s"].as_f64().unwrap() - 0.2).abs() < 0.02, "{found}");
+    let model = "out/committee.safetensors";
+    let evaluated = hydroid(folder.path(), &["evaluate", model, b]);
+    assert_eq!(evaluated.status.code(), Some(0), "{}", String::from_utf8_lossy(&evaluated.stderr));
+    let adapted = hydroid(folder.path(), &["adapt", model, b]);
+    assert_ne!(adapted.status.code(), Some(0));
+    assert!(String::from_utf8_lossy(&adapted.stderr).contains("identify again without --through-water"));
+    // The model names the column of its heading.
+    let others = TempDir::new().unwrap();
+    let [d, ..] = runs_in_currents(others.path(), "angle [deg]");
+    let d = others.path().join(d);
+    let missing = hydroid(folder.path(), &["evaluate", model, d.to_str().unwrap()]);
+    assert!(String::from_utf8_lossy(&missing.stderr).contains("heading"));
+    let named = ["evaluate", model, d.to_str().unwrap(), "--heading", "angle"];
+    assert_eq!(hydroid(folder.path(), &named).status.code(), Some(0));
+    // Without a column that is known to be a heading.
+    let output = hydroid(others.path(), &[&identify[..], &["-o", "out"]].concat());
+    assert_ne!(output.status.code(), Some(0));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("--heading"));
+    assert!(!others.path().join("out").exists());
+}

@@ -55,6 +55,7 @@ impl Layout {
             outputs: Table::new(outputs, Vec::new()),
             inputs: Table::new(inputs, Vec::new()),
             truth: None,
+            heading: None,
         }])?;
         let names = log.columns.into_iter().map(|column| column.name).collect();
         Ok(Self { name: name.to_owned(), format, names, columns })

@@ -28,6 +28,7 @@ pub(crate) fn model() -> Model {
     Model {
         description: Description {
             bands: None,
+            current: None,
             name: "sindy".to_owned(),
             dt: 0.1,
             outputs: vec![port("u", "m/s"), port("r", "rad/s")],

@@ -56,6 +56,7 @@ fn job() -> Job {
         seed: 7,
         ranges: GivenRanges::new(),
         networks: NetworkTrainingOptions::default(),
+        through_water: false,
         sindy: SindyOptions { degree: Some(2), window_s: Some(0.5), ..SindyOptions::default() },
     }
 }
@@ -193,6 +194,7 @@ fn without_candidates_there_is_a_page_that_says_so() {
         warnings: vec![],
         ranges: vec![],
         cross_validation: None,
+        currents: None,
     };
     assert!(page(&nothing, &job.split).contains("Nothing was identified."));
     let empty = Split { train: vec![], validation: vec![], test: vec![], notes: vec![] };

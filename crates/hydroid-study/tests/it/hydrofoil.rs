@@ -40,6 +40,7 @@ fn from_ten_minutes(vessel: &VesselParams, seed: u64) -> (IdentifyResult, Evalua
         seed: 0,
         ranges: GivenRanges::new(),
         networks: NetworkTrainingOptions::default(),
+        through_water: false,
         sindy: SindyOptions::default(),
     };
     let identified = identify(&job, &mut silent()).unwrap();

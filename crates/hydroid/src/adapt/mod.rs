@@ -129,6 +129,11 @@ pub enum AdaptError {
         /// Of the model.
         kind: &'static str,
     },
+    /// A model of the motion through the water.
+    #[error(
+        "the model predicts the motion through the water and estimates the current: its coefficients cannot be adapted yet. `hydroid evaluate` evaluates it with its estimate of the current; identify again without --through-water for a model to adapt"
+    )]
+    ThroughWater,
     /// Invalid options of the last layer.
     #[error("the model cannot be adapted: {0}")]
     LastLayer(#[from] LastLayerError),
@@ -209,6 +214,9 @@ impl Options {
 /// # Errors
 /// If its kind has no adaptation.
 pub fn adaptable(model: &Model) -> Result<(), AdaptError> {
+    if model.description.current.is_some() {
+        return Err(AdaptError::ThroughWater);
+    }
     match &model.body {
         Body::Equations(_) | Body::Recurrent(_) | Body::Direct(_) | Body::Committee(_) | Body::Plant(_) => {
             Ok(())
@@ -226,6 +234,7 @@ pub fn adapter(
     options: &Options,
     runs: &[&Trajectory],
 ) -> Result<(Box<dyn Adapter>, ResolvedOptions), AdaptError> {
+    adaptable(model)?;
     match &options.guard {
         Some(settings) => guarded::guard(model, options, settings, runs),
         None => learner(model, options, runs),

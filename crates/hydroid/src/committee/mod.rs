@@ -10,6 +10,7 @@
 //! [`DifferenceEquations`]: hydroid_core::model::committee::DifferenceEquations
 
 mod candidates;
+pub mod currents;
 pub(crate) mod folds;
 mod library;
 mod regression;

@@ -57,7 +57,7 @@ pub(super) fn solve(moments: &Moments, terms: usize, ridge: f64) -> Option<Fit> 
 const LEAST_SCALE: f64 = 1e-12;
 
 /// Cholesky factorization `A = R'R` in place, upper triangle, row by row.
-fn factorize(a: &mut [f64], n: usize) -> Option<()> {
+pub(super) fn factorize(a: &mut [f64], n: usize) -> Option<()> {
     for k in 0..n {
         let pivot = a[k * n + k];
         if !(pivot > 0.0 && pivot.is_finite()) {

@@ -309,6 +309,7 @@ impl RunEvaluation<'_> {
         let mut kept = vec![f64::NAN; seen.width()];
         let mut first_origin = None;
         for k in 0..self.run.len() {
+            session.observe_heading(self.run.heading_at(k));
             if k == 0 {
                 session.observe(seen.row(k));
             } else {

@@ -154,6 +154,7 @@ mod tests {
             outputs: table("u", "m/s", vec![0.5, 2.0, 1.0]),
             inputs: table("n", "rps", vec![-1.0, 3.0, f64::NAN]),
             truth: None,
+            heading: None,
         }
     }
 

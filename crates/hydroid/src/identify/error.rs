@@ -45,6 +45,27 @@ pub enum IdentifyError {
         /// The known names.
         known: String,
     },
+    /// Models of the motion through the water need a cross-validation.
+    #[error(
+        "models of the motion through the water are chosen by cross-validation: leave out --validate, and give only --methods sindy, committee"
+    )]
+    ThroughWater,
+    /// An output is missing for the current.
+    #[error(
+        "there is no output '{name}', and the current needs surge u, sway v and yaw rate r: name their columns, as in --outputs u=SOG,v=SWAY,r=GYRO"
+    )]
+    NoMotion {
+        /// The output.
+        name: &'static str,
+    },
+    /// A run has no heading.
+    #[error(
+        "{run}: no column is known to be the heading, which the current needs: name it, as in --heading 'psi [deg]'"
+    )]
+    NoHeading {
+        /// The run.
+        run: String,
+    },
     /// A mode of a given gate has too few samples.
     #[error(
         "gate {gate}: only {:.1} % of the training samples are {side} it, too few for equations of that mode. Move the gate, add runs in both modes, or use the search for gates (--gate auto)",

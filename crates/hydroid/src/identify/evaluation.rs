@@ -112,7 +112,7 @@ pub(super) fn evaluate_candidates(
 }
 
 /// Minimum relative decrease of the validation error by a more complex method.
-const MIN_IMPROVEMENT: f64 = 0.02;
+pub(super) const MIN_IMPROVEMENT: f64 = 0.02;
 
 /// The model with the smallest validation error, where a more complex model must improve it by [`MIN_IMPROVEMENT`]. A
 /// committee takes its place unless the difference exceeds one standard error (one-standard-error rule: Breiman et al.,
@@ -125,9 +125,11 @@ pub(super) fn select_best(candidates: &[Candidate]) -> Option<usize> {
     let judged: Vec<_> = judged.collect();
     let best = least_error(&judged)?;
     // The error of one winner among many settings is too small on the runs that chose it.
-    let committee =
-        candidates.iter().position(|candidate| matches!(candidate.training, Training::Committee(_)));
-    let committee = committee.filter(|&i| judged[i].1.is_some());
+    let committees = candidates.iter().enumerate().filter_map(|(i, candidate)| {
+        let committee = matches!(candidate.training, Training::Committee(_));
+        Some((i, judged[i].1.filter(|_| committee)?))
+    });
+    let committee = committees.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i);
     let losses =
         |i: usize| BlockLosses { validation: candidates[i].validation.blocks.clone(), training: Vec::new() };
     let best = match committee {

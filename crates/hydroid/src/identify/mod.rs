@@ -16,6 +16,7 @@ mod method;
 mod networks;
 mod options;
 mod recursive;
+mod through_water;
 mod training;
 mod verdict;
 
@@ -38,6 +39,7 @@ pub use networks::{NetworkOptions, NetworkTrainingOptions};
 pub use options::{
     Auto, EnsembleSize, FixedGate, GateOption, Keyword, LagOption, RefineOption, SindyOptions,
 };
+pub use through_water::{CurrentsFound, FrameErrors, RunCurrent};
 pub use training::Training;
 pub use verdict::{Grade, Verdict, verdicts};
 
@@ -62,6 +64,9 @@ pub struct Job {
     pub seed: u64,
     /// Stated design ranges of outputs and inputs; else the training ranges. They scale networks and define divergence.
     pub ranges: GivenRanges,
+    /// Whether to try models of the motion through the water, too: cross-validation decides for each method. All runs need
+    /// a heading, and the outputs `u`, `v` and `r`.
+    pub through_water: bool,
     /// Options of the search for equations.
     pub sindy: SindyOptions,
     /// Options of networks.
@@ -122,6 +127,8 @@ pub struct IdentifyResult {
     pub ranges: Vec<ChannelRange>,
     /// The folds, if the models were cross-validated.
     pub cross_validation: Option<CrossValidation>,
+    /// Currents of the training runs, if models of the motion through the water were tried.
+    pub currents: Option<CurrentsFound>,
 }
 
 /// Validation windows per run in the search.
@@ -150,6 +157,9 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
     let [train, validation, test] = [&job.split.train, &job.split.validation, &job.split.test]
         .map(|runs| runs.iter().collect::<Vec<&Trajectory>>());
     let cross = validation.is_empty() && job.methods.iter().all(|method| method.is_cross_validated());
+    if job.through_water && !cross {
+        return Err(IdentifyError::ThroughWater);
+    }
     let needed = if cross { 1 } else { 3 };
     let named = [(&train, "train"), (&validation, "validate"), (&test, "test")];
     if let Some((_, part)) = named.into_iter().take(needed).find(|(runs, _)| runs.is_empty()) {
@@ -163,6 +173,9 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
         leakage::check(&[&train, &validation, &test])?;
     }
     let methods = methods(job)?;
+    if job.through_water {
+        through_water::check(job)?;
+    }
     let ranges = design_range::design_ranges(&job.ranges, &train)?;
     let folds = cross.then(|| CrossValidation::new(&job.split.train));
     let judged = folds.as_ref().map(|folds| folds.runs(&job.split.train));
@@ -181,9 +194,10 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
     let mut failure = None;
     // Training time of the networks, failed ones included, for the shared time budget.
     let mut spent_s = 0.0;
+    let share = if job.through_water { 0.4 } else { 0.8 };
     for (i, &method) in methods.iter().enumerate() {
         let mut tell = |fraction: f64, training: Option<&train::Status>| {
-            let fraction = 0.8 * (i as f64 + fraction) / methods.len() as f64;
+            let fraction = share * (i as f64 + fraction) / methods.len() as f64;
             watch(&Stage { fraction, method: Some(method), training })
         };
         let after = methods[i..].iter().filter(|method| method.cell().is_some()).count();
@@ -201,6 +215,13 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
             Err(error) => return Err(error),
         }
     }
+    let mut currents = None;
+    if job.through_water {
+        let mut tell = |f: f64| watch(&Stage { fraction: 0.4 + 0.4 * f, method: None, training: None });
+        let (water, found) = through_water::train(job, &parts, &methods, &mut warnings, &mut tell)?;
+        trained.extend(water);
+        currents = found;
+    }
     // The warm-up of past values is known only now.
     trained.retain(|model| match check_evaluable(job, &parts, model.model.session().warm_up()) {
         Ok(()) => true,
@@ -213,17 +234,21 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
     if let (true, Some(error)) = (trained.is_empty(), failure) {
         return Err(error);
     }
-    let candidates = evaluate_candidates(job, &parts, trained, &mut |fraction| {
+    let mut candidates = evaluate_candidates(job, &parts, trained, &mut |fraction| {
         watch(&Stage { fraction: 0.8 + 0.2 * fraction, method: None, training: None })
     })?;
+    if let Some(found) = &mut currents {
+        candidates = through_water::choose(candidates, found);
+    }
     let best = select_best(&candidates);
+    warnings.extend(currents.as_ref().map(|found| through_water::note(found, best.map(|i| &candidates[i]))));
     let shown: &Candidate = &candidates[best.unwrap_or(0)];
     let verdicts = verdicts(shown.judged());
     warnings.extend(verdict::spikes(&parts.train, &job.sindy));
     let data = data_summary(&job.split);
     warnings.extend(verdict::warnings(shown, &verdicts, &data, &job.split.test));
     warnings.extend(collinearity::warnings(shown, &data, &job.split.train));
-    Ok(IdentifyResult { candidates, best, verdicts, warnings, ranges, cross_validation: folds })
+    Ok(IdentifyResult { candidates, best, verdicts, warnings, ranges, cross_validation: folds, currents })
 }
 
 /// The requested methods without duplicates, equations before networks, which may use them as base model.

@@ -300,6 +300,7 @@ fn describe(
     Model {
         description: Description {
             bands: None,
+            current: None,
             name: method.name().to_owned(),
             dt: run.dt,
             outputs: ports(run.outputs.channels(), &parts.ranges, &parts.training_ranges),
@@ -322,6 +323,8 @@ fn describe(
 /// The reading of the training logs with an explicit sample time.
 fn reading(job: &Job, dt: f64) -> Reading {
     let mut reading = job.reading.clone();
+    // Models of the motion over ground need no heading.
+    reading.selection.heading = None;
     reading.options.dt = Some(dt);
     reading
 }

@@ -24,6 +24,7 @@ pub(crate) struct Columns {
     /// One vector per input; NaN is missing.
     pub(crate) inputs: Vec<Vec<f64>>,
     pub(crate) truth: Option<Vec<Vec<f64>>>,
+    pub(crate) heading: Option<Vec<f64>>,
 }
 
 /// Largest plausible time \[s\]: seconds since 1970 are 1.7e9, milliseconds are 1.7e12.
@@ -71,6 +72,12 @@ impl Columns {
             inputs.extend([x, y]);
         }
         let truth = resolved.truth.as_ref().map(|t| take_all(t)).transpose()?;
+        // A column that was only guessed to be the heading need not be one.
+        let heading = match &resolved.heading {
+            Some((source, true)) => Some(take(source)?),
+            Some((source, false)) => take(source).ok(),
+            None => None,
+        };
         Ok(Self {
             path: log.path.clone(),
             t,
@@ -84,6 +91,7 @@ impl Columns {
             outputs,
             inputs,
             truth,
+            heading,
         })
     }
 
@@ -93,7 +101,7 @@ impl Columns {
 
     pub(crate) fn keep(&mut self, rows: std::ops::Range<usize>) {
         let values = self.outputs.iter_mut().chain(&mut self.inputs).chain(self.truth.iter_mut().flatten());
-        for values in values.chain([&mut self.t]) {
+        for values in values.chain(&mut self.heading).chain([&mut self.t]) {
             values.truncate(rows.end);
             values.drain(..rows.start);
         }

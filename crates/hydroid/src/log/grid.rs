@@ -16,6 +16,7 @@ pub(crate) struct Grid {
     pub(crate) outputs: Vec<Vec<f64>>,
     pub(crate) inputs: Vec<Vec<f64>>,
     pub(crate) truth: Option<Vec<Vec<f64>>>,
+    pub(crate) heading: Option<Vec<f64>>,
     /// Blank command cells that were filled with the command before, per input.
     pub(crate) held: Vec<usize>,
     /// Rows absent from the log.
@@ -83,6 +84,7 @@ impl Grid {
             outputs: columns.outputs.iter().map(measured).collect(),
             inputs,
             truth: columns.truth.as_ref().map(|t| t.iter().map(measured).collect()),
+            heading: columns.heading.as_ref().map(measured),
             held,
             absent: rows - t.len(),
         })
@@ -94,7 +96,9 @@ impl Grid {
         let front = (0..self.rows).find(known).unwrap_or(self.rows);
         let back = self.rows - (front..self.rows).rfind(known).map_or(front, |k| k + 1);
         let end = self.rows - back;
-        for values in self.outputs.iter_mut().chain(&mut self.inputs).chain(self.truth.iter_mut().flatten()) {
+        let measured =
+            self.outputs.iter_mut().chain(self.truth.iter_mut().flatten()).chain(&mut self.heading);
+        for values in measured.chain(&mut self.inputs) {
             values.truncate(end);
             values.drain(..front);
         }
@@ -149,6 +153,7 @@ mod tests {
             outputs: vec![places.iter().map(|p| *p as f64).collect()],
             inputs: vec![inputs],
             truth: None,
+            heading: None,
         }
     }
 

@@ -12,6 +12,7 @@ mod csv;
 mod error;
 mod gaps;
 mod grid;
+mod heading;
 pub mod inspect;
 mod note;
 mod prepare;

@@ -11,6 +11,7 @@ use super::csv::RawLog;
 use super::error::LogError;
 use super::gaps;
 use super::grid::Grid;
+use super::heading;
 use super::note::{Note, count};
 use super::resample::Resampling;
 use super::resolve::{self, Resolved};
@@ -93,6 +94,10 @@ pub fn prepare(
             sources.push(i);
         }
     }
+    let selection = Selection {
+        heading: heading::choose(&selection, &resolved[0], logs, &mut runs, &mut notes),
+        ..selection
+    };
     let path = if logs.len() == 1 { first.path.clone() } else { format!("the {} logs", logs.len()) };
     if runs.is_empty() {
         let found = files.iter().map(|f| f.columns.rows()).max().unwrap_or(0).min(FEWEST_SAMPLES - 1);
@@ -147,6 +152,11 @@ fn resolve_all(
         let other = Resolved::new(log, &concrete, dt, notes)?;
         all[0].agrees(&logs[0], &other, log)?;
         all.push(other);
+    }
+    if all.iter().any(|r| r.heading.is_none()) {
+        for r in &mut all {
+            r.heading = None;
+        }
     }
     let with_truth = all.iter().filter(|r| r.truth.is_some()).count();
     if with_truth > 0 && with_truth < all.len() {
@@ -289,6 +299,7 @@ impl File {
             outputs: table(&self.columns.output_channels, &grid.outputs),
             inputs: table(&self.columns.input_channels, &grid.inputs),
             truth: grid.truth.as_ref().map(|t| table(&self.columns.output_channels, t)),
+            heading: grid.heading.as_ref().map(|heading| heading[from..to].to_vec()),
         }
     }
 

@@ -72,6 +72,10 @@ impl Resampling {
             outputs: measured(&columns.outputs),
             inputs,
             truth: columns.truth.as_ref().map(|truth| measured(truth)),
+            heading: columns
+                .heading
+                .as_ref()
+                .map(|heading| self.interpolate(t, &heading[from..to], instants(), true)),
             held,
             absent: 0,
         })

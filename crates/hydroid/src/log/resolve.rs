@@ -81,6 +81,8 @@ pub struct Resolved {
     pub wind: Option<[Source; 2]>,
     /// For every output its column `<source>_true`, where all of them exist.
     pub truth: Option<Vec<Source>>,
+    /// The heading, if there is one, and whether the selection names it.
+    pub heading: Option<(Source, bool)>,
 }
 
 impl Resolved {
@@ -103,7 +105,8 @@ impl Resolved {
             Err(e) => return Err(e),
         };
         let truth = truth(log, &outputs)?;
-        let resolved = Self { time, outputs, inputs, wind, truth };
+        let mut resolved = Self { time, outputs, inputs, wind, truth, heading: None };
+        resolved.heading = heading(log, selection, &resolved, notes)?;
         let mut names: Vec<String> = resolved.output_channels().into_iter().map(|c| c.name).collect();
         names.extend(resolved.input_channels().into_iter().map(|c| c.name));
         for (i, name) in names.iter().enumerate() {
@@ -262,6 +265,24 @@ fn wind_sources(log: &RawLog, wind: &Wind, notes: &mut Vec<Note>) -> Result<[Sou
         Err(LogError::Unit { column: spec.column.clone(), source: error })
     };
     Ok([check(&wind.speed, "m/s", notes)?, check(&wind.direction, "rad", notes)?])
+}
+
+/// The column of the heading: the one that is named, else the only one of the log that is an angle and looks like it.
+fn heading(
+    log: &RawLog,
+    selection: &Selection,
+    resolved: &Resolved,
+    notes: &mut Vec<Note>,
+) -> Result<Option<(Source, bool)>, LogError> {
+    let Some(spec) = &selection.heading else {
+        return Ok(super::inspect::heading(log, resolved).map(|source| (source, false)));
+    };
+    let source = source(log, spec, Role::Input, notes)?;
+    if source.channel.unit == "rad" || source.channel.unit.is_empty() {
+        return Ok(Some((source, true)));
+    }
+    let error = UnitError::Incompatible { from: source.channel.unit, to: "rad".to_owned() };
+    Err(LogError::Unit { column: spec.column.clone(), source: error })
 }
 
 /// Columns `<source>_true` of all outputs; their default unit and scale are those of the output.

@@ -206,6 +206,9 @@ pub struct Selection {
     pub inputs: Vec<ChannelSpec>,
     /// Wind columns, which give two additional inputs.
     pub wind: Option<Wind>,
+    /// Heading \[rad\], clockwise from north.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub heading: Option<ChannelSpec>,
 }
 
 impl Selection {

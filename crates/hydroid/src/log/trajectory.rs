@@ -99,6 +99,8 @@ pub struct Trajectory {
     pub inputs: Table,
     /// True outputs, in a simulated log: same channels as `outputs`.
     pub truth: Option<Table>,
+    /// Heading \[rad\] of each sample, clockwise from north; NaN where it is missing. `None` without a heading.
+    pub heading: Option<Vec<f64>>,
 }
 
 impl Trajectory {
@@ -117,6 +119,11 @@ impl Trajectory {
         self.len().saturating_sub(1) as f64 * self.dt
     }
 
+    /// Heading \[rad\] at sample `k`; NaN where there is none.
+    pub fn heading_at(&self, k: usize) -> f64 {
+        self.heading.as_ref().map_or(f64::NAN, |heading| heading[k])
+    }
+
     /// Samples `from..to` as a run of its own, named after the part.
     pub fn slice(&self, from: usize, to: usize) -> Self {
         Self {
@@ -126,6 +133,7 @@ impl Trajectory {
             outputs: self.outputs.slice(from, to),
             inputs: self.inputs.slice(from, to),
             truth: self.truth.as_ref().map(|t| t.slice(from, to)),
+            heading: self.heading.as_ref().map(|heading| heading[from..to].to_vec()),
         }
     }
 }

@@ -68,12 +68,14 @@ impl Members {
 }
 
 impl Model {
-    /// A session for each ensemble member; their spread reflects the uncertainty of the coefficients.
+    /// A session for each ensemble member; their spread reflects the uncertainty of the coefficients. None for models of the
+    /// motion through the water, because members that start before each origin do not know the current.
     pub fn member_sessions(&self) -> Vec<Box<dyn Predictor>> {
         let kind = self.body.kind();
         let count = kind.ensemble_numbers();
         let (places, values) = self.members.parts();
-        if self.learning.is_some() || self.members.is_empty() || !self.members.fit(count) {
+        let constant = self.learning.is_none() && self.description.current.is_none();
+        if !constant || self.members.is_empty() || !self.members.fit(count) {
             return Vec::new();
         }
         let session = |values: &[f64]| {

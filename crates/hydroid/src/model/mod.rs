@@ -1,5 +1,6 @@
 //! Models: kinds, description, sessions and files.
 
+mod current;
 mod file;
 mod inversion;
 mod jacobian;
@@ -16,6 +17,7 @@ mod units;
 use std::sync::Arc;
 
 use hydroid_core::adapt::ExpertMixtureOptions;
+use hydroid_core::current::ThroughWater;
 use hydroid_core::model::recurrent::Scaling;
 use hydroid_core::predict::Predictor;
 use serde::{Deserialize, Serialize};
@@ -23,6 +25,7 @@ use serde::{Deserialize, Serialize};
 use crate::evaluate::{DesignRange, PredictionBands};
 use crate::log::{Channel, Note, PrepareOptions, Selection, Trajectory};
 
+pub use current::CurrentEstimate;
 pub use file::{ModelError, decode, encode, read, write};
 pub(crate) use inversion::{InvertibleModel, WeightMap};
 pub use kinds::Body;
@@ -82,6 +85,9 @@ pub struct Description {
     /// Prediction bands, from the errors on runs that were left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bands: Option<PredictionBands>,
+    /// Estimate of the current, if the model predicts the motion through the water.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub current: Option<CurrentEstimate>,
 }
 
 /// Preprocessing from a log to runs.
@@ -145,9 +151,14 @@ impl Model {
     /// A session at the start of a run.
     ///
     /// # Panics
-    /// If the body is an inconsistent network, which reading and training exclude.
+    /// If the body is an inconsistent network or the options of the current are invalid, which reading and training exclude.
     pub fn session(&self) -> Box<dyn Predictor> {
-        self.body.kind().session(self)
+        let session = self.body.kind().session(self);
+        let Some(current) = &self.description.current else { return session };
+        match ThroughWater::new(session, current.options(self.description.dt)) {
+            Some(session) => Box::new(session),
+            None => panic!("options of the current: {current:?}"),
+        }
     }
 
     /// The model with constant weights: its sessions do not learn.

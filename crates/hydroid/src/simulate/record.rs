@@ -138,6 +138,7 @@ impl Simulated {
             outputs: Table::new(Arc::clone(&channels), measured),
             inputs: Table::new(inputs, self.commands.iter().flat_map(|c| [c.pp, c.rd]).collect()),
             truth: Some(Table::new(channels, truth)),
+            heading: Some(self.states.iter().map(|state| state.psi).collect()),
         })
     }
 

@@ -33,6 +33,7 @@ fn run(samples: usize, phase: f64, missing: &[(usize, usize)]) -> Trajectory {
         outputs: Table::new([Channel::new("u", "m/s"), Channel::new("v", "m/s")], outputs),
         inputs: Table::new([Channel::new("n", "1/s")], input),
         truth: None,
+        heading: None,
     }
 }
 

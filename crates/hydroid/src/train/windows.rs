@@ -160,6 +160,7 @@ mod tests {
             outputs: Table::new([Channel::new("u", "m/s"), Channel::new("v", "m/s")], y),
             inputs: Table::new([Channel::new("n", "1/s")], x),
             truth: None,
+            heading: None,
         };
         let one = vec![1.0, 1.0];
         let scaling = Scaling {

@@ -33,6 +33,7 @@ fn identified(split: Split, horizon: usize, origin_stride: usize) -> Model {
         seed: 0,
         ranges: GivenRanges::new(),
         networks: NetworkTrainingOptions::default(),
+        through_water: false,
         sindy: SindyOptions::default(),
     };
     identify(&job, &mut silent()).unwrap().candidates.remove(0).model

@@ -73,6 +73,7 @@ fn run(gain: f64, from: usize, samples: usize) -> Trajectory {
         outputs,
         inputs: table(&["n", "delta"], inputs),
         truth,
+        heading: None,
     }
 }
 
@@ -185,6 +186,7 @@ fn known_difference_equations_are_found() {
             outputs,
             inputs: table(&["c"], c),
             truth: None,
+            heading: None,
         }
     };
     let runs: Vec<_> = [0, 1000, 2000].map(|from| simulated(from, 400)).into();
@@ -358,6 +360,7 @@ fn model(committee: Committee) -> Model {
     Model {
         description: Description {
             bands: None,
+            current: None,
             name: String::from("committee"),
             dt: DT,
             outputs: vec![port("u", 0.0, 1.5), port("r", -0.6, 0.6)],

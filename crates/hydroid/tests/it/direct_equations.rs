@@ -136,6 +136,7 @@ fn job(methods: Vec<Method>) -> Identification {
         origin_stride: 1,
         seed: 0,
         ranges: GivenRanges::new(),
+        through_water: false,
         sindy: SindyOptions { degree: Some(1), members: EnsembleSize(0), ..SindyOptions::default() },
         networks: NetworkTrainingOptions { direct, ..NetworkTrainingOptions::default() },
     }

@@ -42,6 +42,7 @@ fn made(
     Model {
         description: Description {
             bands: None,
+            current: None,
             name: String::from("sindy"),
             dt: 0.1,
             outputs: ports(outputs),

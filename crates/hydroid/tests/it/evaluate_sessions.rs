@@ -162,6 +162,7 @@ fn an_adapting_session_keeps_its_coefficients_for_the_next_run() {
             outputs: Table::new(channel("y"), (0..len).map(f64::from).collect()),
             inputs: Table::new(channel("c"), vec![0.0; len as usize]),
             truth: None,
+            heading: None,
         }
     };
     // The first run is too short for a window, but the session learns from it.

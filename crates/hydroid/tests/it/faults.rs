@@ -15,6 +15,7 @@ fn run() -> Trajectory {
         outputs: Table::new(channels, values),
         inputs,
         truth: None,
+        heading: None,
     }
 }
 

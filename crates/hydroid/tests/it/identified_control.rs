@@ -153,6 +153,7 @@ fn identified(vessel: &VesselParams, train_s: f64) -> Arc<Equations> {
         seed: 0,
         ranges: GivenRanges::new(),
         networks: NetworkTrainingOptions::default(),
+        through_water: false,
         sindy: SindyOptions {
             terms: PHYSICAL.iter().map(ToString::to_string).collect(),
             ..SindyOptions::default()

@@ -28,7 +28,7 @@ fn run(samples: usize, phase: f64, driven: bool) -> Trajectory {
     }
     let inputs = if driven { Table::new([Channel::new("n", "1/s")], inputs) } else { Table::new([], vec![]) };
     let outputs = Table::new([Channel::new("u", "m/s"), Channel::new("v", "m/s")], outputs);
-    Trajectory { name: format!("run {phase}"), t0: 0.0, dt: 0.1, outputs, inputs, truth: None }
+    Trajectory { name: format!("run {phase}"), t0: 0.0, dt: 0.1, outputs, inputs, truth: None, heading: None }
 }
 
 /// A job of small networks on runs of given lengths.
@@ -46,6 +46,7 @@ fn job(methods: &[Method], [train, validation, test]: [usize; 3], driven: bool) 
         origin_stride: 1,
         seed: 0,
         ranges: GivenRanges::new(),
+        through_water: false,
         sindy: SindyOptions {
             degree: Some(1),
             lag: LagOption::Keyword(Keyword::None),

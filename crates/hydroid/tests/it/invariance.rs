@@ -105,6 +105,7 @@ fn trajectory(outputs: Vec<f64>, inputs: Vec<f64>, dt: f64) -> Trajectory {
         outputs: Table::new(first, outputs),
         inputs: Table::new(second, inputs),
         truth: None,
+        heading: None,
     }
 }
 

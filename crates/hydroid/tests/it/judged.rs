@@ -23,6 +23,7 @@ pub(crate) fn run(name: &str, outputs: &[Vec<f64>]) -> Trajectory {
         outputs: table(&["u", "v"], "m/s", outputs),
         inputs: table(&["k"], "", &numbers),
         truth: None,
+        heading: None,
     }
 }
 

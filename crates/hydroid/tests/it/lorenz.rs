@@ -58,6 +58,7 @@ fn lorenz(level: f64, seed: u64) -> Trajectory {
         outputs: table(&names, &columns),
         inputs: Table::new(Vec::new(), Vec::new()),
         truth: None,
+        heading: None,
     }
 }
 
@@ -138,6 +139,7 @@ fn simple_runs() -> Vec<(&'static str, Trajectory)> {
                 outputs: table(&outputs, &read(&path, &outputs)),
                 inputs: table(&["PP", "RD"], &read(&path, &["PP_cmd", "RD_cmd"])),
                 truth: None,
+                heading: None,
             };
             (name, run)
         })

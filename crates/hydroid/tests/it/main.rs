@@ -34,6 +34,7 @@ mod simulate_input;
 mod simulate_records;
 mod sindy;
 mod sindy_golden;
+mod through_water;
 mod train;
 mod train_direct;
 mod train_evaluate;

@@ -44,6 +44,7 @@ fn job(methods: &[Method], split: Split) -> Job {
         seed: 0,
         ranges: GivenRanges::new(),
         networks: NetworkTrainingOptions::default(),
+        through_water: false,
         sindy: SindyOptions {
             degree: Some(2),
             signed_squares: Some(false),
@@ -95,6 +96,7 @@ fn spikes_are_named_with_their_remedy() {
             seed: 0,
             ranges: GivenRanges::new(),
             networks: NetworkTrainingOptions::default(),
+            through_water: false,
             sindy: SindyOptions {
                 degree: Some(1),
                 lag: LagOption::Keyword(Keyword::None),
@@ -127,6 +129,7 @@ fn a_given_lag_is_in_all_candidates() {
         seed: 0,
         ranges: GivenRanges::new(),
         networks: NetworkTrainingOptions::default(),
+        through_water: false,
         sindy: SindyOptions {
             lag: LagOption::Fixed([(String::from("RD_cmd"), 0.3)].into()),
             gate: GateOption::Keyword(Keyword::None),
@@ -187,7 +190,15 @@ fn runs_of_different_parts_that_share_data_are_refused() {
     let run = |name: &str, values: Vec<f64>| {
         let table = |name: &str, values| Table::new(vec![Channel::new(name, "")], values);
         let inputs = table("c", vec![0.0; values.len()]);
-        Trajectory { name: name.into(), t0: 0.0, dt: 1.0, outputs: table("y", values), inputs, truth: None }
+        Trajectory {
+            name: name.into(),
+            t0: 0.0,
+            dt: 1.0,
+            outputs: table("y", values),
+            inputs,
+            truth: None,
+            heading: None,
+        }
     };
     let wave = |n: u32, shift: f64| (0..n).map(|k| (0.1 * f64::from(k) + shift).sin()).collect::<Vec<_>>();
     // Without methods, the check of the parts is all that is done.
@@ -207,6 +218,7 @@ fn runs_of_different_parts_that_share_data_are_refused() {
             seed: 0,
             ranges: GivenRanges::new(),
             networks: NetworkTrainingOptions::default(),
+            through_water: false,
             sindy: SindyOptions::default(),
         };
         matches!(identify(&job, &mut silent()), Err(IdentifyError::DataLeakage { .. }))

@@ -53,6 +53,7 @@ fn model() -> Model {
     Model {
         description: Description {
             bands: None,
+            current: None,
             name: String::from("sindy"),
             dt,
             outputs: vec![

@@ -42,6 +42,7 @@ fn model(network: Network, weights: Vec<f64>, base: BaseModel, feedback: bool) -
     Model {
         description: Description {
             bands: None,
+            current: None,
             name: network.cell.name().to_owned(),
             dt: DT,
             outputs: (0..outputs).map(|i| port(format!("y{i}"))).collect(),

@@ -56,6 +56,7 @@ fn model(network: Network) -> Model {
     Model {
         description: Description {
             bands: None,
+            current: None,
             name: network.cell.name().to_owned(),
             dt: 0.1,
             outputs: (0..outputs).map(|i| port(format!("y{i}"))).collect(),

@@ -32,6 +32,7 @@ fn run(dt: f64, outputs: &[Vec<f64>], inputs: &[Vec<f64>]) -> Trajectory {
         outputs: table("y", outputs, width(outputs)),
         inputs: table("c", inputs, width(inputs)),
         truth: None,
+        heading: None,
     }
 }
 

@@ -44,6 +44,7 @@ fn simple(noisy: bool) -> Trajectory {
         outputs: table(&outputs, &measured),
         inputs: table(&["PP", "RD"], &[column("PP_cmd"), column("RD_cmd")]),
         truth: None,
+        heading: None,
     }
 }
 
@@ -134,6 +135,7 @@ fn lorenz_coefficients_equal_pysindy() {
         outputs: table(&["x", "y", "z"], &[column("x"), column("y"), column("z")]),
         inputs: table_without_columns(),
         truth: None,
+        heading: None,
     };
     let terms = names(&run);
     for (case, result) in reference["results"].as_object().unwrap() {

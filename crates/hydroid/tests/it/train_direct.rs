@@ -177,6 +177,7 @@ fn job(change: impl FnOnce(&mut NetworkOptions)) -> Identification {
         origin_stride: 1,
         seed: 0,
         ranges: GivenRanges::new(),
+        through_water: false,
         sindy: SindyOptions::default(),
         networks: NetworkTrainingOptions { all, direct, ..NetworkTrainingOptions::default() },
     }

@@ -337,6 +337,7 @@ mod tests {
             outputs: Table::new(channels(&["u", "v"]), outputs),
             inputs: Table::new(channels(&["a", "b", "c"]), inputs),
             truth: None,
+            heading: None,
         }
     }
 

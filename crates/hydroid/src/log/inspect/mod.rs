@@ -14,6 +14,7 @@ mod stats;
 pub use delay::{Confidence, DelayEstimate};
 pub use excitation::InputReport;
 pub use noise::{NoiseReport, noise_level};
+pub(super) use pose::heading;
 pub use stats::{ColumnReport, Disagreement};
 
 use super::clock::Clock;

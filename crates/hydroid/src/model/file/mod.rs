@@ -193,5 +193,9 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
     if description.bands.as_ref().is_some_and(|bands| !bands.is_valid(description.outputs.len())) {
         return Err(inconsistent(String::from("its prediction bands do not fit its outputs")));
     }
+    let (outputs, dt) = (description.outputs.len(), description.dt);
+    if description.current.as_ref().is_some_and(|current| !current.options(dt).are_valid(outputs)) {
+        return Err(inconsistent(String::from("its estimate of the current has invalid options")));
+    }
     head.structure.read(&tensors, description).map_err(inconsistent)
 }

@@ -63,6 +63,7 @@ impl Model {
             Selection { outputs: named(&outputs), inputs: named(&inputs), ..Selection::default() };
         let description = Description {
             bands: None,
+            current: None,
             name: params.name.clone(),
             dt: dt_s,
             reading: Reading { selection, options: PrepareOptions::default() },

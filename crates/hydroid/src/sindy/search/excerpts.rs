@@ -37,7 +37,15 @@ mod tests {
     fn run(samples: usize) -> Trajectory {
         let table = |name| Table::new(vec![Channel::new(name, "")], vec![0.0; samples]);
         let (outputs, inputs) = (table("y"), table("c"));
-        Trajectory { name: String::from("run"), t0: 0.0, dt: 0.1, outputs, inputs, truth: None }
+        Trajectory {
+            name: String::from("run"),
+            t0: 0.0,
+            dt: 0.1,
+            outputs,
+            inputs,
+            truth: None,
+            heading: None,
+        }
     }
 
     fn lengths(samples: usize, runs: usize) -> Vec<usize> {

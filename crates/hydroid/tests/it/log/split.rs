@@ -4,7 +4,15 @@ use hydroid::log::{Channel, LogError, Split, Table, Trajectory, split_named, spl
 
 fn run(name: &str, samples: usize) -> Trajectory {
     let table = |c: &str| Table::new(vec![Channel::new(c, "")], (0..samples).map(|k| k as f64).collect());
-    Trajectory { name: name.into(), t0: 0.0, dt: 0.1, outputs: table("u"), inputs: table("n"), truth: None }
+    Trajectory {
+        name: name.into(),
+        t0: 0.0,
+        dt: 0.1,
+        outputs: table("u"),
+        inputs: table("n"),
+        truth: None,
+        heading: None,
+    }
 }
 
 fn sizes(runs: &[(&str, usize)]) -> [Vec<(String, usize)>; 3] {

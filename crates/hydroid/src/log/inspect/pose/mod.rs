@@ -60,6 +60,11 @@ pub(super) fn check(
     Compared { yaw: known(Motion::Yaw), path: known(Motion::Surge) || known(Motion::Sway) }
 }
 
+/// The only column of a log that is a heading by its name and its unit.
+pub(in crate::log) fn heading(log: &RawLog, resolved: &Resolved) -> Option<Source> {
+    columns::find(log, resolved).map(|pose| pose.heading)
+}
+
 /// An output and the motion that its name states.
 struct Checked {
     source: Source,
@@ -88,6 +93,7 @@ fn read(
         inputs: Vec::new(),
         wind: None,
         truth: None,
+        heading: None,
     };
     let columns = Columns::new(log, &pose_and_channels, &mut Vec::new()).ok()?;
     super::super::clock::check_order(&columns).ok()?;
