@@ -342,13 +342,11 @@ fn estimating_the_current_allocates_nothing(model: Box<dyn Predictor>) {
     };
     let mut session = ThroughWater::new(model, options).unwrap();
     let mut run = || {
-        for k in 0..100 {
+        for k in 0..400 {
             let x = 0.01 * f64::from(k);
-            session.observe_heading(if k % 41 == 3 { f64::NAN } else { x });
-            session.advance_observe(
-                &[20.0, 0.1],
-                &[2.0 + x.sin(), 0.1 * x, if k == 50 { f64::NAN } else { 0.1 }],
-            );
+            session.observe_heading(if k == 200 { f64::NAN } else { x });
+            let r = if k == 210 { f64::NAN } else { 0.1 };
+            session.advance_observe(&[20.0, 0.1], &[2.0 + x.sin(), 0.1 * x, r]);
         }
     };
     run();
