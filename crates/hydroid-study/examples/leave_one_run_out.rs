@@ -221,7 +221,8 @@ fn measure(
     let seconds = clock.elapsed().as_secs_f64() / runs.len() as f64;
     let all: Vec<&Trajectory> = runs.iter().flatten().collect();
     let ranges = output_ranges(&all);
-    let past_s = if set.folder.starts_with("fleet") { 60.0 } else { 10.0 };
+    // The past of the first origin shows the current.
+    let past_s = if through_water && set.folder.starts_with("fleet") { 60.0 } else { 10.0 };
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive number")]
     let warm_up = (past_s / first.dt).round() as usize;
     let options = Options { horizon, origin_stride: 5, warm_up, ..Options::default() };
