@@ -66,6 +66,15 @@ impl Workspace {
     }
 }
 
+/// An estimate of the current.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Current {
+    /// Components north and east \[m/s\].
+    pub velocity: [f64; 2],
+    /// Variance of the north component, covariance, variance of the east component \[m^2/s^2\].
+    pub covariance: [f64; 3],
+}
+
 /// A session of a model on one run.
 ///
 /// `y` has [`outputs`](Self::outputs) numbers, `c` has [`inputs`](Self::inputs) numbers, in the units of the model's
@@ -90,6 +99,16 @@ pub trait Predictor: Send + Sync {
     /// ground ignore it; see [`ThroughWater`](crate::current::ThroughWater).
     fn observe_heading(&mut self, heading: f64) {
         let _ = heading;
+    }
+
+    /// The estimate of the current; `None` for a model of the motion over ground.
+    fn current(&self) -> Option<&Current> {
+        None
+    }
+
+    /// As [`output`](Self::output), with the motion through the water.
+    fn output_through_water(&self, y: &mut [f64]) {
+        self.output(y);
     }
 
     /// Takes the measurement `y_k`. A NaN is a missing value, for which the session keeps its own prediction.
@@ -164,7 +183,7 @@ pub trait Predictor: Send + Sync {
         restore_and_roll_out(self, count, snapshots, commands, work, y);
     }
 
-    /// A new session with the same predictions; constant weights are shared. The fork of an adapted session need not
+    /// A new session with the same predictions; constant weights are shared. The fork of a session that learns does not
     /// learn.
     fn fork(&self) -> Box<dyn Predictor>;
 }

@@ -351,7 +351,7 @@ fn estimating_the_current_allocates_nothing(model: Box<dyn Predictor>) {
     };
     run();
     assert_eq!(allocations(run), 0, "allocations while estimating the current");
-    assert_ne!(session.current().velocity, [0.0; 2]);
+    assert_ne!(session.current().unwrap().velocity, [0.0; 2]);
 }
 
 /// A whole way there and back, and a rollout.

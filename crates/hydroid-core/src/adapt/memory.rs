@@ -1,61 +1,61 @@
 //! State of an adapter as a flat slice, read in the order of writing.
 
 /// Upper limit of stored counters; an increment does not overflow.
-pub(super) const MOST_COUNTED: usize = usize::MAX / 4;
+pub(crate) const MOST_COUNTED: usize = usize::MAX / 4;
 
-pub(super) struct Writer<'a>(&'a mut [f64]);
+pub(crate) struct Writer<'a>(&'a mut [f64]);
 
 impl<'a> Writer<'a> {
-    pub(super) fn new(into: &'a mut [f64]) -> Self {
+    pub(crate) fn new(into: &'a mut [f64]) -> Self {
         Self(into)
     }
 
-    pub(super) fn part(&mut self, len: usize) -> &'a mut [f64] {
+    pub(crate) fn part(&mut self, len: usize) -> &'a mut [f64] {
         let (part, rest) = core::mem::take(&mut self.0).split_at_mut(len);
         self.0 = rest;
         part
     }
 
-    pub(super) fn numbers(&mut self, numbers: &[f64]) {
+    pub(crate) fn numbers(&mut self, numbers: &[f64]) {
         self.part(numbers.len()).copy_from_slice(numbers);
     }
 
     /// Writes a counter; exact up to 2^53.
-    pub(super) fn count(&mut self, count: usize) {
+    pub(crate) fn count(&mut self, count: usize) {
         self.part(1)[0] = count as f64;
     }
 
-    pub(super) fn flag(&mut self, flag: bool) {
+    pub(crate) fn flag(&mut self, flag: bool) {
         self.count(usize::from(flag));
     }
 }
 
-pub(super) struct Reader<'a>(&'a [f64]);
+pub(crate) struct Reader<'a>(&'a [f64]);
 
 impl<'a> Reader<'a> {
-    pub(super) fn new(from: &'a [f64]) -> Self {
+    pub(crate) fn new(from: &'a [f64]) -> Self {
         Self(from)
     }
 
-    pub(super) fn part(&mut self, len: usize) -> &'a [f64] {
+    pub(crate) fn part(&mut self, len: usize) -> &'a [f64] {
         let (part, rest) = self.0.split_at(len);
         self.0 = rest;
         part
     }
 
-    pub(super) fn numbers(&mut self, into: &mut [f64]) {
+    pub(crate) fn numbers(&mut self, into: &mut [f64]) {
         into.copy_from_slice(self.part(into.len()));
     }
 
     /// Reads a counter and limits it to `most`, so that a damaged state cannot cause a panic.
-    pub(super) fn count(&mut self, most: usize) -> usize {
+    pub(crate) fn count(&mut self, most: usize) -> usize {
         // Casts saturate, and NaN is 0.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let count = self.part(1)[0] as usize;
         count.min(most)
     }
 
-    pub(super) fn flag(&mut self) -> bool {
+    pub(crate) fn flag(&mut self) -> bool {
         self.count(1) == 1
     }
 }

@@ -23,7 +23,7 @@ mod innovation_gate;
 pub mod kalman;
 mod last_layer;
 mod least_squares;
-mod memory;
+pub(crate) mod memory;
 mod options;
 mod parametric_session;
 mod prediction_variance;

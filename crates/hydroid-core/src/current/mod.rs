@@ -20,7 +20,9 @@ use alloc::vec::Vec;
 
 use num_traits::Float;
 
-use crate::predict::{Predictor, Workspace, rollout_steps};
+use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
+use crate::adapt::{Adapter, Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
+use crate::predict::{Current, Predictor, Workspace, rollout_steps};
 use past::Past;
 
 /// Options of the estimate of the current.
@@ -65,15 +67,6 @@ impl CurrentOptions {
     }
 }
 
-/// An estimate of the current.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Current {
-    /// Components north and east \[m/s\].
-    pub velocity: [f64; 2],
-    /// Variance of the north component, covariance, variance of the east component \[m^2/s^2\].
-    pub covariance: [f64; 3],
-}
-
 /// Surge and sway \[m/s\] of a current (north, east) in the body frame at a heading \[rad\].
 pub fn in_body([north, east]: [f64; 2], heading: f64) -> [f64; 2] {
     let (sin, cos) = Float::sin_cos(heading);
@@ -91,11 +84,22 @@ fn product([a, b, c]: [f64; 3], [x, y]: [f64; 2]) -> [f64; 2] {
     [a * x + b * y, b * x + c * y]
 }
 
+fn quadratic(matrix: [f64; 3], vector: [f64; 2]) -> f64 {
+    let [a, b] = product(matrix, vector);
+    vector[0] * a + vector[1] * b
+}
+
 /// Norm of three standardized errors with full weight: 95 % of a chi distribution with three degrees of freedom.
 const FULL_WEIGHT: f64 = 2.8;
 
 /// Largest number of iterations of an update.
 const ITERATIONS: usize = 4;
+
+/// Variance of a current that does not matter, relative to the other errors of a window: half their standard deviation.
+const NEGLIGIBLE: f64 = 0.25;
+
+/// Variance of a current that is as well known as its random walk permits, relative to the stationary variance.
+const SETTLED: f64 = 2.0;
 
 /// Step of the numerical derivatives, in initial standard deviations.
 const STEP: f64 = 0.1;
@@ -103,24 +107,52 @@ const STEP: f64 = 0.1;
 /// Change at which the iterations end, in initial standard deviations.
 const SMALL: f64 = 0.01;
 
+/// A model of the motion through the water: a predictor or an adapter.
+pub trait Inner: Predictor {
+    /// Multiplies the noise variance of the next measurement of a model that learns, and says whether it learns from it.
+    fn prepare_learning(&mut self, noise: f64, learns: bool);
+}
+
+impl Inner for dyn Predictor {
+    fn prepare_learning(&mut self, _: f64, _: bool) {}
+}
+
+impl Inner for dyn Adapter {
+    fn prepare_learning(&mut self, noise: f64, learns: bool) {
+        self.scale_noise(noise);
+        self.freeze(!learns);
+    }
+}
+
 /// A session that predicts the motion over ground.
 ///
 /// [`observe_heading`](Predictor::observe_heading) takes the heading of the sample that is observed next. Without a
-/// heading, the session predicts it from the yaw rate; before the first one, it takes the water as still.
+/// heading, the session predicts it from the yaw rate; before the first one, it takes the water as still. A missing output
+/// counts as predicted in the past of a window, and gives no error at its end.
 ///
 /// The current is a random walk, estimated by an iterated extended Kalman filter (B. M. Bell and F. W. Cathey, *IEEE
 /// Transactions on Automatic Control* 38 (1993) 294). Its measurements are the errors of predictions over windows: under
 /// a current, the model observes the past of the window and predicts its end. Huber weights limit the effect of a window
-/// that the model cannot explain. Windows overlap, and each counts by the share that is new. After each window, the model
-/// observes its past again under the new estimate, so that all its memory belongs to one current.
+/// that the model cannot explain. Windows overlap, and each counts by the share that is new. When the estimate has moved
+/// by more than its standard deviation, the model observes its past again, so that all its memory belongs to one current.
 ///
-/// The model itself must not learn: what it learned under another current would stay.
-pub struct ThroughWater {
-    inner: Box<dyn Predictor>,
-    /// A session of the same model that observes the past again.
+/// Around an [`Adapter`], the session is an adapter, and current and weights are estimated in turn. What is unknown about
+/// the current is noise to the model that learns. With the covariance `P` of the current and the derivatives `h_i` of the
+/// standardized errors of a window, it adds the variance `a = max_i h_i' P h_i`. The noise variance of a measurement is
+/// multiplied by `1 + a`. While the current is being found, its error is not random: weights with little prior information
+/// would take it as their own at any noise variance. The model therefore learns only where `a` is small, or near the
+/// stationary variance of the filter: `a <= max(1/4, 2 a_s)`, `a_s^2 = max_i h_i' Q h_i`, with the variance `Q` of the
+/// random walk over a window.
+pub struct ThroughWater<P: Inner + ?Sized = dyn Predictor> {
+    inner: Box<P>,
+    /// A session of the same model that observes the past again, and does not learn.
     replay: Box<dyn Predictor>,
     options: CurrentOptions,
     current: Current,
+    /// Current of the memory of the model.
+    remembered: [f64; 2],
+    /// Derivatives of the standardized errors of the last window by the current.
+    slopes: [[f64; 2]; 3],
     /// Heading at the present sample; NaN before the first one.
     heading: f64,
     /// Heading of the sample that is observed next; NaN if there is none.
@@ -128,30 +160,42 @@ pub struct ThroughWater {
     /// Yaw rate at the present sample.
     rate: f64,
     past: Past,
-    /// Samples since the last window.
+    /// Samples since the last window, and since the last heading.
     since: usize,
+    blind: usize,
+    /// Factor of the noise variance of the next measurement.
+    inflation: f64,
+    /// Whether learning is stopped by [`Learning::freeze`].
+    frozen: bool,
     row: Vec<f64>,
+    measured: Vec<f64>,
     state: Vec<f64>,
     commands: Vec<f64>,
     predicted: Vec<f64>,
     work: Workspace,
 }
 
-impl ThroughWater {
+impl<P: Inner + ?Sized> ThroughWater<P> {
     /// A session around a model of the motion through the water, at the start of a run; `None` if the options are not
     /// [valid](CurrentOptions::are_valid).
-    pub fn new(inner: Box<dyn Predictor>, options: CurrentOptions) -> Option<Self> {
+    pub fn new(inner: Box<P>, options: CurrentOptions) -> Option<Self> {
         let (outputs, inputs, window) = (inner.outputs(), inner.inputs(), options.window);
         options.are_valid(outputs).then(|| Self {
             replay: inner.fork(),
             options,
             current: initial_estimate(&options),
+            remembered: [0.0; 2],
+            slopes: initial_slopes(&options),
             heading: f64::NAN,
             next_heading: f64::NAN,
             rate: f64::NAN,
             past: Past::new(outputs, inputs, inner.warm_up() + window),
             since: 0,
+            blind: 0,
+            inflation: 1.0,
+            frozen: false,
             row: vec![0.0; outputs],
+            measured: vec![f64::NAN; outputs],
             state: vec![0.0; inner.snapshot_len()],
             commands: Vec::with_capacity(inputs * window),
             predicted: vec![0.0; outputs * window],
@@ -160,14 +204,26 @@ impl ThroughWater {
         })
     }
 
-    /// The estimate of the current.
-    pub fn current(&self) -> &Current {
-        &self.current
-    }
-
     /// Heading \[rad\] at the present sample, measured or predicted; NaN before the first one.
     pub fn heading(&self) -> f64 {
         self.heading
+    }
+
+    /// Variance that a covariance of the current adds to the standardized errors of a window: the largest of them.
+    fn added_variance(&self, covariance: [f64; 3]) -> f64 {
+        self.slopes.into_iter().map(|slope| quadratic(covariance, slope)).fold(0.0, f64::max)
+    }
+
+    /// Sets the noise and the learning of a model that learns, for the next measurement.
+    fn prepare_learning(&mut self) {
+        let CurrentOptions { walk, dt, window, .. } = self.options;
+        let added = self.added_variance(self.current.covariance);
+        let change = walk * walk * dt * window as f64;
+        let stationary = Float::sqrt(self.added_variance([change, 0.0, change]));
+        let known = added <= NEGLIGIBLE.max(SETTLED * stationary);
+        let noise = if known { 1.0 + added } else { 1.0 };
+        self.inner.prepare_learning(self.inflation * noise, known && !self.frozen);
+        self.inflation = 1.0;
     }
 
     /// Adds `sign` times a current to outputs.
@@ -197,20 +253,20 @@ impl ThroughWater {
         self.row = row;
     }
 
-    /// Error of the prediction over the last window under a current, in standard deviations.
+    /// Error of the prediction over the last window under a current, in standard deviations; NaN where nothing was
+    /// measured.
     fn error(&mut self, current: [f64; 2]) -> [f64; 3] {
         let window = self.options.window;
         self.observe_past(current, self.inner.warm_up() + window - 1, window);
         let mut predicted = core::mem::take(&mut self.predicted);
         self.replay.rollout(&self.commands, &mut self.work, &mut predicted);
-        let (y, heading, _) = self.past.row(0);
-        let end = predicted.len() - y.len();
-        self.add_current(current, heading, 1.0, &mut predicted[end..]);
+        let end = predicted.len() - self.measured.len();
+        self.add_current(current, self.past.row(0).1, 1.0, &mut predicted[end..]);
         let mut errors = [0.0; 3];
         for ((error, of), deviation) in
             errors.iter_mut().zip(self.options.motion).zip(self.options.deviations)
         {
-            *error = (y[of] - predicted[end + of]) / deviation;
+            *error = (self.measured[of] - predicted[end + of]) / deviation;
         }
         self.predicted = predicted;
         errors
@@ -218,7 +274,7 @@ impl ThroughWater {
 
     /// Updates the current by the last window; no effect where a number is not finite.
     fn update_by_window(&mut self) {
-        let CurrentOptions { window, stride, initial, .. } = self.options;
+        let CurrentOptions { window, stride, initial, motion, .. } = self.options;
         self.inner.snapshot(&mut self.state);
         self.commands.clear();
         for back in (1..=window).rev() {
@@ -227,23 +283,27 @@ impl ThroughWater {
         let Some(prior) = inverse(self.current.covariance) else { return };
         let before = self.current.velocity;
         let mut next = self.current;
+        let mut derivatives = self.slopes;
         let step = STEP * initial;
         let share = (stride as f64 / window as f64).min(1.0);
+        let missing = motion.map(|c| self.measured[c].is_nan());
         for _ in 0..ITERATIONS {
             let c = next.velocity;
             let error = self.error(c);
-            let slopes = [self.error([c[0] + step, c[1]]), self.error([c[0], c[1] + step])];
-            let size = Float::sqrt(error.iter().map(|e| e * e).sum::<f64>());
+            let moved = [self.error([c[0] + step, c[1]]), self.error([c[0], c[1] + step])];
+            let present = || error.iter().zip(missing).filter(|(_, missing)| !missing).map(|(e, _)| e);
+            let size = Float::sqrt(present().map(|e| e * e).sum::<f64>());
             let weight = share * if size > FULL_WEIGHT { FULL_WEIGHT / size } else { 1.0 };
             let mut information = prior;
             let mut right = product(prior, [before[0] - c[0], before[1] - c[1]]);
-            for (i, e) in error.iter().enumerate() {
-                let [north, east] = slopes.map(|other| (e - other[i]) / step);
+            for (i, e) in error.iter().enumerate().filter(|(i, _)| !missing[*i]) {
+                let [north, east] = moved.map(|other| (e - other[i]) / step);
                 information[0] += weight * north * north;
                 information[1] += weight * north * east;
                 information[2] += weight * east * east;
                 right[0] += weight * north * e;
                 right[1] += weight * east * e;
+                derivatives[i] = [north, east];
             }
             let Some(covariance) = inverse(information) else { return };
             let change = product(covariance, right);
@@ -256,18 +316,26 @@ impl ThroughWater {
             }
         }
         self.current = next;
-        self.observe_past(next.velocity, self.inner.warm_up() - 1, 0);
-        self.replay.snapshot(&mut self.state);
-        self.inner.restore(&self.state);
+        self.slopes = derivatives;
+        let moved = [next.velocity[0] - self.remembered[0], next.velocity[1] - self.remembered[1]];
+        let within = inverse(next.covariance).is_some_and(|information| quadratic(information, moved) < 1.0);
+        if !within {
+            self.remembered = next.velocity;
+            self.observe_past(next.velocity, self.inner.warm_up() - 1, 0);
+            self.replay.snapshot(&mut self.state);
+            self.inner.restore(&self.state);
+        }
     }
 
     /// Puts the outputs through the water into `row`.
     fn take_measurement(&mut self, y: &[f64]) {
+        self.blind = self.blind.saturating_add(1);
         if self.next_heading.is_finite() {
             self.heading = self.next_heading;
+            self.blind = 0;
         }
-        self.past.push(y, self.next_heading);
         self.next_heading = f64::NAN;
+        self.measured.copy_from_slice(y);
         let mut row = core::mem::take(&mut self.row);
         row.copy_from_slice(y);
         self.add_current(self.current.velocity, self.heading, -1.0, &mut row);
@@ -275,11 +343,22 @@ impl ThroughWater {
     }
 
     fn update_estimate(&mut self) {
+        // A missing output is the prediction that the model keeps.
+        let mut row = core::mem::take(&mut self.row);
+        self.inner.output(&mut row);
+        self.add_current(self.current.velocity, self.heading, 1.0, &mut row);
+        for (y, measured) in row.iter_mut().zip(&self.measured) {
+            if !measured.is_nan() {
+                *y = *measured;
+            }
+        }
+        self.past.push(&row, self.heading);
+        self.row = row;
         let variance = self.options.walk * self.options.walk * self.options.dt;
         self.current.covariance[0] += variance;
         self.current.covariance[2] += variance;
         self.since = self.since.saturating_add(1);
-        if self.since >= self.options.stride && self.past.is_complete() {
+        if self.since >= self.options.stride && self.past.is_full() && self.blind < self.options.window {
             self.since = 0;
             self.update_by_window();
         }
@@ -308,10 +387,16 @@ fn initial_estimate(options: &CurrentOptions) -> Current {
     Current { velocity: [0.0; 2], covariance: [variance, 0.0, variance] }
 }
 
+/// Before the first window: a current is an error of its size.
+fn initial_slopes(options: &CurrentOptions) -> [[f64; 2]; 3] {
+    let least = options.deviations[0].min(options.deviations[1]);
+    [[1.0 / least, 0.0], [0.0, 1.0 / least], [0.0; 2]]
+}
+
 /// Numbers of a snapshot beside those of the model: current, its covariance, heading, yaw rate.
 const OWN: usize = 7;
 
-impl Predictor for ThroughWater {
+impl<P: Inner + ?Sized> Predictor for ThroughWater<P> {
     fn outputs(&self) -> usize {
         self.inner.outputs()
     }
@@ -328,19 +413,28 @@ impl Predictor for ThroughWater {
     fn reset(&mut self) {
         self.inner.reset();
         self.current = initial_estimate(&self.options);
+        self.remembered = [0.0; 2];
+        self.slopes = initial_slopes(&self.options);
         self.heading = f64::NAN;
         self.next_heading = f64::NAN;
         self.rate = f64::NAN;
         self.past.clear();
         self.since = 0;
+        self.blind = 0;
+        self.inflation = 1.0;
     }
 
     fn observe_heading(&mut self, heading: f64) {
         self.next_heading = heading;
     }
 
+    fn current(&self) -> Option<&Current> {
+        Some(&self.current)
+    }
+
     fn observe(&mut self, y: &[f64]) {
         self.take_measurement(y);
+        self.prepare_learning();
         self.inner.observe(&self.row);
         self.update_estimate();
     }
@@ -358,14 +452,20 @@ impl Predictor for ThroughWater {
 
     fn advance_observe(&mut self, c: &[f64], y: &[f64]) {
         if self.next_heading.is_finite() && y.iter().all(|y| !y.is_nan()) {
+            // A heading and a complete measurement replace the prediction.
             self.past.set_command(c);
             self.take_measurement(y);
+            self.prepare_learning();
             self.inner.advance_observe(c, &self.row);
             self.update_estimate();
         } else {
             self.advance(c);
             self.observe(y);
         }
+    }
+
+    fn output_through_water(&self, y: &mut [f64]) {
+        self.inner.output(y);
     }
 
     fn output(&self, y: &mut [f64]) {
@@ -391,17 +491,18 @@ impl Predictor for ThroughWater {
     }
 
     fn snapshot(&self, into: &mut [f64]) {
-        let (inner, own) = into.split_at_mut(self.inner.snapshot_len());
-        self.inner.snapshot(inner);
+        let (own, inner) = into.split_at_mut(OWN);
         let Current { velocity: [north, east], covariance: [p, q, r] } = self.current;
         own.copy_from_slice(&[north, east, p, q, r, self.heading, self.rate]);
+        self.inner.snapshot(inner);
     }
 
+    /// Restores state and current. Windows restart.
     fn restore(&mut self, from: &[f64]) {
-        let (inner, own) = from.split_at(self.inner.snapshot_len());
-        assert_eq!(own.len(), OWN, "a snapshot of this model");
+        let (own, inner) = from.split_at(OWN);
         self.inner.restore(inner);
         self.current = Current { velocity: [own[0], own[1]], covariance: [own[2], own[3], own[4]] };
+        self.remembered = self.current.velocity;
         self.heading = own[5];
         self.rate = own[6];
         self.past.clear();
@@ -419,12 +520,11 @@ impl Predictor for ThroughWater {
         assert_eq!(snapshots.len(), count * all, "whole snapshots");
         let (numbers, [work, _]) = work.take_pair(count * inner);
         for (place, from) in numbers.chunks_exact_mut(inner.max(1)).zip(snapshots.chunks_exact(all)) {
-            place.copy_from_slice(&from[..inner]);
+            place.copy_from_slice(&from[OWN..]);
         }
         self.inner.rollout_snapshots(count, &numbers[..count * inner], commands, work, y);
         let size = (y.len() / count.max(1)).max(1);
-        for (y, from) in y.chunks_exact_mut(size).zip(snapshots.chunks_exact(all)) {
-            let own = &from[inner..];
+        for (y, own) in y.chunks_exact_mut(size).zip(snapshots.chunks_exact(all)) {
             self.put_over_ground([own[0], own[1]], own[5], own[6], y);
         }
         if let Some(last) = snapshots.chunks_exact(all).last() {
@@ -433,17 +533,23 @@ impl Predictor for ThroughWater {
     }
 
     fn fork(&self) -> Box<dyn Predictor> {
-        Box::new(Self {
+        Box::new(ThroughWater::<dyn Predictor> {
             inner: self.inner.fork(),
             replay: self.replay.fork(),
             options: self.options,
             current: self.current,
+            remembered: self.remembered,
+            slopes: self.slopes,
             heading: self.heading,
             next_heading: self.next_heading,
             rate: self.rate,
             past: self.past.clone(),
             since: self.since,
+            blind: self.blind,
+            inflation: self.inflation,
+            frozen: true,
             row: self.row.clone(),
+            measured: self.measured.clone(),
             state: self.state.clone(),
             commands: self.commands.clone(),
             predicted: self.predicted.clone(),
@@ -451,3 +557,99 @@ impl Predictor for ThroughWater {
         })
     }
 }
+
+impl Learning for ThroughWater<dyn Adapter> {
+    fn outcome(&self) -> Outcome {
+        self.inner.outcome()
+    }
+
+    fn innovations(&self) -> &[Innovation] {
+        self.inner.innovations()
+    }
+
+    fn weights(&self) -> &[f64] {
+        self.inner.weights()
+    }
+
+    fn freeze(&mut self, frozen: bool) {
+        self.frozen = frozen;
+        self.inner.freeze(frozen);
+    }
+
+    fn scale_noise(&mut self, factor: f64) {
+        self.inflation = factor;
+    }
+
+    fn restart(&mut self) {
+        self.inner.restart();
+    }
+
+    fn health(&self) -> Health {
+        self.inner.health()
+    }
+
+    /// Those of the model, with the uncertainty of the current. The effect of the current grows over a window, and stays.
+    fn deviations(
+        &mut self,
+        commands: &[f64],
+        horizons: &[usize],
+        work: &mut Workspace,
+        deviations: &mut [f64],
+    ) {
+        self.inner.deviations(commands, horizons, work, deviations);
+        let outputs = self.inner.outputs();
+        let window = self.options.window as f64;
+        for ((c, scale), slope) in
+            self.options.motion.into_iter().zip(self.options.deviations).zip(self.slopes)
+        {
+            let variance = quadratic(self.current.covariance, slope) * scale * scale;
+            for (row, horizon) in deviations.chunks_exact_mut(outputs).zip(horizons) {
+                let share = (*horizon as f64 / window).min(1.0);
+                row[c] = Float::sqrt(row[c] * row[c] + share * share * variance);
+            }
+        }
+    }
+}
+
+impl SaveState for ThroughWater<dyn Adapter> {
+    fn memory_len(&self) -> usize {
+        self.inner.memory_len() + self.past.memory_len() + OWN + 12
+    }
+
+    fn save(&self, into: &mut [f64]) {
+        assert_eq!(into.len(), self.memory_len(), "room for the memory");
+        let mut into = Writer::new(into);
+        let Current { velocity: [north, east], covariance: [p, q, r] } = self.current;
+        into.numbers(&[north, east, p, q, r, self.heading, self.rate]);
+        into.numbers(&self.remembered);
+        into.numbers(self.slopes.as_flattened());
+        into.numbers(&[self.inflation]);
+        self.past.save(&mut into);
+        into.count(self.since);
+        into.count(self.blind);
+        into.flag(self.frozen);
+        self.inner.save(into.part(self.inner.memory_len()));
+    }
+
+    fn load(&mut self, from: &[f64]) {
+        assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
+        let mut from = Reader::new(from);
+        let mut own = [0.0; OWN];
+        from.numbers(&mut own);
+        self.current = Current { velocity: [own[0], own[1]], covariance: [own[2], own[3], own[4]] };
+        self.heading = own[5];
+        self.rate = own[6];
+        from.numbers(&mut self.remembered);
+        from.numbers(self.slopes.as_flattened_mut());
+        self.inflation = from.part(1)[0];
+        self.past.load(&mut from);
+        self.since = from.count(MOST_COUNTED);
+        self.blind = from.count(MOST_COUNTED);
+        self.frozen = from.flag();
+        self.next_heading = f64::NAN;
+        self.inner.load(from.part(self.inner.memory_len()));
+    }
+}
+
+/// Without rehearsal: the currents of the training runs are not known to the session.
+impl Rehearsing for ThroughWater<dyn Adapter> {}

@@ -3,7 +3,9 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// Outputs over ground, heading, and command of the last samples.
+use crate::adapt::memory::{Reader, Writer};
+
+/// Outputs over ground, heading, and command of the last samples; predicted where nothing was measured.
 #[derive(Clone, Debug)]
 pub(super) struct Past {
     /// Up to twice as many rows as are needed, so that they move rarely.
@@ -14,19 +16,16 @@ pub(super) struct Past {
     span: usize,
     /// Rows, the newest last.
     len: usize,
-    /// Complete consecutive rows up to the newest, at most `span`.
-    complete: usize,
 }
 
 impl Past {
     pub(super) fn new(outputs: usize, inputs: usize, span: usize) -> Self {
         let width = outputs + 1 + inputs;
-        Self { rows: vec![0.0; 2 * span * width], outputs, width, span, len: 0, complete: 0 }
+        Self { rows: vec![0.0; 2 * span * width], outputs, width, span, len: 0 }
     }
 
     pub(super) fn clear(&mut self) {
         self.len = 0;
-        self.complete = 0;
     }
 
     pub(super) fn push(&mut self, y: &[f64], heading: f64) {
@@ -38,8 +37,6 @@ impl Past {
         row[..self.outputs].copy_from_slice(y);
         row[self.outputs] = heading;
         self.len += 1;
-        let complete = heading.is_finite() && y.iter().all(|y| y.is_finite());
-        self.complete = if complete { (self.complete + 1).min(self.span) } else { 0 };
     }
 
     /// Sets the command of the newest sample.
@@ -49,9 +46,9 @@ impl Past {
         }
     }
 
-    /// Whether all rows that are needed are complete.
-    pub(super) fn is_complete(&self) -> bool {
-        self.complete == self.span
+    /// Whether there are as many rows as are needed.
+    pub(super) fn is_full(&self) -> bool {
+        self.len >= self.span
     }
 
     /// Outputs, heading and command `back` samples before the newest.
@@ -59,5 +56,24 @@ impl Past {
         let row = &self.rows[(self.len - 1 - back) * self.width..][..self.width];
         let (y, rest) = row.split_at(self.outputs);
         (y, rest[0], &rest[1..])
+    }
+
+    pub(super) fn memory_len(&self) -> usize {
+        self.span * self.width + 1
+    }
+
+    /// Writes the rows that are needed.
+    pub(super) fn save(&self, into: &mut Writer<'_>) {
+        let rows = self.len.min(self.span);
+        into.count(rows);
+        let all = into.part(self.span * self.width);
+        let (newest, rest) = all.split_at_mut(rows * self.width);
+        newest.copy_from_slice(&self.rows[(self.len - rows) * self.width..self.len * self.width]);
+        rest.fill(0.0);
+    }
+
+    pub(super) fn load(&mut self, from: &mut Reader<'_>) {
+        self.len = from.count(self.span);
+        from.numbers(&mut self.rows[..self.span * self.width]);
     }
 }

@@ -3,6 +3,9 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
+use hydroid_core::adapt::{
+    Adapter, InnovationGate, Learning, RecursiveEquations, RecursiveOptions, SaveState,
+};
 use hydroid_core::current::{CurrentOptions, ThroughWater, in_body};
 use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
 use hydroid_core::predict::{Predictor, Workspace};
@@ -14,7 +17,7 @@ const DT: f64 = 0.1;
 const NOISE: f64 = 0.01;
 
 /// Surge and sway through the water and the yaw rate, under a propeller and a rudder.
-fn vessel() -> Box<dyn Predictor> {
+fn equations(propeller: f64, rudder: f64) -> Equations {
     // Variables: u, v, r, propeller, rudder.
     let terms = vec![
         Term::monomial(&[0]),
@@ -24,10 +27,30 @@ fn vessel() -> Box<dyn Predictor> {
         Term::monomial(&[0, 2]),
         Term::monomial(&[0, 4]),
     ];
-    let coefficients =
-        [[-0.3, 0.0, 0.0, 0.6, 0.0, 0.0], [0.0, -0.5, 0.0, 0.0, -0.2, 0.05], [0.0, 0.1, -0.6, 0.0, 0.0, 0.3]];
-    let equations = Equations::new(terms, coefficients.concat(), 3, 2, DT, 1).unwrap();
-    Box::new(EquationsSession::new(Arc::new(equations)))
+    let coefficients = [
+        [-0.3, 0.0, 0.0, propeller, 0.0, 0.0],
+        [0.0, -0.5, 0.0, 0.0, -0.2, 0.05],
+        [0.0, 0.1, -0.6, 0.0, 0.0, rudder],
+    ];
+    Equations::new(terms, coefficients.concat(), 3, 2, DT, 1).unwrap()
+}
+
+fn vessel() -> Box<dyn Predictor> {
+    Box::new(EquationsSession::new(Arc::new(equations(0.6, 0.3))))
+}
+
+/// Recursive least squares on a model with a propeller and a rudder that are too weak.
+fn learner() -> Box<dyn Adapter> {
+    let options = RecursiveOptions {
+        forgetting_s: f64::INFINITY,
+        window: 10,
+        prior_s: 5.0,
+        leak: false,
+        all_terms: false,
+        gate: InnovationGate::default(),
+    };
+    let ranges = [(-0.5, 2.5), (-0.5, 0.5), (-0.5, 0.5), (0.0, 1.5), (-0.6, 0.6)];
+    Box::new(RecursiveEquations::new(&equations(0.45, 0.2), &ranges, &options).unwrap())
 }
 
 fn options(initial: f64, deviation: f64) -> CurrentOptions {
@@ -132,7 +155,11 @@ fn the_current_is_found_and_predictions_over_ground_follow_the_truth() {
             worst_still = worst_still.max(error(&over_ground));
         }
     }
-    assert!(distance(session.current().velocity, current) < 0.01, "{:?}", session.current());
+    assert!(
+        distance(session.current().unwrap().velocity, current) < 0.01,
+        "{:?}",
+        session.current().unwrap()
+    );
     assert!(worst < 0.03, "{worst}");
     // Without the current, the turning body axes are taken for forces.
     assert!(worst_still > 0.3, "{worst_still}");
@@ -151,7 +178,7 @@ fn intervals_hold_the_current_in_nine_of_ten_runs() {
         let mut session =
             ThroughWater::new(vessel(), CurrentOptions { stride: 30, ..options(0.4, 0.0105) }).unwrap();
         follow(&mut session, &run, 0, 399);
-        let estimate = session.current();
+        let estimate = session.current().unwrap();
         let [p, q, r] = estimate.covariance;
         let [x, y] = [estimate.velocity[0] - current[0], estimate.velocity[1] - current[1]];
         let square = (r * x * x - 2.0 * q * x * y + p * y * y) / (p * r - q * q);
@@ -170,12 +197,12 @@ fn a_current_that_turns_is_followed_at_the_rate_of_its_random_walk() {
     let walking = CurrentOptions { walk: 0.05, ..options(0.3, 0.02) };
     let mut session = ThroughWater::new(vessel(), walking).unwrap();
     follow(&mut session, &run, 0, 1_199);
-    assert!(distance(session.current().velocity, before) < 0.03, "{:?}", session.current());
+    assert!(distance(session.current().unwrap().velocity, before) < 0.03, "{:?}", session.current().unwrap());
     follow(&mut session, &run, 1_200, 1_700);
-    assert!(distance(session.current().velocity, after) < 0.03, "{:?}", session.current());
+    assert!(distance(session.current().unwrap().velocity, after) < 0.03, "{:?}", session.current().unwrap());
     // The next run may have another one.
     session.reset();
-    assert_eq!(session.current().velocity, [0.0; 2]);
+    assert_eq!(session.current().unwrap().velocity, [0.0; 2]);
     assert!(session.heading().is_nan());
 }
 
@@ -215,10 +242,10 @@ fn a_heading_may_wrap_or_be_missing_for_a_while() {
     };
     let whole = observed(&|k| run.heading[k]);
     let wrapped = observed(&|k| (run.heading[k] + 3.0).rem_euclid(TAU) - 3.0);
-    assert!(distance(whole.current().velocity, wrapped.current().velocity) < 1e-9);
+    assert!(distance(whole.current().unwrap().velocity, wrapped.current().unwrap().velocity) < 1e-9);
     let gap = 700..720;
     let missing = observed(&|k| if gap.contains(&k) { f64::NAN } else { run.heading[k] });
-    assert!(distance(missing.current().velocity, [0.2, -0.3]) < 0.01, "{:?}", missing.current());
+    assert!(distance(missing.current().unwrap().velocity, [0.2, -0.3]) < 0.01, "{:?}", missing.current());
     // Across a gap, the heading is predicted from the yaw rate.
     let mut session = ThroughWater::new(vessel(), options(0.5, 0.02)).unwrap();
     follow(&mut session, &run, 0, 700);
@@ -226,6 +253,107 @@ fn a_heading_may_wrap_or_be_missing_for_a_while() {
         session.advance_observe(&run.commands[k - 1], &run.measured[k]);
     }
     assert!((session.heading() - run.heading[719]).abs() < 0.02);
+}
+
+#[test]
+fn outputs_at_several_rates_show_the_current() {
+    let mut run = run([[0.2, -0.3]; 2], 1_000, 8);
+    for (k, y) in run.measured.iter_mut().enumerate() {
+        // Surge and sway at a third of the rate of the yaw rate.
+        if k % 3 != 1 {
+            (y[0], y[1]) = (f64::NAN, f64::NAN);
+        }
+    }
+    let mut session = ThroughWater::new(vessel(), options(0.5, 0.02)).unwrap();
+    follow(&mut session, &run, 0, 999);
+    assert!(distance(session.current().unwrap().velocity, [0.2, -0.3]) < 0.02, "{:?}", session.current());
+}
+
+/// Distance of the coefficients from those of the vessel, relative to that at the start.
+fn weight_error(adapter: &dyn Adapter) -> f64 {
+    let of = |propeller, rudder| {
+        let equations = equations(propeller, rudder);
+        let numbers = equations.coefficients().iter().copied().filter(|xi| *xi != 0.0);
+        numbers.collect::<Vec<f64>>()
+    };
+    let truth = of(0.6, 0.3);
+    let far = |weights: &[f64]| {
+        weights.iter().zip(&truth).map(|(weight, truth)| (weight - truth).powi(2)).sum::<f64>().sqrt()
+    };
+    far(adapter.weights()) / far(&of(0.45, 0.2))
+}
+
+#[test]
+fn a_model_that_learns_takes_the_vessel_and_not_the_current() {
+    let current = [0.4, -0.2];
+    let run = run([current; 2], 9_000, 9);
+    let options = CurrentOptions { walk: 0.01, ..options(0.5, 0.05) };
+    let mut session = ThroughWater::new(learner(), options).unwrap();
+    let mut over_ground = learner();
+    let start = session.weights().to_vec();
+    // Until the current is known, the model does not learn.
+    follow(&mut session, &run, 0, 30);
+    assert_eq!(session.weights(), start);
+    follow(&mut session, &run, 31, 8_999);
+    follow(over_ground.as_mut(), &run, 0, 8_999);
+    assert!(distance(session.current().unwrap().velocity, current) < 0.06, "{:?}", session.current());
+    let (own, other) = (weight_error(&session), weight_error(over_ground.as_ref()));
+    assert!(own < 0.6 && other > 2.5, "{own} {other}");
+    // A frozen session predicts on, and does not learn.
+    session.freeze(true);
+    let before = session.weights().to_vec();
+    follow(&mut session, &run, 8_000, 8_999);
+    assert_eq!(session.weights(), before);
+}
+
+#[test]
+fn a_saved_session_continues_to_the_last_bit() {
+    let mut run = run([[0.4, -0.2], [-0.3, 0.3]], 2_000, 10);
+    run.heading[700] = f64::NAN;
+    run.measured[720][1] = f64::NAN;
+    let new = || ThroughWater::new(learner(), CurrentOptions { walk: 0.02, ..options(0.5, 0.05) }).unwrap();
+    let mut session = new();
+    follow(&mut session, &run, 0, 722);
+    let mut memory = vec![0.0; session.memory_len()];
+    session.save(&mut memory);
+    let mut other = new();
+    other.load(&memory);
+    for k in 723..2_000 {
+        follow(&mut session, &run, k, k);
+        follow(&mut other, &run, k, k);
+    }
+    let bits = |session: &dyn Adapter| {
+        let mut memory = vec![0.0; session.memory_len()];
+        session.save(&mut memory);
+        memory.into_iter().map(f64::to_bits).collect::<Vec<_>>()
+    };
+    assert_eq!(bits(&session), bits(&other));
+    let mut snapshot = vec![0.0; session.snapshot_len()];
+    session.snapshot(&mut snapshot);
+    assert!(snapshot.ends_with(session.weights()));
+}
+
+#[test]
+fn bands_contain_the_uncertainty_of_the_current() {
+    let run = run([[0.4, -0.2]; 2], 1_000, 11);
+    let options = CurrentOptions { walk: 0.02, ..options(0.5, 0.05) };
+    let mut session = ThroughWater::new(learner(), options).unwrap();
+    let (mut work, commands) = (Workspace::new(), [0.5; 120]);
+    let mut deviations = |session: &mut ThroughWater<dyn Adapter>| {
+        let mut y = [0.0; 9];
+        session.deviations(&commands, &[1, 30, 60], &mut work, &mut y);
+        y
+    };
+    follow(&mut session, &run, 0, 900);
+    let before = deviations(&mut session);
+    let mut snapshot = vec![0.0; session.snapshot_len()];
+    session.snapshot(&mut snapshot);
+    snapshot[2..5].copy_from_slice(&[0.04, 0.0, 0.04]);
+    session.restore(&snapshot);
+    let after = deviations(&mut session);
+    let added = |i: usize| (after[i].powi(2) - before[i].powi(2)).sqrt();
+    assert!((0.05..=0.2).contains(&added(3)) && (0.05..=0.2).contains(&added(4)), "{before:?} {after:?}");
+    assert!(added(0) < 0.1 * added(3) && (added(6) - added(3)).abs() < 0.01, "{before:?} {after:?}");
 }
 
 #[test]
@@ -292,6 +420,6 @@ proptest! {
         }
         let mut session = ThroughWater::new(vessel(), CurrentOptions { walk: 0.01, ..options(0.5, 0.02) }).unwrap();
         follow(&mut session, &run, 0, 799);
-        prop_assert!(distance(session.current().velocity, [0.2, -0.3]) < 0.05, "{:?}", session.current());
+        prop_assert!(distance(session.current().unwrap().velocity, [0.2, -0.3]) < 0.05, "{:?}", session.current().unwrap());
     }
 }

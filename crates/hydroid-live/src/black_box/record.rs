@@ -34,6 +34,8 @@ pub(super) enum Part {
     Time,
     Command,
     Measured,
+    /// Measured heading; NaN without one.
+    Heading,
     Held,
     Estimate,
     /// Predictions, by horizon.
@@ -51,12 +53,13 @@ pub(super) enum Part {
 }
 
 impl Part {
-    const ALL: [Self; 13] = [
+    const ALL: [Self; 14] = [
         Self::Calls,
         Self::Run,
         Self::Time,
         Self::Command,
         Self::Measured,
+        Self::Heading,
         Self::Held,
         Self::Estimate,
         Self::Prediction,
@@ -76,7 +79,7 @@ impl RowLayout {
     fn width(self, part: Part) -> usize {
         let Self { outputs: n, inputs: m, horizons } = self;
         match part {
-            Part::Calls | Part::Run | Part::Time => 1,
+            Part::Calls | Part::Run | Part::Time | Part::Heading => 1,
             Part::Command | Part::Held => m,
             Part::Measured | Part::Estimate => n,
             Part::Prediction => horizons * n,

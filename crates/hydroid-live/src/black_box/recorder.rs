@@ -151,8 +151,9 @@ impl Recorder {
         self.row[self.builder.layout.range(Part::Command)].copy_from_slice(c);
     }
 
-    pub(super) fn observe(&mut self, adapter: &dyn Adapter, y: &[f64]) {
+    pub(super) fn observe(&mut self, adapter: &dyn Adapter, heading: f64, y: &[f64]) {
         self.begin_call(adapter, OBSERVE);
+        self.row[self.builder.layout.range(Part::Heading)][0] = heading;
         self.row[self.builder.layout.range(Part::Measured)].copy_from_slice(y);
     }
 

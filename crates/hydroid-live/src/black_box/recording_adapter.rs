@@ -2,7 +2,7 @@
 
 use hydroid_core::adapt::guard::Guard;
 use hydroid_core::adapt::{Adapter, Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
-use hydroid_core::predict::{Predictor, Workspace};
+use hydroid_core::predict::{Current, Predictor, Workspace};
 
 use super::{BlackBoxError, Recorder};
 use hydroid::log::Note;
@@ -11,12 +11,14 @@ use hydroid::log::Note;
 pub struct RecordingAdapter<'a> {
     adapter: Box<dyn Adapter + 'a>,
     recorder: Option<Recorder>,
+    /// Heading of the sample that is observed next.
+    heading: f64,
 }
 
 impl<'a> RecordingAdapter<'a> {
     /// Wraps an adapter.
     pub fn new(adapter: Box<dyn Adapter + 'a>, recorder: Option<Recorder>) -> Self {
-        Self { adapter, recorder }
+        Self { adapter, recorder, heading: f64::NAN }
     }
 
     pub(crate) fn record(&mut self, recorder: Recorder) {
@@ -76,10 +78,24 @@ impl Predictor for RecordingAdapter<'_> {
         self.adapter.reset();
     }
 
+    fn observe_heading(&mut self, heading: f64) {
+        self.heading = heading;
+    }
+
+    fn current(&self) -> Option<&Current> {
+        self.adapter.current()
+    }
+
+    fn output_through_water(&self, y: &mut [f64]) {
+        self.adapter.output_through_water(y);
+    }
+
     fn observe(&mut self, y: &[f64]) {
+        let heading = std::mem::replace(&mut self.heading, f64::NAN);
         if let Some(recorder) = &mut self.recorder {
-            recorder.observe(self.adapter.as_ref(), y);
+            recorder.observe(self.adapter.as_ref(), heading, y);
         }
+        self.adapter.observe_heading(heading);
         self.adapter.observe(y);
         if let Some(recorder) = &mut self.recorder {
             recorder.observed(self.adapter.as_ref());

@@ -115,6 +115,7 @@ impl Player<'_> {
             adapter.advance(&recorded[layout.range(Part::Command)]);
         }
         if calls & OBSERVE != 0 {
+            adapter.observe_heading(recorded[layout.range(Part::Heading)][0]);
             adapter.observe(&recorded[layout.range(Part::Measured)]);
             self.builder.observed(adapter, &mut self.row);
             self.replayed.samples += 1;

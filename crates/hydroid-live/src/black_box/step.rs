@@ -140,6 +140,11 @@ impl<'a> Step<'a> {
         put("status", json!(self.status()));
         put("measured", named(&head.outputs, self.measured()));
         put("estimate", named(&head.outputs, self.estimate()));
+        if let [heading] = self.part(Part::Heading)
+            && !heading.is_nan()
+        {
+            put("heading", json!(heading));
+        }
         put("held", named(&head.inputs, self.part(Part::Held)));
         let n = head.outputs.len();
         let prediction = self.part(Part::Prediction);

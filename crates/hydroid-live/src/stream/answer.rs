@@ -3,6 +3,7 @@
 use std::io::Write as _;
 
 use hydroid_core::adapt::Outcome;
+use hydroid_core::predict::Current;
 
 use super::session::Session;
 use hydroid::adapt::{BAND_80, BAND_95};
@@ -86,6 +87,21 @@ impl Writer {
         for (i, (key, value)) in self.keys.iter().zip(session.estimate()).enumerate() {
             entry(line, key, i == 0);
             number(line, *value);
+        }
+        if let Some(Current { velocity, covariance: [north, _, east] }) = session.adapter().current() {
+            line.extend_from_slice(b"},\"through_water\":{");
+            for (i, (key, value)) in self.keys.iter().zip(session.through_water()).enumerate() {
+                entry(line, key, i == 0);
+                number(line, *value);
+            }
+            let half_widths = [north, east].map(|variance| BAND_80 * variance.sqrt());
+            for (i, key) in ["north", "east"].iter().enumerate() {
+                line.extend_from_slice(if i == 0 { b"},\"current\":{" } else { b"," });
+                let _ = write!(line, "\"{key}\":");
+                number(line, velocity[i]);
+            }
+            line.extend_from_slice(b",\"band_80\":");
+            list(line, half_widths.into_iter());
         }
         line.extend_from_slice(b"},\"prediction\":{\"horizons\":[");
         for (i, horizon) in session.horizons().iter().enumerate() {

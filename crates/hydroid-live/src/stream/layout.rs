@@ -97,7 +97,8 @@ fn object(
     let wind = selection.wind.iter().flat_map(|wind| [&wind.speed, &wind.direction]);
     let outputs: Vec<&ChannelSpec> = selection.outputs.iter().collect();
     let commands: Vec<&ChannelSpec> = selection.inputs.iter().chain(wind).collect();
-    for (specs, least) in [(outputs, 1), (commands.clone(), commands.len())] {
+    let heading: Vec<&ChannelSpec> = selection.heading.iter().collect();
+    for (specs, least) in [(outputs, 1), (heading, 0), (commands.clone(), commands.len())] {
         let absent: Vec<&ChannelSpec> =
             specs.iter().copied().filter(|spec| locate(&log, spec).is_none()).collect();
         if let Some(first) = absent.first().filter(|_| specs.len() < absent.len() + least) {

@@ -20,6 +20,8 @@ pub(super) struct Sample {
     pub(super) t: f64,
     /// Outputs; NaN is missing.
     pub(super) outputs: Vec<f64>,
+    /// Heading \[rad\], for a model that names its column; NaN is missing.
+    pub(super) heading: f64,
     /// Inputs, wind last; NaN is missing.
     pub(super) inputs: Vec<f64>,
     /// Planned commands, row by row like `inputs`; NaN for the last command.
@@ -114,6 +116,10 @@ impl Place<'_> {
             check_value(&source.channel, value, &self.layout.name, self.line)?;
             sample.outputs.push(value);
         }
+        sample.heading = match &columns.heading {
+            Some((source, true)) => self.value(&item(source.column)?, source, comma)?,
+            _ => f64::NAN,
+        };
         sample.inputs.clear();
         for source in &columns.inputs {
             sample.inputs.push(self.value(&item(source.column)?, source, comma)?);

@@ -19,6 +19,7 @@ pub(super) struct Session {
     expected: Vec<f64>,
     expected_deviations: Vec<f64>,
     estimate: Vec<f64>,
+    through_water: Vec<f64>,
     commands: Vec<f64>,
     held: Vec<f64>,
     rollout: Vec<f64>,
@@ -46,6 +47,7 @@ impl Session {
             expected: vec![f64::NAN; n],
             expected_deviations: vec![f64::NAN; n],
             estimate: vec![f64::NAN; n],
+            through_water: vec![f64::NAN; n],
             commands: vec![f64::NAN; last * m],
             held: vec![f64::NAN; m],
             rollout: vec![f64::NAN; last * n],
@@ -89,6 +91,7 @@ impl Session {
         self.adapter.reset();
         commands.restart();
         let held = commands.begin(&sample.inputs);
+        self.adapter.observe_heading(sample.heading);
         self.adapter.observe(&sample.outputs);
         self.predict(commands, sample);
         Transition { held, lost: false }
@@ -123,6 +126,7 @@ impl Session {
             }
         });
         self.adapter.to(sample.t, 0, self.dt);
+        self.adapter.observe_heading(sample.heading);
         self.adapter.observe(&sample.outputs);
         self.compare(sample);
         self.predict(commands, sample);
@@ -143,6 +147,7 @@ impl Session {
 
     fn predict(&mut self, commands: &Commands, sample: &Sample) {
         self.adapter.output(&mut self.estimate);
+        self.adapter.output_through_water(&mut self.through_water);
         commands.ahead(&sample.plan, &mut self.commands);
         self.adapter.rollout(&self.commands, &mut self.work, &mut self.rollout);
         self.adapter.deviations(&self.commands, &self.horizons, &mut self.work, &mut self.deviations);
@@ -150,6 +155,11 @@ impl Session {
 
     pub(super) fn estimate(&self) -> &[f64] {
         &self.estimate
+    }
+
+    /// The estimate with the motion through the water.
+    pub(super) fn through_water(&self) -> &[f64] {
+        &self.through_water
     }
 
     /// Prediction of an output at each horizon.

@@ -170,7 +170,7 @@ fn a_killed_recording_loses_one_second_and_a_restart_appends() {
 
 /// Numbers of a step with its sum, for two outputs, inputs and horizons: calls, run, time, command, measured, held,
 /// estimate, predictions, outcome, innovations, health, guard, events.
-const ROW: usize = 3 + 2 + 2 + 2 + 2 + 4 + 3 + 5 + 2 + 4 + (1 + 8 * 5) + 1;
+const ROW: usize = 3 + 2 + 2 + 1 + 2 + 2 + 4 + 3 + 5 + 2 + 4 + (1 + 8 * 5) + 1;
 
 #[test]
 fn invalid_recordings_are_refused_with_a_reason() {
@@ -229,7 +229,7 @@ fn a_replay_reports_the_first_different_bit() {
     let word = |bytes: &[u8], i: usize| u64::from_le_bytes(bytes[at + 8 * i..][..8].try_into().unwrap());
     let sum = |bytes: &[u8]| sum_of([1, step as u64].into_iter().chain((0..row - 1).map(|i| word(bytes, i))));
     assert_eq!(sum(&bytes), word(&bytes, row - 1), "the format is as it is written down");
-    bytes[at + 8 * 10] ^= 1;
+    bytes[at + 8 * 11] ^= 1;
     let anew = sum(&bytes).to_le_bytes();
     bytes[at + 8 * (row - 1)..][..8].copy_from_slice(&anew);
     let black_box = BlackBox::decode(&bytes).unwrap();

@@ -4,3 +4,4 @@ mod black_box;
 mod boat;
 mod stream;
 mod stream_parts;
+mod through_water;

@@ -26,7 +26,8 @@ pub(super) fn guard(
     let companion_options = Options { kalman: constant_weights(model, options), ..options.clone() };
     let companion = || -> Result<Box<dyn Adapter>, AdaptError> {
         if let Body::Direct(direct) = &model.body {
-            return Ok(Box::new(last_layer::companion(model, direct, &options.least_squares)?));
+            let companion = Box::new(last_layer::companion(model, direct, &options.least_squares)?);
+            return Ok(model.adapter_over_ground(companion));
         }
         let (mut companion, _) = learner(model, &companion_options, runs)?;
         companion.freeze(true);

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use hydroid_core::adapt::guard::{Action, Event};
 use hydroid_core::adapt::{Adapter, Outcome};
-use hydroid_core::predict::{Predictor, Workspace};
+use hydroid_core::predict::{Current, Predictor, Workspace};
 use serde::Serialize;
 
 /// Number of samples by outcome.
@@ -150,6 +150,14 @@ impl Predictor for MeteredAdapter<'_> {
 
     fn reset(&mut self) {
         self.adapter.reset();
+    }
+
+    fn observe_heading(&mut self, heading: f64) {
+        self.adapter.observe_heading(heading);
+    }
+
+    fn current(&self) -> Option<&Current> {
+        self.adapter.current()
     }
 
     fn observe(&mut self, y: &[f64]) {

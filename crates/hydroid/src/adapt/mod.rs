@@ -129,11 +129,6 @@ pub enum AdaptError {
         /// Of the model.
         kind: &'static str,
     },
-    /// A model of the motion through the water.
-    #[error(
-        "the model predicts the motion through the water and estimates the current: its coefficients cannot be adapted yet. `hydroid evaluate` evaluates it with its estimate of the current; identify again without --through-water for a model to adapt"
-    )]
-    ThroughWater,
     /// Invalid options of the last layer.
     #[error("the model cannot be adapted: {0}")]
     LastLayer(#[from] LastLayerError),
@@ -214,9 +209,6 @@ impl Options {
 /// # Errors
 /// If its kind has no adaptation.
 pub fn adaptable(model: &Model) -> Result<(), AdaptError> {
-    if model.description.current.is_some() {
-        return Err(AdaptError::ThroughWater);
-    }
     match &model.body {
         Body::Equations(_) | Body::Recurrent(_) | Body::Direct(_) | Body::Committee(_) | Body::Plant(_) => {
             Ok(())
@@ -242,6 +234,16 @@ pub fn adapter(
 }
 
 fn learner(
+    model: &Model,
+    options: &Options,
+    runs: &[&Trajectory],
+) -> Result<(Box<dyn Adapter>, ResolvedOptions), AdaptError> {
+    let (adapter, used) = inner_learner(model, options, runs)?;
+    Ok((model.adapter_over_ground(adapter), used))
+}
+
+/// The adapter of the motion that the model predicts, over ground or through the water.
+fn inner_learner(
     model: &Model,
     options: &Options,
     runs: &[&Trajectory],
@@ -289,6 +291,7 @@ pub fn replay_training_runs(adapter: &mut dyn Adapter, training_runs: &[&Traject
     for run in training_runs {
         adapter.reset();
         for k in 0..run.len() {
+            adapter.observe_heading(run.heading_at(k));
             adapter.observe(run.outputs.row(k));
             adapter.advance(run.inputs.row(k));
         }
@@ -394,10 +397,10 @@ impl Frozen {
                 ..,
             ) => None,
             (ResolvedOptions::Kalman(_), Some(motion), _) => {
-                Some(equations::filtered(model, &motion, &options.kalman, runs)?)
+                Some(model.over_ground(equations::filtered(model, &motion, &options.kalman, runs)?))
             }
             (ResolvedOptions::Kalman(_), _, Some(vessel)) => {
-                Some(plant::filtered(model, vessel, &options.kalman, runs)?)
+                Some(model.over_ground(plant::filtered(model, vessel, &options.kalman, runs)?))
             }
             (ResolvedOptions::Kalman(used), None, None) => kalman::filtered(model, &used.noise)?,
         };

@@ -87,9 +87,9 @@ impl<L: InvertingLaw> InvertingController<L> {
         Ok(Self { law, lead, channels, adaptation, y })
     }
 
-    fn update_model(&mut self) {
+    fn update_model(&mut self, heading: f64) {
         let Some(Adaptation { session, map, applied }) = &mut self.adaptation else { return };
-        session.observe(&self.y);
+        session.observe(heading, &self.y);
         if let Some(weights) = session.weights()
             && weights != applied.as_slice()
             && weights.iter().all(|w| w.is_finite())
@@ -120,7 +120,7 @@ impl<L: InvertingLaw> ClosedLoopController for InvertingController<L> {
 
     fn command(&mut self, observation: &Observation<'_>, command: &mut [f64; 2]) -> Status {
         self.channels.fill(observation, &mut self.y);
-        self.update_model();
+        self.update_model(observation.eta[2]);
         let mut actuators = [f64::NAN; 2];
         self.law.model().actuators_of(&self.y, &mut actuators);
         let estimate = Estimate { eta: observation.eta, nu: observation.nu, actuators: &actuators };

@@ -45,7 +45,7 @@ impl ClosedLoopController for PredictiveController {
         let begun = Instant::now();
         let Self { planner, session, channels, budget, y, .. } = self;
         channels.fill(observation, y);
-        session.observe(y);
+        session.observe(observation.eta[2], y);
         let mut stop = || budget.is_some_and(|budget| begun.elapsed() >= budget);
         let plan =
             planner.command(session.predictor(), observation.eta, observation.preview, &mut stop, command);

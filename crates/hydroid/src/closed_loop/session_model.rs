@@ -43,7 +43,8 @@ impl SessionModel {
         self.session().reset();
     }
 
-    pub(super) fn observe(&mut self, y: &[f64]) {
+    pub(super) fn observe(&mut self, heading: f64, y: &[f64]) {
+        self.session().observe_heading(heading);
         self.session().observe(y);
     }
 

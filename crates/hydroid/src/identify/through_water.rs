@@ -118,10 +118,6 @@ pub(super) fn train(
             }
             Err(error) => return Err(error),
         };
-        // What a member learned under another current would stay.
-        for model in std::iter::once(&mut next.model).chain(&mut next.left_out) {
-            *model = model.frozen();
-        }
         let Some(current) = estimate_of(&job, &parts, &next, motion, &found)? else { continue };
         for model in std::iter::once(&mut next.model).chain(&mut next.left_out) {
             model.description.current = Some(current.clone());

@@ -16,8 +16,9 @@ mod units;
 
 use std::sync::Arc;
 
+use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::ExpertMixtureOptions;
-use hydroid_core::current::ThroughWater;
+use hydroid_core::current::{Inner, ThroughWater};
 use hydroid_core::model::recurrent::Scaling;
 use hydroid_core::predict::Predictor;
 use serde::{Deserialize, Serialize};
@@ -153,10 +154,37 @@ impl Model {
     /// # Panics
     /// If the body is an inconsistent network or the options of the current are invalid, which reading and training exclude.
     pub fn session(&self) -> Box<dyn Predictor> {
-        let session = self.body.kind().session(self);
-        let Some(current) = &self.description.current else { return session };
+        let kind = self.body.kind();
+        match kind.learning_session(self) {
+            Some(session) => self.adapter_over_ground(session),
+            None => self.over_ground(kind.session(self)),
+        }
+    }
+
+    /// A session of the motion that the model predicts, as a session of the motion over ground.
+    pub(crate) fn over_ground(&self, session: Box<dyn Predictor>) -> Box<dyn Predictor> {
+        match self.in_current(session) {
+            Ok(session) => Box::new(session),
+            Err(session) => session,
+        }
+    }
+
+    /// As [`over_ground`](Self::over_ground), for an adapter.
+    pub(crate) fn adapter_over_ground(&self, adapter: Box<dyn Adapter>) -> Box<dyn Adapter> {
+        match self.in_current(adapter) {
+            Ok(session) => Box::new(session),
+            Err(adapter) => adapter,
+        }
+    }
+
+    /// A session with an estimate of the current; the session itself for a model of the motion over ground.
+    ///
+    /// # Panics
+    /// If the options of the current are invalid, which reading and training exclude.
+    fn in_current<P: Inner + ?Sized>(&self, session: Box<P>) -> Result<ThroughWater<P>, Box<P>> {
+        let Some(current) = &self.description.current else { return Err(session) };
         match ThroughWater::new(session, current.options(self.description.dt)) {
-            Some(session) => Box::new(session),
+            Some(session) => Ok(session),
             None => panic!("options of the current: {current:?}"),
         }
     }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use hydroid::adapt;
 use hydroid::evaluate::{Options, evaluate};
 use hydroid::identify::{
     IdentifyError, IdentifyResult, Job, Method, NetworkTrainingOptions, SindyOptions, identify,
@@ -127,9 +128,19 @@ fn currents_of_the_runs_are_found_and_the_model_predicts_in_another_one() {
     broken.description.current.as_mut().unwrap().window = 0;
     let error = decode(&encode(&broken).unwrap(), Path::new("broken.safetensors")).unwrap_err().to_string();
     assert!(error.contains("broken.safetensors") && error.contains("current"), "{error}");
-    // Its coefficients cannot be adapted yet, which is said.
-    let error = hydroid::adapt::adaptable(best).unwrap_err().to_string();
-    assert!(error.contains("through the water"), "{error}");
+
+    // It adapts around the estimate of the current, with and without a guard.
+    for guarded in [false, true] {
+        let adapting = adapt::Options { evaluate: options.clone(), ..adapt::Options::of(best) };
+        let adapting = if guarded { adapting.guarded(best) } else { adapting };
+        let adapted = adapt::adapt(best, &[&other], &adapting, &mut silent()).unwrap();
+        let [frozen, learned] = [&adapted.report.frozen, &adapted.report.adapted].map(|of| of.score());
+        assert!(learned < 1.2 * frozen, "{learned} {frozen}");
+        assert_eq!(adapted.model.description.current, best.description.current);
+        let (mut adapter, _) = adapt::adapter(best, &adapting, &[]).unwrap();
+        adapt::replay_training_runs(adapter.as_mut(), &[&other]);
+        assert!(adapter.current().is_some());
+    }
 }
 
 #[test]

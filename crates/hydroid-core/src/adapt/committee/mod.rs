@@ -302,7 +302,7 @@ impl Predictor for CommitteeSession {
     }
 
     fn fork(&self) -> Box<dyn Predictor> {
-        Box::new(self.clone())
+        Box::new(Self { frozen: true, ..self.clone() })
     }
 }
 

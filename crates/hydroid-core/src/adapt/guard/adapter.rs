@@ -9,7 +9,7 @@ use super::sensor::Sensor;
 use crate::adapt::kalman::RehearsalOptions;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
 use crate::adapt::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
-use crate::predict::{Predictor, Workspace};
+use crate::predict::{Current, Predictor, Workspace};
 
 impl Guard {
     fn bounded(&self) -> BoundedRollout<'_> {
@@ -47,6 +47,20 @@ impl Predictor for Guard {
         self.motion.fill([f64::NAN; 2]);
         self.events.clear();
         self.outcome = Outcome::Waiting;
+    }
+
+    fn observe_heading(&mut self, heading: f64) {
+        for expert in [&mut self.learner, &mut self.snapshot, &mut self.reference] {
+            expert.observe_heading(heading);
+        }
+    }
+
+    fn current(&self) -> Option<&Current> {
+        self.expert(self.selector.active).current()
+    }
+
+    fn output_through_water(&self, y: &mut [f64]) {
+        self.expert(self.selector.active).output_through_water(y);
     }
 
     fn observe(&mut self, y: &[f64]) {

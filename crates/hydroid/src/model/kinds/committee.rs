@@ -4,7 +4,7 @@
 
 use std::sync::Arc;
 
-use hydroid_core::adapt::CommitteeSession;
+use hydroid_core::adapt::{Adapter, CommitteeSession};
 use hydroid_core::model::committee::{Committee, DifferenceEquations, Member, Prior, Shape};
 use hydroid_core::model::sparse::Term;
 use hydroid_core::predict::Predictor;
@@ -153,6 +153,12 @@ impl Structure {
     }
 }
 
+/// # Panics
+/// If the prior of a member is singular, which reading and training exclude.
+fn learner(committee: &Arc<Committee>) -> CommitteeSession {
+    CommitteeSession::new(Arc::clone(committee)).unwrap_or_else(|error| panic!("{error}"))
+}
+
 impl Kind for Arc<Committee> {
     fn name(&self, _: &Model) -> &'static str {
         "committee"
@@ -167,10 +173,12 @@ impl Kind for Arc<Committee> {
     }
 
     fn session(&self, _: &Model) -> Box<dyn Predictor> {
-        match CommitteeSession::new(Self::clone(self)) {
-            Ok(session) => Box::new(session),
-            Err(error) => panic!("{error}"),
-        }
+        Box::new(learner(self))
+    }
+
+    fn learning_session(&self, _: &Model) -> Option<Box<dyn Adapter>> {
+        let learns = self.members().iter().any(|member| member.prior.is_some());
+        learns.then(|| -> Box<dyn Adapter> { Box::new(learner(self)) })
     }
 
     fn encode(&self, _: &Model) -> Result<Encoded, String> {

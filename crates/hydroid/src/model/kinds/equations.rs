@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use hydroid_core::adapt::ExpertMixtureOptions;
+use hydroid_core::adapt::{Adapter, ExpertMixtureOptions};
 use hydroid_core::control::AffineEquations;
 use hydroid_core::model::sparse::{Equations, EquationsError, EquationsSession, Signal, Term};
 use hydroid_core::predict::Predictor;
@@ -98,13 +98,16 @@ impl Kind for Arc<Equations> {
     }
 
     fn session(&self, model: &Model) -> Box<dyn Predictor> {
-        // The options were checked when the model was made.
-        if let Some(learning) = &model.learning
-            && let Ok(session) = model.named(self).expert_mixture(learning)
-        {
-            return Box::new(session);
+        match self.learning_session(model) {
+            Some(session) => session,
+            None => Box::new(EquationsSession::new(Self::clone(self))),
         }
-        Box::new(EquationsSession::new(Self::clone(self)))
+    }
+
+    fn learning_session(&self, model: &Model) -> Option<Box<dyn Adapter>> {
+        // The options were checked when the model was made.
+        let session = model.named(self).expert_mixture(model.learning.as_ref()?).ok()?;
+        Some(Box::new(session))
     }
 
     fn encode(&self, model: &Model) -> Result<Encoded, String> {

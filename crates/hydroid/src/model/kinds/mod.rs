@@ -11,6 +11,7 @@ mod vessel;
 
 use std::sync::Arc;
 
+use hydroid_core::adapt::Adapter;
 use hydroid_core::control::ControlError;
 use hydroid_core::model::PlantModel;
 use hydroid_core::model::affine::ControlAffine;
@@ -89,6 +90,11 @@ pub(super) trait Kind {
     fn weights(&self) -> usize;
 
     fn session(&self, model: &Model) -> Box<dyn Predictor>;
+
+    /// The session of a model that learns along each run.
+    fn learning_session(&self, _: &Model) -> Option<Box<dyn Adapter>> {
+        None
+    }
 
     fn encode(&self, model: &Model) -> Result<Encoded, String>;
 
