@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use hydroid::adapt;
-use hydroid::evaluate::{Options, evaluate};
+use hydroid::evaluate::{Evaluation, Options, evaluate};
 use hydroid::identify::{
     IdentifyError, IdentifyResult, Job, Method, NetworkTrainingOptions, SindyOptions, identify,
 };
@@ -134,7 +134,7 @@ fn currents_of_the_runs_are_found_and_the_model_predicts_in_another_one() {
         let adapting = adapt::Options { evaluate: options.clone(), ..adapt::Options::of(best) };
         let adapting = if guarded { adapting.guarded(best) } else { adapting };
         let adapted = adapt::adapt(best, &[&other], &adapting, &mut silent()).unwrap();
-        let [frozen, learned] = [&adapted.report.frozen, &adapted.report.adapted].map(|of| of.score());
+        let [frozen, learned] = [&adapted.report.frozen, &adapted.report.adapted].map(Evaluation::score);
         assert!(learned < 1.2 * frozen, "{learned} {frozen}");
         assert_eq!(adapted.model.description.current, best.description.current);
         let (mut adapter, _) = adapt::adapter(best, &adapting, &[]).unwrap();
