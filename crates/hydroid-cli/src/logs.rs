@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use hydroid::adapt::TrainingRuns;
 use hydroid::log::{self, LogError, Prepared, RawLog, Trajectory};
 use hydroid::model::{Model, Reading};
@@ -66,6 +66,23 @@ pub fn with_step_of(model: Model, runs: &[Trajectory]) -> anyhow::Result<Model> 
         Some(run) => model.at_step(run.dt)?,
         None => model,
     })
+}
+
+/// The model with an estimate of the current, if one is requested. A model with such an estimate needs a heading.
+pub fn with_current(model: Model, deviation_m_s: Option<f64>, runs: &[Trajectory]) -> anyhow::Result<Model> {
+    let model = match deviation_m_s {
+        Some(deviation_m_s) => model.with_current(deviation_m_s)?,
+        None => model,
+    };
+    if let Some(run) = runs.iter().find(|run| run.heading.is_none())
+        && model.description.current.is_some()
+    {
+        bail!(
+            "{}: the estimate of the current needs a heading that changes with the yaw rate r: name its column, as in --heading 'yaw [deg]'",
+            run.name
+        );
+    }
+    Ok(model)
 }
 
 /// Context of an error of a log that does not fit a model.

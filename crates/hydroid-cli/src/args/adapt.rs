@@ -185,6 +185,10 @@ pub struct Adapt {
     /// Forgetting time: age at which a sample has the weight 1/e [s]; inf: none (default: 60; direct predictors 300; kalman inf)
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub forgetting: Option<f64>,
+    /// Take the model as one of the motion through the water, and estimate the current beside its weights: standard deviation
+    /// of the components of the current at the start of a run [m/s], as in 0.3. Needs a heading
+    #[arg(long, value_name = "M/S", allow_negative_numbers = true)]
+    pub estimate_current: Option<f64>,
     /// Print all options
     #[arg(long)]
     pub help_advanced: bool,

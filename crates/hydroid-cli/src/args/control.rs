@@ -142,6 +142,10 @@ pub struct ControllerArgs {
 #[derive(Clone, Debug, ClapArgs)]
 #[command(next_help_heading = "Online adaptation")]
 pub struct AdaptationArgs {
+    /// Take the model as one of the motion through the water, and estimate the current: standard deviation of its components
+    /// at the start [m/s], as in 0.3. Needs --controller cem
+    #[arg(long, value_name = "M/S", allow_negative_numbers = true)]
+    pub estimate_current: Option<f64>,
     /// Adapt the model in the loop, as hydroid adapt does
     #[arg(long)]
     pub adapt: bool,

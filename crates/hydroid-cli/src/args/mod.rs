@@ -211,6 +211,10 @@ pub struct Evaluate {
     pub logs: Vec<PathBuf>,
     #[command(flatten)]
     pub evaluation: EvaluationArgs,
+    /// Take the model as one of the motion through the water, and estimate the current: standard deviation of its components
+    /// at the start of a run [m/s], as in 0.3. Needs a heading
+    #[arg(long, value_name = "M/S", allow_negative_numbers = true)]
+    pub estimate_current: Option<f64>,
     #[command(flatten)]
     pub log: LogArgs,
 }

@@ -36,7 +36,9 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     let reading = logs::reading(model.description.reading.clone(), &args.log)?;
     if args.stream.stream || given_log == Path::new("-") {
         let dt = args.log.dt.unwrap_or(model.description.dt);
-        return stream::run(args, given_log, global, &model.at_step(dt)?, reading);
+        let model = model.at_step(dt)?;
+        let model = args.estimate_current.map_or(Ok(model.clone()), |std| model.with_current(std))?;
+        return stream::run(args, given_log, global, &model, reading);
     }
     let given = &args.stream;
     ensure!(
@@ -49,6 +51,7 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     ui::print_notes(&prepared.notes, global);
     let model = logs::with_step_of(model, &prepared.runs)?;
     model.check(&prepared.runs)?;
+    logs::with_current(model.clone(), args.estimate_current, &prepared.runs)?;
     ui::print_notes(model.outside(&prepared.runs).as_slice(), global);
     let mut options = options(args, &model)?;
     if let Some(faults) = &args.guard.inject {
@@ -89,8 +92,11 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
 
 /// Options of the adaptation; options for other kinds of models are refused.
 fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
-    let mut options =
-        Options { evaluate: evaluate::options(args.evaluation, model.description.dt), ..Options::of(model) };
+    let mut options = Options {
+        evaluate: evaluate::options(args.evaluation, model.description.dt),
+        current_m_s: args.estimate_current,
+        ..Options::of(model)
+    };
     if !args.guard.no_guard {
         options = options.guarded(model);
     }

@@ -129,7 +129,15 @@ fn model(args: &Control, kind: ControlMethod) -> anyhow::Result<Option<Model>> {
             "the model is missing: {} needs a .safetensors file of `hydroid identify`, a vessel file (.toml), or hydrofoil, hydrofoil-low-speed, simple; --controller pid needs none",
             kind.name()
         ),
-        (Some(path), _) => Ok(Some(model::read(path)?)),
+        (Some(path), _) => {
+            let model = model::read(path)?;
+            let Some(deviation) = args.adaptation.estimate_current else { return Ok(Some(model)) };
+            ensure!(
+                kind == ControlMethod::CrossEntropy,
+                "--estimate-current needs --controller cem: the other controllers take the velocities over ground"
+            );
+            Ok(Some(model.with_current(deviation)?))
+        }
     }
 }
 

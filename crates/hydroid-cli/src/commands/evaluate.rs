@@ -30,6 +30,7 @@ pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     ui::print_notes(&prepared.notes, global);
     let model = logs::with_step_of(model, &prepared.runs)?;
     model.check(&prepared.runs)?;
+    let model = logs::with_current(model, args.estimate_current, &prepared.runs)?;
     ui::print_notes(model.outside(&prepared.runs).as_slice(), global);
     let mut options = options(args.evaluation, model.description.dt);
     let bands = model.description.bands.as_ref();

@@ -382,3 +382,41 @@ fn a_model_of_the_motion_through_the_water_is_identified_and_evaluated() {
     assert!(String::from_utf8_lossy(&output.stderr).contains("--heading"));
     assert!(!others.path().join("out").exists());
 }
+
+#[test]
+fn a_model_from_still_water_estimates_a_current() {
+    let folder = TempDir::new().unwrap();
+    let sail = ["control", "hydrofoil", "--controller", "fl", "--task", "lawn-mower", "--speed", "2"];
+    let sail = [&sail[..], &["--radius", "15", "--leg", "30", "--current", "0.3,0.2", "-o", "sail"]].concat();
+    let output = hydroid(folder.path(), &sail);
+    assert!(output.status.code().is_some_and(|code| code < 2), "{}", String::from_utf8_lossy(&output.stderr));
+    let judged = |command: &str, options: &[&str]| {
+        let log = ["sail/track.csv", "--inputs", "PP_cmd,RD_ang", "--horizon", "2s", "--origin-stride", "5"];
+        hydroid(folder.path(), &[&[command, "hydrofoil"], &log[..], options, &["--json"]].concat())
+    };
+    let sway = |document: &Value| document["nrmse"][19][1].as_f64().unwrap();
+    let still = sway(&json(&judged("evaluate", &[])));
+    let current = sway(&json(&judged("evaluate", &["--estimate-current", "0.3"])));
+    assert!(current < 0.7 * still, "{current} {still}");
+    let adapted = json(&judged("adapt", &["--estimate-current", "0.3"]));
+    let learned = sway(&adapted["adapted"]);
+    assert!(learned < 0.7 * still && sway(&adapted["frozen"]) == still, "{learned} {still}");
+
+    // Wrong use.
+    let complaint = |output: Output| {
+        assert_eq!(output.status.code(), Some(2));
+        String::from_utf8(output.stderr).unwrap()
+    };
+    for deviation in ["-1", "0"] {
+        let wrong = complaint(judged("evaluate", &["--estimate-current", deviation]));
+        assert!(wrong.contains("give a positive number"), "{wrong}");
+    }
+    let log = fs::read_to_string(folder.path().join("sail/track.csv")).unwrap();
+    fs::write(folder.path().join("sail/track.csv"), log.replacen("psi", "angle", 1)).unwrap();
+    let wrong = complaint(judged("evaluate", &["--estimate-current", "0.3"]));
+    assert!(wrong.contains("track.csv") && wrong.contains("--heading"), "{wrong}");
+    let wrong = complaint(judged("adapt", &["--estimate-current", "0.3", "--heading", "nowhere"]));
+    assert!(wrong.contains("nowhere"), "{wrong}");
+    let wrong = complaint(hydroid(folder.path(), &[&sail[..], &["--estimate-current", "0.3"]].concat()));
+    assert!(wrong.contains("--controller cem"), "{wrong}");
+}

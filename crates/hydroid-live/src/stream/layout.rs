@@ -44,7 +44,7 @@ impl Layout {
             csv(line, name)?
         };
         let selection = &reading.selection;
-        let columns = Resolved::new(&log, selection, reading.options.dt, notes)?;
+        let mut columns = Resolved::new(&log, selection, reading.options.dt, notes)?;
         let (outputs, inputs) = (columns.output_channels(), columns.input_channels());
         // The model checks an empty run with the channels of the stream.
         model.check(&[Trajectory {
@@ -57,6 +57,14 @@ impl Layout {
             truth: None,
             heading: None,
         }])?;
+        if model.description.current.is_none() {
+            columns.heading = None;
+        } else if columns.heading.is_none() {
+            let reason = "the estimate of the current needs a heading, and no column looks like one: name it, as in --heading 'yaw [deg]'";
+            return Err(
+                LogError::BadLine { path: name.to_owned(), line: 1, reason: reason.to_owned() }.into()
+            );
+        }
         let names = log.columns.into_iter().map(|column| column.name).collect();
         Ok(Self { name: name.to_owned(), format, names, columns })
     }

@@ -117,8 +117,8 @@ impl Place<'_> {
             sample.outputs.push(value);
         }
         sample.heading = match &columns.heading {
-            Some((source, true)) => self.value(&item(source.column)?, source, comma)?,
-            _ => f64::NAN,
+            Some((source, _)) => self.value(&item(source.column)?, source, comma)?,
+            None => f64::NAN,
         };
         sample.inputs.clear();
         for source in &columns.inputs {

@@ -46,8 +46,7 @@ pub struct Coverage {
     pub of_95: f64,
 }
 
-/// Half-width of the 80 % band of a normal distribution \[standard deviations\].
-pub const BAND_80: f64 = 1.281_55;
+pub use crate::evaluate::BAND_80;
 /// Half-width of the 95 % band of a normal distribution \[standard deviations\].
 pub const BAND_95: f64 = 1.959_96;
 

@@ -14,6 +14,8 @@ mod least_squares;
 mod metrics;
 mod plant;
 
+use std::borrow::Cow;
+
 use hydroid_core::adapt::guard::GuardError;
 use hydroid_core::adapt::kalman::{KalmanError, RehearsalOptions};
 use hydroid_core::adapt::{Adapter, LastLayerError, RecursiveOptionsError};
@@ -22,7 +24,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::evaluate::{self, EvaluateError, Evaluation, evaluate};
 use crate::log::Trajectory;
-use crate::model::{Body, Model};
+use crate::model::{Body, CurrentError, Model};
 use crate::progress::Progress;
 use metrics::MeteredAdapter;
 
@@ -66,6 +68,9 @@ pub struct Options {
     pub kalman: KalmanOptions,
     /// Options of the guard; `None` for no guard.
     pub guard: Option<GuardOptions>,
+    /// Standard deviation of the components of a current that is estimated beside the weights \[m/s\]; `None` for that of
+    /// the model, which may have none. See [`Model::with_current`].
+    pub current_m_s: Option<f64>,
     /// Options of the evaluation.
     #[serde(skip)]
     pub evaluate: evaluate::Options,
@@ -181,6 +186,9 @@ pub enum AdaptError {
         /// Of the longest run \[s\].
         longest_s: f64,
     },
+    /// The model cannot estimate a current.
+    #[error(transparent)]
+    Current(#[from] CurrentError),
     /// The evaluation failed.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),
@@ -227,9 +235,18 @@ pub fn adapter(
     runs: &[&Trajectory],
 ) -> Result<(Box<dyn Adapter>, ResolvedOptions), AdaptError> {
     adaptable(model)?;
+    let model = &*in_current(model, options)?;
     match &options.guard {
         Some(settings) => guarded::guard(model, options, settings, runs),
         None => learner(model, options, runs),
+    }
+}
+
+/// The model with the estimate of the current of the options.
+fn in_current<'a>(model: &'a Model, options: &Options) -> Result<Cow<'a, Model>, AdaptError> {
+    match options.current_m_s {
+        Some(initial_m_s) => Ok(Cow::Owned(model.with_current(initial_m_s)?)),
+        None => Ok(Cow::Borrowed(model)),
     }
 }
 
@@ -438,7 +455,7 @@ pub fn adapt_by(
         progress(0.5 + 0.5 * done)
     })?;
     let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
-    let after = learned(model, watched.weights(), &names, &used)?;
+    let after = learned(&*in_current(model, options)?, watched.weights(), &names, &used)?;
     let report = Report {
         frozen: frozen.restarted,
         frozen_filtered: frozen.filtered,

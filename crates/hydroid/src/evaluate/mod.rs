@@ -21,6 +21,8 @@ use crate::log::Channel;
 pub use band::BAND;
 pub(crate) use band::quantile;
 pub use band::{Band, BandCoverage, band_coverage, bands};
+#[doc(hidden)]
+pub use prediction_bands::BAND_80;
 pub use prediction_bands::{PredictionBands, PredictionCoverage};
 pub(crate) use windows::{TASK as WINDOWS, blocks as loss_blocks, latest};
 pub use windows::{evaluate, evaluate_each};

@@ -11,6 +11,9 @@ use serde::{Deserialize, Serialize};
 
 use super::Evaluation;
 
+/// Half-width of the 80 % band of a normal distribution \[standard deviations\].
+pub const BAND_80: f64 = 1.281_55;
+
 /// Levels of the bands.
 const LEVELS: [f64; 3] = [0.5, 0.8, 0.9];
 

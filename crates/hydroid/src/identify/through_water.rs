@@ -8,18 +8,9 @@ use super::{Candidate, CrossValidation, IdentifyError, Job, Method, Parts};
 use crate::committee::currents::{self, Currents};
 use crate::evaluate::{self, EvaluateError, evaluate_each};
 use crate::log::{Note, Split, Trajectory};
-use crate::model::CurrentEstimate;
+use crate::model::{CurrentEstimate, MOTION};
 use crate::progress::Progress;
 use crate::sindy::SearchError;
-
-/// Share of the horizon of the windows from whose errors sessions estimate the current.
-const WINDOW: f64 = 0.25;
-
-/// Windows that overlap at any time.
-const OVERLAP: usize = 3;
-
-/// Time in which the current changes by its standard deviation \[s\].
-const CHANGE_S: f64 = 3_600.0;
 
 /// Currents of the training runs, and what models of the motion through the water gain.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -64,7 +55,8 @@ fn motion(run: &Trajectory) -> Result<[usize; 3], IdentifyError> {
         let place = run.outputs.channels().iter().position(|channel| channel.name == name);
         place.ok_or(IdentifyError::NoMotion { name })
     };
-    Ok([of("u")?, of("v")?, of("r")?])
+    let [u, v, r] = MOTION;
+    Ok([of(u)?, of(v)?, of(r)?])
 }
 
 /// Checks before the training that currents can be estimated.
@@ -140,7 +132,7 @@ fn estimate_of(
     found: &Currents,
 ) -> Result<Option<CurrentEstimate>, IdentifyError> {
     let Some(folds) = parts.folds else { return Ok(None) };
-    let window = window(job.horizon);
+    let window = CurrentEstimate::window(job.horizon);
     let sessions = folds.runs(&job.split.train).into_iter().map(|(fold, _)| trained.left_out[fold].session());
     let mut sessions: Vec<_> = sessions.collect();
     let options = evaluate::Options {
@@ -164,20 +156,7 @@ fn estimate_of(
     let deviations = motion.map(|c| errors.rmse[window - 1][c]);
     let initial_m_s = found.deviation();
     let sound = deviations.iter().chain([&initial_m_s]).all(|x| x.is_finite() && *x > 0.0);
-    Ok(sound.then(|| CurrentEstimate {
-        motion,
-        window,
-        stride: window.div_ceil(OVERLAP),
-        deviations,
-        initial_m_s,
-        walk_m_s: initial_m_s / CHANGE_S.sqrt(),
-    }))
-}
-
-/// Length of a window \[samples\].
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of the horizon")]
-pub(super) fn window(horizon: usize) -> usize {
-    ((horizon as f64 * WINDOW) as usize).max(1)
+    Ok(sound.then(|| CurrentEstimate::new(motion, window, deviations, initial_m_s)))
 }
 
 fn describe(runs: &[Trajectory], found: &Currents) -> CurrentsFound {

@@ -26,7 +26,8 @@ use serde::{Deserialize, Serialize};
 use crate::evaluate::{DesignRange, PredictionBands};
 use crate::log::{Channel, Note, PrepareOptions, Selection, Trajectory};
 
-pub use current::CurrentEstimate;
+pub(crate) use current::MOTION;
+pub use current::{CurrentError, CurrentEstimate};
 pub use file::{ModelError, decode, encode, read, write};
 pub(crate) use inversion::{InvertibleModel, WeightMap};
 pub use kinds::Body;

@@ -10,7 +10,7 @@ use hydroid::identify::{
 use hydroid::log::{
     Channel, PrepareOptions, RawLog, Selection, Split, Table, Trajectory, prepare, read_from,
 };
-use hydroid::model::{Reading, decode, encode};
+use hydroid::model::{Model, Reading, decode, encode};
 use hydroid::progress::silent;
 use hydroid_core::current::in_body;
 use rand::{RngExt as _, SeedableRng as _};
@@ -221,4 +221,35 @@ fn the_heading_is_found_by_its_name_and_checked_by_the_yaw_rate() {
         &PrepareOptions::default(),
     );
     assert!(error.unwrap_err().to_string().contains("compass"));
+}
+
+#[test]
+fn a_model_with_known_errors_can_estimate_a_current() {
+    let result = identified([[0.0; 2]; 4], &[Method::Committee]);
+    let model = &result.candidates[0].model;
+    assert_eq!(model.description.current, None);
+    let other = run([-0.3, 0.2], 9);
+    let options = Options { horizon: 50, origin_stride: 10, warm_up: 300, ..Options::default() };
+    let score = |model: &Model| {
+        let session = &mut *model.session();
+        let ranges = model.output_ranges();
+        evaluate("model", session, &ranges, &[&other], &options, &mut silent()).unwrap().score()
+    };
+    let (still, current) = (score(model), score(&model.with_current(0.3).unwrap()));
+    assert!(current < 0.5 * still, "{current} {still}");
+    // The adapted model keeps the estimate of the current.
+    let adapting =
+        adapt::Options { current_m_s: Some(0.3), evaluate: options.clone(), ..adapt::Options::of(model) };
+    let adapted = adapt::adapt(model, &[&other], &adapting, &mut silent()).unwrap();
+    assert_eq!(adapted.model.description.current, model.with_current(0.3).unwrap().description.current);
+    assert!(adapted.report.adapted.score() < 0.6 * still);
+
+    let error = |model: &Model, deviation| model.with_current(deviation).unwrap_err().to_string();
+    assert!(error(model, f64::NAN).contains("NaN m/s: give a positive number"));
+    let mut without = model.clone();
+    without.description.bands = None;
+    without.description.outputs[1].noise = None;
+    assert!(error(&without, 0.3).contains("no noise of 'v'"), "{}", error(&without, 0.3));
+    without.description.outputs[2].channel.name = "yaw".to_owned();
+    assert!(error(&without, 0.3).contains("no output 'r'"), "{}", error(&without, 0.3));
 }
