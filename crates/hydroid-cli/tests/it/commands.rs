@@ -366,8 +366,8 @@ fn a_model_of_the_motion_through_the_water_is_identified_and_evaluated() {
     let evaluated = hydroid(folder.path(), &["evaluate", model, b]);
     assert_eq!(evaluated.status.code(), Some(0), "{}", String::from_utf8_lossy(&evaluated.stderr));
     let adapted = hydroid(folder.path(), &["adapt", model, b]);
-    assert_ne!(adapted.status.code(), Some(0));
-    assert!(String::from_utf8_lossy(&adapted.stderr).contains("identify again without --through-water"));
+    assert!(adapted.status.code().is_some_and(|code| code < 2));
+    assert!(String::from_utf8_lossy(&adapted.stdout).contains("adapted"));
     // The model names the column of its heading.
     let others = TempDir::new().unwrap();
     let [d, ..] = runs_in_currents(others.path(), "angle [deg]");
