@@ -132,9 +132,10 @@ impl Inner for dyn Adapter {
 ///
 /// The current is a random walk, estimated by an iterated extended Kalman filter (B. M. Bell and F. W. Cathey, *IEEE
 /// Transactions on Automatic Control* 38 (1993) 294). Its measurements are the errors of predictions over windows: under
-/// a current, the model observes the past of the window and predicts its end. Huber weights limit the effect of a window
-/// that the model cannot explain. Windows overlap, and each counts by the share that is new. When the estimate has moved
-/// by more than its standard deviation, the model observes its past again, so that all its memory belongs to one current.
+/// a current, the model observes the past of the window, another window at most, and predicts its end. Huber weights limit
+/// the effect of a window that the model cannot explain. Windows overlap, and each counts by the share that is new. When
+/// the estimate has moved by more than its standard deviation, the model observes its past again, so that all its memory
+/// belongs to one current.
 ///
 /// Around an [`Adapter`], the session is an adapter, and current and weights are estimated in turn. What is unknown about
 /// the current is noise to the model that learns. With the covariance `P` of the current and the derivatives `h_i` of the
@@ -180,6 +181,9 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
     /// [valid](CurrentOptions::are_valid).
     pub fn new(inner: Box<P>, options: CurrentOptions) -> Option<Self> {
         let (outputs, inputs, window) = (inner.outputs(), inner.inputs(), options.window);
+        // Lag and hidden states settle over a window before the first prediction.
+        let least = inner.warm_up().max(1);
+        let most = least.max(window.min(LONGEST_WINDOW));
         options.are_valid(outputs).then(|| Self {
             replay: inner.fork(),
             options,
@@ -189,7 +193,7 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
             heading: f64::NAN,
             next_heading: f64::NAN,
             rate: f64::NAN,
-            past: Past::new(outputs, inputs, inner.warm_up() + window),
+            past: Past::new(outputs, inputs, [least + window, most + window]),
             since: 0,
             blind: 0,
             inflation: 1.0,
@@ -235,9 +239,10 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
         }
     }
 
-    /// Lets the second session observe the samples from `from` to `to` samples before the newest, under a current.
-    fn observe_past(&mut self, current: [f64; 2], from: usize, to: usize) {
+    /// Lets the second session observe all samples of the past up to `to` samples before the newest, under a current.
+    fn observe_past(&mut self, current: [f64; 2], to: usize) {
         let mut row = core::mem::take(&mut self.row);
+        let from = self.past.len() - 1;
         self.replay.restore(&self.state);
         self.replay.reset();
         for back in (to..=from).rev() {
@@ -257,7 +262,7 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
     /// measured.
     fn error(&mut self, current: [f64; 2]) -> [f64; 3] {
         let window = self.options.window;
-        self.observe_past(current, self.inner.warm_up() + window - 1, window);
+        self.observe_past(current, window);
         let mut predicted = core::mem::take(&mut self.predicted);
         self.replay.rollout(&self.commands, &mut self.work, &mut predicted);
         let end = predicted.len() - self.measured.len();
@@ -321,7 +326,7 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
         let within = inverse(next.covariance).is_some_and(|information| quadratic(information, moved) < 1.0);
         if !within {
             self.remembered = next.velocity;
-            self.observe_past(next.velocity, self.inner.warm_up() - 1, 0);
+            self.observe_past(next.velocity, 0);
             self.replay.snapshot(&mut self.state);
             self.inner.restore(&self.state);
         }
@@ -331,6 +336,10 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
     fn take_measurement(&mut self, y: &[f64]) {
         self.blind = self.blind.saturating_add(1);
         if self.next_heading.is_finite() {
+            if self.heading.is_nan() || self.blind > self.options.window {
+                // The headings of the past are unknown, or predicted for too long.
+                self.past.clear();
+            }
             self.heading = self.next_heading;
             self.blind = 0;
         }
@@ -358,7 +367,7 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
         self.current.covariance[0] += variance;
         self.current.covariance[2] += variance;
         self.since = self.since.saturating_add(1);
-        if self.since >= self.options.stride && self.past.is_full() && self.blind < self.options.window {
+        if self.since >= self.options.stride && self.past.is_full() && self.blind <= self.options.window {
             self.since = 0;
             self.update_by_window();
         }

@@ -8,20 +8,22 @@ use crate::adapt::memory::{Reader, Writer};
 /// Outputs over ground, heading, and command of the last samples; predicted where nothing was measured.
 #[derive(Clone, Debug)]
 pub(super) struct Past {
-    /// Up to twice as many rows as are needed, so that they move rarely.
+    /// Up to twice as many rows as are kept, so that they move rarely.
     rows: Vec<f64>,
     outputs: usize,
     width: usize,
-    /// Rows that are needed.
+    /// Rows that are needed, and rows that are kept.
+    least: usize,
     span: usize,
     /// Rows, the newest last.
     len: usize,
 }
 
 impl Past {
-    pub(super) fn new(outputs: usize, inputs: usize, span: usize) -> Self {
+    /// Keeps `span` rows, of which at least `least` are needed.
+    pub(super) fn new(outputs: usize, inputs: usize, [least, span]: [usize; 2]) -> Self {
         let width = outputs + 1 + inputs;
-        Self { rows: vec![0.0; 2 * span * width], outputs, width, span, len: 0 }
+        Self { rows: vec![0.0; 2 * span * width], outputs, width, least, span, len: 0 }
     }
 
     pub(super) fn clear(&mut self) {
@@ -48,7 +50,12 @@ impl Past {
 
     /// Whether there are as many rows as are needed.
     pub(super) fn is_full(&self) -> bool {
-        self.len >= self.span
+        self.len >= self.least
+    }
+
+    /// Rows that are kept.
+    pub(super) fn len(&self) -> usize {
+        self.len.min(self.span)
     }
 
     /// Outputs, heading and command `back` samples before the newest.
@@ -62,9 +69,9 @@ impl Past {
         self.span * self.width + 1
     }
 
-    /// Writes the rows that are needed.
+    /// Writes the rows that are kept.
     pub(super) fn save(&self, into: &mut Writer<'_>) {
-        let rows = self.len.min(self.span);
+        let rows = self.len();
         into.count(rows);
         let all = into.part(self.span * self.width);
         let (newest, rest) = all.split_at_mut(rows * self.width);

@@ -246,6 +246,11 @@ fn a_heading_may_wrap_or_be_missing_for_a_while() {
     let gap = 700..720;
     let missing = observed(&|k| if gap.contains(&k) { f64::NAN } else { run.heading[k] });
     assert!(distance(missing.current().unwrap().velocity, [0.2, -0.3]) < 0.01, "{:?}", missing.current());
+    // A compass that is switched on late, or fails for long, shows the current afterwards.
+    for gap in [0..300, 300..600] {
+        let late = observed(&|k| if gap.contains(&k) { f64::NAN } else { run.heading[k] });
+        assert!(distance(late.current().unwrap().velocity, [0.2, -0.3]) < 0.01, "{:?}", late.current());
+    }
     // Across a gap, the heading is predicted from the yaw rate.
     let mut session = ThroughWater::new(vessel(), options(0.5, 0.02)).unwrap();
     follow(&mut session, &run, 0, 700);
