@@ -4,15 +4,19 @@ use maud::{Markup, html};
 
 use super::number::ratio;
 use super::page::{cell, readable, table};
-use hydroid::identify::{CurrentsFound, FrameErrors, RunCurrent};
+use hydroid::identify::{Candidate, CurrentsFound, FrameErrors, IdentifyResult, RunCurrent};
 
 /// Half-width of an interval of 90 % of a normal distribution, in standard deviations.
 const INTERVAL_90: f64 = 1.645;
 
 /// The table of the currents with a remark on each method; nothing if models of the motion through the water were not
 /// tried.
-pub(super) fn currents(found: Option<&CurrentsFound>) -> Markup {
-    let Some(found) = found else { return html! {} };
+pub(super) fn currents(result: &IdentifyResult) -> Markup {
+    let tried = |found: &&CurrentsFound| {
+        let in_water = |candidate: &Candidate| candidate.model.description.current.is_some();
+        !found.methods.is_empty() || result.candidates.iter().any(in_water)
+    };
+    let Some(found) = result.currents.as_ref().filter(tried) else { return html! {} };
     // No negative zero.
     let rounded = |x: f64| format!("{:.2}", (100.0 * x).round() / 100.0 + 0.0).replace('-', "−");
     let component =

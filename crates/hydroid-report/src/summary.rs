@@ -30,7 +30,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Section {
         }
         (facts(subject))
         @if let Some(candidate) = subject.candidate { (errors_by_run(candidate)) }
-        (currents(subject.result.currents.as_ref()))
+        (currents(subject.result))
         @if !warnings.is_empty() {
             h3 { "Warnings" }
             (notes(&warnings[..warnings.len().min(SHOWN)]))

@@ -2,11 +2,11 @@
 //! identified again from all other runs.
 //!
 //! ```text
-//! HYDROID_DATA=... cargo run --release -p hydroid-study --example leave_one_run_out -- [method,method[,through-water][=S]] [SET ...]
+//! HYDROID_DATA=... cargo run --release -p hydroid-study --example leave_one_run_out -- [method,method[,over-ground][=S]] [SET ...]
 //! ```
 //!
-//! `through-water` also tries models of the motion through the water. `=S` is the time budget of the networks of an identification \[s\]. `-- write FOLDER` writes the prepared runs for
-//! other programs (`benches/peers/pysindy_leave_one_run_out.py`).
+//! With `over-ground`, no current is estimated. `=S` is the time budget of the networks of an identification \[s\].
+//! `-- write FOLDER` writes the prepared runs for other programs (`benches/peers/pysindy_leave_one_run_out.py`).
 //!
 //! The table has the NRMSE of each output at the horizon, over the windows of all runs together, from every fifth sample
 //! on; `frozen` is the committee with constant coefficients. The last column is the smallest and the largest share of the
@@ -16,7 +16,9 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use hydroid::evaluate::{Options, PredictionCoverage, evaluate, evaluate_each};
-use hydroid::identify::{Job, Method, NetworkTrainingOptions, SindyOptions, identify, output_ranges};
+use hydroid::identify::{
+    Job, Method, MotionOption, NetworkTrainingOptions, SindyOptions, identify, output_ranges,
+};
 use hydroid::log::{self, LogError, PrepareOptions, Selection, Split, Trajectory, split_named};
 use hydroid::model::Reading;
 use hydroid::progress::silent;
@@ -164,7 +166,7 @@ fn measure(
     set: &Set,
     data: &Path,
     methods: &[Method],
-    through_water: bool,
+    motion: MotionOption,
     budget_s: Option<f64>,
 ) -> anyhow::Result<()> {
     let (runs, reading) = set.read(data)?;
@@ -193,7 +195,7 @@ fn measure(
             origin_stride: 5,
             seed: 0,
             ranges: std::collections::BTreeMap::default(),
-            through_water,
+            motion,
             sindy: SindyOptions::default(),
             networks: NetworkTrainingOptions { budget_s, ..NetworkTrainingOptions::default() },
         };
@@ -222,7 +224,8 @@ fn measure(
     let all: Vec<&Trajectory> = runs.iter().flatten().collect();
     let ranges = output_ranges(&all);
     // The past of the first origin shows the current.
-    let past_s = if through_water && set.folder.starts_with("fleet") { 60.0 } else { 10.0 };
+    let past_s =
+        if motion != MotionOption::OverGround && set.folder.starts_with("fleet") { 60.0 } else { 10.0 };
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive number")]
     let warm_up = (past_s / first.dt).round() as usize;
     let options = Options { horizon, origin_stride: 5, warm_up, ..Options::default() };
@@ -293,9 +296,9 @@ fn main() -> anyhow::Result<()> {
         return write(Path::new(&folder), Path::new(&data));
     }
     let (names, budget) = first.split_once('=').map_or((&first[..], None), |(names, s)| (names, Some(s)));
-    let (names, through_water) = match names.strip_suffix(",through-water") {
-        Some(names) => (names, true),
-        None => (names, false),
+    let (names, motion) = match names.strip_suffix(",over-ground") {
+        Some(names) => (names, MotionOption::OverGround),
+        None => (names, MotionOption::Auto),
     };
     let methods = methods(names)?;
     let budget_s = budget.map(str::parse).transpose()?;
@@ -305,7 +308,7 @@ fn main() -> anyhow::Result<()> {
     );
     println!("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | --- |");
     for set in SETS.iter().filter(|set| chosen.is_empty() || chosen.iter().any(|name| name == set.name)) {
-        measure(set, Path::new(&data), &methods, through_water, budget_s)?;
+        measure(set, Path::new(&data), &methods, motion, budget_s)?;
     }
     Ok(())
 }

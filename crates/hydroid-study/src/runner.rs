@@ -12,7 +12,7 @@ use super::plan::{Drive, ModelPlan, Plan, Record};
 use super::store::{Key, Store};
 use super::{Status, StudyError, Watch};
 use hydroid::excitation::{Excitation, LawnMower, LowSpeed, Turn};
-use hydroid::identify::{self, Job, NetworkTrainingOptions, identify_with_stages};
+use hydroid::identify::{self, Job, MotionOption, NetworkTrainingOptions, identify_with_stages};
 use hydroid::log::{Split, Trajectory};
 use hydroid::model::{Model, Reading};
 use hydroid::progress::Cancelled;
@@ -168,7 +168,7 @@ impl<'a> Runner<'a> {
                 seed,
                 ranges: plan.ranges.clone(),
                 networks,
-                through_water: false,
+                motion: MotionOption::OverGround,
                 sindy: plan.sindy.clone(),
             };
             let what = format!("training {name}, seed {seed}");

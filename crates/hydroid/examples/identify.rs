@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use hydroid::excitation::Excitation;
-use hydroid::identify::{Job, Method, NetworkTrainingOptions, SindyOptions, identify};
+use hydroid::identify::{Job, Method, MotionOption, NetworkTrainingOptions, SindyOptions, identify};
 use hydroid::log::split_runs;
 use hydroid::model::{self, Reading};
 use hydroid::progress::silent;
@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         origin_stride: 10,
         seed: 0,
         ranges: BTreeMap::default(),
-        through_water: false,
+        motion: MotionOption::default(),
         sindy: SindyOptions::default(),
         networks: NetworkTrainingOptions::default(),
     };

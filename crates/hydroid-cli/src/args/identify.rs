@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
-use hydroid::identify::{GateOption, LagOption};
+use hydroid::identify::{GateOption, LagOption, MotionOption};
 
 use super::{Duration, Horizon, LogArgs, Method, NamedRange};
 
@@ -27,7 +27,7 @@ Configuration file (hydroid.toml in the current folder, or -c FILE). The command
 option of the command line only:
   [log]                                  [split]                     [identify]
   time = \"t_s\"                           train = [\"a.csv\"]           horizon = \"10s\"
-  outputs = [\"u=u_mps [m/s]\", \"v\"]       validate = [\"b.csv\"]
+  outputs = [\"u=u_mps [m/s]\", \"v\"]       validate = [\"b.csv\"]    motion = \"over-ground\"
   inputs = [\"n\", \"delta [deg]\"]          test = [\"c.csv\"]
   wind = { speed = \"ws\", direction = \"wd\" }
 
@@ -67,10 +67,10 @@ pub struct Identify {
     /// Methods, separated by commas
     #[arg(long, value_delimiter = ',', default_value = "sindy,committee")]
     pub methods: Vec<Method>,
-    /// Also try models of the motion through the water, with a current for each run; the cross-validation decides. The logs
-    /// need a heading
-    #[arg(long)]
-    pub through_water: bool,
+    /// Motion that the models predict: over ground, or through the water with a current for each run, which needs a heading
+    /// (default: auto, if the logs have a heading the better one of the cross-validation)
+    #[arg(long, value_name = "auto|over-ground|through-water")]
+    pub motion: Option<MotionOption>,
     /// Longest prediction horizon: samples (100) or seconds (10s) (default: 100 samples)
     #[arg(long, value_name = "N|Ns")]
     pub horizon: Option<Horizon>,

@@ -112,7 +112,7 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         horizon,
         seed,
         ranges,
-        through_water: args.through_water,
+        motion: args.motion.unwrap_or(identify.motion),
         sindy,
         networks,
     };

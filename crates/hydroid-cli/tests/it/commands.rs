@@ -353,7 +353,7 @@ fn a_model_of_the_motion_through_the_water_is_identified_and_evaluated() {
     let folder = TempDir::new().unwrap();
     let names = runs_in_currents(folder.path(), "heading [deg]");
     let [a, b, c] = names.each_ref().map(String::as_str);
-    let identify = ["identify", a, b, c, "--horizon", "10s", "--methods", "committee", "--through-water"];
+    let identify = ["identify", a, b, c, "--horizon", "10s", "--methods", "committee"];
     let output = hydroid(folder.path(), &[&identify[..], &["-o", "out"]].concat());
     let told = String::from_utf8_lossy(&output.stderr);
     assert!(told.contains("predicts the motion through the water"), "{told}");
@@ -377,7 +377,8 @@ fn a_model_of_the_motion_through_the_water_is_identified_and_evaluated() {
     let named = ["evaluate", model, d.to_str().unwrap(), "--heading", "angle"];
     assert_eq!(hydroid(folder.path(), &named).status.code(), Some(0));
     // Without a column that is known to be a heading.
-    let output = hydroid(others.path(), &[&identify[..], &["-o", "out"]].concat());
+    let demanded = ["--motion", "through-water", "-o", "out"];
+    let output = hydroid(others.path(), &[&identify[..], &demanded].concat());
     assert_ne!(output.status.code(), Some(0));
     assert!(String::from_utf8_lossy(&output.stderr).contains("--heading"));
     assert!(!others.path().join("out").exists());

@@ -5,8 +5,8 @@ use std::sync::OnceLock;
 
 use hydroid::excitation::Excitation;
 use hydroid::identify::{
-    Candidate, GivenRanges, Grade, IdentifyResult, Job, Method, NetworkTrainingOptions, SindyOptions,
-    identify, verdicts,
+    Candidate, GivenRanges, Grade, IdentifyResult, Job, Method, MotionOption, NetworkTrainingOptions,
+    SindyOptions, identify, verdicts,
 };
 use hydroid::log::{Channel, Note, Split, Table, Trajectory};
 use hydroid::model::Reading;
@@ -56,7 +56,7 @@ fn job() -> Job {
         seed: 7,
         ranges: GivenRanges::new(),
         networks: NetworkTrainingOptions::default(),
-        through_water: false,
+        motion: MotionOption::default(),
         sindy: SindyOptions { degree: Some(2), window_s: Some(0.5), ..SindyOptions::default() },
     }
 }

@@ -4,7 +4,8 @@
 use hydroid::evaluate::{Against, Evaluation, Options, Origin, evaluate};
 use hydroid::excitation::Excitation;
 use hydroid::identify::{
-    GivenRanges, IdentifyResult, Job, Method, NetworkTrainingOptions, SindyOptions, identify, output_ranges,
+    GivenRanges, IdentifyResult, Job, Method, MotionOption, NetworkTrainingOptions, SindyOptions, identify,
+    output_ranges,
 };
 use hydroid::log::{Split, Trajectory};
 use hydroid::model::Reading;
@@ -40,7 +41,7 @@ fn from_ten_minutes(vessel: &VesselParams, seed: u64) -> (IdentifyResult, Evalua
         seed: 0,
         ranges: GivenRanges::new(),
         networks: NetworkTrainingOptions::default(),
-        through_water: false,
+        motion: MotionOption::OverGround,
         sindy: SindyOptions::default(),
     };
     let identified = identify(&job, &mut silent()).unwrap();

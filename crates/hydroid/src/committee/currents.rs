@@ -9,13 +9,14 @@ use hydroid_core::current::in_body;
 use hydroid_core::model::committee::Shape;
 use rayon::prelude::*;
 
-use super::folds::{Fold, Segment};
+use super::folds::{Fold, Segment, folds};
 use super::library::Library;
 use super::regression::{Moments, Regression};
 use super::ridge::{Fit, factorize, solve};
 use super::rollouts::{Coefficients, predictions};
 use crate::log::{Table, Trajectory};
 use crate::progress::{self, Cancelled, Progress};
+use crate::sindy::subsample;
 
 /// Currents of runs.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,8 +25,9 @@ pub struct Currents {
     pub of: Vec<[f64; 2]>,
     /// Variance north, covariance, variance east \[m^2/s^2\], for each run.
     pub covariance: Vec<[f64; 3]>,
-    /// Cross-validated error of the model that goes with them.
-    error: f64,
+    /// Cross-validated errors of the best regressions over ground and through the water: mean NRMSE of the outputs over a
+    /// window. The currents of the runs that are left out are known here, so that the gain is an upper limit.
+    pub errors: [f64; 2],
 }
 
 impl Currents {
@@ -51,6 +53,10 @@ const AVERAGING: usize = 4;
 
 /// Rows of the regressions, of all runs together.
 const ROWS: usize = 12_000;
+
+/// Most samples of all runs, and the shortest segment of a longer run.
+const SAMPLES: usize = 300_000;
+const SEGMENT: usize = 3_000;
 
 /// Most windows of all runs.
 const WINDOWS: usize = 1_500;
@@ -104,6 +110,7 @@ pub fn estimate(
 ) -> Result<Option<Currents>, Cancelled> {
     let Some(run) = runs.first() else { return Ok(None) };
     let window = (horizon / 4).max(1);
+    let pieces = pieces(runs, SEGMENT.max(10 * horizon));
     let structure = |(library, lags): (Library, usize)| {
         let (outputs, inputs) = (run.outputs.width(), run.inputs.width());
         let shape = Shape { outputs, inputs, lags, clock: (horizon / CLOCK_STEPS).max(1), dt: run.dt };
@@ -114,18 +121,48 @@ pub fn estimate(
     let mut best: Option<Currents> = None;
     for (i, of) in structures.iter().enumerate() {
         progress::report(progress, i as f64 / structures.len() as f64)?;
-        let found = Problem::new(of, runs, motion, window).and_then(|problem| problem.solve());
+        let problem = Problem::new(of, &pieces, runs.len(), motion, window);
+        let found = problem.and_then(|problem| problem.solve());
         best = match (best, found) {
-            (Some(best), Some(found)) => Some(if found.error < best.error { found } else { best }),
+            (Some(best), Some(found)) => {
+                let over_ground = best.errors[0].min(found.errors[0]);
+                let least = if found.errors[1] < best.errors[1] { found } else { best };
+                Some(Currents { errors: [over_ground, least.errors[1]], ..least })
+            }
             (best, found) => best.or(found),
         };
     }
     Ok(best)
 }
 
+/// A run or a part of it.
+struct Piece {
+    run: Trajectory,
+    /// Index of the run, which has one current.
+    of: usize,
+    fold: usize,
+}
+
+/// The runs, or blocks of one or two runs, with their folds; evenly spaced segments of long runs.
+fn pieces(runs: &[&Trajectory], segment: usize) -> Vec<Piece> {
+    let samples: usize = runs.iter().map(|run| run.len()).sum();
+    let of_fold = |(fold, of): (usize, Fold<'_>)| -> Vec<Piece> {
+        let of_segment = |&Segment { run, from, to }: &Segment<'_>| {
+            let index = runs.iter().position(|known| std::ptr::eq(*known, run)).unwrap_or(0);
+            let most = (SAMPLES * (to - from)).div_ceil(samples.max(1));
+            let parts = subsample(&[&run.slice(from, to)], most, segment);
+            parts.into_iter().map(move |run| Piece { run, of: index, fold }).collect::<Vec<_>>()
+        };
+        of.segments.iter().flat_map(of_segment).collect()
+    };
+    folds(runs, 0).into_iter().enumerate().flat_map(of_fold).collect()
+}
+
 struct Problem<'a> {
     of: &'a Regression,
-    runs: &'a [&'a Trajectory],
+    pieces: &'a [Piece],
+    /// Number of currents.
+    currents: usize,
     motion: [usize; 3],
     window: usize,
     every: usize,
@@ -138,15 +175,17 @@ struct Problem<'a> {
 impl<'a> Problem<'a> {
     fn new(
         of: &'a Regression,
-        runs: &'a [&'a Trajectory],
+        pieces: &'a [Piece],
+        currents: usize,
         motion: [usize; 3],
         window: usize,
     ) -> Option<Self> {
-        let samples: usize = runs.iter().map(|run| run.len()).sum();
+        let runs = || pieces.iter().map(|piece| &piece.run);
+        let samples: usize = runs().map(Trajectory::len).sum();
         let (stride, _) = of.increments();
         let every = (samples / stride).div_ceil(ROWS).max(1);
         let apart = (window / OVERLAP).max(samples / WINDOWS).max(1);
-        let origins = runs.iter().map(|run| {
+        let origins = runs().map(|run| {
             let first = of.shape.span();
             let known = |k: &usize| {
                 let row = |k: usize| {
@@ -157,7 +196,7 @@ impl<'a> Problem<'a> {
             (first..run.len().saturating_sub(window)).step_by(apart).filter(known).collect()
         });
         let range = |c: usize| {
-            let values = runs.iter().flat_map(|run| run.outputs.column(c)).filter(|y| y.is_finite());
+            let values = runs().flat_map(|run| run.outputs.column(c)).filter(|y| y.is_finite());
             values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), y| (low.min(y), high.max(y)))
         };
         let limit = |c: usize| {
@@ -165,7 +204,7 @@ impl<'a> Problem<'a> {
             (low - (high - low), high + (high - low))
         };
         let deviation = |c: usize| {
-            let values = || runs.iter().flat_map(|run| run.outputs.column(c)).filter(|y| y.is_finite());
+            let values = || runs().flat_map(|run| run.outputs.column(c)).filter(|y| y.is_finite());
             let count = values().count().max(1) as f64;
             let mean = values().sum::<f64>() / count;
             (values().map(|y| (y - mean).powi(2)).sum::<f64>() / count).sqrt()
@@ -174,7 +213,8 @@ impl<'a> Problem<'a> {
         let origins: Vec<Vec<usize>> = origins.collect();
         let problem = Self {
             of,
-            runs,
+            pieces,
+            currents,
             motion,
             window,
             every,
@@ -185,30 +225,24 @@ impl<'a> Problem<'a> {
         problem.origins.iter().any(|at| !at.is_empty()).then_some(problem)
     }
 
-    fn water(&self, run: usize, current: [f64; 2]) -> Trajectory {
-        through_water(self.runs[run], self.motion, current)
+    /// A piece in the velocities through the water.
+    fn water(&self, piece: usize, current: [f64; 2]) -> Water {
+        let run = through_water(&self.pieces[piece].run, self.motion, current);
+        let segment = Segment { run: &run, from: 0, to: run.len() };
+        let moments = self.of.moments(&Fold { segments: vec![segment], validation: false }, self.every);
+        Water { run, moments }
     }
 
-    fn moments(&self, water: &Trajectory) -> Moments {
-        let segment = Segment { run: water, from: 0, to: water.len() };
-        self.of.moments(&Fold { segments: vec![segment], validation: false }, self.every)
-    }
-
-    fn fit(&self, moments: &[Moments], other: Option<(usize, Option<&Moments>)>) -> Option<Fit> {
+    fn fit<'m>(&self, moments: impl Iterator<Item = &'m Moments>) -> Option<Fit> {
         let mut sum = Moments::zero(self.of.terms.len(), self.of.shape.outputs);
-        for (run, own) in moments.iter().enumerate() {
-            match other {
-                Some((replaced, by)) if replaced == run => by.into_iter().for_each(|by| sum.add(by)),
-                _ => sum.add(own),
-            }
-        }
+        moments.for_each(|of| sum.add(of));
         solve(&sum, self.of.terms.len(), RIDGE)
     }
 
-    /// Errors of the rollouts of a run, windows x outputs.
-    fn errors(&self, fit: &Fit, run: usize, water: &Trajectory, into: &mut Vec<f64>) {
-        let segment = Segment { run: water, from: 0, to: water.len() };
-        let origins = &self.origins[run];
+    /// Errors of the rollouts of a piece, windows x outputs.
+    fn errors(&self, fit: &Fit, piece: usize, water: &Water, into: &mut Vec<f64>) {
+        let segment = Segment { run: &water.run, from: 0, to: water.run.len() };
+        let origins = &self.origins[piece];
         if origins.is_empty() {
             return;
         }
@@ -220,9 +254,10 @@ impl<'a> Problem<'a> {
     }
 
     fn solve(&self) -> Option<Currents> {
-        let parameters = 2 * self.runs.len();
+        let parameters = 2 * self.currents;
         let mut c = vec![0.0; parameters];
         let mut state = self.state(&c)?;
+        let over_ground = self.left_out_error(&state)?;
         let mut information = vec![0.0; parameters * parameters];
         for _ in 0..ITERATIONS {
             let scale = robust_scales(&state.errors, self.of.shape.outputs);
@@ -242,7 +277,7 @@ impl<'a> Problem<'a> {
                 break;
             }
         }
-        let covariance = (0..self.runs.len()).map(|run| {
+        let covariance = (0..self.currents).map(|run| {
             let column = |p: usize| {
                 let mut unit = vec![0.0; parameters];
                 unit[p] = 1.0;
@@ -255,7 +290,7 @@ impl<'a> Problem<'a> {
         });
         Some(Currents {
             covariance: covariance.collect(),
-            error: self.left_out_error(&state)?,
+            errors: [over_ground, self.left_out_error(&state)?],
             of: c.chunks_exact(2).map(|c| [c[0], c[1]]).collect(),
         })
     }
@@ -267,13 +302,13 @@ impl<'a> Problem<'a> {
             let run = p / 2;
             let mut own = [c[2 * run], c[2 * run + 1]];
             own[p % 2] += STEP_M_S;
-            let water = self.water(run, own);
-            let fit = self.fit(&state.moments, Some((run, Some(&self.moments(&water)))))?;
+            let moved = |piece: usize| (self.pieces[piece].of == run).then(|| self.water(piece, own));
+            let moved: Vec<Option<Water>> = (0..self.pieces.len()).map(moved).collect();
+            let water =
+                || moved.iter().zip(&state.water).map(|(moved, water)| moved.as_ref().unwrap_or(water));
+            let fit = self.fit(water().map(|water| &water.moments))?;
             let mut errors = Vec::with_capacity(state.errors.len());
-            for other in 0..self.runs.len() {
-                let of = if other == run { &water } else { &state.water[other] };
-                self.errors(&fit, other, of, &mut errors);
-            }
+            water().enumerate().for_each(|(piece, water)| self.errors(&fit, piece, water, &mut errors));
             errors.iter_mut().zip(&state.errors).for_each(|(e, e0)| *e = (*e - e0) / STEP_M_S);
             Some(errors)
         };
@@ -302,34 +337,35 @@ impl<'a> Problem<'a> {
         Some((information, right))
     }
 
-    /// Error on each run of the model without it.
+    /// Error on each fold of the model without it.
     fn left_out_error(&self, state: &State) -> Option<f64> {
         let n = self.of.shape.outputs;
-        let mut squares = vec![0.0; n];
-        let mut count = 0;
-        for run in 0..self.runs.len() {
-            let fit = self.fit(&state.moments, Some((run, None)))?;
-            let mut errors = Vec::new();
-            self.errors(&fit, run, &state.water[run], &mut errors);
-            for row in errors.chunks_exact(n) {
-                count += 1;
-                squares.iter_mut().zip(row).for_each(|(sum, e)| *sum += e * e);
-            }
+        let mut errors = Vec::new();
+        let folds = self.pieces.iter().map(|piece| piece.fold + 1).max().unwrap_or(0);
+        for fold in 0..folds {
+            let all = || self.pieces.iter().zip(&state.water).enumerate();
+            let others = all().filter(|(_, (piece, _))| piece.fold != fold);
+            let fit = self.fit(others.map(|(_, (_, water))| &water.moments))?;
+            let own = all().filter(|(_, (piece, _))| piece.fold == fold);
+            own.for_each(|(index, (_, water))| self.errors(&fit, index, water, &mut errors));
         }
+        let mut squares = vec![0.0; n];
+        for row in errors.chunks_exact(n) {
+            squares.iter_mut().zip(row).for_each(|(sum, e)| *sum += e * e);
+        }
+        let count = (errors.len() / n) as f64;
         let nrmse = squares.iter().zip(&self.deviations).filter(|(_, d)| **d > 0.0);
-        Some(nrmse.map(|(sum, d)| (sum / f64::from(count)).sqrt() / d).sum::<f64>())
+        Some(nrmse.map(|(sum, d)| (sum / count).sqrt() / d).sum::<f64>() / n as f64)
     }
 
     fn state(&self, c: &[f64]) -> Option<State> {
-        let water: Vec<Trajectory> =
-            c.chunks_exact(2).enumerate().map(|(run, c)| self.water(run, [c[0], c[1]])).collect();
-        let moments: Vec<Moments> = water.par_iter().map(|water| self.moments(water)).collect();
-        let fit = self.fit(&moments, None)?;
+        let water =
+            |(index, piece): (usize, &Piece)| self.water(index, [c[2 * piece.of], c[2 * piece.of + 1]]);
+        let water: Vec<Water> = self.pieces.par_iter().enumerate().map(water).collect();
+        let fit = self.fit(water.iter().map(|water| &water.moments))?;
         let mut errors = Vec::new();
-        for (run, water) in water.iter().enumerate() {
-            self.errors(&fit, run, water, &mut errors);
-        }
-        errors.iter().all(|e| e.is_finite()).then_some(State { water, moments, errors })
+        water.iter().enumerate().for_each(|(piece, water)| self.errors(&fit, piece, water, &mut errors));
+        errors.iter().all(|e| e.is_finite()).then_some(State { water, errors })
     }
 }
 
@@ -344,9 +380,14 @@ fn cost(errors: &[f64], scale: &[f64], c: &[f64]) -> f64 {
 }
 
 struct State {
-    water: Vec<Trajectory>,
-    moments: Vec<Moments>,
+    water: Vec<Water>,
     errors: Vec<f64>,
+}
+
+/// A piece in the velocities through the water.
+struct Water {
+    run: Trajectory,
+    moments: Moments,
 }
 
 /// Standard deviation of each output from the median of its absolute errors.

@@ -47,9 +47,14 @@ pub enum IdentifyError {
     },
     /// Models of the motion through the water need a cross-validation.
     #[error(
-        "models of the motion through the water are chosen by cross-validation: leave out --validate, and give only --methods sindy, committee"
+        "models of the motion through the water are cross-validated: leave out --validate, and give only --methods sindy, committee"
     )]
     ThroughWater,
+    /// No regression shows the currents.
+    #[error(
+        "the currents of the runs cannot be estimated: the runs are too short for predictions over a quarter of the horizon, or such predictions diverge. Give longer runs or a shorter --horizon, or identify with --motion over-ground"
+    )]
+    NoCurrents,
     /// An output is missing for the current.
     #[error(
         "there is no output '{name}', and the current needs surge u, sway v and yaw rate r: name their columns, as in --outputs u=SOG,v=SWAY,r=GYRO"
@@ -205,6 +210,7 @@ impl IdentifyError {
             | Self::Committee(ChooseError::TooShort { .. } | ChooseError::Singular)
             | Self::NoBase { .. }
             | Self::NoInputs { .. }
+            | Self::NoCurrents
             | Self::NotEvaluable { .. } => true,
             Self::Train { error, .. } => matches!(
                 error,

@@ -39,7 +39,7 @@ pub use networks::{NetworkOptions, NetworkTrainingOptions};
 pub use options::{
     Auto, EnsembleSize, FixedGate, GateOption, Keyword, LagOption, RefineOption, SindyOptions,
 };
-pub use through_water::{CurrentsFound, FrameErrors, RunCurrent};
+pub use through_water::{CurrentsFound, FrameErrors, MotionOption, RunCurrent};
 pub use training::Training;
 pub use verdict::{Grade, Verdict, verdicts};
 
@@ -64,13 +64,27 @@ pub struct Job {
     pub seed: u64,
     /// Stated design ranges of outputs and inputs; else the training ranges. They scale networks and define divergence.
     pub ranges: GivenRanges,
-    /// Whether to try models of the motion through the water, too: cross-validation decides for each method. All runs need
-    /// a heading, and the outputs `u`, `v` and `r`.
-    pub through_water: bool,
+    /// The motion that the models predict. That through the water needs a heading of all runs, the outputs `u`, `v` and
+    /// `r`, and a cross-validation.
+    pub motion: MotionOption,
     /// Options of the search for equations.
     pub sindy: SindyOptions,
     /// Options of networks.
     pub networks: NetworkTrainingOptions,
+}
+
+impl Job {
+    fn with_split(&self, split: Split) -> Self {
+        Self {
+            split,
+            methods: self.methods.clone(),
+            reading: self.reading.clone(),
+            ranges: self.ranges.clone(),
+            sindy: self.sindy.clone(),
+            networks: self.networks.clone(),
+            ..*self
+        }
+    }
 }
 
 /// Progress of a job.
@@ -157,7 +171,7 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
     let [train, validation, test] = [&job.split.train, &job.split.validation, &job.split.test]
         .map(|runs| runs.iter().collect::<Vec<&Trajectory>>());
     let cross = validation.is_empty() && job.methods.iter().all(|method| method.is_cross_validated());
-    if job.through_water && !cross {
+    if job.motion == MotionOption::ThroughWater && !cross {
         return Err(IdentifyError::ThroughWater);
     }
     let needed = if cross { 1 } else { 3 };
@@ -173,9 +187,6 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
         leakage::check(&[&train, &validation, &test])?;
     }
     let methods = methods(job)?;
-    if job.through_water {
-        through_water::check(job)?;
-    }
     let ranges = design_range::design_ranges(&job.ranges, &train)?;
     let folds = cross.then(|| CrossValidation::new(&job.split.train));
     let judged = folds.as_ref().map(|folds| folds.runs(&job.split.train));
@@ -190,14 +201,18 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
         let remedy = "three separate runs or more are a stricter test, because wind, load and sensors are the same within one run";
         warnings.push(Note::warning(message).with_remedy(remedy));
     }
+    let mut tell = |fraction: f64| watch(&Stage { fraction: 0.1 * fraction, method: None, training: None });
+    let found = through_water::estimate(job, &parts, &mut warnings, &mut tell)?;
+    let in_water = found.as_ref().filter(|found| through_water::is_promising(job, found));
+    let over_ground = job.motion != MotionOption::ThroughWater;
+    let end = if in_water.is_some() { 0.4 } else { 0.8 };
     let mut trained: Vec<Trained> = Vec::new();
     let mut failure = None;
     // Training time of the networks, failed ones included, for the shared time budget.
     let mut spent_s = 0.0;
-    let share = if job.through_water { 0.4 } else { 0.8 };
-    for (i, &method) in methods.iter().enumerate() {
+    for (i, &method) in methods.iter().enumerate().filter(|_| over_ground) {
         let mut tell = |fraction: f64, training: Option<&train::Status>| {
-            let fraction = share * (i as f64 + fraction) / methods.len() as f64;
+            let fraction = 0.1 + (end - 0.1) * (i as f64 + fraction) / methods.len() as f64;
             watch(&Stage { fraction, method: Some(method), training })
         };
         let after = methods[i..].iter().filter(|method| method.cell().is_some()).count();
@@ -215,12 +230,9 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
             Err(error) => return Err(error),
         }
     }
-    let mut currents = None;
-    if job.through_water {
+    if let Some(found) = in_water {
         let mut tell = |f: f64| watch(&Stage { fraction: 0.4 + 0.4 * f, method: None, training: None });
-        let (water, found) = through_water::train(job, &parts, &methods, &mut warnings, &mut tell)?;
-        trained.extend(water);
-        currents = found;
+        trained.extend(through_water::train(job, &parts, &methods, found, &mut warnings, &mut tell)?);
     }
     // The warm-up of past values is known only now.
     trained.retain(|model| match check_evaluable(job, &parts, model.model.session().warm_up()) {
@@ -231,17 +243,19 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
             false
         }
     });
-    if let (true, Some(error)) = (trained.is_empty(), failure) {
-        return Err(error);
+    if trained.is_empty() {
+        return Err(failure.unwrap_or(IdentifyError::NoCurrents));
     }
     let mut candidates = evaluate_candidates(job, &parts, trained, &mut |fraction| {
         watch(&Stage { fraction: 0.8 + 0.2 * fraction, method: None, training: None })
     })?;
+    let mut currents = found.map(|found| through_water::describe(&job.split.train, &found));
     if let Some(found) = &mut currents {
         candidates = through_water::choose(candidates, found);
     }
     let best = select_best(&candidates);
-    warnings.extend(currents.as_ref().map(|found| through_water::note(found, best.map(|i| &candidates[i]))));
+    warnings
+        .extend(currents.as_ref().and_then(|found| through_water::note(found, best.map(|i| &candidates[i]))));
     let shown: &Candidate = &candidates[best.unwrap_or(0)];
     let verdicts = verdicts(shown.judged());
     warnings.extend(verdict::spikes(&parts.train, &job.sindy));

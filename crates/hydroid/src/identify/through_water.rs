@@ -1,6 +1,6 @@
 //! Models of the motion through the water beside those of the motion over ground.
 
-use std::ops::ControlFlow;
+use serde::{Deserialize, Serialize};
 
 use super::evaluation::MIN_IMPROVEMENT;
 use super::training::{Trained, train_by};
@@ -12,19 +12,45 @@ use crate::model::{CurrentEstimate, MOTION};
 use crate::progress::Progress;
 use crate::sindy::SearchError;
 
+/// Motion that the models predict.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MotionOption {
+    /// The better one of a cross-validation, if all runs have a heading; over ground for control laws.
+    #[default]
+    Auto,
+    /// The motion over ground.
+    OverGround,
+    /// The motion through the water.
+    ThroughWater,
+}
+
+impl std::str::FromStr for MotionOption {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            "over-ground" => Ok(Self::OverGround),
+            "through-water" => Ok(Self::ThroughWater),
+            _ => Err(format!("'{text}' is no motion: auto, over-ground or through-water")),
+        }
+    }
+}
+
 /// Currents of the training runs, and what models of the motion through the water gain.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CurrentsFound {
     /// The current of each training run.
     pub runs: Vec<RunCurrent>,
     /// Standard deviation of the components over all runs \[m/s\].
     pub deviation_m_s: f64,
-    /// Errors of the models over ground and through the water.
+    /// Errors of the models over ground and through the water; empty if the currents promise no gain.
     pub methods: Vec<FrameErrors>,
 }
 
 /// The current of a run.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RunCurrent {
     /// The run.
     pub run: String,
@@ -37,7 +63,7 @@ pub struct RunCurrent {
 }
 
 /// Mean NRMSE over horizons and outputs of the cross-validation, by frame.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FrameErrors {
     /// The method.
     pub method: String,
@@ -59,35 +85,73 @@ fn motion(run: &Trajectory) -> Result<[usize; 3], IdentifyError> {
     Ok([of(u)?, of(v)?, of(r)?])
 }
 
-/// Checks before the training that currents can be estimated.
-pub(super) fn check(job: &Job) -> Result<(), IdentifyError> {
-    motion(&job.split.train[0])?;
+/// Indices of surge, sway and yaw rate, if the runs have what an estimate of their currents needs.
+fn needs(job: &Job) -> Result<[usize; 3], IdentifyError> {
+    let motion = motion(&job.split.train[0])?;
     match job.split.train.iter().chain(&job.split.test).find(|run| run.heading.is_none()) {
         Some(run) => Err(IdentifyError::NoHeading { run: run.name.clone() }),
-        None => Ok(()),
+        None => Ok(motion),
     }
 }
 
-/// Trains the methods on the velocities through the water, under currents that are estimated once from all training runs.
-/// The models of the folds were fitted without them, under these currents.
+/// Estimates the currents of the training runs: `None` if they cannot or need not be estimated.
+pub(super) fn estimate(
+    job: &Job,
+    parts: &Parts<'_>,
+    warnings: &mut Vec<Note>,
+    progress: Progress<'_>,
+) -> Result<Option<Currents>, IdentifyError> {
+    let demanded = job.motion == MotionOption::ThroughWater;
+    // Control laws invert equations of the motion over ground.
+    let unused = job.motion == MotionOption::OverGround || parts.folds.is_none() || job.sindy.for_control;
+    if unused && !demanded {
+        return Ok(None);
+    }
+    let motion = match needs(job) {
+        Ok(motion) => motion,
+        Err(error) if demanded => return Err(error),
+        Err(error) => {
+            if matches!(error, IdentifyError::NoHeading { .. }) {
+                let message =
+                    "the logs have no heading: a current, if there is one, is not told from the vessel";
+                let remedy = "name the heading, as in --heading 'psi [deg]'";
+                warnings.push(Note::info(message).with_remedy(remedy));
+            }
+            return Ok(None);
+        }
+    };
+    let found = currents::estimate(&parts.train, motion, job.horizon, progress);
+    match found.map_err(SearchError::Cancelled)? {
+        None if demanded => Err(IdentifyError::NoCurrents),
+        found => Ok(found),
+    }
+}
+
+/// Whether models of the motion through the water are worth a try: known currents must reduce the error of a regression
+/// by [`MIN_IMPROVEMENT`].
+pub(super) fn is_promising(job: &Job, found: &Currents) -> bool {
+    let [over_ground, through_water] = found.errors;
+    job.motion == MotionOption::ThroughWater || through_water < (1.0 - MIN_IMPROVEMENT) * over_ground
+}
+
+/// Trains the methods on the velocities through the water. The models of the folds were fitted without them, under these
+/// currents.
 pub(super) fn train(
     job: &Job,
     parts: &Parts<'_>,
     methods: &[Method],
+    found: &Currents,
     warnings: &mut Vec<Note>,
     progress: Progress<'_>,
-) -> Result<(Vec<Trained>, Option<CurrentsFound>), IdentifyError> {
+) -> Result<Vec<Trained>, IdentifyError> {
     let motion = motion(parts.train[0])?;
-    let cancelled = |cancelled| IdentifyError::Sindy(SearchError::Cancelled(cancelled));
-    let found = currents::estimate(&parts.train, motion, job.horizon, &mut |f| progress(0.2 * f));
-    let Some(found) = found.map_err(cancelled)? else {
-        let message = "the runs are too short to estimate the current: models are over ground";
-        warnings.push(Note::warning(message));
-        return Ok((Vec::new(), None));
-    };
     let in_water = |(run, &current)| currents::through_water(run, motion, current);
-    let runs = job.split.train.iter().zip(&found.of).map(in_water).collect();
-    let job = Job { split: Split { train: runs, ..job.split.clone() }, ..job.clone() };
+    let job = job.with_split(Split {
+        train: job.split.train.iter().zip(&found.of).map(in_water).collect(),
+        validation: Vec::new(),
+        test: job.split.test.clone(),
+        notes: Vec::new(),
+    });
     let folds = CrossValidation::new(&job.split.train);
     let of_folds = folds.runs(&job.split.train);
     let parts = Parts {
@@ -98,9 +162,11 @@ pub(super) fn train(
     };
     let mut all: Vec<Trained> = Vec::new();
     for (i, &method) in methods.iter().enumerate() {
-        let from = 0.2 + 0.8 * i as f64 / methods.len() as f64;
-        let mut tell = |f: f64, _: Option<&_>| progress(from + 0.8 * f / methods.len() as f64);
-        let mut next = match train_by(method, &job, &parts, &all, (0.0, 0), warnings, &mut tell) {
+        let from = i as f64 / methods.len() as f64;
+        let mut tell = |f: f64, _: Option<&_>| progress(from + f / methods.len() as f64);
+        let next = train_by(method, &job, &parts, &all, (0.0, 0), warnings, &mut tell);
+        let next = next.and_then(|next| Ok((estimate_of(&job, &parts, &next, motion, found)?, next)));
+        let (current, mut next) = match next {
             Ok(next) => next,
             Err(error) if error.is_method_specific() => {
                 let message =
@@ -110,17 +176,13 @@ pub(super) fn train(
             }
             Err(error) => return Err(error),
         };
-        let Some(current) = estimate_of(&job, &parts, &next, motion, &found)? else { continue };
         for model in std::iter::once(&mut next.model).chain(&mut next.left_out) {
             model.description.current = Some(current.clone());
             model.description.reading.selection.heading.clone_from(&job.reading.selection.heading);
         }
         all.push(next);
     }
-    if let ControlFlow::Break(()) = progress(1.0) {
-        return Err(cancelled(crate::progress::Cancelled));
-    }
-    Ok((all, Some(describe(&job.split.train, &found))))
+    Ok(all)
 }
 
 /// Options of the sessions of a model: errors over a window on left-out runs, under their currents.
@@ -130,8 +192,8 @@ fn estimate_of(
     trained: &Trained,
     motion: [usize; 3],
     found: &Currents,
-) -> Result<Option<CurrentEstimate>, IdentifyError> {
-    let Some(folds) = parts.folds else { return Ok(None) };
+) -> Result<CurrentEstimate, IdentifyError> {
+    let folds = parts.folds.ok_or(IdentifyError::NoCurrents)?;
     let window = CurrentEstimate::window(job.horizon);
     let sessions = folds.runs(&job.split.train).into_iter().map(|(fold, _)| trained.left_out[fold].session());
     let mut sessions: Vec<_> = sessions.collect();
@@ -156,10 +218,13 @@ fn estimate_of(
     let deviations = motion.map(|c| errors.rmse[window - 1][c]);
     let initial_m_s = found.deviation();
     let sound = deviations.iter().chain([&initial_m_s]).all(|x| x.is_finite() && *x > 0.0);
-    Ok(sound.then(|| CurrentEstimate::new(motion, window, deviations, initial_m_s)))
+    if !sound {
+        return Err(IdentifyError::NoCurrents);
+    }
+    Ok(CurrentEstimate::new(motion, window, deviations, initial_m_s))
 }
 
-fn describe(runs: &[Trajectory], found: &Currents) -> CurrentsFound {
+pub(super) fn describe(runs: &[Trajectory], found: &Currents) -> CurrentsFound {
     let of = |((run, current), covariance): ((&Trajectory, &[f64; 2]), &[f64; 3])| RunCurrent {
         run: run.name.clone(),
         north_m_s: current[0],
@@ -196,8 +261,8 @@ pub(super) fn choose(candidates: Vec<Candidate>, found: &mut CurrentsFound) -> V
     ground
 }
 
-/// What was found, for the user.
-pub(super) fn note(found: &CurrentsFound, best: Option<&Candidate>) -> Note {
+/// What was found, for the user; nothing if the currents promise no gain.
+pub(super) fn note(found: &CurrentsFound, best: Option<&Candidate>) -> Option<Note> {
     let currents = found.runs.iter().map(|run| {
         let RunCurrent { run, north_m_s, east_m_s, deviations_m_s: [north, east] } = run;
         // Of a normal distribution, 90 % are within 1.645 standard deviations.
@@ -207,9 +272,13 @@ pub(super) fn note(found: &CurrentsFound, best: Option<&Candidate>) -> Note {
     let currents = currents.collect::<Vec<_>>().join("; ");
     let name = best.map(|best| best.model.description.name.as_str());
     let errors = found.methods.iter().find(|frame| Some(frame.method.as_str()) == name);
+    let taken = best.is_some_and(|best| best.model.description.current.is_some());
+    if errors.is_none() && !taken {
+        return None;
+    }
     let gain = errors.map_or_else(String::new, |FrameErrors { method, over_ground, through_water, taken }| {
         let is = if *taken { "predicts the motion through the water" } else { "stays over ground" };
         format!("the model {method} {is}: its cross-validated error is {through_water:.3} through the water and {over_ground:.3} over ground. ")
     });
-    Note::info(format!("{gain}Currents of the runs [m/s, intervals of 90 %]: {currents}"))
+    Some(Note::info(format!("{gain}Currents of the runs [m/s, intervals of 90 %]: {currents}")))
 }

@@ -9,7 +9,9 @@ use crate::ridge_baseline::ESSO;
 use hydroid::adapt::{self, AdaptError, KalmanOptions, LeastSquaresOptions, Options, ResolvedOptions, adapt};
 use hydroid::evaluate::{self, Evaluation};
 use hydroid::excitation::Excitation;
-use hydroid::identify::{GivenRanges, Job, Method, NetworkTrainingOptions, SindyOptions, identify};
+use hydroid::identify::{
+    GivenRanges, Job, Method, MotionOption, NetworkTrainingOptions, SindyOptions, identify,
+};
 use hydroid::log::{self, PrepareOptions, Selection, Split, Trajectory};
 use hydroid::model::{Model, Reading};
 use hydroid::progress::silent;
@@ -33,7 +35,7 @@ fn identified(split: Split, horizon: usize, origin_stride: usize) -> Model {
         seed: 0,
         ranges: GivenRanges::new(),
         networks: NetworkTrainingOptions::default(),
-        through_water: false,
+        motion: MotionOption::default(),
         sindy: SindyOptions::default(),
     };
     identify(&job, &mut silent()).unwrap().candidates.remove(0).model

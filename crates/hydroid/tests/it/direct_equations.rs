@@ -7,7 +7,7 @@ use std::sync::Arc;
 use crate::vessel::{INPUTS, OUTPUTS, smooth, with_gaps};
 use hydroid::evaluate::{Options, evaluate};
 use hydroid::identify::{
-    EnsembleSize, GivenRanges, IdentifyError, Job as Identification, Method, NetworkOptions,
+    EnsembleSize, GivenRanges, IdentifyError, Job as Identification, Method, MotionOption, NetworkOptions,
     NetworkTrainingOptions, SindyOptions, identify,
 };
 use hydroid::log::{Split, Trajectory};
@@ -136,7 +136,7 @@ fn job(methods: Vec<Method>) -> Identification {
         origin_stride: 1,
         seed: 0,
         ranges: GivenRanges::new(),
-        through_water: false,
+        motion: MotionOption::default(),
         sindy: SindyOptions { degree: Some(1), members: EnsembleSize(0), ..SindyOptions::default() },
         networks: NetworkTrainingOptions { direct, ..NetworkTrainingOptions::default() },
     }

@@ -2,7 +2,9 @@
 
 use hydroid::evaluate::{Options, evaluate};
 use hydroid::excitation::{Excitation, mixed};
-use hydroid::identify::{GivenRanges, Job, Method, NetworkTrainingOptions, SindyOptions, identify};
+use hydroid::identify::{
+    GivenRanges, Job, Method, MotionOption, NetworkTrainingOptions, SindyOptions, identify,
+};
 use hydroid::log::{Split, Trajectory};
 use hydroid::model::{Model, Reading};
 use hydroid::progress::silent;
@@ -41,7 +43,7 @@ fn from_small_commands_to_large_ones_nothing_diverges_and_persistence_is_beaten(
             seed: 0,
             ranges: GivenRanges::new(),
             networks: NetworkTrainingOptions::default(),
-            through_water: false,
+            motion: MotionOption::default(),
             sindy: SindyOptions::default(),
         };
         let found = identify(&job, &mut silent()).unwrap();

@@ -5,7 +5,9 @@ use std::sync::Arc;
 
 use hydroid::closed_loop::{self, Conditions, ControlLaw, Metrics, Scenario, SpeedOptions, Timing, Track};
 use hydroid::excitation::Excitation;
-use hydroid::identify::{GivenRanges, Job, Method, NetworkTrainingOptions, SindyOptions, identify};
+use hydroid::identify::{
+    GivenRanges, Job, Method, MotionOption, NetworkTrainingOptions, SindyOptions, identify,
+};
 use hydroid::log::{Split, Trajectory};
 use hydroid::model::{Body, Reading};
 use hydroid::progress::silent;
@@ -153,7 +155,7 @@ fn identified(vessel: &VesselParams, train_s: f64) -> Arc<Equations> {
         seed: 0,
         ranges: GivenRanges::new(),
         networks: NetworkTrainingOptions::default(),
-        through_water: false,
+        motion: MotionOption::default(),
         sindy: SindyOptions {
             terms: PHYSICAL.iter().map(ToString::to_string).collect(),
             ..SindyOptions::default()

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use hydroid::identify::{
     EnsembleSize, GateOption, GivenRanges, IdentifyError, IdentifyResult, Job, Keyword, LagOption, Method,
-    NetworkOptions, NetworkTrainingOptions, SindyOptions, identify_with_stages,
+    MotionOption, NetworkOptions, NetworkTrainingOptions, SindyOptions, identify_with_stages,
 };
 use hydroid::log::{Channel, Split, Table, Trajectory};
 use hydroid::model::Reading;
@@ -46,7 +46,7 @@ fn job(methods: &[Method], [train, validation, test]: [usize; 3], driven: bool) 
         origin_stride: 1,
         seed: 0,
         ranges: GivenRanges::new(),
-        through_water: false,
+        motion: MotionOption::default(),
         sindy: SindyOptions {
             degree: Some(1),
             lag: LagOption::Keyword(Keyword::None),

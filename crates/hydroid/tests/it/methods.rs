@@ -5,7 +5,7 @@ use hydroid::evaluate;
 use hydroid::excitation::Excitation;
 use hydroid::identify::{
     EnsembleSize, GateOption, GivenRange, GivenRanges, IdentifyError, IdentifyResult, Job, Keyword,
-    LagOption, Method, NetworkTrainingOptions, SindyOptions, identify,
+    LagOption, Method, MotionOption, NetworkTrainingOptions, SindyOptions, identify,
 };
 use hydroid::log::{Channel, Split, Table, Trajectory};
 use hydroid::model::{self, Reading};
@@ -44,7 +44,7 @@ fn job(methods: &[Method], split: Split) -> Job {
         seed: 0,
         ranges: GivenRanges::new(),
         networks: NetworkTrainingOptions::default(),
-        through_water: false,
+        motion: MotionOption::default(),
         sindy: SindyOptions {
             degree: Some(2),
             signed_squares: Some(false),
@@ -96,7 +96,7 @@ fn spikes_are_named_with_their_remedy() {
             seed: 0,
             ranges: GivenRanges::new(),
             networks: NetworkTrainingOptions::default(),
-            through_water: false,
+            motion: MotionOption::default(),
             sindy: SindyOptions {
                 degree: Some(1),
                 lag: LagOption::Keyword(Keyword::None),
@@ -129,7 +129,7 @@ fn a_given_lag_is_in_all_candidates() {
         seed: 0,
         ranges: GivenRanges::new(),
         networks: NetworkTrainingOptions::default(),
-        through_water: false,
+        motion: MotionOption::default(),
         sindy: SindyOptions {
             lag: LagOption::Fixed([(String::from("RD_cmd"), 0.3)].into()),
             gate: GateOption::Keyword(Keyword::None),
@@ -218,7 +218,7 @@ fn runs_of_different_parts_that_share_data_are_refused() {
             seed: 0,
             ranges: GivenRanges::new(),
             networks: NetworkTrainingOptions::default(),
-            through_water: false,
+            motion: MotionOption::default(),
             sindy: SindyOptions::default(),
         };
         matches!(identify(&job, &mut silent()), Err(IdentifyError::DataLeakage { .. }))

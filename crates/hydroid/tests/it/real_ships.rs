@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use crate::ridge_baseline::{CYBERSHIP, ESSO, Row, Ship, baseline, chosen, last};
 use hydroid::evaluate::Evaluation;
 use hydroid::identify::{
-    EnsembleSize, GivenRanges, Grade, IdentifyResult, Job, Method, NetworkTrainingOptions, SindyOptions,
-    identify,
+    EnsembleSize, GivenRanges, Grade, IdentifyResult, Job, Method, MotionOption, NetworkTrainingOptions,
+    SindyOptions, identify,
 };
 use hydroid::log::{self, PrepareOptions, Selection, Split, split_named};
 use hydroid::model::Reading;
@@ -33,7 +33,7 @@ fn job(split: Split, horizon: usize, origin_stride: usize) -> Job {
         seed: 0,
         ranges: GivenRanges::new(),
         networks: NetworkTrainingOptions::default(),
-        through_water: false,
+        motion: MotionOption::default(),
         sindy: SindyOptions::default(),
     }
 }

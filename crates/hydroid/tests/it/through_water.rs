@@ -5,7 +5,7 @@ use std::path::Path;
 use hydroid::adapt;
 use hydroid::evaluate::{Evaluation, Options, evaluate};
 use hydroid::identify::{
-    IdentifyError, IdentifyResult, Job, Method, NetworkTrainingOptions, SindyOptions, identify,
+    IdentifyError, IdentifyResult, Job, Method, MotionOption, NetworkTrainingOptions, SindyOptions, identify,
 };
 use hydroid::log::{
     Channel, PrepareOptions, RawLog, Selection, Split, Table, Trajectory, prepare, read_from,
@@ -78,7 +78,7 @@ fn job(train: Vec<Trajectory>, methods: &[Method]) -> Job {
         origin_stride: 10,
         seed: 0,
         ranges: std::collections::BTreeMap::default(),
-        through_water: true,
+        motion: MotionOption::Auto,
         sindy: SindyOptions { members: hydroid::identify::EnsembleSize(0), ..SindyOptions::default() },
         networks: NetworkTrainingOptions::default(),
     }
@@ -148,17 +148,50 @@ fn in_still_water_models_stay_over_ground() {
     let result = identified([[0.0; 2]; 4], &[Method::Sindy]);
     let found = result.currents.as_ref().unwrap();
     assert!(found.deviation_m_s < 0.005, "{found:?}");
-    let [frames] = &found.methods[..] else { panic!("{found:?}") };
-    assert!(!frames.taken && frames.through_water < 1.05 * frames.over_ground, "{frames:?}");
+    // Known currents would not help, so that no other model was tried.
+    assert!(
+        found.methods.is_empty() && result.warnings.iter().all(|note| !note.message.contains("Currents"))
+    );
     let model = &result.candidates[0].model;
     assert_eq!((&model.description.current, &model.description.reading.selection.heading), (&None, &None));
+}
+
+#[test]
+fn the_current_of_a_single_run_is_found_from_its_blocks() {
+    let identified = |motion| {
+        let job = Job { motion, ..job(vec![run([0.4, -0.1], 3)], &[Method::Committee]) };
+        identify(&job, &mut silent()).unwrap()
+    };
+    // Models over ground are tried, too.
+    let found = identified(MotionOption::Auto).currents.unwrap();
+    assert_eq!(found.methods.len(), 1, "{found:?}");
+    let result = identified(MotionOption::ThroughWater);
+    let found = result.currents.unwrap();
+    let [of] = &found.runs[..] else { panic!("{found:?}") };
+    assert!((of.north_m_s - 0.4).abs() < 0.02 && (of.east_m_s + 0.1).abs() < 0.02, "{of:?}");
+    assert!(found.methods.is_empty() && result.candidates.len() == 1);
+    assert!(result.candidates[0].model.description.current.is_some());
+    let result = identified(MotionOption::OverGround);
+    assert!(result.currents.is_none() && result.candidates[0].model.description.current.is_none());
+}
+
+#[test]
+fn runs_without_a_heading_stay_over_ground_with_a_note() {
+    let without = |seed| Trajectory { heading: None, ..run([0.3, 0.0], seed) };
+    let result = identify(&job(vec![without(1), without(2)], &[Method::Committee]), &mut silent()).unwrap();
+    assert!(result.currents.is_none());
+    assert!(result.warnings.iter().any(|note| note.message.contains("no heading")), "{:?}", result.warnings);
 }
 
 #[test]
 fn what_the_current_needs_is_asked_for() {
     let runs: Vec<Trajectory> = (1..=3).map(|seed| run([0.0; 2], seed)).collect();
     let without = runs.iter().cloned().map(|run| Trajectory { heading: None, ..run }).collect();
-    let error = identify(&job(without, &[Method::Committee]), &mut silent()).unwrap_err();
+    let demanded = |runs: Vec<Trajectory>, methods: &[Method]| {
+        identify(&Job { motion: MotionOption::ThroughWater, ..job(runs, methods) }, &mut silent())
+            .unwrap_err()
+    };
+    let error = demanded(without, &[Method::Committee]);
     assert!(matches!(&error, IdentifyError::NoHeading { run } if run == "run 1"), "{error}");
     assert!(error.to_string().contains("--heading"), "{error}");
     let names = ["u", "v", "yaw"].map(|name| Channel::new(name, ""));
@@ -166,9 +199,9 @@ fn what_the_current_needs_is_asked_for() {
         let values = run.outputs.rows(0, run.len()).to_vec();
         Trajectory { outputs: Table::new(names.to_vec(), values), ..run }
     });
-    let error = identify(&job(renamed.collect(), &[Method::Committee]), &mut silent()).unwrap_err();
+    let error = demanded(renamed.collect(), &[Method::Committee]);
     assert!(matches!(error, IdentifyError::NoMotion { name: "r" }), "{error}");
-    let error = identify(&job(runs, &[Method::Committee, Method::Gru]), &mut silent()).unwrap_err();
+    let error = demanded(runs, &[Method::Committee, Method::Gru]);
     assert!(matches!(error, IdentifyError::ThroughWater), "{error}");
 }
 

@@ -6,7 +6,8 @@ use std::path::Path;
 use crate::vessel::{INPUTS, OUTPUTS, with_gaps};
 use hydroid::evaluate::{Options, band_coverage, evaluate};
 use hydroid::identify::{
-    GivenRanges, Job as Identification, Method, NetworkOptions, NetworkTrainingOptions, SindyOptions,
+    GivenRanges, Job as Identification, Method, MotionOption, NetworkOptions, NetworkTrainingOptions,
+    SindyOptions,
 };
 use hydroid::identify::{IdentifyError, identify};
 use hydroid::log::{Split, Table, Trajectory};
@@ -177,7 +178,7 @@ fn job(change: impl FnOnce(&mut NetworkOptions)) -> Identification {
         origin_stride: 1,
         seed: 0,
         ranges: GivenRanges::new(),
-        through_water: false,
+        motion: MotionOption::default(),
         sindy: SindyOptions::default(),
         networks: NetworkTrainingOptions { all, direct, ..NetworkTrainingOptions::default() },
     }
