@@ -47,7 +47,8 @@ fn model(name: &str) -> AffineEquations {
 fn run(bencher: Bencher, controller: &mut dyn Controller) {
     let path = Path::circle([0.0, 0.0], 20.0, Side::Starboard, 0.0).expect("a circle");
     let reference = Reference::new(3.0, &path.at(3.0), 2.4, 0.02);
-    let estimate = Estimate { eta: [20.1, 1.2, 1.6], nu: [2.4, -0.05, 0.12], actuators: &[] };
+    let estimate =
+        Estimate { eta: [20.1, 1.2, 1.6], nu: [2.4, -0.05, 0.12], current: [0.0; 2], actuators: &[] };
     let mut command = [0.0; 2];
     bencher.bench_local(|| controller.command(black_box(&estimate), black_box(&reference), &mut command));
 }

@@ -282,7 +282,7 @@ fn steering_allocates_nothing() {
                 sight.update(&foot.pose, [x, 0.2], [1.0, 0.0], 0.1);
                 let measured = [if k % 7 == 0 { f64::NAN } else { 20.0 }, f64::NAN];
                 let nu = [if k % 11 == 0 { f64::NAN } else { 0.1 * x }, 0.0, 0.01];
-                let estimate = Estimate { eta: [x, 0.2, 0.3], nu, actuators: &measured };
+                let estimate = Estimate { eta: [x, 0.2, 0.3], nu, current: [0.0; 2], actuators: &measured };
                 controller.command(&estimate, &walker.reference(&path, &profile), &mut command);
                 let (speed, rate) = profile.at(foot.s);
                 controller.command(&estimate, &Reference::new(foot.s, &foot.pose, speed, rate), &mut command);

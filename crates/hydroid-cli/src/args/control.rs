@@ -143,7 +143,7 @@ pub struct ControllerArgs {
 #[command(next_help_heading = "Online adaptation")]
 pub struct AdaptationArgs {
     /// Take the model as one of the motion through the water, and estimate the current: standard deviation of its components
-    /// at the start [m/s], as in 0.3. Needs --controller cem
+    /// at the start [m/s], as in 0.3
     #[arg(long, value_name = "M/S", allow_negative_numbers = true)]
     pub estimate_current: Option<f64>,
     /// Adapt the model in the loop, as hydroid adapt does
@@ -188,6 +188,9 @@ pub struct DisturbanceArgs {
     /// Input delay [s]: a whole number of samples
     #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
     pub delay: f64,
+    /// Time from which current, wind and mass factor apply, as in 60s: before it, the vessel is as built, in still water
+    #[arg(long, value_name = "TIME", default_value = "0s")]
+    pub onset: Duration,
 }
 
 /// Monte Carlo trials.

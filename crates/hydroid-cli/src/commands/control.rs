@@ -120,7 +120,13 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
 /// The model, required by every controller except pid.
 fn model(args: &Control, kind: ControlMethod) -> anyhow::Result<Option<Model>> {
     match (&args.model, kind) {
-        (None, ControlMethod::Autopilot) => Ok(None),
+        (None, ControlMethod::Autopilot) => {
+            ensure!(
+                args.adaptation.estimate_current.is_none(),
+                "--estimate-current needs a controller with a model; pid has none"
+            );
+            Ok(None)
+        }
         (Some(path), ControlMethod::Autopilot) => bail!(
             "{}: pid uses no model: leave it out, or use --controller cem, fl or backstepping",
             path.display()
@@ -132,10 +138,6 @@ fn model(args: &Control, kind: ControlMethod) -> anyhow::Result<Option<Model>> {
         (Some(path), _) => {
             let model = model::read(path)?;
             let Some(deviation) = args.adaptation.estimate_current else { return Ok(Some(model)) };
-            ensure!(
-                kind == ControlMethod::CrossEntropy,
-                "--estimate-current needs --controller cem: the other controllers take the velocities over ground"
-            );
             Ok(Some(model.with_current(deviation)?))
         }
     }

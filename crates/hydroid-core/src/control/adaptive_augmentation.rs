@@ -267,7 +267,7 @@ impl<M: Affine> Controller for AdaptiveAugmentation<M> {
         let (sin, cos) = Float::sin_cos(estimate.eta[2]);
         let velocity = self.base.velocity(estimate);
         if self.window.samples == self.samples {
-            self.learn(estimate.nu, velocity);
+            self.learn(estimate.through_water(), velocity);
             self.window = Window::default();
         }
         if self.window.samples == 0 {

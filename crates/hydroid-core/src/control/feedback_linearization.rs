@@ -76,7 +76,8 @@ impl FeedbackLinearizationOptions {
 ///
 /// # Assumptions
 ///
-/// Pose and velocities over ground are measured; the model is affine in known maps of its commands. The point is ahead
+/// Pose and velocities over ground are measured; a current, if there is one, is part of the estimate; the model is affine
+/// in known maps of its commands. The point is ahead
 /// of the pivot point of the rudder, `l > -g_v / g_r`: behind it, the rudder first moves the point the other way. The
 /// internal dynamics (heading and sway) are stable in forward motion with damped sway.
 ///

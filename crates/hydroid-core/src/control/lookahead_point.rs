@@ -142,6 +142,9 @@ impl<M: Affine> LookaheadPoint<M> {
 
     /// Accelerates the point by `wanted` (north, east) \[m/s^2\] within the limits of the actuators. Returns the
     /// status, and the achieved acceleration minus `wanted`.
+    ///
+    /// A frame that drifts with a constant current is an inertial frame: the acceleration of the point is that in the
+    /// water, with velocities through the water.
     pub(super) fn accelerate(
         &mut self,
         estimate: &Estimate<'_>,
@@ -149,10 +152,11 @@ impl<M: Affine> LookaheadPoint<M> {
         command: &mut [f64],
     ) -> (Status, [f64; 2]) {
         let [_, _, psi] = estimate.eta;
-        let [u, v, r] = estimate.nu;
+        let nu = estimate.through_water();
+        let [u, v, r] = nu;
         let l = self.distance;
         self.actuators.observe(estimate.actuators);
-        self.model.evaluate(estimate.nu, &mut self.motion);
+        self.model.evaluate(nu, &mut self.motion);
         let [f_u, f_v, f_r] = self.motion.f;
         for (column, [g_u, g_v, g_r]) in self.columns.iter_mut().zip(&self.motion.g) {
             *column = [*g_u, g_v + l * g_r];

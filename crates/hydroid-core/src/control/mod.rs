@@ -37,6 +37,7 @@ pub use feedback_linearization::{FeedbackLinearization, FeedbackLinearizationOpt
 pub use network::AffineNetwork;
 pub use status::Status;
 
+use crate::current::in_body;
 use crate::guidance::Reference;
 
 /// Estimate of the state of a vessel at a sample.
@@ -44,8 +45,10 @@ use crate::guidance::Reference;
 pub struct Estimate<'a> {
     /// Pose `[x, y, psi]`: north, east \[m\], clockwise from north \[rad\], wrapped or not.
     pub eta: [f64; 3],
-    /// Body velocities `[u, v, r]` \[m/s, m/s, rad/s\].
+    /// Body velocities over ground `[u, v, r]` \[m/s, m/s, rad/s\].
     pub nu: [f64; 3],
+    /// Velocity of the water, north and east \[m/s\]: zero for a model of the motion over ground.
+    pub current: [f64; 2],
     /// Measured positions of the actuators in the units of their commands, one for each input: propeller force, rudder
     /// angle. NaN if a position is not measured, empty if none is: the controller then uses its own commands.
     pub actuators: &'a [f64],
@@ -54,7 +57,14 @@ pub struct Estimate<'a> {
 impl Estimate<'_> {
     /// Whether pose and velocities are finite.
     pub fn is_finite(&self) -> bool {
-        self.eta.iter().chain(&self.nu).all(|x| x.is_finite())
+        self.eta.iter().chain(&self.nu).chain(&self.current).all(|x| x.is_finite())
+    }
+
+    /// Body velocities through the water.
+    pub fn through_water(&self) -> [f64; 3] {
+        let [u, v, r] = self.nu;
+        let [surge, sway] = in_body(self.current, self.eta[2]);
+        [u - surge, v - sway, r]
     }
 }
 

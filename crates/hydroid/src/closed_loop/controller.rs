@@ -69,7 +69,7 @@ impl<C: Controller> ClosedLoopController for ControlLaw<C> {
     fn command(&mut self, observation: &Observation<'_>, command: &mut [f64; 2]) -> Status {
         let force = [observation.force, f64::NAN];
         let actuators = if self.force { &force[..] } else { &[] };
-        let estimate = Estimate { eta: observation.eta, nu: observation.nu, actuators };
+        let estimate = Estimate { eta: observation.eta, nu: observation.nu, current: [0.0; 2], actuators };
         self.controller.command(&estimate, observation.reference, command)
     }
 }

@@ -40,12 +40,14 @@ pub struct Conditions {
     pub mass: f64,
     /// Delay of the commands \[s\]; a whole number of samples.
     pub delay_s: f64,
+    /// Time from which current, wind and mass factor apply \[s\]. The velocity over ground does not jump.
+    pub onset_s: f64,
 }
 
 impl Conditions {
     /// The vessel's measurement noise without other disturbances.
     pub const fn calm(seed: u64) -> Self {
-        Self { seed, noise: 1.0, current: [0.0; 2], wind: Wind::CALM, mass: 1.0, delay_s: 0.0 }
+        Self { seed, noise: 1.0, current: [0.0; 2], wind: Wind::CALM, mass: 1.0, delay_s: 0.0, onset_s: 0.0 }
     }
 
     pub(super) fn check(&self) -> Result<(), ClosedLoopError> {
@@ -58,7 +60,8 @@ impl Conditions {
         at_least("the standard deviation of the gusts", self.wind.gust, 0.0)?;
         positive("the time constant of the gusts", self.wind.gust_s)?;
         positive("the factor on the mass", self.mass)?;
-        at_least("the delay", self.delay_s, 0.0)
+        at_least("the delay", self.delay_s, 0.0)?;
+        at_least("the onset", self.onset_s, 0.0)
     }
 }
 

@@ -48,9 +48,8 @@ impl InvertingLaw for Backstepping<InvertibleModel> {
     }
 }
 
-/// Adapter beside a control law, and the weights that the law has applied over.
-struct Adaptation {
-    session: SessionModel,
+/// Weights of the law that follow those of an adapter.
+struct AdaptedWeights {
     map: WeightMap,
     applied: Vec<f64>,
 }
@@ -59,12 +58,14 @@ pub(super) struct InvertingController<L> {
     law: L,
     lead: f64,
     channels: ChannelMap,
-    adaptation: Option<Adaptation>,
+    /// Session beside the law, if the model is adapted or estimates a current.
+    session: Option<SessionModel>,
+    adapted: Option<AdaptedWeights>,
     y: Vec<f64>,
 }
 
 impl<L: InvertingLaw> InvertingController<L> {
-    /// Couples a control law for `model` with its adapter; an error if the adapter has other weights than the model.
+    /// Couples a control law for `model` with a session; an error if an adapter has other weights than the model.
     pub(super) fn new(
         law: L,
         lead: f64,
@@ -72,25 +73,23 @@ impl<L: InvertingLaw> InvertingController<L> {
         model: &Model,
         session: Option<SessionModel>,
     ) -> Result<Self, ClosedLoopError> {
-        let adaptation = session.zip(model.weight_map()).map(|(session, map)| Adaptation {
-            session,
-            map,
-            applied: Vec::new(),
-        });
-        if let Some(Adaptation { session, map, .. }) = &adaptation
-            && let Some(weights) = session.weights()
-            && weights.len() != map.len()
-        {
-            return Err(ClosedLoopError::WeightCount { weights: weights.len(), coefficients: map.len() });
-        }
+        let weights = session.as_ref().and_then(SessionModel::weights);
+        let adapted = match weights.zip(model.weight_map()) {
+            Some((weights, map)) if weights.len() != map.len() => {
+                return Err(ClosedLoopError::WeightCount { weights: weights.len(), coefficients: map.len() });
+            }
+            Some((_, map)) => Some(AdaptedWeights { map, applied: Vec::new() }),
+            None => None,
+        };
         let y = vec![f64::NAN; channels.len()];
-        Ok(Self { law, lead, channels, adaptation, y })
+        Ok(Self { law, lead, channels, session, adapted, y })
     }
 
     fn update_model(&mut self, heading: f64) {
-        let Some(Adaptation { session, map, applied }) = &mut self.adaptation else { return };
+        let Some(session) = &mut self.session else { return };
         session.observe(heading, &self.y);
-        if let Some(weights) = session.weights()
+        if let Some(AdaptedWeights { map, applied }) = &mut self.adapted
+            && let Some(weights) = session.weights()
             && weights != applied.as_slice()
             && weights.iter().all(|w| w.is_finite())
         {
@@ -113,8 +112,8 @@ impl<L: InvertingLaw> ClosedLoopController for InvertingController<L> {
 
     fn reset(&mut self) {
         self.law.reset();
-        if let Some(adaptation) = &mut self.adaptation {
-            adaptation.session.reset();
+        if let Some(session) = &mut self.session {
+            session.reset();
         }
     }
 
@@ -123,10 +122,11 @@ impl<L: InvertingLaw> ClosedLoopController for InvertingController<L> {
         self.update_model(observation.eta[2]);
         let mut actuators = [f64::NAN; 2];
         self.law.model().actuators_of(&self.y, &mut actuators);
-        let estimate = Estimate { eta: observation.eta, nu: observation.nu, actuators: &actuators };
+        let current = self.session.as_ref().and_then(SessionModel::current).unwrap_or([0.0; 2]);
+        let estimate = Estimate { eta: observation.eta, nu: observation.nu, current, actuators: &actuators };
         let status = self.law.command(&estimate, observation.reference, command);
-        if let Some(adaptation) = &mut self.adaptation {
-            adaptation.session.advance(command);
+        if let Some(session) = &mut self.session {
+            session.advance(command);
         }
         status
     }

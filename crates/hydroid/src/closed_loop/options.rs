@@ -133,6 +133,7 @@ impl ControllerOptions {
         let channels = ChannelMap::of(&model.description, &self.vessel)?;
         let session = || match &self.adapt {
             Some(options) => SessionModel::learning(model, options, &self.rehearsal).map(Some),
+            None if model.description.current.is_some() => Ok(Some(SessionModel::frozen(model))),
             None => Ok(None),
         };
         match self.method {

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use hydroid_core::current::in_body;
 use hydroid_core::vessel::{Command, Plant, State, VesselParams, rk4};
 
 use super::disturbance::{Conditions, Gusts};
@@ -20,6 +21,10 @@ pub(super) struct PerturbedPlant {
     state: State,
     current: [f64; 2],
     gusts: Gusts,
+    /// Samples before the onset of the conditions.
+    calm: usize,
+    /// Plant and current from the onset on.
+    perturbed: Option<(Plant, [f64; 2])>,
     steps: u32,
     h: f64,
     delayed: VecDeque<Command>,
@@ -33,10 +38,10 @@ impl PerturbedPlant {
         dt_s: f64,
         idle: Command,
     ) -> Result<Self, ClosedLoopError> {
-        let mut vessel = vessel.clone();
-        vessel.rigid_body.mass *= conditions.mass;
-        vessel.rigid_body.i_z *= conditions.mass;
-        let plant = Plant::new(&vessel)?;
+        let mut perturbed = vessel.clone();
+        perturbed.rigid_body.mass *= conditions.mass;
+        perturbed.rigid_body.i_z *= conditions.mass;
+        let perturbed = Plant::new(&perturbed)?;
         let steps = (dt_s / STEP_S).round();
         if !((1.0..1e5).contains(&steps) && (steps * STEP_S - dt_s).abs() <= 1e-9 * dt_s) {
             return Err(ClosedLoopError::Substeps { dt_s, step_s: STEP_S });
@@ -54,16 +59,33 @@ impl PerturbedPlant {
         }
         // Both are small and positive.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        let (steps, delay) = (steps as u32, delay as usize);
-        Ok(Self {
-            plant,
+        let (steps, delay, calm) =
+            (steps as u32, delay as usize, (conditions.onset_s / dt_s).round() as usize);
+        let mut whole = Self {
+            plant: Plant::new(vessel)?,
             state: State::REST,
-            current: conditions.current,
+            current: [0.0; 2],
+            calm,
+            perturbed: Some((perturbed, conditions.current)),
             gusts: Gusts::new(conditions.wind, conditions.seed, dt_s),
             steps,
             h: dt_s / f64::from(steps),
             delayed: std::iter::repeat_n(idle, delay).collect(),
-        })
+        };
+        if calm == 0 {
+            whole.perturb();
+        }
+        Ok(whole)
+    }
+
+    /// The conditions set in. The velocity over ground stays.
+    fn perturb(&mut self) {
+        let Some((plant, current)) = self.perturbed.take() else { return };
+        let change = [current[0] - self.current[0], current[1] - self.current[1]];
+        let [surge, sway] = in_body(change, self.state.psi);
+        self.state.u -= surge;
+        self.state.v -= sway;
+        (self.plant, self.current) = (plant, current);
     }
 
     pub(super) fn plant(&self) -> &Plant {
@@ -77,13 +99,8 @@ impl PerturbedPlant {
 
     /// The state with velocities over ground.
     pub(super) fn over_ground(&self) -> State {
-        let (sin, cos) = self.state.psi.sin_cos();
-        let [north, east] = self.current;
-        State {
-            u: self.state.u + (north * cos + east * sin),
-            v: self.state.v + (east * cos - north * sin),
-            ..self.state
-        }
+        let [surge, sway] = in_body(self.current, self.state.psi);
+        State { u: self.state.u + surge, v: self.state.v + sway, ..self.state }
     }
 
     /// Integrates over one sample; the command acts after the delay.
@@ -91,12 +108,12 @@ impl PerturbedPlant {
         self.delayed.push_back(command);
         let applied = self.delayed.pop_front().unwrap_or(command);
         let actuation = self.plant.actuation(&applied);
-        let ([north, east], [to_north, to_east]) = (self.current, self.gusts.next());
+        let (north, east) = (self.current[0], self.current[1]);
+        let force = if self.perturbed.is_none() { self.gusts.next() } else { [0.0; 2] };
         let rate = |x: &[f64; State::LEN]| {
             let state = State::from(*x);
-            let (sin, cos) = state.psi.sin_cos();
-            let force = [to_north * cos + to_east * sin, to_east * cos - to_north * sin, 0.0];
-            let push = self.plant.pushed(state.u, force);
+            let [ahead, starboard] = in_body(force, state.psi);
+            let push = self.plant.pushed(state.u, [ahead, starboard, 0.0]);
             let mut rate = self.plant.derivative_under(&state, &actuation);
             rate.x += north;
             rate.y += east;
@@ -110,5 +127,11 @@ impl PerturbedPlant {
             x = rk4::step(rate, &x, self.h);
         }
         self.state = x.into();
+        if self.perturbed.is_some() {
+            self.calm = self.calm.saturating_sub(1);
+            if self.calm == 0 {
+                self.perturb();
+            }
+        }
     }
 }

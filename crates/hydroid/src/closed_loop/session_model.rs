@@ -59,6 +59,11 @@ impl SessionModel {
         }
     }
 
+    /// Estimate of the current, north and east \[m/s\]; `None` for a model of the motion over ground.
+    pub(super) fn current(&self) -> Option<[f64; 2]> {
+        self.predictor().current().map(|current| current.velocity)
+    }
+
     /// Weights of the model that predicts now: of the adapter, or of its guard's selection. `None` for a frozen model.
     pub(super) fn weights(&self) -> Option<&[f64]> {
         match self {

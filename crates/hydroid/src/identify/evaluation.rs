@@ -130,13 +130,17 @@ pub(super) fn select_best(candidates: &[Candidate]) -> Option<usize> {
         Some((i, judged[i].1.filter(|_| committee)?))
     });
     let committee = committees.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i);
-    let losses =
-        |i: usize| BlockLosses { validation: candidates[i].validation.blocks.clone(), training: Vec::new() };
+    let losses = |i: usize| losses(&candidates[i]);
     let best = match committee {
         Some(committee) if !losses(best).is_significantly_better(&losses(committee)) => committee,
         _ => best,
     };
     Some(best).filter(|&i| candidates[i].judged().diverged == 0)
+}
+
+/// Losses on the blocks of the validation, by which two candidates are compared.
+pub(super) fn losses(candidate: &Candidate) -> BlockLosses {
+    BlockLosses { validation: candidate.validation.blocks.clone(), training: Vec::new() }
 }
 
 fn least_error<C: Ord>(judged: &[(C, Option<f64>)]) -> Option<usize> {

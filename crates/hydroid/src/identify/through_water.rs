@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::evaluation::MIN_IMPROVEMENT;
+use super::evaluation::{MIN_IMPROVEMENT, losses};
 use super::training::{Trained, train_by};
 use super::{Candidate, CrossValidation, IdentifyError, Job, Method, Parts};
 use crate::committee::currents::{self, Currents};
@@ -16,7 +16,7 @@ use crate::sindy::SearchError;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MotionOption {
-    /// The better one of a cross-validation, if all runs have a heading; over ground for control laws.
+    /// The better one of a cross-validation, if all runs have a heading.
     #[default]
     Auto,
     /// The motion over ground.
@@ -102,8 +102,7 @@ pub(super) fn estimate(
     progress: Progress<'_>,
 ) -> Result<Option<Currents>, IdentifyError> {
     let demanded = job.motion == MotionOption::ThroughWater;
-    // Control laws invert equations of the motion over ground.
-    let unused = job.motion == MotionOption::OverGround || parts.folds.is_none() || job.sindy.for_control;
+    let unused = job.motion == MotionOption::OverGround || parts.folds.is_none();
     if unused && !demanded {
         return Ok(None);
     }
@@ -238,7 +237,9 @@ pub(super) fn describe(runs: &[Trajectory], found: &Currents) -> CurrentsFound {
     }
 }
 
-/// Keeps the better frame of each method: the motion through the water must reduce the error by [`MIN_IMPROVEMENT`].
+/// Keeps the better frame of each method: over ground, unless the motion through the water reduces the error by more than
+/// one standard error (one-standard-error rule: Breiman et al., *Classification and Regression Trees*, 1984, section
+/// 3.4.3).
 pub(super) fn choose(candidates: Vec<Candidate>, found: &mut CurrentsFound) -> Vec<Candidate> {
     let (water, mut ground): (Vec<Candidate>, Vec<Candidate>) =
         candidates.into_iter().partition(|candidate| candidate.model.description.current.is_some());
@@ -251,8 +252,8 @@ pub(super) fn choose(candidates: Vec<Candidate>, found: &mut CurrentsFound) -> V
         let [over_ground, through_water] =
             [&ground[place], &water].map(|candidate| candidate.validation.score());
         let diverges = |candidate: &Candidate| candidate.validation.diverged > 0;
-        let taken = !diverges(&water)
-            && (diverges(&ground[place]) || through_water < (1.0 - MIN_IMPROVEMENT) * over_ground);
+        let [over, through] = [&ground[place], &water].map(losses);
+        let taken = !diverges(&water) && (diverges(&ground[place]) || through.is_significantly_better(&over));
         found.methods.push(FrameErrors { method: name.clone(), over_ground, through_water, taken });
         if taken {
             ground[place] = water;

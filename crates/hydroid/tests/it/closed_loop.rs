@@ -93,6 +93,48 @@ fn a_current_adds_to_the_pose_rate_only() {
     assert!((north - 0.3).abs() < 1e-3, "velocities are over ground: {north}");
 }
 
+#[test]
+fn conditions_set_in_at_their_time_and_the_velocity_over_ground_does_not_jump() {
+    let vessel = VesselParams::simple();
+    let control = by(ControlMethod::FeedbackLinearization, &vessel, &vessel);
+    let scenario = Scenario { duration_s: 40.0, ..circle(&vessel, 20.0, 1.5) };
+    let wind = Wind { force: [10.0, 5.0], ..Wind::CALM };
+    let calm = Conditions { noise: 0.0, ..Conditions::calm(0) };
+    let later = Conditions { current: [0.3, -0.2], mass: 1.2, wind, onset_s: 20.0, ..calm };
+    let (still, moved) = (simulated(&control, &scenario, &calm), simulated(&control, &scenario, &later));
+    let onset = 200;
+    for (a, b) in still.samples.iter().zip(&moved.samples).take(onset + 1) {
+        assert!((a.state.x - b.state.x).abs() < 1e-12 && (a.state.u - b.state.u).abs() < 1e-12, "{}", a.t);
+    }
+    // One sample later, the water has begun to move the vessel, by less than a tenth of its own velocity.
+    let [a, b] = [&still, &moved].map(|run| run.samples[onset + 1].state);
+    let jump = (a.u - b.u).hypot(a.v - b.v);
+    assert!(jump > 1e-4 && jump < 0.036, "{jump}");
+    let [a, b] = [&still, &moved].map(|run| run.samples[onset + 100].state);
+    assert!((a.x - b.x).hypot(a.y - b.y) > 0.05);
+}
+
+/// Each law with the true vessel as the model, in a current that it does not know.
+#[test]
+fn control_laws_track_in_a_current_that_they_estimate() {
+    let vessel = VesselParams::hydrofoil();
+    let task = Task::LawnMower { leg: 60.0, spacing: 30.0, legs: 3, radius: 15.0 };
+    let track = Track::new(&task, &SpeedOptions::cruise(2.0)).unwrap();
+    let scenario = Scenario::new(vessel.clone(), track);
+    let conditions = Conditions { current: [0.2, 0.3], ..Conditions::calm(3) };
+    for kind in
+        [ControlMethod::FeedbackLinearization, ControlMethod::Backstepping, ControlMethod::CrossEntropy]
+    {
+        let over_ground = by(kind, &vessel, &vessel);
+        let model = over_ground.model.as_ref().unwrap().with_current(0.3).unwrap();
+        let in_water = ControllerOptions { model: Some(Arc::new(model)), ..over_ground.clone() };
+        let [without, with] = [over_ground, in_water]
+            .map(|control| Metrics::of(&simulated(&control, &scenario, &conditions), 20.0).rms_cross_track);
+        println!("{}: {without:.4} m, {with:.4} m with the estimate", kind.name());
+        assert!(with < 0.008 && with < 0.35 * without, "{}: {without}, {with}", kind.name());
+    }
+}
+
 /// With linear drag a force `F` ahead drives the simple vessel at `F / 77.55` m/s.
 #[test]
 fn wind_drives_a_vessel_to_the_speed_at_which_drag_balances_it() {
@@ -290,7 +332,7 @@ proptest! {
     fn commands_keep_their_limits_and_failures_have_a_status(
         kind in 0usize..4, seed in 0u64..1000, tight in 0.1..1.0f64, rate in 0.05..5.0f64,
         current in (-1.0..1.0f64, -1.0..1.0f64), wind in (-60.0..60.0f64, -60.0..60.0f64),
-        mass in 0.6..1.6f64, delay in 0usize..6, start in (-5.0..5.0f64, -5.0..5.0f64), speed in 0.3..5.0f64,
+        mass in 0.6..1.6f64, delay in 0usize..6, onset_s in prop_oneof![Just(0.0), 0.1..15.0f64], start in (-5.0..5.0f64, -5.0..5.0f64), speed in 0.3..5.0f64,
     ) {
         let vessel = VesselParams::hydrofoil();
         let kind = [ControlMethod::FeedbackLinearization, ControlMethod::Backstepping, ControlMethod::CrossEntropy, ControlMethod::Autopilot][kind];
@@ -311,7 +353,7 @@ proptest! {
         control.limits = scenario.limits;
         control.planner = PlannerOptions { candidates: 20, elites: 4, iterations: 2, horizon: 10, ..control.planner };
         let conditions = Conditions {
-            seed, noise: 1.0, current: current.into(), mass, delay_s: 0.1 * delay as f64,
+            seed, noise: 1.0, current: current.into(), mass, delay_s: 0.1 * delay as f64, onset_s,
             wind: Wind { force: wind.into(), gust: 20.0, gust_s: 3.0 },
         };
         let metrics = Metrics::of(&simulated(&control, &scenario, &conditions), 10.0);

@@ -111,6 +111,7 @@ pub(super) const fn conditions(args: &DisturbanceArgs) -> Conditions {
         wind: Wind { force: args.wind.0, gust, gust_s },
         mass: args.mass,
         delay_s: args.delay,
+        onset_s: args.onset.0,
     }
 }
 
@@ -295,10 +296,11 @@ pub(super) fn facts(args: &Control, steering: &ControllerOptions, scene: &Scenar
     add("Task", format!("{task}, {} m/s{turn}", args.task.speed));
     let d = &args.disturbances;
     let [[north, east], [to_north, to_east], [gust, gust_s]] = [d.current.0, d.wind.0, d.gusts.0];
+    let onset = if d.onset.0 > 0.0 { format!(" (from {} s on)", d.onset.0) } else { String::new() };
     add(
         "Conditions",
         format!(
-            "noise × {}, current {north}, {east} m/s, wind {to_north}, {to_east} N, gusts {gust} N ({gust_s} s), mass × {}, delay {} s, seed {}",
+            "noise × {}, current {north}, {east} m/s, wind {to_north}, {to_east} N, gusts {gust} N ({gust_s} s), mass × {}{onset}, delay {} s, seed {}",
             d.noise, d.mass, d.delay, d.seed
         ),
     );

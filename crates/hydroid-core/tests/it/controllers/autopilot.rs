@@ -88,7 +88,7 @@ fn saturation_causes_no_windup() {
     let vessel = VesselParams::simple();
     let mut controller = Autopilot::new(&AffinePlant::limits(&vessel), DT, settings(0.1)).unwrap();
     let path = Path::legs(&[[0.0, 0.0], [1_000.0, 0.0]]).unwrap();
-    let seen = Estimate { eta: [0.0; 3], nu: [3.0, 0.0, 0.0], actuators: &[] };
+    let seen = Estimate { eta: [0.0; 3], nu: [3.0, 0.0, 0.0], current: [0.0; 2], actuators: &[] };
     let mut command = [0.0; 2];
     for _ in 0..3_000 {
         let status = controller.command(&seen, &Reference::new(0.0, &path.at(0.0), 5.0, 0.0), &mut command);

@@ -60,7 +60,7 @@ proptest! {
             proportional: q + k_1 * k_2, derivative: k_1 + k_2, closing_speed: 1e3, ..FeedbackLinearizationOptions::new(1.0)
         };
         let mut other = FeedbackLinearization::new(plant(&vessel), &AffinePlant::limits(&vessel), DT, same).unwrap();
-        let estimate = Estimate { eta: [x, y, psi], nu: [u, v, r], actuators: &[70.0, f64::NAN] };
+        let estimate = Estimate { eta: [x, y, psi], nu: [u, v, r], current: [0.0; 2], actuators: &[70.0, f64::NAN] };
         let reference = Reference {
             s: 0.0, position: [1.0, 0.0], velocity: [1.5, 0.0], acceleration: [0.02, 0.1], course: 0.0, curvature: 0.0, speed: 1.5,
         };
@@ -240,7 +240,7 @@ fn invalid_tasks_are_refused_and_missing_measurements_hold_the_command() {
     let path = Path::legs(&[[0.0, 0.0], [100.0, 0.0]]).unwrap();
     let reference = Reference::new(1.2, &path.at(1.2), 1.5, 0.0);
     let (mut command, mut held) = ([0.0; 2], [0.0; 2]);
-    let seen = |u| Estimate { eta: [0.0; 3], nu: [u, 0.0, 0.01], actuators: &[] };
+    let seen = |u| Estimate { eta: [0.0; 3], nu: [u, 0.0, 0.01], current: [0.0; 2], actuators: &[] };
     controller.command(&seen(1.4), &reference, &mut command);
     assert_eq!(controller.command(&seen(f64::NAN), &reference, &mut held), Status::Blind);
     assert_eq!(command, held);

@@ -83,6 +83,7 @@ fn commands_do_not_depend_on_how_the_model_is_written() {
             let estimate = Estimate {
                 eta: [1.4 * t, 0.2 * t.sin(), 0.1 * t],
                 nu: [1.5 + 0.3 * t, 0.05, 0.1],
+                current: [0.0; 2],
                 actuators: &[],
             };
             let reference = Reference {
@@ -159,7 +160,12 @@ fn coefficients_that_are_refused_change_nothing() {
     let reference = Reference::new(1.0, &path.at(1.0), 1.5, 0.0);
     let mut commands = [[0.0; 2]; 2];
     for (law, command) in [&mut law, &mut untouched].into_iter().zip(&mut commands) {
-        let estimate = Estimate { eta: [10.2, 0.1, 1.5], nu: [1.4, 0.0, 0.1], actuators: &[20.0, f64::NAN] };
+        let estimate = Estimate {
+            eta: [10.2, 0.1, 1.5],
+            nu: [1.4, 0.0, 0.1],
+            current: [0.0; 2],
+            actuators: &[20.0, f64::NAN],
+        };
         law.command(&estimate, &reference, command);
     }
     assert_eq!(commands[0], commands[1]);
@@ -279,7 +285,7 @@ fn signed_squares_are_recognised() {
     let limits = [Limits::between([-3.0, 3.0]), Limits::between([-0.6, 0.6])];
     let mut law =
         FeedbackLinearization::new(affine, &limits, 0.1, FeedbackLinearizationOptions::new(0.5)).unwrap();
-    let estimate = Estimate { eta: [-0.5, 0.0, 0.0], nu: [1.5, 0.0, 0.0], actuators: &[] };
+    let estimate = Estimate { eta: [-0.5, 0.0, 0.0], nu: [1.5, 0.0, 0.0], current: [0.0; 2], actuators: &[] };
     let reference = Reference {
         s: 0.0,
         position: [0.0; 2],

@@ -4,7 +4,8 @@ use crate::controllers::helm::{DT, Moment, Mover, Sea, rms, sail, under_way};
 use crate::controllers::written::{Force, equations};
 use hydroid_core::actuator::Limits;
 use hydroid_core::control::{
-    Affine, AffineEquations, AffinePlant, ControlError, Controller, Estimate, FeedbackLinearization,
+    AdaptiveAugmentation, AdaptiveAugmentationOptions, Affine, AffineEquations, AffinePlant, Backstepping,
+    BacksteppingOptions, ControlError, Controller, Estimate, FeedbackLinearization,
     FeedbackLinearizationOptions, Status,
 };
 use hydroid_core::guidance::{
@@ -126,7 +127,7 @@ proptest! {
         let reference = Reference {
             s: 0.0, position: point(&state), velocity: velocity(&state), acceleration: [north, east], course: 0.0, curvature: 0.0, speed: 1.0,
         };
-        let estimate = Estimate { eta: [state.x, state.y, psi], nu: [u, v, r], actuators: &[] };
+        let estimate = Estimate { eta: [state.x, state.y, psi], nu: [u, v, r], current: [0.0; 2], actuators: &[] };
         let mut command = [0.0; 2];
         let status = law(plant(&vessel), &vessel, FeedbackLinearizationOptions::new(ahead)).command(&estimate, &reference, &mut command);
         prop_assume!(status == Status::Tracking);
@@ -293,7 +294,7 @@ fn saturation_causes_no_windup() {
     let mut controller = law(plant(&vessel), &vessel, settings);
     // Two minutes of a reference 30 m ahead, then one at the vessel.
     let mut command = [0.0; 2];
-    let estimate = Estimate { eta: [0.0; 3], nu: [1.5, 0.0, 0.0], actuators: &[] };
+    let estimate = Estimate { eta: [0.0; 3], nu: [1.5, 0.0, 0.0], current: [0.0; 2], actuators: &[] };
     let pose = path.at(30.0);
     let far = Reference::new(30.0, &pose, profile.at(0.0).0, 0.0);
     for _ in 0..1_200 {
@@ -308,13 +309,46 @@ fn saturation_causes_no_windup() {
     assert!(after < 20, "{after} samples at the limit");
 }
 
+/// In a known current, the vessel moves as in still water, seen from a frame that drifts with the water.
+#[test]
+fn a_current_moves_vessel_and_reference_alike() {
+    let vessel = VesselParams::hydrofoil();
+    let laws = || -> [Box<dyn Controller>; 3] {
+        let base = || law(plant(&vessel), &vessel, FeedbackLinearizationOptions::new(1.5));
+        let learned = AdaptiveAugmentation::new(base(), AdaptiveAugmentationOptions::default(), 1).unwrap();
+        let limits = AffinePlant::limits(&vessel);
+        let options = BacksteppingOptions::new(1.5);
+        let backstepping = Backstepping::new(plant(&vessel), &limits, DT, options).unwrap();
+        [Box::new(base()), Box::new(backstepping), Box::new(learned)]
+    };
+    let current = [0.3, -0.4];
+    let path = Path::circle([0.0, 0.0], 20.0, Side::Starboard, 0.0).unwrap();
+    for (mut still, mut drifting) in laws().into_iter().zip(laws()) {
+        let [mut a, mut b] = [[0.0; 2]; 2];
+        for k in 0..20 {
+            let s = 0.15 * f64::from(k);
+            let at = Reference::new(s, &path.at(s), 1.5, 0.0);
+            let psi = 0.4 + 0.05 * f64::from(k);
+            let eta = [at.position[0] - 0.2, at.position[1] + 0.1, psi];
+            let estimate = Estimate { eta, nu: [1.4, 0.05, 0.1], current: [0.0; 2], actuators: &[] };
+            let velocity = [0, 1].map(|i| at.velocity[i] + current[i]);
+            let [surge, sway] = hydroid_core::current::in_body(current, psi);
+            let nu = [estimate.nu[0] + surge, estimate.nu[1] + sway, estimate.nu[2]];
+            still.command(&estimate, &at, &mut a);
+            let moved = Estimate { nu, current, ..estimate };
+            drifting.command(&moved, &Reference { velocity, ..at }, &mut b);
+            assert!((a[0] - b[0]).abs() < 1e-6 && (a[1] - b[1]).abs() < 1e-9, "sample {k}: {a:?} {b:?}");
+        }
+    }
+}
+
 #[test]
 fn measurements_that_are_not_finite_hold_the_last_command() {
     let vessel = VesselParams::simple();
     let mut controller = law(plant(&vessel), &vessel, FeedbackLinearizationOptions::new(1.0));
     let path = Path::legs(&[[0.0, 0.0], [100.0, 0.0]]).unwrap();
     let reference = Reference::new(1.2, &path.at(1.2), 1.5, 0.0);
-    let seen = |nu| Estimate { eta: [0.0; 3], nu, actuators: &[f64::NAN, f64::NAN] };
+    let seen = |nu| Estimate { eta: [0.0; 3], nu, current: [0.0; 2], actuators: &[f64::NAN, f64::NAN] };
     let (mut command, mut held) = ([0.0; 2], [0.0; 2]);
     controller.command(&seen([1.4, 0.0, 0.01]), &reference, &mut command);
     assert_eq!(controller.command(&seen([f64::NAN, 0.0, 0.0]), &reference, &mut held), Status::Blind);

@@ -85,7 +85,7 @@ pub(crate) fn sail(
         ];
         let force = [state.p_f + sea.noise * sigma.p_f * noise.normal(), f64::NAN];
         let actuators = if sea.force { &force[..] } else { &[] };
-        let estimate = Estimate { eta: [state.x, state.y, state.psi], nu, actuators };
+        let estimate = Estimate { eta: [state.x, state.y, state.psi], nu, current: [0.0; 2], actuators };
         let point = [state.x + ahead * state.psi.cos(), state.y + ahead * state.psi.sin()];
         let reference = match &mut mover {
             Mover::Clock(walker) => walker.reference(sea.path, sea.profile),

@@ -35,7 +35,7 @@ fn mow(
             state.v + current[1] * cos - current[0] * sin + vessel.noise.v * noise.normal(),
             state.r + vessel.noise.r * noise.normal(),
         ];
-        let estimate = Estimate { eta: [state.x, state.y, state.psi], nu, actuators: &[] };
+        let estimate = Estimate { eta: [state.x, state.y, state.psi], nu, current: [0.0; 2], actuators: &[] };
         let mut command = [0.0; 2];
         let status = controller.command(&estimate, &walker.reference(&path, &profile), &mut command);
         if t >= from_s {
@@ -139,7 +139,7 @@ fn the_initial_augmentation_is_zero_and_reset_restores_it() {
     let path = Path::legs(&[[0.0, 0.0], [100.0, 0.0]]).unwrap();
     let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(1.5)).unwrap();
     let reference = TimedReference::new(&profile).reference(&path, &profile);
-    let blind = Estimate { eta: [f64::NAN; 3], nu: [1.0; 3], actuators: &[] };
+    let blind = Estimate { eta: [f64::NAN; 3], nu: [1.0; 3], current: [0.0; 2], actuators: &[] };
     assert_eq!(law.command(&blind, &reference, &mut [0.0; 2]), Status::Blind);
     assert!(law.correction().iter().all(|b| b.is_finite()));
 }

@@ -1,0 +1,103 @@
+//! What an estimate of the current costs: a sample and a rollout of a model alone, and in a session through the water.
+//!
+//! A sample contains the mean share of the estimate, which works once in every nine samples.
+
+#[path = "../tests/it/controllers/written.rs"]
+mod written;
+
+use std::sync::Arc;
+
+use divan::{Bencher, black_box};
+use hydroid_core::current::{CurrentOptions, ThroughWater};
+use hydroid_core::model::recurrent::{BaseModel, Cell, Network, Recurrent, RecurrentSession, Scaling};
+use hydroid_core::model::sparse::{Equations, EquationsSession};
+use hydroid_core::predict::{BATCH, Predictor, Workspace};
+use hydroid_core::vessel::VesselParams;
+use written::{Force, equations};
+
+fn main() {
+    divan::main();
+}
+
+const MODELS: [&str; 4] = ["equations", "equations, through the water", "GRU", "GRU, through the water"];
+
+/// The equations of the hydrofoil, or a GRU of 18 cells.
+fn session(name: &str) -> Box<dyn Predictor> {
+    let inner: Box<dyn Predictor> = if name.starts_with("GRU") {
+        let network = Network { cell: Cell::Gru { hidden: 18 }, inputs: 2, outputs: 3, read_out: true };
+        let weights = (0..network.weights()).map(|k| 0.3 * (1.7 * k as f64).sin()).collect();
+        let scaling = Scaling {
+            output_mean: vec![0.0; 3],
+            output_scale: vec![1.0; 3],
+            input_mean: vec![0.0; 2],
+            input_scale: vec![100.0, 1.0],
+            correction_scale: vec![1.0; 3],
+        };
+        let base = BaseModel::Nothing;
+        let model = Recurrent { network, weights, scaling, base, feedback: false, wash_out: 1 };
+        Box::new(RecurrentSession::new(Arc::new(model)).expect("parts that fit"))
+    } else {
+        let fine = equations(&VesselParams::hydrofoil(), Force::Hidden);
+        let (terms, coefficients, signals) =
+            (fine.terms().to_vec(), fine.coefficients().to_vec(), fine.signals().to_vec());
+        // One integration step in a sample, as identification makes them.
+        let model = Equations::with_signals(terms, coefficients, 3, 2, signals, 0.1, 1).expect("as before");
+        Box::new(EquationsSession::new(Arc::new(model)))
+    };
+    if !name.ends_with("water") {
+        return inner;
+    }
+    let options = CurrentOptions {
+        motion: [0, 1, 2],
+        dt: 0.1,
+        window: 25,
+        stride: 9,
+        deviations: [0.02, 0.02, 0.02],
+        initial: 0.3,
+        walk: 0.005,
+    };
+    Box::new(ThroughWater::new(inner, options).expect("valid"))
+}
+
+/// A sample of a run in turns.
+fn sample(session: &mut dyn Predictor, k: usize) {
+    let phase = 0.05 * k as f64;
+    session.observe_heading(0.4 * phase);
+    let y = [2.0 + 0.3 * phase.sin(), 0.1 * phase.cos(), 0.08];
+    session.advance_observe(&[100.0 + 50.0 * phase.cos(), 0.1 * phase.sin()], &y);
+}
+
+#[divan::bench(args = MODELS, sample_size = 9_000)]
+fn step(bencher: Bencher, name: &str) {
+    let mut session = session(name);
+    session.observe_heading(0.0);
+    session.observe(&[2.0, 0.1, 0.08]);
+    let mut k = 0;
+    bencher.bench_local(|| {
+        k += 1;
+        sample(black_box(session.as_mut()), k);
+    });
+}
+
+/// One prediction over ten seconds.
+#[divan::bench(args = MODELS, sample_size = 100)]
+fn rollout(bencher: Bencher, name: &str) {
+    rollouts(bencher, name, 1);
+}
+
+/// As many candidates as a planner predicts side by side.
+#[divan::bench(args = MODELS, sample_size = 10)]
+fn rollout_batch(bencher: Bencher, name: &str) {
+    rollouts(bencher, name, BATCH);
+}
+
+fn rollouts(bencher: Bencher, name: &str, count: usize) {
+    const STEPS: usize = 100;
+    let mut session = session(name);
+    session.observe_heading(0.0);
+    session.observe(&[2.0, 0.1, 0.08]);
+    (1..200).for_each(|k| sample(session.as_mut(), k));
+    let commands: Vec<f64> = (0..count * STEPS).flat_map(|k| [100.0, 0.1 * (0.1 * k as f64).sin()]).collect();
+    let (mut work, mut y) = (Workspace::new(), vec![0.0; count * STEPS * 3]);
+    bencher.bench_local(|| session.rollout_batch(count, black_box(&commands), &mut work, &mut y));
+}

@@ -1,0 +1,278 @@
+//! Adaptation in a current that sets in under way: frozen and adapted models, without and with an estimate of the current.
+//!
+//! ```text
+//! cargo run --release -p hydroid-study --example current_campaign -- [vessel|sindy|committee|gru] [runs=20]
+//! ```
+//!
+//! Two vessels sail a lawn-mower, steered by feedback linearization with their true parameters. Half-way a current of
+//! 0.4 m/s sets in, from another direction in each run; in the second part of the table, mass and yaw inertia grow by
+//! 20 % at the same time. The models are the true vessel (`vessel`), or models identified from three runs of 600 s in
+//! still water.
+//!
+//! An error is the RMSE of the predicted `u`, `v` and `r` over ground, divided by the standard deviation of the true
+//! ones, mean over the three. Origins are those within ten seconds after each turn that ends after the onset; in the last
+//! columns, those of the last leg. The distance of the weights is the RMS of their relative change, mean over the time
+//! after the onset. All figures are medians over the runs.
+
+use std::sync::Arc;
+
+use anyhow::{Context as _, bail};
+use hydroid::adapt;
+use hydroid::closed_loop::{
+    self, Conditions, ControlMethod, ControllerOptions, Run, Scenario, SpeedOptions, Task, Track,
+};
+use hydroid::excitation::Excitation;
+use hydroid::identify::{Job, Method, MotionOption, NetworkTrainingOptions, SindyOptions, identify};
+use hydroid::log::{Channel, Split, Table, Trajectory};
+use hydroid::model::{Model, Reading};
+use hydroid::progress::silent;
+use hydroid::simulate::{self, simulate};
+use hydroid_core::adapt::Adapter;
+use hydroid_core::predict::Workspace;
+use hydroid_core::vessel::VesselParams;
+use rayon::prelude::*;
+
+/// Sample time \[s\].
+const DT: f64 = 0.1;
+
+/// Standard deviation of the components of the current that the sessions assume \[m/s\].
+const ASSUMED: f64 = 0.3;
+
+const SPEED_OF_CURRENT: f64 = 0.4;
+
+/// Origins after the end of a turn \[s\].
+const AFTER_S: f64 = 10.0;
+
+const HORIZONS_S: [f64; 2] = [2.0, 20.0];
+
+struct Boat {
+    vessel: VesselParams,
+    speed: SpeedOptions,
+    radius: f64,
+}
+
+fn main() -> anyhow::Result<()> {
+    let mut arguments = std::env::args().skip(1);
+    let kind = arguments.next().unwrap_or_else(|| "vessel".to_owned());
+    let runs = match arguments.next() {
+        Some(text) => text.strip_prefix("runs=").context("give runs=N")?.parse()?,
+        None => 20_u64,
+    };
+    let speed = |cruise, turn| SpeedOptions { turn: Some(turn), ..SpeedOptions::cruise(cruise) };
+    let boats = [
+        Boat { vessel: VesselParams::hydrofoil(), speed: speed(4.0, 1.8), radius: 15.0 },
+        Boat { vessel: VesselParams::simple(), speed: speed(1.5, 1.0), radius: 10.0 },
+    ];
+    println!("| vessel, change | model | 2 s | 20 s | weights | 2 s, last leg | 20 s, last leg |");
+    println!("| --- | --- | ---: | ---: | ---: | ---: | ---: |");
+    for boat in &boats {
+        let model = model(&kind, &boat.vessel)?;
+        for (change, mass) in [("current", 1.0), ("current, mass", 1.2)] {
+            let each: Vec<[Figures; 4]> = (1..=runs)
+                .into_par_iter()
+                .map(|seed| figures(boat, &model, mass, seed))
+                .collect::<anyhow::Result<_>>()?;
+            for (i, name) in ["frozen", "adapted", "frozen, with the current", "adapted, with the current"]
+                .iter()
+                .enumerate()
+            {
+                let median = |of: &dyn Fn(&Figures) -> f64| {
+                    let mut all: Vec<f64> = each.iter().map(|run| of(&run[i])).collect();
+                    all.sort_by(f64::total_cmp);
+                    all[all.len() / 2]
+                };
+                println!(
+                    "| {}, {change} | {name} | {:.3} | {:.3} | {:.3} | {:.3} | {:.3} |",
+                    boat.vessel.name,
+                    median(&|f| f.after_turns[0]),
+                    median(&|f| f.after_turns[1]),
+                    median(&|f| f.distance),
+                    median(&|f| f.last_leg[0]),
+                    median(&|f| f.last_leg[1]),
+                );
+            }
+            if model.plant().is_some() {
+                let mut found: Vec<f64> = each.iter().map(|run| run[3].mass).collect();
+                found.sort_by(f64::total_cmp);
+                println!("<!-- mass of the last, as a factor: {:.3} -->", found[found.len() / 2]);
+            }
+        }
+    }
+    Ok(())
+}
+
+fn model(kind: &str, vessel: &VesselParams) -> anyhow::Result<Model> {
+    let method = match kind {
+        "vessel" => return Ok(Model::of_vessel(vessel, DT)?),
+        "sindy" => Method::Sindy,
+        "committee" => Method::Committee,
+        "gru" => Method::Gru,
+        other => bail!("'{other}': give vessel, sindy, committee or gru"),
+    };
+    let log = |seed| -> anyhow::Result<Trajectory> {
+        let options = simulate::Options {
+            duration_s: 600.0,
+            seed,
+            ..simulate::Options::new(vessel.clone(), Excitation::Mixed)
+        };
+        Ok(simulate(&options, &mut silent())?.to_trajectory(&["u", "v", "r"])?)
+    };
+    let mut train = vec![log(101)?, log(102)?, log(103)?];
+    // Networks need a validation run.
+    let validation = if method == Method::Gru { train.split_off(2) } else { Vec::new() };
+    let job = Job {
+        methods: vec![method],
+        split: Split { train, validation, test: Vec::new(), notes: Vec::new() },
+        reading: Reading::default(),
+        horizon: 100,
+        origin_stride: 10,
+        seed: 0,
+        ranges: std::collections::BTreeMap::default(),
+        motion: MotionOption::OverGround,
+        sindy: SindyOptions::default(),
+        networks: NetworkTrainingOptions { budget_s: Some(60.0), ..NetworkTrainingOptions::default() },
+    };
+    let found = identify(&job, &mut silent())?;
+    let model = found.candidates.into_iter().next().context("no model was found")?.model;
+    Ok(model)
+}
+
+/// Figures of a model along a run.
+#[derive(Clone, Copy, Debug, Default)]
+struct Figures {
+    after_turns: [f64; 2],
+    last_leg: [f64; 2],
+    distance: f64,
+    mass: f64,
+}
+
+fn figures(boat: &Boat, model: &Model, mass: f64, seed: u64) -> anyhow::Result<[Figures; 4]> {
+    let task = Task::LawnMower { leg: 60.0, spacing: 2.0 * boat.radius, legs: 8, radius: boat.radius };
+    let track = Track::new(&task, &boat.speed)?;
+    let onset_s = 0.5 * track.duration_s().unwrap_or(0.0);
+    // Another direction in each run.
+    let direction = 2.4 * seed as f64;
+    let current = [SPEED_OF_CURRENT * direction.cos(), SPEED_OF_CURRENT * direction.sin()];
+    let conditions = Conditions { current, mass, onset_s, ..Conditions::calm(seed) };
+    let scenario = Scenario::new(boat.vessel.clone(), track);
+    let steering = ControllerOptions {
+        model: Some(Arc::new(Model::of_vessel(&boat.vessel, DT)?.with_current(ASSUMED)?)),
+        ..ControllerOptions::new(ControlMethod::FeedbackLinearization, &boat.vessel, DT)
+    };
+    let mut controller = steering.controller(seed)?;
+    let sailed = closed_loop::run(&scenario, &conditions, controller.as_mut(), &mut silent())?;
+    anyhow::ensure!(sailed.arrived == Some(true), "seed {seed}: the end of the path was not reached");
+    let run = trajectory(&sailed, &boat.vessel);
+    let session = |current_m_s, frozen| -> anyhow::Result<Box<dyn Adapter>> {
+        let options = adapt::Options { current_m_s, ..adapt::Options::of(model) };
+        let (mut adapter, _) = adapt::adapter(model, &options, &[])?;
+        adapter.freeze(frozen);
+        Ok(adapter)
+    };
+    let mut all = [Figures::default(); 4];
+    for (into, (current, frozen)) in
+        all.iter_mut().zip([(None, true), (None, false), (Some(ASSUMED), true), (Some(ASSUMED), false)])
+    {
+        *into = course(session(current, frozen)?.as_mut(), &sailed, &run, onset_s);
+    }
+    Ok(all)
+}
+
+fn trajectory(run: &Run, vessel: &VesselParams) -> Trajectory {
+    let motion = [("u", "m/s"), ("v", "m/s"), ("r", "rad/s")].map(|(name, unit)| Channel::new(name, unit));
+    let commands = [&vessel.commands.propeller, &vessel.commands.rudder]
+        .map(|command| Channel::new(command.name.clone(), command.unit.clone()));
+    let samples = &run.samples;
+    let measured = samples.iter().flat_map(|s| s.measured[..3].to_vec()).collect();
+    let truth = samples.iter().flat_map(|s| [s.state.u, s.state.v, s.state.r]).collect();
+    Trajectory {
+        name: String::from("lawn-mower"),
+        t0: 0.0,
+        dt: run.dt_s,
+        outputs: Table::new(motion.clone(), measured),
+        inputs: Table::new(commands, samples.iter().flat_map(|s| s.command).collect()),
+        truth: Some(Table::new(motion, truth)),
+        heading: Some(samples.iter().map(|s| s.state.psi).collect()),
+    }
+}
+
+/// Sums of squared errors.
+#[derive(Clone, Copy, Default)]
+struct Errors {
+    squares: [f64; 3],
+    count: usize,
+}
+
+impl Errors {
+    fn mean(&self, deviations: [f64; 3]) -> f64 {
+        let each = self.squares.iter().zip(deviations);
+        each.map(|(square, deviation)| (square / self.count as f64).sqrt() / deviation).sum::<f64>() / 3.0
+    }
+}
+
+fn course(session: &mut dyn Adapter, sailed: &Run, run: &Trajectory, onset_s: f64) -> Figures {
+    let truth = run.truth.as_ref().unwrap_or(&run.outputs);
+    let deviations = [0, 1, 2].map(|c| {
+        let mean = truth.column(c).sum::<f64>() / truth.len() as f64;
+        (truth.column(c).map(|x| (x - mean) * (x - mean)).sum::<f64>() / truth.len() as f64).sqrt()
+    });
+    let steps = HORIZONS_S.map(samples);
+    let longest = steps[1];
+    let curved = |k: usize| sailed.samples[k].reference.curvature != 0.0;
+    let last_leg = (0..run.len()).rev().find(|&k| curved(k)).unwrap_or(0);
+    let first = session.weights().to_vec();
+    let (mut work, mut y) = (Workspace::new(), vec![0.0; 3 * longest]);
+    let (mut after_turns, mut on_last_leg) = ([Errors::default(); 2], [Errors::default(); 2]);
+    let (mut distances, mut count) = (0.0, 0_u32);
+    let mut since_turn = usize::MAX;
+    session.reset();
+    for k in 0..run.len() {
+        session.observe_heading(run.heading_at(k));
+        session.observe(run.outputs.row(k));
+        let changed = sailed.samples[k].t >= onset_s;
+        since_turn = match (curved(k), k > 0 && curved(k - 1)) {
+            (true, _) => usize::MAX,
+            (false, true) => 0,
+            (false, false) => since_turn.saturating_add(1),
+        };
+        let after_turn = changed && since_turn < samples(AFTER_S);
+        if (after_turn || k > last_leg) && k + longest < run.len() {
+            session.rollout(run.inputs.rows(k, k + longest), &mut work, &mut y);
+            for (i, &step) in steps.iter().enumerate() {
+                for (used, errors) in [(after_turn, &mut after_turns[i]), (k > last_leg, &mut on_last_leg[i])]
+                {
+                    if used {
+                        let row = truth.row(k + step).iter().zip(&y[3 * (step - 1)..3 * step]);
+                        for (square, (measured, predicted)) in errors.squares.iter_mut().zip(row) {
+                            *square += (measured - predicted).powi(2);
+                        }
+                        errors.count += 1;
+                    }
+                }
+            }
+        }
+        if changed {
+            distances += distance(&first, session.weights());
+            count += 1;
+        }
+        session.advance(run.inputs.row(k));
+    }
+    Figures {
+        after_turns: after_turns.map(|errors| errors.mean(deviations)),
+        last_leg: on_last_leg.map(|errors| errors.mean(deviations)),
+        distance: distances / f64::from(count),
+        mass: session.weights().first().zip(first.first()).map_or(f64::NAN, |(now, then)| now / then),
+    }
+}
+
+/// RMS of the relative changes.
+fn distance(first: &[f64], now: &[f64]) -> f64 {
+    let squares = first.iter().zip(now).filter(|(a, _)| **a != 0.0).map(|(a, b)| (b / a - 1.0).powi(2));
+    let (sum, count) = squares.fold((0.0, 0_u32), |(sum, count), x| (sum + x, count + 1));
+    (sum / f64::from(count.max(1))).sqrt()
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a short time")]
+fn samples(seconds: f64) -> usize {
+    (seconds / DT).round() as usize
+}
