@@ -1,7 +1,7 @@
 //! Adaptation in a current that sets in under way: frozen and adapted models, without and with an estimate of the current.
 //!
 //! ```text
-//! cargo run --release -p hydroid-study --example current_campaign -- [vessel|sindy|committee|gru] [runs=20]
+//! cargo run --release -p hydroid-study --example current_campaign -- [vessel|sindy|committee|gru] [runs=20] [hydrofoil|simple]
 //! ```
 //!
 //! Two vessels sail a lawn-mower, steered by feedback linearization with their true parameters. Half-way a current of
@@ -10,9 +10,10 @@
 //! still water.
 //!
 //! An error is the RMSE of the predicted `u`, `v` and `r` over ground, divided by the standard deviation of the true
-//! ones, mean over the three. Origins are those within ten seconds after each turn that ends after the onset; in the last
-//! columns, those of the last leg. The distance of the weights is the RMS of their relative change, mean over the time
-//! after the onset. All figures are medians over the runs.
+//! ones, mean over the three. Origins are those within ten seconds after each turn that ends after the onset; in the
+//! columns *end*, those of the last quarter of the run. The distance of the weights is the RMS of their relative change,
+//! mean over the time after the onset; the last column is the mass at the end, relative to that of the model. All figures
+//! are medians over the runs.
 
 use std::sync::Arc;
 
@@ -38,6 +39,7 @@ const DT: f64 = 0.1;
 /// Standard deviation of the components of the current that the sessions assume \[m/s\].
 const ASSUMED: f64 = 0.3;
 
+/// Speed of the current \[m/s\].
 const SPEED_OF_CURRENT: f64 = 0.4;
 
 /// Origins after the end of a turn \[s\].
@@ -63,9 +65,10 @@ fn main() -> anyhow::Result<()> {
         Boat { vessel: VesselParams::hydrofoil(), speed: speed(4.0, 1.8), radius: 15.0 },
         Boat { vessel: VesselParams::simple(), speed: speed(1.5, 1.0), radius: 10.0 },
     ];
-    println!("| vessel, change | model | 2 s | 20 s | weights | 2 s, last leg | 20 s, last leg |");
-    println!("| --- | --- | ---: | ---: | ---: | ---: | ---: |");
-    for boat in &boats {
+    println!("| vessel, change | model | 2 s | 20 s | 2 s, end | 20 s, end | weights | mass |");
+    println!("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |");
+    let only = arguments.next();
+    for boat in boats.iter().filter(|boat| only.as_ref().is_none_or(|name| *name == boat.vessel.name)) {
         let model = model(&kind, &boat.vessel)?;
         for (change, mass) in [("current", 1.0), ("current, mass", 1.2)] {
             let each: Vec<[Figures; 4]> = (1..=runs)
@@ -81,20 +84,17 @@ fn main() -> anyhow::Result<()> {
                     all.sort_by(f64::total_cmp);
                     all[all.len() / 2]
                 };
+                let mass = median(&|f| f.mass);
+                let mass = if model.plant().is_some() { format!("{mass:.2}") } else { String::new() };
                 println!(
-                    "| {}, {change} | {name} | {:.3} | {:.3} | {:.3} | {:.3} | {:.3} |",
+                    "| {}, {change} | {name} | {:.3} | {:.3} | {:.3} | {:.3} | {:.3} | {mass} |",
                     boat.vessel.name,
                     median(&|f| f.after_turns[0]),
                     median(&|f| f.after_turns[1]),
+                    median(&|f| f.end[0]),
+                    median(&|f| f.end[1]),
                     median(&|f| f.distance),
-                    median(&|f| f.last_leg[0]),
-                    median(&|f| f.last_leg[1]),
                 );
-            }
-            if model.plant().is_some() {
-                let mut found: Vec<f64> = each.iter().map(|run| run[3].mass).collect();
-                found.sort_by(f64::total_cmp);
-                println!("<!-- mass of the last, as a factor: {:.3} -->", found[found.len() / 2]);
             }
         }
     }
@@ -141,8 +141,9 @@ fn model(kind: &str, vessel: &VesselParams) -> anyhow::Result<Model> {
 #[derive(Clone, Copy, Debug, Default)]
 struct Figures {
     after_turns: [f64; 2],
-    last_leg: [f64; 2],
+    end: [f64; 2],
     distance: f64,
+    /// First weight at the end, relative to that of the model: the mass of a vessel.
     mass: f64,
 }
 
@@ -219,10 +220,10 @@ fn course(session: &mut dyn Adapter, sailed: &Run, run: &Trajectory, onset_s: f6
     let steps = HORIZONS_S.map(samples);
     let longest = steps[1];
     let curved = |k: usize| sailed.samples[k].reference.curvature != 0.0;
-    let last_leg = (0..run.len()).rev().find(|&k| curved(k)).unwrap_or(0);
+    let end = 3 * run.len() / 4;
     let first = session.weights().to_vec();
     let (mut work, mut y) = (Workspace::new(), vec![0.0; 3 * longest]);
-    let (mut after_turns, mut on_last_leg) = ([Errors::default(); 2], [Errors::default(); 2]);
+    let (mut after_turns, mut at_end) = ([Errors::default(); 2], [Errors::default(); 2]);
     let (mut distances, mut count) = (0.0, 0_u32);
     let mut since_turn = usize::MAX;
     session.reset();
@@ -236,11 +237,10 @@ fn course(session: &mut dyn Adapter, sailed: &Run, run: &Trajectory, onset_s: f6
             (false, false) => since_turn.saturating_add(1),
         };
         let after_turn = changed && since_turn < samples(AFTER_S);
-        if (after_turn || k > last_leg) && k + longest < run.len() {
+        if (after_turn || k > end) && k + longest < run.len() {
             session.rollout(run.inputs.rows(k, k + longest), &mut work, &mut y);
             for (i, &step) in steps.iter().enumerate() {
-                for (used, errors) in [(after_turn, &mut after_turns[i]), (k > last_leg, &mut on_last_leg[i])]
-                {
+                for (used, errors) in [(after_turn, &mut after_turns[i]), (k > end, &mut at_end[i])] {
                     if used {
                         let row = truth.row(k + step).iter().zip(&y[3 * (step - 1)..3 * step]);
                         for (square, (measured, predicted)) in errors.squares.iter_mut().zip(row) {
@@ -259,7 +259,7 @@ fn course(session: &mut dyn Adapter, sailed: &Run, run: &Trajectory, onset_s: f6
     }
     Figures {
         after_turns: after_turns.map(|errors| errors.mean(deviations)),
-        last_leg: on_last_leg.map(|errors| errors.mean(deviations)),
+        end: at_end.map(|errors| errors.mean(deviations)),
         distance: distances / f64::from(count),
         mass: session.weights().first().zip(first.first()).map_or(f64::NAN, |(now, then)| now / then),
     }

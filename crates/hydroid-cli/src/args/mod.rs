@@ -22,8 +22,8 @@ pub use control::{
 };
 pub use identify::Identify;
 pub use thesis::Thesis;
-use values::parse_timing;
 pub use values::{Against, Duration, Horizon, Method, NamedNumber, NamedRange, Origin};
+use values::{Pair, parse_timing};
 
 /// Identifies the dynamics of surface vessels from logs, adapts the model online, and controls the vessel.
 #[derive(Debug, Parser)]
@@ -145,6 +145,9 @@ pub struct Simulate {
     /// Factor on the measurement noise of the vessel; 0: none
     #[arg(long, default_value_t = 1.0, value_name = "FACTOR", allow_negative_numbers = true)]
     pub noise: f64,
+    /// Velocity of a constant current: north,east [m/s]. Pose and velocities are over ground
+    #[arg(long, default_value = "0,0", value_name = "N,E", allow_hyphen_values = true)]
+    pub current: Pair,
     /// Lawn-mower: length of a leg [m]
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub leg: Option<f64>,

@@ -40,6 +40,7 @@ pub fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
         step_s: args.step,
         seed: args.seed,
         noise_scale: args.noise,
+        current: args.current.0,
         ..Options::new(vessel, excitation)
     };
     let record = record(&options, global)?;

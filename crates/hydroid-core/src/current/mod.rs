@@ -12,7 +12,11 @@
 //! 2021, section 10.3). [`ThroughWater`] is a predictor of the motion over ground around a predictor of the motion through
 //! the water.
 
+mod earlier;
+mod jump;
 mod past;
+mod symmetric;
+mod window;
 
 use alloc::boxed::Box;
 use alloc::vec;
@@ -23,7 +27,10 @@ use num_traits::Float;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
 use crate::adapt::{Adapter, Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
 use crate::predict::{Current, Predictor, Workspace, rollout_steps};
+use earlier::Earlier;
+use jump::Jump;
 use past::Past;
+use symmetric::quadratic;
 
 /// Options of the estimate of the current.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,39 +80,11 @@ pub fn in_body([north, east]: [f64; 2], heading: f64) -> [f64; 2] {
     [north * cos + east * sin, east * cos - north * sin]
 }
 
-/// Inverse of a symmetric matrix (upper left, off the diagonal, lower right); `None` unless it is positive definite.
-fn inverse([a, b, c]: [f64; 3]) -> Option<[f64; 3]> {
-    let determinant = a * c - b * b;
-    let sound = a > 0.0 && determinant > 0.0 && determinant.is_finite();
-    sound.then(|| [c / determinant, -b / determinant, a / determinant])
-}
-
-fn product([a, b, c]: [f64; 3], [x, y]: [f64; 2]) -> [f64; 2] {
-    [a * x + b * y, b * x + c * y]
-}
-
-fn quadratic(matrix: [f64; 3], vector: [f64; 2]) -> f64 {
-    let [a, b] = product(matrix, vector);
-    vector[0] * a + vector[1] * b
-}
-
-/// Norm of three standardized errors with full weight: 95 % of a chi distribution with three degrees of freedom.
-const FULL_WEIGHT: f64 = 2.8;
-
-/// Largest number of iterations of an update.
-const ITERATIONS: usize = 4;
-
 /// Variance of a current that does not matter, relative to the other errors of a window: half their standard deviation.
 const NEGLIGIBLE: f64 = 0.25;
 
 /// Variance of a current that is as well known as its random walk permits, relative to the stationary variance.
 const SETTLED: f64 = 2.0;
-
-/// Step of the numerical derivatives, in initial standard deviations.
-const STEP: f64 = 0.1;
-
-/// Change at which the iterations end, in initial standard deviations.
-const SMALL: f64 = 0.01;
 
 /// A model of the motion through the water: a predictor or an adapter.
 pub trait Inner: Predictor {
@@ -161,6 +140,9 @@ pub struct ThroughWater<P: Inner + ?Sized = dyn Predictor> {
     /// Yaw rate at the present sample.
     rate: f64,
     past: Past,
+    /// Snapshots of the model at the last windows.
+    earlier: Earlier,
+    jump: Jump,
     /// Samples since the last window, and since the last heading.
     since: usize,
     blind: usize,
@@ -194,6 +176,8 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
             next_heading: f64::NAN,
             rate: f64::NAN,
             past: Past::new(outputs, inputs, [least + window, most + window]),
+            earlier: Earlier::new(window.div_ceil(options.stride), inner.snapshot_len()),
+            jump: Jump::new(inner.snapshot_len()),
             since: 0,
             blind: 0,
             inflation: 1.0,
@@ -236,99 +220,6 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
             let [surge, sway] = in_body(current, heading);
             y[self.options.motion[0]] += sign * surge;
             y[self.options.motion[1]] += sign * sway;
-        }
-    }
-
-    /// Lets the second session observe all samples of the past up to `to` samples before the newest, under a current.
-    fn observe_past(&mut self, current: [f64; 2], to: usize) {
-        let mut row = core::mem::take(&mut self.row);
-        let from = self.past.len() - 1;
-        self.replay.restore(&self.state);
-        self.replay.reset();
-        for back in (to..=from).rev() {
-            let (y, heading, _) = self.past.row(back);
-            row.copy_from_slice(y);
-            self.add_current(current, heading, -1.0, &mut row);
-            if back == from {
-                self.replay.observe(&row);
-            } else {
-                self.replay.advance_observe(self.past.row(back + 1).2, &row);
-            }
-        }
-        self.row = row;
-    }
-
-    /// Error of the prediction over the last window under a current, in standard deviations; NaN where nothing was
-    /// measured.
-    fn error(&mut self, current: [f64; 2]) -> [f64; 3] {
-        let window = self.options.window;
-        self.observe_past(current, window);
-        let mut predicted = core::mem::take(&mut self.predicted);
-        self.replay.rollout(&self.commands, &mut self.work, &mut predicted);
-        let end = predicted.len() - self.measured.len();
-        self.add_current(current, self.past.row(0).1, 1.0, &mut predicted[end..]);
-        let mut errors = [0.0; 3];
-        for ((error, of), deviation) in
-            errors.iter_mut().zip(self.options.motion).zip(self.options.deviations)
-        {
-            *error = (self.measured[of] - predicted[end + of]) / deviation;
-        }
-        self.predicted = predicted;
-        errors
-    }
-
-    /// Updates the current by the last window; no effect where a number is not finite.
-    fn update_by_window(&mut self) {
-        let CurrentOptions { window, stride, initial, motion, .. } = self.options;
-        self.inner.snapshot(&mut self.state);
-        self.commands.clear();
-        for back in (1..=window).rev() {
-            self.commands.extend_from_slice(self.past.row(back).2);
-        }
-        let Some(prior) = inverse(self.current.covariance) else { return };
-        let before = self.current.velocity;
-        let mut next = self.current;
-        let mut derivatives = self.slopes;
-        let step = STEP * initial;
-        let share = (stride as f64 / window as f64).min(1.0);
-        let missing = motion.map(|c| self.measured[c].is_nan());
-        for _ in 0..ITERATIONS {
-            let c = next.velocity;
-            let error = self.error(c);
-            let moved = [self.error([c[0] + step, c[1]]), self.error([c[0], c[1] + step])];
-            let present = || error.iter().zip(missing).filter(|(_, missing)| !missing).map(|(e, _)| e);
-            let size = Float::sqrt(present().map(|e| e * e).sum::<f64>());
-            let weight = share * if size > FULL_WEIGHT { FULL_WEIGHT / size } else { 1.0 };
-            let mut information = prior;
-            let mut right = product(prior, [before[0] - c[0], before[1] - c[1]]);
-            for (i, e) in error.iter().enumerate().filter(|(i, _)| !missing[*i]) {
-                let [north, east] = moved.map(|other| (e - other[i]) / step);
-                information[0] += weight * north * north;
-                information[1] += weight * north * east;
-                information[2] += weight * east * east;
-                right[0] += weight * north * e;
-                right[1] += weight * east * e;
-                derivatives[i] = [north, east];
-            }
-            let Some(covariance) = inverse(information) else { return };
-            let change = product(covariance, right);
-            if !change.iter().all(|x| x.is_finite()) {
-                return;
-            }
-            next = Current { velocity: [c[0] + change[0], c[1] + change[1]], covariance };
-            if change.iter().all(|x| x.abs() < SMALL * initial) {
-                break;
-            }
-        }
-        self.current = next;
-        self.slopes = derivatives;
-        let moved = [next.velocity[0] - self.remembered[0], next.velocity[1] - self.remembered[1]];
-        let within = inverse(next.covariance).is_some_and(|information| quadratic(information, moved) < 1.0);
-        if !within {
-            self.remembered = next.velocity;
-            self.observe_past(next.velocity, 0);
-            self.replay.snapshot(&mut self.state);
-            self.inner.restore(&self.state);
         }
     }
 
@@ -428,6 +319,8 @@ impl<P: Inner + ?Sized> Predictor for ThroughWater<P> {
         self.next_heading = f64::NAN;
         self.rate = f64::NAN;
         self.past.clear();
+        self.earlier.clear();
+        self.jump.forget();
         self.since = 0;
         self.blind = 0;
         self.inflation = 1.0;
@@ -515,6 +408,8 @@ impl<P: Inner + ?Sized> Predictor for ThroughWater<P> {
         self.heading = own[5];
         self.rate = own[6];
         self.past.clear();
+        self.earlier.clear();
+        self.jump.forget();
     }
 
     fn rollout_snapshots(
@@ -553,6 +448,8 @@ impl<P: Inner + ?Sized> Predictor for ThroughWater<P> {
             next_heading: self.next_heading,
             rate: self.rate,
             past: self.past.clone(),
+            earlier: self.earlier.clone(),
+            jump: self.jump.clone(),
             since: self.since,
             blind: self.blind,
             inflation: self.inflation,
@@ -622,7 +519,12 @@ impl Learning for ThroughWater<dyn Adapter> {
 
 impl SaveState for ThroughWater<dyn Adapter> {
     fn memory_len(&self) -> usize {
-        self.inner.memory_len() + self.past.memory_len() + OWN + 12
+        self.inner.memory_len()
+            + self.past.memory_len()
+            + self.earlier.memory_len()
+            + self.jump.memory_len()
+            + OWN
+            + 12
     }
 
     fn save(&self, into: &mut [f64]) {
@@ -634,6 +536,8 @@ impl SaveState for ThroughWater<dyn Adapter> {
         into.numbers(self.slopes.as_flattened());
         into.numbers(&[self.inflation]);
         self.past.save(&mut into);
+        self.earlier.save(&mut into);
+        self.jump.save(&mut into);
         into.count(self.since);
         into.count(self.blind);
         into.flag(self.frozen);
@@ -652,6 +556,8 @@ impl SaveState for ThroughWater<dyn Adapter> {
         from.numbers(self.slopes.as_flattened_mut());
         self.inflation = from.part(1)[0];
         self.past.load(&mut from);
+        self.earlier.load(&mut from);
+        self.jump.load(&mut from);
         self.since = from.count(MOST_COUNTED);
         self.blind = from.count(MOST_COUNTED);
         self.frozen = from.flag();

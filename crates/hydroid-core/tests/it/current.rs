@@ -317,25 +317,76 @@ fn a_saved_session_continues_to_the_last_bit() {
     run.heading[700] = f64::NAN;
     run.measured[720][1] = f64::NAN;
     let new = || ThroughWater::new(learner(), CurrentOptions { walk: 0.02, ..options(0.5, 0.05) }).unwrap();
-    let mut session = new();
-    follow(&mut session, &run, 0, 722);
-    let mut memory = vec![0.0; session.memory_len()];
-    session.save(&mut memory);
-    let mut other = new();
-    other.load(&memory);
-    for k in 723..2_000 {
-        follow(&mut session, &run, k, k);
-        follow(&mut other, &run, k, k);
-    }
     let bits = |session: &dyn Adapter| {
         let mut memory = vec![0.0; session.memory_len()];
         session.save(&mut memory);
         memory.into_iter().map(f64::to_bits).collect::<Vec<_>>()
     };
-    assert_eq!(bits(&session), bits(&other));
-    let mut snapshot = vec![0.0; session.snapshot_len()];
-    session.snapshot(&mut snapshot);
-    assert!(snapshot.ends_with(session.weights()));
+    // While a heading is missing, and while the turn of the current is found.
+    for to in [722, 1_014, 1_024, 1_034, 1_044] {
+        let mut session = new();
+        follow(&mut session, &run, 0, to);
+        let mut memory = vec![0.0; session.memory_len()];
+        session.save(&mut memory);
+        let mut other = new();
+        other.load(&memory);
+        assert_eq!(bits(&session), bits(&other), "{to}");
+        for k in to + 1..to + 400 {
+            follow(&mut session, &run, k, k);
+            follow(&mut other, &run, k, k);
+        }
+        assert_eq!(bits(&session), bits(&other), "{to}");
+        let mut snapshot = vec![0.0; session.snapshot_len()];
+        session.snapshot(&mut snapshot);
+        assert!(snapshot.ends_with(session.weights()));
+    }
+}
+
+#[test]
+fn a_jump_of_the_current_is_found_within_three_windows_and_not_learned() {
+    let (before, after) = ([0.0, 0.1], [0.4, -0.2]);
+    let run = run([before, after], 4_000, 12);
+    let options = CurrentOptions { walk: 0.005, ..options(0.3, 0.05) };
+    let mut session = ThroughWater::new(vessel(), options).unwrap();
+    follow(&mut session, &run, 0, 1_999);
+    assert!(distance(session.current().unwrap().velocity, before) < 0.05, "{:?}", session.current());
+    follow(&mut session, &run, 2_000, 2_089);
+    assert!(distance(session.current().unwrap().velocity, after) < 0.08, "{:?}", session.current());
+    // Without jumps, the random walk takes much longer.
+    let mut slow = ThroughWater::new(vessel(), CurrentOptions { initial: 1e6, ..options }).unwrap();
+    follow(&mut slow, &run, 0, 2_089);
+    assert!(distance(slow.current().unwrap().velocity, after) > 0.25, "{:?}", slow.current());
+    // What was learned while the old current was taken for the present one is forgotten.
+    let mut learning = ThroughWater::new(learner(), options).unwrap();
+    follow(&mut learning, &run, 0, 1_999);
+    let known = weight_error(&learning);
+    let mut worst = known;
+    for k in 2_000..4_000 {
+        follow(&mut learning, &run, k, k);
+        if k >= 2_089 {
+            worst = worst.max(weight_error(&learning));
+        }
+    }
+    assert!(worst < known + 0.03, "{known} {worst}");
+}
+
+/// A model error that lasts for a second is not a jump of the current.
+#[test]
+fn an_outlier_is_no_jump() {
+    let current = [0.2, -0.3];
+    let mut run = run([current; 2], 2_000, 13);
+    for k in (600..2_000).step_by(200) {
+        for row in &mut run.measured[k..k + 10] {
+            row[0] += 0.4;
+        }
+    }
+    let options = CurrentOptions { walk: 0.005, ..options(0.3, 0.03) };
+    let mut session = ThroughWater::new(vessel(), options).unwrap();
+    for k in 0..2_000 {
+        follow(&mut session, &run, k, k);
+        let off = distance(session.current().unwrap().velocity, current);
+        assert!(k < 400 || off < 0.06, "sample {k}: {off}");
+    }
 }
 
 #[test]

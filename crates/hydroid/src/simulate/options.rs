@@ -22,6 +22,8 @@ pub struct Options {
     pub seed: u64,
     /// Scale of the vessel's measurement noise; 0 for none.
     pub noise_scale: f64,
+    /// Velocity of the water, north and east \[m/s\]: constant and uniform. Pose and velocities are over ground.
+    pub current: [f64; 2],
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,9 +36,19 @@ pub(crate) struct Counts {
 const MOST_SAMPLES: f64 = 5e7;
 
 impl Options {
-    /// Defaults of the thesis: 7,200 s, samples of 0.1 s, integration step 10 ms, noise of the vessel, seed 0.
+    /// Defaults of the thesis: 7,200 s, samples of 0.1 s, integration step 10 ms, noise of the vessel, seed 0, still
+    /// water.
     pub const fn new(vessel: VesselParams, excitation: Excitation) -> Self {
-        Self { vessel, excitation, duration_s: 7_200.0, dt_s: 0.1, step_s: 0.01, seed: 0, noise_scale: 1.0 }
+        Self {
+            vessel,
+            excitation,
+            duration_s: 7_200.0,
+            dt_s: 0.1,
+            step_s: 0.01,
+            seed: 0,
+            noise_scale: 1.0,
+            current: [0.0; 2],
+        }
     }
 
     /// Checks the options; returns the number of samples and of integration steps in each.
@@ -61,6 +73,10 @@ impl Options {
                 value: self.noise_scale,
                 needed: "0 for none, 1 for the vessel's own",
             });
+        }
+        if let Some(value) = self.current.into_iter().find(|value| !value.is_finite()) {
+            let needed = "a velocity in m/s is needed";
+            return Err(SimulateError::Option { what: "the current", value, needed });
         }
         let substeps = (self.dt_s / self.step_s).round();
         let whole = (substeps * self.step_s - self.dt_s).abs() <= 1e-9 * self.dt_s;

@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use hydroid_core::current::in_body;
 use hydroid_core::vessel::{Command, Noise, Plant, State};
 use rand_distr::{Distribution as _, StandardNormal};
 
@@ -38,17 +39,28 @@ pub fn simulate(
             let envelope = Envelope::new(vessel, &plant)?;
             let legs = plan::lawn_mower(plan, vessel, &plant, &envelope, seed, options.duration_s)?;
             let mut controller = PathController::new(vessel, &plant, &envelope, legs, dt);
-            runner.run(|_, state| controller.command(state))?
+            runner.run(|k, state| controller.command(&over_ground(options, k, state)))?
         }
         Excitation::Circle(plan) => {
             let envelope = Envelope::new(vessel, &plant)?;
             let mut controller =
                 PathController::new(vessel, &plant, &envelope, plan::circle(plan, &envelope)?, dt);
-            runner.run(|_, state| controller.command(state))?
+            runner.run(|k, state| controller.command(&over_ground(options, k, state)))?
         }
     };
+    let states: Vec<State> =
+        states.iter().enumerate().map(|(k, state)| over_ground(options, k, state)).collect();
     let measured = measure(&states, &options.vessel.noise, options.noise_scale, options.seed);
     Ok(Simulated::new(options, commands, states, measured))
+}
+
+/// A state at sample `k`, given in the water: a frame that drifts with a constant current is an inertial frame (T. I.
+/// Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control*, 2nd edition, 2021, property 10.1).
+fn over_ground(options: &Options, k: usize, state: &State) -> State {
+    let t = k as f64 * options.dt_s;
+    let [north, east] = options.current;
+    let [surge, sway] = in_body(options.current, state.psi);
+    State { x: state.x + north * t, y: state.y + east * t, u: state.u + surge, v: state.v + sway, ..*state }
 }
 
 struct Runner<'a> {
@@ -85,7 +97,8 @@ impl Runner<'_> {
         }
     }
 
-    /// From rest to the end of the duration or of the commands. Row `k` holds the state before command `k` acts.
+    /// From rest in the water to the end of the duration or of the commands, in the frame of the water. Row `k` holds the
+    /// state before command `k` acts.
     fn run(
         &mut self,
         mut command: impl FnMut(usize, &State) -> Option<Command>,

@@ -118,14 +118,15 @@ fn conditions_set_in_at_their_time_and_the_velocity_over_ground_does_not_jump() 
 #[test]
 fn control_laws_track_in_a_current_that_they_estimate() {
     let vessel = VesselParams::hydrofoil();
-    let task = Task::LawnMower { leg: 60.0, spacing: 30.0, legs: 3, radius: 15.0 };
+    let task = Task::LawnMower { leg: 40.0, spacing: 30.0, legs: 2, radius: 15.0 };
     let track = Track::new(&task, &SpeedOptions::cruise(2.0)).unwrap();
     let scenario = Scenario::new(vessel.clone(), track);
     let conditions = Conditions { current: [0.2, 0.3], ..Conditions::calm(3) };
+    let planner = PlannerOptions { candidates: 40, elites: 4, iterations: 2, ..PlannerOptions::new(0) };
     for kind in
         [ControlMethod::FeedbackLinearization, ControlMethod::Backstepping, ControlMethod::CrossEntropy]
     {
-        let over_ground = by(kind, &vessel, &vessel);
+        let over_ground = ControllerOptions { planner, ..by(kind, &vessel, &vessel) };
         let model = over_ground.model.as_ref().unwrap().with_current(0.3).unwrap();
         let in_water = ControllerOptions { model: Some(Arc::new(model)), ..over_ground.clone() };
         let [without, with] = [over_ground, in_water]

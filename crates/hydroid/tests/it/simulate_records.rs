@@ -141,6 +141,32 @@ fn a_lawn_mower_without_speeds_lasts_and_visits_both_modes() {
     }
 }
 
+/// Seen from the water, the commands of an open loop move the vessel as in still water; a path is held over ground.
+#[test]
+fn a_current_moves_the_vessel_over_ground() {
+    let current = [0.3, -0.4];
+    let options = Options { duration_s: 60.0, ..hydrofoil(Excitation::Mixed) };
+    let (still, moved) = (run(&options), run(&Options { current, ..options.clone() }));
+    assert_eq!(still.commands(), moved.commands());
+    for (k, (a, b)) in still.states().iter().zip(moved.states()).enumerate() {
+        let t = 0.1 * k as f64;
+        assert!((b.x - a.x - 0.3 * t).abs() < 1e-9 && (b.y - a.y + 0.4 * t).abs() < 1e-9);
+        let (sin, cos) = b.psi.sin_cos();
+        assert!((b.u - a.u - 0.3 * cos + 0.4 * sin).abs() < 1e-12);
+        assert!((b.v - a.v + 0.3 * sin + 0.4 * cos).abs() < 1e-12);
+        assert!((a.r - b.r).abs() < 1e-12 && (a.psi - b.psi).abs() < 1e-12);
+    }
+    let plan = LawnMower { leg: Some(120.0), spacing: Some(30.0), turn: Turn::Arc, speeds: vec![2.0; 3] };
+    let record = run(&Options { current, ..hydrofoil(Excitation::LawnMower(plan)) });
+    for east in [0.0, 30.0, 60.0] {
+        assert!(passed(&record, 60.0, east, 6.0), "leg at {east} m");
+    }
+    let wrong =
+        simulate(&Options { current: [f64::NAN, 0.0], ..options }, &mut |_| ControlFlow::Continue(()))
+            .unwrap_err();
+    assert!(wrong.to_string().contains("the current"), "{wrong}");
+}
+
 #[test]
 fn a_circle_is_held() {
     for (vessel, radius, speed) in [

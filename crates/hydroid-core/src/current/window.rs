@@ -1,0 +1,215 @@
+//! The current from the errors of predictions over windows, with the hypothesis that it has jumped.
+
+use num_traits::Float;
+
+use super::symmetric::{determinant, inverse, product, quadratic};
+use super::{CurrentOptions, Inner, ThroughWater};
+use crate::predict::Current;
+
+/// Norm of three standardized errors with full weight: 95 % of a chi distribution with three degrees of freedom.
+const FULL_WEIGHT: f64 = 2.8;
+
+/// Largest number of iterations of an update.
+const ITERATIONS: usize = 4;
+
+/// Step of the numerical derivatives, in initial standard deviations.
+const STEP: f64 = 0.1;
+
+/// Change at which the iterations end, in initial standard deviations.
+const SMALL: f64 = 0.01;
+
+/// Result of a window.
+pub(super) struct Estimated {
+    current: Current,
+    /// Derivatives of the standardized errors by the current.
+    slopes: [[f64; 2]; 3],
+    /// Whether the error under the prior current is beyond [`FULL_WEIGHT`].
+    outlier: bool,
+    /// Logarithm of the evidence of the window, without a constant.
+    log_evidence: f64,
+}
+
+/// Norm of the errors that are not missing.
+fn norm(error: [f64; 3], missing: [bool; 3]) -> f64 {
+    let present = error.iter().zip(missing).filter(|(_, missing)| !missing);
+    Float::sqrt(present.map(|(e, _)| e * e).sum::<f64>())
+}
+
+/// Negative logarithm of the density of a norm of standardized errors (P. J. Huber, *Annals of Mathematical Statistics* 35
+/// (1964) 73), without its constant.
+fn huber(size: f64) -> f64 {
+    if size > FULL_WEIGHT { FULL_WEIGHT * (size - 0.5 * FULL_WEIGHT) } else { 0.5 * size * size }
+}
+
+impl<P: Inner + ?Sized> ThroughWater<P> {
+    /// Updates the current by the last window; no effect where a number is not finite.
+    pub(super) fn update_by_window(&mut self) {
+        let CurrentOptions { window, stride, .. } = self.options;
+        self.commands.clear();
+        for back in (1..=window).rev() {
+            self.commands.extend_from_slice(self.past.row(back).2);
+        }
+        let share = (stride as f64 / window as f64).min(1.0);
+        // The model as it was before the window predicts the window.
+        self.earlier.oldest(&mut self.state, self.inner.as_ref());
+        let prior = self.current;
+        let Some(found) = self.estimate(prior, share) else { return };
+        let jump = if self.jump.is_considered() {
+            self.compare_with_jump(&found, prior, share)
+        } else {
+            if found.outlier {
+                self.look_for_jump(prior);
+            }
+            None
+        };
+        let jumped = jump.is_some();
+        let Estimated { current, slopes, .. } = jump.unwrap_or(found);
+        self.current = current;
+        self.slopes = slopes;
+        if jumped {
+            // What was learned since then belongs to another current.
+            self.jump.model(&mut self.state);
+            self.jump.forget();
+            self.earlier.clear();
+        } else {
+            self.inner.snapshot(&mut self.state);
+        }
+        let moved = [0, 1].map(|i| current.velocity[i] - self.remembered[i]);
+        let within =
+            inverse(current.covariance).is_some_and(|information| quadratic(information, moved) < 1.0);
+        if jumped || !within {
+            self.remembered = current.velocity;
+            self.observe_past(current.velocity, 0);
+            self.replay.snapshot(&mut self.state);
+            self.inner.restore(&self.state);
+        }
+        self.earlier.push(&self.state);
+    }
+
+    /// Considers a jump if the last window makes it the more probable explanation.
+    fn look_for_jump(&mut self, prior: Current) {
+        let CurrentOptions { window, initial, walk, dt, .. } = self.options;
+        // As many jumps of the initial deviation as have the variance of the random walk.
+        let odds = Float::ln(walk * walk * dt * window as f64 / (initial * initial));
+        if let (Some(steady), Some(other)) = (self.estimate(prior, 1.0), self.estimate(self.free(prior), 1.0))
+            && other.log_evidence + odds > steady.log_evidence
+        {
+            self.jump.consider(other.current, &self.state, odds);
+        }
+    }
+
+    /// A current that may have changed by the initial deviation.
+    fn free(&self, Current { velocity, covariance: [p, q, r] }: Current) -> Current {
+        let variance = self.options.initial * self.options.initial;
+        Current { velocity, covariance: [p + variance, q, r + variance] }
+    }
+
+    /// Continues the hypothesis of a jump; the other current if it has become the more probable one.
+    fn compare_with_jump(&mut self, found: &Estimated, prior: Current, share: f64) -> Option<Estimated> {
+        let CurrentOptions { window, stride, walk, dt, .. } = self.options;
+        self.jump.model(&mut self.state);
+        let mut current = self.jump.current;
+        let drift = walk * walk * dt * stride as f64;
+        current.covariance[0] += drift;
+        current.covariance[2] += drift;
+        let Some(other) = self.estimate(current, share) else {
+            self.jump.forget();
+            return None;
+        };
+        let evidence = other.log_evidence - found.log_evidence;
+        self.jump.update(other.current, evidence, stride, window);
+        if !self.jump.is_confirmed() {
+            return None;
+        }
+        // The window that suggested the jump may have begun before it. The last one has not.
+        self.estimate(self.free(prior), 1.0)
+    }
+
+    /// Lets the second session observe all samples of the past up to `to` samples before the newest, under a current.
+    fn observe_past(&mut self, current: [f64; 2], to: usize) {
+        let mut row = core::mem::take(&mut self.row);
+        let from = self.past.len() - 1;
+        self.replay.restore(&self.state);
+        self.replay.reset();
+        for back in (to..=from).rev() {
+            let (y, heading, _) = self.past.row(back);
+            row.copy_from_slice(y);
+            self.add_current(current, heading, -1.0, &mut row);
+            if back == from {
+                self.replay.observe(&row);
+            } else {
+                self.replay.advance_observe(self.past.row(back + 1).2, &row);
+            }
+        }
+        self.row = row;
+    }
+
+    /// Error of the prediction over the last window under a current, in standard deviations; NaN where nothing was
+    /// measured.
+    fn error(&mut self, current: [f64; 2]) -> [f64; 3] {
+        let window = self.options.window;
+        self.observe_past(current, window);
+        let mut predicted = core::mem::take(&mut self.predicted);
+        self.replay.rollout(&self.commands, &mut self.work, &mut predicted);
+        let end = predicted.len() - self.measured.len();
+        self.add_current(current, self.past.row(0).1, 1.0, &mut predicted[end..]);
+        let mut errors = [0.0; 3];
+        for ((error, of), deviation) in
+            errors.iter_mut().zip(self.options.motion).zip(self.options.deviations)
+        {
+            *error = (self.measured[of] - predicted[end + of]) / deviation;
+        }
+        self.predicted = predicted;
+        errors
+    }
+
+    /// The current after the last window; `None` where a number is not finite.
+    fn estimate(&mut self, before: Current, share: f64) -> Option<Estimated> {
+        let CurrentOptions { initial, motion, .. } = self.options;
+        let prior = inverse(before.covariance)?;
+        let mut next = before;
+        let mut slopes = self.slopes;
+        let mut outlier = false;
+        let mut log_evidence = 0.0;
+        let step = STEP * initial;
+        let missing = motion.map(|c| self.measured[c].is_nan());
+        for iteration in 0..ITERATIONS {
+            let c = next.velocity;
+            let error = self.error(c);
+            let moved = [self.error([c[0] + step, c[1]]), self.error([c[0], c[1] + step])];
+            let size = norm(error, missing);
+            if iteration == 0 {
+                outlier = size > FULL_WEIGHT;
+            }
+            let weight = share * if size > FULL_WEIGHT { FULL_WEIGHT / size } else { 1.0 };
+            let mut information = prior;
+            let from = [before.velocity[0] - c[0], before.velocity[1] - c[1]];
+            let mut right = product(prior, from);
+            for (i, e) in error.iter().enumerate().filter(|(i, _)| !missing[*i]) {
+                let [north, east] = moved.map(|other| (e - other[i]) / step);
+                information[0] += weight * north * north;
+                information[1] += weight * north * east;
+                information[2] += weight * east * east;
+                right[0] += weight * north * e;
+                right[1] += weight * east * e;
+                slopes[i] = [north, east];
+            }
+            let covariance = inverse(information)?;
+            let change = product(covariance, right);
+            if !change.iter().all(|x| x.is_finite()) {
+                return None;
+            }
+            next = Current { velocity: [c[0] + change[0], c[1] + change[1]], covariance };
+            // Laplace approximation, with the errors linear from the last iteration on.
+            let left =
+                core::array::from_fn(|i| error[i] - slopes[i][0] * change[0] - slopes[i][1] * change[1]);
+            let from = [change[0] - from[0], change[1] - from[1]];
+            let cost = share * huber(norm(left, missing)) + 0.5 * quadratic(prior, from);
+            log_evidence = 0.5 * Float::ln(determinant(prior) * determinant(covariance)) - cost;
+            if change.iter().all(|x| x.abs() < SMALL * initial) {
+                break;
+            }
+        }
+        Some(Estimated { current: next, slopes, outlier, log_evidence })
+    }
+}
