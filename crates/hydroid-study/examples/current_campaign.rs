@@ -1,7 +1,7 @@
 //! Adaptation in a current that sets in under way: frozen and adapted models, without and with an estimate of the current.
 //!
 //! ```text
-//! cargo run --release -p hydroid-study --example current_campaign -- [vessel|sindy|committee|gru] [runs=20] [hydrofoil|simple]
+//! cargo run --release -p hydroid-study --example current_campaign -- [vessel|sindy|committee] [runs=20] [hydrofoil|simple]
 //! ```
 //!
 //! Two vessels sail a lawn-mower, steered by feedback linearization with their true parameters. Half-way a current of
@@ -106,8 +106,7 @@ fn model(kind: &str, vessel: &VesselParams) -> anyhow::Result<Model> {
         "vessel" => return Ok(Model::of_vessel(vessel, DT)?),
         "sindy" => Method::Sindy,
         "committee" => Method::Committee,
-        "gru" => Method::Gru,
-        other => bail!("'{other}': give vessel, sindy, committee or gru"),
+        other => bail!("'{other}': give vessel, sindy or committee"),
     };
     let log = |seed| -> anyhow::Result<Trajectory> {
         let options = simulate::Options {
@@ -117,12 +116,10 @@ fn model(kind: &str, vessel: &VesselParams) -> anyhow::Result<Model> {
         };
         Ok(simulate(&options, &mut silent())?.to_trajectory(&["u", "v", "r"])?)
     };
-    let mut train = vec![log(101)?, log(102)?, log(103)?];
-    // Networks need a validation run.
-    let validation = if method == Method::Gru { train.split_off(2) } else { Vec::new() };
+    let train = vec![log(101)?, log(102)?, log(103)?];
     let job = Job {
         methods: vec![method],
-        split: Split { train, validation, test: Vec::new(), notes: Vec::new() },
+        split: Split { train, validation: Vec::new(), test: Vec::new(), notes: Vec::new() },
         reading: Reading::default(),
         horizon: 100,
         origin_stride: 10,
@@ -130,7 +127,7 @@ fn model(kind: &str, vessel: &VesselParams) -> anyhow::Result<Model> {
         ranges: std::collections::BTreeMap::default(),
         motion: MotionOption::OverGround,
         sindy: SindyOptions::default(),
-        networks: NetworkTrainingOptions { budget_s: Some(60.0), ..NetworkTrainingOptions::default() },
+        networks: NetworkTrainingOptions::default(),
     };
     let found = identify(&job, &mut silent())?;
     let model = found.candidates.into_iter().next().context("no model was found")?.model;

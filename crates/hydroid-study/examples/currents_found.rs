@@ -5,8 +5,8 @@
 //! ```
 //!
 //! Ten identifications with four runs each, five of each vessel. Every run lasts 300 s in a current of its own, up to 0.8 m/s
-//! from any direction; one run of each identification is in still water. The figure shows the components with their
-//! intervals of 90 %.
+//! from any direction; one run of each identification is in still water. The figure shows the errors of the
+//! components with their intervals of 90 %.
 
 use std::path::Path;
 
@@ -42,8 +42,8 @@ fn main() -> anyhow::Result<()> {
     let mut all = Vec::new();
     println!("| vessel | seed | RMS error [m/s] | largest | inside the interval of 90 % |");
     println!("| --- | ---: | ---: | ---: | ---: |");
-    for vessel in [VesselParams::hydrofoil(), VesselParams::simple()] {
-        for seed in 0..5 {
+    for (vessel, seeds) in [(VesselParams::hydrofoil(), 0..5), (VesselParams::simple(), 5..10)] {
+        for seed in seeds {
             let found = components(&vessel, seed)?;
             println!("| {} | {seed} | {} |", vessel.name, summary(&found));
             all.extend(found);
@@ -109,33 +109,35 @@ fn summary(components: &[Component]) -> String {
 fn figure(path: &Path, components: &[Component]) -> anyhow::Result<()> {
     let mut text = String::new();
     {
-        let area = SVGBackend::with_string(&mut text, (560, 520)).into_drawing_area();
+        let area = SVGBackend::with_string(&mut text, (640, 400)).into_drawing_area();
         area.fill(&WHITE)?;
-        let limits = -0.9..0.9_f64;
+        let (limits, errors) = (-MOST..MOST, -0.06..0.06);
         let mut chart = ChartBuilder::on(&area)
             .margin(16)
             .x_label_area_size(44)
             .y_label_area_size(56)
-            .build_cartesian_2d(limits.clone(), limits)?;
+            .build_cartesian_2d(limits, errors)?;
         chart
             .configure_mesh()
             .x_desc("true component of the current [m/s]")
-            .y_desc("found [m/s], with intervals of 90 %")
+            .y_desc("found - true [m/s], with intervals of 90 %")
             .x_labels(9)
-            .y_labels(9)
+            .y_labels(7)
+            .y_label_formatter(&|y| format!("{y:.2}"))
             .light_line_style(WHITE.mix(0.0))
             .bold_line_style(BLACK.mix(0.1))
             .axis_desc_style(("sans-serif", 15))
             .label_style(("sans-serif", 13))
             .draw()?;
-        chart.draw_series(LineSeries::new([(-0.9, -0.9), (0.9, 0.9)], BLACK.mix(0.5)))?;
+        chart.draw_series(LineSeries::new([(-MOST, 0.0), (MOST, 0.0)], BLACK.mix(0.5)))?;
         for (k, component) in components.iter().enumerate() {
             let Component { truth, found, deviation } = *component;
             // The first half belongs to the hydrofoil.
             let colour = if 2 * k < components.len() { RGBColor(0, 90, 160) } else { RGBColor(200, 90, 0) };
-            let [low, high] = [found - NINETY * deviation, found + NINETY * deviation];
+            let error = found - truth;
+            let [low, high] = [error - NINETY * deviation, error + NINETY * deviation];
             chart.draw_series([PathElement::new([(truth, low), (truth, high)], colour.stroke_width(1))])?;
-            chart.draw_series([Circle::new((truth, found), 3, colour.filled())])?;
+            chart.draw_series([Circle::new((truth, error), 3, colour.filled())])?;
         }
         area.present()?;
     }

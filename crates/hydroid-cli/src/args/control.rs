@@ -189,8 +189,8 @@ pub struct DisturbanceArgs {
     #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
     pub delay: f64,
     /// Time from which current, wind and mass factor apply, as in 60s: before it, the vessel is as built, in still water
-    #[arg(long, value_name = "TIME", default_value = "0s")]
-    pub onset: Duration,
+    #[arg(long, value_name = "TIME")]
+    pub onset: Option<Duration>,
 }
 
 /// Monte Carlo trials.

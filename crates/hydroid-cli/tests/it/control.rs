@@ -238,6 +238,33 @@ fn adaptive_augmentation_reduces_the_error() {
 }
 
 #[test]
+fn a_current_sets_in_and_is_estimated() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    let sea = "--task lawn-mower --speed 1.5 --legs 2 --current 0,0.3 --onset 20s --seed 4 --json";
+    let off = |law: &str| {
+        let report = told(at, &format!("control hydrofoil --controller {law} {sea}"), 0);
+        assert_eq!(report["conditions"]["onset_s"].as_f64(), Some(20.0));
+        report["rms_cross_track"].as_f64().unwrap()
+    };
+    for law in ["fl", "backstepping"] {
+        let (without, with) = (off(law), off(&format!("{law} --estimate-current 0.3")));
+        assert!(with < 0.7 * without, "{law}: {with} beside {without}");
+    }
+    let output = hydroid(at, "control --controller pid --estimate-current 0.3");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("needs a controller with a model"), "{}", text(&output.stderr));
+    // A log over ground in the same current.
+    let output = hydroid(at, "simulate simple --duration 60 --current 0.2,-0.1 --noise 0 -o run.csv --json");
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let log = fs::read_to_string(at.join("run.csv")).unwrap();
+    let first: Vec<f64> = log.lines().nth(1).unwrap().split(',').map(|cell| cell.parse().unwrap()).collect();
+    let column =
+        |name: &str| log.lines().next().unwrap().split(',').position(|c| c.trim().starts_with(name)).unwrap();
+    assert_eq!((first[column("u")], first[column("v")]), (0.2, -0.1), "at rest in the water, heading north");
+}
+
+#[test]
 fn pid_is_tuned_and_follows_lawn_mowers() {
     let folder = TempDir::new().unwrap();
     let lawn = "--task lawn-mower --leg 20 --legs 2 --radius 12 --speed 1.5";

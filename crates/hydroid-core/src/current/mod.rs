@@ -31,6 +31,7 @@ use earlier::Earlier;
 use jump::Jump;
 use past::Past;
 use symmetric::quadratic;
+use window::CURRENTS;
 
 /// Options of the estimate of the current.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -154,6 +155,7 @@ pub struct ThroughWater<P: Inner + ?Sized = dyn Predictor> {
     measured: Vec<f64>,
     state: Vec<f64>,
     commands: Vec<f64>,
+    starts: Vec<f64>,
     predicted: Vec<f64>,
     work: Workspace,
 }
@@ -185,8 +187,9 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
             row: vec![0.0; outputs],
             measured: vec![f64::NAN; outputs],
             state: vec![0.0; inner.snapshot_len()],
-            commands: Vec::with_capacity(inputs * window),
-            predicted: vec![0.0; outputs * window],
+            commands: Vec::with_capacity(CURRENTS * inputs * window),
+            starts: vec![0.0; CURRENTS * inner.snapshot_len()],
+            predicted: vec![0.0; CURRENTS * outputs * window],
             work: Workspace::new(),
             inner,
         })
@@ -458,6 +461,7 @@ impl<P: Inner + ?Sized> Predictor for ThroughWater<P> {
             measured: self.measured.clone(),
             state: self.state.clone(),
             commands: self.commands.clone(),
+            starts: self.starts.clone(),
             predicted: self.predicted.clone(),
             work: Workspace::new(),
         })

@@ -18,6 +18,9 @@ const STEP: f64 = 0.1;
 /// Change at which the iterations end, in initial standard deviations.
 const SMALL: f64 = 0.01;
 
+/// Currents under which a window is predicted at once: one, and one with a step in each component.
+pub(super) const CURRENTS: usize = 3;
+
 /// Result of a window.
 pub(super) struct Estimated {
     current: Current,
@@ -46,8 +49,10 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
     pub(super) fn update_by_window(&mut self) {
         let CurrentOptions { window, stride, .. } = self.options;
         self.commands.clear();
-        for back in (1..=window).rev() {
-            self.commands.extend_from_slice(self.past.row(back).2);
+        for _ in 0..CURRENTS {
+            for back in (1..=window).rev() {
+                self.commands.extend_from_slice(self.past.row(back).2);
+            }
         }
         let share = (stride as f64 / window as f64).min(1.0);
         // The model as it was before the window predicts the window.
@@ -144,21 +149,24 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
         self.row = row;
     }
 
-    /// Error of the prediction over the last window under a current, in standard deviations; NaN where nothing was
-    /// measured.
-    fn error(&mut self, current: [f64; 2]) -> [f64; 3] {
-        let window = self.options.window;
-        self.observe_past(current, window);
-        let mut predicted = core::mem::take(&mut self.predicted);
-        self.replay.rollout(&self.commands, &mut self.work, &mut predicted);
-        let end = predicted.len() - self.measured.len();
-        self.add_current(current, self.past.row(0).1, 1.0, &mut predicted[end..]);
-        let mut errors = [0.0; 3];
-        for ((error, of), deviation) in
-            errors.iter_mut().zip(self.options.motion).zip(self.options.deviations)
-        {
-            *error = (self.measured[of] - predicted[end + of]) / deviation;
+    /// Errors of the predictions over the last window under each of some currents, in standard deviations; NaN where
+    /// nothing was measured.
+    fn errors(&mut self, currents: [[f64; 2]; CURRENTS]) -> [[f64; 3]; CURRENTS] {
+        let CurrentOptions { motion, window, deviations, .. } = self.options;
+        let mut starts = core::mem::take(&mut self.starts);
+        for (current, start) in currents.iter().zip(starts.chunks_exact_mut(self.state.len().max(1))) {
+            self.observe_past(*current, window);
+            self.replay.snapshot(start);
         }
+        let mut predicted = core::mem::take(&mut self.predicted);
+        self.replay.rollout_snapshots(CURRENTS, &starts, &self.commands, &mut self.work, &mut predicted);
+        self.starts = starts;
+        let size = predicted.len() / CURRENTS;
+        let errors = core::array::from_fn(|i| {
+            let end = &mut predicted[(i + 1) * size - self.measured.len()..(i + 1) * size];
+            self.add_current(currents[i], self.past.row(0).1, 1.0, end);
+            core::array::from_fn(|k| (self.measured[motion[k]] - end[motion[k]]) / deviations[k])
+        });
         self.predicted = predicted;
         errors
     }
@@ -175,8 +183,7 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
         let missing = motion.map(|c| self.measured[c].is_nan());
         for iteration in 0..ITERATIONS {
             let c = next.velocity;
-            let error = self.error(c);
-            let moved = [self.error([c[0] + step, c[1]]), self.error([c[0], c[1] + step])];
+            let [error, moved @ ..] = self.errors([c, [c[0] + step, c[1]], [c[0], c[1] + step]]);
             let size = norm(error, missing);
             if iteration == 0 {
                 outlier = size > FULL_WEIGHT;

@@ -102,7 +102,7 @@ pub(super) fn from_s(args: &Control, scene: &Scenario) -> anyhow::Result<f64> {
     Ok(from_s)
 }
 
-pub(super) const fn conditions(args: &DisturbanceArgs) -> Conditions {
+pub(super) fn conditions(args: &DisturbanceArgs) -> Conditions {
     let [gust, gust_s] = args.gusts.0;
     Conditions {
         seed: args.seed,
@@ -111,7 +111,7 @@ pub(super) const fn conditions(args: &DisturbanceArgs) -> Conditions {
         wind: Wind { force: args.wind.0, gust, gust_s },
         mass: args.mass,
         delay_s: args.delay,
-        onset_s: args.onset.0,
+        onset_s: args.onset.map_or(0.0, |onset| onset.0),
     }
 }
 
@@ -296,7 +296,7 @@ pub(super) fn facts(args: &Control, steering: &ControllerOptions, scene: &Scenar
     add("Task", format!("{task}, {} m/s{turn}", args.task.speed));
     let d = &args.disturbances;
     let [[north, east], [to_north, to_east], [gust, gust_s]] = [d.current.0, d.wind.0, d.gusts.0];
-    let onset = if d.onset.0 > 0.0 { format!(" (from {} s on)", d.onset.0) } else { String::new() };
+    let onset = d.onset.map(|onset| format!(" (from {} s on)", onset.0)).unwrap_or_default();
     add(
         "Conditions",
         format!(
