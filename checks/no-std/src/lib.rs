@@ -67,7 +67,7 @@ fn steer(u: f64) -> f64 {
     let Ok(path) = Path::circle([0.0; 2], 20.0, Side::Starboard, 0.0) else { return f64::NAN };
     let Ok(profile) = SpeedProfile::new(&path, &SpeedLimits::cruise(2.0)) else { return f64::NAN };
     let mut command = [0.0; 2];
-    let estimate = Estimate { eta: [20.0, 0.0, 1.5], nu: [u, 0.0, 0.0], actuators: &[] };
+    let estimate = Estimate { eta: [20.0, 0.0, 1.5], nu: [u, 0.0, 0.0], current: [0.0; 2], actuators: &[] };
     law.command(&estimate, &TimedReference::new(&profile).reference(&path, &profile), &mut command);
     command[0]
 }
