@@ -317,7 +317,7 @@ fn every_command_has_help_with_an_example() {
 
 /// Three runs of a vessel that turns, in currents; the heading is in the last column.
 fn runs_in_currents(folder: &Path, heading: &str) -> [String; 3] {
-    [(1, [0.0, 0.0]), (2, [0.3, -0.1]), (3, [-0.2, 0.2])].map(|(number, [north, east])| {
+    [(1, [0.0, 0.0]), (2, [0.6, -0.2]), (3, [-0.3, 0.5])].map(|(number, [north, east])| {
         let (mut log, mut psi) = (format!("t,n_cmd,rudder_ang [rad],u,v,r,{heading}\n"), 0.2_f64);
         let (mut u, mut v, mut r) = (0.8_f64, 0.0, 0.0);
         for k in 0..1200_u32 {
@@ -354,14 +354,19 @@ fn a_model_of_the_motion_through_the_water_is_identified_and_evaluated() {
     let names = runs_in_currents(folder.path(), "heading [deg]");
     let [a, b, c] = names.each_ref().map(String::as_str);
     let identify = ["identify", a, b, c, "--horizon", "10s", "--methods", "committee"];
-    let output = hydroid(folder.path(), &[&identify[..], &["-o", "out"]].concat());
+    // The current of a run is unknown for its first seconds, which decide on exact and short runs.
+    let output = hydroid(folder.path(), &[&identify[..], &["-o", "auto"]].concat());
     let told = String::from_utf8_lossy(&output.stderr);
-    assert!(told.contains("predicts the motion through the water"), "{told}");
+    assert!(told.contains("stays over ground: its cross-validated error is"), "{told}");
+    let demanded = ["--motion", "through-water", "-o", "out"];
+    let output = hydroid(folder.path(), &[&identify[..], &demanded].concat());
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(told.contains("Currents of the runs"), "{told}");
     let text = fs::read_to_string(folder.path().join("out/identify.json")).unwrap();
     let summary: Value = serde_json::from_str(&text).unwrap();
     let found = &summary["currents"]["runs"];
-    assert!((found[1]["north_m_s"].as_f64().unwrap() - 0.3).abs() < 0.02, "{found}");
-    assert!((found[2]["east_m_s"].as_f64().unwrap() - 0.2).abs() < 0.02, "{found}");
+    assert!((found[1]["north_m_s"].as_f64().unwrap() - 0.6).abs() < 0.02, "{found}");
+    assert!((found[2]["east_m_s"].as_f64().unwrap() - 0.5).abs() < 0.02, "{found}");
     let model = "out/committee.safetensors";
     let evaluated = hydroid(folder.path(), &["evaluate", model, b]);
     assert_eq!(evaluated.status.code(), Some(0), "{}", String::from_utf8_lossy(&evaluated.stderr));
@@ -377,7 +382,6 @@ fn a_model_of_the_motion_through_the_water_is_identified_and_evaluated() {
     let named = ["evaluate", model, d.to_str().unwrap(), "--heading", "angle"];
     assert_eq!(hydroid(folder.path(), &named).status.code(), Some(0));
     // Without a column that is known to be a heading.
-    let demanded = ["--motion", "through-water", "-o", "out"];
     let output = hydroid(others.path(), &[&identify[..], &demanded].concat());
     assert_ne!(output.status.code(), Some(0));
     assert!(String::from_utf8_lossy(&output.stderr).contains("--heading"));
@@ -418,6 +422,4 @@ fn a_model_from_still_water_estimates_a_current() {
     assert!(wrong.contains("track.csv") && wrong.contains("--heading"), "{wrong}");
     let wrong = complaint(judged("adapt", &["--estimate-current", "0.3", "--heading", "nowhere"]));
     assert!(wrong.contains("nowhere"), "{wrong}");
-    let wrong = complaint(hydroid(folder.path(), &[&sail[..], &["--estimate-current", "0.3"]].concat()));
-    assert!(wrong.contains("--controller cem"), "{wrong}");
 }
