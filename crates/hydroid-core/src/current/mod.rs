@@ -117,13 +117,20 @@ impl Inner for dyn Adapter {
 /// the estimate has moved by more than its standard deviation, the model observes its past again, so that all its memory
 /// belongs to one current.
 ///
+/// A random walk of variance `q` per second has the variance of jumps of the initial variance at the rate `q` over it. After
+/// an outlier, the hypothesis of a jump stands beside the present estimate, if the ratio of the evidences exceeds the inverse
+/// of the probability of a jump within a window (A. S. Willsky and H. L. Jones, *IEEE Transactions on Automatic Control* 21
+/// (1976) 108). It is accepted when the ratio exceeds this number again on later windows, which do not overlap with the
+/// first, and rejected when the ratio falls below one. With a walk of zero, the current cannot jump.
+///
 /// Around an [`Adapter`], the session is an adapter, and current and weights are estimated in turn. What is unknown about
 /// the current is noise to the model that learns. With the covariance `P` of the current and the derivatives `h_i` of the
 /// standardized errors of a window, it adds the variance `a = max_i h_i' P h_i`. The noise variance of a measurement is
 /// multiplied by `1 + a`. While the current is being found, its error is not random: weights with little prior information
 /// would take it as their own at any noise variance. The model therefore learns only where `a` is small, or near the
 /// stationary variance of the filter: `a <= max(1/4, 2 a_s)`, `a_s^2 = max_i h_i' Q h_i`, with the variance `Q` of the
-/// random walk over a window.
+/// random walk over a window. Windows are predicted with the weights at their start. After a jump, the weights are those
+/// before the window that suggested it.
 pub struct ThroughWater<P: Inner + ?Sized = dyn Predictor> {
     inner: Box<P>,
     /// A session of the same model that observes the past again, and does not learn.
