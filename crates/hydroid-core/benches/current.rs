@@ -1,6 +1,6 @@
 //! What an estimate of the current costs: a sample and a rollout of a model alone, and in a session through the water.
 //!
-//! The estimate works once in every nine samples; the benchmark of samples contains its mean share.
+//! The estimate works once in a window; the benchmark of samples contains its mean share.
 
 #[path = "../tests/it/controllers/written.rs"]
 mod written;
@@ -55,7 +55,6 @@ fn session(name: &str) -> Box<dyn Predictor> {
         motion: [0, 1, 2],
         dt: 0.1,
         window: 25,
-        stride: 9,
         deviations: [0.02, 0.02, 0.02],
         initial: 0.3,
         walk: 0.005,

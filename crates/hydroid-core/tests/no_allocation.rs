@@ -335,7 +335,6 @@ fn estimating_the_current_allocates_nothing(model: Box<dyn Predictor>) {
         motion: [0, 1, 2],
         dt: 0.1,
         window: 10,
-        stride: 4,
         deviations: [0.1, 0.1, 0.05],
         initial: 0.5,
         walk: 0.01,

@@ -3,7 +3,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
+use crate::adapt::memory::{Reader, Writer};
 use crate::predict::Current;
 
 /// Another current since the start of a window, with the model of that time, beside the present current and model.
@@ -16,8 +16,6 @@ pub(super) struct Jump {
     odds: f64,
     /// Its odds at the beginning.
     prior_odds: f64,
-    /// Samples since the window that suggested it.
-    age: usize,
     model: Vec<f64>,
 }
 
@@ -25,7 +23,7 @@ impl Jump {
     /// Room for a snapshot of the model.
     pub(super) fn new(size: usize) -> Self {
         let current = Current { velocity: [0.0; 2], covariance: [0.0; 3] };
-        Self { considered: false, current, odds: 0.0, prior_odds: 0.0, age: 0, model: vec![0.0; size] }
+        Self { considered: false, current, odds: 0.0, prior_odds: 0.0, model: vec![0.0; size] }
     }
 
     pub(super) const fn is_considered(&self) -> bool {
@@ -41,7 +39,6 @@ impl Jump {
         self.considered = true;
         self.current = current;
         (self.odds, self.prior_odds) = (odds, odds);
-        self.age = 0;
         self.model.copy_from_slice(model);
     }
 
@@ -51,13 +48,9 @@ impl Jump {
     }
 
     /// Takes a result of a further window: the other current after it, and the logarithm of the ratio of the evidences.
-    /// Evidence counts from the first window on that does not overlap with the one that suggested the jump.
-    pub(super) fn update(&mut self, current: Current, evidence: f64, stride: usize, window: usize) {
+    pub(super) fn update(&mut self, current: Current, evidence: f64) {
         self.current = current;
-        self.age = self.age.saturating_add(stride);
-        if self.age >= window {
-            self.odds += evidence;
-        }
+        self.odds += evidence;
         // Refuted as soon as it is less probable than at the beginning.
         self.considered = self.odds >= self.prior_odds;
     }
@@ -68,14 +61,13 @@ impl Jump {
     }
 
     pub(super) const fn memory_len(&self) -> usize {
-        self.model.len() + 9
+        self.model.len() + 8
     }
 
     pub(super) fn save(&self, into: &mut Writer<'_>) {
         let Current { velocity: [north, east], covariance: [p, q, r] } = self.current;
         into.flag(self.considered);
         into.numbers(&[north, east, p, q, r, self.odds, self.prior_odds]);
-        into.count(self.age);
         into.numbers(&self.model);
     }
 
@@ -86,7 +78,6 @@ impl Jump {
         let [north, east, p, q, r, odds, prior_odds] = numbers;
         self.current = Current { velocity: [north, east], covariance: [p, q, r] };
         (self.odds, self.prior_odds) = (odds, prior_odds);
-        self.age = from.count(MOST_COUNTED);
         from.numbers(&mut self.model);
     }
 }

@@ -12,7 +12,6 @@
 //! 2021, section 10.3). [`ThroughWater`] is a predictor of the motion over ground around a predictor of the motion through
 //! the water.
 
-mod earlier;
 mod jump;
 mod past;
 mod symmetric;
@@ -27,7 +26,6 @@ use num_traits::Float;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
 use crate::adapt::{Adapter, Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
 use crate::predict::{Current, Predictor, Workspace, rollout_steps};
-use earlier::Earlier;
 use jump::Jump;
 use past::Past;
 use symmetric::quadratic;
@@ -42,8 +40,6 @@ pub struct CurrentOptions {
     pub dt: f64,
     /// Length of a window \[samples\]: the current is estimated from the errors of predictions over it.
     pub window: usize,
-    /// Samples between the ends of two windows.
-    pub stride: usize,
     /// Standard deviations of the errors at the end of a window under the right current: surge and sway \[m/s\], yaw rate
     /// \[rad/s\].
     pub deviations: [f64; 3],
@@ -66,7 +62,6 @@ impl CurrentOptions {
             && v != r
             && r != u
             && (1..=LONGEST_WINDOW).contains(&self.window)
-            && self.stride >= 1
             && self.deviations.into_iter().all(positive)
             && positive(self.dt)
             && positive(self.initial)
@@ -113,15 +108,13 @@ impl Inner for dyn Adapter {
 /// The current is a random walk, estimated by an iterated extended Kalman filter (B. M. Bell and F. W. Cathey, *IEEE
 /// Transactions on Automatic Control* 38 (1993) 294). Its measurements are the errors of predictions over windows: under
 /// a current, the model observes the past of the window, another window at most, and predicts its end. Huber weights limit
-/// the effect of a window that the model cannot explain. Windows overlap, and each counts by the share that is new. When
-/// the estimate has moved by more than its standard deviation, the model observes its past again, so that all its memory
+/// the effect of a window that the model cannot explain. Each window begins where the last one ended. When the estimate has moved by more than its standard deviation, the model observes its past again, so that all its memory
 /// belongs to one current.
 ///
 /// A random walk of variance `q` per second has the variance of jumps of the initial variance at the rate `q` over it. After
 /// an outlier, the hypothesis of a jump stands beside the present estimate, if the ratio of the evidences exceeds the inverse
 /// of the probability of a jump within a window (A. S. Willsky and H. L. Jones, *IEEE Transactions on Automatic Control* 21
-/// (1976) 108). It is accepted when the ratio exceeds this number again on later windows, which do not overlap with the
-/// first, and rejected when the ratio falls below one. With a walk of zero, the current cannot jump.
+/// (1976) 108). It is accepted when the ratio exceeds this number again on later windows, and rejected when the ratio falls below one. With a walk of zero, the current cannot jump.
 ///
 /// Around an [`Adapter`], the session is an adapter, and current and weights are estimated in turn. What is unknown about
 /// the current is noise to the model that learns. With the covariance `P` of the current and the derivatives `h_i` of the
@@ -148,8 +141,9 @@ pub struct ThroughWater<P: Inner + ?Sized = dyn Predictor> {
     /// Yaw rate at the present sample.
     rate: f64,
     past: Past,
-    /// Snapshots of the model at the last windows.
-    earlier: Earlier,
+    /// Snapshot of the model at the start of the window; not known before the first one.
+    start: Vec<f64>,
+    has_start: bool,
     jump: Jump,
     /// Samples since the last window, and since the last heading.
     since: usize,
@@ -185,7 +179,8 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
             next_heading: f64::NAN,
             rate: f64::NAN,
             past: Past::new(outputs, inputs, [least + window, most + window]),
-            earlier: Earlier::new(window.div_ceil(options.stride), inner.snapshot_len()),
+            start: vec![0.0; inner.snapshot_len()],
+            has_start: false,
             jump: Jump::new(inner.snapshot_len()),
             since: 0,
             blind: 0,
@@ -268,7 +263,11 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
         self.current.covariance[0] += variance;
         self.current.covariance[2] += variance;
         self.since = self.since.saturating_add(1);
-        if self.since >= self.options.stride && self.past.is_full() && self.blind <= self.options.window {
+        let CurrentOptions { motion, window, .. } = self.options;
+        // Outputs at several rates: the window ends where the whole motion is measured, if it ever is.
+        let complete = motion.iter().all(|&c| self.measured[c].is_finite());
+        let due = self.since >= window && (complete || self.since >= window.saturating_mul(2));
+        if due && self.past.is_full() && self.blind <= window {
             self.since = 0;
             self.update_by_window();
         }
@@ -329,7 +328,7 @@ impl<P: Inner + ?Sized> Predictor for ThroughWater<P> {
         self.next_heading = f64::NAN;
         self.rate = f64::NAN;
         self.past.clear();
-        self.earlier.clear();
+        self.has_start = false;
         self.jump.forget();
         self.since = 0;
         self.blind = 0;
@@ -418,7 +417,7 @@ impl<P: Inner + ?Sized> Predictor for ThroughWater<P> {
         self.heading = own[5];
         self.rate = own[6];
         self.past.clear();
-        self.earlier.clear();
+        self.has_start = false;
         self.jump.forget();
     }
 
@@ -458,7 +457,8 @@ impl<P: Inner + ?Sized> Predictor for ThroughWater<P> {
             next_heading: self.next_heading,
             rate: self.rate,
             past: self.past.clone(),
-            earlier: self.earlier.clone(),
+            start: self.start.clone(),
+            has_start: self.has_start,
             jump: self.jump.clone(),
             since: self.since,
             blind: self.blind,
@@ -532,7 +532,8 @@ impl SaveState for ThroughWater<dyn Adapter> {
     fn memory_len(&self) -> usize {
         self.inner.memory_len()
             + self.past.memory_len()
-            + self.earlier.memory_len()
+            + self.start.len()
+            + 1
             + self.jump.memory_len()
             + OWN
             + 12
@@ -547,7 +548,8 @@ impl SaveState for ThroughWater<dyn Adapter> {
         into.numbers(self.slopes.as_flattened());
         into.numbers(&[self.inflation]);
         self.past.save(&mut into);
-        self.earlier.save(&mut into);
+        into.numbers(&self.start);
+        into.flag(self.has_start);
         self.jump.save(&mut into);
         into.count(self.since);
         into.count(self.blind);
@@ -567,7 +569,8 @@ impl SaveState for ThroughWater<dyn Adapter> {
         from.numbers(self.slopes.as_flattened_mut());
         self.inflation = from.part(1)[0];
         self.past.load(&mut from);
-        self.earlier.load(&mut from);
+        from.numbers(&mut self.start);
+        self.has_start = from.flag();
         self.jump.load(&mut from);
         self.since = from.count(MOST_COUNTED);
         self.blind = from.count(MOST_COUNTED);

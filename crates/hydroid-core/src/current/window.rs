@@ -47,20 +47,23 @@ fn huber(size: f64) -> f64 {
 impl<P: Inner + ?Sized> ThroughWater<P> {
     /// Updates the current by the last window; no effect where a number is not finite.
     pub(super) fn update_by_window(&mut self) {
-        let CurrentOptions { window, stride, .. } = self.options;
+        let window = self.options.window;
         self.commands.clear();
         for _ in 0..CURRENTS {
             for back in (1..=window).rev() {
                 self.commands.extend_from_slice(self.past.row(back).2);
             }
         }
-        let share = (stride as f64 / window as f64).min(1.0);
         // The model as it was before the window predicts the window.
-        self.earlier.oldest(&mut self.state, self.inner.as_ref());
+        if self.has_start {
+            self.state.copy_from_slice(&self.start);
+        } else {
+            self.inner.snapshot(&mut self.state);
+        }
         let prior = self.current;
-        let Some(found) = self.estimate(prior, share) else { return };
+        let Some(found) = self.estimate(prior) else { return };
         let jump = if self.jump.is_considered() {
-            self.compare_with_jump(&found, prior, share)
+            self.compare_with_jump(&found, prior)
         } else {
             if found.outlier {
                 self.look_for_jump(prior);
@@ -75,7 +78,6 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
             // What was learned since then belongs to another current.
             self.jump.model(&mut self.state);
             self.jump.forget();
-            self.earlier.clear();
         } else {
             self.inner.snapshot(&mut self.state);
         }
@@ -88,7 +90,8 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
             self.replay.snapshot(&mut self.state);
             self.inner.restore(&self.state);
         }
-        self.earlier.push(&self.state);
+        self.start.copy_from_slice(&self.state);
+        self.has_start = true;
     }
 
     /// Considers a jump if the last window makes it the more probable explanation.
@@ -96,7 +99,7 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
         let CurrentOptions { window, initial, walk, dt, .. } = self.options;
         // As many jumps of the initial deviation as have the variance of the random walk.
         let odds = Float::ln(walk * walk * dt * window as f64 / (initial * initial));
-        if let (Some(steady), Some(other)) = (self.estimate(prior, 1.0), self.estimate(self.free(prior), 1.0))
+        if let (Some(steady), Some(other)) = (self.estimate(prior), self.estimate(self.free(prior)))
             && other.log_evidence + odds > steady.log_evidence
         {
             self.jump.consider(other.current, &self.state, odds);
@@ -110,24 +113,24 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
     }
 
     /// Continues the hypothesis of a jump; the other current if it has become the more probable one.
-    fn compare_with_jump(&mut self, found: &Estimated, prior: Current, share: f64) -> Option<Estimated> {
-        let CurrentOptions { window, stride, walk, dt, .. } = self.options;
+    fn compare_with_jump(&mut self, found: &Estimated, prior: Current) -> Option<Estimated> {
+        let CurrentOptions { window, walk, dt, .. } = self.options;
         self.jump.model(&mut self.state);
         let mut current = self.jump.current;
-        let drift = walk * walk * dt * stride as f64;
+        let drift = walk * walk * dt * window as f64;
         current.covariance[0] += drift;
         current.covariance[2] += drift;
-        let Some(other) = self.estimate(current, share) else {
+        let Some(other) = self.estimate(current) else {
             self.jump.forget();
             return None;
         };
         let evidence = other.log_evidence - found.log_evidence;
-        self.jump.update(other.current, evidence, stride, window);
+        self.jump.update(other.current, evidence);
         if !self.jump.is_confirmed() {
             return None;
         }
         // The window that suggested the jump may have begun before it. The last one has not.
-        self.estimate(self.free(prior), 1.0)
+        self.estimate(self.free(prior))
     }
 
     /// Lets the second session observe all samples of the past up to `to` samples before the newest, under a current.
@@ -172,7 +175,7 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
     }
 
     /// The current after the last window; `None` where a number is not finite.
-    fn estimate(&mut self, before: Current, share: f64) -> Option<Estimated> {
+    fn estimate(&mut self, before: Current) -> Option<Estimated> {
         let CurrentOptions { initial, motion, .. } = self.options;
         let prior = inverse(before.covariance)?;
         let mut next = before;
@@ -188,7 +191,7 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
             if iteration == 0 {
                 outlier = size > FULL_WEIGHT;
             }
-            let weight = share * if size > FULL_WEIGHT { FULL_WEIGHT / size } else { 1.0 };
+            let weight = if size > FULL_WEIGHT { FULL_WEIGHT / size } else { 1.0 };
             let mut information = prior;
             let from = [before.velocity[0] - c[0], before.velocity[1] - c[1]];
             let mut right = product(prior, from);
@@ -211,7 +214,7 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
             let left =
                 core::array::from_fn(|i| error[i] - slopes[i][0] * change[0] - slopes[i][1] * change[1]);
             let from = [change[0] - from[0], change[1] - from[1]];
-            let cost = share * huber(norm(left, missing)) + 0.5 * quadratic(prior, from);
+            let cost = huber(norm(left, missing)) + 0.5 * quadratic(prior, from);
             log_evidence = 0.5 * Float::ln(determinant(prior) * determinant(covariance)) - cost;
             if change.iter().all(|x| x.abs() < SMALL * initial) {
                 break;

@@ -54,15 +54,7 @@ fn learner() -> Box<dyn Adapter> {
 }
 
 fn options(initial: f64, deviation: f64) -> CurrentOptions {
-    CurrentOptions {
-        motion: [0, 1, 2],
-        dt: DT,
-        window: 30,
-        stride: 10,
-        deviations: [deviation; 3],
-        initial,
-        walk: 0.0,
-    }
+    CurrentOptions { motion: [0, 1, 2], dt: DT, window: 30, deviations: [deviation; 3], initial, walk: 0.0 }
 }
 
 /// Random numbers (Steele, Lea and Flood, *Fast splittable pseudorandom number generators*, OOPSLA 2014).
@@ -175,8 +167,7 @@ fn intervals_hold_the_current_in_nine_of_ten_runs() {
         let angle = TAU * seed as f64 / runs as f64;
         let current = [0.4 * angle.cos(), 0.4 * angle.sin()];
         let run = run([current; 2], 400, seed);
-        let mut session =
-            ThroughWater::new(vessel(), CurrentOptions { stride: 30, ..options(0.4, 0.0105) }).unwrap();
+        let mut session = ThroughWater::new(vessel(), options(0.4, 0.0105)).unwrap();
         follow(&mut session, &run, 0, 399);
         let estimate = session.current().unwrap();
         let [p, q, r] = estimate.covariance;
@@ -455,7 +446,6 @@ fn options_that_make_no_sense_are_refused() {
         CurrentOptions { motion: [0, 1, 3], ..good },
         CurrentOptions { window: 0, ..good },
         CurrentOptions { window: usize::MAX, ..good },
-        CurrentOptions { stride: 0, ..good },
         CurrentOptions { deviations: [0.1, 0.0, 0.1], ..good },
         CurrentOptions { dt: f64::NAN, ..good },
         CurrentOptions { initial: -0.1, ..good },

@@ -38,7 +38,6 @@ fn model_through_water() -> Model {
     model.description.current = Some(CurrentEstimate {
         motion: [0, 1, 2],
         window: 30,
-        stride: 10,
         deviations: [0.02; 3],
         initial_m_s: 0.4,
         walk_m_s: 0.005,

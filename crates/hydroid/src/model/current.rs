@@ -9,9 +9,6 @@ use crate::evaluate::BAND_80;
 /// Share of the horizon of the windows from whose errors sessions estimate the current.
 const WINDOW: f64 = 0.25;
 
-/// Windows that overlap at any time.
-const OVERLAP: usize = 3;
-
 /// Horizon without prediction bands \[samples\].
 const DEFAULT_HORIZON: usize = 100;
 
@@ -26,8 +23,6 @@ pub struct CurrentEstimate {
     pub motion: [usize; 3],
     /// Length of a window \[samples\].
     pub window: usize,
-    /// Samples between the ends of two windows.
-    pub stride: usize,
     /// Standard deviations of the errors at the end of a window: surge and sway \[m/s\], yaw rate \[rad/s\].
     pub deviations: [f64; 3],
     /// Standard deviation of each component at the start of a run \[m/s\].
@@ -42,7 +37,6 @@ impl CurrentEstimate {
             motion: self.motion,
             dt,
             window: self.window,
-            stride: self.stride,
             deviations: self.deviations,
             initial: self.initial_m_s,
             walk: self.walk_m_s,
@@ -84,14 +78,7 @@ impl CurrentEstimate {
     /// The estimate with windows for predictions over `horizon` samples: `deviations` are the standard deviations of the
     /// errors at their end, `initial_m_s` that of a component of the current.
     pub(crate) fn new(motion: [usize; 3], window: usize, deviations: [f64; 3], initial_m_s: f64) -> Self {
-        Self {
-            motion,
-            window,
-            stride: window.div_ceil(OVERLAP),
-            deviations,
-            initial_m_s,
-            walk_m_s: initial_m_s / CHANGE_S.sqrt(),
-        }
+        Self { motion, window, deviations, initial_m_s, walk_m_s: initial_m_s / CHANGE_S.sqrt() }
     }
 
     /// Length of a window \[samples\] for predictions over `horizon` samples.
