@@ -1,6 +1,7 @@
 //! Reports: self-contained HTML pages with figures.
 //!
-//! [`identification`] writes the page of an identification, [`closed_loop`](fn@closed_loop) that of a closed-loop run.
+//! [`identification`] writes the page of an identification, [`closed_loop`](fn@closed_loop) that of a closed-loop run,
+//! [`manoeuvres`] that of manoeuvring trials.
 //! A page loads no external resources; an inline script shows the values of curves. The same input gives the same
 //! bytes: date and duration are on the page only if the [`Context`] contains them.
 //!
@@ -20,6 +21,7 @@ pub mod formula;
 pub mod front;
 mod growth;
 mod hidden;
+mod manoeuvre;
 mod methods;
 mod network;
 pub mod number;
@@ -39,6 +41,7 @@ use hydroid::identify::{Candidate, IdentifyResult};
 use hydroid::log::{Note, Split, Trajectory};
 
 pub use closed_loop::{ClosedLoopReport, closed_loop};
+pub use manoeuvre::{ManoeuvreReport, manoeuvres};
 
 /// Content of a report in addition to the result.
 #[derive(Clone, Debug, PartialEq)]

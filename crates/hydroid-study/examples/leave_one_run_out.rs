@@ -12,110 +12,18 @@
 //! on; `frozen` is the committee with constant coefficients. The last column is the smallest and the largest share of the
 //! measurements inside each prediction band of the best model, over outputs and quarters of the horizon.
 
-use std::path::{Path, PathBuf};
+#[path = "common/sets.rs"]
+mod sets;
+
+use std::path::Path;
 use std::time::Instant;
 
 use hydroid::evaluate::{Options, PredictionCoverage, evaluate, evaluate_each};
-use hydroid::identify::{
-    Job, Method, MotionOption, NetworkTrainingOptions, SindyOptions, identify, output_ranges,
-};
-use hydroid::log::{self, LogError, PrepareOptions, Selection, Split, Trajectory, split_named};
-use hydroid::model::Reading;
+use hydroid::identify::{Method, MotionOption, identify, output_ranges};
+use hydroid::log::Trajectory;
 use hydroid::progress::silent;
 use hydroid_core::predict::Predictor;
-
-/// Runs of a vessel.
-struct Set {
-    name: &'static str,
-    folder: &'static str,
-    runs: &'static [&'static str],
-    outputs: &'static str,
-    inputs: &'static str,
-    wind: bool,
-    horizon_s: f64,
-}
-
-const ESSO: Set = Set {
-    name: "esso-random",
-    folder: "esso-osaka",
-    runs: &[
-        "random_03-Aug-2020_11_04_37",
-        "random_06-Aug-2020_16_24_25_1",
-        "random_06-Aug-2020_16_24_25_4",
-        "random_06-Aug-2020_16_24_25_6",
-        "random_31-Jul-2020_12_29_58",
-        "random_31-Jul-2020_14_52_18",
-    ],
-    outputs: "u=u_velo,v=vm_velo,r=r_angvelo",
-    inputs: "n=n_prop,delta=delta_rudder",
-    wind: false,
-    horizon_s: 30.0,
-};
-
-const FLEET: Set = Set {
-    name: "",
-    folder: "",
-    runs: &["run1", "run2", "run3", "run4", "run5", "run6"],
-    outputs: "u,v,r",
-    inputs: "",
-    wind: false,
-    horizon_s: 30.0,
-};
-
-const SETS: [Set; 9] = [
-    Set {
-        name: "cybership",
-        folder: "cybership-enterprise1",
-        runs: &["random_run1", "run1", "random_run3", "dptest1"],
-        outputs: "u=u_mps,v=v_mps,r=r_radps",
-        inputs: "u1_vsp1_x,u2_vsp1_y,u3_vsp2_x,u4_vsp2_y,u5_bowthruster",
-        wind: false,
-        horizon_s: 5.0,
-    },
-    Set { name: "esso-random-wind", wind: true, ..ESSO },
-    ESSO,
-    Set {
-        name: "esso-zigzag-wind",
-        runs: &[
-            "zigzag_31-Jul-2020_13_22_52",
-            "zigzag_31-Jul-2020_13_29_19",
-            "zigzag_31-Jul-2020_13_50_28",
-            "zigzag_31-Jul-2020_14_03_39",
-        ],
-        wind: true,
-        horizon_s: 20.0,
-        ..ESSO
-    },
-    Set { name: "otter", folder: "fleet/otter/rates", inputs: "n_left,n_right", horizon_s: 20.0, ..FLEET },
-    Set { name: "tanker", folder: "fleet/tanker/rates", inputs: "rpm,rudder", horizon_s: 60.0, ..FLEET },
-    Set { name: "clarke83", folder: "fleet/clarke83/rates", inputs: "thrust,delta", ..FLEET },
-    Set { name: "zefakkel", folder: "fleet/zefakkel/rates", inputs: "speed_order,rudder", ..FLEET },
-    Set {
-        name: "transit",
-        folder: "fleet/transit/rates",
-        inputs: "throttle,delta_cmd",
-        horizon_s: 60.0,
-        ..FLEET
-    },
-];
-
-impl Set {
-    /// The runs, by the file that each comes from.
-    fn read(&self, data: &Path) -> anyhow::Result<(Vec<Vec<Trajectory>>, Reading)> {
-        let files: Vec<PathBuf> =
-            self.runs.iter().map(|run| data.join(self.folder).join(run).with_extension("csv")).collect();
-        let raw = files.iter().map(|file| log::read(file)).collect::<Result<Vec<_>, _>>()?;
-        let wind = self.wind.then(|| "wind_velo_relative_mid,wind_dir_relative_mid".parse());
-        let selection = Selection { wind: wind.transpose()?, ..Selection::of(self.outputs, self.inputs)? };
-        let options = PrepareOptions::default();
-        let prepared = log::prepare(&raw, &selection, &options)?;
-        let mut runs = vec![Vec::new(); files.len()];
-        for (run, source) in prepared.runs.into_iter().zip(prepared.sources) {
-            runs[source].push(run);
-        }
-        Ok((runs, Reading { selection: prepared.selection, options }))
-    }
-}
+use sets::{SETS, Set, methods};
 
 /// Share of the measurements inside prediction bands, for each level, quarter of the horizon and output.
 #[derive(Default)]
@@ -149,19 +57,6 @@ impl Coverage {
     }
 }
 
-fn methods(list: &str) -> anyhow::Result<Vec<Method>> {
-    let method = |name: &str| Ok(serde_json::from_value(serde_json::Value::from(name))?);
-    list.split(',').map(method).collect()
-}
-
-/// All runs but the test runs are cross-validated, or split where a method needs validation runs.
-fn split(train: Vec<Trajectory>, test: &[Trajectory], methods: &[Method]) -> Result<Split, LogError> {
-    if methods.iter().all(|method| method.is_cross_validated()) {
-        return Ok(Split { train, validation: Vec::new(), test: test.to_vec(), notes: Vec::new() });
-    }
-    split_named(train, Vec::new(), test.to_vec())
-}
-
 fn measure(
     set: &Set,
     data: &Path,
@@ -171,8 +66,7 @@ fn measure(
 ) -> anyhow::Result<()> {
     let (runs, reading) = set.read(data)?;
     let first = runs.iter().flatten().next().ok_or_else(|| anyhow::anyhow!("{}: no runs", set.name))?;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive number")]
-    let horizon = (set.horizon_s / first.dt).round() as usize;
+    let horizon = set.horizon(first.dt);
     // Sessions by name of the model, with one session for each run.
     let mut sessions: Vec<(String, Vec<Box<dyn Predictor>>)> = Vec::new();
     let mut add = |name: &str, make: &mut dyn FnMut() -> Box<dyn Predictor>, parts: usize| {
@@ -185,20 +79,7 @@ fn measure(
     let clock = Instant::now();
     let mut coverage = Coverage::default();
     for (left_out, test) in runs.iter().enumerate() {
-        let others = runs.iter().enumerate().filter(|(index, _)| *index != left_out);
-        let train: Vec<Trajectory> = others.flat_map(|(_, parts)| parts.iter().cloned()).collect();
-        let job = Job {
-            methods: methods.to_vec(),
-            split: split(train, test, methods)?,
-            reading: reading.clone(),
-            horizon,
-            origin_stride: 5,
-            seed: 0,
-            ranges: std::collections::BTreeMap::default(),
-            motion,
-            sindy: SindyOptions::default(),
-            networks: NetworkTrainingOptions { budget_s, ..NetworkTrainingOptions::default() },
-        };
+        let job = set.job(&runs, &reading, left_out, methods, motion, budget_s)?;
         let Ok(identified) = identify(&job, &mut silent()) else {
             println!("{}: nothing was identified without {}", set.name, set.runs[left_out]);
             return Ok(());

@@ -2,7 +2,8 @@
 //!
 //! Order of the modules, bottom to top; each imports only modules before it: `log` (runs and their files), `excitation`
 //! (command sequences), `progress`, `toml_file`, `atomic`, `fingerprint`, `evaluate` (multi-step errors of any model),
-//! `faults` (sensor faults), `simulate` (commands to logs), `model` (identified models and their files), `sindy`
+//! `faults` (sensor faults), `simulate` (commands to logs), `model` (identified models and their files),
+//! `plant` (models that run freely), `manoeuvre` (manoeuvring trials), `sindy`
 //! (sparse regression), `committee` (difference equations combined by cross-validation), `adapt` (online adaptation along a log), `train` (networks), `closed_loop` (controllers on a
 //! simulated vessel), `identify` (from runs to an evaluated model).
 //!
@@ -21,7 +22,9 @@ pub mod faults;
 pub mod fingerprint;
 pub mod identify;
 pub mod log;
+pub mod manoeuvre;
 pub mod model;
+pub mod plant;
 pub mod progress;
 pub mod simulate;
 pub mod sindy;

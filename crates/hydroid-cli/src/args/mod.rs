@@ -5,6 +5,7 @@ mod control;
 mod file;
 mod help;
 mod identify;
+mod manoeuvre;
 mod thesis;
 mod values;
 
@@ -21,6 +22,7 @@ pub use control::{
     TaskKind, TimingKind,
 };
 pub use identify::Identify;
+pub use manoeuvre::{Manoeuvre, TrialName, ZigzagAngles};
 pub use thesis::Thesis;
 pub use values::{Against, Duration, Horizon, Method, NamedNumber, NamedRange, Origin};
 use values::{Pair, parse_timing};
@@ -37,6 +39,7 @@ use values::{Pair, parse_timing};
   hydroid identify a.csv b.csv c.csv --methods sindy,gru --budget 2m -o out    with a recurrent network
   hydroid evaluate out/sindy.safetensors d.csv --horizon 100
   hydroid adapt out/sindy.safetensors d.csv     online adaptation, compared with the frozen model
+  hydroid manoeuvre out/sindy.safetensors -o trials    turning circle, zigzag and other trials
   hydroid control hydrofoil --controller fl --speed 4 --radius 30 -o run       closed loop with a model
 
 Exit status: 0 done, 1 done but a stated criterion was missed, 2 wrong input, 130 interrupted."
@@ -110,6 +113,7 @@ pub enum Command {
     Identify(Box<Identify>),
     Evaluate(Evaluate),
     Adapt(Box<Adapt>),
+    Manoeuvre(Manoeuvre),
     Control(Box<Control>),
     Thesis(Thesis),
 }

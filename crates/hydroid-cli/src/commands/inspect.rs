@@ -8,10 +8,12 @@ use std::path::Path;
 
 use anyhow::bail;
 use hydroid::log::inspect::{Confidence, DelayEstimate};
-use hydroid::log::{self, Inspection};
+use hydroid::log::{self, Inspection, RawLog, Trajectory};
+use hydroid::manoeuvre::{Recognised, recognise};
 use hydroid::model::{self, Description, Model, NamedEquations, Port, Reading};
 use hydroid_core::model::recurrent::{BaseModel, Scaling, Tensor};
 use hydroid_live::black_box::{BlackBox, is_black_box};
+use serde::Serialize;
 use serde_json::json;
 
 use super::Outcome;
@@ -48,11 +50,16 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
             if args.latex {
                 bail!("{} is a log: --latex prints the equations of models", file.display());
             }
-            let inspection = log::inspect(&log::read(file)?, &reading.selection, &reading.options)?;
+            let raw = log::read(file)?;
+            let inspection = log::inspect(&raw, &reading.selection, &reading.options)?;
+            let trials = trials(&raw, &reading);
             if global.json {
-                documents.push(serde_json::to_value(&inspection)?);
+                let mut document = serde_json::to_value(&inspection)?;
+                document["trials"] = json!(trials);
+                documents.push(document);
             } else {
                 show_log(&inspection);
+                show_trials(&trials);
                 ui::print_notes(&inspection.notes, global);
             }
         }
@@ -64,6 +71,40 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
         }
     }
     Ok(Outcome::Done)
+}
+
+/// A manoeuvring trial in a log.
+#[derive(Serialize)]
+struct TrialInLog {
+    title: String,
+    from_s: f64,
+    to_s: f64,
+    #[serde(flatten)]
+    trial: Recognised,
+}
+
+/// The manoeuvring trials in a log; none if it cannot be prepared.
+fn trials(raw: &RawLog, reading: &Reading) -> Vec<TrialInLog> {
+    let prepared = log::prepare(std::slice::from_ref(raw), &reading.selection, &reading.options);
+    let runs = prepared.map(|prepared| prepared.runs).unwrap_or_default();
+    let of = |run: &Trajectory| -> Vec<TrialInLog> {
+        let time = |sample: usize| run.t0 + sample as f64 * run.dt;
+        let found = recognise(run).into_iter().map(|trial| TrialInLog {
+            title: trial.title(),
+            from_s: time(trial.executes[0]),
+            to_s: time(trial.end),
+            trial,
+        });
+        found.collect()
+    };
+    runs.iter().flat_map(of).collect()
+}
+
+fn show_trials(trials: &[TrialInLog]) {
+    for (i, trial) in trials.iter().enumerate() {
+        let head = if i == 0 { "trials" } else { "" };
+        outln!("{head:<10} {:.1} to {:.1} s: {}", trial.from_s, trial.to_s, trial.title);
+    }
 }
 
 /// Whether a file is a vessel or safetensors file, by its extension or its header (eight bytes of length, then JSON).

@@ -5,6 +5,7 @@ mod control;
 mod evaluate;
 mod identify;
 mod inspect;
+mod manoeuvre;
 mod previous_output;
 mod simulate;
 mod table;
@@ -47,6 +48,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         Command::Identify(identify) => identify::run(&identify, args.global),
         Command::Evaluate(evaluate) => evaluate::run(&evaluate, args.global),
         Command::Adapt(adapt) => adapt::run(&adapt, args.global),
+        Command::Manoeuvre(manoeuvre) => manoeuvre::run(&manoeuvre, args.global),
         Command::Control(control) => control::run(&control, args.global),
         Command::Thesis(thesis) => thesis::run(&thesis, args.global),
     }

@@ -15,5 +15,6 @@ mod documents;
 mod equations_input;
 mod file_options;
 mod low_speed;
+mod manoeuvre;
 mod networks;
 mod thesis;

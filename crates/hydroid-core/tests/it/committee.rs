@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use hydroid_core::adapt::{Adapter, CommitteeSession, Learning, Outcome, Rejection, increment_stride};
 use hydroid_core::model::committee::{
-    Committee, CommitteeError, DifferenceEquations, Limits, MOST_MEMBERS, Member, Past, Prior, Shape,
-    weighted_median,
+    Committee, CommitteeError, CommitteeSimulation, DifferenceEquations, Limits, MOST_MEMBERS, Member, Past,
+    Prior, Shape, weighted_median,
 };
 use hydroid_core::model::sparse::{EquationsError, Term};
 use hydroid_core::predict::{Predictor, Workspace};
@@ -275,6 +275,45 @@ fn naive_median(votes: &[(f64, u32)]) -> f64 {
     single.sort_by(f64::total_cmp);
     let (low, high) = (single[(single.len() - 1) / 2], single[single.len() / 2]);
     if low == high { low } else { 0.5 * (low + high) }
+}
+
+#[test]
+fn a_simulation_predicts_what_a_rollout_predicts() {
+    let committee = Committee::new(vec![member(2, 0.9, 3), member(3, 1.1, 1), member(4, 0.8, 2)]).unwrap();
+    let committee = Arc::new(committee.with_ranges(vec![(-1.0, 1.0), (-0.2, 0.3)]).unwrap());
+    let (span, steps) = (committee.span(), 50);
+    let outputs: Vec<f64> = (0..2 * (span + 1)).map(|i| 0.3 * noise(i, 0)).collect();
+    let inputs: Vec<f64> = (0..span).map(|k| noise(k, 1)).collect();
+    let commands: Vec<f64> = (0..steps).map(|k| noise(k / 3, 2)).collect();
+    let mut session = CommitteeSession::new(Arc::clone(&committee)).unwrap();
+    for (k, y) in outputs.chunks(2).enumerate() {
+        session.observe(y);
+        if k < span {
+            session.advance(&inputs[k..=k]);
+        }
+    }
+    let mut expected = vec![0.0; 2 * steps];
+    session.rollout(&commands, &mut Workspace::new(), &mut expected);
+    let mut simulation = CommitteeSimulation::new(&committee);
+    let mut each = CommitteeSimulation::members_of(&committee);
+    for _ in 0..2 {
+        let past = Past { outputs: &outputs, inputs: &inputs };
+        simulation.start(past);
+        for member in &mut each {
+            member.start(past);
+        }
+        for (c, expected) in commands.iter().zip(expected.chunks(2)) {
+            let mut y = [0.0; 2];
+            simulation.advance(&[*c], &mut y);
+            assert_eq!(y, expected);
+            let mut votes = [[(0.0, 0); 3]; 2];
+            for (i, (member, of)) in each.iter_mut().zip(committee.constant_members()).enumerate() {
+                member.advance(&[*c], &mut y);
+                votes.iter_mut().zip(y).for_each(|(votes, y)| votes[i] = (y, of.votes));
+            }
+            assert_eq!(votes.map(|mut votes| weighted_median(&mut votes)), expected);
+        }
+    }
 }
 
 #[test]

@@ -71,11 +71,18 @@ impl Model {
     /// A session for each ensemble member; their spread reflects the uncertainty of the coefficients. None for models of the
     /// motion through the water, because members that start before each origin do not know the current.
     pub fn member_sessions(&self) -> Vec<Box<dyn Predictor>> {
+        if self.learning.is_some() || self.description.current.is_some() {
+            return Vec::new();
+        }
+        self.member_motion_sessions()
+    }
+
+    /// A session for each ensemble member, of the motion that the model predicts.
+    pub(crate) fn member_motion_sessions(&self) -> Vec<Box<dyn Predictor>> {
         let kind = self.body.kind();
         let count = kind.ensemble_numbers();
         let (places, values) = self.members.parts();
-        let constant = self.learning.is_none() && self.description.current.is_none();
-        if !constant || self.members.is_empty() || !self.members.fit(count) {
+        if self.members.is_empty() || !self.members.fit(count) {
             return Vec::new();
         }
         let session = |values: &[f64]| {

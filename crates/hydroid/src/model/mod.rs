@@ -162,6 +162,13 @@ impl Model {
         }
     }
 
+    /// A session of the motion that the model predicts, with constant weights: through the water for a model of that
+    /// motion, without an estimate of the current.
+    pub(crate) fn motion_session(&self) -> Box<dyn Predictor> {
+        let frozen = self.frozen();
+        frozen.body.kind().session(&frozen)
+    }
+
     /// A session of the motion that the model predicts, as a session of the motion over ground.
     pub(crate) fn over_ground(&self, session: Box<dyn Predictor>) -> Box<dyn Predictor> {
         match self.in_current(session) {

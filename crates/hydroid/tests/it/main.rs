@@ -21,6 +21,7 @@ mod judged;
 mod library;
 mod log;
 mod lorenz;
+mod manoeuvre;
 mod methods;
 mod model_file;
 mod network_file;

@@ -77,6 +77,19 @@ pub struct Limits<'a> {
     pub high: &'a [f64],
 }
 
+/// A rollout in progress.
+#[derive(Debug)]
+pub(super) struct Rolling<'a> {
+    slots: &'a mut [f64],
+    /// Outputs at the last clock instant.
+    start: &'a mut [f64],
+    /// Part of the rates without the present command.
+    held: &'a mut [f64],
+    rate: &'a mut [f64],
+    /// Samples since the last clock instant.
+    pub(super) elapsed: usize,
+}
+
 impl DifferenceEquations {
     /// Equations from terms and coefficients (`outputs x terms`, row by row).
     ///
@@ -171,43 +184,65 @@ impl DifferenceEquations {
         scratch: &mut [f64],
         y: &mut [f64],
     ) {
-        let Shape { outputs: n, inputs: m, lags, clock, dt } = self.shape;
+        let Shape { outputs: n, inputs: m, .. } = self.shape;
+        let mut rolling = self.begin(past, scratch);
+        for (k, y) in y.chunks_exact_mut(n).enumerate() {
+            self.step(coefficients, &mut rolling, &commands[k * m..][..m], limits, y);
+        }
+    }
+
+    /// Begins a rollout at the present of `past`.
+    pub(super) fn begin<'a>(&self, past: Past<'_>, scratch: &'a mut [f64]) -> Rolling<'a> {
+        let rolling = self.rolling(0, scratch);
+        self.load(past, 0, rolling.slots);
+        rolling.start.copy_from_slice(&rolling.slots[1..=self.shape.outputs]);
+        rolling
+    }
+
+    /// A rollout in progress, `elapsed` samples after the last clock instant.
+    pub(super) fn rolling<'a>(&self, elapsed: usize, scratch: &'a mut [f64]) -> Rolling<'a> {
+        let n = self.shape.outputs;
         let (slots, rest) = scratch.split_at_mut(self.program.slots());
         let (start, rest) = rest.split_at_mut(n);
         let (held, rate) = rest.split_at_mut(n);
-        let rate = &mut rate[..n];
-        self.load(past, 0, slots);
-        start.copy_from_slice(&slots[1..=n]);
-        let steps = y.len() / n;
-        let mut base = 0;
-        while base < steps {
+        Rolling { slots, start, held, rate: &mut rate[..n], elapsed }
+    }
+
+    /// The next sample of a rollout under the command `c`.
+    #[inline]
+    pub(super) fn step(
+        &self,
+        coefficients: &[f64],
+        rolling: &mut Rolling<'_>,
+        c: &[f64],
+        limits: Limits<'_>,
+        y: &mut [f64],
+    ) {
+        let Shape { outputs: n, inputs: m, lags, clock, dt } = self.shape;
+        let Rolling { slots, start, held, rate, elapsed } = rolling;
+        if *elapsed == 0 {
             slots[1 + n..=n + m].fill(0.0);
             self.program.evaluate_held(slots);
             self.rates(coefficients, &self.held, slots, held);
-            for j in 0..clock.min(steps - base) {
-                let c = &commands[(base + j) * m..][..m];
-                // Under a constant command the rate is constant.
-                if add_to_mean(&mut slots[1 + n..=n + m], c, j + 1) || j == 0 {
-                    self.program.evaluate_moving(slots);
-                    self.rates(coefficients, &self.moving, slots, rate);
-                    rate.iter_mut().zip(&*held).for_each(|(rate, held)| *rate += held);
-                }
-                let elapsed_s = (j + 1) as f64 * dt;
-                let limits = limits.low.iter().zip(limits.high);
-                let rates = start.iter().zip(&*rate);
-                for ((y, (y0, rate)), (low, high)) in
-                    y[(base + j) * n..][..n].iter_mut().zip(rates).zip(limits)
-                {
-                    // What is not a number stays so.
-                    *y = limited(y0 + elapsed_s * rate, *low, *high);
-                }
-            }
-            base += clock;
-            if base < steps {
-                slots.copy_within(1..=lags * (n + m), 1 + n + m);
-                start.copy_from_slice(&y[(base - 1) * n..][..n]);
-                slots[1..=n].copy_from_slice(start);
-            }
+        }
+        *elapsed += 1;
+        // Under a constant command the rate is constant.
+        if add_to_mean(&mut slots[1 + n..=n + m], c, *elapsed) || *elapsed == 1 {
+            self.program.evaluate_moving(slots);
+            self.rates(coefficients, &self.moving, slots, rate);
+            rate.iter_mut().zip(&**held).for_each(|(rate, held)| *rate += held);
+        }
+        let elapsed_s = *elapsed as f64 * dt;
+        let limits = limits.low.iter().zip(limits.high);
+        for ((y, (y0, rate)), (low, high)) in y.iter_mut().zip(start.iter().zip(&**rate)).zip(limits) {
+            // What is not a number stays so.
+            *y = limited(y0 + elapsed_s * rate, *low, *high);
+        }
+        if *elapsed == clock {
+            slots.copy_within(1..=lags * (n + m), 1 + n + m);
+            start.copy_from_slice(y);
+            slots[1..=n].copy_from_slice(y);
+            *elapsed = 0;
         }
     }
 

@@ -11,11 +11,13 @@
 //! A member may continue to learn along a run; see [`CommitteeSession`](crate::adapt::CommitteeSession).
 
 mod difference;
+mod simulation;
 
 use alloc::vec::Vec;
 
 use difference::MOST_PAST;
 pub use difference::{DifferenceEquations, Limits, Past, Shape};
+pub use simulation::CommitteeSimulation;
 
 /// A member of a [`Committee`].
 #[derive(Clone, Debug, PartialEq)]

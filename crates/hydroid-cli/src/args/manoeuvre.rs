@@ -1,0 +1,108 @@
+//! Arguments of `hydroid manoeuvre`.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::{Args as ClapArgs, ValueEnum};
+
+use super::LogArgs;
+use super::values::{Duration, Pair};
+
+/// Trials.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum TrialName {
+    /// Turning circles to starboard and to port
+    TurningCircle,
+    /// Zigzags, first to starboard and first to port
+    Zigzag,
+    /// Pull-outs from turns to both sides: is the vessel directionally stable?
+    PullOut,
+    /// Direct spiral (Dieudonné): yaw rate against steering, with the width of a loop
+    Spiral,
+    /// Acceleration from rest
+    Acceleration,
+    /// Stopping: full astern if the propulsion can be reversed
+    Stopping,
+}
+
+/// A zigzag: steering and change of heading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ZigzagAngles {
+    /// In the unit of the steering.
+    pub steering: f64,
+    /// In degrees.
+    pub heading_deg: f64,
+}
+
+impl FromStr for ZigzagAngles {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || format!("'{text}' is not STEERING/HEADING, as in 10/10 or 20/15");
+        let (steering, heading) = text.split_once('/').ok_or_else(wrong)?;
+        let positive = |text: &str| text.trim().parse().ok().filter(|x: &f64| x.is_finite() && *x > 0.0);
+        match (positive(steering), positive(heading)) {
+            (Some(steering), Some(heading_deg)) if heading_deg <= 180.0 => Ok(Self { steering, heading_deg }),
+            _ => Err(wrong()),
+        }
+    }
+}
+
+/// Run manoeuvring trials of a vessel or of an identified model
+///
+/// Turning circle, zigzag, pull-out, spiral, acceleration and stopping, as defined by IMO resolution MSC.137(76) and ITTC
+/// procedure 7.5-04-02-01. Each trial begins on a straight course at a steady speed. The inputs that push and turn the
+/// vessel are found from the model. Steering is stated in degrees if one input turns the vessel and is an angle, otherwise
+/// in percent of its range. Intervals are the 5 % and 95 % quantiles over the members of the model's ensemble or committee.
+#[derive(Debug, ClapArgs)]
+#[command(after_help = "Examples:
+  hydroid manoeuvre out/committee.safetensors --length 304.8 -o trials    all trials, with the criteria of the IMO
+  hydroid manoeuvre hydrofoil --trial turning-circle --steering 20
+  hydroid manoeuvre out/sindy.safetensors --trial zigzag --zigzag 10/10,20/20,5/10
+  hydroid manoeuvre out/gru.safetensors --speed 1.2 --push L,R --turn L,-R
+  hydroid manoeuvre out/committee.safetensors --json > trials.json
+
+Exit status: 0 done; 1 a criterion was missed (with --length); 2 wrong input.")]
+pub struct Manoeuvre {
+    /// The vessel: an identified model (.safetensors), a vessel file (.toml), or hydrofoil, hydrofoil-low-speed, simple
+    #[arg(value_name = "PLANT")]
+    pub plant: PathBuf,
+    /// Logs: their turns and zigzags are set beside the predictions of the model from their first samples
+    #[arg(value_name = "LOG")]
+    pub logs: Vec<PathBuf>,
+    /// Trials, separated by commas (default: all)
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "TRIAL")]
+    pub trial: Vec<TrialName>,
+    /// Steering of turning circle, pull-out and spiral: degrees, or percent of hard over (default: 35 deg, or hard over)
+    #[arg(long, value_name = "DEG|PERCENT", allow_negative_numbers = true)]
+    pub steering: Option<f64>,
+    /// Zigzags: steering (degrees or percent) and change of heading [deg] (default: 10/10,20/20, where the steering suffices)
+    #[arg(long, value_delimiter = ',', value_name = "STEERING/HEADING")]
+    pub zigzag: Vec<ZigzagAngles>,
+    /// Steady speed of the approach through the water [m/s] (default: that of 85 % propulsion)
+    #[arg(long, value_name = "M_S", conflicts_with = "propulsion", allow_negative_numbers = true)]
+    pub speed: Option<f64>,
+    /// Propulsion of the approach, in percent of full ahead (default: 85, the test speed of the IMO)
+    #[arg(long, value_name = "PERCENT", allow_negative_numbers = true)]
+    pub propulsion: Option<f64>,
+    /// Inputs that push the vessel, separated by commas; -NAME pushes astern (default: found from the model)
+    #[arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)]
+    pub push: Vec<String>,
+    /// Inputs that turn the vessel to starboard; -NAME turns to port (default: found from the model)
+    #[arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)]
+    pub turn: Vec<String>,
+    /// Velocity of a constant current: north,east [m/s]; the approach heads north
+    #[arg(long, default_value = "0,0", value_name = "N,E", allow_hyphen_values = true)]
+    pub current: Pair,
+    /// Length of the ship [m]: adds the criteria of IMO resolution MSC.137(76)
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    pub length: Option<f64>,
+    /// Longest trial
+    #[arg(long, value_name = "TIME", default_value = "1h")]
+    pub longest: Duration,
+    /// Folder for trials.json, tracks.csv and report.html
+    #[arg(long, short, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub log: LogArgs,
+}

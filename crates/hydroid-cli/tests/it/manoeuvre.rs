@@ -1,0 +1,154 @@
+//! `hydroid manoeuvre`: trials of vessels and identified models, and trials in logs.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+use std::process::Output;
+
+use assert_cmd::Command;
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn hydroid(folder: &Path, args: &[&str]) -> Output {
+    Command::cargo_bin("hydroid").unwrap().current_dir(folder).args(args).output().unwrap()
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&output.stderr)))
+}
+
+fn refused(folder: &Path, args: &[&str], words: &str) {
+    let output = hydroid(folder, args);
+    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{args:?}: {error}");
+    assert!(error.contains(words), "{args:?}: {error}");
+}
+
+fn figure<'a>(trial: &'a Value, name: &str) -> &'a Value {
+    let figures = trial["figures"].as_array().unwrap();
+    figures.iter().find(|figure| figure["name"] == name).unwrap_or_else(|| panic!("{name}: {trial}"))
+}
+
+#[test]
+fn a_vessel_runs_all_trials() {
+    let folder = TempDir::new().unwrap();
+    let output = hydroid(folder.path(), &["manoeuvre", "simple", "--length", "2", "-o", "trials", "--json"]);
+    assert_eq!(output.status.code(), Some(1), "stopping takes less than 15 lengths, turning more than 4.5 m");
+    let document = json(&output);
+    let trials = document["trials"].as_array().unwrap();
+    let kinds: Vec<&str> = trials.iter().map(|trial| trial["trial"].as_str().unwrap()).collect();
+    let zigzags = ["zigzag"; 4];
+    let all = [&["turning-circle"; 2][..], &zigzags, &["pull-out", "spiral", "acceleration", "stopping"]];
+    assert_eq!(kinds, all.concat());
+    let advance = figure(&trials[0], "advance_m");
+    assert!((advance["value"].as_f64().unwrap() - 6.4626).abs() < 1e-3);
+    assert_eq!(advance["criterion"]["limit"], 9.0);
+    assert_eq!(figure(&trials[0], "tactical_diameter_m")["criterion"]["passed"], false);
+    assert_eq!(trials[6]["directionally_stable"], true);
+    let saved: Value =
+        serde_json::from_str(&fs::read_to_string(folder.path().join("trials/trials.json")).unwrap()).unwrap();
+    assert_eq!(saved, document);
+    let tracks = fs::read_to_string(folder.path().join("trials/tracks.csv")).unwrap();
+    assert!(tracks.starts_with("trial,name,t [s],PP_cmd [N],RD_cmd [N s],x [m],y [m],psi [rad],u [m/s]"));
+    assert!(
+        tracks.contains("\n0,turning circle; 100 % to starboard,0,204,25,0,0,0,2.63"),
+        "{}",
+        &tracks[..200]
+    );
+    let page = fs::read_to_string(folder.path().join("trials/report.html")).unwrap();
+    for words in ["Turning circle", "Zigzag, 10 %", "Pull-out", "Spiral", "Stopping", "criteria", "</html>"] {
+        assert!(page.contains(words), "{words}");
+    }
+    assert!(!page.contains("NaN"));
+}
+
+#[test]
+fn the_approach_has_the_stated_speed() {
+    let folder = TempDir::new().unwrap();
+    let args =
+        ["manoeuvre", "simple", "--trial", "turning-circle", "--speed", "1.5", "--steering", "40", "--json"];
+    let output = hydroid(folder.path(), &args);
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let document = json(&output);
+    assert!((document["approach_speed_m_s"].as_f64().unwrap() - 1.5).abs() < 1e-5);
+    assert_eq!(document["trials"][0]["steering"], 0.4);
+    assert_eq!(document["trials"].as_array().unwrap().len(), 2);
+    let text = hydroid(folder.path(), &args[..args.len() - 1]);
+    let text = String::from_utf8(text.stdout).unwrap();
+    assert!(text.starts_with("approach: 1.500 m/s through the water with PP_cmd "), "{text}");
+    assert!(text.contains("turning circle, 40 % to port"), "{text}");
+}
+
+#[test]
+fn an_identified_model_runs_trials_and_predicts_those_in_a_log() {
+    let folder = TempDir::new().unwrap();
+    for (seed, file) in [("1", "a.csv"), ("2", "b.csv"), ("3", "c.csv")] {
+        let args = ["simulate", "simple", "--seed", seed, "--duration", "600", "-o", file];
+        assert_eq!(hydroid(folder.path(), &args).status.code(), Some(0));
+    }
+    let args = ["identify", "a.csv", "b.csv", "c.csv", "--outputs", "u,v,r", "-o", "out"];
+    let output = hydroid(folder.path(), &args);
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    for model in ["out/sindy.safetensors", "out/committee.safetensors"] {
+        let args = ["manoeuvre", model, "--trial", "turning-circle,pull-out", "--steering", "50", "--json"];
+        let document = json(&hydroid(folder.path(), &args));
+        let truth = ["manoeuvre", "simple", "--trial", "turning-circle", "--steering", "50", "--json"];
+        let truth = json(&hydroid(folder.path(), &truth));
+        let value = |document: &Value| {
+            figure(&document["trials"][0], "tactical_diameter_m")["value"].as_f64().unwrap()
+        };
+        assert!((value(&document) / value(&truth) - 1.0).abs() < 0.05, "{model}: {}", value(&document));
+        let interval = &figure(&document["trials"][0], "tactical_diameter_m")["interval"];
+        assert!(model.contains("committee") || interval[0].as_f64() < interval[1].as_f64(), "{interval}");
+    }
+    // A circle in a log: straight, then hard over.
+    let mut commands = String::from("t,PP_cmd,RD_cmd\n");
+    for (from, rudder) in [(0, 0), (30, 12), (60, 0)] {
+        writeln!(commands, "{from},150,{rudder}").unwrap();
+    }
+    commands += "70,150,0\n";
+    fs::write(folder.path().join("commands.csv"), commands).unwrap();
+    let args = ["simulate", "simple", "--excitation", "commands.csv", "-o", "circle.csv"];
+    assert_eq!(hydroid(folder.path(), &args).status.code(), Some(0));
+    let document = json(&hydroid(folder.path(), &["inspect", "circle.csv", "--json"]));
+    assert_eq!(document["trials"][0]["kind"], "turning-circle");
+    assert!((document["trials"][0]["from_s"].as_f64().unwrap() - 30.0).abs() < 0.11);
+    let text = hydroid(folder.path(), &["inspect", "circle.csv"]);
+    assert!(String::from_utf8_lossy(&text.stdout).contains("trials     30.0 to 60.0 s: turn by "));
+    let args = ["manoeuvre", "out/sindy.safetensors", "circle.csv", "--json"];
+    let document = json(&hydroid(folder.path(), &args));
+    let compared = &document["comparisons"][0];
+    let value = |of: &str| {
+        let figures = compared[of].as_array().unwrap();
+        let advance = figures.iter().find(|figure| figure["name"] == "advance_m").unwrap();
+        advance["value"].as_f64().unwrap()
+    };
+    assert!((value("predicted") / value("measured") - 1.0).abs() < 0.05, "{compared}");
+    let text = hydroid(folder.path(), &args[..3]);
+    let text = String::from_utf8_lossy(&text.stdout).into_owned();
+    assert!(text.contains("30.0 s: turn by ") && text.contains("tactical diameter"), "{text}");
+}
+
+#[test]
+fn wrong_input_is_refused_with_a_remedy() {
+    let folder = TempDir::new().unwrap();
+    let trial = |option: &'static str, value: &'static str| ["manoeuvre", "hydrofoil", option, value];
+    for (option, value, words) in [
+        ("--steering", "45", "hard over is 30.0000 deg"),
+        ("--steering", "-5", "both sides are tried"),
+        ("--zigzag", "10", "'10' is not STEERING/HEADING"),
+        ("--zigzag", "10/200", "is not STEERING/HEADING"),
+        ("--propulsion", "150", "percent of full ahead"),
+        ("--speed", "50", "the steady speeds of the vessel are"),
+        ("--push", "PP", "has no input 'PP', did you mean 'PP_cmd'"),
+        ("--turn", "-rudder", "has no input 'rudder'"),
+        ("--length", "0", "give metres"),
+        ("--trial", "loop", "possible values: turning-circle"),
+    ] {
+        refused(folder.path(), &trial(option, value), words);
+    }
+    refused(folder.path(), &["manoeuvre", "missing.safetensors"], "missing.safetensors");
+    fs::write(folder.path().join("log.csv"), "t,u\n0,1\n").unwrap();
+    refused(folder.path(), &["manoeuvre", "log.csv"], "log.csv");
+}

@@ -1,0 +1,93 @@
+//! A committee that runs freely, sample by sample.
+
+use alloc::sync::Arc;
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::{Committee, Limits, MOST_MEMBERS, Member, Past, weighted_median};
+
+/// A rollout of a frozen [`Committee`] of unknown length, whose commands may depend on its predictions.
+///
+/// Each member keeps the state of its own rollout, and the outputs are the weighted medians. The predictions are those of
+/// a rollout from the same start under the same commands.
+#[derive(Clone, Debug)]
+pub struct CommitteeSimulation {
+    committee: Arc<Committee>,
+    members: Vec<Running>,
+    low: Vec<f64>,
+    high: Vec<f64>,
+}
+
+#[derive(Clone, Debug)]
+struct Running {
+    scratch: Vec<f64>,
+    elapsed: usize,
+    y: Vec<f64>,
+}
+
+impl CommitteeSimulation {
+    /// A simulation of the members with constant coefficients; [`start`](Self::start) begins it.
+    pub fn new(committee: &Committee) -> Self {
+        Self::of(committee.frozen())
+    }
+
+    /// A simulation for each member, by itself.
+    pub fn members_of(committee: &Committee) -> Vec<Self> {
+        let single = |member: &Member| {
+            let members = vec![member.clone()];
+            Committee { members: members.clone(), constant: members, ranges: committee.ranges.clone() }
+        };
+        committee.constant.iter().map(|member| Self::of(single(member))).collect()
+    }
+
+    fn of(committee: Committee) -> Self {
+        let outputs = committee.outputs();
+        let running = |member: &Member| Running {
+            scratch: vec![0.0; member.equations.scratch()],
+            elapsed: 0,
+            y: vec![f64::NAN; outputs],
+        };
+        let members = committee.members().iter().map(running).collect();
+        Self { committee: Arc::new(committee), members, low: vec![0.0; outputs], high: vec![0.0; outputs] }
+    }
+
+    /// The committee.
+    pub fn committee(&self) -> &Committee {
+        &self.committee
+    }
+
+    /// Starts at the present of `past`.
+    ///
+    /// # Panics
+    /// If the past is shorter than [`Committee::span`] and one sample.
+    pub fn start(&mut self, past: Past<'_>) {
+        let n = self.committee.outputs();
+        self.committee.limits(&past.outputs[past.outputs.len() - n..], &mut self.low, &mut self.high);
+        for (member, running) in self.committee.members().iter().zip(&mut self.members) {
+            running.elapsed = member.equations.begin(past, &mut running.scratch).elapsed;
+        }
+    }
+
+    /// Predicts the outputs `y` of the next sample under the command `c`.
+    ///
+    /// # Panics
+    /// If `c` or `y` have another length than inputs and outputs.
+    pub fn advance(&mut self, c: &[f64], y: &mut [f64]) {
+        let members = self.committee.members();
+        let limits = Limits { low: &self.low, high: &self.high };
+        for (member, running) in members.iter().zip(&mut self.members) {
+            let of = &member.equations;
+            let mut rolling = of.rolling(running.elapsed, &mut running.scratch);
+            of.step(of.coefficients(), &mut rolling, c, limits, &mut running.y);
+            running.elapsed = rolling.elapsed;
+        }
+        let mut votes = [(0.0, 0); MOST_MEMBERS];
+        let votes = &mut votes[..members.len()];
+        for (i, y) in y.iter_mut().enumerate() {
+            for ((vote, member), running) in votes.iter_mut().zip(members).zip(&self.members) {
+                *vote = (running.y[i], member.votes);
+            }
+            *y = weighted_median(votes);
+        }
+    }
+}

@@ -1,0 +1,376 @@
+//! The page of manoeuvring trials.
+
+use hydroid::manoeuvre::{Figure as Value, Outside, Track, Trial, TrialKind, Trials};
+use hydroid::model::Model;
+use maud::{Markup, html};
+
+use super::ReportError;
+use super::figure::{Dash, Figure, Key, Line, Mark, Panel, Stroke, envelope};
+use super::number::{self, text};
+use super::page::{Section, cell, columns, figure, page, readable, table};
+use super::style;
+
+/// Content of a page of trials.
+#[derive(Clone, Copy, Debug)]
+pub struct ManoeuvreReport<'a> {
+    /// Heading of the page.
+    pub title: &'a str,
+    /// Command line that reproduces the page.
+    pub command: &'a str,
+    /// The vessel.
+    pub model: &'a Model,
+    /// The trials.
+    pub trials: &'a Trials,
+    /// Length of the ship \[m\], if stated.
+    pub length_m: Option<f64>,
+}
+
+/// Points of a curve.
+const POINTS: usize = 600;
+
+/// Tracks of members in a figure.
+const MEMBERS: usize = 40;
+
+const STARBOARD: Stroke = style::MODEL_LINE;
+const PORT: Stroke = Stroke { colour: style::ALARM, width: 2.0, dash: Dash::Solid };
+const MEMBER: Stroke = Stroke { colour: style::BAND, width: 0.5, dash: Dash::Solid };
+
+/// The page.
+///
+/// # Errors
+/// If a figure cannot be written.
+pub fn manoeuvres(subject: &ManoeuvreReport<'_>) -> Result<String, ReportError> {
+    let of = |wanted: fn(&TrialKind) -> bool| -> Vec<&Trial> {
+        subject.trials.trials.iter().filter(|trial| wanted(&trial.kind)).collect()
+    };
+    let mut sections = vec![summary(subject)];
+    let circles = of(|kind| matches!(kind, TrialKind::TurningCircle { .. }));
+    if !circles.is_empty() {
+        let caption = html! { "Tracks from the order on; the approach heads north. Thin lines are members of the model. Both axes have the same scale." };
+        let body = html! { (columns(&[figure(&tracks("Turning circles", &circles).svg()?, &caption), values(subject, &circles)])) };
+        sections.push(Section::new("turning-circle", "Turning circle", body));
+    }
+    for (i, pair) in zigzags(subject).into_iter().enumerate() {
+        let heading = pair.first().map(|trial| title(subject, trial)).unwrap_or_default();
+        let caption = html! { "Heading (solid) and steering (dashed) over time." };
+        let body =
+            html! { (columns(&[figure(&zigzag(subject, &pair).svg()?, &caption), values(subject, &pair)])) };
+        sections.push(Section::new(format!("zigzag-{i}"), heading, body));
+    }
+    for trial in of(|kind| matches!(kind, TrialKind::PullOut { .. })) {
+        let caption = html! { "Yaw rate after the steering has returned to that of the straight course. A directionally stable vessel stops turning." };
+        let body =
+            html! { (columns(&[figure(&pull_out(trial).svg()?, &caption), values(subject, &[trial])])) };
+        sections.push(Section::new("pull-out", "Pull-out", body));
+    }
+    for trial in of(|kind| matches!(kind, TrialKind::Spiral { .. })) {
+        let caption = html! { "Steady yaw rate against the steering, from starboard to port (solid) and back (dashed). Where the two differ, the vessel is not directionally stable." };
+        let body = html! { (columns(&[figure(&spiral(subject, trial).svg()?, &caption), values(subject, &[trial])])) };
+        sections.push(Section::new("spiral", "Spiral", body));
+    }
+    for (id, heading, trials) in [
+        ("acceleration", "Acceleration", of(|kind| matches!(kind, TrialKind::Acceleration))),
+        ("stopping", "Stopping", of(|kind| matches!(kind, TrialKind::Stopping))),
+    ] {
+        if !trials.is_empty() {
+            let caption = html! { "Surge velocity over time." };
+            let body = html! { (columns(&[figure(&speed(heading, &trials).svg()?, &caption), values(subject, &trials)])) };
+            sections.push(Section::new(id, heading, body));
+        }
+    }
+    sections.push(definitions(subject));
+    Ok(page(subject.title, &sections))
+}
+
+fn title(subject: &ManoeuvreReport<'_>, trial: &Trial) -> String {
+    let title = trial.kind.title(&subject.trials.inputs);
+    let title = title.split(", first").next().unwrap_or(&title);
+    let mut letters = title.chars();
+    letters.next().map(|first| first.to_uppercase().chain(letters).collect()).unwrap_or_default()
+}
+
+/// Zigzags of equal angles, in pairs.
+fn zigzags<'a>(subject: &ManoeuvreReport<'a>) -> Vec<Vec<&'a Trial>> {
+    let mut pairs: Vec<Vec<&Trial>> = Vec::new();
+    for trial in &subject.trials.trials {
+        let TrialKind::Zigzag { steering, heading_deg } = trial.kind else { continue };
+        let same = |other: &&Trial| matches!(other.kind, TrialKind::Zigzag { steering: s, heading_deg: h } if s.abs() == steering.abs() && h == heading_deg);
+        match pairs.iter_mut().find(|pair| pair.iter().all(same)) {
+            Some(pair) => pair.push(trial),
+            None => pairs.push(vec![trial]),
+        }
+    }
+    pairs
+}
+
+fn summary(subject: &ManoeuvreReport<'_>) -> Section {
+    let trials = subject.trials;
+    let judged: Vec<&Value> =
+        trials.trials.iter().flat_map(|t| &t.figures).filter(|f| f.criterion.is_some()).collect();
+    let missed = judged.iter().filter(|f| f.criterion.is_some_and(|c| !c.passed)).count();
+    let stable = trials.trials.iter().filter_map(|trial| trial.directionally_stable).collect::<Vec<_>>();
+    let stability = match (stable.is_empty(), stable.iter().all(|stable| *stable)) {
+        (true, _) => "",
+        (false, true) => " The vessel is directionally stable.",
+        (false, false) => " The vessel is not directionally stable.",
+    };
+    let (class, heading, words) = if judged.is_empty() {
+        (
+            "usable",
+            "Predicted by the model.",
+            String::from("Without the length of the ship, no criteria apply."),
+        )
+    } else if missed == 0 {
+        let words = format!("All {} criteria of IMO resolution MSC.137(76) are met.", judged.len());
+        ("good", "Criteria met.", words)
+    } else {
+        let words =
+            format!("{missed} of {} criteria of IMO resolution MSC.137(76) are missed.", judged.len());
+        ("bad", "Criteria missed.", words)
+    };
+    let commands =
+        subject.model.description.inputs.iter().zip(&trials.approach_command).map(|(port, value)| {
+            let (value, unit) = match port.channel.unit.as_str() {
+                "rad" => (value.to_degrees(), "deg"),
+                unit => (*value, unit),
+            };
+            format!("{} {} {}", port.channel.name, text(value, 3), number::unit(unit)).trim_end().to_owned()
+        });
+    let commands = commands.collect::<Vec<_>>().join(", ");
+    let body = html! {
+        header {
+            p.kicker { "hydroid · manoeuvring trials" }
+            h1 { (subject.title) }
+        }
+        div class={ "banner " (class) } role="status" { strong { (heading) } " " (words) (stability) }
+        dl.facts {
+            dt { "Model" } dd { (subject.model.title()) " (" (subject.model.kind()) ")" }
+            dt { "Approach" } dd { (text(trials.approach_speed_m_s, 3)) " m/s through the water, with " (readable(&commands)) }
+            @if let Some(length) = subject.length_m { dt { "Length" } dd { (text(length, 4)) " m" } }
+        }
+    };
+    Section::new("summary", "Summary", body)
+}
+
+/// Figures of trials side by side.
+fn values(subject: &ManoeuvreReport<'_>, trials: &[&Trial]) -> Markup {
+    let Some(first) = trials.first() else { return html! {} };
+    let intervals = trials.iter().any(|trial| trial.figures.iter().any(|figure| figure.interval.is_some()));
+    let side = |trial: &Trial| match trial.kind {
+        TrialKind::TurningCircle { steering } | TrialKind::Zigzag { steering, .. } => {
+            if steering > 0.0 {
+                "starboard"
+            } else {
+                "port"
+            }
+        }
+        _ => "value",
+    };
+    let mut heads = vec![cell("")];
+    heads.extend(trials.iter().map(|trial| cell(side(trial))));
+    heads.push(cell("unit"));
+    let limits = trials.iter().any(|trial| trial.figures.iter().any(|figure| figure.criterion.is_some()));
+    if limits {
+        heads.push(cell("limit"));
+    }
+    let rows: Vec<Vec<Markup>> = first
+        .figures
+        .iter()
+        .enumerate()
+        .map(|(i, figure)| {
+            let (name, unit) = figure.name_and_unit();
+            let mut row = vec![cell(name)];
+            row.extend(trials.iter().map(|trial| {
+                let figure = &trial.figures[i];
+                let missed = figure.criterion.is_some_and(|criterion| !criterion.passed);
+                html! {
+                    span class=[missed.then_some("warning")] { (figure.value.map_or_else(|| String::from("–"), |value| text(value, 3))) @if figure.extrapolated && figure.value.is_some() { " *" } }
+                    @if let Some([low, high]) = figure.interval { br; span.small { (text(low, 3)) " to " (text(high, 3)) } }
+                }
+            }));
+            row.push(cell(unit));
+            if limits {
+                let limit = figure.criterion.map(|criterion| {
+                    let passed = trials.iter().all(|trial| trial.figures[i].criterion.is_none_or(|c| c.passed));
+                    format!("{} {}", text(criterion.limit, 3), if passed { "✓" } else { "✕" })
+                });
+                row.push(cell(limit.unwrap_or_default()));
+            }
+            row
+        })
+        .collect();
+    let stable = first.directionally_stable;
+    html! {
+        (table(&heads, &rows, 1))
+        @for trial in trials {
+            @if let Some(t_s) = trial.diverged_s { p.warning { "The motion diverges after " (text(t_s, 3)) " s." } }
+        }
+        @for outside in &outside(trials) {
+            p.small {
+                "* The model extrapolates from " (text(outside.from_s, 3)) " s on: " (outside.name) " goes from " (text(outside.reached[0], 3))
+                " to " (text(outside.reached[1], 3)) ", and from " (text(outside.range[0], 3)) " to " (text(outside.range[1], 3)) " in its logs."
+            }
+        }
+        @if let Some(stable) = stable { p { (if stable { "Directionally stable." } else { "Not directionally stable." }) } }
+        @if intervals {
+            p.small { "Below each value: 5 % and 95 % quantile over " (first.members) " members of the model." }
+        }
+        @if limits { p.small { "Limits for a length of " (text(subject.length_m.unwrap_or(f64::NAN), 4)) " m." } }
+    }
+}
+
+/// Outputs that leave the training range in any of the trials, from the earliest time on.
+fn outside(trials: &[&Trial]) -> Vec<Outside> {
+    let mut all: Vec<Outside> = Vec::new();
+    for outside in trials.iter().flat_map(|trial| &trial.outside) {
+        match all.iter_mut().find(|known| known.name == outside.name) {
+            None => all.push(outside.clone()),
+            Some(known) => {
+                known.from_s = known.from_s.min(outside.from_s);
+                known.reached[0] = known.reached[0].min(outside.reached[0]);
+                known.reached[1] = known.reached[1].max(outside.reached[1]);
+            }
+        }
+    }
+    all
+}
+
+fn thinned(points: impl ExactSizeIterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
+    let thin = points.len().div_ceil(POINTS).max(1);
+    points.step_by(thin).collect()
+}
+
+fn position(track: &Track) -> Vec<(f64, f64)> {
+    thinned(track.eta[track.execute..].iter().map(|[north, east, _]| (*east, *north)))
+}
+
+fn side_stroke(trial: &Trial) -> (Stroke, &'static str) {
+    match trial.kind {
+        TrialKind::TurningCircle { steering } | TrialKind::Zigzag { steering, .. } if steering < 0.0 => {
+            (PORT, "to port")
+        }
+        _ => (STARBOARD, "to starboard"),
+    }
+}
+
+fn tracks(name: &str, trials: &[&Trial]) -> Figure {
+    let mut panel = Panel::new("north [m]");
+    for track in trials.iter().flat_map(|trial| trial.member_tracks.iter().take(MEMBERS)) {
+        panel = panel.mark(Mark::Line(Line::new(position(track), MEMBER)));
+    }
+    let mut shown = Figure::new(name, "east [m]").equal_axes();
+    let mut all: Vec<(f64, f64)> = Vec::new();
+    for trial in trials {
+        let (stroke, key) = side_stroke(trial);
+        shown = shown.key(Key::Line(stroke), key);
+        for track in &trial.tracks {
+            let points = position(track);
+            all.extend(&points);
+            panel = panel.mark(Mark::Line(Line::new(points, stroke)));
+        }
+    }
+    let range = |of: fn(&(f64, f64)) -> f64| {
+        let (low, high) =
+            all.iter().map(of).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+        let margin = 0.06 * (high - low) + 1e-3;
+        (low - margin, high + margin)
+    };
+    let ((left, right), (low, high)) = (range(|p| p.0), range(|p| p.1));
+    shown.x_range(left, right).panel(panel.range(low, high))
+}
+
+fn over_time(track: &Track, of: impl Fn(usize) -> f64) -> Vec<(f64, f64)> {
+    let samples = track.execute..track.len();
+    let points: Vec<(f64, f64)> = samples.map(|k| ((k - track.execute) as f64 * track.dt, of(k))).collect();
+    envelope(points.into_iter(), POINTS / 2)
+}
+
+fn zigzag(subject: &ManoeuvreReport<'_>, trials: &[&Trial]) -> Figure {
+    let steering = subject.trials.inputs.steering();
+    let label = format!("heading [deg], steering [{}]", steering.unit);
+    let mut panel = Panel::new(label).height(220.0);
+    let mut shown = Figure::new("Zigzag over time", "time [s]");
+    for trial in trials {
+        let (stroke, key) = side_stroke(trial);
+        shown = shown.key(Key::Line(stroke), format!("first {key}"));
+        for track in trial.member_tracks.iter().take(MEMBERS / 2) {
+            let heading = over_time(track, |k| (track.eta[k][2] - track.eta[track.execute][2]).to_degrees());
+            panel = panel.mark(Mark::Line(Line::new(heading, MEMBER)));
+        }
+    }
+    for trial in trials {
+        let (stroke, _) = side_stroke(trial);
+        for track in &trial.tracks {
+            let heading = over_time(track, |k| (track.eta[k][2] - track.eta[track.execute][2]).to_degrees());
+            let order = over_time(track, |k| track.steering[k] * steering.full);
+            let dashed = Stroke { width: 1.0, dash: Dash::Dashed, ..stroke };
+            panel = panel.mark(Mark::Line(Line::new(order, dashed)));
+            panel = panel.mark(Mark::Line(Line::new(heading, stroke)));
+        }
+    }
+    shown.panel(panel)
+}
+
+fn pull_out(trial: &Trial) -> Figure {
+    let mut panel = Panel::new("yaw rate [deg/s]").height(220.0);
+    for track in trial.member_tracks.iter().take(MEMBERS) {
+        panel = panel.mark(Mark::Line(Line::new(over_time(track, |k| track.nu[k][2].to_degrees()), MEMBER)));
+    }
+    for (track, stroke) in trial.tracks.iter().zip([STARBOARD, PORT]) {
+        panel = panel.mark(Mark::Line(Line::new(over_time(track, |k| track.nu[k][2].to_degrees()), stroke)));
+    }
+    Figure::new("Yaw rate after a pull-out", "time [s]")
+        .key(Key::Line(STARBOARD), "from starboard")
+        .key(Key::Line(PORT), "from port")
+        .panel(panel)
+}
+
+fn spiral(subject: &ManoeuvreReport<'_>, trial: &Trial) -> Figure {
+    let steering = subject.trials.inputs.steering();
+    let point = |p: &hydroid::manoeuvre::SpiralPoint| (p.steering * steering.full, p.yaw_rate_deg_s);
+    // The turning point; a trial that diverges has fewer points.
+    let points = &trial.points;
+    let half =
+        (1..points.len()).find(|&k| points[k].steering > points[k - 1].steering).unwrap_or(points.len());
+    let down: Vec<(f64, f64)> = points[..half].iter().rev().map(point).collect();
+    let up: Vec<(f64, f64)> = points[half.saturating_sub(1)..].iter().map(point).collect();
+    let back = Stroke { dash: Dash::Dashed, ..PORT };
+    Figure::new("Spiral", format!("steering [{}], positive to starboard", steering.unit))
+        .key(Key::Line(STARBOARD), "from starboard to port")
+        .key(Key::Line(back), "from port to starboard")
+        .panel(
+            Panel::new("steady yaw rate [deg/s]")
+                .height(220.0)
+                .mark(Mark::Line(Line::new(down, STARBOARD)))
+                .mark(Mark::Line(Line::new(up, back))),
+        )
+}
+
+fn speed(name: &str, trials: &[&Trial]) -> Figure {
+    let mut panel = Panel::new("surge velocity [m/s]").height(180.0);
+    for trial in trials {
+        for track in trial.member_tracks.iter().take(MEMBERS) {
+            panel = panel.mark(Mark::Line(Line::new(over_time(track, |k| track.nu[k][0]), MEMBER)));
+        }
+        for track in &trial.tracks {
+            panel = panel.mark(Mark::Line(Line::new(over_time(track, |k| track.nu[k][0]), STARBOARD)));
+        }
+    }
+    Figure::new(name, "time [s]").panel(panel)
+}
+
+fn definitions(subject: &ManoeuvreReport<'_>) -> Section {
+    let body = html! {
+        p {
+            "Advance and transfer are the distances along and across the initial course up to a change of heading by 90°, the tactical diameter is that across up to 180°. "
+            "An overshoot is the change of heading in the old direction after the steering was reversed. "
+            "The drift angle is positive if the bow points to starboard of the path. "
+            "Definitions and criteria: IMO resolution MSC.137(76), MSC/Circ.1053, ITTC procedure 7.5-04-02-01."
+        }
+        details {
+            summary { "Command that reproduces this page" }
+            pre.copy.wrap { (readable(subject.command)) }
+        }
+    };
+    Section::new("definitions", "Definitions", body)
+}

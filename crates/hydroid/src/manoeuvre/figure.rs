@@ -1,0 +1,159 @@
+//! Results of trials as named figures, with intervals and criteria.
+
+use serde::Serialize;
+
+use super::pull_out::PullOut;
+use super::speed_trials::{Acceleration, Stopping};
+use super::spiral::Spiral;
+use super::turning_circle::TurningCircle;
+use super::zigzag::Zigzag;
+
+/// A figure of a trial.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Figure {
+    /// Name with its unit: `advance_m`.
+    pub name: String,
+    /// Value predicted by the model; `None` if the trial does not reach it.
+    pub value: Option<f64>,
+    /// Whether the model extrapolates before the trial reaches the figure: an output has left its training range.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub extrapolated: bool,
+    /// Time since the order at which the figure is known \[s\]; `None` for the end of the trial.
+    #[serde(skip)]
+    pub(super) at_s: Option<f64>,
+    /// 5 % and 95 % quantile over the members of the ensemble or committee.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub interval: Option<[f64; 2]>,
+    /// Criterion of IMO resolution MSC.137(76).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub criterion: Option<Criterion>,
+}
+
+/// An upper limit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Criterion {
+    /// Largest permitted value.
+    pub limit: f64,
+    /// Whether the value is within the limit.
+    pub passed: bool,
+}
+
+impl Figure {
+    fn new(name: impl Into<String>, value: impl Into<Option<f64>>) -> Self {
+        let (name, value) = (name.into(), value.into());
+        Self { name, value, extrapolated: false, at_s: None, interval: None, criterion: None }
+    }
+
+    fn at(self, at_s: Option<f64>) -> Self {
+        Self { at_s, ..self }
+    }
+
+    /// The figure with an upper limit.
+    pub(super) fn limit(&mut self, limit: f64) {
+        self.criterion = self.value.map(|value| Criterion { limit, passed: value <= limit });
+    }
+
+    /// Name and unit apart: `advance`, `m`.
+    pub fn name_and_unit(&self) -> (String, &'static str) {
+        const UNITS: [(&str, &str); 7] = [
+            ("_m_s", "m/s"),
+            ("_deg_s", "deg/s"),
+            ("_percent", "%"),
+            ("_deg", "deg"),
+            ("_min", "min"),
+            ("_s", "s"),
+            ("_m", "m"),
+        ];
+        let (stem, unit) = UNITS
+            .iter()
+            .find_map(|(suffix, unit)| self.name.strip_suffix(suffix).map(|stem| (stem, *unit)))
+            .unwrap_or((&self.name, ""));
+        (stem.replace('_', " "), unit)
+    }
+}
+
+/// Results that can be listed as figures.
+pub(super) trait Figures {
+    fn figures(&self) -> Vec<Figure>;
+}
+
+impl Figures for TurningCircle {
+    fn figures(&self) -> Vec<Figure> {
+        let steady = |value: fn(&super::SteadyTurn) -> f64| self.steady.as_ref().map(value);
+        vec![
+            Figure::new("advance_m", self.advance_m).at(self.time_90_s),
+            Figure::new("transfer_m", self.transfer_m).at(self.time_90_s),
+            Figure::new("tactical_diameter_m", self.tactical_diameter_m).at(self.time_180_s),
+            Figure::new("time_to_90_degrees_s", self.time_90_s).at(self.time_90_s),
+            Figure::new("time_to_180_degrees_s", self.time_180_s).at(self.time_180_s),
+            Figure::new("steady_radius_m", steady(|turn| turn.radius_m)),
+            Figure::new("steady_yaw_rate_deg_s", steady(|turn| turn.yaw_rate_deg_s)),
+            Figure::new("drift_angle_deg", steady(|turn| turn.drift_deg)),
+            Figure::new("speed_loss_percent", steady(|turn| 100.0 * turn.speed_loss)),
+        ]
+    }
+}
+
+impl Figures for Zigzag {
+    fn figures(&self) -> Vec<Figure> {
+        const ORDINALS: [&str; 3] = ["first", "second", "third"];
+        let overshoot = |(i, ordinal): (usize, &&str)| {
+            Figure::new(format!("{ordinal}_overshoot_deg"), self.overshoots_deg.get(i).copied())
+                .at(self.peaks_s.get(i).copied())
+        };
+        let mut figures: Vec<Figure> = ORDINALS.iter().enumerate().map(overshoot).collect();
+        figures.extend([
+            Figure::new("initial_turning_time_s", self.initial_turning_time_s)
+                .at(self.initial_turning_time_s),
+            Figure::new("initial_turning_distance_m", self.initial_turning_distance_m)
+                .at(self.initial_turning_time_s),
+            Figure::new("reach_s", self.reach_s).at(self.reach_s),
+            Figure::new("period_s", self.period_s).at(self.period_s),
+        ]);
+        figures
+    }
+}
+
+impl Figures for PullOut {
+    fn figures(&self) -> Vec<Figure> {
+        vec![
+            Figure::new("residual_yaw_rate_starboard_deg_s", self.residual_deg_s[0]),
+            Figure::new("residual_yaw_rate_port_deg_s", self.residual_deg_s[1]),
+            Figure::new("decay_time_starboard_s", self.decay_s[0]),
+            Figure::new("decay_time_port_s", self.decay_s[1]),
+        ]
+    }
+}
+
+impl Figures for Spiral {
+    fn figures(&self) -> Vec<Figure> {
+        vec![
+            Figure::new("loop_width_percent", self.loop_width.map(|width| 100.0 * width)),
+            Figure::new("loop_height_deg_s", self.loop_height_deg_s),
+        ]
+    }
+}
+
+impl Figures for Acceleration {
+    fn figures(&self) -> Vec<Figure> {
+        vec![
+            Figure::new("speed_m_s", self.speed_m_s),
+            Figure::new("time_to_63_percent_s", self.time_63_s),
+            Figure::new("time_to_95_percent_s", self.time_95_s),
+            Figure::new("distance_to_95_percent_m", self.distance_95_m),
+        ]
+    }
+}
+
+impl Figures for Stopping {
+    fn figures(&self) -> Vec<Figure> {
+        vec![
+            Figure::new("end_speed_m_s", self.end_speed_m_s),
+            Figure::new("stopping_time_s", self.time_s),
+            Figure::new("track_reach_m", self.track_reach_m),
+            Figure::new("head_reach_m", self.head_reach_m),
+            Figure::new("lateral_deviation_m", self.lateral_deviation_m),
+            Figure::new("heading_change_deg", self.heading_change_deg),
+        ]
+    }
+}

@@ -1,0 +1,46 @@
+//! Manoeuvring trials, simulated with any plant.
+//!
+//! Definitions follow IMO resolution MSC.137(76), *Standards for ship manoeuvrability* (2002), with its explanatory notes
+//! MSC/Circ.1053, and the ITTC recommended procedures 7.5-04-02-01, *Full scale manoeuvring trials*, and 7.5-02-06-03,
+//! *Validation of manoeuvring simulation models*. Each trial begins on a
+//! straight course at a steady speed ([`Approach`]); the steering is stated in the unit of the input that turns the vessel
+//! ([`Steering`](crate::plant::Steering)). Body frame: forward, starboard, down; headings clockwise.
+//!
+//! ```
+//! use hydroid::manoeuvre::{Approach, Options, turning_circle};
+//! use hydroid::model::Model;
+//! use hydroid::plant::{InputMap, Simulation};
+//! use hydroid_core::vessel::VesselParams;
+//!
+//! let model = Model::of_vessel(&VesselParams::simple(), 0.1)?;
+//! let map = InputMap::find(&model)?;
+//! let approach = Approach::new(&model, &map, Simulation::new(&model)?, &Options::default())?;
+//! let (circle, track) = turning_circle(&approach, &map, 0.5, 600.0);
+//! assert!(circle.tactical_diameter_m > circle.transfer_m);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod approach;
+mod error;
+mod figure;
+mod measured;
+mod pull_out;
+mod settling;
+mod speed_trials;
+mod spiral;
+mod track;
+mod trials;
+mod turning_circle;
+mod zigzag;
+
+pub use approach::{Approach, Options};
+pub use error::ManoeuvreError;
+pub use figure::{Criterion, Figure};
+pub use measured::{Comparison, Recognised, RecognisedKind, compare, recognise};
+pub use pull_out::{PullOut, pull_out};
+pub use speed_trials::{Acceleration, Stopping, acceleration, stopping};
+pub use spiral::{Spiral, SpiralPoint, spiral};
+pub use track::Track;
+pub use trials::{Outside, Trial, TrialKind, TrialOptions, Trials, trials};
+pub use turning_circle::{SteadyTurn, TurningCircle, turning_circle};
+pub use zigzag::{Zigzag, zigzag};

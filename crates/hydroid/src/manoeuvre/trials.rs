@@ -1,0 +1,396 @@
+//! Several trials of a plant, with intervals and criteria.
+
+use std::io::{self, BufWriter, Write};
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::approach::{Approach, Options};
+use super::error::ManoeuvreError;
+use super::figure::{Figure, Figures};
+use super::pull_out::pull_out;
+use super::speed_trials::{acceleration, stopping};
+use super::spiral::spiral;
+use super::track::Track;
+use super::turning_circle::turning_circle;
+use super::zigzag::zigzag;
+use crate::model::Model;
+use crate::plant::{InputMap, PlantError, Simulation};
+use crate::progress::Progress;
+use crate::simulate::Shortest;
+
+/// A trial with its parameters. The steering is 1 hard to starboard and -1 hard to port.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(tag = "trial", rename_all = "kebab-case")]
+pub enum TrialKind {
+    /// Turning circle.
+    TurningCircle {
+        /// Steering.
+        steering: f64,
+    },
+    /// Zigzag.
+    Zigzag {
+        /// Steering of the first execute.
+        steering: f64,
+        /// Change of heading at which the steering is reversed \[deg\].
+        heading_deg: f64,
+    },
+    /// Pull-outs from turns to both sides.
+    PullOut {
+        /// Steering of the turns.
+        steering: f64,
+    },
+    /// Direct spiral.
+    Spiral {
+        /// Largest steering.
+        steering: f64,
+        /// Number of steps from side to side.
+        steps: u32,
+    },
+    /// Acceleration from rest.
+    Acceleration,
+    /// Stopping.
+    Stopping,
+}
+
+/// A trial and its results.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Trial {
+    /// The trial.
+    #[serde(flatten)]
+    pub kind: TrialKind,
+    /// Figures.
+    pub figures: Vec<Figure>,
+    /// Directional stability, for pull-out and spiral.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub directionally_stable: Option<bool>,
+    /// The curve of a spiral.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub points: Vec<super::SpiralPoint>,
+    /// Time since the order after which the motion is not finite \[s\]; figures that are reached before are stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub diverged_s: Option<f64>,
+    /// Outputs that leave the training range.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub outside: Vec<Outside>,
+    /// Number of members whose trials give the intervals.
+    pub members: usize,
+    /// Tracks; two for a pull-out, none for a spiral.
+    #[serde(skip)]
+    pub tracks: Vec<Track>,
+    /// Tracks of members.
+    #[serde(skip)]
+    pub member_tracks: Vec<Track>,
+}
+
+/// The trials of a plant.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Trials {
+    /// Speed of the approach through the water \[m/s\].
+    pub approach_speed_m_s: f64,
+    /// Propulsion of the approach: 1 is full ahead.
+    pub propulsion: f64,
+    /// Steering that holds the straight course: 1 is hard to starboard.
+    pub neutral_steering: f64,
+    /// Command of the approach.
+    pub approach_command: Vec<f64>,
+    /// Which inputs push and turn the vessel.
+    pub inputs: InputMap,
+    /// The trials.
+    pub trials: Vec<Trial>,
+}
+
+/// An output that leaves its training range by more than a tenth of its width: the model extrapolates from there on.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Outside {
+    /// Name.
+    pub name: String,
+    /// Time since the order at which it leaves the range \[s\]; 0 if it is outside at the order, or was before.
+    pub from_s: f64,
+    /// Lowest and highest value in the trial.
+    pub reached: [f64; 2],
+    /// Training range.
+    pub range: [f64; 2],
+}
+
+/// Options of [`trials`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrialOptions {
+    /// Approach.
+    pub approach: Options,
+    /// Longest trial, and longest step of a spiral \[s\].
+    pub longest_s: f64,
+    /// Velocity of the water, north and east \[m/s\]; the approach heads north.
+    pub current: [f64; 2],
+    /// Length of the ship \[m\], for the criteria of the IMO.
+    pub length_m: Option<f64>,
+}
+
+impl Default for TrialOptions {
+    fn default() -> Self {
+        Self { approach: Options::default(), longest_s: 3_600.0, current: [0.0; 2], length_m: None }
+    }
+}
+
+/// Results of one simulation.
+struct Outcome {
+    figures: Vec<Figure>,
+    stable: Option<bool>,
+    points: Vec<super::SpiralPoint>,
+    tracks: Vec<Track>,
+}
+
+/// Sample time of vessels with given parameters \[s\]; that of an identified model is its own.
+const STEP_S: f64 = 0.01;
+
+/// Least number of members for an interval.
+const LEAST_MEMBERS: usize = 5;
+
+/// Quantiles of an interval.
+const QUANTILES: [f64; 2] = [0.05, 0.95];
+
+/// Runs trials of a model, and of each member of its ensemble or committee for the intervals.
+///
+/// # Errors
+/// If a trial of the model cannot be run; members that cannot are left out of the intervals.
+pub fn trials(
+    model: &Model,
+    map: &InputMap,
+    kinds: &[TrialKind],
+    options: &TrialOptions,
+    progress: Progress<'_>,
+) -> Result<Option<Trials>, ManoeuvreError> {
+    if !(options.longest_s.is_finite() && options.longest_s > 0.0) {
+        let needed = "seconds greater than 0 are needed";
+        return Err(ManoeuvreError::Option { what: "the longest trial", value: options.longest_s, needed });
+    }
+    let model = &model.clone().at_step(STEP_S).map_err(PlantError::from)?;
+    let approach = |simulation: Simulation| {
+        Approach::new(model, map, simulation.with_current(options.current), &options.approach)
+    };
+    let own = approach(Simulation::new(model)?)?;
+    let members: Vec<Approach> =
+        Simulation::of_members(model)?.into_par_iter().filter_map(|member| approach(member).ok()).collect();
+    let mut results = Vec::with_capacity(kinds.len());
+    for (done, kind) in kinds.iter().enumerate() {
+        if progress(done as f64 / kinds.len() as f64).is_break() {
+            return Ok(None);
+        }
+        let outcome = kind.run(&own, map, options.longest_s)?;
+        let others: Vec<Outcome> =
+            members.par_iter().filter_map(|member| kind.run(member, map, options.longest_s).ok()).collect();
+        results.push(trial(model, *kind, outcome, others, map, options));
+    }
+    if progress(1.0).is_break() {
+        return Ok(None);
+    }
+    Ok(Some(Trials {
+        approach_speed_m_s: own.speed_m_s,
+        propulsion: own.propulsion,
+        neutral_steering: own.steering,
+        approach_command: map.command(own.propulsion, own.steering),
+        inputs: map.clone(),
+        trials: results,
+    }))
+}
+
+fn trial(
+    model: &Model,
+    kind: TrialKind,
+    outcome: Outcome,
+    others: Vec<Outcome>,
+    map: &InputMap,
+    options: &TrialOptions,
+) -> Trial {
+    let mut figures = outcome.figures;
+    let enough = others.len() >= LEAST_MEMBERS;
+    for (i, figure) in figures.iter_mut().enumerate().filter(|_| enough) {
+        let mut values: Vec<f64> = others.iter().filter_map(|other| other.figures[i].value).collect();
+        // An interval over the members that reach the value would hide the others.
+        if values.len() == others.len() && figure.value.is_some() {
+            values.sort_unstable_by(f64::total_cmp);
+            figure.interval = Some(QUANTILES.map(|q| quantile(&values, q)));
+        }
+    }
+    if let Some(length) = options.length_m {
+        let speed = outcome.tracks.first().map_or(f64::NAN, |track| track.speed(track.execute));
+        kind.judge(&mut figures, map, length, speed);
+    }
+    let outside = outside(model, &outcome.tracks);
+    let from_s = outside.iter().map(|outside| outside.from_s).fold(f64::INFINITY, f64::min);
+    for figure in &mut figures {
+        figure.extrapolated = figure.at_s.unwrap_or(f64::MAX) > from_s;
+    }
+    let diverged = outcome.tracks.iter().find(|track| track.diverged);
+    Trial {
+        kind,
+        figures,
+        diverged_s: diverged.map(|track| (track.len() - track.execute) as f64 * track.dt),
+        outside,
+        directionally_stable: outcome.stable,
+        points: outcome.points,
+        members: if enough { others.len() } else { 0 },
+        tracks: outcome.tracks,
+        member_tracks: others.into_iter().flat_map(|other| other.tracks).collect(),
+    }
+}
+
+/// Quantile of sorted values, linear between order statistics.
+fn quantile(sorted: &[f64], q: f64) -> f64 {
+    let place = q * (sorted.len() - 1) as f64;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index of the slice")]
+    let below = place.floor() as usize;
+    let above = (below + 1).min(sorted.len() - 1);
+    sorted[below] + (place - place.floor()) * (sorted[above] - sorted[below])
+}
+
+fn outside(model: &Model, tracks: &[Track]) -> Vec<Outside> {
+    // A vessel with given parameters has no training range.
+    if model.plant().is_some() {
+        return Vec::new();
+    }
+    let channel = |(i, name): (usize, &&str)| {
+        let port = model.description.outputs.iter().find(|port| port.channel.name == *name)?;
+        let range = port.training_range.unwrap_or(port.range);
+        let room = 0.1 * (range.high - range.low);
+        let beyond = |nu: &[f64; 3]| nu[i] < range.low - room || nu[i] > range.high + room;
+        let first = tracks.iter().find_map(|track| {
+            let sample = track.nu.iter().position(beyond)?;
+            Some(sample.saturating_sub(track.execute) as f64 * track.dt)
+        });
+        let values = tracks.iter().flat_map(|track| &track.nu).map(|nu| nu[i]);
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+        let of = |from_s| Outside {
+            name: (*name).to_owned(),
+            from_s,
+            reached: [low, high],
+            range: [range.low, range.high],
+        };
+        first.map(of)
+    };
+    crate::model::MOTION.iter().enumerate().filter_map(channel).collect()
+}
+
+impl Trials {
+    /// Writes the tracks as CSV: number and name of the trial, time since the order, commands, pose and velocities over
+    /// ground.
+    ///
+    /// # Errors
+    /// If the writer fails.
+    pub fn write_csv(&self, writer: impl Write) -> io::Result<()> {
+        let mut out = BufWriter::with_capacity(1 << 16, writer);
+        write!(out, "trial,name,t [s]")?;
+        for (name, unit) in self.inputs.names.iter().zip(&self.inputs.units) {
+            write!(out, ",{name} [{unit}]")?;
+        }
+        writeln!(out, ",x [m],y [m],psi [rad],u [m/s],v [m/s],r [rad/s]")?;
+        let mut command = vec![0.0; self.inputs.names.len()];
+        let tracks =
+            self.trials.iter().flat_map(|trial| trial.tracks.iter().map(move |track| (trial, track)));
+        for (number, (trial, track)) in tracks.enumerate() {
+            let title = trial.kind.title(&self.inputs).replace(',', ";");
+            for k in 0..track.len() {
+                let t_s = (k as f64 - track.execute as f64) * track.dt;
+                write!(out, "{number},{title},{}", Shortest((1e6 * t_s).round() / 1e6))?;
+                self.inputs.write_command(track.propulsion, track.steering[k], &mut command);
+                for value in command.iter().chain(&track.eta[k]).chain(&track.nu[k]) {
+                    write!(out, ",{}", Shortest(*value))?;
+                }
+                writeln!(out)?;
+            }
+        }
+        out.flush()
+    }
+}
+
+impl TrialKind {
+    fn run(&self, approach: &Approach, map: &InputMap, longest_s: f64) -> Result<Outcome, ManoeuvreError> {
+        let outcome = |figures, stable, tracks| Ok(Outcome { figures, stable, points: Vec::new(), tracks });
+        match *self {
+            Self::TurningCircle { steering } => {
+                let (circle, track) = turning_circle(approach, map, steering, longest_s);
+                outcome(circle.figures(), None, vec![track])
+            }
+            Self::Zigzag { steering, heading_deg } => {
+                let (result, track) = zigzag(approach, map, steering, heading_deg.to_radians(), longest_s);
+                outcome(result.figures(), None, vec![track])
+            }
+            Self::PullOut { steering } => {
+                let (result, tracks) = pull_out(approach, map, steering, longest_s);
+                outcome(result.figures(), result.stable, tracks.into())
+            }
+            Self::Spiral { steering, steps } => {
+                let result = spiral(approach, map, steering, steps, longest_s)?;
+                let (figures, stable) = (result.figures(), result.stable);
+                Ok(Outcome { figures, stable, points: result.points, tracks: Vec::new() })
+            }
+            Self::Acceleration => {
+                let (result, track) = acceleration(approach, map, longest_s);
+                outcome(result.figures(), None, vec![track])
+            }
+            Self::Stopping => {
+                let (result, track) = stopping(approach, map, longest_s);
+                outcome(result.figures(), None, vec![track])
+            }
+        }
+    }
+
+    /// Criteria of IMO resolution MSC.137(76) for a ship of a length at a speed: turning ability with 35 degrees of rudder
+    /// or the largest angle, initial turning and course keeping by the zigzags 10/10 and 20/20, stopping full astern.
+    fn judge(&self, figures: &mut [Figure], map: &InputMap, length: f64, speed: f64) {
+        let angle = |s: f64| {
+            let steering = map.steering();
+            (steering.unit == "deg").then_some(s.abs() * steering.full)
+        };
+        let is = |value: f64, nominal: f64| (value - nominal).abs() < 0.05;
+        let mut limit = |name: &str, limit: f64| {
+            figures.iter_mut().filter(|figure| figure.name == name).for_each(|figure| figure.limit(limit));
+        };
+        // Time to sail the length of the ship.
+        let time = length / speed;
+        match *self {
+            Self::TurningCircle { steering } => {
+                let hard = angle(steering).is_none_or(|angle| is(angle, 35.0)) || is(steering.abs(), 1.0);
+                if hard {
+                    limit("advance_m", 4.5 * length);
+                    limit("tactical_diameter_m", 5.0 * length);
+                }
+            }
+            Self::Zigzag { steering, heading_deg } => {
+                let Some(angle) = angle(steering) else { return };
+                if is(angle, 10.0) && is(heading_deg, 10.0) {
+                    limit("initial_turning_distance_m", 2.5 * length);
+                    limit("first_overshoot_deg", (5.0 + 0.5 * time).clamp(10.0, 20.0));
+                    limit("second_overshoot_deg", (17.5 + 0.75 * time).clamp(25.0, 40.0));
+                }
+                if is(angle, 20.0) && is(heading_deg, 20.0) {
+                    limit("first_overshoot_deg", 25.0);
+                }
+            }
+            Self::Stopping if map.astern() > 0.0 => limit("track_reach_m", 15.0 * length),
+            _ => {}
+        }
+    }
+
+    /// Name of the trial, with its parameters in the unit of the steering.
+    pub fn title(&self, map: &InputMap) -> String {
+        let steering = map.steering();
+        let stated = |s: f64| format!("{} {}", (1e3 * s.abs() * steering.full).round() / 1e3, steering.unit);
+        let side = |s: f64| if s > 0.0 { "starboard" } else { "port" };
+        match *self {
+            Self::TurningCircle { steering } => {
+                format!("turning circle, {} to {}", stated(steering), side(steering))
+            }
+            Self::Zigzag { steering, heading_deg } => format!(
+                "zigzag, {} / {} deg, first to {}",
+                stated(steering),
+                (1e3 * heading_deg).round() / 1e3,
+                side(steering)
+            ),
+            Self::PullOut { steering } => format!("pull-out from {}", stated(steering)),
+            Self::Spiral { steering, .. } => format!("spiral, {}", stated(steering)),
+            Self::Acceleration => String::from("acceleration from rest"),
+            Self::Stopping => String::from("stopping"),
+        }
+    }
+}

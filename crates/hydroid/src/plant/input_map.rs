@@ -1,0 +1,259 @@
+//! Which inputs push a vessel, and which turn it.
+
+use serde::Serialize;
+
+use super::error::PlantError;
+use super::simulation::{Simulation, middle};
+use crate::model::Model;
+use crate::toml_file::nearest;
+
+/// Propulsion and steering as directions in the space of the commands:
+///
+/// ```text
+/// c = neutral + p push + s turn,    within the limits
+/// ```
+///
+/// with the propulsion `p` (1: full ahead) and the steering `s` (1: hard to starboard). The vessel turns to starboard
+/// for `s > 0` while it moves ahead.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct InputMap {
+    /// Commands without propulsion and steering.
+    pub neutral: Vec<f64>,
+    /// Change of the commands from none to full propulsion.
+    pub push: Vec<f64>,
+    /// Change of the commands from neutral to hard starboard.
+    pub turn: Vec<f64>,
+    /// Lower and upper limit of each command: the design range, or the training range.
+    pub limits: Vec<[f64; 2]>,
+    /// Name of each input.
+    pub names: Vec<String>,
+    /// Unit of each input; empty if unknown.
+    pub units: Vec<String>,
+}
+
+/// How the steering is stated: as an angle, positive to starboard, if one input turns the vessel and is an angle, otherwise
+/// in percent of hard over.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Steering {
+    /// `deg` or `%`.
+    pub unit: &'static str,
+    /// Stated value of hard over, `s = 1`.
+    pub full: f64,
+}
+
+/// Least effect of an input relative to the greatest one. An input with less is taken to have none: the side force of a
+/// propeller, the drag of a rudder.
+const LEAST_SHARE: f64 = 0.25;
+
+/// Least effect relative to the range of the output.
+const LEAST_EFFECT: f64 = 0.01;
+
+/// Length of the test \[samples\] for models without prediction bands.
+const HORIZON: usize = 200;
+
+impl InputMap {
+    /// Finds the inputs by their effects on the simulated motion: the changes of the surge velocity, and then, while the
+    /// vessel moves ahead, of the yaw rate, between half of the range of an input above and below the operating point.
+    /// For inputs that do both, like two thrusters, the directions are the smallest commands that have one of the effects
+    /// alone (the pseudo-inverse, T. I. Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control*, 2nd
+    /// edition, 2021, section 11.2).
+    ///
+    /// # Errors
+    /// If no input pushes, or none turns the vessel.
+    pub fn find(model: &Model) -> Result<Self, PlantError> {
+        Self::with(model, &[], &[])
+    }
+
+    /// As [`find`](Self::find), with given inputs for propulsion and steering; each is found if its list is empty. A name
+    /// after `-` is an input that turns to port or pushes astern.
+    ///
+    /// # Errors
+    /// As [`find`](Self::find), or if there is no such input.
+    pub fn with(model: &Model, push: &[String], turn: &[String]) -> Result<Self, PlantError> {
+        let inputs = &model.description.inputs;
+        let limits: Vec<[f64; 2]> = inputs.iter().map(|port| [port.range.low, port.range.high]).collect();
+        let middle: Vec<f64> = limits.iter().map(|[low, high]| 0.5 * (low + high)).collect();
+        let half: Vec<f64> = limits.iter().map(|[low, high]| 0.5 * (high - low)).collect();
+        let neutral: Vec<f64> = limits
+            .iter()
+            .zip(&middle)
+            .map(|([low, high], middle)| if *low <= 0.0 && *high >= 0.0 { 0.0 } else { *middle })
+            .collect();
+        let names: Vec<String> = inputs.iter().map(|port| port.channel.name.clone()).collect();
+        let units = inputs.iter().map(|port| port.channel.unit.clone()).collect();
+        let mut test = Test::new(model)?;
+
+        let no_effect = |effect, output, option| {
+            let inputs = names.join(", ");
+            move || PlantError::NoEffect { effect, inputs, output, option }
+        };
+        let surge = if let Some(given) = stated(push, &names, "--push")? {
+            given
+        } else {
+            let effects = test.effects(&middle, &half, &limits, |nu| nu[0]);
+            significant(effects, test.range("u")).ok_or_else(no_effect("pushes the vessel", "u", "--push"))?
+        };
+        let yaw = if let Some(given) = stated(turn, &names, "--turn")? {
+            given
+        } else {
+            let sign = |push: f64| if push == 0.0 { 0.0 } else { push.signum() };
+            let ahead = middle.iter().zip(&half).zip(&surge).map(|((m, h), push)| m + 0.5 * h * sign(*push));
+            let ahead: Vec<f64> = ahead.collect();
+            test.settle(&ahead);
+            let effects = test.effects(&ahead, &half, &limits, |nu| nu[2]);
+            significant(effects, test.range("r")).ok_or_else(no_effect("turns the vessel", "r", "--turn"))?
+        };
+        let (push_alone, turn_alone) = directions(&surge, &yaw);
+        // Stated inputs are used as they are.
+        let push = if push.is_empty() { push_alone } else { surge };
+        let turn = if turn.is_empty() { turn_alone } else { yaw };
+        // Full propulsion ahead reaches the farther limit from the neutral position; hard over is half of the range.
+        let reach = |c: usize, sign: f64| {
+            let [low, high] = limits[c];
+            if sign > 0.0 { high - neutral[c] } else { low - neutral[c] }
+        };
+        let push = push.iter().enumerate().map(|(c, p)| p.abs() * reach(c, *p)).collect();
+        let turn = turn.iter().zip(&half).map(|(s, h)| s * h).collect();
+        Ok(Self { neutral, push, turn, limits, names, units })
+    }
+
+    /// The command for propulsion `p` and steering `s`, within the limits.
+    pub fn command(&self, p: f64, s: f64) -> Vec<f64> {
+        let mut command = vec![0.0; self.neutral.len()];
+        self.write_command(p, s, &mut command);
+        command
+    }
+
+    /// As [`command`](Self::command), without allocation.
+    ///
+    /// # Panics
+    /// If `command` is shorter than the inputs.
+    pub fn write_command(&self, p: f64, s: f64, command: &mut [f64]) {
+        for (c, [low, high]) in self.limits.iter().enumerate() {
+            command[c] = (self.neutral[c] + p * self.push[c] + s * self.turn[c]).clamp(*low, *high);
+        }
+    }
+
+    /// Largest propulsion astern, relative to full ahead; 0 if no input that pushes can be reversed.
+    pub fn astern(&self) -> f64 {
+        let each =
+            self.push.iter().zip(&self.neutral).zip(&self.limits).filter(|((push, _), _)| **push != 0.0);
+        let reach = each.map(|((push, neutral), [low, high])| {
+            (if *push > 0.0 { neutral - low } else { high - neutral }) / push.abs()
+        });
+        let most = reach.fold(0.0, f64::max);
+        if most.is_finite() { most } else { 0.0 }
+    }
+
+    /// How the steering is stated.
+    pub fn steering(&self) -> Steering {
+        let involved: Vec<usize> = (0..self.turn.len()).filter(|&c| self.turn[c] != 0.0).collect();
+        if let [c] = involved[..]
+            && self.units[c] == "rad"
+        {
+            return Steering { unit: "deg", full: self.turn[c].abs().to_degrees() };
+        }
+        Steering { unit: "%", full: 100.0 }
+    }
+}
+
+/// Directions with the effects `(1, 0)` and `(0, 1)` in (surge, yaw), scaled to a largest component of one.
+fn directions(surge: &[f64], yaw: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let (uu, ur, rr) = (dot(surge, surge), dot(surge, yaw), dot(yaw, yaw));
+    // One input does both: it cannot do one alone.
+    let alone = uu * rr - ur * ur > 1e-6 * uu * rr;
+    let without = |a: &[f64], b: &[f64], share: f64| -> Vec<f64> {
+        let raw: Vec<f64> = a.iter().zip(b).map(|(a, b)| if alone { a - share * b } else { *a }).collect();
+        let largest = raw.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        raw.iter().map(|x| if x.abs() > 1e-3 * largest { x / largest } else { 0.0 }).collect()
+    };
+    (without(surge, yaw, ur / rr), without(yaw, surge, ur / uu))
+}
+
+/// The effects relative to the greatest one; `None` if all are small. Minor effects are zero.
+fn significant(effects: Vec<f64>, range: f64) -> Option<Vec<f64>> {
+    let most = effects.iter().fold(0.0_f64, |most, effect| most.max(effect.abs()));
+    let share = |effect: f64| if effect.abs() < LEAST_SHARE * most { 0.0 } else { effect / most };
+    (most > LEAST_EFFECT * range).then(|| effects.into_iter().map(share).collect())
+}
+
+fn stated(given: &[String], names: &[String], option: &'static str) -> Result<Option<Vec<f64>>, PlantError> {
+    if given.is_empty() {
+        return Ok(None);
+    }
+    let mut direction = vec![0.0; names.len()];
+    for name in given {
+        let (sign, name) = name.strip_prefix('-').map_or((1.0, name.as_str()), |name| (-1.0, name));
+        let place = names.iter().position(|known| known == name).ok_or_else(|| PlantError::UnknownInput {
+            option,
+            name: name.to_owned(),
+            nearest: nearest(name, names.iter().map(String::as_str)),
+            known: names.join(", "),
+        })?;
+        direction[place] = sign;
+    }
+    Ok(Some(direction))
+}
+
+/// Tests of the inputs one by one.
+struct Test<'a> {
+    model: &'a Model,
+    simulation: Simulation,
+    start: Vec<f64>,
+    samples: usize,
+}
+
+impl<'a> Test<'a> {
+    fn new(model: &'a Model) -> Result<Self, PlantError> {
+        let simulation = Simulation::new(model)?;
+        let bands = model.description.bands.as_ref();
+        let samples = bands.and_then(|bands| bands.horizons.last().copied()).unwrap_or(HORIZON).max(2);
+        let start = middle(model);
+        Ok(Self { model, simulation, start, samples })
+    }
+
+    fn range(&self, name: &str) -> f64 {
+        let port = self.model.description.outputs.iter().find(|port| port.channel.name == name);
+        port.map_or(1.0, |port| port.range.high - port.range.low)
+    }
+
+    /// Lets the motion settle under a command.
+    fn settle(&mut self, command: &[f64]) {
+        self.simulation.start([0.0; 3], &self.start, command);
+        for _ in 0..self.samples {
+            self.simulation.advance(command);
+        }
+        if self.simulation.check().is_ok() {
+            self.start.copy_from_slice(self.simulation.outputs());
+        }
+    }
+
+    /// Change of the mean motion over the second half of the test, per input.
+    fn effects(
+        &mut self,
+        operating: &[f64],
+        half: &[f64],
+        limits: &[[f64; 2]],
+        read: impl Fn([f64; 3]) -> f64,
+    ) -> Vec<f64> {
+        let mut effect = |c: usize| {
+            let mut mean = |sign: f64| {
+                let mut command = operating.to_vec();
+                command[c] = (command[c] + sign * 0.5 * half[c]).clamp(limits[c][0], limits[c][1]);
+                self.simulation.start([0.0; 3], &self.start, operating);
+                let mut sum = 0.0;
+                for k in 0..self.samples {
+                    self.simulation.advance(&command);
+                    if 2 * k >= self.samples {
+                        sum += read(self.simulation.nu());
+                    }
+                }
+                sum / (self.samples - self.samples / 2) as f64
+            };
+            let change = mean(1.0) - mean(-1.0);
+            if change.is_finite() { change } else { 0.0 }
+        };
+        (0..operating.len()).map(&mut effect).collect()
+    }
+}

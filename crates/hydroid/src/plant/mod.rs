@@ -1,0 +1,32 @@
+//! Models as plants: the motion from the model, the pose by kinematics.
+//!
+//! Every [`Model`](crate::model::Model) with the outputs `u` and `r` is a plant: a vessel with given parameters, or an
+//! identified model of any kind. A [`Simulation`] runs it freely, sample by sample, without measurements. The motion
+//! is relative to the water; a [current](Simulation::with_current) moves the vessel over ground.
+//!
+//! An [`InputMap`] names the inputs that push the vessel and those that turn it.
+//!
+//! ```
+//! use hydroid::model::Model;
+//! use hydroid::plant::{InputMap, Simulation};
+//! use hydroid_core::vessel::VesselParams;
+//!
+//! let model = Model::of_vessel(&VesselParams::simple(), 0.1)?;
+//! let map = InputMap::find(&model)?;
+//! let mut simulation = Simulation::new(&model)?;
+//! simulation.start([0.0; 3], &[1.0, 0.0, 0.0], &map.command(0.5, 0.0));
+//! for _ in 0..100 {
+//!     simulation.advance(&map.command(0.5, 0.2));
+//! }
+//! assert!(simulation.heading() > 0.0, "a positive steering order turns to starboard");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod error;
+mod input_map;
+mod simulation;
+
+pub use error::PlantError;
+pub use input_map::{InputMap, Steering};
+pub use simulation::Simulation;
+pub(crate) use simulation::middle;

@@ -1,0 +1,331 @@
+//! A model that runs freely.
+
+use hydroid_core::current::in_body;
+use hydroid_core::model::committee::{CommitteeSimulation, Past};
+use hydroid_core::predict::Predictor;
+
+use super::error::PlantError;
+use crate::log::Trajectory;
+use crate::model::{MOTION, Model};
+
+/// Units of the outputs of the motion.
+const UNITS: [&str; 3] = ["m/s", "m/s", "rad/s"];
+
+/// A plant in motion: the model predicts its next outputs from its own, without measurements.
+///
+/// Over a sample, the vessel moves on an arc with the means of the body velocities at its ends, `nu = (u, v, r)`:
+///
+/// ```text
+/// psi' = psi + r dt
+/// [x', y'] = [x, y] + R(psi + r dt / 2) [u, v] sinc(r dt / 2) dt + [V_n, V_e] dt,    sinc(a) = sin(a) / a
+/// ```
+///
+/// This is exact in a steady turn, and of second order in `dt` otherwise. Position north, east \[m\], heading \[rad\]
+/// clockwise from north; `u` forward, `v` to starboard, relative to the water \[m/s\], `r` to starboard \[rad/s\]. A
+/// vessel without the output `v` does not drift through the water.
+///
+/// A committee runs as in a rollout: each member by itself, and the outputs are the medians.
+#[derive(Debug)]
+pub struct Simulation {
+    session: Session,
+    motion: Motion,
+    dt: f64,
+    current: [f64; 2],
+    eta: [f64; 3],
+    y: Vec<f64>,
+    next: Vec<f64>,
+    /// Samples that a session observes at the start.
+    warm_up: usize,
+    samples: usize,
+}
+
+enum Session {
+    Predictor(Box<dyn Predictor>),
+    Committee(CommitteeSimulation),
+}
+
+impl std::fmt::Debug for Session {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Predictor(_) => f.write_str("Predictor"),
+            Self::Committee(committee) => committee.fmt(f),
+        }
+    }
+}
+
+impl Clone for Simulation {
+    fn clone(&self) -> Self {
+        let session = match &self.session {
+            Session::Predictor(session) => Session::Predictor(session.fork()),
+            Session::Committee(committee) => Session::Committee(committee.clone()),
+        };
+        Self { session, y: self.y.clone(), next: self.next.clone(), ..*self }
+    }
+}
+
+/// Indices of surge, sway and yaw rate in the outputs.
+#[derive(Clone, Copy, Debug)]
+struct Motion {
+    u: usize,
+    v: Option<usize>,
+    r: usize,
+}
+
+impl Motion {
+    fn of(model: &Model) -> Result<Self, PlantError> {
+        let outputs = &model.description.outputs;
+        let find = |i: usize| -> Result<Option<usize>, PlantError> {
+            let place = outputs.iter().position(|port| port.channel.name == MOTION[i]);
+            if let Some(place) = place {
+                let unit = &outputs[place].channel.unit;
+                if !unit.is_empty() && unit != UNITS[i] {
+                    return Err(PlantError::Unit { name: MOTION[i], unit: unit.clone(), needed: UNITS[i] });
+                }
+            }
+            Ok(place)
+        };
+        let known = || outputs.iter().map(|port| port.channel.name.as_str()).collect::<Vec<_>>().join(", ");
+        let needed =
+            |i: usize| find(i)?.ok_or_else(|| PlantError::NoMotion { missing: MOTION[i], known: known() });
+        Ok(Self { u: needed(0)?, v: find(1)?, r: needed(2)? })
+    }
+
+    fn nu(&self, y: &[f64]) -> [f64; 3] {
+        [y[self.u], self.v.map_or(0.0, |v| y[v]), y[self.r]]
+    }
+}
+
+impl Simulation {
+    /// A simulation of a model with constant weights, at the origin, in still water. [`start`](Self::start) or
+    /// [`start_after`](Self::start_after) begins it.
+    ///
+    /// # Errors
+    /// If the model has no output `u` or `r`, or one with another unit.
+    pub fn new(model: &Model) -> Result<Self, PlantError> {
+        let motion = Motion::of(model)?;
+        if let Some(committee) = model.committee() {
+            let session = Session::Committee(CommitteeSimulation::new(committee));
+            return Ok(Self::with(model, session, motion, committee.span() + 1));
+        }
+        let session = model.motion_session();
+        let warm_up = session.warm_up().max(1);
+        Ok(Self::with(model, Session::Predictor(session), motion, warm_up))
+    }
+
+    /// A simulation for each member of the model's ensemble or committee. Their spread reflects the uncertainty of the model.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn of_members(model: &Model) -> Result<Vec<Self>, PlantError> {
+        let motion = Motion::of(model)?;
+        if let Some(committee) = model.committee() {
+            let warm_up = committee.span() + 1;
+            let single = CommitteeSimulation::members_of(committee).into_iter();
+            return Ok(single.map(|s| Self::with(model, Session::Committee(s), motion, warm_up)).collect());
+        }
+        let sessions = model.member_motion_sessions().into_iter();
+        let each = |session: Box<dyn Predictor>| {
+            let warm_up = session.warm_up().max(1);
+            Self::with(model, Session::Predictor(session), motion, warm_up)
+        };
+        Ok(sessions.map(each).collect())
+    }
+
+    fn with(model: &Model, session: Session, motion: Motion, warm_up: usize) -> Self {
+        let outputs = model.description.outputs.len();
+        Self {
+            session,
+            motion,
+            dt: model.description.dt,
+            current: [0.0; 2],
+            eta: [0.0; 3],
+            y: vec![f64::NAN; outputs],
+            next: vec![f64::NAN; outputs],
+            warm_up,
+            samples: 0,
+        }
+    }
+
+    /// The simulation in water that moves with a constant velocity, north and east \[m/s\].
+    #[must_use]
+    pub fn with_current(self, current: [f64; 2]) -> Self {
+        Self { current, ..self }
+    }
+
+    /// Starts at a pose in a steady motion: the outputs `y` (through the water) and the command `c` hold since long.
+    ///
+    /// # Panics
+    /// If `y` or `c` have another length than outputs and inputs.
+    pub fn start(&mut self, eta: [f64; 3], y: &[f64], c: &[f64]) {
+        let rows = self.warm_up;
+        self.start_after(eta, &y.repeat(rows), &c.repeat(rows - 1));
+    }
+
+    /// Number of samples on which predictions depend at least, the present one included.
+    pub const fn warm_up(&self) -> usize {
+        self.warm_up
+    }
+
+    /// Starts at a pose after a past: rows of outputs (through the water), the last of which is the present, and the
+    /// commands between them.
+    ///
+    /// # Panics
+    /// If there are fewer rows than [`warm_up`](Self::warm_up), or one command too many or too few.
+    pub fn start_after(&mut self, eta: [f64; 3], outputs: &[f64], commands: &[f64]) {
+        let n = self.y.len();
+        let rows = outputs.len() / n;
+        assert!(rows >= self.warm_up, "a past of {} samples is needed", self.warm_up);
+        self.y.copy_from_slice(&outputs[(rows - 1) * n..]);
+        match &mut self.session {
+            Session::Committee(committee) => committee.start(Past { outputs, inputs: commands }),
+            Session::Predictor(session) => {
+                let inputs = session.inputs();
+                assert_eq!(commands.len(), (rows - 1) * inputs, "a command between two samples");
+                session.reset();
+                for (k, y) in outputs.chunks_exact(n).enumerate() {
+                    session.observe(y);
+                    if k + 1 < rows {
+                        session.advance(&commands[k * inputs..][..inputs]);
+                    }
+                }
+            }
+        }
+        (self.eta, self.samples) = (eta, 0);
+    }
+
+    /// Starts at the sample `k` of a run at a pose, after up to `past` samples. Measured velocities over ground become those
+    /// through the water of the current; missing values are the last ones.
+    pub(crate) fn start_in(&mut self, run: &Trajectory, k: usize, past: usize, eta: [f64; 3]) {
+        let from = k.saturating_sub(past.max(self.warm_up));
+        let missing = (self.warm_up + from).saturating_sub(k + 1);
+        let Motion { u, v, .. } = self.motion;
+        let n = self.y.len();
+        let mut outputs: Vec<f64> = Vec::new();
+        let mut commands: Vec<f64> = Vec::new();
+        for sample in std::iter::repeat_n(from, missing).chain(from..=k) {
+            let mut row = run.outputs.row(sample).to_vec();
+            let heading = run.heading_at(sample);
+            let [surge, sway] = in_body(self.current, if heading.is_finite() { heading } else { eta[2] });
+            row[u] -= surge;
+            if let Some(v) = v {
+                row[v] -= sway;
+            }
+            for (c, value) in row.iter_mut().enumerate().filter(|(_, value)| !value.is_finite()) {
+                *value = outputs.len().checked_sub(n).map_or(0.0, |last| outputs[last + c]);
+            }
+            outputs.extend(row);
+            if sample < k {
+                commands.extend_from_slice(run.inputs.row(sample));
+            }
+        }
+        // A start within the first samples of a run repeats its first command.
+        let rows = outputs.len() / n;
+        let inputs = run.inputs.width();
+        while commands.len() < (rows - 1) * inputs {
+            commands.splice(..0, run.inputs.row(from).iter().copied());
+        }
+        self.start_after(eta, &outputs, &commands);
+    }
+
+    /// The next sample, with the command `c` held up to it.
+    ///
+    /// # Panics
+    /// If `c` has another length than the inputs.
+    pub fn advance(&mut self, c: &[f64]) {
+        match &mut self.session {
+            Session::Committee(committee) => committee.advance(c, &mut self.next),
+            Session::Predictor(session) => {
+                session.advance(c);
+                session.output(&mut self.next);
+            }
+        }
+        let (before, after) = (self.motion.nu(&self.y), self.motion.nu(&self.next));
+        let [u, v, r] = std::array::from_fn(|i| 0.5 * (before[i] + after[i]));
+        let [x, y, psi] = self.eta;
+        let half = 0.5 * r * self.dt;
+        let length = self.dt * if half.abs() < 1e-6 { 1.0 } else { half.sin() / half };
+        let (sin, cos) = (psi + half).sin_cos();
+        let [north, east] = self.current.map(|velocity| velocity * self.dt);
+        self.eta = [
+            x + length * (u * cos - v * sin) + north,
+            y + length * (u * sin + v * cos) + east,
+            psi + 2.0 * half,
+        ];
+        std::mem::swap(&mut self.y, &mut self.next);
+        self.samples += 1;
+    }
+
+    /// Moves the vessel to a pose.
+    pub fn place(&mut self, eta: [f64; 3]) {
+        (self.eta, self.samples) = (eta, 0);
+    }
+
+    /// Sets the motion in a row of outputs to zero.
+    pub(crate) fn at_rest(&self, outputs: &mut [f64]) {
+        let Motion { u, v, r } = self.motion;
+        [Some(u), v, Some(r)].into_iter().flatten().for_each(|place| outputs[place] = 0.0);
+    }
+
+    /// Sets the surge velocity in a row of outputs, and the yaw rate to zero.
+    pub(crate) fn on_course(&self, outputs: &mut [f64], surge: f64) {
+        outputs[self.motion.u] = surge;
+        outputs[self.motion.r] = 0.0;
+    }
+
+    /// Surge velocity in a row of outputs.
+    pub(crate) fn surge_of(&self, outputs: &[f64]) -> f64 {
+        outputs[self.motion.u]
+    }
+
+    /// Pose `[x, y, psi]`: north, east \[m\], heading \[rad\], clockwise from north and not wrapped.
+    pub const fn eta(&self) -> [f64; 3] {
+        self.eta
+    }
+
+    /// Heading \[rad\], clockwise from north, not wrapped.
+    pub const fn heading(&self) -> f64 {
+        self.eta[2]
+    }
+
+    /// Body velocities `[u, v, r]` through the water.
+    pub fn nu(&self) -> [f64; 3] {
+        self.motion.nu(&self.y)
+    }
+
+    /// Body velocities `[u, v, r]` over ground.
+    pub fn nu_over_ground(&self) -> [f64; 3] {
+        let [u, v, r] = self.nu();
+        let [surge, sway] = in_body(self.current, self.eta[2]);
+        [u + surge, v + sway, r]
+    }
+
+    /// Outputs of the model; the motion is through the water.
+    pub fn outputs(&self) -> &[f64] {
+        &self.y
+    }
+
+    /// Sample time \[s\].
+    pub const fn dt(&self) -> f64 {
+        self.dt
+    }
+
+    /// An error if the motion is not finite.
+    ///
+    /// # Errors
+    /// [`PlantError::Diverged`].
+    pub fn check(&self) -> Result<(), PlantError> {
+        if self.nu().iter().chain(&self.eta).all(|x| x.is_finite()) {
+            return Ok(());
+        }
+        Err(PlantError::Diverged { t_s: self.samples as f64 * self.dt })
+    }
+}
+
+/// Outputs at which a search starts: the middle of the ranges, without sway and yaw rate.
+pub(crate) fn middle(model: &Model) -> Vec<f64> {
+    let middle = |port: &crate::model::Port| match port.channel.name.as_str() {
+        "v" | "r" => 0.0_f64.clamp(port.range.low, port.range.high),
+        _ => 0.5 * (port.range.low + port.range.high),
+    };
+    model.description.outputs.iter().map(middle).collect()
+}

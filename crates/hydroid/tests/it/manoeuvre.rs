@@ -1,0 +1,435 @@
+//! Manoeuvring trials against analytic solutions, an independent integration, and logs of simulated trials.
+
+use std::collections::HashMap;
+use std::f64::consts::FRAC_PI_2;
+use std::path::Path;
+use std::sync::Arc;
+
+use hydroid::evaluate::DesignRange;
+use hydroid::log::{Channel, Table, Trajectory};
+use hydroid::manoeuvre::{
+    Approach, Options, RecognisedKind, Trial, TrialKind, TrialOptions, compare, pull_out, recognise, spiral,
+    trials, turning_circle, zigzag,
+};
+use hydroid::model::{Body, Description, Members, Model, Port, Provenance, Reading};
+use hydroid::plant::{InputMap, PlantError, Simulation};
+use hydroid::progress::silent;
+use hydroid_core::model::sparse::{Equations, Term};
+use hydroid_core::predict::Workspace;
+use hydroid_core::vessel::VesselParams;
+
+fn port(name: &str, unit: &str, low: f64, high: f64) -> Port {
+    Port {
+        channel: Channel::new(name, unit),
+        range: DesignRange { low, high },
+        training_range: None,
+        noise: None,
+    }
+}
+
+/// Equations `dy/dt = sum of coefficient x term`; variables are outputs, then inputs.
+fn equations(
+    outputs: Vec<Port>,
+    inputs: Vec<Port>,
+    dt: f64,
+    terms: Vec<Term>,
+    coefficients: Vec<f64>,
+) -> Model {
+    let (n, m) = (outputs.len(), inputs.len());
+    let body = Equations::new(terms, coefficients, n, m, dt, 4).unwrap();
+    Model {
+        description: Description {
+            bands: None,
+            current: None,
+            name: String::from("ship"),
+            dt,
+            outputs,
+            inputs,
+            reading: Reading::default(),
+            provenance: Provenance {
+                hydroid: String::from("0"),
+                seed: 0,
+                training: Vec::new(),
+                validation: Vec::new(),
+                settings: serde_json::Value::Null,
+            },
+        },
+        body: Body::Equations(Arc::new(body)),
+        members: Members::default(),
+        learning: None,
+    }
+}
+
+/// `T_u du/dt = n - u`, `T dr/dt + n_1 r + n_3 r^3 = K delta` (Nomoto; Norrbin with `n_3`): speed 5 m/s at full ahead.
+fn nomoto(k: f64, t: f64, n1: f64, n3: f64) -> Model {
+    let outputs = vec![port("u", "m/s", 0.0, 6.0), port("r", "rad/s", -0.1, 0.1)];
+    let inputs = vec![port("n", "", 0.0, 5.0), port("delta", "rad", -0.6, 0.6)];
+    // The variables are u, r, n, delta.
+    let terms = [&[0][..], &[2], &[1], &[3], &[1, 1, 1]];
+    let terms = terms.iter().map(|variables| Term::monomial(variables)).collect();
+    let t_u = 20.0;
+    let coefficients = vec![
+        -1.0 / t_u,
+        1.0 / t_u,
+        0.0,
+        0.0,
+        0.0, //
+        0.0,
+        0.0,
+        -n1 / t,
+        k / t,
+        -n3 / t,
+    ];
+    equations(outputs, inputs, NOMOTO_DT, terms, coefficients)
+}
+
+fn approach(model: &Model, p: f64) -> (Approach, InputMap) {
+    let map = InputMap::find(model).unwrap();
+    let options = Options { propulsion: p, speed_m_s: None };
+    (Approach::new(model, &map, Simulation::new(model).unwrap(), &options).unwrap(), map)
+}
+
+/// Small, because the heading is of second order in it \[s\].
+const NOMOTO_DT: f64 = 0.02;
+
+const K: f64 = 0.12;
+const T: f64 = 8.0;
+
+#[test]
+fn a_linear_nomoto_model_has_its_analytic_turn() {
+    let (approach, map) = approach(&nomoto(K, T, 1.0, 0.0), 0.8);
+    assert!((approach.speed_m_s - 4.0).abs() < 4e-6, "{}", approach.speed_m_s);
+    assert_eq!(approach.steering, 0.0);
+    let delta = 0.5 * 0.6;
+    let (circle, _) = turning_circle(&approach, &map, 0.5, 3_600.0);
+    let steady = circle.steady.unwrap();
+    // r(t) = K delta (1 - exp(-t/T)); the last half turn is long after the transient.
+    assert!((steady.yaw_rate_deg_s.to_radians() / (K * delta) - 1.0).abs() < 1e-6);
+    assert!((steady.radius_m / (4.0 / (K * delta)) - 1.0).abs() < 2e-6);
+    // psi(t) = K delta (t - T (1 - exp(-t/T))) reaches 90 degrees.
+    let psi = |t: f64| K * delta * (t - T * (1.0 - (-t / T).exp()));
+    assert!((psi(circle.time_90_s.unwrap()) - FRAC_PI_2).abs() < 1e-4);
+    let (other, _) = turning_circle(&approach, &map, -0.5, 3_600.0);
+    assert_eq!(
+        other.tactical_diameter_m, circle.tactical_diameter_m,
+        "port is the mirror image of starboard"
+    );
+    assert_eq!(other.steady.unwrap().yaw_rate_deg_s, -steady.yaw_rate_deg_s);
+}
+
+#[test]
+fn a_linear_nomoto_model_has_its_analytic_overshoot() {
+    let (approach, map) = approach(&nomoto(K, T, 1.0, 0.0), 0.8);
+    let (delta, heading) = (0.2, 0.15);
+    let (result, track) = zigzag(&approach, &map, delta / 0.6, heading, 3_600.0);
+    assert_eq!(result.executes_s.len(), 5);
+    // The first execute is at rest, the second at the first sample at which the heading is reached.
+    let second = result.executes_s[1];
+    let r = |t: f64| K * delta * (1.0 - (-t / T).exp());
+    let psi = |t: f64| K * delta * t - T * r(t);
+    assert!(psi(second) >= heading && psi(second - NOMOTO_DT) < heading);
+    let sample = track.steering.iter().position(|s| *s < 0.0).unwrap();
+    assert!((track.eta[sample][2] - psi(second)).abs() < 1e-6);
+    assert!((track.nu[sample][2] - r(second)).abs() < 1e-9);
+    // Afterwards dr/dt = -(r + K delta)/T: r is zero at t = T ln(1 + r_0/(K delta)).
+    let r_0 = r(second);
+    let zero = T * (r_0 / (K * delta)).ln_1p();
+    let overshoot = (r_0 + K * delta) * T * (1.0 - (-zero / T).exp()) - K * delta * zero;
+    let found = result.overshoots_deg[0].to_radians();
+    assert!((found - overshoot).abs() < 1e-6, "{found} against {overshoot}");
+    assert_eq!(result.initial_turning_time_s, Some(second));
+    assert!((result.initial_turning_distance_m.unwrap() - 4.0 * second).abs() < 1e-4);
+    assert!(result.period_s.unwrap() > result.reach_s.unwrap());
+}
+
+#[test]
+fn an_unstable_ship_has_a_loop_and_goes_on_turning() {
+    // Norrbin's model with n_1 < 0: K delta = n_1 r + n_3 r^3.
+    let (n1, n3) = (-0.5, 4_000.0);
+    let model = nomoto(K, T, n1, n3);
+    let (approach, map) = approach(&model, 0.8);
+    let fold_rate = (-n1 / (3.0 * n3)).sqrt();
+    let fold = (2.0 / 3.0) * -n1 * fold_rate / K / 0.6;
+    let steps = 96;
+    let result = spiral(&approach, &map, 0.2, steps, 3_600.0).unwrap();
+    let resolution = 0.2 * 2.0 / f64::from(steps);
+    assert_eq!(result.stable, Some(false));
+    let width = result.loop_width.unwrap();
+    assert!((width - 2.0 * fold).abs() < 2.0 * resolution, "{width} against {}", 2.0 * fold);
+    let (result, _) = pull_out(&approach, &map, 0.5, 3_600.0);
+    assert_eq!(result.stable, Some(false));
+    let remaining = (-n1 / n3).sqrt().to_degrees();
+    assert!((result.residual_deg_s[0].unwrap() / remaining - 1.0).abs() < 1e-3);
+    assert!((result.residual_deg_s[1].unwrap() / remaining + 1.0).abs() < 1e-3);
+
+    let stable = nomoto(K, T, 1.0, 0.0);
+    let (approach, map) = self::approach(&stable, 0.8);
+    let result = spiral(&approach, &map, 1.0, 24, 3_600.0).unwrap();
+    assert_eq!((result.stable, result.loop_width), (Some(true), Some(0.0)));
+    for point in &result.points {
+        assert!((point.yaw_rate_deg_s - (K * 0.6 * point.steering).to_degrees()).abs() < 1e-3);
+    }
+    let (result, _) = pull_out(&approach, &map, 0.5, 3_600.0);
+    assert_eq!(result.stable, Some(true));
+    // A tenth of the yaw rate is left after T ln 10.
+    assert!((result.decay_s[0].unwrap() - T * 10.0_f64.ln()).abs() < 0.11);
+}
+
+#[test]
+fn a_straight_course_needs_steering_if_the_propeller_turns_the_ship() {
+    let mut model = nomoto(K, T, 1.0, 0.0);
+    let Body::Equations(own) = &model.body else { panic!() };
+    let mut coefficients = own.coefficients().to_vec();
+    // dr/dt gains 0.0003 n: full ahead at 5 needs K delta / T = -0.0003 n.
+    coefficients[5 + 1] = 0.0003;
+    model.body = Body::Equations(Arc::new(
+        Equations::new(own.terms().to_vec(), coefficients, 2, 2, NOMOTO_DT, 4).unwrap(),
+    ));
+    let (approach, map) = approach(&model, 1.0);
+    let expected = -0.0003 * 5.0 * T / K / 0.6;
+    assert!((approach.steering - expected).abs() < 1e-6, "{} against {expected}", approach.steering);
+    assert_eq!(map.turn[0], 0.0, "the propeller is no steering input");
+}
+
+fn golden() -> HashMap<String, HashMap<String, HashMap<String, f64>>> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/golden/manoeuvres.json");
+    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+fn figures(trial: &Trial) -> HashMap<&str, f64> {
+    trial.figures.iter().filter_map(|figure| Some((figure.name.as_str(), figure.value?))).collect()
+}
+
+#[test]
+fn trials_of_vessels_agree_with_an_independent_integration() {
+    let golden = golden();
+    for (vessel, circle, steering, heading_deg) in
+        [(VesselParams::simple(), 1.0, 0.2, 20.0), (VesselParams::hydrofoil(), 1.0, 1.0 / 3.0, 10.0)]
+    {
+        let model = Model::of_vessel(&vessel, 0.1).unwrap();
+        let map = InputMap::find(&model).unwrap();
+        let kinds =
+            [TrialKind::TurningCircle { steering: circle }, TrialKind::Zigzag { steering, heading_deg }];
+        let result = trials(&model, &map, &kinds, &TrialOptions::default(), &mut silent()).unwrap().unwrap();
+        for (trial, name) in result.trials.iter().zip(["circle", "zigzag"]) {
+            let found = figures(trial);
+            for (figure, expected) in &golden[&vessel.name][name] {
+                let found = found[figure.as_str()];
+                assert!(
+                    (found / expected - 1.0).abs() < 1e-3,
+                    "{} {figure}: {found}, {expected}",
+                    vessel.name
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn criteria_depend_on_length_and_speed() {
+    let model = nomoto(K, T, 1.0, 0.0);
+    let map = InputMap::find(&model).unwrap();
+    let ten = 10.0_f64.to_radians() / 0.6;
+    let kinds = [
+        TrialKind::TurningCircle { steering: 1.0 },
+        TrialKind::Zigzag { steering: ten, heading_deg: 10.0 },
+        TrialKind::Stopping,
+    ];
+    let at = |length: f64| {
+        let options = TrialOptions { length_m: Some(length), ..TrialOptions::default() };
+        trials(&model, &map, &kinds, &options, &mut silent()).unwrap().unwrap()
+    };
+    let limit = |trial: &Trial, name: &str| {
+        let figure = trial.figures.iter().find(|figure| figure.name == name).unwrap();
+        figure.criterion.map(|criterion| criterion.limit)
+    };
+    // 4.25 m/s; 85 m take 20 s: between 10 s and 30 s the limits grow with the time.
+    let ship = at(85.0);
+    assert_eq!(limit(&ship.trials[0], "tactical_diameter_m"), Some(425.0));
+    assert_eq!(limit(&ship.trials[0], "advance_m"), Some(4.5 * 85.0));
+    assert!((limit(&ship.trials[1], "first_overshoot_deg").unwrap() - 15.0).abs() < 1e-4);
+    assert!((limit(&ship.trials[1], "second_overshoot_deg").unwrap() - 32.5).abs() < 1e-4);
+    assert_eq!(limit(&ship.trials[1], "third_overshoot_deg"), None);
+    assert_eq!(limit(&ship.trials[2], "track_reach_m"), None, "without astern power there is no limit");
+    assert_eq!(limit(&at(10.0).trials[1], "first_overshoot_deg"), Some(10.0));
+    assert_eq!(limit(&at(1_000.0).trials[1], "second_overshoot_deg"), Some(40.0));
+}
+
+/// Two thrusters: `du/dt = a (L + R) - b u`, `dr/dt = c (L - R) - d r`.
+fn twin() -> Model {
+    let outputs = vec![port("r", "rad/s", -1.0, 1.0), port("u", "m/s", -1.0, 3.0)];
+    let inputs = vec![port("L", "", -1.0, 1.0), port("R", "", -1.0, 1.0)];
+    let terms = (0..4).map(|v| Term::monomial(&[v])).collect();
+    let coefficients = vec![-1.0, 0.0, 0.6, -0.6, 0.0, -0.5, 0.7, 0.7];
+    equations(outputs, inputs, 0.1, terms, coefficients)
+}
+
+#[test]
+fn two_thrusters_push_together_and_turn_in_opposite_directions() {
+    let model = twin();
+    let map = InputMap::find(&model).unwrap();
+    assert!((map.push[0] - 1.0).abs() < 1e-9 && (map.push[1] - 1.0).abs() < 1e-9, "{map:?}");
+    assert!((map.turn[0] - 1.0).abs() < 1e-9 && (map.turn[1] + 1.0).abs() < 1e-9, "{map:?}");
+    assert_eq!((map.steering().unit, map.steering().full), ("%", 100.0));
+    assert_eq!(map.command(0.8, 0.5), [1.0, 0.8 - 0.5]);
+    assert!((map.astern() - 1.0).abs() < 1e-9);
+    let stated = InputMap::with(&model, &["L".into(), "R".into()], &["-R".into()]).unwrap();
+    assert_eq!(stated.turn, [0.0, -1.0]);
+    let unknown = InputMap::with(&model, &["left".into()], &[]).unwrap_err();
+    assert!(matches!(unknown, PlantError::UnknownInput { option: "--push", .. }), "{unknown}");
+
+    let kinds = [TrialKind::Stopping, TrialKind::Acceleration, TrialKind::TurningCircle { steering: 0.2 }];
+    let result = trials(&model, &map, &kinds, &TrialOptions::default(), &mut silent()).unwrap().unwrap();
+    // From 0.85 * 2.8 m/s, du/dt = -1.4 - 0.5 u stops after 2 ln(1 + u/2.8).
+    assert!((result.approach_speed_m_s - 2.38).abs() < 1e-5);
+    let stopping = figures(&result.trials[0]);
+    assert!((stopping["stopping_time_s"] - 2.0 * 0.85_f64.ln_1p()).abs() < 1e-3, "{stopping:?}");
+    assert!((stopping["track_reach_m"] - stopping["head_reach_m"]).abs() < 1e-2);
+    let acceleration = figures(&result.trials[1]);
+    assert!((acceleration["time_to_95_percent_s"] - 2.0 * 20.0_f64.ln()).abs() < 0.01);
+    assert!(result.trials[2].outside.is_empty());
+}
+
+#[test]
+fn a_model_without_a_motion_is_no_plant() {
+    let mut model = twin();
+    model.description.outputs[0].channel.name = String::from("yaw");
+    let error = Simulation::new(&model).unwrap_err();
+    assert!(matches!(error, PlantError::NoMotion { missing: "r", .. }), "{error}");
+    assert!(error.to_string().contains("yaw, u"));
+    model.description.outputs[0].channel = Channel::new("r", "deg/s");
+    assert!(matches!(Simulation::new(&model), Err(PlantError::Unit { name: "r", .. })));
+    let mut still = twin();
+    let Body::Equations(own) = &still.body else { panic!() };
+    let without = [-1.0, 0.0, 0.0, 0.0, 0.0, -0.5, 0.7, 0.7];
+    still.body = Body::Equations(Arc::new(
+        Equations::new(own.terms().to_vec(), without.to_vec(), 2, 2, 0.1, 4).unwrap(),
+    ));
+    let error = InputMap::find(&still).unwrap_err();
+    assert!(matches!(error, PlantError::NoEffect { output: "r", option: "--turn", .. }), "{error}");
+}
+
+#[test]
+fn a_simulation_predicts_what_a_rollout_predicts() {
+    for model in [twin(), Model::of_vessel(&VesselParams::hydrofoil(), 0.1).unwrap()] {
+        let (n, m) = (model.description.outputs.len(), model.description.inputs.len());
+        let start: Vec<f64> = (0..n).map(|i| 0.3 + 0.1 * i as f64).collect();
+        let commands: Vec<f64> = (0..200 * m)
+            .map(|i| {
+                let port = &model.description.inputs[i % m];
+                0.4 * (0.1 * i as f64).sin() * port.range.high
+            })
+            .collect();
+        let mut session = model.session();
+        session.observe(&start);
+        let mut expected = vec![0.0; 200 * n];
+        session.rollout(&commands, &mut Workspace::new(), &mut expected);
+        let mut simulation = Simulation::new(&model).unwrap();
+        simulation.start([0.0; 3], &start, &vec![0.0; m]);
+        for (c, expected) in commands.chunks(m).zip(expected.chunks(n)) {
+            simulation.advance(c);
+            for (found, expected) in simulation.outputs().iter().zip(expected) {
+                assert!((found - expected).abs() < 1e-12 * expected.abs().max(1.0));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_steady_turn_is_a_circle_in_a_current() {
+    let model = twin();
+    let current = [0.2, -0.1];
+    let mut simulation = Simulation::new(&model).unwrap().with_current(current);
+    let c = [0.9, 0.5];
+    let (u, r) = (1.4 * 1.4, 0.6 * 0.4);
+    simulation.start([0.0; 3], &[r, u], &c);
+    let samples = 1_000;
+    for _ in 0..samples {
+        simulation.advance(&c);
+    }
+    let t = 0.1 * f64::from(samples);
+    let [x, y, psi] = simulation.eta();
+    assert!((psi - r * t).abs() < 1e-9);
+    assert!((x - (u / r * psi.sin() + current[0] * t)).abs() < 1e-6);
+    assert!((y - (u / r * (1.0 - psi.cos()) + current[1] * t)).abs() < 1e-6);
+    let [surge, sway, _] = simulation.nu_over_ground();
+    assert!((surge - (u + current[0] * psi.cos() + current[1] * psi.sin())).abs() < 1e-6);
+    assert!((sway - (-current[0] * psi.sin() + current[1] * psi.cos())).abs() < 1e-6);
+}
+
+/// A log of the twin-thruster boat: straight, a zigzag of 12 degrees, straight, a turn, straight.
+fn log() -> Trajectory {
+    let model = twin();
+    let mut simulation = Simulation::new(&model).unwrap();
+    simulation.start([0.0; 3], &[0.0, 1.4], &[0.5, 0.5]);
+    let (mut outputs, mut inputs, mut heading) = (Vec::new(), Vec::new(), Vec::new());
+    let mut command = [0.5, 0.5];
+    let (mut start, mut reversals) = (0.0, 0);
+    for k in 0..900 {
+        let psi = simulation.heading();
+        match k {
+            50 => {
+                start = psi;
+                command = [0.7, 0.3];
+            }
+            51..300 => {
+                let side = if command[0] > command[1] { 1.0 } else { -1.0 };
+                if side * (psi - start) >= 12.0_f64.to_radians() && reversals < 4 {
+                    command.swap(0, 1);
+                    reversals += 1;
+                }
+            }
+            300 | 700 => command = [0.5, 0.5],
+            400 => command = [0.4, 0.8],
+            _ => {}
+        }
+        outputs.extend_from_slice(simulation.outputs());
+        inputs.extend(command);
+        heading.push(psi.rem_euclid(std::f64::consts::TAU));
+        simulation.advance(&command);
+    }
+    let channels = |ports: &[Port]| ports.iter().map(|port| port.channel.clone()).collect::<Vec<_>>();
+    Trajectory {
+        name: String::from("run"),
+        t0: 10.0,
+        dt: 0.1,
+        outputs: Table::new(channels(&model.description.outputs), outputs),
+        inputs: Table::new(channels(&model.description.inputs), inputs),
+        truth: None,
+        heading: Some(heading),
+    }
+}
+
+#[test]
+fn trials_in_a_log_are_recognised_and_predicted() {
+    let run = log();
+    let found = recognise(&run);
+    let kinds: Vec<RecognisedKind> = found.iter().map(|trial| trial.kind).collect();
+    assert_eq!(kinds, [RecognisedKind::Zigzag, RecognisedKind::TurningCircle]);
+    assert_eq!((found[0].executes[0], found[0].executes.len()), (50, 5));
+    assert!((found[0].heading_deg - 12.0).abs() < 1.0, "first to starboard: {}", found[0].heading_deg);
+    assert_eq!((found[1].executes.as_slice(), found[1].end), (&[400][..], 700));
+    assert!(found[1].heading_deg < -180.0, "to port: {}", found[1].heading_deg);
+
+    let compared = compare(&twin(), &[run]).unwrap();
+    assert_eq!(compared.len(), 2);
+    assert!((compared[0].at_s - 15.0).abs() < 1e-9);
+    for comparison in &compared {
+        let values = comparison.measured.iter().filter(|figure| figure.value.is_some()).count();
+        assert!(values >= 5, "{:?}", comparison.measured);
+        for (measured, predicted) in comparison.measured.iter().zip(&comparison.predicted) {
+            let Some(measured_value) = measured.value else { continue };
+            let value = predicted.value.unwrap();
+            let close = (value - measured_value).abs() <= 2e-3 * measured_value.abs().max(0.1);
+            assert!(close, "{}: {value} against {measured_value}", measured.name);
+        }
+    }
+}
+
+#[test]
+fn a_log_without_a_yaw_rate_has_no_trials() {
+    let mut run = log();
+    let channels = [Channel::new("yaw", "rad/s"), Channel::new("u", "m/s")];
+    run.outputs = Table::new(channels.to_vec(), run.outputs.rows(0, run.len()).to_vec());
+    assert!(recognise(&run).is_empty());
+}
