@@ -41,7 +41,7 @@ use hydroid::identify::{Candidate, IdentifyResult};
 use hydroid::log::{Note, Split, Trajectory};
 
 pub use closed_loop::{ClosedLoopReport, closed_loop};
-pub use manoeuvre::{ManoeuvreReport, manoeuvres};
+pub use manoeuvre::{ManoeuvreReport, manoeuvres, simulated_track};
 
 /// Content of a report in addition to the result.
 #[derive(Clone, Debug, PartialEq)]

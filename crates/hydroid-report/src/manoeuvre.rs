@@ -269,14 +269,45 @@ fn tracks(name: &str, trials: &[&Trial]) -> Figure {
             panel = panel.mark(Mark::Line(Line::new(points, stroke)));
         }
     }
-    let range = |of: fn(&(f64, f64)) -> f64| {
-        let (low, high) =
-            all.iter().map(of).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
-        let margin = 0.06 * (high - low) + 1e-3;
-        (low - margin, high + margin)
-    };
-    let ((left, right), (low, high)) = (range(|p| p.0), range(|p| p.1));
+    let ((left, right), (low, high)) = (covered(&all, |p| p.0), covered(&all, |p| p.1));
     shown.x_range(left, right).panel(panel.range(low, high))
+}
+
+/// A figure (SVG file) of a simulated track (poses: north, east \[m\], heading), those of members of the model, and the
+/// measured one.
+///
+/// # Errors
+/// If the figure cannot be written.
+pub fn simulated_track(
+    simulated: &[[f64; 3]],
+    members: &[Vec<[f64; 3]>],
+    measured: Option<&[[f64; 3]]>,
+) -> Result<String, ReportError> {
+    let points = |eta: &[[f64; 3]]| thinned(eta.iter().map(|[north, east, _]| (*east, *north)));
+    let mut panel = Panel::new("north [m]");
+    for member in members.iter().take(MEMBERS) {
+        panel = panel.mark(Mark::Line(Line::new(points(member), MEMBER)));
+    }
+    let mut shown =
+        Figure::new("Simulated track", "east [m]").equal_axes().key(Key::Line(STARBOARD), "simulated");
+    let mut all = points(simulated);
+    panel = panel.mark(Mark::Line(Line::new(all.clone(), STARBOARD)));
+    if let Some(measured) = measured {
+        let points = points(measured);
+        all.extend(&points);
+        panel = panel.mark(Mark::Line(Line::new(points, style::MEASURED_LINE)));
+        shown = shown.key(Key::Line(style::MEASURED_LINE), "measured");
+    }
+    let ((left, right), (low, high)) = (covered(&all, |p| p.0), covered(&all, |p| p.1));
+    Ok(shown.x_range(left, right).panel(panel.range(low, high)).file()?)
+}
+
+/// The range of points with a margin.
+fn covered(points: &[(f64, f64)], of: fn(&(f64, f64)) -> f64) -> (f64, f64) {
+    let (low, high) =
+        points.iter().map(of).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+    let margin = 0.06 * (high - low) + 1e-3;
+    (low - margin, high + margin)
 }
 
 fn over_time(track: &Track, of: impl Fn(usize) -> f64) -> Vec<(f64, f64)> {

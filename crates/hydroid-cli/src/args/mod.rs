@@ -108,7 +108,7 @@ pub struct Global {
 /// Subcommands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    Simulate(Simulate),
+    Simulate(Box<Simulate>),
     Inspect(Inspect),
     Identify(Box<Identify>),
     Evaluate(Evaluate),
@@ -126,32 +126,51 @@ pub enum Command {
   hydroid simulate hydrofoil --excitation lawn-mower --leg-speeds 1.5,4,2 -o lawn.csv
   hydroid simulate hydrofoil --print-vessel > mine.toml           a template for a vessel file
   hydroid simulate mine.toml --excitation low-speed -o slow.csv
-  hydroid simulate simple --excitation commands.csv -o run.csv    commands from a file: t, propeller, rudder")]
+  hydroid simulate simple --excitation commands.csv -o run.csv    commands from a file: t, propeller, rudder
+  hydroid simulate out/committee.safetensors -o run.csv           a log of an identified model
+  hydroid simulate out/sindy.safetensors --excitation sea.csv --start 60 --figure track.svg    beside a measured log")]
 pub struct Simulate {
-    /// simple, hydrofoil, hydrofoil-low-speed, or a vessel file (.toml)
+    /// simple, hydrofoil, hydrofoil-low-speed, a vessel file (.toml), or an identified model (.safetensors)
     #[arg(value_name = "PLANT")]
     pub plant: String,
-    /// mixed, low-speed, lawn-mower, circle, or a CSV file with time and the two commands
+    /// mixed, low-speed, lawn-mower, circle, or a CSV file with time and the commands. For an identified model: mixed, or a
+    /// file; if the file is a log with the outputs of the model, the simulation starts with the measured motion
     #[arg(long, default_value = "mixed", value_name = "KIND|FILE")]
     pub excitation: String,
     /// Duration [s] (default: 7200, or as long as the commands of a file last)
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub duration: Option<f64>,
-    /// Sample time [s]
-    #[arg(long, default_value_t = 0.1, value_name = "S", allow_negative_numbers = true)]
-    pub dt: f64,
-    /// Integration step [s]; the sample time is a multiple of it
-    #[arg(long, default_value_t = 0.01, value_name = "S", allow_negative_numbers = true)]
-    pub step: f64,
+    /// Sample time of a vessel [s] (default: 0.1); an identified model has its own
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub dt: Option<f64>,
+    /// Integration step of a vessel [s] (default: 0.01); the sample time is a multiple of it
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub step: Option<f64>,
     /// Seed of commands and noise; the same seed gives the same bytes
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
     /// Factor on the measurement noise of the vessel; 0: none
     #[arg(long, default_value_t = 1.0, value_name = "FACTOR", allow_negative_numbers = true)]
     pub noise: f64,
-    /// Velocity of a constant current: north,east [m/s]. Pose and velocities are over ground
-    #[arg(long, default_value = "0,0", value_name = "N,E", allow_hyphen_values = true)]
-    pub current: Pair,
+    /// Velocity of a constant current: north,east [m/s]; pose and velocities are over ground (default: still water; with a
+    /// log, the estimate of the model from the samples before the start)
+    #[arg(long, value_name = "N,E", allow_hyphen_values = true)]
+    pub current: Option<Pair>,
+    /// Identified model: factor on its process noise, from the growth of its errors; 0: none
+    #[arg(long, default_value_t = 0.0, value_name = "FACTOR", allow_negative_numbers = true)]
+    pub process_noise: f64,
+    /// Identified model and a log: time from the start of the log at which the simulation starts [s]
+    #[arg(long, value_name = "TIME")]
+    pub start: Option<Duration>,
+    /// Identified model: file of a figure (.svg) with the simulated track, those of the model's members, and the measured one
+    #[arg(long, value_name = "FILE")]
+    pub figure: Option<PathBuf>,
+    /// Identified model: inputs that push the vessel, for mixed; -NAME pushes astern (default: found from the model)
+    #[arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)]
+    pub push: Vec<String>,
+    /// Identified model: inputs that turn the vessel to starboard, for mixed; -NAME turns to port (default: found)
+    #[arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)]
+    pub turn: Vec<String>,
     /// Lawn-mower: length of a leg [m]
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub leg: Option<f64>,

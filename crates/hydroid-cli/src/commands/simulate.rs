@@ -1,9 +1,11 @@
 //! `hydroid simulate`.
 
+mod model;
+
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::{Context, bail, ensure};
 use hydroid::atomic;
 use hydroid::excitation::{Circle, Excitation, LawnMower, LowSpeed, Turn};
 use hydroid::log::{self, ChannelSpec, Selection};
@@ -16,6 +18,18 @@ use crate::args::{Global, Simulate};
 use crate::ui;
 
 pub fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
+    if is_model(&args.plant) {
+        return model::run(args, global);
+    }
+    for (option, given) in [
+        ("--start", args.start.is_some()),
+        ("--process-noise", args.process_noise != 0.0),
+        ("--figure", args.figure.is_some()),
+        ("--push", !args.push.is_empty()),
+        ("--turn", !args.turn.is_empty()),
+    ] {
+        ensure!(!given, "{option} needs an identified model (.safetensors): '{}' is a vessel", args.plant);
+    }
     let vessel = vessel(&args.plant)?;
     if args.print_vessel {
         if global.json {
@@ -26,7 +40,8 @@ pub fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
         return Ok(Outcome::Done);
     }
     let (excitation, label) = excitation(args, &vessel)?;
-    let duration_s = args.duration.or_else(|| excitation.natural_duration_s(args.dt)).unwrap_or(7_200.0);
+    let duration_s =
+        args.duration.or_else(|| excitation.natural_duration_s(args.dt.unwrap_or(0.1))).unwrap_or(7_200.0);
     let path = args
         .output
         .clone()
@@ -36,11 +51,11 @@ pub fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
     }
     let options = Options {
         duration_s,
-        dt_s: args.dt,
-        step_s: args.step,
+        dt_s: args.dt.unwrap_or(0.1),
+        step_s: args.step.unwrap_or(0.01),
         seed: args.seed,
         noise_scale: args.noise,
-        current: args.current.0,
+        current: args.current.map_or([0.0; 2], |current| current.0),
         ..Options::new(vessel, excitation)
     };
     let record = record(&options, global)?;
@@ -80,6 +95,13 @@ pub fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
+/// Whether a plant is the file of an identified model.
+fn is_model(plant: &str) -> bool {
+    let path = Path::new(plant);
+    simulate::built_in(plant).is_none()
+        && path.extension().is_some_and(|extension| !extension.eq_ignore_ascii_case("toml"))
+}
+
 pub fn record(options: &Options, global: Global) -> anyhow::Result<Simulated> {
     let bar = ui::Bar::new("simulating", global);
     Ok(simulate::simulate(options, &mut bar.callback())?)
@@ -92,7 +114,7 @@ pub fn vessel(name: &str) -> anyhow::Result<VesselParams> {
     match name {
         file if Path::new(file).extension().is_some() => Ok(simulate::load_vessel(file)?),
         other => bail!(
-            "'{other}' is not a plant: write simple, hydrofoil, hydrofoil-low-speed, or the name of a vessel file (.toml); `hydroid simulate hydrofoil --print-vessel` prints a template"
+            "'{other}' is not a plant: write simple, hydrofoil, hydrofoil-low-speed, or the name of a vessel file (.toml) or of an identified model (.safetensors); `hydroid simulate hydrofoil --print-vessel` prints a template"
         ),
     }
 }

@@ -102,6 +102,7 @@ fn an_identified_model_runs_trials_and_predicts_those_in_a_log() {
         let interval = &figure(&document["trials"][0], "tactical_diameter_m")["interval"];
         assert!(model.contains("committee") || interval[0].as_f64() < interval[1].as_f64(), "{interval}");
     }
+    simulated_logs_of_a_model(folder.path());
     // A circle in a log: straight, then hard over.
     let mut commands = String::from("t,PP_cmd,RD_cmd\n");
     for (from, rudder) in [(0, 0), (30, 12), (60, 0)] {
@@ -128,6 +129,66 @@ fn an_identified_model_runs_trials_and_predicts_those_in_a_log() {
     let text = hydroid(folder.path(), &args[..3]);
     let text = String::from_utf8_lossy(&text.stdout).into_owned();
     assert!(text.contains("30.0 s: turn by ") && text.contains("tactical diameter"), "{text}");
+}
+
+fn simulated_logs_of_a_model(folder: &Path) {
+    let model = "out/sindy.safetensors";
+    // Random commands: a log that can be identified.
+    let args = ["simulate", model, "--duration", "60", "--seed", "4", "-o", "again.csv"];
+    assert_eq!(hydroid(folder, &args).status.code(), Some(0));
+    let log = fs::read_to_string(folder.join("again.csv")).unwrap();
+    assert!(
+        log.starts_with(
+            "t [s],PP_cmd [N],RD_cmd [N s],x [m],y [m],psi [rad],u [m/s],v [m/s],r [rad/s],u_true"
+        )
+    );
+    assert_eq!(log.lines().count(), 601);
+    let again = hydroid(folder, &["simulate", model, "--duration", "60", "--seed", "4", "-o", "-"]);
+    assert!(again.stdout == log.as_bytes(), "the same seed gives the same bytes");
+    let without = hydroid(folder, &["simulate", model, "--duration", "60", "--noise", "0", "-o", "-"]);
+    let without = String::from_utf8(without.stdout).unwrap();
+    let row: Vec<&str> = without.lines().nth(300).unwrap().split(',').collect();
+    assert_eq!(row[6..9], row[9..12], "without noise, measurement and truth are equal");
+
+    // The commands of a log, from a measured state on: near the measured path.
+    let args = [
+        "simulate",
+        model,
+        "--excitation",
+        "a.csv",
+        "--start",
+        "30",
+        "--duration",
+        "60",
+        "--figure",
+        "track.svg",
+        "-o",
+        "beside.csv",
+        "--json",
+    ];
+    let document = json(&hydroid(folder, &args));
+    assert_eq!(document["samples"], 600);
+    assert!(document["max_distance_m"].as_f64().unwrap() < 1.0, "{document}");
+    let figure = fs::read_to_string(folder.join("track.svg")).unwrap();
+    assert!(figure.contains("measured") && figure.contains("simulated"));
+    // Commands alone.
+    fs::write(folder.join("only.csv"), "t,PP_cmd,RD_cmd\n0,100,0\n20,100,5\n40,100,5\n").unwrap();
+    let output = hydroid(folder, &["simulate", model, "--excitation", "only.csv", "-o", "-"]);
+    let log = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(log.lines().count(), 402, "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(log.lines().nth(201).unwrap().starts_with("20,100,5,"));
+
+    for (args, words) in [
+        (&["--excitation", "circle"][..], "needs a vessel: with an identified model, write mixed"),
+        (&["--dt", "0.2"], "--dt needs a vessel"),
+        (&["--excitation", "only.csv", "--start", "5"], "--start needs a log with the outputs of the model"),
+        (&["--excitation", "a.csv", "--start", "1h"], "has no samples there"),
+        (&["--noise", "-1"], "the noise is -1"),
+        (&["--duration", "0"], "the duration is 0"),
+    ] {
+        refused(folder, &[&["simulate", model][..], args].concat(), words);
+    }
+    refused(folder, &["simulate", "simple", "--figure", "track.svg"], "--figure needs an identified model");
 }
 
 #[test]

@@ -11,7 +11,7 @@ use super::turning_circle::TurningCircle;
 use super::zigzag::Zigzag;
 use crate::log::Trajectory;
 use crate::model::{MOTION, Model};
-use crate::plant::Simulation;
+use crate::plant::{Simulation, current_before};
 
 /// A trial in a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -212,7 +212,7 @@ impl Track {
     /// The measured motion from one sample to another. The heading is the integral of the yaw rate, corrected by a straight
     /// line through its differences from the measured heading, if there is one; the path is the integral of the body
     /// velocities over ground. Missing values are the last ones. `None` without surge or yaw rate.
-    pub(super) fn measured(run: &Trajectory, from: usize, to: usize) -> Option<Self> {
+    pub fn measured(run: &Trajectory, from: usize, to: usize) -> Option<Self> {
         let part = run.slice(from, to + 1);
         let mut psi = heading(&part)?;
         if let Some(measured) = &part.heading {
@@ -274,18 +274,8 @@ fn line(points: impl Iterator<Item = (f64, f64)> + Clone) -> [f64; 2] {
 pub fn compare(model: &Model, runs: &[Trajectory]) -> Result<Vec<Comparison>, ManoeuvreError> {
     let mut all = Vec::new();
     for run in runs {
-        let trials = recognise(run);
-        let mut session = model.frozen().session();
-        let mut observed = 0;
-        for trial in trials {
-            let start = trial.executes[0];
-            while observed < start {
-                session.observe_heading(run.heading_at(observed));
-                session.observe(run.outputs.row(observed));
-                session.advance(run.inputs.row(observed));
-                observed += 1;
-            }
-            let current = session.current().map_or([0.0; 2], |current| current.velocity);
+        for trial in recognise(run) {
+            let current = current_before(model, run, trial.executes[0]);
             all.extend(comparison(model, run, trial, current)?);
         }
     }

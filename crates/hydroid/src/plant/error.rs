@@ -57,6 +57,16 @@ pub enum PlantError {
     /// The parameters of a vessel are invalid.
     #[error("the vessel is invalid: {0}")]
     Vessel(#[from] PlantModelError),
+    /// Number out of range.
+    #[error("{what} is {value}; {needed}")]
+    Option {
+        /// Quantity.
+        what: &'static str,
+        /// Given value.
+        value: f64,
+        /// Permitted values.
+        needed: &'static str,
+    },
     /// The model diverges.
     #[error("the simulated motion is not finite after {t_s:.1} s: the model is not stable there")]
     Diverged {

@@ -4,7 +4,7 @@
 //! identified model of any kind. A [`Simulation`] runs it freely, sample by sample, without measurements. The motion
 //! is relative to the water; a [current](Simulation::with_current) moves the vessel over ground.
 //!
-//! An [`InputMap`] names the inputs that push the vessel and those that turn it.
+//! An [`InputMap`] names the inputs that push the vessel and those that turn it. [`record()`] writes simulated logs.
 //!
 //! ```
 //! use hydroid::model::Model;
@@ -24,9 +24,11 @@
 
 mod error;
 mod input_map;
+mod record;
 mod simulation;
 
 pub use error::PlantError;
 pub use input_map::{InputMap, Steering};
-pub use simulation::Simulation;
+pub use record::{Commands, Record, RecordOptions, member_tracks, record};
 pub(crate) use simulation::middle;
+pub use simulation::{Simulation, current_before};

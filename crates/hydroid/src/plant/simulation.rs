@@ -304,6 +304,26 @@ impl Simulation {
         &self.y
     }
 
+    /// Outputs of the model, with the motion over ground.
+    pub fn outputs_over_ground(&self) -> Vec<f64> {
+        let mut row = self.y.clone();
+        let [u, v, _] = self.nu_over_ground();
+        row[self.motion.u] = u;
+        if let Some(place) = self.motion.v {
+            row[place] = v;
+        }
+        row
+    }
+
+    /// Adds a disturbance to the outputs.
+    pub(crate) fn shift(&mut self, by: &[f64]) {
+        self.y.iter_mut().zip(by).for_each(|(y, by)| *y += by);
+        match &mut self.session {
+            Session::Predictor(session) => session.observe(&self.y),
+            Session::Committee(committee) => committee.shift(by),
+        }
+    }
+
     /// Sample time \[s\].
     pub const fn dt(&self) -> f64 {
         self.dt
@@ -319,6 +339,21 @@ impl Simulation {
         }
         Err(PlantError::Diverged { t_s: self.samples as f64 * self.dt })
     }
+}
+
+/// The current that a model estimates from the samples of a run before one of them, north and east \[m/s\]; zero for a
+/// model of the motion over ground.
+pub fn current_before(model: &Model, run: &Trajectory, sample: usize) -> [f64; 2] {
+    if model.description.current.is_none() {
+        return [0.0; 2];
+    }
+    let mut session = model.frozen().session();
+    for k in 0..sample.min(run.len()) {
+        session.observe_heading(run.heading_at(k));
+        session.observe(run.outputs.row(k));
+        session.advance(run.inputs.row(k));
+    }
+    session.current().map_or([0.0; 2], |current| current.velocity)
 }
 
 /// Outputs at which a search starts: the middle of the ranges, without sway and yaw rate.

@@ -5,14 +5,14 @@ use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
 use std::sync::Arc;
 
-use hydroid::evaluate::DesignRange;
+use hydroid::evaluate::{DesignRange, PredictionBands};
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::manoeuvre::{
     Approach, Options, RecognisedKind, Trial, TrialKind, TrialOptions, compare, pull_out, recognise, spiral,
     trials, turning_circle, zigzag,
 };
 use hydroid::model::{Body, Description, Members, Model, Port, Provenance, Reading};
-use hydroid::plant::{InputMap, PlantError, Simulation};
+use hydroid::plant::{Commands, InputMap, PlantError, Record, RecordOptions, Simulation, record};
 use hydroid::progress::silent;
 use hydroid_core::model::sparse::{Equations, Term};
 use hydroid_core::predict::Workspace;
@@ -424,6 +424,38 @@ fn trials_in_a_log_are_recognised_and_predicted() {
             assert!(close, "{}: {value} against {measured_value}", measured.name);
         }
     }
+}
+
+#[test]
+fn process_noise_is_the_growth_of_the_errors() {
+    let mut model = twin();
+    // The variance of the errors of r grows by 0.0004 per sample; that of u is explained by its measurement noise.
+    let half_width = |r: f64, u: f64| vec![1.281_55 * r, 1.281_55 * u];
+    model.description.bands = Some(PredictionBands {
+        levels: vec![0.8],
+        horizons: vec![1, 25],
+        half_widths: vec![vec![half_width(0.01, 0.1), half_width(0.1, 0.1)]],
+    });
+    model.description.outputs[1].noise = Some(0.1);
+    let simulated = |process_noise: f64| {
+        let options = RecordOptions {
+            commands: Commands::Given([0.5, 0.5].repeat(20_000)),
+            seed: 3,
+            noise: 0.0,
+            process_noise,
+            current: [0.0; 2],
+        };
+        record(&model, None, &options).unwrap()
+    };
+    let (still, noisy) = (simulated(0.0), simulated(2.0));
+    assert_eq!(still.measured, still.truth);
+    assert!(still.truth.chunks(2).all(|row| row[0] == 0.0));
+    // r' = e r + w with e = exp(-dt): its variance is q / (1 - e^2).
+    let variance = noisy.truth.chunks(2).map(|row| row[0] * row[0]).sum::<f64>() / noisy.len() as f64;
+    let expected = 4.0 * 0.000_4 / (1.0 - (-0.2_f64).exp());
+    assert!((variance / expected - 1.0).abs() < 0.1, "{variance} against {expected}");
+    let surge = |record: &Record| record.truth.chunks(2).map(|row| row[1]).collect::<Vec<f64>>();
+    assert_eq!(surge(&still), surge(&noisy));
 }
 
 #[test]

@@ -90,6 +90,17 @@ pub(super) struct Rolling<'a> {
     pub(super) elapsed: usize,
 }
 
+impl Rolling<'_> {
+    /// Adds a disturbance to the outputs: at once, and to the variables from the next clock instant on.
+    pub(super) fn shift(&mut self, by: &[f64]) {
+        assert_eq!(by.len(), self.start.len(), "a number for each output");
+        self.start.iter_mut().zip(by).for_each(|(start, by)| *start += by);
+        if self.elapsed == 0 {
+            self.slots[1..=by.len()].copy_from_slice(self.start);
+        }
+    }
+}
+
 impl DifferenceEquations {
     /// Equations from terms and coefficients (`outputs x terms`, row by row).
     ///

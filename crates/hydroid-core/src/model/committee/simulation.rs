@@ -90,4 +90,14 @@ impl CommitteeSimulation {
             *y = weighted_median(votes);
         }
     }
+
+    /// Adds a disturbance to the outputs of all members.
+    ///
+    /// # Panics
+    /// If `by` has not one number for each output.
+    pub fn shift(&mut self, by: &[f64]) {
+        for (member, running) in self.committee.members().iter().zip(&mut self.members) {
+            member.equations.rolling(running.elapsed, &mut running.scratch).shift(by);
+        }
+    }
 }
