@@ -64,14 +64,22 @@ impl Approach {
     ) -> Result<Self, ManoeuvreError> {
         let mut search = Search { simulation, map, start: crate::plant::middle(model) };
         let Some(speed) = options.speed_m_s else { return search.at_propulsion(options.propulsion) };
-        // Secant method on the propulsion, within no and full propulsion.
-        let (mut low, mut high) = (search.at_propulsion(0.0).ok(), search.at_propulsion(1.0)?);
-        let least = low.as_ref().map_or(0.0, |low| low.speed_m_s);
-        if !(speed > 0.0 && (least..=high.speed_m_s).contains(&speed)) {
-            return Err(ManoeuvreError::Speed { speed_m_s: speed, low_m_s: least, high_m_s: high.speed_m_s });
+        // Secant method on the propulsion, from the slowest steady speed ahead. A speed order may never be zero.
+        let middle = search.start.clone();
+        let mut from = [0.0, 0.0];
+        for p in [-map.astern(), 0.0] {
+            search.start.clone_from(&middle);
+            if let Ok(found) = search.at_propulsion(p) {
+                from = [p, found.speed_m_s];
+                break;
+            }
         }
-        let (mut from, mut to) =
-            (low.take().map_or([0.0, 0.0], |low| [0.0, low.speed_m_s]), [1.0, high.speed_m_s]);
+        search.start = middle;
+        let mut high = search.at_propulsion(1.0)?;
+        let mut to = [1.0, high.speed_m_s];
+        if !(speed > 0.0 && (from[1]..=to[1]).contains(&speed)) {
+            return Err(ManoeuvreError::Speed { speed_m_s: speed, low_m_s: from[1], high_m_s: to[1] });
+        }
         for _ in 0..60 {
             if (high.speed_m_s - speed).abs() <= 1e-6 * speed {
                 break;

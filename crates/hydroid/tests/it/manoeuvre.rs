@@ -191,6 +191,26 @@ fn a_straight_course_needs_steering_if_the_propeller_turns_the_ship() {
     assert_eq!(map.turn[0], 0.0, "the propeller is no steering input");
 }
 
+#[test]
+fn the_approach_has_any_speed_that_the_vessel_can_hold() {
+    let model = nomoto(K, T, 1.0, 0.0);
+    let map = InputMap::find(&model).unwrap();
+    let at = |model: &Model, map: &InputMap, speed: f64| {
+        let options = Options { speed_m_s: Some(speed), ..Options::default() };
+        Approach::new(model, map, Simulation::new(model).unwrap(), &options)
+    };
+    let approach = at(&model, &map, 1.3).unwrap();
+    assert!((approach.speed_m_s - 1.3).abs() < 2e-6 && (approach.propulsion - 0.26).abs() < 1e-5);
+    let error = at(&model, &map, 5.5).unwrap_err();
+    assert!(error.to_string().contains("0.000 to 5.000 m/s"), "{error}");
+    // An order that is never zero: the vessel is slower than at its middle.
+    let mut ordered = model.clone();
+    ordered.description.inputs[0].range = DesignRange { low: 1.0, high: 5.0 };
+    let map = InputMap::find(&ordered).unwrap();
+    assert!((at(&ordered, &map, 1.3).unwrap().speed_m_s - 1.3).abs() < 2e-6);
+    assert!(at(&ordered, &map, 0.5).is_err());
+}
+
 fn golden() -> HashMap<String, HashMap<String, HashMap<String, f64>>> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/golden/manoeuvres.json");
     serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
