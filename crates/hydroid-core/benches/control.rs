@@ -93,7 +93,7 @@ fn autopilot(bencher: Bencher) {
     let settings = AutopilotOptions {
         line_of_sight: LineOfSightOptions { lookahead: 5.0, integral: 0.1 },
         heading: HeadingGains::nomoto(1.2, 0.6, 1.0, 1.0, 2.0),
-        speed: SpeedGains { proportional: 40.0, integral: 5.0, drag: [20.0, 18.0] },
+        speed: SpeedGains { proportional: 40.0, integral: 5.0, trim: [0.0, 47.0] },
         steerage: 0.3,
         tolerance: 3.0,
     };
@@ -178,7 +178,13 @@ fn begin(session: &mut dyn Predictor) {
 fn plans(bencher: Bencher, session: &dyn Predictor) {
     let limits = AffinePlant::limits(&VesselParams::hydrofoil());
     // What is drawn alone: steps downhill are 49 candidates each.
-    let settings = PlannerOptions { gauss_newton_steps: 0, ..PlannerOptions::new(1) };
+    let settings = PlannerOptions {
+        candidates: 350,
+        elites: 35,
+        iterations: 5,
+        gauss_newton_steps: 0,
+        ..PlannerOptions::new(1)
+    };
     let mut planner = Planner::new(settings, Cost::tracking(2), &limits, 3, 0.1, 5.0).expect("possible");
     let path = Path::circle([0.0, 0.0], 20.0, Side::Starboard, 0.0).expect("a circle");
     let at = |k: u32| Reference::new(0.24 * f64::from(k), &path.at(0.24 * f64::from(k)), 2.4, 0.0);

@@ -124,12 +124,28 @@ pub struct Limits {
     pub high: f64,
     /// Largest rate of change, per second; infinite for no limit.
     pub rate: f64,
+    /// Command of an actuator at rest: no thrust, rudder amidships.
+    pub rest: f64,
 }
 
 impl Limits {
-    /// Lowest and highest value, without a limit on the rate.
+    /// Lowest and highest value, without a limit on the rate; at rest the value nearest to 0.
     pub const fn between([low, high]: [f64; 2]) -> Self {
-        Self { low, high, rate: f64::INFINITY }
+        // A range without order is refused where it is used.
+        let rest = if low > 0.0 {
+            low
+        } else if high < 0.0 {
+            high
+        } else {
+            0.0
+        };
+        Self { low, high, rate: f64::INFINITY, rest }
+    }
+
+    /// These limits with another command at rest: 1500 for a pulse of 1100 to 1900 us.
+    #[must_use]
+    pub const fn with_rest(self, rest: f64) -> Self {
+        Self { rest, ..self }
     }
 
     /// These limits with a limit on the rate, per second.
@@ -139,7 +155,11 @@ impl Limits {
     }
 
     pub(crate) fn are_possible(&self) -> bool {
-        self.low.is_finite() && self.high.is_finite() && self.low < self.high && self.rate > 0.0
+        self.low.is_finite()
+            && self.high.is_finite()
+            && self.low < self.high
+            && self.rate > 0.0
+            && (self.low..=self.high).contains(&self.rest)
     }
 }
 

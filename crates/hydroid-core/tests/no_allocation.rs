@@ -235,7 +235,7 @@ fn controllers() -> Vec<Box<dyn Controller>> {
     let autopilot = AutopilotOptions {
         line_of_sight: LineOfSightOptions { lookahead: 5.0, integral: 0.1 },
         heading: HeadingGains::nomoto(1.2, 0.6, 1.0, 1.0, 2.0),
-        speed: SpeedGains { proportional: 40.0, integral: 5.0, drag: [20.0, 18.0] },
+        speed: SpeedGains { proportional: 40.0, integral: 5.0, trim: [0.0, 47.0] },
         steerage: 0.3,
         tolerance: 3.0,
     };

@@ -24,7 +24,7 @@ use hydroid::closed_loop::{
 };
 use hydroid::excitation::Excitation;
 use hydroid::identify::{Job, Method, MotionOption, NetworkTrainingOptions, SindyOptions, identify};
-use hydroid::log::{Channel, Split, Table, Trajectory};
+use hydroid::log::{Split, Table, Trajectory};
 use hydroid::model::{Model, Reading};
 use hydroid::progress::silent;
 use hydroid::simulate::{self, simulate};
@@ -155,12 +155,12 @@ fn figures(boat: &Boat, model: &Model, mass: f64, seed: u64) -> anyhow::Result<[
     let scenario = Scenario::new(boat.vessel.clone(), track);
     let steering = ControllerOptions {
         model: Some(Arc::new(Model::of_vessel(&boat.vessel, DT)?.with_current(ASSUMED)?)),
-        ..ControllerOptions::new(ControlMethod::FeedbackLinearization, &boat.vessel, DT)
+        ..ControllerOptions::new(ControlMethod::FeedbackLinearization, &scenario.plant, DT)
     };
     let mut controller = steering.controller(seed)?;
     let sailed = closed_loop::run(&scenario, &conditions, controller.as_mut(), &mut silent())?;
     anyhow::ensure!(sailed.arrived == Some(true), "seed {seed}: the end of the path was not reached");
-    let run = trajectory(&sailed, &boat.vessel);
+    let run = motion_of(&sailed);
     let session = |current_m_s, frozen| -> anyhow::Result<Box<dyn Adapter>> {
         let options = adapt::Options { current_m_s, ..adapt::Options::of(model) };
         let (mut adapter, _) = adapt::adapter(model, &options, &[])?;
@@ -176,22 +176,14 @@ fn figures(boat: &Boat, model: &Model, mass: f64, seed: u64) -> anyhow::Result<[
     Ok(all)
 }
 
-fn trajectory(run: &Run, vessel: &VesselParams) -> Trajectory {
-    let motion = [("u", "m/s"), ("v", "m/s"), ("r", "rad/s")].map(|(name, unit)| Channel::new(name, unit));
-    let commands = [&vessel.commands.propeller, &vessel.commands.rudder]
-        .map(|command| Channel::new(command.name.clone(), command.unit.clone()));
-    let samples = &run.samples;
-    let measured = samples.iter().flat_map(|s| s.measured[..3].to_vec()).collect();
-    let truth = samples.iter().flat_map(|s| [s.state.u, s.state.v, s.state.r]).collect();
-    Trajectory {
-        name: String::from("lawn-mower"),
-        t0: 0.0,
-        dt: run.dt_s,
-        outputs: Table::new(motion.clone(), measured),
-        inputs: Table::new(commands, samples.iter().flat_map(|s| s.command).collect()),
-        truth: Some(Table::new(motion, truth)),
-        heading: Some(samples.iter().map(|s| s.state.psi).collect()),
+/// The run as a log of the motion.
+fn motion_of(run: &Run) -> Trajectory {
+    let mut log = run.trajectory();
+    for table in [Some(&mut log.outputs), log.truth.as_mut()].into_iter().flatten() {
+        let rows = (0..table.len()).flat_map(|k| table.row(k)[..3].to_vec()).collect();
+        *table = Table::new(table.channels()[..3].to_vec(), rows);
     }
+    log
 }
 
 /// Sums of squared errors.

@@ -16,13 +16,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut heavy = vessel.clone();
     heavy.rigid_body.mass *= 1.2;
 
-    let mut options = ControllerOptions::new(ControlMethod::FeedbackLinearization, &vessel, 0.1);
+    let track = Track::new(&Task::Circle { radius: 10.0 }, &SpeedOptions::cruise(1.5))?;
+    let scenario = Scenario::new(vessel, track);
+    let mut options = ControllerOptions::new(ControlMethod::FeedbackLinearization, &scenario.plant, 0.1);
     options.model = Some(Arc::new(Model::of_vessel(&heavy, 0.1)?));
     options.lead = 1.0;
     let mut controller = options.controller(0)?;
 
-    let track = Track::new(&Task::Circle { radius: 10.0 }, &SpeedOptions::cruise(1.5))?;
-    let scenario = Scenario::new(vessel, track);
     let conditions = Conditions { current: [0.1, 0.0], ..Conditions::calm(1) };
     let run = run(&scenario, &conditions, controller.as_mut(), &mut silent())?;
 

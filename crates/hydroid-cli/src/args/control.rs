@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args as ClapArgs, ValueEnum};
 
 use super::Learner;
-use super::values::{Duration, Pair, Points, Triple};
+use super::values::{Duration, NamedNumber, NamedRange, Pair, Points, Triple};
 
 /// Controllers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -16,7 +16,7 @@ pub enum ControllerKind {
     Backstepping,
     /// Model predictive control by the cross-entropy method: any model
     Cem,
-    /// Line of sight, PID on the heading, PI on the speed: no model; the gains are found by a grid search first
+    /// Line of sight, PID on the heading, PI on the speed: any model; the gains are found by a grid search on it first
     Pid,
 }
 
@@ -49,16 +49,16 @@ pub struct TaskArgs {
     /// Reference path
     #[arg(long, value_enum, default_value = "circle")]
     pub task: TaskKind,
-    /// Speed on straights and circles [m/s]
-    #[arg(long, value_name = "M_S", default_value_t = 1.5, allow_negative_numbers = true)]
-    pub speed: f64,
+    /// Speed on straights and circles [m/s] (default: 1.5; for an identified model that of half the propulsion)
+    #[arg(long, value_name = "M_S", allow_negative_numbers = true)]
+    pub speed: Option<f64>,
     /// Speed in turns and at corners [m/s] (default: --speed)
     #[arg(long, value_name = "M_S", allow_negative_numbers = true)]
     pub turn_speed: Option<f64>,
-    /// Radius of circle and turns [m] (default: 15)
+    /// Radius of circle and turns [m] (default: 15, in proportion to the turning radius of an identified model)
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub radius: Option<f64>,
-    /// Lawn-mower: length of a leg [m] (default: 60)
+    /// Lawn-mower: length of a leg [m] (default: four radii)
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub leg: Option<f64>,
     /// Lawn-mower: distance between legs [m] (default: two radii)
@@ -70,15 +70,16 @@ pub struct TaskArgs {
     /// Waypoints and legs: north,east of each point [m]: '0,0;60,0;60,40'
     #[arg(long, value_name = "N,E;N,E;..", allow_hyphen_values = true)]
     pub points: Option<Points>,
-    /// Largest rate of change of the reference speed [m/s^2]
-    #[arg(long, value_name = "M_S2", default_value_t = 0.2, allow_negative_numbers = true)]
-    pub acceleration: f64,
+    /// Largest rate of change of the reference speed [m/s^2] (default: 0.2, in proportion for an identified model)
+    #[arg(long, value_name = "M_S2", allow_negative_numbers = true)]
+    pub acceleration: Option<f64>,
     /// Duration of the simulation: 90, 5m (default: 120 s on a circle, else 1.5 times the duration of the reference)
     #[arg(long, value_name = "TIME")]
     pub duration: Option<Duration>,
-    /// Initial position relative to the start of the path [m]: ahead, to starboard
-    #[arg(long, value_name = "M,M", default_value = "0,-0.5", allow_hyphen_values = true)]
-    pub start: Pair,
+    /// Initial position relative to the start of the path [m]: ahead, to starboard (default: 0,-0.5, in proportion for an
+    /// identified model)
+    #[arg(long, value_name = "M,M", allow_hyphen_values = true)]
+    pub start: Option<Pair>,
 }
 
 /// The controller and its parameters.
@@ -91,9 +92,10 @@ pub struct ControllerArgs {
     /// Distance of the controlled point ahead of the vessel's origin [m] (default: fl, backstepping 1.5; cem, pid 0)
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub lead: Option<f64>,
-    /// Largest distance from the reference at which the vessel counts as on track [m]
-    #[arg(long, value_name = "M", default_value_t = 2.0, allow_negative_numbers = true)]
-    pub tolerance: f64,
+    /// Largest distance from the reference at which the vessel counts as on track [m] (default: 2, in proportion for an
+    /// identified model)
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    pub tolerance: Option<f64>,
     /// Time from which errors count and the vessel must be on track (default: 40 s on a circle, else 10 s, less on short tasks)
     #[arg(long, value_name = "TIME")]
     pub evaluate_from: Option<Duration>,
@@ -112,13 +114,16 @@ pub struct ControllerArgs {
     /// cem: trajectory tracking (time) or path following (path) (default: time)
     #[arg(long, value_enum)]
     pub reference: Option<TimingKind>,
-    /// cem: prediction horizon [samples] (default: 20)
+    /// cem: prediction horizon [commands] (default: 20; 40 for an identified model)
     #[arg(long, value_name = "N")]
     pub horizon: Option<usize>,
-    /// cem: candidates per iteration; a tenth of them are elites (default: 350)
+    /// cem: samples for which a command of a plan is held (default: 1, in proportion to the time of a turn of an identified model)
+    #[arg(long, value_name = "N")]
+    pub hold: Option<usize>,
+    /// cem: candidates per iteration; a tenth of them are elites (default: 60)
     #[arg(long, value_name = "N")]
     pub candidates: Option<usize>,
-    /// cem: iterations (default: 5)
+    /// cem: iterations (default: 2)
     #[arg(long, value_name = "N")]
     pub iterations: Option<usize>,
     /// cem: Gauss-Newton steps from the best candidate (default: 2)
@@ -133,9 +138,21 @@ pub struct ControllerArgs {
     /// Sample time of the controller [s] (default: that of the model; 0.1 for vessels and pid)
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub dt: Option<f64>,
-    /// Rate limits of propeller and rudder, in their units per second; inf: no limit
-    #[arg(long, value_name = "PP,RD", default_value = "inf,inf")]
-    pub rate_limits: Pair,
+    /// Largest rate of change of a command, in its unit per second (default: no limit). May be repeated
+    #[arg(long, value_name = "NAME=RATE")]
+    pub rate_limit: Vec<NamedNumber>,
+    /// Limits of a command, in its unit (default: those of the plant's file, or its training range). May be repeated
+    #[arg(long, value_name = "NAME=LOW:HIGH", allow_hyphen_values = true)]
+    pub limit: Vec<NamedRange>,
+    /// Value of a command at rest, in its unit (default: 0, or the middle of a range without 0). May be repeated
+    #[arg(long, value_name = "NAME=VALUE", allow_hyphen_values = true)]
+    pub neutral: Vec<NamedNumber>,
+    /// pid: inputs that push the vessel, separated by commas; -NAME pushes astern (default: found from the model)
+    #[arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)]
+    pub push: Vec<String>,
+    /// pid: inputs that turn the vessel to starboard; -NAME turns to port (default: found from the model)
+    #[arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)]
+    pub turn: Vec<String>,
 }
 
 /// Online adaptation of the model.
@@ -170,13 +187,16 @@ pub struct DisturbanceArgs {
     /// Seed of noise, gusts and plans
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
-    /// Factor on the measurement noise of the vessel; 0: none
+    /// Factor on the measurement noise of the plant; 0: none
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, allow_negative_numbers = true)]
     pub noise: f64,
+    /// Factor on the process noise of a model as the plant, from its residuals; 0: none
+    #[arg(long, value_name = "FACTOR", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub process_noise: f64,
     /// Velocity of the current: north,east [m/s]
     #[arg(long, value_name = "N,E", default_value = "0,0", allow_hyphen_values = true)]
     pub current: Pair,
-    /// Constant wind force on the hull: north,east [N]
+    /// Constant wind force on the hull: north,east [N]; wind, gusts and mass need a plant with given parameters
     #[arg(long, value_name = "N,E", default_value = "0,0", allow_hyphen_values = true)]
     pub wind: Pair,
     /// Gusts: standard deviation [N] and time constant [s] of a Gauss-Markov force in each direction
@@ -213,15 +233,17 @@ pub struct MonteCarloArgs {
 
 /// Simulate a closed loop: a controller with a model, and a vessel with noise, current, wind and delay
 ///
-/// fl and backstepping invert the model: equations with one known function of each command (hydroid identify --for-control),
-/// a control-affine network, or a vessel. cem plans with any model. pid has no model and serves for comparison. With
-/// --adapt the model adapts in the loop under the guard, and each command uses the adapted model.
+/// The vessel is the model itself, or another plant (--plant). fl and backstepping invert the model: equations with one
+/// known function of each command (hydroid identify --for-control), a control-affine network, or a vessel. cem plans with
+/// any model. pid is tuned on any model. With --adapt the model adapts in the loop under the guard, and each command uses
+/// the adapted model.
 #[derive(Debug, ClapArgs)]
 #[command(after_help = "Examples:
   hydroid control hydrofoil --controller fl --speed 4 --radius 30      the true parameters
-  hydroid control out/sindy.safetensors --controller backstepping --speed 2.5 --radius 25 -o run
-  hydroid control out/gru.safetensors --controller cem --adapt --task lawn-mower
-  hydroid control --controller pid --task lawn-mower --speed 4 --turn-speed 1.8
+  hydroid control out/committee.safetensors --controller cem --task lawn-mower -o run
+  hydroid control out/sindy.safetensors --plant hydrofoil --controller backstepping --speed 2.5 --radius 25
+  hydroid control out/gru.safetensors --plant out/committee.safetensors --controller cem --adapt
+  hydroid control hydrofoil --controller pid --task lawn-mower --speed 4 --turn-speed 1.8
   hydroid control hydrofoil --controller fl --mass 1.2 --current 0.2,-0.2 --gusts 10,5 --delay 0.2
   hydroid control hydrofoil --controller fl --adaptive-augmentation --mass 1.2 --task lawn-mower
   hydroid control hydrofoil --controller fl --runs 1000 --json         Monte Carlo
@@ -241,15 +263,15 @@ Exit status: 0 the vessel stayed on track; 1 farther from the reference than the
 the start of the evaluation, end of the path not reached in time, or a command beyond a limit
 (with --runs: in any trial); 2 wrong input.")]
 pub struct Control {
-    /// The model: a .safetensors file, a vessel file (.toml), or hydrofoil, hydrofoil-low-speed, simple. None for pid
+    /// The model: a .safetensors file, a vessel file (.toml), or hydrofoil, hydrofoil-low-speed, simple. pid is tuned on it
     #[arg(value_name = "MODEL")]
     pub model: Option<PathBuf>,
     /// Configuration file with a section [control] (default: hydroid.toml in the current folder, if it exists)
     #[arg(long, short, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// The true plant: simple, hydrofoil, hydrofoil-low-speed, or a vessel file (.toml)
-    #[arg(long, value_name = "PLANT", default_value = "hydrofoil")]
-    pub plant: String,
+    /// The true plant: a .safetensors file, a vessel file (.toml), or hydrofoil, hydrofoil-low-speed, simple (default: MODEL)
+    #[arg(long, value_name = "PLANT")]
+    pub plant: Option<PathBuf>,
     /// Folder for track.csv (a log), control.json and report.html
     #[arg(long, short, value_name = "DIR")]
     pub output: Option<PathBuf>,

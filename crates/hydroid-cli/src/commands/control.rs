@@ -5,7 +5,7 @@ mod setup;
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context as _, bail, ensure};
 use hydroid::atomic;
 use hydroid::closed_loop::{
     self, Conditions, ControlMethod, ControllerOptions, Metrics, MonteCarlo, Run, Scenario, Summary,
@@ -17,7 +17,6 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::Outcome;
-use super::simulate;
 use crate::args::{Control, Global};
 use crate::ui;
 
@@ -34,18 +33,26 @@ struct Document<'a, T> {
 
 pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
     setup::check_options(args)?;
-    let vessel = simulate::vessel(&args.plant)?;
     let kind = setup::kind(args.controller.controller);
-    let model = model(args, kind)?;
-    let dt = setup::sample_time(args, model.as_ref())?;
+    let model = args.model.as_deref().map(|path| model(args, kind, path)).transpose()?;
+    let plant = match &args.plant {
+        Some(path) => model::read(path)?,
+        None => model.clone().with_context(|| setup::no_model(kind))?,
+    };
+    ensure!(kind == ControlMethod::Autopilot || model.is_some(), setup::no_model(kind));
+    let dt = setup::sample_time(args, model.as_ref(), &plant)?;
     let model = model.map(|model| model.at_step(dt)).transpose()?;
-    let (task, pace) = setup::task(&args.task)?;
-    let scene = setup::scenario(args, &vessel, &task, &pace, dt)?;
+    let plant = Arc::new(plant.at_step(dt)?);
+    let size = setup::Size::of(args, &plant, model.as_ref())?;
+    let (task, pace) = setup::task(&args.task, &size)?;
+    let scene = setup::scenario(args, Arc::clone(&plant), &task, &pace, size.scale, dt)?;
     let from_s = setup::from_s(args, &scene)?;
     let conditions = setup::conditions(&args.disturbances);
-    let mut steering = setup::steering(args, kind, &scene)?;
+    let mut steering = setup::steering(args, kind, &scene, size.scale)?;
     if args.adaptation.adapt {
-        let Some(model) = &model else { bail!("--adapt needs a controller with a model; pid has none") };
+        let Some(model) = model.as_ref().filter(|_| kind != ControlMethod::Autopilot) else {
+            bail!("--adapt needs a controller that predicts with a model; pid does not: leave --adapt out");
+        };
         steering.adapt = Some(setup::adaptation(&args.adaptation, model)?);
         let reading = &model.description.reading;
         let of = (args.model.as_deref().unwrap_or(Path::new("")), model);
@@ -54,14 +61,19 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
             crate::logs::training_logs(files, args.adaptation.training_time.0, of, reading, global)?;
         steering.rehearsal = training.replayed.into();
     }
-    steering.model = model.map(Arc::new);
     // Built before any simulation, so that a model that it cannot invert is refused early.
     let mut tuned = None;
+    let model = model.map(Arc::new);
     if kind == ControlMethod::Autopilot {
+        let base = model.clone().unwrap_or_else(|| Arc::clone(&plant));
+        let inputs = setup::inputs(args, &base, &scene)?;
+        let own = Scenario { plant: base.into(), ..scene.clone() };
         let bar = ui::Bar::new("tuning the PID", global);
-        let found = tune_autopilot(&scene, pace.cruise, from_s, &mut bar.callback())?;
-        steering.autopilot = Some(found.settings);
+        let found = tune_autopilot(&own, &inputs, pace.cruise, from_s, &mut bar.callback())?;
+        steering.autopilot = Some(found.gains.clone());
         tuned = Some(found);
+    } else {
+        steering.model = model;
     }
     let mut controller = steering
         .controller(conditions.seed)
@@ -79,7 +91,7 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
     drop(bar);
     let metrics = Metrics::of(&run, from_s);
     let controller = setup::description(args, &steering);
-    let task = json!({ "path": task, "pace": pace, "duration_s": scene.duration_s, "dt_s": scene.dt_s, "tolerance_m": scene.tolerance });
+    let task = json!({ "path": task, "pace": pace, "duration_s": scene.duration_s, "dt_s": scene.dt_s, "tolerance_m": scene.tolerance, "scale": size.scale, "response": size.response });
     let result = match &many {
         Some(many) => serde_json::to_value(many)?,
         None => serde_json::to_value(&metrics)?,
@@ -88,7 +100,7 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
         result: &result,
         controller: &controller,
         tuning: tuned.as_ref(),
-        plant: &vessel.name,
+        plant: scene.plant.name(),
         task: &task,
         conditions: &conditions,
     };
@@ -117,30 +129,15 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
     Ok(if sound { Outcome::Done } else { Outcome::Missed })
 }
 
-/// The model, required by every controller except pid.
-fn model(args: &Control, kind: ControlMethod) -> anyhow::Result<Option<Model>> {
-    match (&args.model, kind) {
-        (None, ControlMethod::Autopilot) => {
-            ensure!(
-                args.adaptation.estimate_current.is_none(),
-                "--estimate-current needs a controller with a model; pid has none"
-            );
-            Ok(None)
-        }
-        (Some(path), ControlMethod::Autopilot) => bail!(
-            "{}: pid uses no model: leave it out, or use --controller cem, fl or backstepping",
-            path.display()
-        ),
-        (None, _) => bail!(
-            "the model is missing: {} needs a .safetensors file of `hydroid identify`, a vessel file (.toml), or hydrofoil, hydrofoil-low-speed, simple; --controller pid needs none",
-            kind.name()
-        ),
-        (Some(path), _) => {
-            let model = model::read(path)?;
-            let Some(deviation) = args.adaptation.estimate_current else { return Ok(Some(model)) };
-            Ok(Some(model.with_current(deviation)?))
-        }
-    }
+/// The model of the controller.
+fn model(args: &Control, kind: ControlMethod, path: &Path) -> anyhow::Result<Model> {
+    let model = model::read(path)?;
+    let Some(deviation) = args.adaptation.estimate_current else { return Ok(model) };
+    ensure!(
+        kind != ControlMethod::Autopilot,
+        "--estimate-current needs a controller that predicts with a model; pid does not: leave it out"
+    );
+    Ok(model.with_current(deviation)?)
 }
 
 fn monte_carlo(
@@ -157,7 +154,7 @@ fn monte_carlo(
         args.monte_carlo.runs
     );
     let bar = ui::Bar::new("trials", global);
-    let spread = setup::variation(&args.monte_carlo);
+    let spread = setup::variation(&args.monte_carlo, &scene.plant);
     Ok(closed_loop::monte_carlo(
         steering,
         scene,
@@ -186,16 +183,15 @@ impl OutputFiles<'_> {
         document: &Document<'_, T>,
     ) -> anyhow::Result<()> {
         let Self { args, steering, scene, run, metrics } = self;
-        atomic::write(&folder.join("track.csv"), |out| run.write_csv(&scene.vessel, out))?;
+        atomic::write(&folder.join("track.csv"), |out| run.write_csv(out))?;
         let mut text = serde_json::to_string_pretty(document)?;
         text.push('\n');
         atomic::write(&folder.join("control.json"), |out| out.write_all(text.as_bytes()))?;
-        let title = format!("Closed loop of {}: {}", scene.vessel.name, steering.method.name());
+        let title = format!("Closed loop of {}: {}", scene.plant.name(), steering.method.name());
         let page = hydroid_report::closed_loop(&ClosedLoopReport {
             title: &title,
             command: &ui::command_line(),
             facts: &setup::facts(args, steering, scene),
-            vessel: &scene.vessel,
             path: &scene.track.path,
             run,
             metrics,
@@ -251,7 +247,7 @@ fn print_trials(f: &MonteCarlo) {
 fn print_tuning(tuned: &TunedAutopilot) {
     let best = &tuned.best;
     outln!(
-        "tuned on {} separate seeds, best of {} candidates: omega {:.2} rad/s, look-ahead {:.2} m, integral {:.2} m/s, speed gain {:.1} N s/m, exponent {}; cross-track plus speed error {:.4}",
+        "tuned on {} separate seeds, best of {} candidates: omega {:.2} rad/s, look-ahead {:.2} m, integral {:.2} m/s, speed gain {:.3} of full ahead per m/s, exponent {}; score {:.4}",
         tuned.seeds.len(),
         tuned.tried,
         best.omega,

@@ -107,7 +107,7 @@ fn identified_equations_work_with_every_controller_and_adapt() {
         "backstepping",
         "cem --candidates 40 --iterations 2",
     ] {
-        let report = told(at, &format!("control {model} --controller {rest} --json"), 0);
+        let report = told(at, &format!("control {model} --plant hydrofoil --controller {rest} --json"), 0);
         let off = report["rms_position"].as_f64().unwrap();
         assert!(off < 0.1, "{rest}: {off}");
     }
@@ -145,6 +145,64 @@ fn equations_that_cannot_be_inverted_are_refused_by_fl_and_accepted_by_cem() {
     let plan = "--controller cem --candidates 40 --iterations 2 --duration 20 --json";
     let report = told(at, &format!("control {model} --plant simple --radius 10 {plan}"), 0);
     assert!(report["rms_position"].as_f64().unwrap() < 0.5);
+}
+
+/// Each kind of model, identified here, is simulated, runs a turning circle, and is steered as the plant of its own controller.
+#[test]
+fn every_kind_of_model_is_simulated_tried_and_steered() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    for (seed, file) in [(0, "a.csv"), (1, "b.csv"), (2, "c.csv")] {
+        let args = format!("simulate simple --duration 300 --seed {seed} -o {file}");
+        assert_eq!(hydroid(at, &args).status.code(), Some(0));
+    }
+    let network = "hidden = 16\nepochs = 200\nrestarts = 1\n";
+    let direct = "history_s = 1.0\nwindow_s = 2.0\n";
+    let text_of = format!("[affine]\n{network}\n[network]\n{network}\n[direct]\n{network}{direct}");
+    fs::write(at.join("small.toml"), text_of).unwrap();
+    let args = "identify a.csv b.csv c.csv --outputs u,v,r --methods sindy,committee,affine,gru,direct -c small.toml --horizon 20 -o out -q";
+    let identified = hydroid(at, args);
+    assert!(identified.status.code() < Some(2), "{}", text(&identified.stderr));
+    let lawn = "--task lawn-mower --legs 2 --speed 2 --radius 15 --leg 30 --tolerance 5";
+    for (kind, law) in
+        [("sindy", "pid"), ("committee", "cem"), ("affine", "fl"), ("gru", "cem"), ("direct", "cem")]
+    {
+        let model = format!("out/{kind}.safetensors");
+        let output = hydroid(at, &format!("simulate {model} --duration 60 --seed 4 -o {kind}.csv"));
+        assert_eq!(output.status.code(), Some(0), "{kind}: {}", text(&output.stderr));
+        let log = fs::read_to_string(at.join(format!("{kind}.csv"))).unwrap();
+        assert!(
+            log.starts_with("t [s],PP_cmd [N],RD_cmd [N s],x [m],y [m],psi [rad],u [m/s]"),
+            "{kind}: {log:.80}"
+        );
+        assert_eq!(log.lines().count(), 601, "{kind}");
+        let trials =
+            told(at, &format!("manoeuvre {model} --trial turning-circle --speed 2 --steering 40 --json"), 0);
+        let figures = trials["trials"][0]["figures"].as_array().unwrap();
+        let tactical = figures.iter().find(|figure| figure["name"] == "tactical_diameter_m").unwrap();
+        let tactical = tactical["value"].as_f64().unwrap();
+        // The vessel itself has 24.0 m.
+        assert!((20.0..29.0).contains(&tactical), "{kind}: {tactical}");
+        let report = told(at, &format!("control {model} --controller {law} {lawn} -o {kind} --json"), 0);
+        let off = report["rms_cross_track"].as_f64().unwrap();
+        // A direct predictor trained for seconds turns unlike on the two sides.
+        let bound = if kind == "direct" { 3.0 } else { 0.5 };
+        assert!(off < bound, "{kind}: {off}");
+        let page = fs::read_to_string(at.join(kind).join("report.html")).unwrap();
+        assert!(page.contains(&format!("{kind}.safetensors")) && page.contains("RD_cmd [N s]"), "{kind}");
+    }
+    // The size of the model gives the defaults of the task, and its own inputs the limits.
+    let report = told(at, "control out/sindy.safetensors --controller cem --duration 60 --json", 0);
+    assert!(report["task"]["response"]["turning_radius_m"].as_f64().unwrap() > 2.0);
+    let radius = report["task"]["path"]["radius"].as_f64().unwrap();
+    let scale = report["task"]["scale"]["radius"].as_f64().unwrap();
+    assert!((radius / scale - 15.0).abs() < 1e-9);
+    let narrow = hydroid(at, "control out/sindy.safetensors --controller cem --radius 1");
+    assert_eq!(narrow.status.code(), Some(2));
+    assert!(text(&narrow.stderr).contains("give a larger --radius"), "{}", text(&narrow.stderr));
+    let windy = hydroid(at, "control out/sindy.safetensors --controller cem --wind 5,0");
+    assert_eq!(windy.status.code(), Some(2));
+    assert!(text(&windy.stderr).contains("needs a vessel with given parameters"), "{}", text(&windy.stderr));
 }
 
 /// Tiny networks, not necessarily good, can be used by a controller.
@@ -251,9 +309,13 @@ fn a_current_sets_in_and_is_estimated() {
         let (without, with) = (off(law), off(&format!("{law} --estimate-current 0.3")));
         assert!(with < 0.7 * without, "{law}: {with} beside {without}");
     }
-    let output = hydroid(at, "control --controller pid --estimate-current 0.3");
+    let output = hydroid(at, "control hydrofoil --controller pid --estimate-current 0.3");
     assert_eq!(output.status.code(), Some(2));
-    assert!(text(&output.stderr).contains("needs a controller with a model"), "{}", text(&output.stderr));
+    assert!(
+        text(&output.stderr).contains("needs a controller that predicts with a model"),
+        "{}",
+        text(&output.stderr)
+    );
     // A log over ground in the same current.
     let output = hydroid(at, "simulate simple --duration 60 --current 0.2,-0.1 --noise 0 -o run.csv --json");
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
@@ -328,11 +390,11 @@ fn wrong_input_is_refused_with_a_remedy() {
         assert!(text(&output.stderr).contains(words), "{args}: {}", text(&output.stderr));
     };
     refused("control --controller fl", "the model is missing");
-    refused("control hydrofoil --controller pid", "pid uses no model");
+    refused("control --controller pid", "the model is missing");
     refused("control hydrofoil", "--controller");
     refused("control none.safetensors --controller cem", "none.safetensors");
     refused("control hydrofoil --plant simple --controller cem", "--inputs PP_cmd,RD_cmd");
-    refused("control hydrofoil --plant boat --controller fl", "not a plant");
+    refused("control hydrofoil --plant boat --controller fl", "boat");
     refused("control hydrofoil --controller fl --radius -3", "radius");
     refused("control hydrofoil --controller fl --speed 0", "speed");
     refused("control hydrofoil --controller fl --task waypoints", "waypoints are missing");
@@ -361,11 +423,14 @@ fn wrong_input_is_refused_with_a_remedy() {
     refused("control hydrofoil --controller fl --gusts 5,0", "gusts");
     refused("control hydrofoil --controller fl --runs 0", "number of runs");
     refused("control hydrofoil --controller fl --runs 3 --mass-variation 1", "dispersion");
-    refused("control hydrofoil --controller fl --rate-limits 0,1", "--rate-limits");
+    refused("control hydrofoil --controller fl --rate-limit PP_cmd=0", "--rate-limit PP_cmd=0");
+    refused("control hydrofoil --controller fl --limit PP=0:100", "its commands are PP_cmd, RD_ang");
+    refused("control hydrofoil --controller fl --limit RD_ang=-1:1[m]", "--limit RD_ang: the unit [m]");
+    refused("control hydrofoil --controller fl --neutral PP_cmd=900", "give a value between them");
     refused("control hydrofoil --controller fl --reference path", "--reference");
     refused("control hydrofoil --controller cem --candidates 1", "candidates");
     refused("control hydrofoil --controller cem --learner kalman", "--adapt");
-    refused("control --controller pid --adapt", "pid has none");
+    refused("control hydrofoil --controller pid --adapt", "leave --adapt out");
     refused(
         "control hydrofoil --controller fl --task lawn-mower --radius 20 --spacing 30",
         "legs 30 m apart",

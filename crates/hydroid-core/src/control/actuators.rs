@@ -46,21 +46,17 @@ struct Actuator {
 }
 
 impl Actuator {
-    fn rest(&self) -> f64 {
-        0.0_f64.clamp(self.limits.low, self.limits.high)
-    }
-
     fn settled(&self, command: f64) -> f64 {
         (self.gain * command + self.offset) / (1.0 - self.decay)
     }
 
     fn reset(&mut self) {
-        self.command = self.rest();
+        self.command = self.limits.rest;
         self.position = self.settled(self.command);
     }
 
     fn take(&mut self, demand: f64, dt: f64) -> Applied {
-        let Limits { low, high, rate } = self.limits;
+        let Limits { low, high, rate, .. } = self.limits;
         let inside = demand.clamp(low, high);
         let change = rate * dt;
         let command = inside.clamp((self.command - change).max(low), (self.command + change).min(high));
@@ -157,7 +153,7 @@ impl Actuators {
         self.dt
     }
 
-    /// Sets all actuators to rest: the steady state under the command nearest to 0.
+    /// Sets all actuators to rest: the steady state under the commands at rest.
     pub fn reset(&mut self) {
         self.held_s = 0.0;
         self.all.iter_mut().for_each(Actuator::reset);
@@ -184,6 +180,17 @@ impl Actuators {
         let [low, high] = [actuator.limits.low, actuator.limits.high]
             .map(|command| actuator.map.value(actuator.settled(command)));
         0.5 * (high - low).abs()
+    }
+
+    /// Least and greatest effort that an actuator can reach at the end of a sample, within its limits.
+    pub fn reach(&self, index: usize) -> [f64; 2] {
+        let actuator = &self.all[index];
+        let Limits { low, high, rate, .. } = actuator.limits;
+        let change = rate * self.dt;
+        let [a, b] = [(actuator.command - change).max(low), (actuator.command + change).min(high)].map(|c| {
+            actuator.map.value(actuator.decay * actuator.position + actuator.gain * c + actuator.offset)
+        });
+        [a.min(b), a.max(b)]
     }
 
     /// The last command of an actuator.
@@ -246,7 +253,7 @@ impl Actuators {
         let expired = self.held_s >= HOLD_S - 0.5 * self.dt;
         self.held_s += self.dt;
         for (actuator, command) in self.all.iter_mut().zip(commands) {
-            let demand = if expired { actuator.rest() } else { actuator.command };
+            let demand = if expired { actuator.limits.rest } else { actuator.command };
             actuator.take(demand, self.dt);
             *command = actuator.command;
         }

@@ -54,8 +54,8 @@ pub struct SpeedGains {
     pub proportional: f64,
     /// Per m.
     pub integral: f64,
-    /// Feedforward of the drag: per m/s, and per (m/s)^2 with the sign of the speed.
-    pub drag: [f64; 2],
+    /// Feedforward: a constant, and per m/s. Steady speeds near that of the other gains.
+    pub trim: [f64; 2],
 }
 
 /// Options of [`Autopilot`].
@@ -82,7 +82,7 @@ pub struct AutopilotOptions {
 ///
 /// ```text
 /// rudder    = (speed / u)^exponent (K_turn r_d + K_p e_psi + K_i integral(e_psi) + K_d (r_d - r))
-/// propeller = drag_1 U_d + drag_2 U_d |U_d| + K_pu e_u + K_iu integral(e_u)
+/// propeller = trim_0 + trim_1 U_d + K_pu e_u + K_iu integral(e_u)
 /// ```
 ///
 /// Both integrals follow the limited commands (back-calculation, K. J. Astrom and T. Hagglund, *Advanced PID Control*,
@@ -124,8 +124,9 @@ impl Autopilot {
         at_least("the exponent of the speed", heading.exponent, 0.0)?;
         positive("the proportional gain of the speed", speed.proportional)?;
         at_least("the integral gain of the speed", speed.integral, 0.0)?;
-        at_least("the linear drag", speed.drag[0], 0.0)?;
-        at_least("the quadratic drag", speed.drag[1], 0.0)?;
+        for trim in speed.trim {
+            at_least("the magnitude of the trim", trim.abs(), 0.0)?;
+        }
         positive("the speed of steerage", steerage)?;
         positive("the tolerance", tolerance)?;
         let lookahead = line_of_sight.lookahead;
@@ -172,7 +173,8 @@ impl Controller for Autopilot {
                 + heading.integral * self.heading
                 + heading.derivative * (aim.rate - r));
         let slow = reference.speed - u;
-        let propeller = (speed.drag[0] + speed.drag[1] * reference.speed.abs()) * reference.speed
+        let propeller = speed.trim[0]
+            + speed.trim[1] * reference.speed
             + speed.proportional * slow
             + speed.integral * self.speed;
         let wanted = [propeller, rudder];

@@ -24,7 +24,7 @@ pub enum ControlError {
         /// Number of commands.
         given: usize,
     },
-    /// Limits are not finite or not in order, or the rate limit is not positive.
+    /// Limits are not finite or not in order, the value at rest is outside them, or the rate limit is not positive.
     Limits {
         /// The command, from 0.
         channel: usize,
@@ -53,7 +53,7 @@ impl core::fmt::Display for ControlError {
             }
             Self::Limits { channel } => write!(
                 f,
-                "limits of command {channel} must be finite and in order, and its rate limit positive (infinite for none)"
+                "limits of command {channel} must be finite and in order, its value at rest between them, and its rate limit positive (infinite for none)"
             ),
             Self::NotInvertible { channel } => write!(
                 f,

@@ -8,7 +8,7 @@ use num_traits::Float;
 use super::Estimate;
 use super::actuators::Actuators;
 use super::affine::{Affine, Motion, check_count};
-use super::allocate::allocate;
+use super::allocate::allocate_within;
 use super::error::{ControlError, positive};
 use super::status::Status;
 use crate::actuator::Limits;
@@ -29,6 +29,7 @@ pub(super) struct LookaheadPoint<M> {
     actuators: Actuators,
     columns: Vec<[f64; 2]>,
     spans: Vec<f64>,
+    bounds: Vec<[f64; 2]>,
     efforts: Vec<f64>,
     distance: f64,
     min_control_authority: f64,
@@ -49,7 +50,7 @@ impl PointError {
 }
 
 impl<M: Affine> LookaheadPoint<M> {
-    /// `distance` metres ahead; `min_control_authority` \[m/s^2\] as for [`allocate`].
+    /// `distance` metres ahead; `min_control_authority` \[m/s^2\] as for [`allocate_within`].
     pub(super) fn new(
         model: M,
         limits: &[Limits],
@@ -71,6 +72,7 @@ impl<M: Affine> LookaheadPoint<M> {
             actuators,
             columns: vec![[0.0; 2]; inputs],
             spans,
+            bounds: vec![[0.0; 2]; inputs],
             efforts: vec![0.0; inputs],
             distance,
             min_control_authority,
@@ -167,12 +169,16 @@ impl<M: Affine> LookaheadPoint<M> {
             north * cos + east * sin - (f_u - r * (v + l * r)),
             east * cos - north * sin - (f_v + l * f_r + u * r),
         ];
-        let sigma = allocate(&self.columns, &self.spans, body, self.min_control_authority, &mut self.efforts);
+        for (i, bounds) in self.bounds.iter_mut().enumerate() {
+            *bounds = self.actuators.reach(i);
+        }
+        let Self { columns, spans, bounds, efforts, .. } = self;
+        let sigma = allocate_within(columns, spans, bounds, body, self.min_control_authority, efforts);
         let applied = self.actuators.apply(&self.efforts, command);
         let mut missing = [-body[0], -body[1]];
-        for (i, column) in self.columns.iter().enumerate() {
+        for (i, [g_u, g_v, g_r]) in self.motion.g.iter().enumerate() {
             let effort = self.actuators.effort(i);
-            missing = [missing[0] + column[0] * effort, missing[1] + column[1] * effort];
+            missing = [missing[0] + g_u * effort, missing[1] + (g_v + l * g_r) * effort];
         }
         let [x, y] = missing;
         let mut status = Status::Tracking;

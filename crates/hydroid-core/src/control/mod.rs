@@ -7,7 +7,7 @@
 //! - [`AdaptiveAugmentation`]: feedback linearization with a network that learns the model error online.
 //! - [`cem`]: model predictive control on any predictor.
 //! - [`Actuators`]: limits of the commands, and inversion of actuator lags ([`actuator`](crate::actuator)).
-//! - [`allocate`]: control allocation, damped near singular configurations.
+//! - [`allocate`]: control allocation, damped near singular configurations; [`allocate_within`]: within bounds.
 
 mod actuators;
 mod adaptive_augmentation;
@@ -28,7 +28,7 @@ mod status;
 pub use actuators::{Actuators, Applied};
 pub use adaptive_augmentation::{AdaptiveAugmentation, AdaptiveAugmentationOptions};
 pub use affine::{Affine, AffinePlant, Motion};
-pub use allocate::allocate;
+pub use allocate::{allocate, allocate_within};
 pub use autopilot::{Autopilot, AutopilotOptions, HeadingGains, SpeedGains};
 pub use backstepping::{Backstepping, BacksteppingOptions};
 pub use equations::{AffineEquations, NotAffine};

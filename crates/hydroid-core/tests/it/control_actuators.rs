@@ -1,7 +1,7 @@
 //! Actuators compared with their differential equation, limits, and control allocation.
 
 use hydroid_core::actuator::{Channel, Lag, Limits, Map};
-use hydroid_core::control::{Actuators, ControlError, Status, allocate};
+use hydroid_core::control::{Actuators, ControlError, Status, allocate, allocate_within};
 use hydroid_core::vessel::rk4;
 use proptest::prelude::*;
 
@@ -114,6 +114,67 @@ proptest! {
             }
         }
     }
+}
+
+/// Two actuators push, a third one turns. The first can give 0.5 only: the second gives the rest.
+#[test]
+fn a_third_actuator_takes_over_what_a_bound_takes_away() {
+    let columns = [[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
+    let mut efforts = [0.0; 3];
+    let bounds = [[-0.5, 0.5], [-2.0, 2.0], [-1.0, 1.0]];
+    let sigma = allocate_within(&mut columns.clone(), &[1.0; 3], &bounds, [1.8, 0.4], 0.05, &mut efforts);
+    assert!((sigma - 1.0).abs() < 1e-12);
+    for (effort, expected) in efforts.iter().zip([0.5, 1.3, 0.4]) {
+        assert!((effort - expected).abs() < 1e-12, "{efforts:?}");
+    }
+    // Two actuators stay free, whatever is asked for.
+    allocate_within(&mut columns.clone(), &[1.0; 3], &bounds, [9.0, 4.0], 0.05, &mut efforts);
+    assert_eq!(efforts[0], 0.5);
+    assert!((efforts[1] - 8.5).abs() < 1e-12 && (efforts[2] - 4.0).abs() < 1e-12, "{efforts:?}");
+    let (mut two, mut plain) = ([0.0; 2], [0.0; 2]);
+    let pair = [[1.0, 0.2], [0.3, 1.0]];
+    allocate_within(&mut pair.clone(), &[1.0; 2], &[[-0.1, 0.1]; 2], [2.0, 1.0], 0.05, &mut two);
+    allocate(&pair, &[1.0; 2], [2.0, 1.0], 0.05, &mut plain);
+    assert_eq!(two, plain);
+}
+
+/// The reach of an actuator is what its limits and rate limit allow in a sample.
+#[test]
+fn the_reach_follows_from_limits_rate_and_lag() {
+    let channel = Channel { map: Map::SignedSquare, lag: Lag::of_time_constant(0.5) };
+    let limits = [Limits::between([-1.0, 3.0]).with_rate(2.0)];
+    let mut actuators = Actuators::new(&[channel], &limits, 0.1, 0.0).unwrap();
+    let gain = 1.0 - (-0.2_f64).exp();
+    let [low, high] = actuators.reach(0);
+    assert!((high - (0.2 * gain).powi(2)).abs() < 1e-12 && (low + high).abs() < 1e-12, "{low} {high}");
+    let mut command = [3.0];
+    (0..200).for_each(|_| {
+        command = [3.0];
+        actuators.limit(&mut command);
+    });
+    let [low, high] = actuators.reach(0);
+    assert!((high - 9.0).abs() < 1e-9 && (low - (3.0 - 0.2 * gain).powi(2)).abs() < 1e-9, "{low} {high}");
+}
+
+/// At rest, a thruster that takes pulses of 1100 to 1900 us stands at 1500.
+#[test]
+fn the_value_at_rest_can_be_stated() {
+    let limits = [Limits::between([1100.0, 1900.0]).with_rest(1500.0)];
+    let mut actuators = Actuators::new(&[Channel::default()], &limits, 0.5, 0.0).unwrap();
+    assert_eq!(actuators.last_command(0), 1500.0);
+    let mut command = [1800.0];
+    actuators.limit(&mut command);
+    let held: Vec<f64> = (0..4)
+        .map(|_| {
+            actuators.hold(&mut command);
+            command[0]
+        })
+        .collect();
+    assert_eq!(held, [1800.0, 1800.0, 1500.0, 1500.0]);
+    assert_eq!(Limits::between([1100.0, 1900.0]).rest, 1100.0);
+    let outside = [Limits::between([-1.0, 1.0]).with_rest(2.0)];
+    let refused = Actuators::new(&[Channel::default()], &outside, 0.5, 0.0).unwrap_err();
+    assert_eq!(refused, ControlError::Limits { channel: 0 });
 }
 
 /// `T = 1 s`, `dt = 0.1 s`: the inverse demands `1 / (1 - exp(-0.1))`, 10.5 times the step, then the step itself.

@@ -37,7 +37,7 @@ pub(super) fn track(subject: &ClosedLoopReport<'_>) -> Figure {
     let thin = moments.len().div_ceil(POINTS).max(1);
     let mut lines: Vec<(usize, Vec<(f64, f64)>)> = Vec::new();
     for sample in moments.iter().step_by(thin) {
-        let (of, at) = (kind(sample.status), (sample.state.y, sample.state.x));
+        let (of, at) = (kind(sample.status), (sample.eta[1], sample.eta[0]));
         match lines.last_mut() {
             Some((last, line)) if *last == of => line.push(at),
             Some((_, before)) => {
@@ -120,17 +120,16 @@ pub(super) fn speeds(subject: &ClosedLoopReport<'_>) -> Figure {
 
 pub(super) fn commands(subject: &ClosedLoopReport<'_>) -> Figure {
     let run = subject.run;
-    let channels = [&subject.vessel.commands.propeller, &subject.vessel.commands.rudder];
     let limit = Stroke { colour: style::ALARM, width: 1.0, dash: Dash::Dashed };
     let mut figure = Figure::new("Commands over time", "time [s]");
-    for (i, channel) in channels.into_iter().enumerate() {
+    for (i, channel) in run.inputs.iter().enumerate() {
         let limits = run.limits[i];
         let margin = 0.05 * (limits.high - limits.low);
-        let values = run.samples.iter().map(|m| m.command[i]);
+        let values = (0..run.samples.len()).map(|k| run.command(k)[i]);
         let stairs = if run.samples.len() <= POINTS {
             steps(values, 0.0, run.dt_s)
         } else {
-            over_time(subject, |m| m.command[i])
+            envelope(values.zip(&run.samples).map(|(value, m)| (m.t, value)), POINTS / 2)
         };
         figure = figure.panel(
             Panel::new(format!("{} [{}]", channel.name, channel.unit))

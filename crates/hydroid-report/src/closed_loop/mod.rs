@@ -10,7 +10,6 @@ use super::number::{self, text};
 use super::page::{Section, cell, columns, figure, page, readable, table};
 use hydroid::closed_loop::{Metrics, MonteCarlo, Run, TunedAutopilot};
 use hydroid_core::guidance::Path;
-use hydroid_core::vessel::VesselParams;
 
 /// Content of a closed-loop page.
 #[derive(Clone, Copy, Debug)]
@@ -21,8 +20,6 @@ pub struct ClosedLoopReport<'a> {
     pub command: &'a str,
     /// Settings of controller, model, task and conditions: name and value.
     pub facts: &'a [(String, String)],
-    /// The true vessel: names and units of the commands.
-    pub vessel: &'a VesselParams,
     /// The path.
     pub path: &'a Path,
     /// The run; the first one of Monte Carlo trials.
@@ -177,14 +174,14 @@ fn settings(subject: &ClosedLoopReport<'_>) -> Section {
             h3 { "Tuning of the autopilot" }
             p {
                 "The autopilot has the best of " (number::count(tuned.tried)) " grid points. They were compared on " (tuned.seeds.len()) " separate seeds without current. "
-                "The score is the sum of cross-track and speed error, here " (text(tuned.score, 3)) "."
+                "The score is the sum of the cross-track error relative to the tolerance and the speed error relative to the cruising speed, here " (text(tuned.score, 3)) "."
             }
             dl.facts {
                 dt { "natural frequency of the heading" } dd { (text(tuned.best.omega, 3)) " rad/s" }
                 dt { "look-ahead" } dd { (text(tuned.best.lookahead, 3)) " m" }
                 dt { "integral gain of the line of sight" } dd { (text(tuned.best.sigma, 3)) " m/s" }
-                dt { "gain of the speed controller" } dd { (text(tuned.best.proportional, 3)) " N s/m" }
-                dt { "exponent of the speed controller" } dd { (text(tuned.best.exponent, 2)) }
+                dt { "gain of the speed controller" } dd { (text(tuned.best.proportional, 3)) " of full ahead per m/s" }
+                dt { "exponent of the speed in the gains of the heading" } dd { (text(tuned.best.exponent, 2)) }
             }
         }
     };

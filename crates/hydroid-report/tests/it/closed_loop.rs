@@ -14,7 +14,7 @@ fn the_page_shows_track_errors_commands_and_many_runs() {
     let course = Track::new(&Task::Circle { radius: 15.0 }, &SpeedOptions::cruise(1.5)).unwrap();
     let mut scene = Scenario::new(vessel.clone(), course);
     scene.duration_s = 20.0;
-    let mut steering = ControllerOptions::new(ControlMethod::FeedbackLinearization, &vessel, 0.1);
+    let mut steering = ControllerOptions::new(ControlMethod::FeedbackLinearization, &scene.plant, 0.1);
     steering.model = Some(std::sync::Arc::new(hydroid::model::Model::of_vessel(&vessel, 0.1).unwrap()));
     let calm = Conditions::calm(1);
     let mut run =
@@ -28,7 +28,6 @@ fn the_page_shows_track_errors_commands_and_many_runs() {
         title: "A circle",
         command: "hydroid control <x>",
         facts: &facts,
-        vessel: &vessel,
         path: &scene.track.path,
         run: &run,
         metrics: &metrics,

@@ -175,7 +175,8 @@ impl Circles {
             Track::new(&task, &SpeedOptions::cruise(circle.speed_m_s)).map_err(|error| error.to_string())?;
         let scene =
             Scenario { duration_s: DURATION_S, start: [0.0, -0.5], ..Scenario::new(vessel.clone(), course) };
-        let mut steering = ControllerOptions::new(ControlMethod::FeedbackLinearization, vessel, scene.dt_s);
+        let mut steering =
+            ControllerOptions::new(ControlMethod::FeedbackLinearization, &scene.plant, scene.dt_s);
         steering.model = Some(Arc::new(model.clone()));
         steering.lead = circle.lead_m;
         let run = |steering: &ControllerOptions, noise: f64, seed: u64| -> Result<Run, String> {
@@ -204,9 +205,9 @@ impl Circles {
         };
         let points = noisy.first().map_or_else(Vec::new, |run| {
             let point = |sample: &Sample| {
-                let (sin, cos) = sample.state.psi.sin_cos();
-                let north = sample.state.x + circle.lead_m * cos;
-                [sample.t, north, sample.state.y + circle.lead_m * sin, sample.distance]
+                let (sin, cos) = sample.eta[2].sin_cos();
+                let north = sample.eta[0] + circle.lead_m * cos;
+                [sample.t, north, sample.eta[1] + circle.lead_m * sin, sample.distance]
             };
             run.samples.iter().step_by(5).map(point).collect()
         });

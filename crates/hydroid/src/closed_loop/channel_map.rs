@@ -1,83 +1,73 @@
-//! Assignment of measurements and commands to a model's channels.
+//! Assignment of the measured outputs of a plant to the outputs of a model.
 
-use hydroid_core::vessel::VesselParams;
-
-use super::controller::Observation;
 use super::error::ClosedLoopError;
+use super::options::Instruments;
+use crate::log::Channel;
 use crate::model::Description;
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Column {
-    /// One of `u`, `v`, `r`.
-    Motion(usize),
-    Force,
-}
 
 #[derive(Clone, Debug)]
 pub(super) struct ChannelMap {
-    columns: Vec<Column>,
-    /// Indices of `u`, `v` and `r` in the outputs.
+    /// For each output of the model, its place among the measured ones.
+    places: Vec<usize>,
+    /// Indices of `u`, `v` and `r` in the outputs of the model.
     pub(super) motion: [usize; 3],
 }
 
 impl ChannelMap {
-    /// Checks that a model's channels and units fit a vessel.
-    pub(super) fn of(model: &Description, vessel: &VesselParams) -> Result<Self, ClosedLoopError> {
-        let known = [("u", "m/s"), ("v", "m/s"), ("r", "rad/s"), ("P_f", "N")];
-        let mut columns = Vec::new();
-        let mut motion = [None; 3];
-        for (index, port) in model.outputs.iter().enumerate() {
-            let (name, unit) = (port.channel.name.as_str(), port.channel.unit.as_str());
-            let place = known.iter().position(|(own, _)| *own == name);
-            let Some(place) = place.filter(|&place| place < 3 || vessel.propeller.force_measured) else {
+    /// Checks that the channels and units of a model fit those of a plant.
+    pub(super) fn of(model: &Description, plant: &Instruments) -> Result<Self, ClosedLoopError> {
+        let mut places = Vec::new();
+        for port in &model.outputs {
+            let Channel { name, unit } = &port.channel;
+            let Some(place) = plant.measured.iter().position(|own| own.name == *name) else {
                 return Err(ClosedLoopError::Channels(format!(
-                    "its output '{name}' is not measured on '{}', which measures u, v, r{}; identify with --outputs u,v,r",
-                    vessel.name,
-                    if vessel.propeller.force_measured { ", P_f" } else { "" }
+                    "its output '{name}' is not measured on '{}', which measures {}; identify with --outputs u,v,r",
+                    plant.name,
+                    list(plant.measured.iter().map(|own| own.name.as_str()))
                 )));
             };
-            same_unit(name, unit, known[place].1)?;
-            if let Some(of) = motion.get_mut(place) {
-                *of = Some(index);
-                columns.push(Column::Motion(place));
-            } else {
-                columns.push(Column::Force);
-            }
+            same_unit(name, unit, &plant.measured[place].unit)?;
+            places.push(place);
         }
+        let known = [("u", "m/s"), ("v", "m/s"), ("r", "rad/s")];
+        let motion = known.map(|(name, _)| model.outputs.iter().position(|port| port.channel.name == name));
         let [Some(u), Some(v), Some(r)] = motion else {
             return Err(ClosedLoopError::Channels(format!(
                 "it has the outputs {}, and control needs u, v and r: identify with --outputs u,v,r",
                 list(model.outputs.iter().map(|port| port.channel.name.as_str()))
             )));
         };
-        let commands = [&vessel.commands.propeller, &vessel.commands.rudder];
-        if !model.inputs.iter().map(|port| &port.channel.name).eq(commands.iter().map(|c| &c.name)) {
+        for ((name, needed), place) in known.into_iter().zip([u, v, r]) {
+            same_unit(name, &model.outputs[place].channel.unit, needed)?;
+        }
+        let names = |channels: &mut dyn Iterator<Item = &Channel>| {
+            channels.map(|channel| channel.name.clone()).collect::<Vec<String>>()
+        };
+        let (own, commands) =
+            (names(&mut model.inputs.iter().map(|port| &port.channel)), names(&mut plant.commands.iter()));
+        if own != commands {
             return Err(ClosedLoopError::Channels(format!(
-                "its inputs are {}, and the commands of '{}' are {}; identify with --inputs {},{}",
-                list(model.inputs.iter().map(|port| port.channel.name.as_str())),
-                vessel.name,
-                list(commands.iter().map(|c| c.name.as_str())),
-                commands[0].name,
-                commands[1].name
+                "its inputs are {}, and the commands of '{}' are {}; identify with --inputs {}",
+                own.join(", "),
+                plant.name,
+                commands.join(", "),
+                commands.join(",")
             )));
         }
-        for (port, command) in model.inputs.iter().zip(commands) {
+        for (port, command) in model.inputs.iter().zip(&plant.commands) {
             same_unit(&command.name, &port.channel.unit, &command.unit)?;
         }
-        Ok(Self { columns, motion: [u, v, r] })
+        Ok(Self { places, motion: [u, v, r] })
     }
 
     pub(super) fn len(&self) -> usize {
-        self.columns.len()
+        self.places.len()
     }
 
-    /// Fills `y` with the measurements, in the order of the outputs.
-    pub(super) fn fill(&self, observation: &Observation<'_>, y: &mut [f64]) {
-        for (y, column) in y.iter_mut().zip(&self.columns) {
-            *y = match *column {
-                Column::Motion(i) => observation.nu[i],
-                Column::Force => observation.force,
-            };
+    /// Fills `y` with the measurements, in the order of the outputs of the model.
+    pub(super) fn fill(&self, measured: &[f64], y: &mut [f64]) {
+        for (y, place) in y.iter_mut().zip(&self.places) {
+            *y = measured[*place];
         }
     }
 }

@@ -12,11 +12,12 @@ pub struct Observation<'a> {
     pub eta: [f64; 3],
     /// Measured body velocities over ground `[u, v, r]` \[m/s, m/s, rad/s\].
     pub nu: [f64; 3],
-    /// Measured propeller force \[N\]; NaN if the vessel does not measure it.
-    pub force: f64,
+    /// Measured outputs of the plant, in the order of [`TruePlant::measured`](super::TruePlant::measured).
+    pub outputs: &'a [f64],
     /// Reference of this sample.
     pub reference: &'a Reference,
-    /// References of samples `k + 1, k + 2, ..`; the length is [`horizon`](ClosedLoopController::horizon).
+    /// References of samples `k + n, k + 2 n, ..`, with `n` of [`preview_step`](ClosedLoopController::preview_step); the
+    /// length is [`horizon`](ClosedLoopController::horizon).
     pub preview: &'a [Reference],
 }
 
@@ -28,16 +29,21 @@ pub trait ClosedLoopController {
     /// Parameter that moves the reference.
     fn timing(&self) -> Timing;
 
-    /// Samples of reference preview.
+    /// Number of references of the preview.
     fn horizon(&self) -> usize {
         0
+    }
+
+    /// Samples between two references of the preview.
+    fn preview_step(&self) -> usize {
+        1
     }
 
     /// Resets the state before a run; adapted weights stay.
     fn reset(&mut self);
 
-    /// Computes the command `[propeller, rudder]`, held until the next sample.
-    fn command(&mut self, observation: &Observation<'_>, command: &mut [f64; 2]) -> Status;
+    /// Computes the commands, held until the next sample.
+    fn command(&mut self, observation: &Observation<'_>, command: &mut [f64]) -> Status;
 }
 
 /// A control law without adaptation.
@@ -49,8 +55,8 @@ pub struct ControlLaw<C> {
     pub lead: f64,
     /// Parameter that moves the reference.
     pub timing: Timing,
-    /// Whether the law receives the measured propeller force.
-    pub force: bool,
+    /// Place of the measured position of each actuator in the outputs; empty if none is measured.
+    pub actuators: Vec<Option<usize>>,
 }
 
 impl<C: Controller> ClosedLoopController for ControlLaw<C> {
@@ -66,10 +72,11 @@ impl<C: Controller> ClosedLoopController for ControlLaw<C> {
         self.controller.reset();
     }
 
-    fn command(&mut self, observation: &Observation<'_>, command: &mut [f64; 2]) -> Status {
-        let force = [observation.force, f64::NAN];
-        let actuators = if self.force { &force[..] } else { &[] };
-        let estimate = Estimate { eta: observation.eta, nu: observation.nu, current: [0.0; 2], actuators };
+    fn command(&mut self, observation: &Observation<'_>, command: &mut [f64]) -> Status {
+        let measured = |place: &Option<usize>| place.map_or(f64::NAN, |place| observation.outputs[place]);
+        let actuators: Vec<f64> = self.actuators.iter().map(measured).collect();
+        let Observation { eta, nu, .. } = *observation;
+        let estimate = Estimate { eta, nu, current: [0.0; 2], actuators: &actuators };
         self.controller.command(&estimate, observation.reference, command)
     }
 }

@@ -30,8 +30,11 @@ impl Wind {
 pub struct Conditions {
     /// Seed of noise and gusts.
     pub seed: u64,
-    /// Scale of the vessel's measurement noise; 0 for none.
+    /// Scale of the measurement noise of the plant; 0 for none.
     pub noise: f64,
+    /// Scale of the process noise of a model ([`record`](crate::plant::record())); 0 for none. A vessel with given parameters
+    /// has none.
+    pub process_noise: f64,
     /// Velocity of the water, north and east \[m/s\]: steady and uniform.
     pub current: [f64; 2],
     /// Wind.
@@ -45,13 +48,23 @@ pub struct Conditions {
 }
 
 impl Conditions {
-    /// The vessel's measurement noise without other disturbances.
+    /// The measurement noise of the plant without other disturbances.
     pub const fn calm(seed: u64) -> Self {
-        Self { seed, noise: 1.0, current: [0.0; 2], wind: Wind::CALM, mass: 1.0, delay_s: 0.0, onset_s: 0.0 }
+        Self {
+            seed,
+            noise: 1.0,
+            process_noise: 0.0,
+            current: [0.0; 2],
+            wind: Wind::CALM,
+            mass: 1.0,
+            delay_s: 0.0,
+            onset_s: 0.0,
+        }
     }
 
     pub(super) fn check(&self) -> Result<(), ClosedLoopError> {
         at_least("the scale of the noise", self.noise, 0.0)?;
+        at_least("the scale of the process noise", self.process_noise, 0.0)?;
         for (what, value) in [("the current", self.current), ("the force of the wind", self.wind.force)] {
             for value in value {
                 at_least(what, value.abs(), 0.0)?;

@@ -5,7 +5,9 @@ use hydroid_core::guidance::PathError;
 use hydroid_core::vessel::InvalidParams;
 
 use crate::adapt::AdaptError;
+use crate::manoeuvre::ManoeuvreError;
 use crate::model::NotInvertible;
+use crate::plant::PlantError;
 
 /// Wrong input to a closed loop, or cancellation.
 #[derive(Debug, thiserror::Error)]
@@ -95,6 +97,30 @@ pub enum ClosedLoopError {
         /// Integration step \[s\].
         step_s: f64,
     },
+    /// A model has another sample time than the loop.
+    #[error(
+        "the plant is a model with samples of {own_s} s, and the controller has samples of {dt_s} s: identify both with the same --dt"
+    )]
+    PlantStep {
+        /// Sample time of the loop \[s\].
+        dt_s: f64,
+        /// Of the plant \[s\].
+        own_s: f64,
+    },
+    /// A condition that an identified model does not know.
+    #[error(
+        "{what} needs a vessel with given parameters as the plant: an identified model has no forces and no mass"
+    )]
+    NeedsVessel {
+        /// The condition.
+        what: &'static str,
+    },
+    /// A model is no plant, or its inputs are unknown.
+    #[error(transparent)]
+    Plant(#[from] PlantError),
+    /// The response of a model cannot be measured.
+    #[error(transparent)]
+    Manoeuvre(#[from] ManoeuvreError),
     /// No gains of the autopilot hold the track.
     #[error(
         "no gains of the autopilot hold this track: give a larger --radius, a lower --turn-speed or a lower --speed"

@@ -62,6 +62,7 @@ pub(super) struct InvertingController<L> {
     session: Option<SessionModel>,
     adapted: Option<AdaptedWeights>,
     y: Vec<f64>,
+    actuators: Vec<f64>,
 }
 
 impl<L: InvertingLaw> InvertingController<L> {
@@ -82,7 +83,8 @@ impl<L: InvertingLaw> InvertingController<L> {
             None => None,
         };
         let y = vec![f64::NAN; channels.len()];
-        Ok(Self { law, lead, channels, session, adapted, y })
+        let actuators = vec![f64::NAN; law.inputs()];
+        Ok(Self { law, lead, channels, session, adapted, y, actuators })
     }
 
     fn update_model(&mut self, heading: f64) {
@@ -117,13 +119,13 @@ impl<L: InvertingLaw> ClosedLoopController for InvertingController<L> {
         }
     }
 
-    fn command(&mut self, observation: &Observation<'_>, command: &mut [f64; 2]) -> Status {
-        self.channels.fill(observation, &mut self.y);
+    fn command(&mut self, observation: &Observation<'_>, command: &mut [f64]) -> Status {
+        self.channels.fill(observation.outputs, &mut self.y);
         self.update_model(observation.eta[2]);
-        let mut actuators = [f64::NAN; 2];
-        self.law.model().actuators_of(&self.y, &mut actuators);
+        self.law.model().actuators_of(&self.y, &mut self.actuators);
         let current = self.session.as_ref().and_then(SessionModel::current).unwrap_or([0.0; 2]);
-        let estimate = Estimate { eta: observation.eta, nu: observation.nu, current, actuators: &actuators };
+        let estimate =
+            Estimate { eta: observation.eta, nu: observation.nu, current, actuators: &self.actuators };
         let status = self.law.command(&estimate, observation.reference, command);
         if let Some(session) = &mut self.session {
             session.advance(command);

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use hydroid_core::actuator::Limits;
 use hydroid_core::control::Status;
 use serde::Serialize;
 
@@ -73,8 +74,9 @@ impl Metrics {
         for sample in all {
             *status.entry(sample.status.name()).or_insert(0) += 1;
         }
-        let at_limit = |m: &&Sample| {
-            (0..2).any(|i| !(run.limits[i].low < m.command[i] && m.command[i] < run.limits[i].high))
+        let at_limit = |k: &usize| {
+            let inside = |(c, limits): (&f64, &Limits)| limits.low < *c && *c < limits.high;
+            !run.command(*k).iter().zip(&run.limits).all(inside)
         };
         let held = settled_after.is_some_and(|settled| settled <= from_s + 1e-9)
             && counted().next().is_some()
@@ -86,7 +88,7 @@ impl Metrics {
             rms_speed: rms(|m| m.speed_error),
             max_cross_track: most.unwrap_or(f64::INFINITY),
             settled_after,
-            saturated: all.iter().filter(at_limit).count() as f64 / (all.len() as f64).max(1.0),
+            saturated: (0..all.len()).filter(at_limit).count() as f64 / (all.len() as f64).max(1.0),
             us_per_command: times(all),
             status,
             from_s,
@@ -112,12 +114,12 @@ fn times(all: &[Sample]) -> Times {
     Times { median: at(times.len() / 2), max: at(times.len().saturating_sub(1)) }
 }
 
-/// Commands outside of limits or rate limits; the command before the first sample is zero.
+/// Commands outside of limits or rate limits; the commands before the first sample are at rest.
 fn violations(run: &Run) -> usize {
-    let mut last = run.limits.map(|limits| 0.0_f64.clamp(limits.low, limits.high));
+    let mut last: Vec<f64> = run.limits.iter().map(|limits| limits.rest).collect();
     let mut count = 0;
-    for sample in &run.samples {
-        for ((command, last), limits) in sample.command.iter().zip(&mut last).zip(&run.limits) {
+    for k in 0..run.samples.len() {
+        for ((command, last), limits) in run.command(k).iter().zip(&mut last).zip(&run.limits) {
             let inside = (limits.low..=limits.high).contains(command);
             // Tolerance for rounding.
             let allowed = limits.rate * run.dt_s * (1.0 + 1e-9);

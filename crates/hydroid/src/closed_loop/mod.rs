@@ -16,7 +16,7 @@
 //! let vessel = VesselParams::simple();
 //! let track = Track::new(&Task::Circle { radius: 10.0 }, &SpeedOptions::cruise(1.5))?;
 //! let scenario = Scenario::new(vessel.clone(), track);
-//! let mut control = ControllerOptions::new(ControlMethod::FeedbackLinearization, &vessel, 0.1);
+//! let mut control = ControllerOptions::new(ControlMethod::FeedbackLinearization, &scenario.plant, 0.1);
 //! control.model = Some(std::sync::Arc::new(hydroid::model::Model::of_vessel(&vessel, 0.1)?));
 //! control.lead = 1.0;
 //! let mut controller = control.controller(0)?;
@@ -25,6 +25,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod autopilot;
 mod channel_map;
 mod controller;
 mod csv;
@@ -34,22 +35,28 @@ mod inversion;
 mod metrics;
 mod monte_carlo;
 mod options;
+mod perturbed;
 mod plant;
 mod predictive;
 mod random;
 mod reference;
 mod run;
+mod scale;
 mod session_model;
+mod simulated;
 mod track;
 mod tuning;
 
+pub use autopilot::AutopilotGains;
 pub use controller::{ClosedLoopController, ControlLaw, Observation};
 pub use disturbance::{Conditions, Wind};
 pub use error::ClosedLoopError;
 pub use metrics::{Metrics, Times};
 pub use monte_carlo::{Dispersion, MonteCarlo, Summary, Trial, monte_carlo};
-pub use options::{ControlMethod, ControllerOptions};
+pub use options::{ControlMethod, ControllerOptions, Instruments};
+pub use plant::TruePlant;
 pub use reference::Timing;
 pub use run::{Run, Sample, Scenario, run};
+pub use scale::Scale;
 pub use track::{SpeedOptions, Task, Track};
 pub use tuning::{GridPoint, TunedAutopilot, tune_autopilot};

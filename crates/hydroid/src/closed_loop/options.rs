@@ -6,22 +6,34 @@ use std::time::Duration;
 use hydroid_core::actuator::Limits;
 use hydroid_core::control::cem::{Cost, Planner, PlannerOptions};
 use hydroid_core::control::{
-    AdaptiveAugmentation, AdaptiveAugmentationOptions, AffinePlant, Autopilot, AutopilotOptions,
-    Backstepping, BacksteppingOptions, FeedbackLinearization, FeedbackLinearizationOptions,
+    AdaptiveAugmentation, AdaptiveAugmentationOptions, Backstepping, BacksteppingOptions,
+    FeedbackLinearization, FeedbackLinearizationOptions,
 };
-use hydroid_core::vessel::VesselParams;
 use serde::Serialize;
 
+use super::autopilot::{AutopilotController, AutopilotGains};
 use super::channel_map::ChannelMap;
-use super::controller::{ClosedLoopController, ControlLaw};
+use super::controller::ClosedLoopController;
 use super::error::ClosedLoopError;
 use super::inversion::{InvertingController, InvertingLaw};
+use super::plant::TruePlant;
 use super::predictive::PredictiveController;
 use super::reference::Timing;
+use super::scale::Scale;
 use super::session_model::SessionModel;
 use crate::adapt;
-use crate::log::Trajectory;
+use crate::log::{Channel, Trajectory};
 use crate::model::Model;
+
+/// Horizon of the planner for a vessel of another size \[commands\], and the time of one for the boat \[s\].
+const COMMANDS: usize = 40;
+const COMMAND_S: f64 = 0.025;
+
+/// Natural frequency \[rad/s\] and damping ratio of the feedback linearization.
+const BANDWIDTH: [f64; 2] = [1.5, 0.7];
+
+/// Rate of the backstepping \[1/s\].
+const RATE_PER_S: f64 = 1.0;
 
 /// Control method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -35,7 +47,7 @@ pub enum ControlMethod {
     /// The cross-entropy method, [`Planner`].
     #[serde(rename = "cem")]
     CrossEntropy,
-    /// [`Autopilot`].
+    /// [`Autopilot`](hydroid_core::control::Autopilot).
     #[serde(rename = "pid")]
     Autopilot,
 }
@@ -49,6 +61,24 @@ impl ControlMethod {
             Self::CrossEntropy => "cem",
             Self::Autopilot => "pid",
         }
+    }
+}
+
+/// What can be commanded and what is measured on a vessel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Instruments {
+    /// Name of the vessel.
+    pub name: String,
+    /// Commands.
+    pub commands: Vec<Channel>,
+    /// Measured outputs.
+    pub measured: Vec<Channel>,
+}
+
+impl Instruments {
+    /// Those of a plant.
+    pub fn of(plant: &TruePlant) -> Self {
+        Self { name: plant.name().to_owned(), commands: plant.commands(), measured: plant.measured() }
     }
 }
 
@@ -75,6 +105,10 @@ pub struct ControllerOptions {
     pub learned: Option<AdaptiveAugmentationOptions>,
     /// Rate of the backstepping \[1/s\]; `None` for the default.
     pub rate: Option<f64>,
+    /// Largest closing speed of the control laws \[m/s\].
+    pub closing_speed: f64,
+    /// Control authority below which the control laws damp their demand \[m/s^2\].
+    pub min_control_authority: f64,
     /// Cross-entropy planner; its seed is the run's seed.
     pub planner: PlannerOptions,
     /// Cost of the planner.
@@ -82,11 +116,11 @@ pub struct ControllerOptions {
     /// Computing time of a plan; `None` for no limit.
     pub budget: Option<Duration>,
     /// Gains of the autopilot ([`tune_autopilot`](super::tune_autopilot)).
-    pub autopilot: Option<AutopilotOptions>,
-    /// Nominal vessel: names and limits of the commands, measured channels.
-    pub vessel: VesselParams,
+    pub autopilot: Option<AutopilotGains>,
+    /// Commands and measured outputs of the vessel.
+    pub instruments: Instruments,
     /// Command limits.
-    pub limits: [Limits; 2],
+    pub limits: Vec<Limits>,
     /// Sample time \[s\].
     pub dt_s: f64,
     /// Distance from the reference beyond which the vessel is lost \[m\].
@@ -95,7 +129,8 @@ pub struct ControllerOptions {
 
 impl ControllerOptions {
     /// Default gains, no model.
-    pub fn new(method: ControlMethod, vessel: &VesselParams, dt_s: f64) -> Self {
+    pub fn new(method: ControlMethod, plant: &TruePlant, dt_s: f64) -> Self {
+        let limits = plant.limits();
         let by_law = matches!(method, ControlMethod::FeedbackLinearization | ControlMethod::Backstepping);
         Self {
             method,
@@ -108,14 +143,47 @@ impl ControllerOptions {
             integral: 0.0,
             learned: None,
             rate: None,
+            closing_speed: 1.0,
+            min_control_authority: 0.05,
             planner: PlannerOptions::new(0),
-            cost: Cost::tracking(2),
+            cost: Cost::tracking(limits.len()),
             budget: None,
             autopilot: None,
-            vessel: vessel.clone(),
-            limits: AffinePlant::limits(vessel),
+            instruments: Instruments::of(plant),
+            limits,
             dt_s,
             tolerance: 2.0,
+        }
+    }
+
+    /// These options for a vessel of another size. `dt_s` stays; the planner holds its commands for several samples.
+    #[must_use]
+    pub fn scaled(self, scale: Scale) -> Self {
+        let Scale { length, time, radius } = scale;
+        let [omega, zeta] = self.bandwidth.unwrap_or(BANDWIDTH);
+        let hold = (COMMAND_S * time / self.dt_s).round().max(1.0);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive, saturates")]
+        let hold = hold as usize;
+        Self {
+            lead: self.lead * length,
+            bandwidth: Some([omega / time, zeta]),
+            integral: self.integral / time.powi(3),
+            rate: Some(self.rate.unwrap_or(RATE_PER_S) / time),
+            closing_speed: self.closing_speed * length / time,
+            min_control_authority: self.min_control_authority * length / time.powi(2),
+            tolerance: self.tolerance * radius,
+            planner: PlannerOptions {
+                hold,
+                horizon: COMMANDS,
+                correlation_s: self.planner.correlation_s * time,
+                ..self.planner
+            },
+            cost: Cost {
+                position: self.cost.position / length.powi(2),
+                speed: self.cost.speed * (time / length).powi(2),
+                ..self.cost
+            },
+            ..self
         }
     }
 
@@ -130,7 +198,7 @@ impl ControllerOptions {
         }
         let model = self.model.as_deref().ok_or(ClosedLoopError::NoModel { law })?;
         let refused = |error| ClosedLoopError::not_invertible(error, law);
-        let channels = ChannelMap::of(&model.description, &self.vessel)?;
+        let channels = ChannelMap::of(&model.description, &self.instruments)?;
         let session = || match &self.adapt {
             Some(options) => SessionModel::learning(model, options, &self.rehearsal).map(Some),
             None if model.description.current.is_some() => Ok(Some(SessionModel::frozen(model))),
@@ -140,6 +208,8 @@ impl ControllerOptions {
             ControlMethod::FeedbackLinearization => {
                 let settings = FeedbackLinearizationOptions {
                     tolerance: self.tolerance,
+                    closing_speed: self.closing_speed,
+                    min_control_authority: self.min_control_authority,
                     ..FeedbackLinearizationOptions::new(self.lead)
                 };
                 let settings =
@@ -156,8 +226,15 @@ impl ControllerOptions {
                 }
             }
             ControlMethod::Backstepping => {
-                let settings =
-                    BacksteppingOptions { tolerance: self.tolerance, ..BacksteppingOptions::new(self.lead) };
+                let default = BacksteppingOptions::new(self.lead);
+                let settings = BacksteppingOptions {
+                    tolerance: self.tolerance,
+                    closing_speed: self.closing_speed,
+                    min_control_authority: self.min_control_authority,
+                    // The default estimate is six times the least authority.
+                    most: default.most * self.min_control_authority / default.min_control_authority,
+                    ..default
+                };
                 let settings = self.rate.map_or(settings, |rate| settings.with_rate(rate));
                 let inverse = model.invert(channels.motion).map_err(refused)?;
                 let law = Backstepping::new(inverse, &self.limits, self.dt_s, settings)?;
@@ -200,9 +277,8 @@ impl ControllerOptions {
         if self.model.is_some() || self.adapt.is_some() {
             return Err(ClosedLoopError::UnexpectedModel);
         }
-        let gains = self.autopilot.ok_or(ClosedLoopError::Untunable)?;
-        let gains = AutopilotOptions { tolerance: self.tolerance, ..gains };
-        let controller = Autopilot::new(&self.limits, self.dt_s, gains)?;
-        Ok(Box::new(ControlLaw { controller, lead: 0.0, timing: Timing::Path, force: false }))
+        let mut gains = self.autopilot.clone().ok_or(ClosedLoopError::Untunable)?;
+        gains.options.tolerance = self.tolerance;
+        Ok(Box::new(AutopilotController::new(&gains, &self.limits, self.dt_s)?))
     }
 }

@@ -1,137 +1,217 @@
-//! The true plant under current, wind, mass error and command delay.
+//! The true plant: a vessel with given parameters, or any other model.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
-use hydroid_core::current::in_body;
-use hydroid_core::vessel::{Command, Plant, State, VesselParams, rk4};
+use hydroid_core::actuator::Limits;
+use hydroid_core::vessel::{Command, VesselParams};
 
-use super::disturbance::{Conditions, Gusts};
+use super::disturbance::Conditions;
 use super::error::ClosedLoopError;
+use super::perturbed::PerturbedPlant;
+use super::simulated::SimulatedModel;
+use crate::log::Channel;
+use crate::model::Model;
+use crate::plant::PlantError;
 
-/// Integration step \[s\].
-pub(super) const STEP_S: f64 = 0.01;
-
-/// A vessel under the conditions of a run.
-///
-/// The equations of motion use velocities `nu` relative to the water. A steady irrotational current enters the
-/// kinematics only, `deta/dt = R(psi) nu + [V_n, V_e, 0]` (Fossen 2021, property 10.1). Wind is a force on the hull.
-pub(super) struct PerturbedPlant {
-    plant: Plant,
-    /// Velocities through the water.
-    state: State,
-    current: [f64; 2],
-    gusts: Gusts,
-    /// Samples before the onset of the conditions.
-    calm: usize,
-    /// Plant and current from the onset on.
-    perturbed: Option<(Plant, [f64; 2])>,
-    steps: u32,
-    h: f64,
-    delayed: VecDeque<Command>,
+/// The vessel that a closed loop steers. The controller does not know it.
+#[derive(Clone, Debug)]
+pub enum TruePlant {
+    /// A vessel with given parameters: wind and mass can change.
+    Vessel(Box<VesselParams>),
+    /// An identified model.
+    Model(Arc<Model>),
 }
 
-impl PerturbedPlant {
-    /// Plant at rest; the delay line is filled with `idle`.
+impl From<VesselParams> for TruePlant {
+    fn from(params: VesselParams) -> Self {
+        Self::Vessel(Box::new(params))
+    }
+}
+
+impl From<Arc<Model>> for TruePlant {
+    /// A model with given parameters is a vessel.
+    fn from(model: Arc<Model>) -> Self {
+        match model.plant() {
+            Some(plant) => plant.params().clone().into(),
+            None => Self::Model(model),
+        }
+    }
+}
+
+impl TruePlant {
+    /// Name of the vessel or of the model.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Vessel(params) => &params.name,
+            Self::Model(model) => &model.description.name,
+        }
+    }
+
+    /// The plant as a model with a sample time \[s\].
+    ///
+    /// # Errors
+    /// If a vessel or the sample time is invalid.
+    pub fn model(&self, dt_s: f64) -> Result<Arc<Model>, ClosedLoopError> {
+        Ok(match self {
+            Self::Vessel(params) => Arc::new(Model::of_vessel(params, dt_s).map_err(PlantError::from)?),
+            Self::Model(model) => Arc::clone(model),
+        })
+    }
+
+    /// Names and units of the commands.
+    pub fn commands(&self) -> Vec<Channel> {
+        match self {
+            Self::Vessel(params) => [&params.commands.propeller, &params.commands.rudder]
+                .map(|c| Channel::new(c.name.as_str(), c.unit.as_str()))
+                .to_vec(),
+            Self::Model(model) => model.description.inputs.iter().map(|port| port.channel.clone()).collect(),
+        }
+    }
+
+    /// Names and units of the measured outputs.
+    pub fn measured(&self) -> Vec<Channel> {
+        let mut all = self.outputs();
+        if matches!(self, Self::Vessel(params) if !params.propeller.force_measured) {
+            all.truncate(3);
+        }
+        all
+    }
+
+    /// Names and units of all outputs; those that are not measured follow the measured ones.
+    pub(super) fn outputs(&self) -> Vec<Channel> {
+        match self {
+            Self::Vessel(_) => [("u", "m/s"), ("v", "m/s"), ("r", "rad/s"), ("P_f", "N")]
+                .map(|(name, unit)| Channel::new(name, unit))
+                .to_vec(),
+            Self::Model(model) => model.description.outputs.iter().map(|port| port.channel.clone()).collect(),
+        }
+    }
+
+    /// Standard deviation of the measurement noise of each output.
+    pub(super) fn noise(&self) -> Vec<f64> {
+        match self {
+            Self::Vessel(params) => {
+                let noise = params.noise;
+                vec![noise.u, noise.v, noise.r, noise.p_f]
+            }
+            Self::Model(model) => {
+                model.description.outputs.iter().map(|port| port.noise.unwrap_or(0.0)).collect()
+            }
+        }
+    }
+
+    /// Limits of the commands: those of the vessel, or the ranges of the model's inputs. At rest, a command is 0 or, if 0 is
+    /// outside its range, in the middle.
+    pub fn limits(&self) -> Vec<Limits> {
+        match self {
+            Self::Vessel(params) => hydroid_core::control::AffinePlant::limits(params).to_vec(),
+            Self::Model(model) => limits_of(model),
+        }
+    }
+}
+
+/// Limits of the inputs of a model.
+pub(super) fn limits_of(model: &Model) -> Vec<Limits> {
+    let limits = |port: &crate::model::Port| {
+        let range = [port.range.low, port.range.high];
+        Limits::between(range).with_rest(crate::plant::neutral(range))
+    };
+    model.description.inputs.iter().map(limits).collect()
+}
+
+/// Commands on their way to the actuators.
+pub(super) struct DelayLine {
+    held: VecDeque<f64>,
+    inputs: usize,
+}
+
+impl DelayLine {
+    /// A delay of a whole number of samples, filled with `idle`.
+    pub(super) fn new(delay_s: f64, dt_s: f64, idle: &[f64]) -> Result<Self, ClosedLoopError> {
+        let samples = (delay_s / dt_s).round();
+        if samples > 1e4 {
+            let needed = "fewer than 10,000 samples are needed";
+            return Err(ClosedLoopError::Option { what: "the delay", value: delay_s, needed });
+        }
+        if (samples * dt_s - delay_s).abs() > 1e-6 * dt_s {
+            return Err(ClosedLoopError::Delay { delay_s, dt_s });
+        }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small and not negative")]
+        let samples = samples as usize;
+        Ok(Self { held: idle.repeat(samples).into(), inputs: idle.len() })
+    }
+
+    /// Takes the command of this sample; `command` becomes the one that acts.
+    pub(super) fn exchange(&mut self, command: &mut [f64]) {
+        self.held.extend(&*command);
+        for (acts, held) in command.iter_mut().zip(self.held.drain(..self.inputs)) {
+            *acts = held;
+        }
+    }
+}
+
+/// The true plant in motion.
+pub(super) enum PlantInMotion {
+    Vessel(Box<PerturbedPlant>),
+    Model(Box<SimulatedModel>),
+}
+
+impl PlantInMotion {
     pub(super) fn new(
-        vessel: &VesselParams,
+        plant: &TruePlant,
         conditions: &Conditions,
         dt_s: f64,
-        idle: Command,
+        idle: &[f64],
     ) -> Result<Self, ClosedLoopError> {
-        let mut perturbed = vessel.clone();
-        perturbed.rigid_body.mass *= conditions.mass;
-        perturbed.rigid_body.i_z *= conditions.mass;
-        let perturbed = Plant::new(&perturbed)?;
-        let steps = (dt_s / STEP_S).round();
-        if !((1.0..1e5).contains(&steps) && (steps * STEP_S - dt_s).abs() <= 1e-9 * dt_s) {
-            return Err(ClosedLoopError::Substeps { dt_s, step_s: STEP_S });
-        }
-        let delay = (conditions.delay_s / dt_s).round();
-        if delay > 1e4 {
-            return Err(ClosedLoopError::Option {
-                what: "the delay",
-                value: conditions.delay_s,
-                needed: "fewer than 10,000 samples are needed",
-            });
-        }
-        if (delay * dt_s - conditions.delay_s).abs() > 1e-6 * dt_s {
-            return Err(ClosedLoopError::Delay { delay_s: conditions.delay_s, dt_s });
-        }
-        // Both are small and positive.
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        let (steps, delay, calm) =
-            (steps as u32, delay as usize, (conditions.onset_s / dt_s).round() as usize);
-        let mut whole = Self {
-            plant: Plant::new(vessel)?,
-            state: State::REST,
-            current: [0.0; 2],
-            calm,
-            perturbed: Some((perturbed, conditions.current)),
-            gusts: Gusts::new(conditions.wind, conditions.seed, dt_s),
-            steps,
-            h: dt_s / f64::from(steps),
-            delayed: std::iter::repeat_n(idle, delay).collect(),
-        };
-        if calm == 0 {
-            whole.perturb();
-        }
-        Ok(whole)
-    }
-
-    /// The conditions set in. The velocity over ground stays.
-    fn perturb(&mut self) {
-        let Some((plant, current)) = self.perturbed.take() else { return };
-        let change = [current[0] - self.current[0], current[1] - self.current[1]];
-        let [surge, sway] = in_body(change, self.state.psi);
-        self.state.u -= surge;
-        self.state.v -= sway;
-        (self.plant, self.current) = (plant, current);
-    }
-
-    pub(super) fn plant(&self) -> &Plant {
-        &self.plant
-    }
-
-    /// Sets the state, with velocities through the water.
-    pub(super) fn place(&mut self, state: State) {
-        self.state = state;
-    }
-
-    /// The state with velocities over ground.
-    pub(super) fn over_ground(&self) -> State {
-        let [surge, sway] = in_body(self.current, self.state.psi);
-        State { u: self.state.u + surge, v: self.state.v + sway, ..self.state }
-    }
-
-    /// Integrates over one sample; the command acts after the delay.
-    pub(super) fn advance(&mut self, command: Command) {
-        self.delayed.push_back(command);
-        let applied = self.delayed.pop_front().unwrap_or(command);
-        let actuation = self.plant.actuation(&applied);
-        let (north, east) = (self.current[0], self.current[1]);
-        let force = if self.perturbed.is_none() { self.gusts.next() } else { [0.0; 2] };
-        let rate = |x: &[f64; State::LEN]| {
-            let state = State::from(*x);
-            let [ahead, starboard] = in_body(force, state.psi);
-            let push = self.plant.pushed(state.u, [ahead, starboard, 0.0]);
-            let mut rate = self.plant.derivative_under(&state, &actuation);
-            rate.x += north;
-            rate.y += east;
-            rate.u += push[0];
-            rate.v += push[1];
-            rate.r += push[2];
-            rate.into()
-        };
-        let mut x: [f64; State::LEN] = self.state.into();
-        for _ in 0..self.steps {
-            x = rk4::step(rate, &x, self.h);
-        }
-        self.state = x.into();
-        if self.perturbed.is_some() {
-            self.calm = self.calm.saturating_sub(1);
-            if self.calm == 0 {
-                self.perturb();
+        let delay = DelayLine::new(conditions.delay_s, dt_s, idle)?;
+        Ok(match plant {
+            TruePlant::Vessel(params) => {
+                Self::Vessel(Box::new(PerturbedPlant::new(params, conditions, dt_s, delay)?))
             }
+            TruePlant::Model(model) => {
+                Self::Model(Box::new(SimulatedModel::new(model, conditions, dt_s, idle, delay)?))
+            }
+        })
+    }
+
+    /// Places the vessel at a pose, with a surge velocity through the water.
+    pub(super) fn place(&mut self, eta: [f64; 3], surge: f64) {
+        match self {
+            Self::Vessel(plant) => plant.place(eta, surge),
+            Self::Model(model) => model.place(eta, surge),
+        }
+    }
+
+    /// Pose `[x, y, psi]`.
+    pub(super) fn eta(&self) -> [f64; 3] {
+        match self {
+            Self::Vessel(plant) => plant.eta(),
+            Self::Model(model) => model.eta(),
+        }
+    }
+
+    /// Velocities `[u, v, r]` over ground.
+    pub(super) fn nu(&self) -> [f64; 3] {
+        match self {
+            Self::Vessel(plant) => plant.nu(),
+            Self::Model(model) => model.nu(),
+        }
+    }
+
+    /// Writes all outputs, with velocities over ground.
+    pub(super) fn write_outputs(&self, y: &mut [f64]) {
+        match self {
+            Self::Vessel(plant) => plant.write_outputs(y),
+            Self::Model(model) => model.write_outputs(y),
+        }
+    }
+
+    /// Integrates over one sample. The command acts after the delay.
+    pub(super) fn advance(&mut self, command: &[f64]) {
+        match self {
+            Self::Vessel(plant) => plant.advance(Command { pp: command[0], rd: command[1] }),
+            Self::Model(model) => model.advance(command),
         }
     }
 }

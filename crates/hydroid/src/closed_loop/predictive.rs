@@ -36,15 +36,19 @@ impl ClosedLoopController for PredictiveController {
         self.planner.horizon()
     }
 
+    fn preview_step(&self) -> usize {
+        self.planner.hold()
+    }
+
     fn reset(&mut self) {
         self.planner.reset();
         self.session.reset();
     }
 
-    fn command(&mut self, observation: &Observation<'_>, command: &mut [f64; 2]) -> Status {
+    fn command(&mut self, observation: &Observation<'_>, command: &mut [f64]) -> Status {
         let begun = Instant::now();
         let Self { planner, session, channels, budget, y, .. } = self;
-        channels.fill(observation, y);
+        channels.fill(observation.outputs, y);
         session.observe(observation.eta[2], y);
         let mut stop = || budget.is_some_and(|budget| begun.elapsed() >= budget);
         let plan =

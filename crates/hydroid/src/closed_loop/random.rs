@@ -9,6 +9,8 @@ pub(super) enum Purpose {
     Gusts = 1,
     /// Conditions of a Monte Carlo trial.
     Conditions = 2,
+    /// Process noise of a model.
+    Process = 3,
 }
 
 pub(super) fn stream(seed: u64, purpose: Purpose) -> ChaCha8Rng {

@@ -15,8 +15,11 @@ pub enum Timing {
     Path,
 }
 
-/// Search range for the projection \[m\]: more than the motion of one sample, less than the distance of two legs.
-const SEARCH_RANGE_M: f64 = 6.0;
+/// Least search range for the projection \[m\]: less than the distance of two legs of a boat.
+const LEAST_RANGE_M: f64 = 6.0;
+
+/// Search range relative to the distance that the reference covers in a sample.
+const RANGE: f64 = 4.0;
 
 pub(super) struct ReferenceGenerator<'a> {
     track: &'a Track,
@@ -28,15 +31,15 @@ pub(super) struct ReferenceGenerator<'a> {
 }
 
 impl<'a> ReferenceGenerator<'a> {
-    pub(super) fn new(track: &'a Track, timing: Timing) -> Self {
-        let (walker, follower) =
-            (TimedReference::new(&track.profile), PathReference::new(0.0, SEARCH_RANGE_M));
+    pub(super) fn new(track: &'a Track, timing: Timing, dt_s: f64) -> Self {
+        let range = (RANGE * dt_s * track.cruise).max(LEAST_RANGE_M);
+        let (walker, follower) = (TimedReference::new(&track.profile), PathReference::new(0.0, range));
         Self { track, timing, walker, follower, s: 0.0 }
     }
 
     /// Reference for a controlled point at `point`, and the cross-track error \[m\], positive to starboard.
     pub(super) fn update(&mut self, point: [f64; 2]) -> (Reference, f64) {
-        let Track { path, profile } = self.track;
+        let Track { path, profile, .. } = self.track;
         let foot = self.follower.project(path, point);
         self.s = foot.s;
         let reference = match self.timing {
@@ -49,22 +52,24 @@ impl<'a> ReferenceGenerator<'a> {
         (reference, foot.cross_track)
     }
 
-    /// References 1, 2, .. samples after the last update.
-    pub(super) fn preview(&self, dt_s: f64, into: &mut [Reference]) {
-        let Track { path, profile } = self.track;
+    /// References `step`, `2 step`, .. samples after the last update.
+    pub(super) fn preview(&self, dt_s: f64, step: usize, into: &mut [Reference]) {
+        let Track { path, profile, .. } = self.track;
         match self.timing {
             Timing::Clock => {
                 let mut walker = self.walker;
                 for reference in into {
-                    walker.advance(profile, dt_s);
+                    (0..step).for_each(|_| walker.advance(profile, dt_s));
                     *reference = walker.reference(path, profile);
                 }
             }
             Timing::Path => {
                 let mut s = self.s;
                 for reference in into {
-                    let (speed, rate) = profile.at(s);
-                    s += dt_s * (speed + 0.5 * dt_s * rate);
+                    for _ in 0..step {
+                        let (speed, rate) = profile.at(s);
+                        s += dt_s * (speed + 0.5 * dt_s * rate);
+                    }
                     let (speed, rate) = profile.at(s);
                     *reference = Reference::new(s, &path.at(s), speed, rate);
                 }

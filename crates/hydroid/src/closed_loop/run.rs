@@ -5,27 +5,27 @@ use std::time::Instant;
 use hydroid_core::actuator::Limits;
 use hydroid_core::control::Status;
 use hydroid_core::guidance::Reference;
-use hydroid_core::vessel::{Command, State, VesselParams};
 use rand_distr::{Distribution as _, StandardNormal};
 
 use super::controller::{ClosedLoopController, Observation};
 use super::disturbance::Conditions;
 use super::error::{ClosedLoopError, at_least, positive};
-use super::plant::PerturbedPlant;
+use super::plant::{PlantInMotion, TruePlant};
 use super::random::{Purpose, stream};
 use super::reference::ReferenceGenerator;
 use super::track::Track;
+use crate::log::{Channel, Table, Trajectory};
 use crate::progress::Progress;
 
 /// Plant, reference track, and initial state of a run.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Scenario {
     /// The true vessel.
-    pub vessel: VesselParams,
+    pub plant: TruePlant,
     /// Reference track.
     pub track: Track,
     /// Command limits. The controller must keep them; the metrics count violations.
-    pub limits: [Limits; 2],
+    pub limits: Vec<Limits>,
     /// Sample time \[s\].
     pub dt_s: f64,
     /// Duration \[s\]. A run on an open path stops earlier at its end.
@@ -38,16 +38,19 @@ pub struct Scenario {
 
 impl Scenario {
     /// Start on the path, sample time 0.1 s, tolerance 2 m, duration 120 s (closed path) or 1.5 times the track's.
-    pub fn new(vessel: VesselParams, track: Track) -> Self {
-        let limits = hydroid_core::control::AffinePlant::limits(&vessel);
+    pub fn new(plant: impl Into<TruePlant>, track: Track) -> Self {
+        let plant = plant.into();
+        let limits = plant.limits();
         let duration_s = track.duration_s().map_or(120.0, |duration| 1.5 * duration);
-        Self { vessel, track, limits, dt_s: 0.1, duration_s, start: [0.0; 2], tolerance: 2.0 }
+        Self { plant, track, limits, dt_s: 0.1, duration_s, start: [0.0; 2], tolerance: 2.0 }
     }
 
-    /// Default start of the evaluation \[s\]: 40 s on a closed path, else 10 s; at most a third of the run and half of
-    /// the track.
+    /// Default start of the evaluation \[s\]: 40 s on a closed path, else 10 s, or the time of 15 or 4 tolerances at the
+    /// cruising speed if that is longer; at most a third of the run and half of the track.
     pub fn default_from_s(&self) -> f64 {
-        let usual = if self.track.path.is_closed() { 40.0_f64 } else { 10.0 };
+        let tolerance_s = self.tolerance / self.track.cruise;
+        let (least, tolerances) = if self.track.path.is_closed() { (40.0_f64, 15.0) } else { (10.0, 4.0) };
+        let usual = least.max(tolerances * tolerance_s);
         let track = self.track.duration_s().map_or(f64::INFINITY, |duration| 0.5 * duration);
         usual.min(self.duration_s / 3.0).min(track)
     }
@@ -70,10 +73,10 @@ impl Scenario {
 pub struct Sample {
     /// Time \[s\].
     pub t: f64,
-    /// True state, with velocities over ground.
-    pub state: State,
-    /// Measured `[u, v, r, P_f]`, velocities over ground.
-    pub measured: [f64; 4],
+    /// True pose `[x, y, psi]`.
+    pub eta: [f64; 3],
+    /// True velocities `[u, v, r]` over ground.
+    pub nu: [f64; 3],
     /// Reference of this sample.
     pub reference: Reference,
     /// Distance of the controlled point from its reference \[m\].
@@ -82,8 +85,6 @@ pub struct Sample {
     pub cross_track: f64,
     /// Speed over ground of the controlled point minus the reference speed \[m/s\].
     pub speed_error: f64,
-    /// Command `[propeller, rudder]`, held until the next sample.
-    pub command: [f64; 2],
     /// Status of the controller.
     pub status: Status,
     /// Computing time of the controller \[us\].
@@ -95,16 +96,71 @@ pub struct Sample {
 pub struct Run {
     /// All samples.
     pub samples: Vec<Sample>,
+    /// Names and units of the commands.
+    pub inputs: Vec<Channel>,
+    /// Names and units of the outputs; those that are not measured are the last ones.
+    pub outputs: Vec<Channel>,
+    /// Number of measured outputs.
+    pub measured_outputs: usize,
+    /// Commands, row by row; each is held until the next sample.
+    pub commands: Vec<f64>,
+    /// Outputs with measurement noise, row by row, with velocities over ground.
+    pub measured: Vec<f64>,
+    /// Outputs without noise, row by row, with velocities over ground.
+    pub truth: Vec<f64>,
     /// Sample time \[s\].
     pub dt_s: f64,
     /// Command limits.
-    pub limits: [Limits; 2],
+    pub limits: Vec<Limits>,
     /// Distance from the reference beyond which the vessel is lost \[m\].
     pub tolerance: f64,
     /// Whether the end of the path was reached; `None` for a closed path.
     pub arrived: Option<bool>,
     /// Whether the true state became non-finite.
     pub diverged: bool,
+}
+
+impl Run {
+    /// Commands of a sample.
+    ///
+    /// # Panics
+    /// If there is no such sample.
+    pub fn command(&self, sample: usize) -> &[f64] {
+        &self.commands[sample * self.inputs.len()..][..self.inputs.len()]
+    }
+
+    /// Measured outputs of a sample.
+    ///
+    /// # Panics
+    /// If there is no such sample.
+    pub fn measured(&self, sample: usize) -> &[f64] {
+        &self.measured[sample * self.outputs.len()..][..self.measured_outputs]
+    }
+
+    /// Outputs of a sample without noise.
+    ///
+    /// # Panics
+    /// If there is no such sample.
+    pub fn truth(&self, sample: usize) -> &[f64] {
+        &self.truth[sample * self.outputs.len()..][..self.outputs.len()]
+    }
+
+    /// The run as a log with the measured outputs.
+    pub fn trajectory(&self) -> Trajectory {
+        let n = self.measured_outputs;
+        let rows =
+            |all: &[f64]| all.chunks_exact(self.outputs.len()).flat_map(|row| row[..n].to_vec()).collect();
+        let outputs = &self.outputs[..n];
+        Trajectory {
+            name: String::from("closed loop"),
+            t0: 0.0,
+            dt: self.dt_s,
+            outputs: Table::new(outputs.to_vec(), rows(&self.measured)),
+            inputs: Table::new(self.inputs.clone(), self.commands.clone()),
+            truth: Some(Table::new(outputs.to_vec(), rows(&self.truth))),
+            heading: Some(self.samples.iter().map(|sample| sample.eta[2]).collect()),
+        }
+    }
 }
 
 const PROGRESS_EVERY: usize = 16;
@@ -137,71 +193,78 @@ pub fn run(
     // Bounded by the check.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let samples = samples as usize;
-    let idle = scenario.limits.map(|limits| 0.0_f64.clamp(limits.low, limits.high));
-    let mut vessel =
-        PerturbedPlant::new(&scenario.vessel, conditions, dt, Command { pp: idle[0], rd: idle[1] })?;
+    let plant = &scenario.plant;
+    let idle: Vec<f64> = scenario.limits.iter().map(|limits| limits.rest).collect();
+    let mut vessel = PlantInMotion::new(plant, conditions, dt, &idle)?;
     let lead = controller.lead();
-    vessel.place(start(scenario, &vessel, lead));
+    place(scenario, &mut vessel, lead);
     controller.reset();
-    let mut generator = ReferenceGenerator::new(&scenario.track, controller.timing());
+    let mut generator = ReferenceGenerator::new(&scenario.track, controller.timing(), dt);
     let (first, _) = generator.update([f64::NAN; 2]);
     let mut preview = vec![first; controller.horizon()];
     let mut random = stream(conditions.seed, Purpose::Noise);
-    let sigma = scenario.vessel.noise;
-    let sigma = [sigma.u, sigma.v, sigma.r, sigma.p_f];
+    let sigma = plant.noise();
+    let capacity = samples.min(100_000);
     let mut run = Run {
-        samples: Vec::with_capacity(samples.min(100_000)),
+        samples: Vec::with_capacity(capacity),
+        inputs: plant.commands(),
+        outputs: plant.outputs(),
+        measured_outputs: plant.measured().len(),
+        commands: Vec::with_capacity(capacity * idle.len()),
+        measured: Vec::with_capacity(capacity * sigma.len()),
+        truth: Vec::with_capacity(capacity * sigma.len()),
         dt_s: dt,
-        limits: scenario.limits,
+        limits: scenario.limits.clone(),
         tolerance: scenario.tolerance,
         arrived: scenario.track.duration_s().map(|_| false),
         diverged: false,
     };
+    let motion = ["u", "v", "r"].map(|name| run.outputs.iter().position(|channel| channel.name == name));
+    let (mut truth, mut measured) = (vec![0.0; sigma.len()], vec![0.0; sigma.len()]);
+    let mut command = idle.clone();
     for k in 0..samples {
         if k % PROGRESS_EVERY == 0 && progress(k as f64 / samples as f64).is_break() {
             return Err(ClosedLoopError::Cancelled);
         }
-        let state = vessel.over_ground();
-        let measured = {
-            let truth = [state.u, state.v, state.r, state.p_f];
-            let mut noisy = |i: usize| {
-                let white: f64 = StandardNormal.sample(&mut random);
-                truth[i] + conditions.noise * sigma[i] * white
-            };
-            [noisy(0), noisy(1), noisy(2), noisy(3)]
-        };
-        let (sin, cos) = state.psi.sin_cos();
-        let point = [state.x + lead * cos, state.y + lead * sin];
+        let (eta, nu) = (vessel.eta(), vessel.nu());
+        vessel.write_outputs(&mut truth);
+        for ((measured, truth), sigma) in measured.iter_mut().zip(&truth).zip(&sigma) {
+            let white: f64 = StandardNormal.sample(&mut random);
+            *measured = truth + conditions.noise * sigma * white;
+        }
+        let [x, y, psi] = eta;
+        let (sin, cos) = psi.sin_cos();
+        let point = [x + lead * cos, y + lead * sin];
         let (reference, cross_track) = generator.update(point);
-        generator.preview(dt, &mut preview);
-        let [u, v, r, force] = measured;
-        let force = if scenario.vessel.propeller.force_measured { force } else { f64::NAN };
+        generator.preview(dt, controller.preview_step(), &mut preview);
         let observation = Observation {
-            eta: [state.x, state.y, state.psi],
-            nu: [u, v, r],
-            force,
+            eta,
+            nu: motion.map(|place| place.map_or(0.0, |place| measured[place])),
+            outputs: &measured[..run.measured_outputs],
             reference: &reference,
             preview: &preview,
         };
-        let mut command = [f64::NAN; 2];
+        command.fill(f64::NAN);
         let begun = Instant::now();
         let status = controller.command(&observation, &mut command);
         let time_us = 1e6 * begun.elapsed().as_secs_f64();
         run.samples.push(Sample {
             t: time(k, dt),
-            state,
-            measured,
+            eta,
+            nu,
             reference,
             distance: (point[0] - reference.position[0]).hypot(point[1] - reference.position[1]),
             cross_track,
-            speed_error: state.u.hypot(state.v + lead * state.r) - reference.speed,
-            command,
+            speed_error: nu[0].hypot(nu[1] + lead * nu[2]) - reference.speed,
             status,
             time_us,
         });
-        vessel.advance(Command { pp: command[0], rd: command[1] });
+        run.commands.extend_from_slice(&command);
+        run.measured.extend_from_slice(&measured);
+        run.truth.extend_from_slice(&truth);
+        vessel.advance(&command);
         generator.advance(dt);
-        if !vessel.over_ground().is_finite() {
+        if !vessel.eta().iter().chain(&vessel.nu()).all(|x| x.is_finite()) {
             run.diverged = true;
             break;
         }
@@ -216,20 +279,14 @@ pub fn run(
     Ok(run)
 }
 
-/// Initial state, with the controlled point at the offset `scenario.start`.
-fn start(scenario: &Scenario, vessel: &PerturbedPlant, lead: f64) -> State {
-    let Track { path, profile } = &scenario.track;
+/// Places the vessel with the controlled point at the offset `scenario.start`, on the course of the path.
+fn place(scenario: &Scenario, vessel: &mut PlantInMotion, lead: f64) {
+    let Track { path, profile, .. } = &scenario.track;
     let (pose, (speed, _)) = (path.at(0.0), profile.at(0.0));
     let (sin, cos) = pose.course.sin_cos();
     let [along, aside] = [scenario.start[0] - lead, scenario.start[1]];
-    State {
-        x: pose.position[0] + along * cos - aside * sin,
-        y: pose.position[1] + along * sin + aside * cos,
-        psi: pose.course,
-        u: speed,
-        p_f: vessel.plant().holding_force(speed),
-        ..State::REST
-    }
+    let [x, y] = pose.position;
+    vessel.place([x + along * cos - aside * sin, y + along * sin + aside * cos, pose.course], speed);
 }
 
 /// Time of sample `k` \[s\], rounded to the nearest decimal fraction if the sample rate is a whole number.

@@ -77,6 +77,8 @@ pub struct Track {
     pub path: Path,
     /// Speed profile.
     pub profile: SpeedProfile,
+    /// Speed on straights \[m/s\].
+    pub cruise: f64,
 }
 
 impl Track {
@@ -98,7 +100,7 @@ impl Track {
             }
         }
         let profile = SpeedProfile::new(&path, &limits)?;
-        Ok(Self { path, profile })
+        Ok(Self { path, profile, cruise: speed.cruise })
     }
 
     /// Duration at the profile's speed \[s\]; `None` for a closed path.

@@ -17,6 +17,12 @@ impl Channel {
     pub fn new(name: impl Into<String>, unit: impl Into<String>) -> Self {
         Self { name: name.into(), unit: unit.into() }
     }
+
+    /// Heading of its column in a CSV file: `name [unit]`, with a suffix after the name.
+    pub(crate) fn heading(&self, suffix: &str) -> String {
+        let Self { name, unit } = self;
+        if unit.is_empty() { format!("{name}{suffix}") } else { format!("{name}{suffix} [{unit}]") }
+    }
 }
 
 /// Samples of several channels: row `k` holds all channels at sample `k`. A missing value is NaN.

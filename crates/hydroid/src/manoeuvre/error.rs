@@ -33,6 +33,16 @@ pub enum ManoeuvreError {
         /// Yaw rate \[deg/s\].
         yaw_deg_s: f64,
     },
+    /// The vessel does not turn round.
+    #[error(
+        "with the steering hard over, the vessel turns by {turned_deg:.0} deg in {t_s:.0} s, and not by 180: name the inputs that turn it with --turn"
+    )]
+    NoTurn {
+        /// Simulated time \[s\].
+        t_s: f64,
+        /// Change of heading \[deg\].
+        turned_deg: f64,
+    },
     /// The vessel does not move ahead.
     #[error(
         "the vessel moves ahead at {speed_m_s:.3} m/s with the propulsion of the approach; a trial needs a positive speed: give a larger --propulsion, or name the inputs that push it with --push"

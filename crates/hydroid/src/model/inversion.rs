@@ -38,7 +38,7 @@ impl Clone for InvertibleModel {
 
 impl InvertibleModel {
     /// Writes the measured actuator states of a model that has them as outputs; NaN otherwise.
-    pub(crate) fn actuators_of(&self, y: &[f64], into: &mut [f64; 2]) {
+    pub(crate) fn actuators_of(&self, y: &[f64], into: &mut [f64]) {
         match self {
             Self::Equations(equations) => equations.actuators_of(y, into),
             Self::Plant(_) | Self::Network(_) => into.fill(f64::NAN),

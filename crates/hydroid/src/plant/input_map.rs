@@ -74,11 +74,7 @@ impl InputMap {
         let limits: Vec<[f64; 2]> = inputs.iter().map(|port| [port.range.low, port.range.high]).collect();
         let middle: Vec<f64> = limits.iter().map(|[low, high]| 0.5 * (low + high)).collect();
         let half: Vec<f64> = limits.iter().map(|[low, high]| 0.5 * (high - low)).collect();
-        let neutral: Vec<f64> = limits
-            .iter()
-            .zip(&middle)
-            .map(|([low, high], middle)| if *low <= 0.0 && *high >= 0.0 { 0.0 } else { *middle })
-            .collect();
+        let neutral: Vec<f64> = limits.iter().copied().map(neutral).collect();
         let names: Vec<String> = inputs.iter().map(|port| port.channel.name.clone()).collect();
         let units = inputs.iter().map(|port| port.channel.unit.clone()).collect();
         let mut test = Test::new(model)?;
@@ -155,6 +151,11 @@ impl InputMap {
         }
         Steering { unit: "%", full: 100.0 }
     }
+}
+
+/// The neutral command of an input with a range: zero, or the middle of a range without zero.
+pub(crate) const fn neutral([low, high]: [f64; 2]) -> f64 {
+    if low <= 0.0 && high >= 0.0 { 0.0 } else { 0.5 * (low + high) }
 }
 
 /// Directions with the effects `(1, 0)` and `(0, 1)` in (surge, yaw), scaled to a largest component of one.

@@ -28,7 +28,9 @@ mod record;
 mod simulation;
 
 pub use error::PlantError;
+pub(crate) use input_map::neutral;
 pub use input_map::{InputMap, Steering};
+pub(crate) use record::process_deviations;
 pub use record::{Commands, Record, RecordOptions, member_tracks, record};
 pub(crate) use simulation::middle;
 pub use simulation::{Simulation, current_before};

@@ -231,7 +231,7 @@ fn response_time(simulation: &mut Simulation, model: &Model, map: &InputMap) -> 
 }
 
 /// Standard deviations of the process noise in a sample; `None` for none.
-fn process_deviations(model: &Model, factor: f64) -> Option<Vec<f64>> {
+pub(crate) fn process_deviations(model: &Model, factor: f64) -> Option<Vec<f64>> {
     let d = &model.description;
     let bands = d.bands.as_ref().filter(|_| factor > 0.0)?;
     let level = bands.levels.iter().position(|level| *level == 0.8)?;
@@ -264,15 +264,11 @@ impl Record {
     /// If the writer fails.
     pub fn write_csv(&self, writer: impl Write) -> io::Result<()> {
         let mut out = BufWriter::with_capacity(1 << 16, writer);
-        let header = |channel: &Channel, suffix: &str| {
-            let Channel { name, unit } = channel;
-            if unit.is_empty() { format!(",{name}{suffix}") } else { format!(",{name}{suffix} [{unit}]") }
-        };
         write!(out, "t [s]")?;
-        self.inputs.iter().try_for_each(|channel| write!(out, "{}", header(channel, "")))?;
+        self.inputs.iter().try_for_each(|channel| write!(out, ",{}", channel.heading("")))?;
         write!(out, ",x [m],y [m],psi [rad]")?;
         for suffix in ["", "_true"] {
-            self.outputs.iter().try_for_each(|channel| write!(out, "{}", header(channel, suffix)))?;
+            self.outputs.iter().try_for_each(|channel| write!(out, ",{}", channel.heading(suffix)))?;
         }
         writeln!(out)?;
         let (n, m) = (self.outputs.len(), self.inputs.len());

@@ -104,8 +104,10 @@ impl Simulation {
     pub fn new(model: &Model) -> Result<Self, PlantError> {
         let motion = Motion::of(model)?;
         if let Some(committee) = model.committee() {
-            let session = Session::Committee(CommitteeSimulation::new(committee));
-            return Ok(Self::with(model, session, motion, committee.span() + 1));
+            let simulation = CommitteeSimulation::new(committee);
+            // Its members have constant coefficients: others than those that adapt, with other pasts.
+            let warm_up = simulation.committee().span() + 1;
+            return Ok(Self::with(model, Session::Committee(simulation), motion, warm_up));
         }
         let session = model.motion_session();
         let warm_up = session.warm_up().max(1);
@@ -119,9 +121,11 @@ impl Simulation {
     pub fn of_members(model: &Model) -> Result<Vec<Self>, PlantError> {
         let motion = Motion::of(model)?;
         if let Some(committee) = model.committee() {
-            let warm_up = committee.span() + 1;
-            let single = CommitteeSimulation::members_of(committee).into_iter();
-            return Ok(single.map(|s| Self::with(model, Session::Committee(s), motion, warm_up)).collect());
+            let each = |simulation: CommitteeSimulation| {
+                let warm_up = simulation.committee().span() + 1;
+                Self::with(model, Session::Committee(simulation), motion, warm_up)
+            };
+            return Ok(CommitteeSimulation::members_of(committee).into_iter().map(each).collect());
         }
         let sessions = model.member_motion_sessions().into_iter();
         let each = |session: Box<dyn Predictor>| {
@@ -313,6 +317,19 @@ impl Simulation {
             row[place] = v;
         }
         row
+    }
+
+    /// The water moves with another velocity from now on; the velocity over ground stays.
+    pub(crate) fn change_current(&mut self, current: [f64; 2]) {
+        let change = [0, 1].map(|axis| current[axis] - self.current[axis]);
+        let [surge, sway] = in_body(change, self.eta[2]);
+        let mut shift = vec![0.0; self.y.len()];
+        shift[self.motion.u] = -surge;
+        if let Some(v) = self.motion.v {
+            shift[v] = -sway;
+        }
+        self.shift(&shift);
+        self.current = current;
     }
 
     /// Adds a disturbance to the outputs.

@@ -116,7 +116,8 @@ fn circle(
     let track = Track::new(&circle, &SpeedOptions::cruise(task.speed)).unwrap();
     let scenario = Scenario { duration_s: 120.0, start: [0.0, -0.5], ..Scenario::new(vessel.clone(), track) };
     let conditions = Conditions { noise, ..Conditions::calm(seed) };
-    let mut controller = ControlLaw { controller, lead: task.lead, timing: Timing::Clock, force: measured };
+    let actuators = if measured { vec![Some(3), None] } else { Vec::new() };
+    let mut controller = ControlLaw { controller, lead: task.lead, timing: Timing::Clock, actuators };
     let run = closed_loop::run(&scenario, &conditions, &mut controller, &mut silent()).unwrap();
     let metrics = Metrics::of(&run, 40.0);
     let count = |status: Status| metrics.status.get(status.name()).copied().unwrap_or(0);

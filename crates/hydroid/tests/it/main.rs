@@ -5,6 +5,7 @@ mod adapt;
 mod atomic;
 mod closed_loop;
 mod committee;
+mod control_of_models;
 mod direct_equations;
 mod equations;
 mod estimate;

@@ -18,7 +18,7 @@ use hydroid_core::model::sparse::{Equations, Term};
 use hydroid_core::predict::Workspace;
 use hydroid_core::vessel::VesselParams;
 
-fn port(name: &str, unit: &str, low: f64, high: f64) -> Port {
+pub(crate) fn port(name: &str, unit: &str, low: f64, high: f64) -> Port {
     Port {
         channel: Channel::new(name, unit),
         range: DesignRange { low, high },
@@ -28,7 +28,7 @@ fn port(name: &str, unit: &str, low: f64, high: f64) -> Port {
 }
 
 /// Equations `dy/dt = sum of coefficient x term`; variables are outputs, then inputs.
-fn equations(
+pub(crate) fn equations(
     outputs: Vec<Port>,
     inputs: Vec<Port>,
     dt: f64,

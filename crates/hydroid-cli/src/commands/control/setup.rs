@@ -1,22 +1,27 @@
 //! Conversion of the arguments of `hydroid control` to the types of the library.
 
+use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::{bail, ensure};
+use anyhow::{Context as _, bail, ensure};
 use hydroid::adapt::{self, Method};
 use hydroid::closed_loop::{
-    Conditions, ControlMethod, ControllerOptions, Dispersion, Scenario, SpeedOptions, Task, Timing, Track,
-    Wind,
+    Conditions, ControlMethod, ControllerOptions, Dispersion, Scale, Scenario, SpeedOptions, Task, Timing,
+    Track, TruePlant, Wind,
 };
+use hydroid::log::units::Unit;
+use hydroid::manoeuvre::{Approach, Options, Response};
 use hydroid::model::Model;
+use hydroid::plant::{InputMap, Simulation};
+use hydroid::toml_file::nearest;
+use hydroid_core::actuator::Limits;
 use hydroid_core::control::AdaptiveAugmentationOptions;
 use hydroid_core::control::cem::PlannerOptions;
-use hydroid_core::vessel::VesselParams;
 use serde_json::{Value, json};
 
 use crate::args::{
     AdaptationArgs, Control, ControllerArgs, ControllerKind, DisturbanceArgs, Learner, MonteCarloArgs,
-    TaskArgs, TaskKind, TimingKind,
+    NamedNumber, NamedRange, TaskArgs, TaskKind, TimingKind,
 };
 
 pub(super) const fn kind(controller: ControllerKind) -> ControlMethod {
@@ -28,12 +33,20 @@ pub(super) const fn kind(controller: ControllerKind) -> ControlMethod {
     }
 }
 
+/// What a controller without a model needs.
+pub(super) fn no_model(kind: ControlMethod) -> String {
+    format!(
+        "the model is missing: {} needs a .safetensors file of `hydroid identify`, a vessel file (.toml), or hydrofoil, hydrofoil-low-speed, simple, as in `hydroid control hydrofoil --controller {}`",
+        kind.name(),
+        kind.name()
+    )
+}
+
 /// Sample time of the loop \[s\].
-pub(super) fn sample_time(args: &Control, model: Option<&Model>) -> anyhow::Result<f64> {
-    let Some(model) = model.filter(|model| model.plant().is_none()) else {
-        return Ok(args.controller.dt.unwrap_or(0.1));
-    };
-    let own = model.description.dt;
+pub(super) fn sample_time(args: &Control, model: Option<&Model>, plant: &Model) -> anyhow::Result<f64> {
+    let identified = model.into_iter().chain([plant]).find(|model| model.plant().is_none());
+    let Some(identified) = identified else { return Ok(args.controller.dt.unwrap_or(0.1)) };
+    let own = identified.description.dt;
     if let Some(dt) = args.controller.dt {
         ensure!(
             (dt / own - 1.0).abs() < 1e-3,
@@ -43,7 +56,92 @@ pub(super) fn sample_time(args: &Control, model: Option<&Model>) -> anyhow::Resu
     Ok(own)
 }
 
-pub(super) fn task(args: &TaskArgs) -> anyhow::Result<(Task, SpeedOptions)> {
+/// Size of a vessel, from which the defaults follow.
+pub(super) struct Size {
+    pub(super) scale: Scale,
+    /// Of an identified model.
+    pub(super) response: Option<Response>,
+}
+
+impl Size {
+    /// The size of the vessel, from simulated tests of the model at the speed of the task. Plants with given parameters have
+    /// the size of the boat for which the defaults were chosen.
+    pub(super) fn of(args: &Control, plant: &Model, model: Option<&Model>) -> anyhow::Result<Self> {
+        if plant.plant().is_some() {
+            return Ok(Self { scale: Scale::BOAT, response: None });
+        }
+        let model = model.unwrap_or(plant);
+        let tests = || -> anyhow::Result<Response> {
+            let inputs = InputMap::with(model, &args.controller.push, &args.controller.turn)?;
+            let options = Options { propulsion: 0.5, speed_m_s: args.task.speed };
+            let approach = Approach::new(model, &inputs, Simulation::new(model)?, &options)?;
+            Ok(Response::about(&approach, &inputs)?)
+        };
+        let response = tests().context(
+            "the defaults of task and controller follow from simulated tests of the model on a straight course and in a turn, which failed",
+        )?;
+        Ok(Self { scale: Scale::of(&response), response: Some(response) })
+    }
+}
+
+/// The inputs that push and turn a vessel, within the limits of a scenario.
+pub(super) fn inputs(args: &Control, model: &Model, scene: &Scenario) -> anyhow::Result<InputMap> {
+    let mut model = model.clone();
+    for (port, limits) in model.description.inputs.iter_mut().zip(&scene.limits) {
+        (port.range.low, port.range.high) = (limits.low, limits.high);
+    }
+    let mut inputs = InputMap::with(&model, &args.controller.push, &args.controller.turn)?;
+    for (neutral, limits) in inputs.neutral.iter_mut().zip(&scene.limits) {
+        *neutral = limits.rest;
+    }
+    Ok(inputs)
+}
+
+/// Sets the limits, the values at rest and the limits of the rates that are stated.
+fn state_limits(given: &ControllerArgs, scene: &mut Scenario) -> anyhow::Result<()> {
+    let commands = scene.plant.commands();
+    let place = |option: &str, name: &str| {
+        let known = || commands.iter().map(|channel| channel.name.as_str());
+        commands.iter().position(|channel| channel.name == name).with_context(|| {
+            let nearest =
+                nearest(name, known()).map(|n| format!(", did you mean '{n}'?")).unwrap_or_default();
+            let known = known().collect::<Vec<_>>().join(", ");
+            format!("{option}: the plant has no command '{name}'{nearest}; its commands are {known}")
+        })
+    };
+    for NamedRange { name, range } in &given.limit {
+        let index = place("--limit", name)?;
+        let scale = match &range.unit {
+            None => 1.0,
+            Some(unit) => {
+                let wrong = || format!("--limit {name}: the unit [{unit}]");
+                let own = Unit::parse(&commands[index].unit).with_context(wrong)?;
+                Unit::parse(unit).and_then(|unit| unit.to(&own)).with_context(wrong)?
+            }
+        };
+        let Limits { rest, .. } = scene.limits[index];
+        let (low, high) = (scale * range.low, scale * range.high);
+        scene.limits[index] =
+            Limits { rest: rest.clamp(low, high), ..Limits::between([low, high]).with_rate(f64::INFINITY) };
+    }
+    for NamedNumber { name, number } in &given.neutral {
+        let index = place("--neutral", name)?;
+        let Limits { low, high, .. } = scene.limits[index];
+        ensure!(
+            (low..=high).contains(number),
+            "--neutral {name}={number}: the limits of '{name}' are {low} and {high}; give a value between them, or other limits with --limit"
+        );
+        scene.limits[index].rest = *number;
+    }
+    for NamedNumber { name, number } in &given.rate_limit {
+        let index = place("--rate-limit", name)?;
+        ensure!(*number > 0.0, "--rate-limit {name}={number}: the limit of a rate must be greater than 0");
+        scene.limits[index].rate = *number;
+    }
+    Ok(())
+}
+
+pub(super) fn task(args: &TaskArgs, size: &Size) -> anyhow::Result<(Task, SpeedOptions)> {
     let lawn = args.leg.is_some() || args.spacing.is_some() || args.legs.is_some();
     let by_points = matches!(args.task, TaskKind::Waypoints | TaskKind::Legs);
     ensure!(!lawn || args.task == TaskKind::LawnMower, "--leg, --spacing and --legs need --task lawn-mower");
@@ -52,7 +150,15 @@ pub(super) fn task(args: &TaskArgs) -> anyhow::Result<(Task, SpeedOptions)> {
         args.radius.is_none() || args.task != TaskKind::Legs,
         "--task legs has sharp corners: leave --radius out, or use --task waypoints"
     );
-    let radius = args.radius.unwrap_or(15.0);
+    let Size { scale, response } = size;
+    let radius = args.radius.unwrap_or(15.0 * scale.radius);
+    let cruise = args.speed.or(response.map(|response| response.speed_m_s)).unwrap_or(1.5);
+    if let Some(Response { turning_radius_m, speed_m_s, .. }) = response {
+        ensure!(
+            radius > *turning_radius_m || args.turn_speed.is_some_and(|turn| turn < *speed_m_s),
+            "--radius {radius}: at {speed_m_s:.2} m/s, the model turns with a radius of {turning_radius_m:.1} m with the steering hard over: give a larger --radius, or a --turn-speed below {speed_m_s:.2}"
+        );
+    }
     let points = || match &args.points {
         Some(points) => Ok(points.0.clone()),
         None => {
@@ -62,7 +168,7 @@ pub(super) fn task(args: &TaskArgs) -> anyhow::Result<(Task, SpeedOptions)> {
     let task = match args.task {
         TaskKind::Circle => Task::Circle { radius },
         TaskKind::LawnMower => Task::LawnMower {
-            leg: args.leg.unwrap_or(60.0),
+            leg: args.leg.unwrap_or(60.0 * scale.radius),
             spacing: args.spacing.unwrap_or(2.0 * radius),
             legs: args.legs.unwrap_or(4),
             radius,
@@ -73,25 +179,27 @@ pub(super) fn task(args: &TaskArgs) -> anyhow::Result<(Task, SpeedOptions)> {
     if let (Some(turn), TaskKind::Circle) = (args.turn_speed, args.task) {
         bail!("--task circle has one speed: use --speed {turn} and leave --turn-speed out");
     }
-    Ok((task, SpeedOptions { cruise: args.speed, turn: args.turn_speed, acceleration: args.acceleration }))
+    let acceleration = args.acceleration.unwrap_or_else(|| match response {
+        // A tenth of the acceleration at full ahead.
+        Some(response) => 0.1 * response.surge_gain_m_s / response.surge_time_s,
+        None => 0.2,
+    });
+    Ok((task, SpeedOptions { cruise, turn: args.turn_speed, acceleration }))
 }
 
 pub(super) fn scenario(
     args: &Control,
-    vessel: &VesselParams,
+    plant: Arc<Model>,
     task: &Task,
     pace: &SpeedOptions,
+    scale: Scale,
     dt_s: f64,
 ) -> anyhow::Result<Scenario> {
-    let mut scenario = Scenario::new(vessel.clone(), Track::new(task, pace)?);
-    for (limits, (rate, what)) in
-        scenario.limits.iter_mut().zip(args.controller.rate_limits.0.into_iter().zip(["propeller", "rudder"]))
-    {
-        ensure!(rate > 0.0, "--rate-limits: the limit of the {what} is {rate}; it must be greater than 0");
-        limits.rate = rate;
-    }
-    (scenario.dt_s, scenario.start, scenario.tolerance) =
-        (dt_s, args.task.start.0, args.controller.tolerance);
+    let mut scenario = Scenario::new(plant, Track::new(task, pace)?);
+    state_limits(&args.controller, &mut scenario)?;
+    scenario.dt_s = dt_s;
+    scenario.start = args.task.start.map_or([0.0, -0.5 * scale.radius], |start| start.0);
+    scenario.tolerance = args.controller.tolerance.unwrap_or(2.0 * scale.radius);
     scenario.duration_s = args.task.duration.map_or(scenario.duration_s, |duration| duration.0);
     Ok(scenario)
 }
@@ -107,6 +215,7 @@ pub(super) fn conditions(args: &DisturbanceArgs) -> Conditions {
     Conditions {
         seed: args.seed,
         noise: args.noise,
+        process_noise: args.process_noise,
         current: args.current.0,
         wind: Wind { force: args.wind.0, gust, gust_s },
         mass: args.mass,
@@ -115,8 +224,13 @@ pub(super) fn conditions(args: &DisturbanceArgs) -> Conditions {
     }
 }
 
-pub(super) fn variation(args: &MonteCarloArgs) -> Dispersion {
+/// Dispersion of the conditions. An identified model has no forces and no mass.
+pub(super) fn variation(args: &MonteCarloArgs, plant: &TruePlant) -> Dispersion {
     let default = Dispersion::default();
+    let default = match plant {
+        TruePlant::Vessel(_) => default,
+        TruePlant::Model(_) => Dispersion { mass: 0.0, wind: 0.0, ..default },
+    };
     Dispersion {
         mass: args.mass_variation.unwrap_or(default.mass),
         current: args.current_variation.unwrap_or(default.current),
@@ -133,6 +247,7 @@ pub(super) fn check_options(args: &Control) -> anyhow::Result<()> {
         ("--adaptive-augmentation", given.adaptive_augmentation, ControllerKind::Fl, "fl"),
         ("--rate", given.rate.is_some(), ControllerKind::Backstepping, "backstepping"),
         ("--horizon", given.horizon.is_some(), ControllerKind::Cem, "cem"),
+        ("--hold", given.hold.is_some(), ControllerKind::Cem, "cem"),
         ("--candidates", given.candidates.is_some(), ControllerKind::Cem, "cem"),
         ("--iterations", given.iterations.is_some(), ControllerKind::Cem, "cem"),
         ("--gauss-newton-steps", given.gauss_newton_steps.is_some(), ControllerKind::Cem, "cem"),
@@ -166,19 +281,20 @@ pub(super) fn steering(
     args: &Control,
     kind: ControlMethod,
     scene: &Scenario,
+    scale: Scale,
 ) -> anyhow::Result<ControllerOptions> {
     let given = &args.controller;
-    let mut steering = ControllerOptions::new(kind, &scene.vessel, scene.dt_s);
-    (steering.limits, steering.tolerance) = (scene.limits, scene.tolerance);
+    let mut steering = ControllerOptions::new(kind, &scene.plant, scene.dt_s).scaled(scale);
+    (steering.limits, steering.tolerance) = (scene.limits.clone(), scene.tolerance);
     steering.lead = given.lead.unwrap_or(steering.lead);
     ensure!(
         kind != ControlMethod::Autopilot || given.lead.is_none_or(|lead| lead == 0.0),
         "--lead: pid controls the vessel's origin; leave --lead out"
     );
-    steering.bandwidth = Some(given.bandwidth.map_or([1.5, 0.7], |bandwidth| bandwidth.0));
+    steering.bandwidth = given.bandwidth.map_or(steering.bandwidth, |bandwidth| Some(bandwidth.0));
     steering.integral = given.integral.unwrap_or(0.0);
     steering.learned = given.adaptive_augmentation.then(AdaptiveAugmentationOptions::default);
-    steering.rate = Some(given.rate.unwrap_or(1.0));
+    steering.rate = given.rate.or(steering.rate);
     if let (ControlMethod::CrossEntropy, Some(TimingKind::Path)) = (kind, given.reference) {
         steering.timing = Timing::Path;
     }
@@ -197,15 +313,24 @@ pub(super) fn steering(
         "--horizon {horizon}: Gauss-Newton steps solve for all commands of a plan, at most {}; use a shorter horizon, or --gauss-newton-steps 0",
         PlannerOptions::MAX_GAUSS_NEWTON_COMMANDS
     );
+    let hold = given.hold.unwrap_or(default.hold);
+    ensure!(
+        candidates.saturating_mul(horizon).saturating_mul(hold) <= 10 * MAX_SAMPLES,
+        "--candidates {candidates} times --horizon {horizon} times --hold {hold} is more than {}: reduce one of them",
+        10 * MAX_SAMPLES
+    );
     steering.planner = PlannerOptions {
         horizon,
+        hold,
         candidates,
         elites: (candidates / 10).max(2),
         iterations: given.iterations.unwrap_or(default.iterations),
         gauss_newton_steps,
         ..default
     };
-    [steering.cost.position, steering.cost.heading, steering.cost.speed] = cost_weights(given);
+    if let Some(weights) = given.cost_weights {
+        [steering.cost.position, steering.cost.heading, steering.cost.speed] = weights.0;
+    }
     if let Some(ms) = given.plan_time {
         ensure!(
             ms > 0.0 && ms < 1e6,
@@ -214,10 +339,6 @@ pub(super) fn steering(
         steering.budget = Some(Duration::from_secs_f64(1e-3 * ms));
     }
     Ok(steering)
-}
-
-fn cost_weights(given: &ControllerArgs) -> [f64; 3] {
-    given.cost_weights.map_or([1.0, 0.2, 0.2], |weights| weights.0)
 }
 
 /// Options of the online adaptation: the defaults of `hydroid adapt`.
@@ -258,10 +379,12 @@ pub(super) fn description(args: &Control, steering: &ControllerOptions) -> Value
         ControlMethod::CrossEntropy => {
             let p = &steering.planner;
             description["horizon"] = json!(p.horizon);
+            description["hold"] = json!(p.hold);
             description["candidates"] = json!(p.candidates);
             description["iterations"] = json!(p.iterations);
             description["gauss_newton_steps"] = json!(p.gauss_newton_steps);
-            description["cost_weights"] = json!(cost_weights(&args.controller));
+            description["cost_weights"] =
+                json!([steering.cost.position, steering.cost.heading, steering.cost.speed]);
         }
         ControlMethod::Autopilot => {}
     }
@@ -285,7 +408,18 @@ pub(super) fn facts(args: &Control, steering: &ControllerOptions, scene: &Scenar
         let adapted = if steering.adapt.is_some() { ", adapted online" } else { "" };
         add("Model", format!("{} ({}){adapted}", path.display(), model.kind()));
     }
-    add("Plant", scene.vessel.name.clone());
+    let plant = args.plant.as_ref().or(args.model.as_ref());
+    let kind = match &scene.plant {
+        TruePlant::Vessel(_) => String::new(),
+        TruePlant::Model(model) => {
+            format!(
+                " ({}, {})",
+                model.kind(),
+                plant.map(|path| path.display().to_string()).unwrap_or_default()
+            )
+        }
+    };
+    add("Plant", format!("{}{kind}", scene.plant.name()));
     let task = match args.task.task {
         TaskKind::Circle => "circle",
         TaskKind::LawnMower => "lawn-mower",
@@ -293,7 +427,7 @@ pub(super) fn facts(args: &Control, steering: &ControllerOptions, scene: &Scenar
         TaskKind::Legs => "straight legs",
     };
     let turn = args.task.turn_speed.map(|turn| format!(", {turn} m/s in turns")).unwrap_or_default();
-    add("Task", format!("{task}, {} m/s{turn}", args.task.speed));
+    add("Task", format!("{task}, {:.3} m/s{turn}", scene.track.cruise));
     let d = &args.disturbances;
     let [[north, east], [to_north, to_east], [gust, gust_s]] = [d.current.0, d.wind.0, d.gusts.0];
     let onset = d.onset.map(|onset| format!(" (from {} s on)", onset.0)).unwrap_or_default();

@@ -4,9 +4,10 @@ use alloc::vec::Vec;
 
 use num_traits::Float;
 
-use crate::actuator::Limits;
+use crate::actuator::{Limits, clamp_to_limits};
 use crate::control::error::{ControlError, at_least};
 use crate::guidance::Reference;
+use crate::predict::{Predictor, Workspace};
 
 /// A soft limit on an output.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,17 +20,17 @@ pub struct SoftLimit {
     pub weight: f64,
 }
 
-/// Cost of a plan: with the pose integrated from the predicted `u, v, r`, the mean over the horizon of
+/// Cost of a plan: with the pose integrated from the predicted `u, v, r`, the mean over the ends of its commands of
 ///
 /// ```text
 /// position |p - p_d|^2 + heading 2 (1 - cos(psi + beta - psi_d)) + speed (|nu| - U_d)^2
-///   + sum_i effort_i (c_i / s_i)^2 + rate_i (dc_i / s_i)^2 + sum of soft limits, weight times squared excess
+///   + sum_i effort_i ((c_i - c_i0) / s_i)^2 + rate_i (dc_i / s_i)^2 + sum of soft limits, weight times squared excess
 /// beta = asin(v / max(|nu|, U_d / 2, 0.1 m/s))
 /// ```
 ///
 /// `p` is the point `lookahead` metres ahead of the origin; `psi_d` and `U_d` are course and speed of the path at the
-/// reference; `s_i` is half of the range of a command and `dc_i` its change in a sample. With the drift angle `beta`,
-/// the heading term acts on the course over ground. The pose is integrated by the midpoint rule. A plan whose
+/// reference; `s_i` is half of the range of a command, `c_i0` its value at rest and `dc_i` its change from the command before. With
+/// the drift angle `beta`, the heading term acts on the course over ground. The pose is integrated by the midpoint rule. A plan whose
 /// prediction is not finite has an infinite cost.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cost {
@@ -43,7 +44,7 @@ pub struct Cost {
     pub speed: f64,
     /// Weight of each command.
     pub effort: Vec<f64>,
-    /// Weight of the change of each command in a sample.
+    /// Weight of the change of each command.
     pub rate: Vec<f64>,
     /// Soft limits on outputs.
     pub soft_limits: Vec<SoftLimit>,
@@ -128,11 +129,11 @@ impl Cost {
         commands: &[f64],
         mut each: impl FnMut(f64),
     ) -> f64 {
-        let PlanningProblem { pose, nu, outputs, last, limits, references, dt } = *moment;
+        let PlanningProblem { pose, nu, outputs, last, limits, references, dt, hold } = *moment;
         let inputs = limits.len();
         let [position, heading, speed] = [self.position, self.heading, self.speed].map(Float::sqrt);
         let ([mut north, mut east, mut psi], mut before) = (pose, nu);
-        for (k, (row, reference)) in y.chunks_exact(outputs).zip(references).enumerate() {
+        for (sample, row) in y.chunks_exact(outputs).enumerate() {
             let now = [row[0], row[1], row[2]];
             let middle: [f64; 3] = core::array::from_fn(|i| 0.5 * (before[i] + now[i]));
             let (sin, cos) = Float::sin_cos(psi + 0.5 * dt * middle[2]);
@@ -140,6 +141,11 @@ impl Cost {
             east += dt * (middle[0] * sin + middle[1] * cos);
             psi += dt * middle[2];
             before = now;
+            if !(sample + 1).is_multiple_of(hold) {
+                continue;
+            }
+            let k = sample / hold;
+            let reference = &references[k];
             if self.position > 0.0 {
                 let (sin, cos) = if self.lookahead == 0.0 { (0.0, 0.0) } else { Float::sin_cos(psi) };
                 each(position * (north + self.lookahead * cos - reference.position[0]));
@@ -163,7 +169,7 @@ impl Cost {
                 let half = 0.5 * (limits[i].high - limits[i].low);
                 let command = commands[k * inputs + i];
                 let previous = if k == 0 { last[i] } else { commands[(k - 1) * inputs + i] };
-                each(Float::sqrt(self.effort[i]) * command / half);
+                each(Float::sqrt(self.effort[i]) * (command - limits[i].rest) / half);
                 each(Float::sqrt(self.rate[i]) * (command - previous) / half);
             }
         }
@@ -178,9 +184,51 @@ pub(super) struct PlanningProblem<'a> {
     pub(super) outputs: usize,
     pub(super) last: &'a [f64],
     pub(super) limits: &'a [Limits],
-    /// References after each sample of the horizon.
+    /// References at the ends of the commands of a plan.
     pub(super) references: &'a [Reference],
     pub(super) dt: f64,
+    /// Samples for which a command is held.
+    pub(super) hold: usize,
+}
+
+impl PlanningProblem<'_> {
+    /// Clamps plans to limits, and to rate limits over the time of a command.
+    pub(super) fn clamp(&self, plan: &mut [f64]) {
+        clamp_to_limits(plan, self.last, self.limits, self.dt * self.hold as f64);
+    }
+
+    /// Number of outputs of a rollout.
+    pub(super) const fn rows(&self) -> usize {
+        self.references.len() * self.hold * self.outputs
+    }
+
+    /// Rolls out `count` plans. Each command is held, after a ramp with the limit of its rate.
+    pub(super) fn roll_out(&self, simulator: &mut Simulator<'_>, count: usize, plans: &[f64], y: &mut [f64]) {
+        let Simulator { session, work, samples } = simulator;
+        if self.hold == 1 {
+            session.rollout_batch(count, plans, work, y);
+            return;
+        }
+        let inputs = self.limits.len();
+        let len = self.references.len() * inputs;
+        samples.clear();
+        for plan in plans.chunks_exact(len).take(count) {
+            let start = samples.len();
+            for command in plan.chunks_exact(inputs) {
+                (0..self.hold).for_each(|_| samples.extend_from_slice(command));
+            }
+            clamp_to_limits(&mut samples[start..], self.last, self.limits, self.dt);
+        }
+        session.rollout_batch(count, samples, work, y);
+    }
+}
+
+/// A model for rollouts, and their memory.
+pub(super) struct Simulator<'a> {
+    pub(super) session: &'a dyn Predictor,
+    pub(super) work: &'a mut Workspace,
+    /// Commands of all samples of a batch.
+    pub(super) samples: &'a mut Vec<f64>,
 }
 
 /// Minimum speed in the drift angle \[m/s\].

@@ -5,9 +5,8 @@ use alloc::vec::Vec;
 
 use num_traits::Float;
 
-use super::cost::{Cost, PlanningProblem};
-use crate::actuator::clamp_to_limits;
-use crate::predict::{BATCH, Predictor, Workspace};
+use super::cost::{Cost, PlanningProblem, Simulator};
+use crate::predict::BATCH;
 
 /// Step of the finite differences, relative to half of the range of a command.
 const SHARE: f64 = 0.01;
@@ -68,14 +67,14 @@ impl GaussNewton {
     /// Returns the number of candidates and the new cost of the plan. `y` has room for the outputs of 64 candidates.
     pub(super) fn step(
         &mut self,
-        (session, work): (&dyn Predictor, &mut Workspace),
+        simulator: &mut Simulator<'_>,
         cost: &Cost,
         moment: &PlanningProblem<'_>,
         (plan, mut best): (&mut [f64], f64),
         y: &mut [f64],
     ) -> (usize, f64) {
-        let rows = moment.references.len() * moment.outputs;
-        if !self.differentiate((session, &mut *work), cost, moment, plan, y) {
+        let rows = moment.rows();
+        if !self.differentiate(simulator, cost, moment, plan, y) {
             return (self.len + 1, best);
         }
         self.square();
@@ -89,7 +88,7 @@ impl GaussNewton {
             for (at, to) in candidate.iter_mut().enumerate() {
                 *to = plan[at] + half(moment, at, moment.limits.len()) * self.step[at];
             }
-            clamp_to_limits(candidate, moment.last, moment.limits, moment.dt);
+            moment.clamp(candidate);
             count += 1;
         }
         let tried = self.len + 1 + count;
@@ -98,7 +97,7 @@ impl GaussNewton {
         }
         let candidates = &self.candidates[..count * self.len];
         let y = &mut y[..count * rows];
-        session.rollout_batch(count, candidates, work, y);
+        moment.roll_out(simulator, count, candidates, y);
         for (candidate, y) in candidates.chunks_exact(self.len).zip(y.chunks_exact(rows)) {
             let new = cost.of(moment, y, candidate);
             if new < best {
@@ -112,14 +111,14 @@ impl GaussNewton {
     /// Computes `r` and `J` by forward differences; false if they are not finite.
     fn differentiate(
         &mut self,
-        (session, work): (&dyn Predictor, &mut Workspace),
+        simulator: &mut Simulator<'_>,
         cost: &Cost,
         moment: &PlanningProblem<'_>,
         plan: &[f64],
         y: &mut [f64],
     ) -> bool {
         let (len, inputs) = (self.len, moment.limits.len());
-        let rows = moment.references.len() * moment.outputs;
+        let rows = moment.rows();
         self.residuals.fill(0.0);
         for first in (0..=len).step_by(BATCH) {
             let count = BATCH.min(len + 1 - first);
@@ -131,7 +130,7 @@ impl GaussNewton {
             }
             let candidates = &self.candidates[..count * len];
             let y = &mut y[..count * rows];
-            session.rollout_batch(count, candidates, work, y);
+            moment.roll_out(simulator, count, candidates, y);
             for k in 0..count {
                 let mut into = self.residuals[(first + k) * self.rows..][..self.rows].iter_mut();
                 let (of, y) = (&candidates[k * len..(k + 1) * len], &y[k * rows..(k + 1) * rows]);

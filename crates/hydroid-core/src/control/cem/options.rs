@@ -5,8 +5,10 @@ use crate::control::error::{ControlError, positive};
 /// Options of a [`Planner`](super::Planner). The defaults suit a boat with samples of 0.1 s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlannerOptions {
-    /// Horizon of a plan \[samples\].
+    /// Horizon of a plan \[commands\].
     pub horizon: usize,
+    /// Samples for which a command of a plan is held. A new plan is made when it ends.
+    pub hold: usize,
     /// Number of candidates in each iteration.
     pub candidates: usize,
     /// Number of elites, which determine the next iteration.
@@ -28,16 +30,18 @@ pub struct PlannerOptions {
 }
 
 impl PlannerOptions {
-    /// Largest number of commands of a plan (samples times inputs) for Gauss-Newton steps, whose work is cubic in it.
+    /// Largest number of commands of a plan (horizon times inputs) for Gauss-Newton steps, whose work is cubic in it.
     pub const MAX_GAUSS_NEWTON_COMMANDS: usize = 400;
 
-    /// A horizon of 20 samples, 350 candidates, 35 elites, 5 iterations, and 2 Gauss-Newton steps.
+    /// A horizon of 20 samples, a plan in each sample, 60 candidates, 6 elites, 2 iterations, and 2 Gauss-Newton steps. More
+    /// candidates matter without Gauss-Newton steps.
     pub const fn new(seed: u64) -> Self {
         Self {
             horizon: 20,
-            candidates: 350,
-            elites: 35,
-            iterations: 5,
+            hold: 1,
+            candidates: 60,
+            elites: 6,
+            iterations: 2,
             momentum: 0.1,
             deviation: 0.5,
             least_deviation: 0.02,
@@ -56,6 +60,7 @@ impl PlannerOptions {
             }
         };
         least("the horizon", self.horizon, 1, "a sample or more is needed")?;
+        least("the number of samples of a command", self.hold, 1, "a sample or more is needed")?;
         least("the number of elites", self.elites, 2, "2 or more are needed")?;
         least("the number of candidates", self.candidates, self.elites + 2, "2 more than elites are needed")?;
         least("the number of iterations", self.iterations, 1, "1 or more is needed")?;

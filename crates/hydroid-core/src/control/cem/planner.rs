@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 
 use num_traits::Float;
 
-use super::cost::{Cost, PlanningProblem};
+use super::cost::{Cost, PlanningProblem, Simulator};
 use super::gauss_newton::GaussNewton;
 use super::options::PlannerOptions;
 use crate::actuator::{Limits, clamp_to_limits};
@@ -27,8 +27,8 @@ use crate::predict::{BATCH, Predictor, Workspace};
 /// mu  <- m mu + (1 - m) mean(elites),    s <- m s + (1 - m) deviation(elites)
 /// ```
 ///
-/// The mean and the best sequence are always among the candidates. The command is the first row of the best sequence.
-/// The next sample starts from this plan, shifted by one sample with its last row repeated, and from the initial
+/// The mean and the best sequence are always among the candidates. The command is the first row of the best sequence,
+/// held for `hold` samples. The next search starts from this plan, shifted by one row with its last row repeated, and from the initial
 /// deviations. `gauss_newton_steps` damped Gauss-Newton steps refine the best sequence.
 ///
 /// Sources: R. Y. Rubinstein and D. P. Kroese, *The Cross-Entropy Method*, 2004; P.-T. de Boer et al., *A tutorial on
@@ -40,7 +40,7 @@ use crate::predict::{BATCH, Predictor, Workspace};
 /// # Time
 ///
 /// The callback `stop` can end the search after every 64 candidates and after every Gauss-Newton step, with the best
-/// sequence so far. A complete plan takes `candidates x horizon x iterations` predicted samples, and each Gauss-Newton
+/// sequence so far. A complete plan takes `candidates x horizon x hold x iterations` predicted samples, and each Gauss-Newton
 /// step `horizon x inputs + 9` further rollouts. Without a stop, the result depends on the seed alone.
 ///
 /// # Failure modes
@@ -60,6 +60,9 @@ pub struct Planner {
     noise: Noise,
     gauss_newton: GaussNewton,
     blind: usize,
+    /// Samples since the last plan; 0 if one is due.
+    age: usize,
+    cost_of_plan: f64,
     last: Vec<f64>,
     plan: Vec<f64>,
     mean: Vec<f64>,
@@ -70,6 +73,7 @@ pub struct Planner {
     y: Vec<f64>,
     now: Vec<f64>,
     work: Workspace,
+    samples: Vec<f64>,
 }
 
 /// Time for which the last plan continues without a finite cost \[s\].
@@ -121,8 +125,9 @@ impl Planner {
             return Err(ControlError::Limits { channel });
         }
         let len = options.horizon * limits.len();
+        let step = dt * options.hold as f64;
         let correlation =
-            if options.correlation_s > 0.0 { Float::exp(-dt / options.correlation_s) } else { 0.0 };
+            if options.correlation_s > 0.0 { Float::exp(-step / options.correlation_s) } else { 0.0 };
         let gauss_newton =
             GaussNewton::new(&cost, options.horizon, limits.len(), options.gauss_newton_steps > 0);
         let mut planner = Self {
@@ -136,6 +141,8 @@ impl Planner {
             correlation,
             noise: Noise::new(options.seed),
             blind: 0,
+            age: 0,
+            cost_of_plan: f64::INFINITY,
             last: vec![0.0; limits.len()],
             plan: vec![0.0; len],
             mean: vec![0.0; len],
@@ -143,9 +150,10 @@ impl Planner {
             candidates: vec![0.0; options.candidates * len],
             costs: vec![f64::INFINITY; options.candidates],
             order: (0..options.candidates).collect(),
-            y: vec![0.0; BATCH * options.horizon * outputs],
+            y: vec![0.0; BATCH * options.horizon * options.hold * outputs],
             now: vec![0.0; outputs],
             work: Workspace::new(),
+            samples: Vec::with_capacity(if options.hold > 1 { BATCH * options.hold * len } else { 0 }),
         };
         planner.reset();
         Ok(planner)
@@ -154,27 +162,33 @@ impl Planner {
     /// Resets the plan to rest and the random numbers to the seed.
     pub fn reset(&mut self) {
         self.noise = Noise::new(self.options.seed);
-        self.blind = 0;
+        (self.blind, self.age) = (0, 0);
         for (last, limits) in self.last.iter_mut().zip(&self.limits) {
-            *last = 0.0_f64.clamp(limits.low, limits.high);
+            *last = limits.rest;
         }
         for row in self.plan.chunks_exact_mut(self.last.len()) {
             row.copy_from_slice(&self.last);
         }
     }
 
-    /// The plan, `horizon x inputs`; its first row is the command of this sample.
+    /// The plan, `horizon x inputs`; its first row is the present command.
     pub fn plan(&self) -> &[f64] {
         &self.plan
     }
 
-    /// Horizon \[samples\].
+    /// Horizon \[commands\].
     pub const fn horizon(&self) -> usize {
         self.options.horizon
     }
 
-    /// Plans from `pose` (`[x, y, psi]`) and the present state of `session`. `references` are those after 1, 2, ..
-    /// `horizon` samples. `stop` returns true to end the search.
+    /// Samples for which a command of a plan is held.
+    pub const fn hold(&self) -> usize {
+        self.options.hold
+    }
+
+    /// Plans from `pose` (`[x, y, psi]`) and the present state of `session`, or continues the command of the last plan until
+    /// it ends. `references` are those at the ends of the commands of a plan: after 1, 2, .. `horizon` times `hold` samples.
+    /// `stop` returns true to end the search.
     ///
     /// # Panics
     /// If `session`, `references` (fewer than the horizon) or `command` do not fit the planner.
@@ -192,6 +206,16 @@ impl Planner {
             "the numbers of outputs and inputs of the planner"
         );
         let references = &references[..self.options.horizon];
+        let due = self.age == 0;
+        self.age = (self.age + 1) % self.options.hold;
+        if !due && self.blind == 0 {
+            command.copy_from_slice(&self.plan[..inputs]);
+            clamp_to_limits(command, &self.last, &self.limits, self.dt);
+            let seen = pose.iter().all(|x| x.is_finite());
+            let status = if seen { self.status(pose, None, command) } else { Status::Blind };
+            self.last.copy_from_slice(command);
+            return Plan { cost: self.cost_of_plan, iterations: 0, tried: 0, status };
+        }
         self.shift();
         session.output(&mut self.now);
         let seen = pose.iter().chain(&self.now).all(|x| x.is_finite())
@@ -203,13 +227,16 @@ impl Planner {
         self.blind = if plan.cost.is_finite() { 0 } else { self.blind.saturating_add(1) };
         if self.blind as f64 * self.dt > BLIND_S {
             for row in self.plan.chunks_exact_mut(inputs) {
-                row.iter_mut().zip(&self.limits).for_each(|(c, to)| *c = 0.0_f64.clamp(to.low, to.high));
+                row.iter_mut().zip(&self.limits).for_each(|(c, to)| *c = to.rest);
             }
-            clamp_to_limits(&mut self.plan, &self.last, &self.limits, self.dt);
+            let step = self.step();
+            clamp_to_limits(&mut self.plan, &self.last, &self.limits, step);
         }
         command.copy_from_slice(&self.plan[..inputs]);
+        clamp_to_limits(command, &self.last, &self.limits, self.dt);
+        self.cost_of_plan = plan.cost;
         if plan.cost.is_finite() {
-            plan.status = self.status(pose, &references[0], command);
+            plan.status = self.status(pose, Some(&references[0]), command);
         }
         self.last.copy_from_slice(command);
         plan
@@ -217,7 +244,13 @@ impl Planner {
 
     fn shift(&mut self) {
         self.plan.copy_within(self.limits.len().., 0);
-        clamp_to_limits(&mut self.plan, &self.last, &self.limits, self.dt);
+        let step = self.step();
+        clamp_to_limits(&mut self.plan, &self.last, &self.limits, step);
+    }
+
+    /// Time of a command of a plan \[s\].
+    fn step(&self) -> f64 {
+        self.dt * self.options.hold as f64
     }
 
     fn search(
@@ -243,7 +276,9 @@ impl Planner {
             limits: &self.limits,
             references,
             dt: self.dt,
+            hold: self.options.hold,
         };
+        let mut simulator = Simulator { session, work: &mut self.work, samples: &mut self.samples };
         for _ in 0..iterations {
             let known = plan.cost.is_finite();
             let around = [&self.mean[..], &self.deviation, &self.plan];
@@ -252,9 +287,9 @@ impl Planner {
             while first < candidates && !stopped {
                 let count = BATCH.min(candidates - first);
                 let commands = &self.candidates[first * len..(first + count) * len];
-                let rows = self.options.horizon * self.outputs;
+                let rows = moment.rows();
                 let y = &mut self.y[..count * rows];
-                session.rollout_batch(count, commands, &mut self.work, y);
+                moment.roll_out(&mut simulator, count, commands, y);
                 for k in 0..count {
                     let of = &commands[k * len..(k + 1) * len];
                     let cost = self.cost.of(&moment, &y[k * rows..(k + 1) * rows], of);
@@ -289,7 +324,7 @@ impl Planner {
                 return;
             }
             let (tried, cost) = self.gauss_newton.step(
-                (session, &mut self.work),
+                &mut simulator,
                 &self.cost,
                 &moment,
                 (&mut self.plan, plan.cost),
@@ -304,7 +339,8 @@ impl Planner {
         }
     }
 
-    fn status(&self, [x, y, psi]: [f64; 3], reference: &Reference, command: &[f64]) -> Status {
+    /// Status of a command; with the reference at its end, also of the position.
+    fn status(&self, [x, y, psi]: [f64; 3], reference: Option<&Reference>, command: &[f64]) -> Status {
         let mut status = Status::Tracking;
         for ((command, last), limits) in command.iter().zip(&self.last).zip(&self.limits) {
             if (command - last).abs() >= limits.rate * self.dt * (1.0 - 1e-9) {
@@ -314,8 +350,12 @@ impl Planner {
                 status = status.and(Status::Saturated);
             }
         }
+        let Some(reference) = reference else { return status };
         let (sin, cos) = Float::sin_cos(psi);
-        let now = |i: usize| reference.position[i] - self.dt * reference.velocity[i];
+        let back = self.step();
+        let now = |i: usize| {
+            reference.position[i] - back * (reference.velocity[i] - 0.5 * back * reference.acceleration[i])
+        };
         let north = x + self.cost.lookahead * cos - now(0);
         let east = y + self.cost.lookahead * sin - now(1);
         if Float::hypot(north, east) > self.tolerance {
@@ -350,7 +390,7 @@ fn draw(
                 }
             }
         }
-        clamp_to_limits(candidate, moment.last, moment.limits, moment.dt);
+        moment.clamp(candidate);
     }
 }
 

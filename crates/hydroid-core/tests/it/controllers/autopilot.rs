@@ -17,7 +17,7 @@ fn settings(integral: f64) -> AutopilotOptions {
     AutopilotOptions {
         line_of_sight: LineOfSightOptions { lookahead: 5.0, integral },
         heading: HeadingGains::nomoto(1.5 / 82.88, 41.4 / 82.88, 1.0, 1.2, 1.5),
-        speed: SpeedGains { proportional: 40.0, integral: 8.0, drag: [77.55, 0.0] },
+        speed: SpeedGains { proportional: 40.0, integral: 8.0, trim: [0.0, 77.55] },
         steerage: 0.3,
         tolerance: 3.0,
     }

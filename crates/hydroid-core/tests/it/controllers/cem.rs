@@ -49,6 +49,11 @@ fn quadratic() -> Cost {
     }
 }
 
+/// A search alone, without the help of Gauss-Newton steps, needs more candidates than the defaults.
+fn thorough(seed: u64) -> PlannerOptions {
+    PlannerOptions { candidates: 350, elites: 35, iterations: 5, ..PlannerOptions::new(seed) }
+}
+
 fn planner(settings: PlannerOptions, cost: Cost, limits: &[Limits]) -> Planner {
     Planner::new(settings, cost, limits, 3, DT, 5.0).unwrap()
 }
@@ -103,7 +108,7 @@ fn optimum(horizon: usize, target: f64) -> f64 {
 fn the_plan_is_the_optimum_of_a_linear_vessel() {
     let best = optimum(20, 1.0);
     let cost = |iterations: usize, gauss_newton_steps: usize, seed: u64| {
-        let settings = PlannerOptions { iterations, gauss_newton_steps, ..PlannerOptions::new(seed) };
+        let settings = PlannerOptions { iterations, gauss_newton_steps, ..thorough(seed) };
         let mut planner = planner(settings, quadratic(), &WIDE);
         let (session, mut command) = (linear(), [0.0; 2]);
         planner.command(&session, [0.0; 3], &[at_speed(1.0); 20], &mut || false, &mut command).cost
@@ -126,7 +131,7 @@ fn the_plan_is_the_optimum_of_a_linear_vessel() {
 fn a_plan_depends_on_its_seed_only_and_a_time_limit_returns_the_best_plan() {
     let session = linear();
     let run = |seed: u64, chunks: usize| {
-        let mut planner = planner(PlannerOptions::new(seed), quadratic(), &WIDE);
+        let mut planner = planner(thorough(seed), quadratic(), &WIDE);
         let (mut command, mut asked) = ([0.0; 2], 0);
         let mut stop = || {
             asked += 1;
@@ -155,7 +160,7 @@ fn the_shifted_plan_is_where_the_next_search_starts() {
     let mut session = linear();
     let (mut work, mut command) = (Workspace::new(), [0.0; 2]);
     // A converged search: samples with a deviation of 0.01 % hardly improve it.
-    let settings = PlannerOptions { iterations: 60, least_deviation: 1e-4, ..PlannerOptions::new(1) };
+    let settings = PlannerOptions { iterations: 60, least_deviation: 1e-4, ..thorough(1) };
     let mut planner = planner(settings, quadratic(), &WIDE);
     // The reference accelerates, so that the rows of the plan differ.
     let ramp =
@@ -186,6 +191,70 @@ fn the_shifted_plan_is_where_the_next_search_starts() {
     let (start, unshifted) = (cost(alone.plan()), cost(&old));
     assert!(plan.cost <= start * (1.0 + 1e-12), "{} of {start}", plan.cost);
     assert!(start < 0.9 * unshifted, "{start} beside {unshifted}");
+}
+
+/// A held plan of a model with samples of `DT` is the plan of the same model with samples of `hold DT`, whose step is exact.
+#[test]
+fn held_commands_are_planned_as_in_longer_samples() {
+    const HOLD: usize = 4;
+    // `x_{k+1} = x_k + DT c` in each output, with one stage of Runge-Kutta: exact for any sample time.
+    let integrators = |dt: f64| {
+        let terms = vec![Term::monomial(&[3]), Term::monomial(&[4])];
+        let equations = Equations::new(terms, vec![1.0, 0.0, 0.0, 0.0, 0.0, 1.0], 3, 2, dt, 1).unwrap();
+        let mut session = EquationsSession::new(Arc::new(equations));
+        session.observe(&[0.0; 3]);
+        session
+    };
+    let long = HOLD as f64 * DT;
+    let settings = PlannerOptions { horizon: 5, ..PlannerOptions::new(9) };
+    let held = PlannerOptions { hold: HOLD, ..settings };
+    let target: Vec<Reference> = (1..=5).map(|k| at_speed(0.3 * f64::from(k))).collect();
+    let mut coarse = Planner::new(settings, quadratic(), &WIDE, 3, long, 5.0).unwrap();
+    let mut fine = Planner::new(held, quadratic(), &WIDE, 3, DT, 5.0).unwrap();
+    let (mut one, mut other) = ([0.0; 2], [0.0; 2]);
+    coarse.command(&integrators(long), [0.0; 3], &target, &mut || false, &mut one);
+    let mut session = integrators(DT);
+    let plan = fine.command(&session, [0.0; 3], &target, &mut || false, &mut other);
+    assert!(plan.tried > 100);
+    for (a, b) in coarse.plan().iter().zip(fine.plan()) {
+        assert!((a - b).abs() < 1e-9, "{:?} {:?}", coarse.plan(), fine.plan());
+    }
+    // The command lasts for HOLD samples, and nothing is planned between.
+    for k in 1..=HOLD {
+        session.advance(&other);
+        let before = other;
+        let next = fine.command(&session, [0.0; 3], &target, &mut || false, &mut other);
+        assert_eq!((next.tried == 0, before == other), (k < HOLD, k < HOLD), "{k}");
+    }
+    // Without a position the command goes on, and the status says so.
+    fine.reset();
+    fine.command(&session, [0.0; 3], &target, &mut || false, &mut other);
+    let blind = fine.command(&session, [f64::NAN, 0.0, 0.0], &target, &mut || false, &mut other);
+    assert_eq!(blind.status, Status::Blind);
+}
+
+/// A command that is held begins with a ramp at the limit of its rate.
+#[test]
+fn held_commands_keep_the_limit_of_their_rate() {
+    let limits = WIDE.map(|limits| limits.with_rate(2.0));
+    let settings = PlannerOptions { hold: 5, horizon: 6, ..PlannerOptions::new(4) };
+    let mut planner = planner(settings, Cost { rate: vec![0.0; 2], ..quadratic() }, &limits);
+    let mut session = linear();
+    let (mut command, mut before) = ([0.0; 2], [0.0; 2]);
+    let mut most = 0.0_f64;
+    for _ in 0..40 {
+        let plan = planner.command(&session, [0.0; 3], &[at_speed(2.0); 6], &mut || false, &mut command);
+        assert!(plan.cost.is_finite());
+        for (now, last) in command.iter().zip(&before) {
+            most = most.max((now - last).abs());
+        }
+        before = command;
+        session.advance(&command);
+    }
+    assert!(most <= 2.0 * DT * (1.0 + 1e-9) && most > 1.99 * DT, "{most}");
+    let mut y = [0.0; 3];
+    session.output(&mut y);
+    assert!(y[0] > 1.5, "{y:?}");
 }
 
 #[test]
@@ -356,7 +425,7 @@ fn invalid_options_are_refused() {
     let good = PlannerOptions::new(0);
     assert_eq!(
         make(PlannerOptions { elites: 400, ..good }, quadratic()),
-        "the number of candidates is 350: 2 more than elites are needed"
+        "the number of candidates is 60: 2 more than elites are needed"
     );
     assert_eq!(
         make(PlannerOptions { momentum: 1.0, ..good }, quadratic()),
