@@ -70,6 +70,10 @@ pub struct TaskArgs {
     /// Waypoints and legs: north,east of each point [m]: '0,0;60,0;60,40'
     #[arg(long, value_name = "N,E;N,E;..", allow_hyphen_values = true)]
     pub points: Option<Points>,
+    /// Waypoints and legs: the points of a CSV file (north [m] and east [m], or lat [deg] and lon [deg]) or a GPX file
+    #[arg(long, value_name = "FILE", conflicts_with = "points")]
+    pub waypoints: Option<PathBuf>,
+
     /// Largest rate of change of the reference speed [m/s^2] (default: 0.2, in proportion for an identified model)
     #[arg(long, value_name = "M_S2", allow_negative_numbers = true)]
     pub acceleration: Option<f64>,
@@ -248,6 +252,7 @@ pub struct MonteCarloArgs {
   hydroid control hydrofoil --controller fl --adaptive-augmentation --mass 1.2 --task lawn-mower
   hydroid control hydrofoil --controller fl --runs 1000 --json         Monte Carlo
   hydroid control hydrofoil --controller cem --task waypoints --points '0,0;40,0;40,30'
+  hydroid control out/sindy.safetensors --controller cem --task waypoints --waypoints route.gpx
   hydroid control out/gru.safetensors -c boat.toml                     options from a file
 
 Configuration file (hydroid.toml in the current folder, or -c FILE): the section [control] takes

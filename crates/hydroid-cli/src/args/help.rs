@@ -33,6 +33,7 @@ const BASIC: [(&str, &[&str]); 2] = [
             "turn_speed",
             "radius",
             "points",
+            "waypoints",
             "seed",
             "adapt",
             "runs",

@@ -338,6 +338,12 @@ fn pid_is_tuned_and_follows_lawn_mowers() {
     let report =
         told(folder.path(), &format!("control simple --plant simple --controller fl {points} --json"), 0);
     assert_eq!(report["arrived"], true);
+    fs::write(folder.path().join("route.csv"), "north [m],east [m]\n0,0\n40,0\n40,30\n").unwrap();
+    let points = "--task waypoints --waypoints route.csv --radius 10";
+    let by_file =
+        told(folder.path(), &format!("control simple --plant simple --controller fl {points} --json"), 0);
+    assert_eq!(report["task"]["path"], by_file["task"]["path"]);
+    assert_eq!(report["rms_position"], by_file["rms_position"]);
 }
 
 #[test]

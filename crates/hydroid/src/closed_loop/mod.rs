@@ -46,6 +46,7 @@ mod session_model;
 mod simulated;
 mod track;
 mod tuning;
+mod waypoints;
 
 pub use autopilot::AutopilotGains;
 pub use controller::{ClosedLoopController, ControlLaw, Observation};
@@ -60,3 +61,4 @@ pub use run::{Run, Sample, Scenario, run};
 pub use scale::Scale;
 pub use track::{SpeedOptions, Task, Track};
 pub use tuning::{GridPoint, TunedAutopilot, tune_autopilot};
+pub use waypoints::{Waypoints, WaypointsError};

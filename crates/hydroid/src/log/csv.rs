@@ -6,7 +6,7 @@
 //! mark, line ends of every system, spaces around cells, a decimal comma if the separator is not a comma,
 //! a `#` before the header, and ISO 8601 time stamps. Blank, `NaN`, `NA`, `null` and `-` are missing.
 
-use std::fs::File;
+use std::fs;
 use std::io::{ErrorKind, Read};
 use std::path::Path;
 
@@ -88,6 +88,11 @@ impl RawLog {
 /// # Errors
 /// If the file cannot be read or is not a table with a header; see [`LogError`].
 pub fn read(path: &Path) -> Result<RawLog, LogError> {
+    parse(&bytes(path)?, &path.display().to_string())
+}
+
+/// The bytes of a file.
+pub(crate) fn bytes(path: &Path) -> Result<Vec<u8>, LogError> {
     let name = path.display().to_string();
     let failed = |source: std::io::Error| match source.kind() {
         ErrorKind::NotFound => LogError::NotFound { path: name.clone() },
@@ -97,8 +102,7 @@ pub fn read(path: &Path) -> Result<RawLog, LogError> {
     if path.is_dir() {
         return Err(LogError::IsDirectory { path: name });
     }
-    let file = File::open(path).map_err(failed)?;
-    read_from(file, &name)
+    fs::read(path).map_err(failed)
 }
 
 /// Reads a log from any reader; `name` is the file name in messages.

@@ -29,6 +29,7 @@ mod trajectory;
 pub mod units;
 
 pub use align::{CommandTiming, InputDelay};
+pub(crate) use csv::bytes;
 pub use csv::{RawLog, read, read_from};
 pub use error::LogError;
 pub use inspect::{Inspection, inspect};

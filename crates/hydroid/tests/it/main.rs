@@ -44,6 +44,7 @@ mod train_parts;
 mod train_refit;
 mod uncertainty;
 mod vessel;
+mod waypoints;
 
 #[path = "../../../hydroid-core/tests/it/module_order.rs"]
 mod module_order;

@@ -7,7 +7,7 @@ use anyhow::{Context as _, bail, ensure};
 use hydroid::adapt::{self, Method};
 use hydroid::closed_loop::{
     Conditions, ControlMethod, ControllerOptions, Dispersion, Scale, Scenario, SpeedOptions, Task, Timing,
-    Track, TruePlant, Wind,
+    Track, TruePlant, Waypoints, Wind,
 };
 use hydroid::log::units::Unit;
 use hydroid::manoeuvre::{Approach, Options, Response};
@@ -145,7 +145,10 @@ pub(super) fn task(args: &TaskArgs, size: &Size) -> anyhow::Result<(Task, SpeedO
     let lawn = args.leg.is_some() || args.spacing.is_some() || args.legs.is_some();
     let by_points = matches!(args.task, TaskKind::Waypoints | TaskKind::Legs);
     ensure!(!lawn || args.task == TaskKind::LawnMower, "--leg, --spacing and --legs need --task lawn-mower");
-    ensure!(args.points.is_none() || by_points, "--points needs --task waypoints or --task legs");
+    for (option, is_given) in [("--points", args.points.is_some()), ("--waypoints", args.waypoints.is_some())]
+    {
+        ensure!(!is_given || by_points, "{option} needs --task waypoints or --task legs");
+    }
     ensure!(
         args.radius.is_none() || args.task != TaskKind::Legs,
         "--task legs has sharp corners: leave --radius out, or use --task waypoints"
@@ -159,11 +162,12 @@ pub(super) fn task(args: &TaskArgs, size: &Size) -> anyhow::Result<(Task, SpeedO
             "--radius {radius}: at {speed_m_s:.2} m/s, the model turns with a radius of {turning_radius_m:.1} m with the steering hard over: give a larger --radius, or a --turn-speed below {speed_m_s:.2}"
         );
     }
-    let points = || match &args.points {
-        Some(points) => Ok(points.0.clone()),
-        None => {
-            bail!("waypoints are missing: give them as --points '0,0;60,0;60,40' (north,east in metres)")
-        }
+    let points = || match (&args.points, &args.waypoints) {
+        (Some(points), _) => Ok(points.0.clone()),
+        (None, Some(file)) => Ok(Waypoints::read(file)?.points),
+        (None, None) => bail!(
+            "waypoints are missing: give them as --points '0,0;60,0;60,40' (north,east in metres), or as a CSV or GPX file with --waypoints"
+        ),
     };
     let task = match args.task {
         TaskKind::Circle => Task::Circle { radius },
