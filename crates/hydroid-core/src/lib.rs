@@ -26,3 +26,4 @@ pub mod math;
 pub mod model;
 pub mod predict;
 pub mod vessel;
+mod visit;

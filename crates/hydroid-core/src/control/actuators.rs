@@ -159,6 +159,19 @@ impl Actuators {
         self.all.iter_mut().for_each(Actuator::reset);
     }
 
+    /// Visits all numbers on which later commands depend; see [`Controller::visit_state`](super::Controller::visit_state).
+    pub fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        visit(&mut self.held_s);
+        for actuator in &mut self.all {
+            visit(&mut actuator.position);
+            visit(&mut actuator.command);
+            let Limits { low, high, rest, .. } = actuator.limits;
+            if !(low..=high).contains(&actuator.command) {
+                actuator.command = rest;
+            }
+        }
+    }
+
     /// Takes measured positions; values that are not finite are missing.
     pub fn observe(&mut self, positions: &[f64]) {
         for (actuator, &position) in self.all.iter_mut().zip(positions) {

@@ -14,6 +14,7 @@ use super::{Controller, Estimate};
 use crate::adapt::kalman::{Filter, FilterOptions, Learnable, LearnableNetwork};
 use crate::guidance::Reference;
 use crate::model::recurrent::{Cell, Network, Packed};
+use crate::visit::visit_count;
 
 /// Inputs of the network: scaled `u, v, r`, and cosine and sine of the heading, for disturbances in the earth frame.
 const INPUTS: usize = 5;
@@ -257,6 +258,20 @@ impl<M: Affine> Controller for AdaptiveAugmentation<M> {
         self.base.reset();
         self.window = Window::default();
         self.forget();
+    }
+
+    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        self.base.visit_state(visit);
+        let Self { window: Window { samples, begin, modelled, heading }, predicted, evidence, .. } = self;
+        visit_count(samples, self.samples, visit);
+        for numbers in [begin, modelled, heading, predicted] {
+            numbers.iter_mut().for_each(&mut *visit);
+        }
+        visit(evidence);
+        let mut memory = vec![0.0; self.filter.memory_len()];
+        self.filter.save(&mut memory);
+        memory.iter_mut().for_each(visit);
+        self.filter.load(&memory);
     }
 
     fn command(&mut self, estimate: &Estimate<'_>, reference: &Reference, command: &mut [f64]) -> Status {

@@ -153,6 +153,13 @@ impl Controller for Autopilot {
         (self.heading, self.speed) = (0.0, 0.0);
     }
 
+    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        self.actuators.visit_state(visit);
+        visit(self.sight.integral_mut());
+        visit(&mut self.heading);
+        visit(&mut self.speed);
+    }
+
     fn command(&mut self, estimate: &Estimate<'_>, reference: &Reference, command: &mut [f64]) -> Status {
         if !(estimate.is_finite() && reference.is_finite()) {
             self.actuators.hold(command);

@@ -168,6 +168,11 @@ impl<M: Affine> Controller for Backstepping<M> {
         (self.weather, self.body) = ([0.0; 2], [0.0; 2]);
     }
 
+    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        self.point.visit_state(visit);
+        self.weather.iter_mut().chain(&mut self.body).for_each(visit);
+    }
+
     fn command(&mut self, estimate: &Estimate<'_>, reference: &Reference, command: &mut [f64]) -> Status {
         if !(estimate.is_finite() && reference.is_finite()) {
             return self.point.hold(command);

@@ -158,6 +158,11 @@ impl<M: Affine> Controller for FeedbackLinearization<M> {
         self.integral = [0.0; 2];
     }
 
+    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        self.point.visit_state(visit);
+        self.integral.iter_mut().for_each(visit);
+    }
+
     fn command(&mut self, estimate: &Estimate<'_>, reference: &Reference, command: &mut [f64]) -> Status {
         if !(estimate.is_finite() && reference.is_finite()) {
             return self.point.hold(command);

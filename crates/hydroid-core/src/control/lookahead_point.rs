@@ -118,6 +118,10 @@ impl<M: Affine> LookaheadPoint<M> {
         self.actuators.reset();
     }
 
+    pub(super) fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        self.actuators.visit_state(visit);
+    }
+
     pub(super) fn hold(&mut self, command: &mut [f64]) -> Status {
         self.actuators.hold(command);
         Status::Blind

@@ -79,6 +79,11 @@ pub trait Controller {
     /// Resets integrals and assumes the actuators at rest.
     fn reset(&mut self);
 
+    /// Visits all numbers on which later commands depend besides model and options, always as many and in the same order.
+    /// A visitor that copies them saves the state; one that sets them restores it, and both controllers then continue
+    /// identically to the last bit. Other numbers than saved ones do not cause a panic.
+    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64));
+
     /// The command from this sample to the next.
     ///
     /// # Panics
@@ -93,6 +98,10 @@ impl<C: Controller + ?Sized> Controller for &mut C {
 
     fn reset(&mut self) {
         (**self).reset();
+    }
+
+    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        (**self).visit_state(visit);
     }
 
     fn command(&mut self, estimate: &Estimate<'_>, reference: &Reference, command: &mut [f64]) -> Status {

@@ -16,6 +16,24 @@ impl Noise {
         Self { state: seed, spare: None }
     }
 
+    /// Visits the state in four numbers; see [`Controller::visit_state`](super::Controller::visit_state).
+    pub(super) fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        let half = u64::from(u32::MAX);
+        let mut parts = [
+            (self.state >> 32) as f64,
+            (self.state & half) as f64,
+            f64::from(u8::from(self.spare.is_some())),
+            self.spare.unwrap_or(0.0),
+        ];
+        parts.iter_mut().for_each(visit);
+        let [high, low, has_spare, spare] = parts;
+        // Casts saturate, and NaN is 0.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let whole = |x: f64| (x as u64).min(half);
+        self.state = whole(high) << 32 | whole(low);
+        self.spare = (has_spare == 1.0).then_some(spare);
+    }
+
     fn uniform(&mut self) -> f64 {
         self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.state;

@@ -79,6 +79,11 @@ impl LineOfSight {
         self.integral = 0.0;
     }
 
+    /// The integral of the cross-track error, to save or restore it.
+    pub const fn integral_mut(&mut self) -> &mut f64 {
+        &mut self.integral
+    }
+
     /// Heading reference of a vessel at `position` \[m\] with `velocity` over ground \[m/s\] (both north, east), where
     /// `pose` is the projection of the position onto the path; then advances the integral by `dt` seconds.
     pub fn update(

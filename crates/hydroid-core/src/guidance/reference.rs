@@ -5,6 +5,7 @@ use num_traits::Float;
 use super::path::{Path, Projection};
 use super::piece::Pose;
 use super::speed::SpeedProfile;
+use crate::visit::visit_count;
 
 /// A point on a path with its motion, in the north-east frame.
 ///
@@ -76,6 +77,34 @@ impl TimedReference {
             phase: 0,
             into: 0.0,
             speed: profile.phases().first().map_or(0.0, |phase| phase.speed),
+        }
+    }
+
+    /// A reference at arc length `s` \[m\], with the speed of the profile there; beyond the end of an open path it moves
+    /// straight on.
+    pub fn at(profile: &SpeedProfile, s: f64) -> Self {
+        let length = profile.length();
+        let laps = if profile.is_closed() && length > 0.0 { Float::floor(s / length) } else { 0.0 };
+        let lap = laps * length;
+        let along = (s - lap).max(0.0);
+        let phases = profile.phases();
+        let mut next = 0;
+        while phases.get(next + 1).is_some_and(|phase| phase.s <= along) {
+            next += 1;
+        }
+        let Some(phase) = phases.get(next).filter(|_| profile.is_closed() || along < length) else {
+            let speed = phases.last().map_or(0.0, |phase| phase.end);
+            return Self { lap, phase: phases.len(), into: (along - length).max(0.0), speed };
+        };
+        let into = along - phase.s;
+        Self { lap, phase: next, into, speed: phase.speed_at(into) }
+    }
+
+    /// Visits the numbers of the state: a visitor that copies them saves it, one that sets them restores it.
+    pub fn visit_state(&mut self, profile: &SpeedProfile, visit: &mut dyn FnMut(&mut f64)) {
+        visit_count(&mut self.phase, profile.phases().len(), visit);
+        for number in [&mut self.lap, &mut self.into, &mut self.speed] {
+            visit(number);
         }
     }
 

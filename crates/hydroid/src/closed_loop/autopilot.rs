@@ -61,6 +61,11 @@ impl ClosedLoopController for AutopilotController {
         self.actuators.reset();
     }
 
+    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        self.law.visit_state(visit);
+        self.actuators.visit_state(visit);
+    }
+
     fn command(&mut self, observation: &Observation<'_>, command: &mut [f64]) -> Status {
         let Observation { eta, nu, .. } = *observation;
         let estimate = Estimate { eta, nu, current: [0.0; 2], actuators: &[] };

@@ -1,9 +1,27 @@
 //! Controllers of the closed loop.
 
+use std::fmt;
+
 use hydroid_core::control::{Controller, Estimate, Status};
 use hydroid_core::guidance::Reference;
+use hydroid_core::predict::Predictor;
 
 use super::reference::Timing;
+
+/// Session of the model of a controller, with the measurement of sample `k`.
+#[derive(Clone, Copy)]
+pub struct ModelSession<'a> {
+    /// Predictions.
+    pub predictor: &'a dyn Predictor,
+    /// Weights in use of a model that adapts; `None` for a frozen model.
+    pub weights: Option<&'a [f64]>,
+}
+
+impl fmt::Debug for ModelSession<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ModelSession").field("weights", &self.weights).finish_non_exhaustive()
+    }
+}
 
 /// Data of a controller at sample `k`.
 #[derive(Clone, Copy, Debug)]
@@ -19,6 +37,8 @@ pub struct Observation<'a> {
     /// References of samples `k + n, k + 2 n, ..`, with `n` of [`preview_step`](ClosedLoopController::preview_step); the
     /// length is [`horizon`](ClosedLoopController::horizon).
     pub preview: &'a [Reference],
+    /// Session of the model, if its owner is not the controller.
+    pub session: Option<ModelSession<'a>>,
 }
 
 /// Maps the observation of each sample to a command.
@@ -41,6 +61,16 @@ pub trait ClosedLoopController {
 
     /// Resets the state before a run; adapted weights stay.
     fn reset(&mut self);
+
+    /// Visits all numbers on which later commands depend besides the session of the model; see
+    /// [`Controller::visit_state`].
+    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64));
+
+    /// Commands planned from the last sample on, row by row, and the samples for which each row is held; empty without a
+    /// plan.
+    fn plan(&self) -> (&[f64], usize) {
+        (&[], 1)
+    }
 
     /// Computes the commands, held until the next sample.
     fn command(&mut self, observation: &Observation<'_>, command: &mut [f64]) -> Status;
@@ -70,6 +100,10 @@ impl<C: Controller> ClosedLoopController for ControlLaw<C> {
 
     fn reset(&mut self) {
         self.controller.reset();
+    }
+
+    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        self.controller.visit_state(visit);
     }
 
     fn command(&mut self, observation: &Observation<'_>, command: &mut [f64]) -> Status {

@@ -8,7 +8,6 @@ use super::channel_map::ChannelMap;
 use super::controller::{ClosedLoopController, Observation};
 use super::error::ClosedLoopError;
 use super::reference::Timing;
-use super::session_model::SessionModel;
 use crate::model::{InvertibleModel, Model, WeightMap};
 
 /// A control law whose model can be updated.
@@ -58,40 +57,35 @@ pub(super) struct InvertingController<L> {
     law: L,
     lead: f64,
     channels: ChannelMap,
-    /// Session beside the law, if the model is adapted or estimates a current.
-    session: Option<SessionModel>,
     adapted: Option<AdaptedWeights>,
     y: Vec<f64>,
     actuators: Vec<f64>,
 }
 
 impl<L: InvertingLaw> InvertingController<L> {
-    /// Couples a control law for `model` with a session; an error if an adapter has other weights than the model.
+    /// A control law for `model`, which follows `weights` of an adapter; an error if they are not those of the model.
     pub(super) fn new(
         law: L,
         lead: f64,
         channels: ChannelMap,
         model: &Model,
-        session: Option<SessionModel>,
+        weights: Option<usize>,
     ) -> Result<Self, ClosedLoopError> {
-        let weights = session.as_ref().and_then(SessionModel::weights);
         let adapted = match weights.zip(model.weight_map()) {
-            Some((weights, map)) if weights.len() != map.len() => {
-                return Err(ClosedLoopError::WeightCount { weights: weights.len(), coefficients: map.len() });
+            Some((weights, map)) if weights != map.len() => {
+                return Err(ClosedLoopError::WeightCount { weights, coefficients: map.len() });
             }
             Some((_, map)) => Some(AdaptedWeights { map, applied: Vec::new() }),
             None => None,
         };
         let y = vec![f64::NAN; channels.len()];
         let actuators = vec![f64::NAN; law.inputs()];
-        Ok(Self { law, lead, channels, session, adapted, y, actuators })
+        Ok(Self { law, lead, channels, adapted, y, actuators })
     }
 
-    fn update_model(&mut self, heading: f64) {
-        let Some(session) = &mut self.session else { return };
-        session.observe(heading, &self.y);
+    fn update_model(&mut self, weights: Option<&[f64]>) {
         if let Some(AdaptedWeights { map, applied }) = &mut self.adapted
-            && let Some(weights) = session.weights()
+            && let Some(weights) = weights
             && weights != applied.as_slice()
             && weights.iter().all(|w| w.is_finite())
         {
@@ -114,22 +108,20 @@ impl<L: InvertingLaw> ClosedLoopController for InvertingController<L> {
 
     fn reset(&mut self) {
         self.law.reset();
-        if let Some(session) = &mut self.session {
-            session.reset();
-        }
+    }
+
+    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        self.law.visit_state(visit);
     }
 
     fn command(&mut self, observation: &Observation<'_>, command: &mut [f64]) -> Status {
         self.channels.fill(observation.outputs, &mut self.y);
-        self.update_model(observation.eta[2]);
+        self.update_model(observation.session.and_then(|session| session.weights));
         self.law.model().actuators_of(&self.y, &mut self.actuators);
-        let current = self.session.as_ref().and_then(SessionModel::current).unwrap_or([0.0; 2]);
+        let current = observation.session.and_then(|session| session.predictor.current());
+        let current = current.map_or([0.0; 2], |current| current.velocity);
         let estimate =
             Estimate { eta: observation.eta, nu: observation.nu, current, actuators: &self.actuators };
-        let status = self.law.command(&estimate, observation.reference, command);
-        if let Some(session) = &mut self.session {
-            session.advance(command);
-        }
-        status
+        self.law.command(&estimate, observation.reference, command)
     }
 }

@@ -20,7 +20,7 @@ use super::plant::TruePlant;
 use super::predictive::PredictiveController;
 use super::reference::Timing;
 use super::scale::Scale;
-use super::session_model::SessionModel;
+use super::session_model::{SessionModel, WithSession};
 use crate::adapt;
 use crate::log::{Channel, Trajectory};
 use crate::model::Model;
@@ -187,11 +187,37 @@ impl ControllerOptions {
         }
     }
 
-    /// Builds a controller; `seed` is the run's seed.
+    /// Builds a controller with the session of its model; `seed` is the run's seed.
     ///
     /// # Errors
     /// If the model is missing, does not fit the vessel, or cannot be inverted by the control law.
     pub fn controller(&self, seed: u64) -> Result<Box<dyn ClosedLoopController>, ClosedLoopError> {
+        let Some(model) = self.model.as_deref().filter(|_| self.method != ControlMethod::Autopilot) else {
+            return self.law(seed, None);
+        };
+        let channels = ChannelMap::of(&model.description, &self.instruments)?;
+        let session = match &self.adapt {
+            Some(options) => SessionModel::learning(model, options, &self.rehearsal)?,
+            None if self.method == ControlMethod::CrossEntropy || model.description.current.is_some() => {
+                SessionModel::frozen(model)
+            }
+            None => return self.law(seed, None),
+        };
+        let law = self.law(seed, session.weights())?;
+        let y = vec![f64::NAN; channels.len()];
+        Ok(Box::new(WithSession { law, session, channels, y }))
+    }
+
+    /// Builds a controller whose observations have a session of the model ([`Observation::session`](super::Observation)).
+    /// `seed` is the run's seed, `weights` the number of weights of an adapter.
+    ///
+    /// # Errors
+    /// If the model is missing, does not fit the vessel, or cannot be inverted by the control law.
+    pub fn law(
+        &self,
+        seed: u64,
+        weights: Option<usize>,
+    ) -> Result<Box<dyn ClosedLoopController>, ClosedLoopError> {
         let law = self.method.name();
         if self.method == ControlMethod::Autopilot {
             return self.autopilot();
@@ -199,11 +225,6 @@ impl ControllerOptions {
         let model = self.model.as_deref().ok_or(ClosedLoopError::NoModel { law })?;
         let refused = |error| ClosedLoopError::not_invertible(error, law);
         let channels = ChannelMap::of(&model.description, &self.instruments)?;
-        let session = || match &self.adapt {
-            Some(options) => SessionModel::learning(model, options, &self.rehearsal).map(Some),
-            None if model.description.current.is_some() => Ok(Some(SessionModel::frozen(model))),
-            None => Ok(None),
-        };
         match self.method {
             ControlMethod::FeedbackLinearization => {
                 let settings = FeedbackLinearizationOptions {
@@ -220,9 +241,9 @@ impl ControllerOptions {
                 match self.learned {
                     Some(learned) => {
                         let law = AdaptiveAugmentation::new(law, learned, seed)?;
-                        self.inverted(law, channels, model, session()?)
+                        self.inverted(law, channels, model, weights)
                     }
-                    None => self.inverted(law, channels, model, session()?),
+                    None => self.inverted(law, channels, model, weights),
                 }
             }
             ControlMethod::Backstepping => {
@@ -238,7 +259,7 @@ impl ControllerOptions {
                 let settings = self.rate.map_or(settings, |rate| settings.with_rate(rate));
                 let inverse = model.invert(channels.motion).map_err(refused)?;
                 let law = Backstepping::new(inverse, &self.limits, self.dt_s, settings)?;
-                self.inverted(law, channels, model, session()?)
+                self.inverted(law, channels, model, weights)
             }
             ControlMethod::CrossEntropy | ControlMethod::Autopilot => {
                 if channels.motion != [0, 1, 2] {
@@ -251,9 +272,6 @@ impl ControllerOptions {
                 let planner = Planner::new(settings, cost, &self.limits, outputs, self.dt_s, self.tolerance)?;
                 Ok(Box::new(PredictiveController {
                     planner,
-                    session: session()?.unwrap_or_else(|| SessionModel::frozen(model)),
-                    y: vec![f64::NAN; outputs],
-                    channels,
                     lead: self.lead,
                     timing: self.timing,
                     tolerance: self.tolerance,
@@ -268,9 +286,9 @@ impl ControllerOptions {
         law: L,
         channels: ChannelMap,
         model: &Model,
-        session: Option<SessionModel>,
+        weights: Option<usize>,
     ) -> Result<Box<dyn ClosedLoopController>, ClosedLoopError> {
-        Ok(Box::new(InvertingController::new(law, self.lead, channels, model, session)?))
+        Ok(Box::new(InvertingController::new(law, self.lead, channels, model, weights)?))
     }
 
     fn autopilot(&self) -> Result<Box<dyn ClosedLoopController>, ClosedLoopError> {

@@ -5,22 +5,18 @@ use std::time::{Duration, Instant};
 use hydroid_core::control::Status;
 use hydroid_core::control::cem::Planner;
 
-use super::channel_map::ChannelMap;
 use super::controller::{ClosedLoopController, Observation};
 use super::reference::Timing;
-use super::session_model::SessionModel;
 
-/// Model predictive control by the cross-entropy method ([`Planner`]), on any model.
+/// Model predictive control by the cross-entropy method ([`Planner`]) on the session of any model. Without a session it is
+/// blind.
 pub(super) struct PredictiveController {
     pub(super) planner: Planner,
-    pub(super) session: SessionModel,
-    pub(super) channels: ChannelMap,
     pub(super) lead: f64,
     pub(super) timing: Timing,
     pub(super) tolerance: f64,
     /// Computing time of a plan; `None` for all iterations, which makes results independent of the machine.
     pub(super) budget: Option<Duration>,
-    pub(super) y: Vec<f64>,
 }
 
 impl ClosedLoopController for PredictiveController {
@@ -42,18 +38,26 @@ impl ClosedLoopController for PredictiveController {
 
     fn reset(&mut self) {
         self.planner.reset();
-        self.session.reset();
+    }
+
+    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        self.planner.visit_state(visit);
+    }
+
+    fn plan(&self) -> (&[f64], usize) {
+        (self.planner.plan(), self.planner.hold())
     }
 
     fn command(&mut self, observation: &Observation<'_>, command: &mut [f64]) -> Status {
         let begun = Instant::now();
-        let Self { planner, session, channels, budget, y, .. } = self;
-        channels.fill(observation.outputs, y);
-        session.observe(observation.eta[2], y);
+        let Self { planner, budget, .. } = self;
+        let Some(session) = observation.session else {
+            command.copy_from_slice(&planner.plan()[..command.len()]);
+            return Status::Blind;
+        };
         let mut stop = || budget.is_some_and(|budget| begun.elapsed() >= budget);
         let plan =
-            planner.command(session.predictor(), observation.eta, observation.preview, &mut stop, command);
-        session.advance(command);
+            planner.command(session.predictor, observation.eta, observation.preview, &mut stop, command);
         let [x, y, psi] = observation.eta;
         let north = x + self.lead * psi.cos() - observation.reference.position[0];
         let east = y + self.lead * psi.sin() - observation.reference.position[1];

@@ -21,25 +21,27 @@ const LEAST_RANGE_M: f64 = 6.0;
 /// Search range relative to the distance that the reference covers in a sample.
 const RANGE: f64 = 4.0;
 
-pub(super) struct ReferenceGenerator<'a> {
-    track: &'a Track,
+pub(super) struct ReferenceGenerator {
+    track: Track,
     timing: Timing,
     walker: TimedReference,
     follower: PathReference,
+    /// Search range of the projection \[m\].
+    range: f64,
     /// Arc length of the vessel's projection on the path \[m\].
     s: f64,
 }
 
-impl<'a> ReferenceGenerator<'a> {
-    pub(super) fn new(track: &'a Track, timing: Timing, dt_s: f64) -> Self {
+impl ReferenceGenerator {
+    pub(super) fn new(track: Track, timing: Timing, dt_s: f64) -> Self {
         let range = (RANGE * dt_s * track.cruise).max(LEAST_RANGE_M);
         let (walker, follower) = (TimedReference::new(&track.profile), PathReference::new(0.0, range));
-        Self { track, timing, walker, follower, s: 0.0 }
+        Self { track, timing, walker, follower, range, s: 0.0 }
     }
 
     /// Reference for a controlled point at `point`, and the cross-track error \[m\], positive to starboard.
     pub(super) fn update(&mut self, point: [f64; 2]) -> (Reference, f64) {
-        let Track { path, profile, .. } = self.track;
+        let Track { path, profile, .. } = &self.track;
         let foot = self.follower.project(path, point);
         self.s = foot.s;
         let reference = match self.timing {
@@ -54,7 +56,7 @@ impl<'a> ReferenceGenerator<'a> {
 
     /// References `step`, `2 step`, .. samples after the last update.
     pub(super) fn preview(&self, dt_s: f64, step: usize, into: &mut [Reference]) {
-        let Track { path, profile, .. } = self.track;
+        let Track { path, profile, .. } = &self.track;
         match self.timing {
             Timing::Clock => {
                 let mut walker = self.walker;
@@ -79,6 +81,24 @@ impl<'a> ReferenceGenerator<'a> {
 
     pub(super) fn advance(&mut self, dt_s: f64) {
         self.walker.advance(&self.track.profile, dt_s);
+    }
+
+    pub(super) const fn track(&self) -> &Track {
+        &self.track
+    }
+
+    pub(super) fn resume(&mut self, gap_s: f64, position: [f64; 2]) {
+        let Track { path, profile, cruise } = &self.track;
+        let mut wide = PathReference::new(self.s, (RANGE * gap_s * cruise).max(LEAST_RANGE_M));
+        self.s = wide.project(path, position).s;
+        self.follower = PathReference::new(self.s, self.range);
+        self.walker = TimedReference::at(profile, self.s);
+    }
+
+    pub(super) fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        self.walker.visit_state(&self.track.profile, visit);
+        visit(&mut self.s);
+        self.follower = PathReference::new(self.s, self.range);
     }
 
     pub(super) fn is_done(&self) -> bool {

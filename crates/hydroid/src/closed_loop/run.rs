@@ -7,12 +7,12 @@ use hydroid_core::control::Status;
 use hydroid_core::guidance::Reference;
 use rand_distr::{Distribution as _, StandardNormal};
 
-use super::controller::{ClosedLoopController, Observation};
+use super::controller::ClosedLoopController;
 use super::disturbance::Conditions;
 use super::error::{ClosedLoopError, at_least, positive};
+use super::guidance::{Guidance, Guided, Measured};
 use super::plant::{PlantInMotion, TruePlant};
 use super::random::{Purpose, stream};
-use super::reference::ReferenceGenerator;
 use super::track::Track;
 use crate::log::{Channel, Table, Trajectory};
 use crate::progress::Progress;
@@ -87,7 +87,7 @@ pub struct Sample {
     pub speed_error: f64,
     /// Status of the controller.
     pub status: Status,
-    /// Computing time of the controller \[us\].
+    /// Computing time of reference and controller \[us\].
     pub time_us: f64,
 }
 
@@ -199,9 +199,7 @@ pub fn run(
     let lead = controller.lead();
     place(scenario, &mut vessel, lead);
     controller.reset();
-    let mut generator = ReferenceGenerator::new(&scenario.track, controller.timing(), dt);
-    let (first, _) = generator.update([f64::NAN; 2]);
-    let mut preview = vec![first; controller.horizon()];
+    let mut guidance = Guidance::new(scenario.track.clone(), controller, dt);
     let mut random = stream(conditions.seed, Purpose::Noise);
     let sigma = plant.noise();
     let capacity = samples.min(100_000);
@@ -232,28 +230,23 @@ pub fn run(
             let white: f64 = StandardNormal.sample(&mut random);
             *measured = truth + conditions.noise * sigma * white;
         }
-        let [x, y, psi] = eta;
-        let (sin, cos) = psi.sin_cos();
-        let point = [x + lead * cos, y + lead * sin];
-        let (reference, cross_track) = generator.update(point);
-        generator.preview(dt, controller.preview_step(), &mut preview);
-        let observation = Observation {
+        let measurement = Measured {
             eta,
             nu: motion.map(|place| place.map_or(0.0, |place| measured[place])),
             outputs: &measured[..run.measured_outputs],
-            reference: &reference,
-            preview: &preview,
+            session: None,
         };
         command.fill(f64::NAN);
         let begun = Instant::now();
-        let status = controller.command(&observation, &mut command);
+        let guided = guidance.command(controller, &measurement, &mut command);
         let time_us = 1e6 * begun.elapsed().as_secs_f64();
+        let Guided { reference, distance, cross_track, status } = guided;
         run.samples.push(Sample {
             t: time(k, dt),
             eta,
             nu,
             reference,
-            distance: (point[0] - reference.position[0]).hypot(point[1] - reference.position[1]),
+            distance,
             cross_track,
             speed_error: nu[0].hypot(nu[1] + lead * nu[2]) - reference.speed,
             status,
@@ -263,12 +256,12 @@ pub fn run(
         run.measured.extend_from_slice(&measured);
         run.truth.extend_from_slice(&truth);
         vessel.advance(&command);
-        generator.advance(dt);
+        guidance.advance();
         if !vessel.eta().iter().chain(&vessel.nu()).all(|x| x.is_finite()) {
             run.diverged = true;
             break;
         }
-        if generator.is_done() {
+        if guidance.is_done() {
             run.arrived = Some(true);
             break;
         }

@@ -1,9 +1,13 @@
 //! The model that a controller predicts with: a frozen session or an adapter.
 
 use hydroid_core::adapt::Adapter;
+use hydroid_core::control::Status;
 use hydroid_core::predict::Predictor;
 
+use super::channel_map::ChannelMap;
+use super::controller::{ClosedLoopController, ModelSession, Observation};
 use super::error::ClosedLoopError;
+use super::reference::Timing;
 use crate::adapt;
 use crate::log::Trajectory;
 use crate::model::Model;
@@ -39,38 +43,70 @@ impl SessionModel {
         }
     }
 
-    pub(super) fn reset(&mut self) {
-        self.session().reset();
-    }
-
-    pub(super) fn observe(&mut self, heading: f64, y: &[f64]) {
-        self.session().observe_heading(heading);
-        self.session().observe(y);
-    }
-
-    pub(super) fn advance(&mut self, c: &[f64]) {
-        self.session().advance(c);
-    }
-
-    pub(super) fn predictor(&self) -> &dyn Predictor {
+    fn view(&self) -> ModelSession<'_> {
         match self {
-            Self::Frozen(session) => session.as_ref(),
-            Self::Adaptive(adapter) => adapter.as_ref(),
+            Self::Frozen(session) => ModelSession { predictor: session.as_ref(), weights: None },
+            Self::Adaptive(adapter) => ModelSession {
+                predictor: adapter.as_ref(),
+                // Of the adapter, or of its guard's selection.
+                weights: Some(
+                    adapter.guard().map_or_else(|| adapter.weights(), |guard| guard.active_weights()),
+                ),
+            },
         }
     }
 
-    /// Estimate of the current, north and east \[m/s\]; `None` for a model of the motion over ground.
-    pub(super) fn current(&self) -> Option<[f64; 2]> {
-        self.predictor().current().map(|current| current.velocity)
+    pub(super) fn weights(&self) -> Option<usize> {
+        self.view().weights.map(<[f64]>::len)
+    }
+}
+
+/// A controller that owns the session of its model.
+pub(super) struct WithSession {
+    pub(super) law: Box<dyn ClosedLoopController>,
+    pub(super) session: SessionModel,
+    pub(super) channels: ChannelMap,
+    pub(super) y: Vec<f64>,
+}
+
+impl ClosedLoopController for WithSession {
+    fn lead(&self) -> f64 {
+        self.law.lead()
     }
 
-    /// Weights of the model that predicts now: of the adapter, or of its guard's selection. `None` for a frozen model.
-    pub(super) fn weights(&self) -> Option<&[f64]> {
-        match self {
-            Self::Adaptive(adapter) => {
-                Some(adapter.guard().map_or_else(|| adapter.weights(), |guard| guard.active_weights()))
-            }
-            Self::Frozen(..) => None,
-        }
+    fn timing(&self) -> Timing {
+        self.law.timing()
+    }
+
+    fn horizon(&self) -> usize {
+        self.law.horizon()
+    }
+
+    fn preview_step(&self) -> usize {
+        self.law.preview_step()
+    }
+
+    fn reset(&mut self) {
+        self.law.reset();
+        self.session.session().reset();
+    }
+
+    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        self.law.visit_state(visit);
+    }
+
+    fn plan(&self) -> (&[f64], usize) {
+        self.law.plan()
+    }
+
+    fn command(&mut self, observation: &Observation<'_>, command: &mut [f64]) -> Status {
+        let Self { law, session, channels, y } = self;
+        channels.fill(observation.outputs, y);
+        session.session().observe_heading(observation.eta[2]);
+        session.session().observe(y);
+        let observation = Observation { session: Some(session.view()), ..*observation };
+        let status = law.command(&observation, command);
+        session.session().advance(command);
+        status
     }
 }

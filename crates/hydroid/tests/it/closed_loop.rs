@@ -5,8 +5,8 @@ use std::sync::Arc;
 use hydroid::adapt;
 use hydroid::closed_loop::{
     self, AutopilotGains, ClosedLoopController, ClosedLoopError, Conditions, ControlMethod,
-    ControllerOptions, Dispersion, Metrics, Observation, Run, Sample, Scenario, SpeedOptions, Task, Timing,
-    Track, Wind, monte_carlo, tune_autopilot,
+    ControllerOptions, Dispersion, Guidance, Measured, Metrics, ModelSession, Observation, Run, Sample,
+    Scenario, SpeedOptions, Task, Timing, Track, Wind, monte_carlo, tune_autopilot,
 };
 use hydroid::log::Channel;
 use hydroid::manoeuvre::Response;
@@ -14,8 +14,8 @@ use hydroid::model::Model;
 use hydroid::plant::InputMap;
 use hydroid::progress::silent;
 use hydroid_core::actuator::Limits;
-use hydroid_core::control::Status;
 use hydroid_core::control::cem::PlannerOptions;
+use hydroid_core::control::{AdaptiveAugmentationOptions, Status};
 use hydroid_core::guidance::{Pose, Reference};
 use hydroid_core::vessel::VesselParams;
 use proptest::prelude::*;
@@ -69,6 +69,8 @@ impl ClosedLoopController for ZeroCommand {
     }
 
     fn reset(&mut self) {}
+
+    fn visit_state(&mut self, _: &mut dyn FnMut(&mut f64)) {}
 
     fn command(&mut self, _: &Observation<'_>, command: &mut [f64]) -> Status {
         command.fill(0.0);
@@ -167,6 +169,7 @@ fn a_delay_shifts_the_response() {
         fn reset(&mut self) {
             self.0 = 0;
         }
+        fn visit_state(&mut self, _: &mut dyn FnMut(&mut f64)) {}
         fn command(&mut self, _: &Observation<'_>, command: &mut [f64]) -> Status {
             self.0 += 1;
             command.copy_from_slice(&[if self.0 > 50 { 100.0 } else { 0.0 }, 0.0]);
@@ -302,6 +305,68 @@ fn the_default_evaluation_start_leaves_samples_on_a_short_track() {
     );
     assert!(matches!(late, Err(ClosedLoopError::EvaluationStart { .. })));
     assert!((circle(&vessel, 15.0, 1.5).default_from_s() - 40.0).abs() < 1e-9);
+}
+
+/// A controller whose state is restored after 20 s gives the commands of the first one to the last bit.
+#[test]
+fn a_restored_controller_continues_identically() {
+    let vessel = VesselParams::hydrofoil();
+    let scenario = circle(&vessel, 15.0, 1.5);
+    let model = Model::of_vessel(&vessel, 0.1).unwrap();
+    let of = |kind| by(kind, &vessel, &vessel);
+    let integral = ControllerOptions { integral: 0.5, ..of(ControlMethod::FeedbackLinearization) };
+    let learned = Some(AdaptiveAugmentationOptions::default());
+    let augmented = ControllerOptions { learned, ..of(ControlMethod::FeedbackLinearization) };
+    let mut pid = ControllerOptions::new(ControlMethod::Autopilot, &vessel.clone().into(), 0.1);
+    pid.autopilot = Some(gains(&scenario));
+    let mut cem = of(ControlMethod::CrossEntropy);
+    cem.planner.hold = 2;
+    for control in [integral, augmented, of(ControlMethod::Backstepping), cem, pid] {
+        let fresh = || {
+            let law = control.law(3, None).unwrap();
+            let guidance = Guidance::new(scenario.track.clone(), law.as_ref(), 0.1);
+            (law, guidance)
+        };
+        let (mut law, mut guidance) = fresh();
+        let (mut other, mut others) = fresh();
+        let mut session = model.session();
+        let mut commands = [[f64::NAN; 2]; 2];
+        for k in 0..400 {
+            let t = 0.1 * f64::from(k);
+            let pose = scenario.track.path.at(1.45 * t + 0.3 * t.sin());
+            let eta =
+                [pose.position[0] + 0.2 * (0.9 * t).cos(), pose.position[1], pose.course + 0.1 * t.sin()];
+            let nu = [1.5 + 0.1 * t.sin(), 0.02 * t.cos(), 0.1 + 0.02 * (0.7 * t).sin()];
+            let mut outputs = vec![f64::NAN; session.outputs()];
+            outputs[..3].copy_from_slice(&nu);
+            session.observe(&outputs);
+            let measured = Measured {
+                eta,
+                nu,
+                outputs: &outputs,
+                session: Some(ModelSession { predictor: session.as_ref(), weights: None }),
+            };
+            if k == 201 {
+                let mut state = Vec::new();
+                law.visit_state(&mut |x| state.push(*x));
+                guidance.visit_state(&mut |x| state.push(*x));
+                let mut saved = state.iter();
+                let mut restore = |x: &mut f64| *x = *saved.next().unwrap();
+                other.visit_state(&mut restore);
+                others.visit_state(&mut restore);
+                assert_eq!(saved.next(), None);
+            }
+            let guided = guidance.command(law.as_mut(), &measured, &mut commands[0]);
+            guidance.advance();
+            if k > 200 {
+                assert_eq!(others.command(other.as_mut(), &measured, &mut commands[1]), guided);
+                others.advance();
+                assert_eq!(commands[0], commands[1], "{:?}, sample {k}", control.method);
+            }
+            session.advance(&commands[0]);
+        }
+        assert!(commands[0].iter().all(|c| c.is_finite()));
+    }
 }
 
 #[test]

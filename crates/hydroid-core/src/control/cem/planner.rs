@@ -14,6 +14,7 @@ use crate::control::noise::Noise;
 use crate::control::status::Status;
 use crate::guidance::Reference;
 use crate::predict::{BATCH, Predictor, Workspace};
+use crate::visit::visit_count;
 
 /// Model predictive control by the cross-entropy method, on any [`Predictor`].
 ///
@@ -168,6 +169,23 @@ impl Planner {
         }
         for row in self.plan.chunks_exact_mut(self.last.len()) {
             row.copy_from_slice(&self.last);
+        }
+    }
+
+    /// Visits all numbers on which later plans depend; see [`Controller::visit_state`](crate::control::Controller::visit_state).
+    pub fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        self.noise.visit_state(visit);
+        visit_count(&mut self.blind, usize::MAX / 4, visit);
+        visit_count(&mut self.age, self.options.hold - 1, visit);
+        visit(&mut self.cost_of_plan);
+        let Self { last, plan, limits, .. } = self;
+        for row in [last, plan] {
+            for (command, limits) in row.iter_mut().zip(limits.iter().cycle()) {
+                visit(command);
+                if !(limits.low..=limits.high).contains(command) {
+                    *command = limits.rest;
+                }
+            }
         }
     }
 

@@ -1,0 +1,104 @@
+//! One sample of path control: reference and preview at the measured pose, and the command of a controller.
+
+use hydroid_core::control::Status;
+use hydroid_core::guidance::Reference;
+
+use super::controller::{ClosedLoopController, ModelSession, Observation};
+use super::reference::ReferenceGenerator;
+use super::track::Track;
+
+/// What is known of the vessel at a sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Measured<'a> {
+    /// Pose `[x, y, psi]` in north, east \[m\] and clockwise from north \[rad\].
+    pub eta: [f64; 3],
+    /// Body velocities over ground `[u, v, r]` \[m/s, m/s, rad/s\].
+    pub nu: [f64; 3],
+    /// Measured outputs of the plant.
+    pub outputs: &'a [f64],
+    /// Session of the model for a controller that does not own one.
+    pub session: Option<ModelSession<'a>>,
+}
+
+/// Result of a sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Guided {
+    /// Reference of the sample.
+    pub reference: Reference,
+    /// Distance of the controlled point from its reference \[m\].
+    pub distance: f64,
+    /// Cross-track error of the controlled point \[m\], positive to starboard of the path.
+    pub cross_track: f64,
+    /// Status of the controller.
+    pub status: Status,
+}
+
+/// A reference track along which a controller steers, sample by sample.
+pub struct Guidance {
+    generator: ReferenceGenerator,
+    preview: Vec<Reference>,
+    lead: f64,
+    step: usize,
+    dt_s: f64,
+}
+
+impl Guidance {
+    /// The start of a track, for the samples of a controller.
+    pub fn new(track: Track, controller: &dyn ClosedLoopController, dt_s: f64) -> Self {
+        let mut generator = ReferenceGenerator::new(track, controller.timing(), dt_s);
+        let (first, _) = generator.update([f64::NAN; 2]);
+        let preview = vec![first; controller.horizon()];
+        Self { generator, preview, lead: controller.lead(), step: controller.preview_step(), dt_s }
+    }
+
+    /// The track.
+    pub const fn track(&self) -> &Track {
+        self.generator.track()
+    }
+
+    /// Computes the command of a sample with the controller for which the guidance was made.
+    pub fn command(
+        &mut self,
+        controller: &mut dyn ClosedLoopController,
+        measured: &Measured<'_>,
+        command: &mut [f64],
+    ) -> Guided {
+        let [x, y, psi] = measured.eta;
+        let (sin, cos) = psi.sin_cos();
+        let point = [x + self.lead * cos, y + self.lead * sin];
+        let (reference, cross_track) = self.generator.update(point);
+        self.generator.preview(self.dt_s, self.step, &mut self.preview);
+        let observation = Observation {
+            eta: measured.eta,
+            nu: measured.nu,
+            outputs: measured.outputs,
+            reference: &reference,
+            preview: &self.preview,
+            session: measured.session,
+        };
+        let status = controller.command(&observation, command);
+        let distance = (point[0] - reference.position[0]).hypot(point[1] - reference.position[1]);
+        Guided { reference, distance, cross_track, status }
+    }
+
+    /// Moves the reference to the next sample.
+    pub fn advance(&mut self) {
+        self.generator.advance(self.dt_s);
+    }
+
+    /// Continues after `gap_s` seconds without a sample from the projection of the vessel on the path, which is searched
+    /// within the distance that the reference covers in this time.
+    pub fn resume(&mut self, gap_s: f64, position: [f64; 2]) {
+        self.generator.resume(gap_s, position);
+    }
+
+    /// Whether the end of an open path has been reached.
+    pub fn is_done(&self) -> bool {
+        self.generator.is_done()
+    }
+
+    /// Visits the numbers of the state; see [`ClosedLoopController::visit_state`].
+    pub fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        self.generator.visit_state(visit);
+    }
+}
