@@ -235,12 +235,40 @@ pub struct MonteCarloArgs {
     pub wind_variation: Option<f64>,
 }
 
-/// Simulate a closed loop: a controller with a model, and a vessel with noise, current, wind and delay
+/// A live stream.
+#[derive(Clone, Debug, Default, ClapArgs)]
+#[command(next_help_heading = "Live stream")]
+pub struct ServiceArgs {
+    /// Horizons of the predictions in each answer [samples], ascending (default: 1,10,50,100)
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub horizons: Option<Vec<usize>>,
+    /// Save the state of model and controller in this file once a second, and resume from it; lines up to its time are skipped
+    #[arg(long, value_name = "FILE")]
+    pub state: Option<PathBuf>,
+    /// Add the computing time to each answer [us]
+    #[arg(long)]
+    pub timing: bool,
+    /// Record samples, updates and events of the adaptation of the last minutes in this file, for hydroid inspect and
+    /// hydroid adapt --replay
+    #[arg(long, value_name = "FILE", requires = "adapt")]
+    pub black_box: Option<PathBuf>,
+    /// Shortest time that the black box holds [min], at least 2 (default: 5)
+    #[arg(long, value_name = "MINUTES", requires = "black_box", allow_negative_numbers = true)]
+    pub black_box_minutes: Option<f64>,
+}
+
+/// Simulate a closed loop, or steer a vessel through a live stream
+///
+/// Simulation: a controller with a model, and a vessel with noise, current, wind and delay
 ///
 /// The vessel is the model itself, or another plant (--plant). fl and backstepping invert the model: equations with one
 /// known function of each command (hydroid identify --for-control), a control-affine network, or a vessel. cem plans with
 /// any model. pid is tuned on any model. With --adapt the model adapts in the loop under the guard, and each command uses
 /// the adapted model.
+///
+/// Live stream (-): each line, CSV after a header or a JSON object, has the time, the position (x and y, or lat and lon for
+/// geographic way-points), the heading and the outputs of the model. It is answered with a line of JSON: command, status,
+/// reference, predicted track and bands. See docs/control-service.md.
 #[derive(Debug, ClapArgs)]
 #[command(after_help = "Examples:
   hydroid control hydrofoil --controller fl --speed 4 --radius 30      the true parameters
@@ -254,6 +282,7 @@ pub struct MonteCarloArgs {
   hydroid control hydrofoil --controller cem --task waypoints --points '0,0;40,0;40,30'
   hydroid control out/sindy.safetensors --controller cem --task waypoints --waypoints route.gpx
   hydroid control out/gru.safetensors -c boat.toml                     options from a file
+  hydroid control out/sindy.safetensors --controller cem --task waypoints --waypoints route.gpx --state boat.state -
 
 Configuration file (hydroid.toml in the current folder, or -c FILE): the section [control] takes
 every option of --help-advanced, with _ in place of -. The command line takes precedence. Paths
@@ -271,6 +300,9 @@ pub struct Control {
     /// The model: a .safetensors file, a vessel file (.toml), or hydrofoil, hydrofoil-low-speed, simple. pid is tuned on it
     #[arg(value_name = "MODEL")]
     pub model: Option<PathBuf>,
+    /// A live stream: - for standard input, or a file. Each line is answered with a command
+    #[arg(value_name = "STREAM", allow_hyphen_values = true)]
+    pub stream: Option<PathBuf>,
     /// Configuration file with a section [control] (default: hydroid.toml in the current folder, if it exists)
     #[arg(long, short, value_name = "FILE")]
     pub config: Option<PathBuf>,
@@ -293,4 +325,6 @@ pub struct Control {
     pub adaptation: AdaptationArgs,
     #[command(flatten)]
     pub monte_carlo: MonteCarloArgs,
+    #[command(flatten)]
+    pub service: ServiceArgs,
 }

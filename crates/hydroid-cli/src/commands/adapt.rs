@@ -1,7 +1,7 @@
 //! `hydroid adapt`.
 
-mod blackbox;
-mod stream;
+pub(super) mod blackbox;
+pub(super) mod stream;
 
 use std::path::Path;
 

@@ -1,5 +1,6 @@
 //! `hydroid control`.
 
+mod service;
 mod setup;
 
 use std::path::Path;
@@ -33,6 +34,7 @@ struct Document<'a, T> {
 
 pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
     setup::check_options(args)?;
+    service::check_options(args)?;
     let kind = setup::kind(args.controller.controller);
     let model = args.model.as_deref().map(|path| model(args, kind, path)).transpose()?;
     let plant = match &args.plant {
@@ -44,7 +46,7 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
     let model = model.map(|model| model.at_step(dt)).transpose()?;
     let plant = Arc::new(plant.at_step(dt)?);
     let size = setup::Size::of(args, &plant, model.as_ref())?;
-    let (task, pace) = setup::task(&args.task, &size)?;
+    let setup::Route { task, pace, origin_deg } = setup::task(&args.task, &size)?;
     let scene = setup::scenario(args, Arc::clone(&plant), &task, &pace, size.scale, dt)?;
     let from_s = setup::from_s(args, &scene)?;
     let conditions = setup::conditions(&args.disturbances);
@@ -75,23 +77,59 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
     } else {
         steering.model = model;
     }
+    if let (Some(stream), Some(file)) = (&args.stream, &args.model) {
+        let model = steering.model.clone().unwrap_or(plant);
+        let controller = setup::description(args, &steering);
+        let task = json!({ "path": task, "pace": pace, "dt_s": scene.dt_s, "tolerance_m": scene.tolerance, "limits": format!("{:?}", scene.limits), "origin_deg": origin_deg });
+        return service::run(
+            args,
+            global,
+            &service::Steered {
+                stream,
+                file,
+                model: &model,
+                scene: &scene,
+                steering: &steering,
+                controller: &controller,
+                task: &task,
+                origin_deg,
+            },
+        );
+    }
+    let task = json!({ "path": task, "pace": pace, "duration_s": scene.duration_s, "dt_s": scene.dt_s, "tolerance_m": scene.tolerance, "scale": size.scale, "response": size.response });
+    let prepared =
+        Prepared { steering: &steering, scene: &scene, conditions: &conditions, from_s, tuned, task: &task };
+    simulate(args, global, &prepared)
+}
+
+/// All that a simulated run needs.
+struct Prepared<'a> {
+    steering: &'a ControllerOptions,
+    scene: &'a Scenario,
+    conditions: &'a Conditions,
+    from_s: f64,
+    tuned: Option<TunedAutopilot>,
+    task: &'a Value,
+}
+
+fn simulate(args: &Control, global: Global, prepared: &Prepared<'_>) -> anyhow::Result<Outcome> {
+    let Prepared { steering, scene, conditions, from_s, ref tuned, task } = *prepared;
     let mut controller = steering
         .controller(conditions.seed)
         .context("this controller cannot be used with this model and vessel")?;
     if let Some(folder) = &args.output {
         atomic::probe(folder)?;
     }
-    let many = (args.monte_carlo.runs != 1)
-        .then(|| monte_carlo(args, &steering, &scene, &conditions, from_s, global));
+    let many =
+        (args.monte_carlo.runs != 1).then(|| monte_carlo(args, steering, scene, conditions, from_s, global));
     let many = many.transpose()?;
     // The track is that of the first trial.
-    let shown = many.as_ref().and_then(|many| many.trials.first()).map_or(conditions, |o| o.conditions);
+    let shown = many.as_ref().and_then(|many| many.trials.first()).map_or(*conditions, |o| o.conditions);
     let bar = ui::Bar::new("simulating the closed loop", global);
-    let run = closed_loop::run(&scene, &shown, controller.as_mut(), &mut bar.callback())?;
+    let run = closed_loop::run(scene, &shown, controller.as_mut(), &mut bar.callback())?;
     drop(bar);
     let metrics = Metrics::of(&run, from_s);
-    let controller = setup::description(args, &steering);
-    let task = json!({ "path": task, "pace": pace, "duration_s": scene.duration_s, "dt_s": scene.dt_s, "tolerance_m": scene.tolerance, "scale": size.scale, "response": size.response });
+    let controller = setup::description(args, steering);
     let result = match &many {
         Some(many) => serde_json::to_value(many)?,
         None => serde_json::to_value(&metrics)?,
@@ -101,17 +139,17 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
         controller: &controller,
         tuning: tuned.as_ref(),
         plant: scene.plant.name(),
-        task: &task,
-        conditions: &conditions,
+        task,
+        conditions,
     };
     if let Some(folder) = &args.output {
-        let files = OutputFiles { args, steering: &steering, scene: &scene, run: &run, metrics: &metrics };
+        let files = OutputFiles { args, steering, scene, run: &run, metrics: &metrics };
         files.write(folder, many.as_ref(), tuned.as_ref(), &document)?;
     }
     if global.json {
         super::print_json(&document)?;
     } else {
-        if let Some(tuned) = &tuned {
+        if let Some(tuned) = tuned {
             print_tuning(tuned);
         }
         match &many {

@@ -5,8 +5,10 @@ use std::io::Write as _;
 use hydroid_core::adapt::Outcome;
 use hydroid_core::predict::Current;
 
+use super::pilot::Pilot;
 use super::session::Session;
 use hydroid::adapt::{BAND_80, BAND_95};
+use hydroid::closed_loop::Guided;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Status {
@@ -38,19 +40,23 @@ impl Status {
 #[derive(Clone, Debug)]
 pub(super) struct Writer {
     line: Vec<u8>,
-    /// Names of the outputs as JSON keys.
+    /// Names of the outputs and of the inputs as JSON keys.
     keys: Vec<Vec<u8>>,
+    inputs: Vec<Vec<u8>>,
 }
 
 impl Writer {
-    pub(super) fn new<'a>(outputs: impl Iterator<Item = &'a str>) -> Self {
+    pub(super) fn new<'a>(
+        outputs: impl Iterator<Item = &'a str>,
+        inputs: impl Iterator<Item = &'a str>,
+    ) -> Self {
         let key = |name: &str| {
             let mut key = Vec::new();
             text(&mut key, name);
             key.push(b':');
             key
         };
-        Self { line: Vec::new(), keys: outputs.map(key).collect() }
+        Self { line: Vec::new(), keys: outputs.map(key).collect(), inputs: inputs.map(key).collect() }
     }
 
     pub(super) fn begin(&mut self, line: u64, t: Option<f64>, status: Status, note: &str) {
@@ -66,6 +72,55 @@ impl Writer {
             });
             text(&mut self.line, note);
         }
+    }
+
+    /// The command in force with its status, and reference, pose and errors of a sample.
+    pub(super) fn steering(&mut self, pilot: &Pilot, used: bool) {
+        let line = &mut self.line;
+        line.extend_from_slice(b",\"command\":{");
+        for (i, (key, value)) in self.inputs.iter().zip(pilot.command()).enumerate() {
+            entry(line, key, i == 0);
+            number(line, *value);
+        }
+        let _ = write!(line, "}},\"control\":\"{}\"", pilot.status());
+        let Some(Guided { reference, distance, cross_track, .. }) = pilot.guided().filter(|_| used) else {
+            return;
+        };
+        let [x, y, psi] = pilot.eta();
+        let [north, east] = reference.position;
+        let numbers = [
+            (",\"pose\":{\"x\":", x),
+            (",\"y\":", y),
+            (",\"psi\":", psi),
+            ("},\"reference\":{\"x\":", north),
+            (",\"y\":", east),
+            (",\"course\":", reference.course),
+            (",\"speed\":", reference.speed),
+            ("},\"distance\":", *distance),
+            (",\"cross_track\":", *cross_track),
+        ];
+        for (key, value) in numbers {
+            line.extend_from_slice(key.as_bytes());
+            number(line, value);
+        }
+    }
+
+    /// The predicted poses with their bands.
+    pub(super) fn track(&mut self, session: &Session) {
+        let line = &mut self.line;
+        let (poses, deviations) = session.track();
+        for (i, key) in [",\"track\":{\"x\":", ",\"y\":", ",\"psi\":"].iter().enumerate() {
+            line.extend_from_slice(key.as_bytes());
+            list(line, poses.iter().map(|pose| pose[i]));
+        }
+        for (name, width) in [("band_80", BAND_80), ("band_95", BAND_95)] {
+            let _ = write!(line, ",\"{name}\":{{\"position\":");
+            list(line, deviations.iter().map(|[position, _]| width * position));
+            line.extend_from_slice(b",\"psi\":");
+            list(line, deviations.iter().map(|[_, heading]| width * heading));
+            line.push(b'}');
+        }
+        line.push(b'}');
     }
 
     pub(super) fn session(&mut self, session: &Session) {

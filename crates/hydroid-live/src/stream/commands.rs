@@ -96,6 +96,11 @@ impl Commands {
         }
     }
 
+    /// Sets the command in force, for a stream whose rows have the commands that have acted.
+    pub fn set_last(&mut self, command: &[f64]) {
+        self.last.copy_from_slice(command);
+    }
+
     pub fn known(&self) -> bool {
         self.by < 0 || !self.oldest().iter().any(|c| c.is_nan())
     }

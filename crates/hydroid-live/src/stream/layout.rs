@@ -2,8 +2,8 @@
 
 use hydroid::log::line::{Resolved, Source, Time, locate, unknown};
 use hydroid::log::line::{delimiter, header_columns, name_the_nameless};
-use hydroid::log::{ChannelSpec, LogError, Note, RawColumn, RawLog, Table, Trajectory};
-use hydroid::model::{Model, Reading};
+use hydroid::log::{ChannelSpec, LogError, Note, RawColumn, RawLog, Selection, Table, Trajectory};
+use hydroid::model::{Model, Port, Reading};
 
 use super::StreamError;
 
@@ -21,12 +21,102 @@ pub(super) enum Format {
     },
 }
 
+/// How the pose of a steered vessel is read.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Position {
+    /// Origin of the track as latitude and longitude \[deg\]; `None` for a track in metres.
+    pub origin_deg: Option<[f64; 2]>,
+}
+
+/// Columns of the pose: north and east, or latitude and longitude, and heading.
+#[derive(Clone, Debug)]
+pub(super) struct PoseColumns {
+    pub(super) sources: [Source; 3],
+    /// Origin, if the position is a latitude and a longitude \[deg\].
+    pub(super) origin_deg: Option<[f64; 2]>,
+}
+
+const METRES: [[&str; 2]; 3] = [["x", "y"], ["north", "east"], ["northing", "easting"]];
+const DEGREES: [[&str; 2]; 2] = [["lat", "lon"], ["latitude", "longitude"]];
+const HEADING: [&str; 4] = ["psi", "heading", "yaw", "hdg"];
+
+impl PoseColumns {
+    fn find(log: &RawLog, reading: &Reading, position: &Position) -> Result<Self, LogError> {
+        let bad = |reason: String| LogError::BadLine { path: log.path.clone(), line: 1, reason };
+        let pairs = |pairs: &[[&str; 2]]| {
+            let mut specs = pairs.iter().map(|pair| pair.map(ChannelSpec::named));
+            specs.find(|pair| pair.iter().all(|spec| locate(log, spec).is_some()))
+        };
+        let origin_deg = position.origin_deg;
+        let found = if origin_deg.is_some() { pairs(&DEGREES) } else { pairs(&METRES) };
+        let columns: Vec<&str> = log.columns.iter().map(|column| column.name.as_str()).collect();
+        let Some([x, y]) = found else {
+            let needed = if origin_deg.is_some() {
+                "lat [deg] and lon [deg]"
+            } else {
+                "x [m] (north) and y [m] (east)"
+            };
+            return Err(bad(format!(
+                "no columns of the position among {}: for this track, name them {needed}",
+                columns.join(", ")
+            )));
+        };
+        let named = HEADING.map(ChannelSpec::named);
+        let mut heading = reading.selection.heading.iter().chain(&named);
+        let Some(heading) = heading.find(|spec| locate(log, spec).is_some()).cloned() else {
+            return Err(bad(format!(
+                "no column of the heading among {}: name it psi [rad] or heading [deg], or give it with --heading 'NAME [deg]'",
+                columns.join(", ")
+            )));
+        };
+        let selection = Selection {
+            outputs: vec![x, y, heading],
+            inputs: Vec::new(),
+            wind: None,
+            heading: None,
+            ..reading.selection.clone()
+        };
+        let resolved = Resolved::new(log, &selection, reading.options.dt, &mut Vec::new())?;
+        let sources = <[Source; 3]>::try_from(resolved.outputs)
+            .map_err(|_| bad("the pose needs three columns".to_owned()))?;
+        Ok(Self { sources, origin_deg })
+    }
+}
+
+/// The reading of a steered stream: all channels by name.
+fn by_name(reading: &Reading, model: &Model) -> Reading {
+    let mut reading = reading.clone();
+    let named = |ports: &[Port]| ports.iter().map(|port| ChannelSpec::named(&port.channel.name)).collect();
+    let Selection { outputs, inputs, .. } = &mut reading.selection;
+    if outputs.is_empty() {
+        *outputs = named(&model.description.outputs);
+    }
+    if inputs.is_empty() {
+        *inputs = named(&model.description.inputs);
+    }
+    reading
+}
+
+/// A column that a line may have later.
+fn absent_column(spec: &ChannelSpec) -> RawColumn {
+    RawColumn {
+        name: spec.column.clone(),
+        unit: None,
+        values: Vec::new(),
+        bad: None,
+        bad_cells: 0,
+        stamps: None,
+    }
+}
+
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
     pub(super) name: String,
     pub(super) format: Format,
     pub(super) names: Vec<String>,
     pub(super) columns: Resolved,
+    /// Pose of a steered vessel.
+    pub(super) pose: Option<PoseColumns>,
 }
 
 impl Layout {
@@ -35,13 +125,23 @@ impl Layout {
         name: &str,
         model: &Model,
         reading: &Reading,
+        position: Option<&Position>,
         notes: &mut Vec<Note>,
     ) -> Result<Self, StreamError> {
+        let named = position.map(|_| by_name(reading, model));
+        let reading = named.as_ref().unwrap_or(reading);
         let line = line.strip_prefix('\u{feff}').unwrap_or(line);
         let (format, log) = if line.trim_start().starts_with('{') {
-            object(line, name, reading, notes)?
+            object(line, name, reading, position.is_some(), notes)?
         } else {
-            csv(line, name)?
+            let (format, mut log) = csv(line, name)?;
+            if position.is_some() {
+                let inputs = &reading.selection.inputs;
+                let absent: Vec<RawColumn> =
+                    inputs.iter().filter(|spec| locate(&log, spec).is_none()).map(absent_column).collect();
+                log.columns.extend(absent);
+            }
+            (format, log)
         };
         let selection = &reading.selection;
         let mut columns = Resolved::new(&log, selection, reading.options.dt, notes)?;
@@ -57,7 +157,8 @@ impl Layout {
             truth: None,
             heading: None,
         }])?;
-        if model.description.current.is_none() {
+        let pose = position.map(|position| PoseColumns::find(&log, reading, position)).transpose()?;
+        if model.description.current.is_none() || pose.is_some() {
             columns.heading = None;
         } else if columns.heading.is_none() {
             let reason = "the estimate of the current needs a heading, and no column looks like one: name it, as in --heading 'yaw [deg]'";
@@ -66,7 +167,7 @@ impl Layout {
             );
         }
         let names = log.columns.into_iter().map(|column| column.name).collect();
-        Ok(Self { name: name.to_owned(), format, names, columns })
+        Ok(Self { name: name.to_owned(), format, names, columns, pose })
     }
 
     pub(super) fn time_is_unstated(&self) -> bool {
@@ -95,6 +196,7 @@ fn object(
     line: &str,
     name: &str,
     reading: &Reading,
+    steered: bool,
     notes: &mut Vec<Note>,
 ) -> Result<(Format, RawLog), LogError> {
     let mut keys = super::line::keys(line, name)?;
@@ -106,26 +208,23 @@ fn object(
     let outputs: Vec<&ChannelSpec> = selection.outputs.iter().collect();
     let commands: Vec<&ChannelSpec> = selection.inputs.iter().chain(wind).collect();
     let heading: Vec<&ChannelSpec> = selection.heading.iter().collect();
-    for (specs, least) in [(outputs, 1), (heading, 0), (commands.clone(), commands.len())] {
+    // A steered vessel applies the commands of the answers.
+    let least = if steered { 0 } else { commands.len() };
+    for (specs, least) in [(outputs, 1), (heading, 0), (commands.clone(), least)] {
         let absent: Vec<&ChannelSpec> =
             specs.iter().copied().filter(|spec| locate(&log, spec).is_none()).collect();
         if let Some(first) = absent.first().filter(|_| specs.len() < absent.len() + least) {
             return Err(unknown(&log, &first.column));
         }
         for spec in absent {
-            notes.push(Note::warning(format!(
-                "{name}: the first line has no `{}`: it counts as missing until a line contains it",
-                spec.column
-            )));
+            if !(steered && commands.contains(&spec)) {
+                notes.push(Note::warning(format!(
+                    "{name}: the first line has no `{}`: it counts as missing until a line contains it",
+                    spec.column
+                )));
+            }
             keys.push(spec.column.clone());
-            log.columns.push(RawColumn {
-                name: spec.column.clone(),
-                unit: None,
-                values: Vec::new(),
-                bad: None,
-                bad_cells: 0,
-                stamps: None,
-            });
+            log.columns.push(absent_column(spec));
         }
     }
     Ok((Format::Json { keys }, log))

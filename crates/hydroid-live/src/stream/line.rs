@@ -4,7 +4,8 @@ use std::borrow::Cow;
 
 use serde_json::{Map, Value};
 
-use super::layout::{Format, Layout};
+use super::layout::{Format, Layout, PoseColumns};
+use hydroid::closed_loop::local_position;
 use hydroid::log::LogError;
 use hydroid::log::line::check_value;
 use hydroid::log::line::{Cell, number};
@@ -22,6 +23,8 @@ pub(super) struct Sample {
     pub(super) outputs: Vec<f64>,
     /// Heading \[rad\], for a model that names its column; NaN is missing.
     pub(super) heading: f64,
+    /// Pose `[x, y, psi]` in m and rad, for a stream that is steered; NaN is missing.
+    pub(super) pose: [f64; 3],
     /// Inputs, wind last; NaN is missing.
     pub(super) inputs: Vec<f64>,
     /// Planned commands, row by row like `inputs`; NaN for the last command.
@@ -120,6 +123,19 @@ impl Place<'_> {
             Some((source, _)) => self.value(&item(source.column)?, source, comma)?,
             None => f64::NAN,
         };
+        if let Some(pose) = &self.layout.pose {
+            let read = |source: &Source| self.value(&item(source.column)?, source, comma);
+            let [x, y, psi] = [read(&pose.sources[0])?, read(&pose.sources[1])?, read(&pose.sources[2])?];
+            let [x, y] = self.local(pose, [x, y])?;
+            let column = &self.layout.names[pose.sources[2].column];
+            if pose.sources[2].channel.unit.is_empty() && psi.abs() > 2.0 * std::f64::consts::TAU {
+                return Err(self.bad(format!(
+                    "column `{column}`: a heading of {psi} without a unit is more than two turns in radians: if it counts degrees, name the column `{column} [deg]`"
+                )));
+            }
+            sample.pose = [x, y, psi];
+            sample.heading = psi;
+        }
         sample.inputs.clear();
         for source in &columns.inputs {
             sample.inputs.push(self.value(&item(source.column)?, source, comma)?);
@@ -136,6 +152,23 @@ impl Place<'_> {
             sample.inputs.extend([square * angle.cos(), square * angle.sin()]);
         }
         Ok(())
+    }
+
+    /// North and east of a position \[m\].
+    fn local(&self, pose: &PoseColumns, position: [f64; 2]) -> Result<[f64; 2], LogError> {
+        let Some(origin) = pose.origin_deg else { return Ok(position) };
+        if position.iter().any(|x| x.is_nan()) {
+            return Ok([f64::NAN; 2]);
+        }
+        let degrees: [f64; 2] = std::array::from_fn(|i| {
+            if pose.sources[i].channel.unit.is_empty() { position[i] } else { position[i].to_degrees() }
+        });
+        local_position(origin, degrees).ok_or_else(|| {
+            let [latitude, longitude] = degrees;
+            self.bad(format!(
+                "latitude {latitude}, longitude {longitude}: latitudes are between -90 and 90 degrees and longitudes between -180 and 360"
+            ))
+        })
     }
 
     fn time(&self, item: &Item<'_>, source: &Source, comma: bool) -> Result<f64, LogError> {

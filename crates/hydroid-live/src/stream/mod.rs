@@ -9,6 +9,7 @@
 //! | `layout`, `line` | assignment of columns; a line as numbers |
 //! | `clock`, `commands` | time grid of the model; alignment of the commands |
 //! | `session` | the adapter along the stream |
+//! | [`Pilot`] | optional controller on a track: each answer has a command |
 //! | `answer`, `latency`, `summary` | answers and statistics |
 //! | [`Recorder`] | optional black box |
 //! | [`State`], `persistence` | state file for a restart |
@@ -26,6 +27,7 @@ mod layout;
 mod line;
 mod lines;
 mod persistence;
+mod pilot;
 mod session;
 mod state;
 mod summary;
@@ -46,7 +48,7 @@ use hydroid::adapt::Coverage;
 use hydroid::adapt::events::{EventText, names};
 use hydroid::atomic::WriteError;
 use hydroid::fingerprint::Fingerprint;
-use hydroid::log::{LogError, Note};
+use hydroid::log::{CommandTiming, LogError, Note};
 use hydroid::model::{Mismatch, Model, Reading};
 use latency::Latency;
 use layout::Layout;
@@ -54,7 +56,9 @@ use line::Sample;
 use persistence::StateFile;
 use session::{Session, Transition};
 
+pub use layout::Position;
 pub use lines::{LONGEST_LINE, Line, Lines};
+pub use pilot::Pilot;
 pub use state::State;
 pub(crate) use state::differences;
 pub use summary::{LineCounts, Summary};
@@ -64,6 +68,11 @@ pub const MAX_HORIZON: usize = 10_000;
 
 /// From this gap on \[s\], a time without a unit is probably not in seconds.
 const DOUBTFUL_S: f64 = 30.0;
+
+/// Default of the longest gap of a run \[s\].
+fn longest_gap(dt: f64) -> f64 {
+    (10.0 * dt).max(1.0)
+}
 
 /// Options of a stream.
 #[derive(Clone, Debug, PartialEq)]
@@ -134,6 +143,8 @@ pub struct Stream {
     notes: Vec<Note>,
     /// Time of the last sample of an earlier session.
     answered: Option<f64>,
+    /// How the pose of a steered vessel is read.
+    position: Option<Position>,
 }
 
 impl Stream {
@@ -149,10 +160,13 @@ impl Stream {
             return Err(StreamError::Horizons);
         }
         let reading = &options.reading.options;
-        let clock = Clock::new(dt, reading.max_gap_s.unwrap_or_else(|| (10.0 * dt).max(1.0)))?;
+        let clock = Clock::new(dt, reading.max_gap_s.unwrap_or_else(|| longest_gap(dt)))?;
         let commands = Commands::new(adapter.inputs(), dt, reading.command_timing, reading.input_delay)?;
         Ok(Self {
-            writer: Writer::new(model.description.outputs.iter().map(|port| port.channel.name.as_str())),
+            writer: Writer::new(
+                model.description.outputs.iter().map(|port| port.channel.name.as_str()),
+                model.description.inputs.iter().map(|port| port.channel.name.as_str()),
+            ),
             session: Session::new(adapter, options.horizons.clone(), dt),
             model: model.clone(),
             options,
@@ -169,7 +183,24 @@ impl Stream {
             state_file: None,
             notes: Vec::new(),
             answered: None,
+            position: None,
         })
+    }
+
+    /// Answers with commands from now on. The lines then hold the pose, read by `position`; commands in them are those
+    /// that have acted.
+    ///
+    /// # Errors
+    /// If the delay of the commands is invalid.
+    pub fn steer(&mut self, pilot: Pilot, position: Position) -> Result<(), StreamError> {
+        let inputs = self.session.adapter().inputs();
+        let dt = self.model.description.dt;
+        let reading = &mut self.options.reading;
+        reading.options.command_timing = CommandTiming::After;
+        self.commands = Commands::new(inputs, dt, CommandTiming::After, reading.options.input_delay)?;
+        self.session.steer_by(pilot, reading.options.max_gap_s.unwrap_or_else(|| longest_gap(dt)));
+        self.position = Some(position);
+        Ok(())
     }
 
     /// Records the adapter in a black box from now on.
@@ -215,7 +246,14 @@ impl Stream {
             text
         } else {
             let text = text?;
-            let layout = Layout::new(text, name, &self.model, &self.options.reading, &mut self.notes)?;
+            let layout = Layout::new(
+                text,
+                name,
+                &self.model,
+                &self.options.reading,
+                self.position.as_ref(),
+                &mut self.notes,
+            )?;
             let is_header = matches!(layout.format, layout::Format::Csv { .. });
             self.layout = Some(layout);
             if is_header {
@@ -231,6 +269,7 @@ impl Stream {
         if let Err(error) = read {
             self.counts.add(Status::Error);
             self.writer.begin(number, None, Status::Error, &error.to_string());
+            self.write_steering(false);
             return Ok(true);
         }
         if self.answered.is_some_and(|t| self.sample.t <= t) {
@@ -241,10 +280,21 @@ impl Stream {
         let status = self.use_sample();
         self.counts.add(status);
         self.writer.begin(number, Some(self.sample.t), status, &self.note);
-        if matches!(status, Status::Used(_) | Status::Reset) {
+        let used = matches!(status, Status::Used(_) | Status::Reset);
+        self.write_steering(used);
+        if used {
             self.writer.session(&self.session);
+            if self.session.pilot().is_some() {
+                self.writer.track(&self.session);
+            }
         }
         Ok(true)
+    }
+
+    fn write_steering(&mut self, used: bool) {
+        if let Some(pilot) = self.session.pilot() {
+            self.writer.steering(pilot, used);
+        }
     }
 
     /// Advances to a sample on the grid, and collects remarks.
@@ -259,7 +309,7 @@ impl Stream {
                 return Status::Late;
             }
             Arrival::Between => return Status::Between,
-            Arrival::First => (self.session.begin(commands, sample), false),
+            Arrival::First => (self.session.begin(commands, sample, None), false),
             Arrival::Gap(gap) => {
                 say(
                     &mut self.note,
@@ -273,7 +323,7 @@ impl Stream {
                         ),
                     );
                 }
-                (self.session.begin(commands, sample), true)
+                (self.session.begin(commands, sample, Some(gap)), true)
             }
             Arrival::Next(steps) => {
                 if steps > 1 {

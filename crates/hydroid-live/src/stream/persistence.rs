@@ -39,12 +39,15 @@ impl Stream {
         if let Some(state) = &state {
             state.fits(&model, &settings).map_err(wrong)?;
             let lens = (state.commands.len(), state.memory.len());
-            if lens != (self.commands.memory_len(), self.session.adapter().memory_len()) {
+            if lens != (self.commands.memory_len(), self.memory_len()) {
                 return Err(wrong("it has another size; remove it to start again".to_owned()));
             }
             self.clock.restore(state.clock);
             self.commands.restore(&state.commands);
-            self.session.adapter_mut().load(&state.memory);
+            let (adapter, pilot) = state.memory.split_at(self.session.adapter().memory_len());
+            self.session.adapter_mut().load(adapter);
+            let mut numbers = pilot.iter();
+            self.visit_pilot(&mut |number| *number = numbers.next().copied().unwrap_or(f64::NAN));
             self.answered = Some(self.clock.taken());
         }
         let (path, saved) = (path.to_owned(), self.clock.taken());
@@ -75,11 +78,24 @@ impl Stream {
         }
     }
 
+    fn visit_pilot(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+        if let Some(pilot) = self.session.pilot_mut() {
+            pilot.visit_state(visit);
+        }
+    }
+
+    /// Numbers of adapter and pilot.
+    fn memory_len(&mut self) -> usize {
+        let mut len = self.session.adapter().memory_len();
+        self.visit_pilot(&mut |_| len += 1);
+        len
+    }
+
     fn save_state(&mut self) -> Result<(), StreamError> {
+        let mut memory = vec![0.0; self.session.adapter().memory_len()];
+        self.session.adapter().save(&mut memory);
+        self.visit_pilot(&mut |number| memory.push(*number));
         let Some(state_file) = &mut self.state_file else { return Ok(()) };
-        let adapter = self.session.adapter();
-        let mut memory = vec![0.0; adapter.memory_len()];
-        adapter.save(&mut memory);
         let state = State {
             model: state_file.model.clone(),
             settings: state_file.settings.clone(),

@@ -5,8 +5,10 @@ use hydroid_core::predict::{Predictor as _, Workspace};
 
 use super::commands::Commands;
 use super::line::Sample;
+use super::pilot::{Elapsed, Pilot, Seen};
 use crate::black_box::{BlackBoxError, Recorder, RecordingAdapter};
 use hydroid::adapt::{BAND_80, BAND_95};
+use hydroid::closed_loop::ModelSession;
 use hydroid::log::Note;
 
 /// The adapter along a stream. It does not allocate after the first sample.
@@ -27,6 +29,13 @@ pub(super) struct Session {
     work: Workspace,
     /// Measurements with a one-step band, and those inside the 80 % and 95 % bands.
     banded: [usize; 3],
+    pilot: Option<Pilot>,
+    /// Planned commands of a pilot.
+    plan: Vec<f64>,
+    /// Predicted poses at the horizons, and standard deviations of position \[m\] and heading \[rad\].
+    track: Vec<[f64; 3]>,
+    track_deviations: Vec<[f64; 2]>,
+    max_gap_s: f64,
 }
 
 /// Remarks on the step to a sample.
@@ -54,6 +63,11 @@ impl Session {
             deviations: vec![f64::NAN; horizons.len() * n],
             work: Workspace::new(),
             banded: [0; 3],
+            pilot: None,
+            plan: Vec::new(),
+            track: Vec::new(),
+            track_deviations: Vec::new(),
+            max_gap_s: f64::INFINITY,
             adapter: RecordingAdapter::new(adapter, None),
             dt,
             horizons,
@@ -86,15 +100,32 @@ impl Session {
         &self.horizons
     }
 
-    pub(super) fn begin(&mut self, commands: &mut Commands, sample: &Sample) -> Transition {
+    /// Steers from now on. Missing poses are predicted for at most `max_gap_s`.
+    pub(super) fn steer_by(&mut self, pilot: Pilot, max_gap_s: f64) {
+        self.plan = vec![f64::NAN; self.commands.len()];
+        self.track = vec![[f64::NAN; 3]; self.horizons.len()];
+        self.track_deviations = vec![[f64::NAN; 2]; self.horizons.len()];
+        (self.pilot, self.max_gap_s) = (Some(pilot), max_gap_s);
+    }
+
+    pub(super) fn pilot(&self) -> Option<&Pilot> {
+        self.pilot.as_ref()
+    }
+
+    pub(super) fn pilot_mut(&mut self) -> Option<&mut Pilot> {
+        self.pilot.as_mut()
+    }
+
+    /// Begins a run, after a gap \[s\] unless it is the first.
+    pub(super) fn begin(&mut self, commands: &mut Commands, sample: &Sample, gap: Option<f64>) -> Transition {
         self.adapter.to(sample.t, 0, self.dt);
         self.adapter.reset();
         commands.restart();
         let held = commands.begin(&sample.inputs);
         self.adapter.observe_heading(sample.heading);
         self.adapter.observe(&sample.outputs);
-        self.predict(commands, sample);
-        Transition { held, lost: false }
+        self.predict(commands, sample, gap.map_or(Elapsed::Start, Elapsed::Gap));
+        Transition { held: held && self.pilot.is_none(), lost: false }
     }
 
     /// Advances to a sample, across grid points without one.
@@ -129,8 +160,8 @@ impl Session {
         self.adapter.observe_heading(sample.heading);
         self.adapter.observe(&sample.outputs);
         self.compare(sample);
-        self.predict(commands, sample);
-        Transition { held, lost }
+        self.predict(commands, sample, Elapsed::Steps(steps));
+        Transition { held: held && self.pilot.is_none(), lost }
     }
 
     fn compare(&mut self, sample: &Sample) {
@@ -145,12 +176,65 @@ impl Session {
         }
     }
 
-    fn predict(&mut self, commands: &Commands, sample: &Sample) {
+    fn predict(&mut self, commands: &mut Commands, sample: &Sample, elapsed: Elapsed) {
         self.adapter.output(&mut self.estimate);
         self.adapter.output_through_water(&mut self.through_water);
-        commands.ahead(&sample.plan, &mut self.commands);
+        self.steer(commands, sample, elapsed);
+        let plan = if self.pilot.is_some() { &self.plan } else { &sample.plan };
+        commands.ahead(plan, &mut self.commands);
         self.adapter.rollout(&self.commands, &mut self.work, &mut self.rollout);
         self.adapter.deviations(&self.commands, &self.horizons, &mut self.work, &mut self.deviations);
+        self.predict_track();
+    }
+
+    fn steer(&mut self, commands: &mut Commands, sample: &Sample, elapsed: Elapsed) {
+        let Self { pilot: Some(pilot), adapter, plan, .. } = self else { return };
+        let active = adapter.guard().map_or_else(|| adapter.weights(), |guard| guard.active_weights());
+        let weights = pilot.adapts().then_some(active);
+        let seen = Seen {
+            pose: sample.pose,
+            outputs: &sample.outputs,
+            estimate: &self.estimate,
+            session: ModelSession { predictor: adapter, weights },
+            max_gap_s: self.max_gap_s,
+        };
+        pilot.steer(elapsed, &seen);
+        commands.set_last(pilot.command());
+        let inputs = pilot.command().len();
+        for (later, row) in plan.chunks_exact_mut(inputs.max(1)).enumerate() {
+            row.copy_from_slice(pilot.planned(later));
+        }
+    }
+
+    /// Poses along the rollout. The deviations are upper bounds, of errors of the velocities that do not change their
+    /// sign: the standard deviation of a sum is at most the sum of the standard deviations.
+    fn predict_track(&mut self) {
+        let Self { pilot: Some(pilot), horizons, rollout, deviations, .. } = self else { return };
+        let (n, motion, dt) = (self.missing.len(), pilot.motion(), self.dt);
+        let [mut x, mut y, mut psi] = pilot.eta();
+        let mut before = motion.map(|place| self.estimate[place]);
+        let (mut from, mut along, mut turned, mut aside) = (0, 0.0, 0.0, 0.0);
+        for (h, horizon) in horizons.iter().enumerate() {
+            let [su, sv, sr] = motion.map(|place| deviations[h * n + place]);
+            for row in rollout[from * n..horizon * n].chunks_exact(n) {
+                let nu = motion.map(|place| row[place]);
+                let [u, v, r]: [f64; 3] = std::array::from_fn(|i| 0.5 * (before[i] + nu[i]));
+                let (sin, cos) = (psi + 0.5 * dt * r).sin_cos();
+                (x, y, psi) = (x + dt * (u * cos - v * sin), y + dt * (u * sin + v * cos), psi + dt * r);
+                before = nu;
+                turned += dt * sr;
+                aside += dt * u.hypot(v) * turned;
+                along += dt * su.hypot(sv);
+            }
+            from = *horizon;
+            self.track[h] = [x, y, psi];
+            self.track_deviations[h] = [along + aside, turned];
+        }
+    }
+
+    /// Predicted pose at each horizon, and upper bounds of the standard deviations of position \[m\] and heading \[rad\].
+    pub(super) fn track(&self) -> (&[[f64; 3]], &[[f64; 2]]) {
+        (&self.track, &self.track_deviations)
     }
 
     pub(super) fn estimate(&self) -> &[f64] {

@@ -42,7 +42,7 @@ pub struct Observation<'a> {
 }
 
 /// Maps the observation of each sample to a command.
-pub trait ClosedLoopController {
+pub trait ClosedLoopController: Send {
     /// Distance of the controlled point ahead of the vessel's origin \[m\].
     fn lead(&self) -> f64;
 
@@ -66,10 +66,10 @@ pub trait ClosedLoopController {
     /// [`Controller::visit_state`].
     fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64));
 
-    /// Commands planned from the last sample on, row by row, and the samples for which each row is held; empty without a
-    /// plan.
-    fn plan(&self) -> (&[f64], usize) {
-        (&[], 1)
+    /// The command that is planned for `later` samples after the last one; `None` without a plan.
+    fn planned(&self, later: usize) -> Option<&[f64]> {
+        let _ = later;
+        None
     }
 
     /// Computes the commands, held until the next sample.
@@ -89,7 +89,7 @@ pub struct ControlLaw<C> {
     pub actuators: Vec<Option<usize>>,
 }
 
-impl<C: Controller> ClosedLoopController for ControlLaw<C> {
+impl<C: Controller + Send> ClosedLoopController for ControlLaw<C> {
     fn lead(&self) -> f64 {
         self.lead
     }

@@ -63,4 +63,4 @@ pub use run::{Run, Sample, Scenario, run};
 pub use scale::Scale;
 pub use track::{SpeedOptions, Task, Track};
 pub use tuning::{GridPoint, TunedAutopilot, tune_autopilot};
-pub use waypoints::{Waypoints, WaypointsError};
+pub use waypoints::{Waypoints, WaypointsError, local_position};

@@ -281,7 +281,7 @@ impl ControllerOptions {
         }
     }
 
-    fn inverted<L: InvertingLaw + 'static>(
+    fn inverted<L: InvertingLaw + Send + 'static>(
         &self,
         law: L,
         channels: ChannelMap,

@@ -44,8 +44,8 @@ impl ClosedLoopController for PredictiveController {
         self.planner.visit_state(visit);
     }
 
-    fn plan(&self) -> (&[f64], usize) {
-        (self.planner.plan(), self.planner.hold())
+    fn planned(&self, later: usize) -> Option<&[f64]> {
+        Some(self.planner.planned(later))
     }
 
     fn command(&mut self, observation: &Observation<'_>, command: &mut [f64]) -> Status {

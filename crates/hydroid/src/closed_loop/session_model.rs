@@ -95,8 +95,8 @@ impl ClosedLoopController for WithSession {
         self.law.visit_state(visit);
     }
 
-    fn plan(&self) -> (&[f64], usize) {
-        self.law.plan()
+    fn planned(&self, later: usize) -> Option<&[f64]> {
+        self.law.planned(later)
     }
 
     fn command(&mut self, observation: &Observation<'_>, command: &mut [f64]) -> Status {

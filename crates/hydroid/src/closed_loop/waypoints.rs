@@ -141,22 +141,31 @@ impl Waypoints {
         let Some(&(_, origin)) = positions.first() else {
             return Err(WaypointsError::Empty { path: path() });
         };
-        let ellipsoid = Geodesic::wgs84();
-        let project = |(place, [latitude, longitude]): &(String, [f64; 2])| {
-            let (latitude, longitude) = (*latitude, *longitude);
-            if latitude.abs() > 90.0 || !(-180.0..=360.0).contains(&longitude) {
-                let place = place.clone();
-                return Err(WaypointsError::Range { path: path(), place, latitude, longitude });
-            }
-            let (distance, azimuth_deg, _, _): (f64, f64, f64, f64) =
-                ellipsoid.inverse(origin[0], origin[1], latitude, longitude);
-            let (sin, cos) = azimuth_deg.to_radians().sin_cos();
-            // A sum with 0 has no negative zero.
-            Ok([distance * cos + 0.0, distance * sin + 0.0])
+        let project = |(place, position): &(String, [f64; 2])| {
+            let [latitude, longitude] = *position;
+            local_position(origin, *position).ok_or_else(|| WaypointsError::Range {
+                path: path(),
+                place: place.clone(),
+                latitude,
+                longitude,
+            })
         };
         let points = positions.iter().map(project).collect::<Result<_, _>>()?;
         Ok(Self { points, origin_deg: Some(origin) })
     }
+}
+
+/// North and east \[m\] of a position about an origin, both latitude and longitude \[deg\], by distance and azimuth of the
+/// geodesic on the ellipsoid WGS 84. `None` outside -90 to 90 and -180 to 360 degrees.
+pub fn local_position(origin: [f64; 2], [latitude, longitude]: [f64; 2]) -> Option<[f64; 2]> {
+    if !(latitude.abs() <= 90.0 && (-180.0..=360.0).contains(&longitude)) {
+        return None;
+    }
+    let (distance, azimuth_deg, _, _): (f64, f64, f64, f64) =
+        Geodesic::wgs84().inverse(origin[0], origin[1], latitude, longitude);
+    let (sin, cos) = azimuth_deg.to_radians().sin_cos();
+    // A sum with 0 has no negative zero.
+    Some([distance * cos + 0.0, distance * sin + 0.0])
 }
 
 /// Rows of two columns, in a unit, with their places.

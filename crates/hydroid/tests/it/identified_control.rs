@@ -108,7 +108,7 @@ fn polynomials_are_refused_lost_or_ten_times_as_far_from_the_reference() {
 fn circle(
     vessel: &VesselParams,
     task: Task,
-    controller: &mut dyn Controller,
+    controller: &mut (dyn Controller + Send),
     measured: bool,
     (noise, seed): (f64, u64),
 ) -> Outcome {
@@ -126,7 +126,12 @@ fn circle(
 }
 
 /// The result with exact velocities, and the median over the seeds with noisy ones.
-fn both(vessel: &VesselParams, task: Task, controller: &mut dyn Controller, measured: bool) -> [Outcome; 2] {
+fn both(
+    vessel: &VesselParams,
+    task: Task,
+    controller: &mut (dyn Controller + Send),
+    measured: bool,
+) -> [Outcome; 2] {
     let clean = circle(vessel, task, controller, measured, (0.0, 0));
     let mut noisy: Vec<Outcome> =
         SEEDS.iter().map(|&seed| circle(vessel, task, controller, measured, (1.0, seed))).collect();

@@ -13,14 +13,19 @@ use crate::args::{Adapt, Global};
 /// Options of the black box, if requested.
 pub fn settings(args: &Adapt) -> anyhow::Result<Option<RecordingOptions>> {
     let Some(path) = &args.black_box.black_box else { return Ok(None) };
-    Ok(Some(RecordingOptions {
-        path: path.clone(),
-        minutes: args.black_box.black_box_minutes.unwrap_or(DEFAULT_MINUTES),
+    recording(path, args.black_box.black_box_minutes, &args.model).map(Some)
+}
+
+/// Options of a black box in the file `path`.
+pub fn recording(path: &Path, minutes: Option<f64>, model: &Path) -> anyhow::Result<RecordingOptions> {
+    Ok(RecordingOptions {
+        path: path.to_owned(),
+        minutes: minutes.unwrap_or(DEFAULT_MINUTES),
         model: ModelFile {
-            file: args.model.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-            fingerprint: of_file(&args.model)?,
+            file: model.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            fingerprint: of_file(model)?,
         },
-    }))
+    })
 }
 
 fn of_file(path: &Path) -> anyhow::Result<String> {

@@ -24,14 +24,46 @@ use crate::ui;
 const HORIZONS: [usize; 4] = [1, 10, 50, 100];
 
 /// State of the service, shared with the interruption handler.
-struct Service {
-    stream: Stream,
-    model: Model,
-    used: ResolvedOptions,
-    name: String,
-    output: Option<PathBuf>,
-    global: Global,
-    finished: bool,
+pub struct Service {
+    pub stream: Stream,
+    pub model: Model,
+    pub used: ResolvedOptions,
+    pub name: String,
+    pub output: Option<PathBuf>,
+    pub global: Global,
+    pub finished: bool,
+}
+
+/// Source of the lines: standard input (`-`) or a file.
+pub struct Lined {
+    pub name: String,
+    piped: bool,
+}
+
+impl Lined {
+    pub fn of(log: &Path) -> Self {
+        let piped = log == Path::new("-");
+        let name = if piped { "standard input".to_owned() } else { log.display().to_string() };
+        Self { name, piped }
+    }
+
+    pub fn open(&self) -> anyhow::Result<Box<dyn BufRead>> {
+        if self.piped {
+            return Ok(Box::new(std::io::stdin().lock()));
+        }
+        let failed = |source| LogError::Read { path: self.name.clone(), source };
+        Ok(Box::new(BufReader::new(File::open(&self.name).map_err(failed)?)))
+    }
+}
+
+/// Fingerprint of a model's file; a built-in vessel has none, and its sample time is an option.
+pub fn model_fingerprint(path: &Path, model: &Model) -> anyhow::Result<String> {
+    let file = if model.plant().is_some() {
+        [model::encode(model)?, model.description.dt.to_le_bytes().to_vec()].concat()
+    } else {
+        std::fs::read(path).with_context(|| format!("{} cannot be read", path.display()))?
+    };
+    Ok(fingerprint(&file))
 }
 
 pub fn run(
@@ -49,8 +81,8 @@ pub fn run(
             && judging.against == Against::Measurement,
         "--horizon, --origin-stride, --origin and --against need a complete log; a live stream has --horizons, as in --horizons 1,10,100"
     );
-    let piped = log == Path::new("-");
-    let name = if piped { "standard input".to_owned() } else { log.display().to_string() };
+    let source = Lined::of(log);
+    let name = source.name.clone();
     ensure!(
         args.guard.inject.is_none(),
         "--inject needs a complete log and cannot be used with a live stream"
@@ -82,15 +114,8 @@ pub fn run(
     if let Some(path) = &args.stream.state {
         let mut settings = serde_json::to_value(&used)?;
         settings["guard"] = serde_json::to_value(&learning.guard)?;
-        let file =
-            // A built-in vessel has no file, and its sample time is an option.
-            if model.plant().is_some() {
-                [model::encode(model)?, model.description.dt.to_le_bytes().to_vec()].concat()
-            } else {
-                std::fs::read(&args.model)
-                    .with_context(|| format!("{} cannot be read", args.model.display()))?
-            };
-        if let Some(t) = stream.persist_in(path, fingerprint(&file), &settings)? {
+        let model_print = model_fingerprint(&args.model, model)?;
+        if let Some(t) = stream.persist_in(path, model_print, &settings)? {
             let note =
                 format!("resuming from {} at {t} s: lines up to this time are skipped", path.display());
             ui::print_notes(&[Note::info(note)], global);
@@ -103,12 +128,7 @@ pub fn run(
     if let Some(folder) = args.output.as_ref().and_then(|path| path.parent()) {
         atomic::probe(if folder.as_os_str().is_empty() { Path::new(".") } else { folder })?;
     }
-    let reader: Box<dyn BufRead> = if piped {
-        Box::new(std::io::stdin().lock())
-    } else {
-        let failed = |source| LogError::Read { path: name.clone(), source };
-        Box::new(BufReader::new(File::open(log).map_err(failed)?))
-    };
+    let reader = source.open()?;
     let service = Service {
         stream,
         model: model.clone(),
@@ -118,7 +138,7 @@ pub fn run(
         global,
         finished: false,
     };
-    serve(reader, &Arc::new(Mutex::new(service)))
+    serve(reader, service)
 }
 
 /// A poisoned lock is usable: answers are written whole.
@@ -126,7 +146,9 @@ fn lock(service: &Mutex<Service>) -> MutexGuard<'_, Service> {
     service.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn serve(reader: Box<dyn BufRead>, service: &Arc<Mutex<Service>>) -> anyhow::Result<Outcome> {
+/// Answers each line until the source ends or the program is interrupted.
+pub fn serve(reader: Box<dyn BufRead>, service: Service) -> anyhow::Result<Outcome> {
+    let service = &Arc::new(Mutex::new(service));
     let interrupted = Arc::clone(service);
     // The main thread may wait for input; the lock lets it finish the current line first.
     ui::at_interrupt(move || {

@@ -141,7 +141,14 @@ fn state_limits(given: &ControllerArgs, scene: &mut Scenario) -> anyhow::Result<
     Ok(())
 }
 
-pub(super) fn task(args: &TaskArgs, size: &Size) -> anyhow::Result<(Task, SpeedOptions)> {
+/// Path, speed, and origin of way-points that are latitudes and longitudes \[deg\].
+pub(super) struct Route {
+    pub(super) task: Task,
+    pub(super) pace: SpeedOptions,
+    pub(super) origin_deg: Option<[f64; 2]>,
+}
+
+pub(super) fn task(args: &TaskArgs, size: &Size) -> anyhow::Result<Route> {
     let lawn = args.leg.is_some() || args.spacing.is_some() || args.legs.is_some();
     let by_points = matches!(args.task, TaskKind::Waypoints | TaskKind::Legs);
     ensure!(!lawn || args.task == TaskKind::LawnMower, "--leg, --spacing and --legs need --task lawn-mower");
@@ -162,9 +169,14 @@ pub(super) fn task(args: &TaskArgs, size: &Size) -> anyhow::Result<(Task, SpeedO
             "--radius {radius}: at {speed_m_s:.2} m/s, the model turns with a radius of {turning_radius_m:.1} m with the steering hard over: give a larger --radius, or a --turn-speed below {speed_m_s:.2}"
         );
     }
-    let points = || match (&args.points, &args.waypoints) {
+    let mut origin_deg = None;
+    let mut points = || match (&args.points, &args.waypoints) {
         (Some(points), _) => Ok(points.0.clone()),
-        (None, Some(file)) => Ok(Waypoints::read(file)?.points),
+        (None, Some(file)) => {
+            let waypoints = Waypoints::read(file)?;
+            origin_deg = waypoints.origin_deg;
+            Ok(waypoints.points)
+        }
         (None, None) => bail!(
             "waypoints are missing: give them as --points '0,0;60,0;60,40' (north,east in metres), or as a CSV or GPX file with --waypoints"
         ),
@@ -188,7 +200,8 @@ pub(super) fn task(args: &TaskArgs, size: &Size) -> anyhow::Result<(Task, SpeedO
         Some(response) => 0.1 * response.surge_gain_m_s / response.surge_time_s,
         None => 0.2,
     });
-    Ok((task, SpeedOptions { cruise, turn: args.turn_speed, acceleration }))
+    let pace = SpeedOptions { cruise, turn: args.turn_speed, acceleration };
+    Ok(Route { task, pace, origin_deg })
 }
 
 pub(super) fn scenario(

@@ -194,6 +194,15 @@ impl Planner {
         &self.plan
     }
 
+    /// The command that is planned for `later` samples after the last one. The last row of the plan is held.
+    pub fn planned(&self, later: usize) -> &[f64] {
+        let hold = self.options.hold;
+        // Samples for which the first row has been commanded before the last sample.
+        let begun = (self.age + hold - 1) % hold;
+        let row = (begun.saturating_add(later) / hold).min(self.options.horizon - 1);
+        &self.plan[row * self.limits.len()..][..self.limits.len()]
+    }
+
     /// Horizon \[commands\].
     pub const fn horizon(&self) -> usize {
         self.options.horizon

@@ -1,0 +1,242 @@
+//! `hydroid control MODEL .. -`: a client closes the loop around a simulated boat, line by line.
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{self, Child, ChildStderr, ChildStdout, Stdio};
+
+use hydroid_core::vessel::{Command, Plant, State, VesselParams};
+use serde_json::{Value, json};
+
+use crate::common::text;
+
+fn hydroid(folder: &Path, args: &[&str]) -> process::Command {
+    let mut command = process::Command::new(env!("CARGO_BIN_EXE_hydroid"));
+    command.current_dir(folder).args(args);
+    command
+}
+
+struct Service {
+    child: Child,
+    answers: BufReader<ChildStdout>,
+    notes: BufReader<ChildStderr>,
+}
+
+impl Service {
+    fn start(folder: &Path, args: &[&str]) -> Self {
+        let mut child = hydroid(folder, args)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let answers = BufReader::new(child.stdout.take().unwrap());
+        let notes = BufReader::new(child.stderr.take().unwrap());
+        Self { child, answers, notes }
+    }
+
+    fn ask(&mut self, line: &str) -> Value {
+        let stdin = self.child.stdin.as_mut().unwrap();
+        writeln!(stdin, "{line}").unwrap();
+        stdin.flush().unwrap();
+        let mut answer = String::new();
+        self.answers.read_line(&mut answer).unwrap();
+        serde_json::from_str(&answer).unwrap_or_else(|error| panic!("{error}: {answer}"))
+    }
+
+    /// Time of the state file, from the note on it.
+    fn resumed_at(&mut self) -> f64 {
+        let notes = &mut self.notes;
+        let mut note = String::new();
+        while !note.contains("resuming from") {
+            note.clear();
+            assert!(notes.read_line(&mut note).unwrap() > 0, "no note on the state");
+        }
+        let after = note.split(" at ").nth(1).unwrap();
+        after.split(' ').next().unwrap().parse().unwrap()
+    }
+
+    fn kill(mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
+}
+
+/// The boat of the client.
+struct Boat {
+    plant: Plant,
+    state: State,
+    command: Command,
+    t: f64,
+}
+
+impl Boat {
+    fn new(vessel: &VesselParams, x: f64, y: f64, psi: f64) -> Self {
+        let state = State { x, y, psi, ..State::REST };
+        Self { plant: Plant::new(vessel).unwrap(), state, command: Command { pp: 0.0, rd: 0.0 }, t: 0.0 }
+    }
+
+    fn line(&self) -> String {
+        let State { x, y, psi, u, v, r, .. } = self.state;
+        json!({ "t": self.t, "x": x, "y": y, "psi": psi, "u": u, "v": v, "r": r }).to_string()
+    }
+
+    fn sail(&mut self, answer: &Value, dt: f64) {
+        let of = |name: &str| answer["command"][name].as_f64().unwrap();
+        self.command = Command { pp: of("PP_cmd"), rd: of("RD_ang") };
+        self.drift(dt);
+    }
+
+    /// Sails with the last command.
+    fn drift(&mut self, dt: f64) {
+        for _ in 0..4 {
+            self.state = self.plant.advance(&self.state, &self.command, dt / 4.0);
+        }
+        self.t = (10.0 * (self.t + dt)).round() / 10.0;
+    }
+}
+
+const LAWN_MOWER: [&str; 11] = [
+    "control",
+    "hydrofoil",
+    "--task",
+    "lawn-mower",
+    "--legs",
+    "4",
+    "--leg",
+    "60",
+    "--horizons",
+    "10",
+    "--controller",
+];
+
+/// The service is killed twice on a lawn-mower of 5 minutes. The boat keeps its last command for half a second each time.
+#[test]
+fn a_boat_stays_in_its_corridor_although_the_service_is_killed() {
+    for controller in ["fl", "backstepping", "cem"] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut args = LAWN_MOWER.to_vec();
+        args.extend([controller, "--state", "boat.state", "-"]);
+        let mut service = Service::start(folder.path(), &args);
+        let mut boat = Boat::new(&VesselParams::hydrofoil(), -1.0, 0.5, 0.0);
+        let (mut largest, mut answers, mut arrived) = (0.0_f64, 0, false);
+        for k in 0..4000 {
+            if k == 800 || k == 1601 {
+                service.kill();
+                (0..5).for_each(|_| boat.drift(0.1));
+                service = Service::start(folder.path(), &args);
+            }
+            let answer = service.ask(&boat.line());
+            assert_eq!(answer["t"], boat.t, "{answer}");
+            answers += 1;
+            if boat.t > 20.0 {
+                largest = largest.max(answer["cross_track"].as_f64().unwrap().abs());
+            }
+            for band in ["band_80", "band_95"] {
+                assert!(answer["track"][band]["position"][0].as_f64().unwrap() > 0.0);
+            }
+            boat.sail(&answer, 0.1);
+            arrived = answer["control"] == "arrived";
+            if arrived {
+                assert_eq!(answer["command"], json!({ "PP_cmd": 0.0, "RD_ang": 0.0 }));
+                break;
+            }
+        }
+        println!("{controller}: {largest:.3} m, {answers} answers");
+        assert!(arrived, "{controller}");
+        assert!(largest < 1.0, "{controller}: {largest} m");
+        service.kill();
+    }
+}
+
+/// After a kill, the answers are those of a service that went on.
+#[test]
+fn a_restarted_service_gives_the_same_answers() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut args = LAWN_MOWER.to_vec();
+    args.extend(["fl", "--integral", "0.5", "--adapt", "--state"]);
+    let with = |name| [&args[..], &[name, "-"]].concat();
+    let (mut one, mut other) = (
+        Service::start(folder.path(), &with("one.state")),
+        Service::start(folder.path(), &with("other.state")),
+    );
+    let mut boat = Boat::new(&VesselParams::hydrofoil(), 0.0, 0.5, 0.0);
+    let mut since: Vec<(f64, String)> = Vec::new();
+    for k in 0..300 {
+        if k == 155 {
+            other.kill();
+            other = Service::start(folder.path(), &with("other.state"));
+            // Lines up to the saved time are skipped without an answer.
+            let saved = other.resumed_at();
+            for line in since.iter().filter(|(t, _)| *t > saved).map(|(_, line)| line) {
+                other.ask(line);
+            }
+        }
+        let (a, mut b) = (one.ask(&boat.line()), other.ask(&boat.line()));
+        b["line"] = a["line"].clone();
+        assert_eq!(a, b, "sample {k}");
+        since.push((boat.t, boat.line()));
+        boat.sail(&a, 0.1);
+    }
+    one.kill();
+    other.kill();
+}
+
+/// Lines that cannot be used keep the command; a pose may be missing for the longest gap; degrees are converted.
+#[test]
+fn missing_poses_are_predicted_and_bad_lines_keep_the_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut args = LAWN_MOWER.to_vec();
+    args.extend(["fl", "-"]);
+    let mut service = Service::start(folder.path(), &args);
+    let first = service.ask(r#"{"t":0,"x":0,"y":0,"heading [deg]":90,"u":1.5,"v":0,"r":0}"#);
+    assert_eq!(first["pose"]["psi"], std::f64::consts::FRAC_PI_2);
+    let bad = service.ask(r#"{"t":0.1,"x":"north"}"#);
+    assert_eq!((&bad["status"], &bad["command"]), (&json!("error"), &first["command"]));
+    let mut east = 0.0;
+    for k in 1..=20 {
+        let answer =
+            service.ask(&json!({ "t": 0.1 * f64::from(k), "u": 1.5, "v": 0.0, "r": 0.0 }).to_string());
+        if k <= 10 {
+            east = answer["pose"]["y"].as_f64().unwrap();
+            assert_ne!(answer["control"], "blind");
+        } else {
+            assert_eq!(
+                (&answer["control"], &answer["pose"]["y"]),
+                (&json!("blind"), &Value::Null),
+                "{answer}"
+            );
+        }
+    }
+    assert!((east - 1.5).abs() < 1e-9, "{east}");
+    let gap = service.ask(r#"{"t":9,"x":1,"y":0,"heading [deg]":0,"u":1.5,"v":0,"r":0}"#);
+    assert_eq!((&gap["status"], &gap["control"] != "blind"), (&json!("reset"), true));
+    service.kill();
+    for (line, words) in [
+        ("t,x,u,v,r", "name them x [m] (north) and y [m] (east)"),
+        ("t,x,y,u,v,r", "no column of the heading"),
+    ] {
+        let mut service =
+            hydroid(folder.path(), &args).stdin(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        writeln!(service.stdin.take().unwrap(), "{line}").unwrap();
+        let output = service.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        assert!(text(&output.stderr).contains(words), "{}", text(&output.stderr));
+    }
+}
+
+/// With way-points in degrees, the lines have latitude and longitude.
+#[test]
+fn geographic_way_points_need_geographic_positions() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("route.csv"), "lat [deg],lon [deg]\n54.0,10.0\n54.001,10.0\n").unwrap();
+    let args =
+        ["control", "hydrofoil", "--controller", "pid", "--task", "legs", "--waypoints", "route.csv", "-"];
+    let mut service = Service::start(folder.path(), &args);
+    // A minute of latitude is 1855 m at 54 degrees (WGS 84).
+    let answer = service.ask(r#"{"t":0,"lat":54.0005,"lon":10.0,"psi":0,"u":1.5,"v":0,"r":0}"#);
+    assert!((answer["pose"]["x"].as_f64().unwrap() - 55.65).abs() < 0.02, "{answer}");
+    assert!(answer["pose"]["y"].as_f64().unwrap().abs() < 1e-6);
+    let wrong = service.ask(r#"{"t":0.1,"lat":95,"lon":10.0,"psi":0,"u":1.5,"v":0,"r":0}"#);
+    assert!(wrong["message"].as_str().unwrap().contains("latitudes are between"), "{wrong}");
+    service.kill();
+}
