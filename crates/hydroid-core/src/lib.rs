@@ -1,7 +1,7 @@
 //! The on-board part of hydroid: models, adaptation, guidance and control without I/O, clock, threads, or allocation
 //! per sample. It builds without the standard library (`default-features = false`) where there is an allocator.
 //!
-//! Order of the modules, each of which imports only those before it: `math` (vector kernels), `actuator` (lags, command
+//! Order of the modules, each of which imports only those before it: `math` (vector kernels), `visit` (numbers of a state), `actuator` (lags, command
 //! maps, limits), `vessel` (the parametric plant), `predict` (the prediction session), `model` (equations, networks,
 //! plants over samples), `adapt` (online adaptation and its guard), `current`
 //! (predictions over ground in a current), `guidance` (paths and references), `control`
