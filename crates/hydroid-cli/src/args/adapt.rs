@@ -102,15 +102,35 @@ pub struct StreamArgs {
     /// Treat the log as a live stream: answer line by line, as for standard input (-)
     #[arg(long)]
     pub stream: bool,
+    #[command(flatten)]
+    pub answers: AnswerArgs,
+}
+
+/// Answers and state of a live stream.
+#[derive(Clone, Debug, Default, ClapArgs)]
+#[command(next_help_heading = "Live stream")]
+pub struct AnswerArgs {
     /// Horizons of the predictions in each answer [samples], ascending (default: 1,10,50,100)
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub horizons: Option<Vec<usize>>,
-    /// Save the state of the session in this file once a second, and resume from it; lines up to its time are skipped
+    /// Save the state of model and controller in this file once a second, and resume from it; lines up to its time are skipped
     #[arg(long, value_name = "FILE")]
     pub state: Option<PathBuf>,
     /// Add the computing time to each answer [us]
     #[arg(long)]
     pub timing: bool,
+}
+
+impl AnswerArgs {
+    /// Horizons of the predictions \[samples\].
+    pub fn horizons(&self) -> Vec<usize> {
+        self.horizons.clone().unwrap_or_else(|| vec![1, 10, 50, 100])
+    }
+
+    /// Whether an option is given.
+    pub fn is_given(&self) -> bool {
+        self.horizons.is_some() || self.state.is_some() || self.timing
+    }
 }
 
 /// A black box.

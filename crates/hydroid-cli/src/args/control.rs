@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args as ClapArgs, ValueEnum};
 
-use super::Learner;
 use super::values::{Duration, NamedNumber, NamedRange, Pair, Points, Triple};
+use super::{AnswerArgs, Learner};
 
 /// Controllers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -239,15 +239,8 @@ pub struct MonteCarloArgs {
 #[derive(Clone, Debug, Default, ClapArgs)]
 #[command(next_help_heading = "Live stream")]
 pub struct ServiceArgs {
-    /// Horizons of the predictions in each answer [samples], ascending (default: 1,10,50,100)
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
-    pub horizons: Option<Vec<usize>>,
-    /// Save the state of model and controller in this file once a second, and resume from it; lines up to its time are skipped
-    #[arg(long, value_name = "FILE")]
-    pub state: Option<PathBuf>,
-    /// Add the computing time to each answer [us]
-    #[arg(long)]
-    pub timing: bool,
+    #[command(flatten)]
+    pub answers: AnswerArgs,
     /// Record samples, updates and events of the adaptation of the last minutes in this file, for hydroid inspect and
     /// hydroid adapt --replay
     #[arg(long, value_name = "FILE", requires = "adapt")]

@@ -16,7 +16,7 @@ use anyhow::anyhow;
 use clap::{Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand};
 use hydroid::log::{CommandTiming, InputDelay};
 
-pub use adapt::{Adapt, KalmanArgs, Learner, LeastSquaresArgs};
+pub use adapt::{Adapt, AnswerArgs, KalmanArgs, Learner, LeastSquaresArgs};
 pub use control::{
     AdaptationArgs, Control, ControllerArgs, ControllerKind, DisturbanceArgs, MonteCarloArgs, TaskArgs,
     TaskKind, TimingKind,

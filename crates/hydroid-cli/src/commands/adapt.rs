@@ -40,9 +40,8 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
         let model = args.estimate_current.map_or(Ok(model.clone()), |std| model.with_current(std))?;
         return stream::run(args, given_log, global, &model, reading);
     }
-    let given = &args.stream;
     ensure!(
-        given.horizons.is_none() && given.state.is_none() && !given.timing,
+        !args.stream.answers.is_given(),
         "--horizons, --state and --timing apply to a live stream: add --stream, or give - for standard input"
     );
     let raw = log::read(given_log)?;

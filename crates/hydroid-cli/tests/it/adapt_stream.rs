@@ -1,55 +1,18 @@
 //! `hydroid adapt MODEL -`: a live stream from end to end.
 
 use std::fs;
-use std::io::{BufRead, BufReader, Write};
+use std::io::Write;
 use std::path::Path;
-use std::process::{Child, ChildStdout, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 
 use serde_json::Value;
 
-use crate::common::{MODEL, simple_vessel, text};
-
-fn hydroid(folder: &Path, args: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_hydroid"));
-    command.current_dir(folder).args(args);
-    command
-}
+use crate::common::{MODEL, Service, hydroid, simple_vessel, text};
 
 fn done(folder: &Path, args: &[&str]) -> Output {
     let output = hydroid(folder, args).output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{args:?}: {}", text(&output.stderr));
     output
-}
-
-/// A running service with its answers.
-struct Service {
-    child: Child,
-    answers: BufReader<ChildStdout>,
-}
-
-impl Service {
-    fn start(args: &[&str]) -> Self {
-        let mut child = hydroid(simple_vessel(), args)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let answers = BufReader::new(child.stdout.take().unwrap());
-        Self { child, answers }
-    }
-
-    fn send(&mut self, line: &str) {
-        let stdin = self.child.stdin.as_mut().unwrap();
-        writeln!(stdin, "{line}").unwrap();
-        stdin.flush().unwrap();
-    }
-
-    fn answer(&mut self) -> String {
-        let mut line = String::new();
-        self.answers.read_line(&mut line).unwrap();
-        line
-    }
 }
 
 fn lines(file: &str) -> Vec<String> {
@@ -132,7 +95,8 @@ fn bands_cover_the_measurements_under_planned_commands() {
 
 #[test]
 fn an_answer_comes_before_the_next_line_is_sent() {
-    let mut service = Service::start(&["adapt", MODEL, "-", "--horizons", "1,20", "--timing"]);
+    let mut service =
+        Service::start(simple_vessel(), &["adapt", MODEL, "-", "--horizons", "1,20", "--timing"]);
     for (k, line) in lines("c.csv").iter().take(50).enumerate() {
         service.send(line);
         if k > 0 {
@@ -146,9 +110,9 @@ fn an_answer_comes_before_the_next_line_is_sent() {
     service.send("4.9,oops");
     assert_eq!(value(&service.answer())["status"], "error");
     drop(service.child.stdin.take());
-    let output = service.child.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-    assert!(text(&output.stderr).contains("1 error"));
+    let (code, notes) = service.end();
+    assert_eq!(code, Some(0), "{notes}");
+    assert!(notes.contains("1 error"));
 }
 
 #[test]
@@ -158,7 +122,7 @@ fn a_killed_service_resumes_with_the_same_answers_and_model() {
     let whole = done(at, &["adapt", MODEL, "c.csv", "--stream", "-o", "whole.safetensors"]);
     let expected: Vec<String> = text(&whole.stdout).lines().map(str::to_owned).collect();
     for (killed, state) in [(3, "early.state"), (1234, "late.state")] {
-        let mut service = Service::start(&["adapt", MODEL, "-", "--state", state]);
+        let mut service = Service::start(simple_vessel(), &["adapt", MODEL, "-", "--state", state]);
         service.send(&lines[0]);
         for (line, expected) in lines[1..killed].iter().zip(&expected) {
             service.send(line);
@@ -186,7 +150,8 @@ fn an_interruption_leaves_state_and_model() {
     let at = simple_vessel();
     for (signal, name) in [("-TERM", "term"), ("-INT", "int")] {
         let (state, model) = (format!("{name}.state"), format!("{name}.safetensors"));
-        let mut service = Service::start(&["adapt", MODEL, "-", "--state", &state, "-o", &model]);
+        let mut service =
+            Service::start(simple_vessel(), &["adapt", MODEL, "-", "--state", &state, "-o", &model]);
         for line in lines("c.csv").iter().take(105) {
             service.send(line);
         }
@@ -197,10 +162,10 @@ fn an_interruption_leaves_state_and_model() {
         assert!(kill.unwrap().success());
         // The service waits for a line.
         let stdin = service.child.stdin.take();
-        let output = service.child.wait_with_output().unwrap();
+        let (code, notes) = service.end();
         drop(stdin);
-        assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
-        assert!(text(&output.stderr).contains("lines: "));
+        assert_eq!(code, Some(130), "{notes}");
+        assert!(notes.contains("lines: "));
         assert!(at.join(&model).exists());
         // No line was lost.
         let again = hydroid(at, &["adapt", MODEL, "c.csv", "--stream", "--state", &state]).output().unwrap();

@@ -1,10 +1,12 @@
 //! Running the command, and a shared vessel with an identified model.
 
 use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Child, ChildStderr, ChildStdout, Command, Output, Stdio};
 use std::sync::OnceLock;
 
+use serde_json::Value;
 use tempfile::TempDir;
 
 pub(crate) const MODEL: &str = "out/sindy.safetensors";
@@ -29,6 +31,76 @@ pub(crate) fn done(folder: &Path, args: &str) -> Output {
 
 pub(crate) fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// The command with separate arguments.
+pub(crate) fn hydroid(folder: &Path, args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hydroid"));
+    command.current_dir(folder).args(args);
+    command
+}
+
+/// A running service with its answers and notes.
+pub(crate) struct Service {
+    pub(crate) child: Child,
+    answers: BufReader<ChildStdout>,
+    notes: BufReader<ChildStderr>,
+}
+
+impl Service {
+    pub(crate) fn start(folder: &Path, args: &[&str]) -> Self {
+        let mut child = hydroid(folder, args)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let answers = BufReader::new(child.stdout.take().unwrap());
+        let notes = BufReader::new(child.stderr.take().unwrap());
+        Self { child, answers, notes }
+    }
+
+    pub(crate) fn send(&mut self, line: &str) {
+        let stdin = self.child.stdin.as_mut().unwrap();
+        writeln!(stdin, "{line}").unwrap();
+        stdin.flush().unwrap();
+    }
+
+    pub(crate) fn answer(&mut self) -> String {
+        let mut line = String::new();
+        self.answers.read_line(&mut line).unwrap();
+        line
+    }
+
+    pub(crate) fn ask(&mut self, line: &str) -> Value {
+        self.send(line);
+        let answer = self.answer();
+        serde_json::from_str(&answer).unwrap_or_else(|error| panic!("{error}: {answer}"))
+    }
+
+    /// Time of the state file, from the note on it.
+    pub(crate) fn resumed_at(&mut self) -> f64 {
+        let notes = &mut self.notes;
+        let mut note = String::new();
+        while !note.contains("resuming from") {
+            note.clear();
+            assert!(notes.read_line(&mut note).unwrap() > 0, "no note on the state");
+        }
+        let after = note.split(" at ").nth(1).unwrap();
+        after.split(' ').next().unwrap().parse().unwrap()
+    }
+
+    /// Waits for the end; exit code and notes.
+    pub(crate) fn end(mut self) -> (Option<i32>, String) {
+        let mut notes = String::new();
+        self.notes.read_to_string(&mut notes).unwrap();
+        (self.child.wait().unwrap().code(), notes)
+    }
+
+    pub(crate) fn kill(mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
 }
 
 /// Logs of the simple vessel (`a.csv`, `b.csv`, `d.csv`), a log with more drag (`c.csv`), and equations identified from

@@ -1,65 +1,12 @@
 //! `hydroid control MODEL .. -`: a client closes the loop around a simulated boat, line by line.
 
-use std::io::{BufRead, BufReader, Write};
-use std::path::Path;
-use std::process::{self, Child, ChildStderr, ChildStdout, Stdio};
+use std::io::Write;
+use std::process::Stdio;
 
 use hydroid_core::vessel::{Command, Plant, State, VesselParams};
 use serde_json::{Value, json};
 
-use crate::common::text;
-
-fn hydroid(folder: &Path, args: &[&str]) -> process::Command {
-    let mut command = process::Command::new(env!("CARGO_BIN_EXE_hydroid"));
-    command.current_dir(folder).args(args);
-    command
-}
-
-struct Service {
-    child: Child,
-    answers: BufReader<ChildStdout>,
-    notes: BufReader<ChildStderr>,
-}
-
-impl Service {
-    fn start(folder: &Path, args: &[&str]) -> Self {
-        let mut child = hydroid(folder, args)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let answers = BufReader::new(child.stdout.take().unwrap());
-        let notes = BufReader::new(child.stderr.take().unwrap());
-        Self { child, answers, notes }
-    }
-
-    fn ask(&mut self, line: &str) -> Value {
-        let stdin = self.child.stdin.as_mut().unwrap();
-        writeln!(stdin, "{line}").unwrap();
-        stdin.flush().unwrap();
-        let mut answer = String::new();
-        self.answers.read_line(&mut answer).unwrap();
-        serde_json::from_str(&answer).unwrap_or_else(|error| panic!("{error}: {answer}"))
-    }
-
-    /// Time of the state file, from the note on it.
-    fn resumed_at(&mut self) -> f64 {
-        let notes = &mut self.notes;
-        let mut note = String::new();
-        while !note.contains("resuming from") {
-            note.clear();
-            assert!(notes.read_line(&mut note).unwrap() > 0, "no note on the state");
-        }
-        let after = note.split(" at ").nth(1).unwrap();
-        after.split(' ').next().unwrap().parse().unwrap()
-    }
-
-    fn kill(mut self) {
-        self.child.kill().unwrap();
-        self.child.wait().unwrap();
-    }
-}
+use crate::common::{Service, hydroid, text};
 
 /// The boat of the client.
 struct Boat {
@@ -239,4 +186,17 @@ fn geographic_way_points_need_geographic_positions() {
     let wrong = service.ask(r#"{"t":0.1,"lat":95,"lon":10.0,"psi":0,"u":1.5,"v":0,"r":0}"#);
     assert!(wrong["message"].as_str().unwrap().contains("latitudes are between"), "{wrong}");
     service.kill();
+}
+
+#[test]
+fn options_of_a_simulated_run_are_refused() {
+    let folder = tempfile::TempDir::new().unwrap();
+    for option in ["--delay=0.2", "--current=0.1,0", "--evaluate-from=5s", "--runs=3", "--noise=0"] {
+        let args = ["control", "hydrofoil", "--controller", "fl", option, "-"];
+        let output = hydroid(folder.path(), &args).stdin(Stdio::null()).output().unwrap();
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{option}: {said}");
+        assert!(said.contains(option.split('=').next().unwrap()), "{said}");
+        assert!(said.contains("leave it out with a live stream"), "{said}");
+    }
 }

@@ -163,6 +163,21 @@ proptest! {
     }
 
     #[test]
+    fn a_timed_reference_continues_from_any_arc_length(path in paths(), cruise in 0.5..6.0f64, t in 0.0..200.0f64) {
+        let profile = SpeedProfile::new(&path, &SpeedLimits { lateral_acceleration: 0.3, ..SpeedLimits::cruise(cruise) }).unwrap();
+        let mut walker = TimedReference::new(&profile);
+        walker.advance(&profile, t);
+        let mut placed = TimedReference::at(&profile, walker.s(&profile));
+        for _ in 0..2 {
+            let (walked, here) = (walker.reference(&path, &profile), placed.reference(&path, &profile));
+            prop_assert!((walked.s - here.s).abs() < 1e-6, "{walked:?} {here:?}");
+            prop_assert!((walked.speed - here.speed).abs() < 1e-6, "{walked:?} {here:?}");
+            walker.advance(&profile, 7.0);
+            placed.advance(&profile, 7.0);
+        }
+    }
+
+    #[test]
     fn the_rate_of_the_desired_course_is_its_derivative(
         radius in 8.0..60.0f64, side in side(), off in -4.0..4.0f64, heading in -3.0..3.0f64, integral in 0.0..0.5f64,
     ) {

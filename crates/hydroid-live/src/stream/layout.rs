@@ -65,7 +65,7 @@ impl PoseColumns {
         let mut heading = reading.selection.heading.iter().chain(&named);
         let Some(heading) = heading.find(|spec| locate(log, spec).is_some()).cloned() else {
             return Err(bad(format!(
-                "no column of the heading among {}: name it psi [rad] or heading [deg], or give it with --heading 'NAME [deg]'",
+                "no column of the heading among {}: name it psi [rad] or heading [deg]",
                 columns.join(", ")
             )));
         };

@@ -14,14 +14,11 @@ use hydroid::model::{self, Model, Reading};
 use hydroid_live::black_box::{Recorder, Source};
 use hydroid_live::stream::{Lines, Options, Stream, StreamError, fingerprint};
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::super::Outcome;
 use crate::args::{Adapt, Against, Global, Horizon, Origin};
 use crate::ui;
-
-/// Default horizons \[samples\].
-const HORIZONS: [usize; 4] = [1, 10, 50, 100];
 
 /// State of the service, shared with the interruption handler.
 pub struct Service {
@@ -54,6 +51,21 @@ impl Lined {
         let failed = |source| LogError::Read { path: self.name.clone(), source };
         Ok(Box::new(BufReader::new(File::open(&self.name).map_err(failed)?)))
     }
+}
+
+/// Keeps the state of a stream in a file, and says from where it resumes.
+pub fn persist(
+    stream: &mut Stream,
+    path: &Path,
+    model_print: String,
+    settings: &Value,
+    global: Global,
+) -> anyhow::Result<()> {
+    if let Some(t) = stream.persist_in(path, model_print, settings)? {
+        let note = format!("resuming from {} at {t} s: lines up to this time are skipped", path.display());
+        ui::print_notes(&[Note::info(note)], global);
+    }
+    Ok(())
 }
 
 /// Fingerprint of a model's file; a built-in vessel has none, and its sample time is an option.
@@ -104,22 +116,14 @@ pub fn run(
         Recorder::new(&settings, model, adapter.as_ref(), &learning, &described, Source::Stream(&name))
     });
     let recorder = recorder.transpose()?;
-    let options = Options {
-        name: name.clone(),
-        reading,
-        horizons: args.stream.horizons.clone().unwrap_or_else(|| HORIZONS.to_vec()),
-        timing: args.stream.timing,
-    };
+    let answers = &args.stream.answers;
+    let options =
+        Options { name: name.clone(), reading, horizons: answers.horizons(), timing: answers.timing };
     let mut stream = Stream::new(model, adapter, options)?;
-    if let Some(path) = &args.stream.state {
+    if let Some(path) = &answers.state {
         let mut settings = serde_json::to_value(&used)?;
         settings["guard"] = serde_json::to_value(&learning.guard)?;
-        let model_print = model_fingerprint(&args.model, model)?;
-        if let Some(t) = stream.persist_in(path, model_print, &settings)? {
-            let note =
-                format!("resuming from {} at {t} s: lines up to this time are skipped", path.display());
-            ui::print_notes(&[Note::info(note)], global);
-        }
+        persist(&mut stream, path, model_fingerprint(&args.model, model)?, &settings, global)?;
     }
     if let Some(recorder) = recorder {
         stream.record(recorder);

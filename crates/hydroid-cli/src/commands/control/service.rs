@@ -5,7 +5,6 @@ use std::path::Path;
 use anyhow::{Context, ensure};
 use hydroid::adapt;
 use hydroid::closed_loop::{ControllerOptions, Scenario};
-use hydroid::log::Note;
 use hydroid::model::Model;
 use hydroid_live::black_box::{Recorder, Source};
 use hydroid_live::stream::{Options, Pilot, Position, Stream};
@@ -14,27 +13,34 @@ use serde_json::{Value, json};
 use super::super::Outcome;
 use super::super::adapt::{blackbox, stream};
 use crate::args::{Control, Global};
-use crate::{logs, ui};
-
-/// Default horizons \[samples\].
-const HORIZONS: [usize; 4] = [1, 10, 50, 100];
+use crate::logs;
 
 /// Refuses options that only a simulation has.
 pub(super) fn check_options(args: &Control) -> anyhow::Result<()> {
     if args.stream.is_none() {
         let given = &args.service;
         ensure!(
-            given.horizons.is_none() && given.state.is_none() && !given.timing && given.black_box.is_none(),
+            !given.answers.is_given() && given.black_box.is_none(),
             "--horizons, --state, --timing and --black-box apply to a live stream: add - for standard input"
         );
         return Ok(());
     }
+    let unknown = &args.disturbances;
     let refused = [
         ("--plant", args.plant.is_some()),
         ("--output", args.output.is_some()),
         ("--runs", args.monte_carlo.runs != 1),
         ("--duration", args.task.duration.is_some()),
         ("--start", args.task.start.is_some()),
+        ("--evaluate-from", args.controller.evaluate_from.is_some()),
+        ("--noise", unknown.noise != 1.0),
+        ("--process-noise", unknown.process_noise != 0.0),
+        ("--current", unknown.current.0 != [0.0; 2]),
+        ("--wind", unknown.wind.0 != [0.0; 2]),
+        ("--gusts", unknown.gusts.0[0] != 0.0),
+        ("--mass", unknown.mass != 1.0),
+        ("--delay", unknown.delay != 0.0),
+        ("--onset", unknown.onset.is_some()),
     ];
     for (option, is_given) in refused {
         ensure!(!is_given, "{option} belongs to a simulated run: leave it out with a live stream");
@@ -86,12 +92,12 @@ pub(super) fn run(args: &Control, global: Global, steered: &Steered<'_>) -> anyh
     let options = Options {
         name: source.name.clone(),
         reading: reading.clone(),
-        horizons: given.horizons.clone().unwrap_or_else(|| HORIZONS.to_vec()),
-        timing: given.timing,
+        horizons: given.answers.horizons(),
+        timing: given.answers.timing,
     };
     let mut live = Stream::new(model, adapter, options)?;
     live.steer(pilot, Position { origin_deg: steered.origin_deg })?;
-    if let Some(path) = &given.state {
+    if let Some(path) = &given.answers.state {
         let settings = json!({
             "adaptation": used,
             "guard": learning.guard,
@@ -100,11 +106,7 @@ pub(super) fn run(args: &Control, global: Global, steered: &Steered<'_>) -> anyh
             "seed": args.disturbances.seed,
         });
         let fingerprint = stream::model_fingerprint(steered.file, model)?;
-        if let Some(t) = live.persist_in(path, fingerprint, &settings)? {
-            let note =
-                format!("resuming from {} at {t} s: lines up to this time are skipped", path.display());
-            ui::print_notes(&[Note::info(note)], global);
-        }
+        stream::persist(&mut live, path, fingerprint, &settings, global)?;
     }
     if let Some(recorder) = recorder {
         live.record(recorder);
