@@ -87,7 +87,7 @@ pub fn with_current(model: Model, deviation_m_s: Option<f64>, runs: &[Trajectory
 
 /// Context of an error of a log that does not fit a model.
 pub fn cannot_use(path: &Path, model: &Model) -> String {
-    if model.plant().is_some() {
+    if model.is_vessel() {
         return format!("a log for the vessel {} cannot be used", path.display());
     }
     format!("a log for {} (sample time {} s) cannot be used", path.display(), model.description.dt)

@@ -2,7 +2,7 @@
 //! per sample. It builds without the standard library (`default-features = false`) where there is an allocator.
 //!
 //! Order of the modules, each of which imports only those before it: `math` (vector kernels), `visit` (numbers of a state), `actuator` (lags, command
-//! maps, limits), `vessel` (the parametric plant), `predict` (the prediction session), `model` (equations, networks,
+//! maps, limits), `vessel` (the parametric plant), `craft` (vessels with any actuators), `predict` (the prediction session), `model` (equations, networks,
 //! plants over samples), `adapt` (online adaptation and its guard), `current`
 //! (predictions over ground in a current), `guidance` (paths and references), `control`
 //! (control laws and planning).
@@ -20,6 +20,7 @@ extern crate std;
 pub mod actuator;
 pub mod adapt;
 pub mod control;
+pub mod craft;
 pub mod current;
 pub mod guidance;
 pub mod math;

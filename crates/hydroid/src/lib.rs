@@ -2,7 +2,7 @@
 //!
 //! Order of the modules, bottom to top; each imports only modules before it: `log` (runs and their files), `excitation`
 //! (command sequences), `progress`, `toml_file`, `atomic`, `fingerprint`, `evaluate` (multi-step errors of any model),
-//! `faults` (sensor faults), `simulate` (commands to logs), `model` (identified models and their files),
+//! `faults` (sensor faults), `simulate` (commands to logs), `craft` (vessel files with any actuators), `model` (identified models and their files),
 //! `plant` (models that run freely), `manoeuvre` (manoeuvring trials), `sindy`
 //! (sparse regression), `committee` (difference equations combined by cross-validation), `adapt` (online adaptation along a log), `train` (networks), `closed_loop` (controllers on a
 //! simulated vessel), `identify` (from runs to an evaluated model).
@@ -15,6 +15,7 @@ pub mod adapt;
 pub mod atomic;
 pub mod closed_loop;
 pub mod committee;
+pub mod craft;
 pub mod evaluate;
 pub mod excitation;
 pub mod faults;

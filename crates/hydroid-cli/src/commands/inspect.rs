@@ -11,6 +11,7 @@ use hydroid::log::inspect::{Confidence, DelayEstimate};
 use hydroid::log::{self, Inspection, RawLog, Trajectory};
 use hydroid::manoeuvre::{Recognised, recognise};
 use hydroid::model::{self, Description, Model, NamedEquations, Port, Reading};
+use hydroid_core::craft::CraftParameter;
 use hydroid_core::model::recurrent::{BaseModel, Scaling, Tensor};
 use hydroid_live::black_box::{BlackBox, is_black_box};
 use serde::Serialize;
@@ -126,6 +127,12 @@ fn latex(file: &Path, model: &Model) -> anyhow::Result<String> {
     if let Some(motion) = model.equations() {
         return Ok(motion.equations_latex() + &motion.units_latex() + &motion.coefficients_latex());
     }
+    if model.craft().is_some() {
+        bail!(
+            "{} is a vessel: its equations are in the documentation of hydroid_core::craft",
+            file.display()
+        );
+    }
     if model.plant().is_some() {
         bail!(
             "{} is a vessel: its equations are in the documentation of hydroid_core::vessel::Plant",
@@ -177,6 +184,12 @@ fn model_json(file: &Path, model: &Model) -> serde_json::Value {
     }
     if let Some(plant) = model.plant() {
         document["vessel"] = json!(plant.params());
+    }
+    if let Some(craft) = model.craft() {
+        let number = |(parameter, value): &(CraftParameter, f64)| {
+            (parameter.path.clone(), json!({ "value": value, "unit": parameter.unit }))
+        };
+        document["numbers"] = craft.parameters().iter().map(number).collect::<serde_json::Map<_, _>>().into();
     }
     if let Some(recurrent) = model.recurrent() {
         document["network"] = json!({
@@ -245,8 +258,8 @@ fn tensors(of: &[Tensor]) -> serde_json::Value {
 
 fn show_model(file: &Path, model: &Model) {
     let d = &model.description;
-    if let Some(plant) = model.plant() {
-        outln!("{}: vessel '{}', {} parameters", file.display(), plant.params().name, model.weights());
+    if model.is_vessel() {
+        outln!("{}: vessel '{}', {} parameters", file.display(), d.name, model.weights());
         show_ports(d);
         outln!("parameters:");
         for line in model.plant_text() {

@@ -181,7 +181,7 @@ fn write(
     text.push('\n');
     atomic::write(&folder.join("trials.json"), |out| out.write_all(text.as_bytes()))?;
     atomic::write(&folder.join("tracks.csv"), |out| trials.write_csv(out))?;
-    let vessel = model.plant().map(|plant| format!(" of {}", plant.params().name));
+    let vessel = model.is_vessel().then(|| format!(" of {}", model.description.name));
     let title = format!("Manoeuvring trials{}", vessel.unwrap_or_default());
     let page = hydroid_report::manoeuvres(&ManoeuvreReport {
         title: &title,

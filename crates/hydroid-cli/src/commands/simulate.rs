@@ -2,6 +2,7 @@
 
 mod model;
 
+use std::ffi::OsStr;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -95,11 +96,19 @@ pub fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// Whether a plant is the file of an identified model.
+/// Whether a plant is the file of an identified model, or of a vessel with any set of actuators.
 fn is_model(plant: &str) -> bool {
     let path = Path::new(plant);
-    simulate::built_in(plant).is_none()
-        && path.extension().is_some_and(|extension| !extension.eq_ignore_ascii_case("toml"))
+    if simulate::built_in(plant).is_some() {
+        return false;
+    }
+    let is_toml = |extension: &OsStr| extension.eq_ignore_ascii_case("toml");
+    match path.extension() {
+        Some(extension) if is_toml(extension) => {
+            std::fs::read_to_string(path).is_ok_and(|text| hydroid::craft::is_craft(&text))
+        }
+        extension => extension.is_some(),
+    }
 }
 
 pub fn record(options: &Options, global: Global) -> anyhow::Result<Simulated> {

@@ -17,6 +17,8 @@ const MOST_STEPS: f64 = 100_000.0;
 pub enum PlantModelError {
     /// The parameters are invalid.
     Vessel(crate::vessel::InvalidParams),
+    /// The craft is invalid.
+    Craft(crate::craft::InvalidCraft),
     /// The sample time \[s\] is not positive, or too long.
     Step(f64),
     /// Speeds diverge within the limits of the commands.
@@ -27,12 +29,13 @@ impl core::fmt::Display for PlantModelError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::Vessel(error) => error.fmt(f),
+            Self::Craft(error) => error.fmt(f),
             Self::Step(dt) => {
                 write!(f, "a sample time of {dt} s is out of range: give a positive number of seconds")
             }
             Self::Unbounded => write!(
                 f,
-                "the speeds of the vessel diverge within the limits of its commands: check drag and commands.*.limits"
+                "the speeds of the vessel diverge within the limits of its commands: check drag, thrust, and the limits of the commands"
             ),
         }
     }

@@ -116,4 +116,27 @@ impl<const N: usize> Number for Dual<N> {
         let value = Number::logistic(self.value);
         self.through(value, value * (1.0 - value))
     }
+
+    #[inline]
+    fn value(self) -> f64 {
+        self.value
+    }
+
+    #[inline]
+    fn sqrt(self) -> Self {
+        let root = Number::sqrt(self.value);
+        self.through(root, if root > 0.0 { 0.5 / root } else { 0.0 })
+    }
+
+    #[inline]
+    fn exp(self) -> Self {
+        let value = Number::exp(self.value);
+        self.through(value, value)
+    }
+
+    #[inline]
+    fn sin_cos(self) -> (Self, Self) {
+        let (sin, cos) = Number::sin_cos(self.value);
+        (self.through(sin, cos), self.through(cos, -sin))
+    }
 }

@@ -22,6 +22,18 @@ pub trait Number:
 
     /// `1 / (1 + exp(-x))`.
     fn logistic(self) -> Self;
+
+    /// The number without its derivatives.
+    fn value(self) -> f64;
+
+    /// `sqrt(x)`; its derivative at zero is taken as zero.
+    fn sqrt(self) -> Self;
+
+    /// `exp(x)`.
+    fn exp(self) -> Self;
+
+    /// `sin(x)` and `cos(x)`.
+    fn sin_cos(self) -> (Self, Self);
 }
 
 impl Number for f64 {
@@ -38,5 +50,25 @@ impl Number for f64 {
     #[inline]
     fn logistic(self) -> Self {
         1.0 / (Float::exp(-self) + 1.0)
+    }
+
+    #[inline]
+    fn value(self) -> f64 {
+        self
+    }
+
+    #[inline]
+    fn sqrt(self) -> Self {
+        Float::sqrt(self)
+    }
+
+    #[inline]
+    fn exp(self) -> Self {
+        Float::exp(self)
+    }
+
+    #[inline]
+    fn sin_cos(self) -> (Self, Self) {
+        Float::sin_cos(self)
     }
 }

@@ -206,7 +206,7 @@ impl Options {
             }
             Body::Recurrent(_) => (Method::Kalman, LeastSquaresOptions::default(), KalmanOptions::default()),
             Body::Plant(_) => (Method::Kalman, LeastSquaresOptions::default(), KalmanOptions::of_plants()),
-            Body::Affine(_) | Body::Committee(_) => return Self::default(),
+            Body::Affine(_) | Body::Committee(_) | Body::Craft(_) => return Self::default(),
         };
         Self { method, least_squares, kalman, ..Self::default() }
     }
@@ -221,7 +221,7 @@ pub fn adaptable(model: &Model) -> Result<(), AdaptError> {
         Body::Equations(_) | Body::Recurrent(_) | Body::Direct(_) | Body::Committee(_) | Body::Plant(_) => {
             Ok(())
         }
-        Body::Affine(_) => Err(AdaptError::Kind { kind: model.kind() }),
+        Body::Affine(_) | Body::Craft(_) => Err(AdaptError::Kind { kind: model.kind() }),
     }
 }
 
@@ -291,7 +291,7 @@ fn inner_learner(
             let (adapter, used) = committee::adapter(model, committee)?;
             Ok((Box::new(adapter), ResolvedOptions::Committee(used)))
         }
-        Body::Affine(_) => Err(AdaptError::Kind { kind: model.kind() }),
+        Body::Affine(_) | Body::Craft(_) => Err(AdaptError::Kind { kind: model.kind() }),
     }
 }
 
@@ -488,7 +488,7 @@ pub fn learned(
         Body::Recurrent(network) => kalman::learned(model, network, weights)?,
         Body::Direct(direct) => last_layer::learned(model, direct, weights)?,
         Body::Committee(committee) => committee::learned(model, committee, weights)?,
-        Body::Affine(_) => return Err(AdaptError::Kind { kind: model.kind() }),
+        Body::Affine(_) | Body::Craft(_) => return Err(AdaptError::Kind { kind: model.kind() }),
         Body::Plant(vessel) => plant::learned(model, vessel, weights)?,
     };
     let entry = serde_json::json!({ "runs": runs, "hydroid": env!("CARGO_PKG_VERSION"), "settings": used });

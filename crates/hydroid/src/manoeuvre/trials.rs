@@ -246,7 +246,7 @@ fn quantile(sorted: &[f64], q: f64) -> f64 {
 
 fn outside(model: &Model, tracks: &[Track]) -> Vec<Outside> {
     // A vessel with given parameters has no training range.
-    if model.plant().is_some() {
+    if model.is_vessel() {
         return Vec::new();
     }
     let channel = |(i, name): (usize, &&str)| {

@@ -1,5 +1,7 @@
 //! Which inputs push a vessel, and which turn it.
 
+use std::f64::consts::{FRAC_PI_2, PI};
+
 use serde::Serialize;
 
 use super::error::PlantError;
@@ -31,8 +33,8 @@ pub struct InputMap {
     pub units: Vec<String>,
 }
 
-/// How the steering is stated: as an angle, positive to starboard, if one input turns the vessel and is an angle, otherwise
-/// in percent of hard over.
+/// How the steering is stated: as an angle, positive to starboard, if the inputs that turn the vessel are angles of one size,
+/// otherwise in percent of hard over.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Steering {
     /// `deg` or `%`.
@@ -40,6 +42,10 @@ pub struct Steering {
     /// Stated value of hard over, `s = 1`.
     pub full: f64,
 }
+
+/// Hard over of an input that is an angle beyond a quarter turn, such as that of an azimuth thruster: the 35 degrees at which the
+/// IMO prescribes turning circles (MSC.137(76), section 5.2).
+const HARD_OVER: f64 = 35.0 * (PI / 180.0);
 
 /// Least effect of an input relative to the greatest one. An input with less is taken to have none: the side force of a
 /// propeller, the drag of a rudder.
@@ -73,7 +79,12 @@ impl InputMap {
         let inputs = &model.description.inputs;
         let limits: Vec<[f64; 2]> = inputs.iter().map(|port| [port.range.low, port.range.high]).collect();
         let middle: Vec<f64> = limits.iter().map(|[low, high]| 0.5 * (low + high)).collect();
-        let half: Vec<f64> = limits.iter().map(|[low, high]| 0.5 * (high - low)).collect();
+        let angle = |c: usize| inputs[c].channel.unit == "rad";
+        let half = |(c, [low, high]): (usize, &[f64; 2])| {
+            let half = 0.5 * (high - low);
+            if angle(c) && half > FRAC_PI_2 { HARD_OVER } else { half }
+        };
+        let half: Vec<f64> = limits.iter().enumerate().map(half).collect();
         let neutral: Vec<f64> = limits.iter().copied().map(neutral).collect();
         let names: Vec<String> = inputs.iter().map(|port| port.channel.name.clone()).collect();
         let units = inputs.iter().map(|port| port.channel.unit.clone()).collect();
@@ -143,11 +154,12 @@ impl InputMap {
 
     /// How the steering is stated.
     pub fn steering(&self) -> Steering {
-        let involved: Vec<usize> = (0..self.turn.len()).filter(|&c| self.turn[c] != 0.0).collect();
-        if let [c] = involved[..]
-            && self.units[c] == "rad"
+        let mut involved = (0..self.turn.len()).filter(|&c| self.turn[c] != 0.0);
+        let angle = |c: usize| (self.units[c] == "rad").then(|| self.turn[c].abs());
+        if let Some(first) = involved.next().and_then(angle)
+            && involved.all(|c| angle(c).is_some_and(|other| (other / first - 1.0).abs() < 1e-9))
         {
-            return Steering { unit: "deg", full: self.turn[c].abs().to_degrees() };
+            return Steering { unit: "deg", full: first.to_degrees() };
         }
         Steering { unit: "%", full: 100.0 }
     }

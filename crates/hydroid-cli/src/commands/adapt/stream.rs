@@ -70,7 +70,7 @@ pub fn persist(
 
 /// Fingerprint of a model's file; a built-in vessel has none, and its sample time is an option.
 pub fn model_fingerprint(path: &Path, model: &Model) -> anyhow::Result<String> {
-    let file = if model.plant().is_some() {
+    let file = if model.is_vessel() {
         [model::encode(model)?, model.description.dt.to_le_bytes().to_vec()].concat()
     } else {
         std::fs::read(path).with_context(|| format!("{} cannot be read", path.display()))?

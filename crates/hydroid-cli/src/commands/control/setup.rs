@@ -44,7 +44,7 @@ pub(super) fn no_model(kind: ControlMethod) -> String {
 
 /// Sample time of the loop \[s\].
 pub(super) fn sample_time(args: &Control, model: Option<&Model>, plant: &Model) -> anyhow::Result<f64> {
-    let identified = model.into_iter().chain([plant]).find(|model| model.plant().is_none());
+    let identified = model.into_iter().chain([plant]).find(|model| !model.is_vessel());
     let Some(identified) = identified else { return Ok(args.controller.dt.unwrap_or(0.1)) };
     let own = identified.description.dt;
     if let Some(dt) = args.controller.dt {

@@ -16,9 +16,17 @@ use crate::args::{Global, Simulate};
 use crate::{logs, ui};
 
 pub(super) fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
-    check_options(args)?;
     let path = Path::new(&args.plant);
     let model = model::read(path)?;
+    check_options(args, &model)?;
+    if args.print_vessel
+        && let Some(file) = model.craft_file()
+    {
+        ui::write_out(format_args!("{}", file.text()));
+        return Ok(Outcome::Done);
+    }
+    let dt = args.dt.unwrap_or(model.description.dt);
+    let model = model.at_step(dt)?;
     let commands = match Path::new(&args.excitation).extension() {
         Some(_) => given(Path::new(&args.excitation), &model, args, global)?,
         None => Given::Mixed,
@@ -203,9 +211,14 @@ fn samples(duration_s: f64, dt: f64) -> anyhow::Result<usize> {
     Ok(samples as usize)
 }
 
-fn check_options(args: &Simulate) -> anyhow::Result<()> {
+fn check_options(args: &Simulate, model: &Model) -> anyhow::Result<()> {
+    let identified = !model.is_vessel();
+    for (option, given) in
+        [("--dt", args.dt.is_some() && identified), ("--print-vessel", args.print_vessel && identified)]
+    {
+        ensure!(!given, "{option} needs a vessel: '{}' is an identified model", args.plant);
+    }
     for (option, given) in [
-        ("--dt", args.dt.is_some()),
         ("--step", args.step.is_some()),
         ("--leg", args.leg.is_some()),
         ("--spacing", args.spacing.is_some()),
@@ -213,14 +226,18 @@ fn check_options(args: &Simulate) -> anyhow::Result<()> {
         ("--sharp-turns", args.sharp_turns),
         ("--radius", args.radius.is_some()),
         ("--speed", args.speed.is_some()),
-        ("--print-vessel", args.print_vessel),
     ] {
-        ensure!(!given, "{option} needs a vessel: '{}' is an identified model", args.plant);
+        ensure!(
+            !given,
+            "{option} needs a vessel with one propeller and one rudder: '{}' has inputs of its own",
+            args.plant
+        );
     }
     ensure!(
         args.excitation == "mixed" || Path::new(&args.excitation).extension().is_some(),
-        "--excitation {} needs a vessel: with an identified model, write mixed, or the name of a CSV file with time and the inputs of the model",
-        args.excitation
+        "--excitation {} needs a vessel with one propeller and one rudder: with '{}' write mixed, or the name of a CSV file with time and its inputs",
+        args.excitation,
+        args.plant
     );
     Ok(())
 }

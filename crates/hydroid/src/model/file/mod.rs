@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 use super::kinds::{Encoded, Structure, read_vessel};
 use super::{Description, Model};
 use crate::atomic::{self, WriteError};
+use crate::craft::CraftFileError;
 use crate::simulate::VesselFileError;
 
 pub(super) use tensors::{Tensor, network_tensors, numbers, tensor, weights};
@@ -87,6 +88,9 @@ pub enum ModelError {
     /// Invalid vessel file.
     #[error(transparent)]
     Vessel(VesselFileError),
+    /// Error in the file of a vessel with any set of actuators.
+    #[error(transparent)]
+    Craft(#[from] CraftFileError),
     /// Invalid vessel parameters.
     #[error("the vessel {} cannot be used as a model: {source}", path.display())]
     Plant {

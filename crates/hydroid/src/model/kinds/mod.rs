@@ -4,6 +4,7 @@
 
 mod committee;
 mod control_affine;
+mod craft;
 mod direct;
 mod equations;
 mod recurrent;
@@ -31,6 +32,7 @@ use super::{Description, Model, NamedEquations};
 pub(super) use vessel::read as read_vessel;
 
 pub use committee::NamedMember;
+pub use craft::NamedCraft;
 pub use recurrent::cell_text;
 
 /// Structure and numbers of a model, by kind.
@@ -48,6 +50,8 @@ pub enum Body {
     Committee(Arc<Committee>),
     /// Vessel with given parameters.
     Plant(Arc<PlantModel>),
+    /// Vessel with any set of actuators.
+    Craft(Arc<NamedCraft>),
 }
 
 #[expect(clippy::large_enum_variant, reason = "one value exists at a time, while a file is written")]
@@ -140,6 +144,7 @@ impl Body {
             Self::Affine(affine) => affine,
             Self::Committee(committee) => committee,
             Self::Plant(plant) => plant,
+            Self::Craft(craft) => craft,
         }
     }
 }

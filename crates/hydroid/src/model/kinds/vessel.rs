@@ -4,11 +4,13 @@ use std::path::Path;
 use std::sync::Arc;
 
 use hydroid_core::control::AffinePlant;
-use hydroid_core::model::{PlantModel, PlantModelError, PlantSession};
+use hydroid_core::model::{CraftModel, PlantModel, PlantModelError, PlantSession};
 use hydroid_core::predict::Predictor;
 use hydroid_core::vessel::{PARAMETER, VesselParams};
 
+use super::craft::NamedCraft;
 use super::{Body, Encoded, InvertibleModel, Kind, NotInvertible, WeightMap};
+use crate::craft::{self, CraftFile, is_craft};
 use crate::evaluate::DesignRange;
 use crate::log::{Channel, ChannelSpec, PrepareOptions, Selection};
 use crate::model::{Description, Members, Model, ModelError, Port, Provenance, Reading};
@@ -28,76 +30,112 @@ impl Model {
     /// If the parameters or the sample time are invalid.
     pub fn of_vessel(params: &VesselParams, dt_s: f64) -> Result<Self, PlantModelError> {
         let plant = PlantModel::new(params, dt_s)?;
-        let range = |[low, high]: [f64; 2]| {
-            // A range of zero width cannot scale errors.
-            let room = if high > low { 0.0 } else { 1.0 };
-            DesignRange { low: low - room, high: high + room }
-        };
         let noise = [params.noise.u, params.noise.v, params.noise.r];
-        let outputs = [("u", "m/s"), ("v", "m/s"), ("r", "rad/s")];
-        let outputs: Vec<Port> = outputs
-            .iter()
-            .zip(plant.ranges())
-            .zip(noise)
-            .map(|((&(name, unit), &reached), noise)| Port {
-                channel: Channel::new(name, unit),
-                range: range(reached),
-                training_range: None,
-                noise: (noise > 0.0).then_some(noise),
-            })
-            .collect();
         let commands = [&params.commands.propeller, &params.commands.rudder];
-        let inputs: Vec<Port> = commands
-            .iter()
-            .map(|command| Port {
-                channel: Channel::new(command.name.as_str(), command.unit.as_str()),
-                range: range(command.limits),
-                training_range: None,
-                noise: None,
-            })
-            .collect();
-        let named = |ports: &[Port]| ports.iter().map(|p| ChannelSpec::named(&p.channel.name)).collect();
-        let names: Vec<&str> = outputs.iter().chain(&inputs).map(|p| p.channel.name.as_str()).collect();
-        let settings = serde_json::json!({ "ranges_given": names });
-        let selection =
-            Selection { outputs: named(&outputs), inputs: named(&inputs), ..Selection::default() };
-        let description = Description {
-            bands: None,
-            current: None,
-            name: params.name.clone(),
-            dt: dt_s,
-            reading: Reading { selection, options: PrepareOptions::default() },
-            provenance: Provenance {
-                hydroid: env!("CARGO_PKG_VERSION").to_owned(),
-                seed: 0,
-                training: Vec::new(),
-                validation: Vec::new(),
-                settings,
-            },
-            outputs,
-            inputs,
-        };
+        let commands = commands.map(|command| (command.name.as_str(), command.unit.as_str(), command.limits));
+        let [u, v, r, _] = *plant.ranges();
+        let description = describe(&params.name, dt_s, [u, v, r], noise, &commands);
         let body = Body::Plant(Arc::new(plant));
         Ok(Self { description, body, members: Members::default(), learning: None })
     }
 
+    /// A vessel with any set of actuators as a model with outputs `u`, `v` \[m/s\], `r` \[rad/s\], its commands, and the
+    /// ranges within their limits.
+    ///
+    /// # Errors
+    /// If the vessel or the sample time is invalid.
+    pub fn of_craft(file: &CraftFile, dt_s: f64) -> Result<Self, PlantModelError> {
+        let model = CraftModel::new(file.craft.clone(), dt_s)?;
+        let craft = &file.craft;
+        let commands = craft.commands.iter().map(|c| (c.name.as_str(), c.unit.as_str(), c.limits));
+        let commands: Vec<(&str, &str, [f64; 2])> = commands.collect();
+        let description = describe(&craft.name, dt_s, *model.ranges(), craft.noise, &commands);
+        let body = Body::Craft(Arc::new(NamedCraft { model, file: file.clone() }));
+        Ok(Self { description, body, members: Members::default(), learning: None })
+    }
     /// The model at another sample time; identified models are unchanged.
     ///
     /// # Errors
     /// If the sample time is invalid.
     pub fn at_step(self, dt_s: f64) -> Result<Self, PlantModelError> {
-        let Some(plant) = self.plant() else { return Ok(self) };
-        let body = Body::Plant(Arc::new(PlantModel::new(plant.params(), dt_s)?));
+        let body = match &self.body {
+            Body::Plant(plant) => Body::Plant(Arc::new(PlantModel::new(plant.params(), dt_s)?)),
+            Body::Craft(craft) => Body::Craft(Arc::new(NamedCraft {
+                model: CraftModel::new(craft.file.craft.clone(), dt_s)?,
+                file: craft.file.clone(),
+            })),
+            _ => return Ok(self),
+        };
         let description = Description { dt: dt_s, ..self.description };
         Ok(Self { description, body, ..self })
     }
 
     /// Non-zero parameters of a vessel, line by line; empty for identified models.
     pub fn plant_text(&self) -> Vec<String> {
+        if let Some(craft) = self.craft() {
+            let numbers = craft.parameters().into_iter().filter(|(_, number)| *number != 0.0);
+            return numbers.map(|(p, number)| format!("{:<26} {number:>12.6} {}", p.path, p.unit)).collect();
+        }
         let Some(plant) = self.plant() else { return Vec::new() };
         let numbers = PARAMETER.iter().zip(plant.numbers());
         let there = numbers.filter(|(_, number)| **number != 0.0);
         there.map(|(p, number)| format!("{:<26} {number:>12.6} {}", p.path, p.unit)).collect()
+    }
+}
+
+/// Description of a vessel with given ranges of `u`, `v`, `r`; names, units and limits of its commands.
+fn describe(
+    name: &str,
+    dt_s: f64,
+    ranges: [[f64; 2]; 3],
+    noise: [f64; 3],
+    commands: &[(&str, &str, [f64; 2])],
+) -> Description {
+    let range = |[low, high]: [f64; 2]| {
+        // A range of zero width cannot scale errors.
+        let room = if high > low { 0.0 } else { 1.0 };
+        DesignRange { low: low - room, high: high + room }
+    };
+    let outputs = [("u", "m/s"), ("v", "m/s"), ("r", "rad/s")];
+    let outputs: Vec<Port> = outputs
+        .iter()
+        .zip(ranges)
+        .zip(noise)
+        .map(|((&(name, unit), reached), noise)| Port {
+            channel: Channel::new(name, unit),
+            range: range(reached),
+            training_range: None,
+            noise: (noise > 0.0).then_some(noise),
+        })
+        .collect();
+    let inputs: Vec<Port> = commands
+        .iter()
+        .map(|&(name, unit, limits)| Port {
+            channel: Channel::new(name, unit),
+            range: range(limits),
+            training_range: None,
+            noise: None,
+        })
+        .collect();
+    let named = |ports: &[Port]| ports.iter().map(|p| ChannelSpec::named(&p.channel.name)).collect();
+    let names: Vec<&str> = outputs.iter().chain(&inputs).map(|p| p.channel.name.as_str()).collect();
+    let settings = serde_json::json!({ "ranges_given": names });
+    let selection = Selection { outputs: named(&outputs), inputs: named(&inputs), ..Selection::default() };
+    Description {
+        bands: None,
+        current: None,
+        name: name.to_owned(),
+        dt: dt_s,
+        reading: Reading { selection, options: PrepareOptions::default() },
+        provenance: Provenance {
+            hydroid: env!("CARGO_PKG_VERSION").to_owned(),
+            seed: 0,
+            training: Vec::new(),
+            validation: Vec::new(),
+            settings,
+        },
+        outputs,
+        inputs,
     }
 }
 
@@ -118,6 +156,11 @@ fn model(params: &VesselParams, path: &Path) -> Result<Model, ModelError> {
 fn read_file(path: &Path) -> Result<Model, ModelError> {
     let unreadable = |source| TomlError::Read { path: path.to_owned(), source };
     let text = std::fs::read_to_string(path).map_err(|error| ModelError::Vessel(unreadable(error).into()))?;
+    if is_craft(&text) {
+        let file = craft::parse(&text, path)?;
+        return Model::of_craft(&file, VESSEL_DT_S)
+            .map_err(|source| ModelError::Plant { path: path.to_owned(), source });
+    }
     let mut model = model(&parse_vessel(&text, path).map_err(ModelError::Vessel)?, path)?;
     // Comments that are not valid JSON are ignored.
     let history: Vec<serde_json::Value> = text

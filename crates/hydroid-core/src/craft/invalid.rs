@@ -1,0 +1,154 @@
+//! Reasons why a craft is invalid.
+
+use alloc::string::String;
+use core::fmt;
+
+use super::MAX_SERVOS;
+
+/// The invalid part of a [`Craft`](super::Craft). Numbers are named by their path in the vessel file.
+#[derive(Clone, Debug, PartialEq)]
+pub enum InvalidCraft {
+    /// A number is not finite, or out of its range.
+    Number {
+        /// Path.
+        path: String,
+        /// The invalid value.
+        value: f64,
+        /// What is needed.
+        needed: &'static str,
+    },
+    /// An actuator is outside the hull.
+    Outside {
+        /// Path of the actuator.
+        path: String,
+        /// Its place \[m\].
+        position: [f64; 2],
+        /// Half of length and beam of the hull \[m\].
+        half: [f64; 2],
+    },
+    /// A part that needs the size of the hull.
+    NoSize {
+        /// What needs it.
+        what: &'static str,
+    },
+    /// The yaw inertia about the origin is not greater than `m x_g^2`.
+    YawInertia {
+        /// `i_z` \[kg m^2\].
+        i_z: f64,
+        /// `m x_g^2` \[kg m^2\].
+        least: f64,
+    },
+    /// The mass matrix is not positive definite.
+    MassMatrix {
+        /// `m22 m33 - m23^2` \[kg^2 m^2\].
+        determinant: f64,
+    },
+    /// Limits without order, or a neutral value outside them.
+    Limits {
+        /// Path.
+        path: String,
+        /// Lower limit.
+        low: f64,
+        /// Upper limit.
+        high: f64,
+        /// Neutral value.
+        neutral: f64,
+    },
+    /// A limit of an angle beyond half a turn: most likely given in degrees.
+    Degrees {
+        /// Path.
+        path: String,
+        /// The angle.
+        angle: f64,
+    },
+    /// Two parts have the same name, or a name is empty.
+    Name {
+        /// Kind of the part.
+        kind: &'static str,
+        /// The name.
+        name: String,
+    },
+    /// No command, or no actuator.
+    Nothing {
+        /// What is missing.
+        what: &'static str,
+    },
+    /// A command that moves nothing.
+    Unused {
+        /// Name of the command.
+        name: String,
+    },
+    /// Too many moving parts.
+    Servos {
+        /// Number.
+        given: usize,
+    },
+    /// A rudder in the race of a thruster without a diameter.
+    NoDiameter {
+        /// Name of the thruster.
+        thruster: String,
+        /// Name of the rudder.
+        rudder: String,
+    },
+}
+
+impl InvalidCraft {
+    /// Path of the invalid part in the vessel file, if it has one.
+    pub fn path(&self) -> Option<&str> {
+        match self {
+            Self::Number { path, .. }
+            | Self::Outside { path, .. }
+            | Self::Limits { path, .. }
+            | Self::Degrees { path, .. } => Some(path),
+            Self::YawInertia { .. } => Some("rigid_body.i_z"),
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Display for InvalidCraft {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number { path, value, needed } => write!(f, "{path} is {value}; {needed}"),
+            Self::Outside { path, position: [x, y], half: [length, beam] } => write!(
+                f,
+                "{path} is at ({x}, {y}) m, outside the hull, which extends {length} m fore and aft and {beam} m to each side of its middle: correct position, hull.length or hull.beam"
+            ),
+            Self::NoSize { what } => {
+                write!(f, "{what} needs hull.length, hull.beam and hull.draught [m]: add the table [hull]")
+            }
+            Self::YawInertia { i_z, least } => write!(
+                f,
+                "rigid_body.i_z is {i_z} kg m^2; about the origin it must exceed mass * x_g^2 = {least} kg m^2"
+            ),
+            Self::MassMatrix { determinant } => write!(
+                f,
+                "the mass matrix is not positive definite: m22 m33 - m23^2 = {determinant}; check added_mass.y_rdot"
+            ),
+            Self::Limits { path, low, high, neutral } => write!(
+                f,
+                "{path} has the limits [{low}, {high}] and the neutral value {neutral}; the lower limit must be below the upper one, and the neutral value between them"
+            ),
+            Self::Degrees { path, angle } => write!(
+                f,
+                "{path} reaches {angle} rad, more than half a turn: state the unit of the command as deg, or correct the gain"
+            ),
+            Self::Name { kind, name } if name.is_empty() => write!(f, "a {kind} has an empty name"),
+            Self::Name { kind, name } => write!(f, "two {kind}s have the name '{name}': rename one"),
+            Self::Nothing { what } => write!(f, "the vessel has no {what}: add at least one"),
+            Self::Unused { name } => write!(
+                f,
+                "the command '{name}' moves no actuator: name it in the order of one, or leave it out"
+            ),
+            Self::Servos { given } => {
+                write!(f, "the vessel has {given} moving parts; at most {MAX_SERVOS} are possible")
+            }
+            Self::NoDiameter { thruster, rudder } => write!(
+                f,
+                "rudder '{rudder}' is in the race of thruster '{thruster}', which has no diameter: add it"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for InvalidCraft {}

@@ -1,0 +1,84 @@
+//! Positions of actuators.
+
+use alloc::vec::Vec;
+
+use crate::vessel::Number;
+
+/// An order as a weighted sum of commands, within limits.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Order {
+    /// Command, its neutral value, and gain: the order is the sum of `gain (c - neutral)`.
+    pub terms: Vec<(usize, f64, f64)>,
+    /// Lowest and highest order.
+    pub limits: [f64; 2],
+}
+
+impl Order {
+    /// The order of a row of commands.
+    #[inline]
+    pub fn value(&self, commands: &[f64]) -> f64 {
+        let [low, high] = self.limits;
+        // A NaN is kept.
+        self.terms
+            .iter()
+            .map(|&(c, neutral, gain)| gain * (commands[c] - neutral))
+            .sum::<f64>()
+            .max(low)
+            .min(high)
+    }
+}
+
+/// The position of an actuator, which follows its order with a first-order lag and a limit of the rate:
+///
+/// ```text
+/// da/dt = sat((order - a) / lag, rate)
+/// ```
+///
+/// The step of a held order is exact: the position moves at the limit of the rate while `|order - a| > rate lag`, and the
+/// rest decays exponentially. A lag of zero leaves the limit of the rate alone; without both, the position is the order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Servo<T = f64> {
+    /// The order.
+    pub order: Order,
+    /// Time constant \[s\].
+    pub lag: T,
+    /// Largest rate, per second; none for no limit.
+    pub rate: Option<T>,
+}
+
+impl<T: Number> Servo<T> {
+    /// The position after `h` seconds from `position`.
+    #[inline]
+    pub fn step(&self, position: T, order: f64, h: f64) -> T {
+        let order = T::constant(order);
+        let error = order - position;
+        let size = Number::abs(error.value());
+        if size == 0.0 {
+            return order;
+        }
+        let has_lag = self.lag.value() > 0.0;
+        // Time at the limit of the rate, and the distance that is left after it.
+        let (after, left) = match self.rate {
+            None => (T::constant(h), error),
+            Some(rate) => {
+                let knee = if has_lag { rate * self.lag } else { T::constant(0.0) };
+                if size > knee.value() {
+                    let side = T::constant(if error.value() > 0.0 { 1.0 } else { -1.0 });
+                    let ramp = (error * side - knee) / rate;
+                    if ramp.value() >= h {
+                        return position + side * rate * h;
+                    }
+                    (T::constant(h) - ramp, side * knee)
+                } else {
+                    (T::constant(h), error)
+                }
+            }
+        };
+        if has_lag { order - left * (-(after / self.lag)).exp() } else { order }
+    }
+
+    /// Whether the position differs from the order in motion.
+    pub fn moves(&self) -> bool {
+        self.lag.value() > 0.0 || self.rate.is_some()
+    }
+}

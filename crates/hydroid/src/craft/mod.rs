@@ -1,0 +1,99 @@
+//! Vessel files with any set of actuators (TOML).
+//!
+//! A file states what is known of a boat: mass, hull, damping, commands, and for each thruster or rudder its place, its
+//! order as a sum of commands, and its coefficients. Numbers are in SI units and radians, commands in the units that the
+//! file states.
+//! The equations are those of [`hydroid_core::craft`]. Annotated examples are in the folder `vessels`.
+//!
+//! ```
+//! use hydroid::craft::parse;
+//!
+//! let file = parse(include_str!("../../../../vessels/otter.toml"), "otter.toml".as_ref())?;
+//! assert_eq!(file.craft.commands.len(), 2);
+//! # Ok::<(), hydroid::craft::CraftFileError>(())
+//! ```
+
+mod error;
+mod file;
+mod text;
+
+use hydroid_core::craft::Craft;
+
+pub use error::CraftFileError;
+pub use file::{is_craft, parse};
+
+/// Content of a vessel file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CraftFile {
+    /// The vessel.
+    pub craft: Craft,
+    /// Units of the commands in the file.
+    pub units: Vec<CommandUnit>,
+    /// Numbers to estimate.
+    pub estimate: Vec<Estimate>,
+    /// Thrusters that share numbers with another one.
+    pub ties: Vec<Tie>,
+}
+
+/// Unit of a command in the file.
+///
+/// The gains of orders are per unit of the file; a command that is an angle counts in radians.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CommandUnit {
+    /// Unit in the file.
+    pub text: String,
+    /// Unit of the stored values.
+    pub stored: String,
+    /// Stored value divided by the value in the file.
+    pub factor: f64,
+    /// Gain per stored unit divided by the gain in the file.
+    pub gain: f64,
+}
+
+/// A number to estimate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    /// Index in [`Craft::parameters`].
+    pub index: usize,
+    /// Standard deviation of the prior, relative to the given number.
+    pub prior: f64,
+    /// Standard deviation of the estimate, in the unit of the number; none before the estimation.
+    pub deviation: Option<f64>,
+}
+
+/// A thruster that has the numbers of another one but for those that its table states.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tie {
+    /// Index of the thruster.
+    pub thruster: usize,
+    /// Index of the other one.
+    pub like: usize,
+    /// Keys of the shared numbers.
+    pub keys: Vec<&'static str>,
+}
+
+impl CraftFile {
+    /// Sets numbers, in the order of [`Craft::parameters`]; those that are tied follow.
+    pub fn set_numbers(&mut self, numbers: &[f64]) {
+        let representatives = self.representatives();
+        let tied: Vec<f64> = representatives.iter().map(|&of| numbers[of]).collect();
+        self.craft = self.craft.with_numbers(&tied);
+    }
+
+    /// For each number the index of the one that it equals; its own index if it is free.
+    pub fn representatives(&self) -> Vec<usize> {
+        let parameters = self.craft.parameters();
+        let find = |path: &str| parameters.iter().position(|(p, _)| p.path == path);
+        (0..parameters.len())
+            .map(|index| {
+                let path = &parameters[index].0.path;
+                let other = self.ties.iter().find_map(|tie| {
+                    let name = |of: usize| format!("thruster.{}.", self.craft.thrusters[of].name);
+                    let key = path.strip_prefix(&name(tie.thruster))?;
+                    tie.keys.contains(&key).then(|| find(&format!("{}{key}", name(tie.like)))).flatten()
+                });
+                other.unwrap_or(index)
+            })
+            .collect()
+    }
+}
