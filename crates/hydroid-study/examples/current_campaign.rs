@@ -128,6 +128,7 @@ fn model(kind: &str, vessel: &VesselParams) -> anyhow::Result<Model> {
         motion: MotionOption::OverGround,
         sindy: SindyOptions::default(),
         networks: NetworkTrainingOptions::default(),
+        vessel: None,
     };
     let found = identify(&job, &mut silent())?;
     let model = found.candidates.into_iter().next().context("no model was found")?.model;

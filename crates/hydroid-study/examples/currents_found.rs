@@ -86,6 +86,7 @@ fn components(vessel: &VesselParams, seed: u64) -> anyhow::Result<Vec<Component>
         motion: MotionOption::ThroughWater,
         sindy: SindyOptions { members: EnsembleSize(0), ..SindyOptions::default() },
         networks: NetworkTrainingOptions::default(),
+        vessel: None,
     };
     let found = identify(&job, &mut silent())?.currents.context("no currents were found")?;
     let of_run = |(run, current): (&hydroid::identify::RunCurrent, &[f64; 2])| {

@@ -168,6 +168,7 @@ impl<'a> Runner<'a> {
                 seed,
                 ranges: plan.ranges.clone(),
                 networks,
+                vessel: None,
                 motion: MotionOption::OverGround,
                 sindy: plan.sindy.clone(),
             };

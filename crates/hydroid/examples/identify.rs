@@ -27,6 +27,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         motion: MotionOption::default(),
         sindy: SindyOptions::default(),
         networks: NetworkTrainingOptions::default(),
+        vessel: None,
     };
     let identified = identify(&job, &mut silent())?;
     let best = &identified.candidates[identified.best.ok_or("every model diverged")?];

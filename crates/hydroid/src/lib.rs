@@ -4,7 +4,7 @@
 //! (command sequences), `progress`, `toml_file`, `atomic`, `fingerprint`, `evaluate` (multi-step errors of any model),
 //! `faults` (sensor faults), `simulate` (commands to logs), `craft` (vessel files with any actuators), `model` (identified models and their files),
 //! `plant` (models that run freely), `manoeuvre` (manoeuvring trials), `sindy`
-//! (sparse regression), `committee` (difference equations combined by cross-validation), `adapt` (online adaptation along a log), `train` (networks), `closed_loop` (controllers on a
+//! (sparse regression), `grey_box` (numbers of a vessel file from logs), `committee` (difference equations combined by cross-validation), `adapt` (online adaptation along a log), `train` (networks), `closed_loop` (controllers on a
 //! simulated vessel), `identify` (from runs to an evaluated model).
 //!
 //! Items that are hidden in this documentation serve the other crates of the workspace and its tests. They are no part
@@ -21,6 +21,7 @@ pub mod excitation;
 pub mod faults;
 #[doc(hidden)]
 pub mod fingerprint;
+pub mod grey_box;
 pub mod identify;
 pub mod log;
 pub mod manoeuvre;

@@ -18,6 +18,7 @@ use super::{Duration, Horizon, LogArgs, Method, NamedRange};
   hydroid identify a.csv b.csv c.csv --library 'marine + rational' --constraint 'v: u r = r: u v' -o out
   hydroid identify a.csv b.csv c.csv --term u --term 'u |u|' --term 'n |n|' --lag none --gate none -o out
   hydroid identify a.csv b.csv c.csv --methods sindy --for-control -o out      for hydroid control
+  hydroid identify a.csv b.csv c.csv --vessel boat.toml -o out                 numbers of a vessel file
   hydroid identify a.csv b.csv c.csv --methods sindy,lstm,gru --budget 5m --range u=0:6,v=-1:1 -o out
   hydroid identify a.csv b.csv c.csv --methods sindy,lstm,gru --budget 5m --range u=0:6,v=-1:1 -o out --resume
   hydroid identify a.csv b.csv c.csv --methods sindy,direct --horizon 20 -o out      20 steps at once
@@ -64,6 +65,10 @@ pub struct Identify {
     /// Test logs, for the final evaluation only; without them the cross-validation judges
     #[arg(long, num_args = 1.., value_name = "LOG")]
     pub test: Vec<PathBuf>,
+    /// Estimate the marked numbers of a vessel file (grey box), beside the methods; the logs are read with the commands of the
+    /// file as inputs, and the result is a vessel file again
+    #[arg(long, value_name = "BOAT.toml")]
+    pub vessel: Option<PathBuf>,
     /// Methods, separated by commas
     #[arg(long, value_delimiter = ',', default_value = "sindy,committee")]
     pub methods: Vec<Method>,

@@ -2,12 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
+use anyhow::{Context as _, bail};
+use hydroid::craft::CraftFile;
 use hydroid::excitation::Excitation;
+use hydroid::grey_box::GreyBox;
 use hydroid::identify::{
     self, Candidate, EnsembleSize, IdentifyResult, Job, NetworkTrainingOptions, RefineOption, SindyOptions,
+    Training,
 };
-use hydroid::log::{InputDelay, Note, Split, Trajectory, split_named};
+use hydroid::log::{ChannelSpec, InputDelay, Note, Split, Trajectory, split_named};
 use hydroid::model::{self, Reading};
 use hydroid::simulate::Options;
 use hydroid::{atomic, log};
@@ -92,8 +95,13 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         }
         files = demonstration(&args.output, seed, global)?;
     }
-    let reading = logs::reading(logs::from_config(log), &args.log)?;
-    let methods: Vec<identify::Method> = args.methods.iter().map(|&method| method.into()).collect();
+    let vessel = args.vessel.as_deref().map(vessel).transpose()?;
+    let mut reading = logs::reading(logs::from_config(log), &args.log)?;
+    if let Some(vessel) = &vessel {
+        select(vessel, &mut reading);
+    }
+    let mut methods: Vec<identify::Method> = args.methods.iter().map(|&method| method.into()).collect();
+    methods.extend(vessel.as_ref().map(|_| identify::Method::GreyBox));
     let cross_validated =
         files.validate.is_empty() && methods.iter().all(|method| method.is_cross_validated());
     let (split, reading, notes) = files.split(&reading, cross_validated)?;
@@ -115,6 +123,7 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         motion: args.motion.unwrap_or(identify.motion),
         sindy,
         networks,
+        vessel,
     };
     let bar = ui::Bar::new("identifying", global);
     let identified = identify::identify_with_stages(&job, &mut bar.stage_callback());
@@ -134,6 +143,29 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         show(&args.output, &identified);
     }
     Ok(if identified.is_usable() { Outcome::Done } else { Outcome::Missed })
+}
+
+/// A vessel file with any set of actuators.
+fn vessel(path: &Path) -> anyhow::Result<CraftFile> {
+    let model = model::read(path)?;
+    let file = model.craft_file().with_context(|| {
+        format!(
+            "{} has one propeller and one rudder of the built-in vessels, whose numbers `hydroid adapt` learns: for --vessel, describe its commands and actuators in tables [[command]], [[thruster]] and [[rudder]] (an example is vessels/otter.toml)",
+            path.display()
+        )
+    })?;
+    Ok(file.clone())
+}
+
+/// The channels of a vessel, where the options name none.
+fn select(vessel: &CraftFile, reading: &mut Reading) {
+    let selection = &mut reading.selection;
+    if selection.outputs.is_empty() {
+        selection.outputs = ["u", "v", "r"].map(ChannelSpec::named).to_vec();
+    }
+    if selection.inputs.is_empty() {
+        selection.inputs = vessel.craft.commands.iter().map(|c| ChannelSpec::named(&c.name)).collect();
+    }
 }
 
 /// Origins of a cross-validation: more of them change the errors in the third digit only.
@@ -299,7 +331,11 @@ fn write(
 ) -> anyhow::Result<serde_json::Value> {
     let mut models = Vec::new();
     for candidate in &identified.candidates {
-        let file = model_file(folder, &candidate.model.description.name);
+        let name = &candidate.model.description.name;
+        let file = match candidate.model.craft() {
+            Some(_) => folder.join(format!("{name}.toml")),
+            None => model_file(folder, name),
+        };
         model::write(&candidate.model, &file)?;
         models.push(json!({
             "kind": candidate.model.kind(),
@@ -363,6 +399,21 @@ fn judged_on(candidate: &Candidate) -> &'static str {
     }
 }
 
+fn show_estimates(found: &GreyBox) {
+    outln!("  {:<28} {:>12} {:>12} {:>11}", "number", "given", "estimate", "+- 1 sigma");
+    for estimated in &found.estimates {
+        outln!(
+            "  {:<28} {:>12.5} {:>12.5} {:>11.2e} {}{}",
+            estimated.parameter.path,
+            estimated.given,
+            estimated.value,
+            estimated.deviation,
+            estimated.parameter.unit,
+            if estimated.informed { "" } else { "  (not determined by the logs)" }
+        );
+    }
+}
+
 fn show(folder: &Path, identified: &IdentifyResult) {
     for candidate in &identified.candidates {
         let model = &candidate.model;
@@ -382,6 +433,9 @@ fn show(folder: &Path, identified: &IdentifyResult) {
         if model.learning.is_some() {
             outln!("  equations that adapt online; the errors below include this adaptation");
         } else {
+            if let Training::GreyBox(found) = &candidate.training {
+                show_estimates(found);
+            }
             let equations = model.equations().map(|motion| motion.equations_text()).unwrap_or_default();
             for line in equations.into_iter().chain(model.network_text()) {
                 outln!("  {line}");

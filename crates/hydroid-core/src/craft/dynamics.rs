@@ -14,16 +14,22 @@ pub const MAX_SERVOS: usize = 16;
 /// order and, if there is one, its steering, then for each rudder its angle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dynamics<T = f64> {
-    hull: Hull<T>,
-    /// `m11`, `m22`, `m23`, `m33`.
-    mass: [T; 4],
-    determinant: T,
+    /// `m11`, `m22`, `m23`.
+    mass: [T; 3],
+    /// Inverse of the mass matrix: entries 11, 22, 23, 33.
+    inverse: [T; 4],
+    /// Row, column and value of the entries of the damping that are not zero.
+    linear: Vec<(usize, usize, T)>,
+    quadratic: Vec<(usize, usize, T)>,
+    lift: Vec<(usize, usize, T)>,
     /// `1/2 rho T C_d`.
     cross_flow: T,
     half_length: f64,
     half_density: f64,
     servos: Vec<Servo<T>>,
     thrusters: Vec<Thruster<T>>,
+    /// Sine and cosine of the angle of each thruster.
+    directions: Vec<(T, T)>,
     rudders: Vec<Rudder<T>>,
 }
 
@@ -43,15 +49,19 @@ impl<T: Number> Dynamics<T> {
         }
         servos.extend(craft.rudders.iter().map(|rudder| rudder.servo.clone()));
         assert!(servos.len() <= MAX_SERVOS, "at most {MAX_SERVOS} servos");
+        let determinant = m22 * m33 - m23 * m23;
         Self {
-            hull,
-            mass: [m11, m22, m23, m33],
-            determinant: m22 * m33 - m23 * m23,
+            mass: [m11, m22, m23],
+            inverse: [T::constant(1.0) / m11, m33 / determinant, -m23 / determinant, m22 / determinant],
+            linear: entries(&hull.linear, 0),
+            quadratic: entries(&hull.quadratic, 0),
+            lift: entries(&hull.lift, 1),
             cross_flow: hull.cross_flow * (0.5 * craft.water_density * draught),
             half_length: 0.5 * length,
             half_density: 0.5 * craft.water_density,
             servos,
             thrusters: craft.thrusters.clone(),
+            directions: craft.thrusters.iter().map(|thruster| thruster.angle.sin_cos()).collect(),
             rudders: craft.rudders.clone(),
         }
     }
@@ -59,6 +69,12 @@ impl<T: Number> Dynamics<T> {
     /// Number of servos.
     pub fn servos(&self) -> usize {
         self.servos.len()
+    }
+
+    /// The shortest lag of a servo \[s\]; infinite if there is none.
+    pub fn shortest_lag(&self) -> f64 {
+        let lags = self.servos.iter().map(|servo| servo.lag.value());
+        lags.filter(|lag| *lag > 0.0).fold(f64::INFINITY, f64::min)
     }
 
     /// Writes the positions that hold a row of commands.
@@ -71,7 +87,7 @@ impl<T: Number> Dynamics<T> {
     /// Moves the positions through `h` seconds with the commands held.
     pub fn move_servos(&self, positions: &mut [T], commands: &[f64], h: f64) {
         for (position, servo) in positions.iter_mut().zip(&self.servos) {
-            *position = servo.step(*position, servo.order.value(commands), h);
+            *position = servo.step(*position, servo.order.value(commands), h, servo.decay(h));
         }
     }
 
@@ -79,25 +95,25 @@ impl<T: Number> Dynamics<T> {
     /// velocities by the classical Runge-Kutta method of order 4.
     pub fn advance(&self, nu: &mut [T; 3], positions: &mut [T], commands: &[f64], h: f64, steps: usize) {
         let count = self.servos.len();
-        let mut orders = [0.0; MAX_SERVOS];
-        for (order, servo) in orders.iter_mut().zip(&self.servos) {
-            *order = servo.order.value(commands);
+        let half = 0.5 * h;
+        let mut held = [(0.0, T::constant(0.0)); MAX_SERVOS];
+        for (held, servo) in held.iter_mut().zip(&self.servos) {
+            *held = (servo.order.value(commands), servo.decay(half));
         }
-        let move_by = |positions: &mut [T; MAX_SERVOS], h: f64| {
-            for ((position, servo), order) in positions.iter_mut().zip(&self.servos).zip(orders) {
-                *position = servo.step(*position, order, h);
+        let move_half = |positions: &mut [T; MAX_SERVOS]| {
+            for ((position, servo), (order, decay)) in positions.iter_mut().zip(&self.servos).zip(held) {
+                *position = servo.step(*position, order, half, decay);
             }
         };
         let mut at = [T::constant(0.0); MAX_SERVOS];
         at[..count].copy_from_slice(&positions[..count]);
-        let half = 0.5 * h;
         for _ in 0..steps {
             let along = |k: &[T; 3], a: f64| -> [T; 3] { core::array::from_fn(|i| nu[i] + k[i] * a) };
             let k1 = self.acceleration(*nu, &at[..count]);
-            move_by(&mut at, half);
+            move_half(&mut at);
             let k2 = self.acceleration(along(&k1, half), &at[..count]);
             let k3 = self.acceleration(along(&k2, half), &at[..count]);
-            move_by(&mut at, half);
+            move_half(&mut at);
             let k4 = self.acceleration(along(&k3, h), &at[..count]);
             let sixth = h / 6.0;
             *nu = core::array::from_fn(|i| nu[i] + (k1[i] + (k2[i] + k3[i]) * 2.0 + k4[i]) * sixth);
@@ -108,39 +124,43 @@ impl<T: Number> Dynamics<T> {
     /// `dnu/dt` \[m/s^2, m/s^2, rad/s^2\] at positions of the servos.
     #[inline]
     pub fn acceleration(&self, nu: [T; 3], positions: &[T]) -> [T; 3] {
-        let [m11, m22, m23, m33] = self.mass;
+        let [m11, m22, m23] = self.mass;
         let [u, v, r] = nu;
         let damping = self.damping(nu);
         let applied = self.actuators(nu, positions);
         let x = applied[0] - damping[0] + (m22 * v + m23 * r) * r;
         let y = applied[1] - damping[1] - m11 * u * r;
         let n = applied[2] - damping[2] - (m22 - m11) * u * v - m23 * u * r;
-        [x / m11, (m33 * y - m23 * n) / self.determinant, (m22 * n - m23 * y) / self.determinant]
+        let [i11, i22, i23, i33] = self.inverse;
+        [i11 * x, i22 * y + i23 * n, i23 * y + i33 * n]
     }
 
     /// Damping forces `D(nu) nu` \[N, N, N m\].
     #[inline]
     pub fn damping(&self, nu: [T; 3]) -> [T; 3] {
         let [u, v, r] = nu;
-        let squared = nu.map(|w| w.abs() * w);
-        let Hull { linear, quadratic, lift, .. } = &self.hull;
-        let row = |i: usize| {
-            (0..3).fold(T::constant(0.0), |sum, j| sum + linear[i][j] * nu[j] + quadratic[i][j] * squared[j])
-        };
-        let speed = u.abs();
-        let lifted = |i: usize| (lift[i][0] * v + lift[i][1] * r) * speed;
-        let [side, moment] = self.cross_flow_integrals(v, r);
-        [row(0), row(1) + lifted(0) + self.cross_flow * side, row(2) + lifted(1) + self.cross_flow * moment]
+        let mut force = [T::constant(0.0); 3];
+        for &(i, j, value) in &self.linear {
+            force[i] = force[i] + value * nu[j];
+        }
+        for &(i, j, value) in &self.quadratic {
+            force[i] = force[i] + value * nu[j].abs() * nu[j];
+        }
+        for &(i, j, value) in &self.lift {
+            force[i] = force[i] + value * u.abs() * nu[j];
+        }
+        if self.half_length > 0.0 && self.cross_flow.value() > 0.0 {
+            let [side, moment] = self.cross_flow_integrals(v, r);
+            force[1] = force[1] + self.cross_flow * side;
+            force[2] = force[2] + self.cross_flow * moment;
+        }
+        force
     }
 
     /// Integrals of `|w| w` and `x |w| w` over the hull, `w = v + x r`: exact, by parts without change of sign.
     #[inline]
     fn cross_flow_integrals(&self, v: T, r: T) -> [T; 2] {
-        let zero = T::constant(0.0);
         let l = self.half_length;
-        if l == 0.0 || self.cross_flow.value() == 0.0 {
-            return [zero, zero];
-        }
         if Number::abs(v.value()) >= Number::abs(r.value()) * l {
             // v^2 + 2 x v r + x^2 r^2 over the whole length.
             let cubed = 2.0 * l * l * l / 3.0;
@@ -162,15 +182,15 @@ impl<T: Number> Dynamics<T> {
         let mut tau = [zero; 3];
         let mut thrusts = [(zero, zero); MAX_SERVOS];
         let mut place = 0;
-        for (thruster, slot) in self.thrusters.iter().zip(&mut thrusts) {
+        for ((thruster, &direction), slot) in self.thrusters.iter().zip(&self.directions).zip(&mut thrusts) {
             let order = positions[place];
             place += 1;
-            let mut angle = thruster.angle;
-            if thruster.steering.is_some() {
-                angle = angle + positions[place];
+            let (sin, cos) = if thruster.steering.is_some() {
                 place += 1;
-            }
-            let (sin, cos) = angle.sin_cos();
+                (thruster.angle + positions[place - 1]).sin_cos()
+            } else {
+                direction
+            };
             let [x, y] = thruster.position;
             let advance = (nu[0] - y * nu[2]) * cos + (nu[1] + x * nu[2]) * sin;
             let thrust = thruster.thrust(order, advance);
@@ -188,6 +208,15 @@ impl<T: Number> Dynamics<T> {
         }
         tau
     }
+}
+
+/// Row, column and value of the entries that are not zero; rows and columns are counted from `first`.
+fn entries<T: Number, const N: usize>(matrix: &[[T; N]; N], first: usize) -> Vec<(usize, usize, T)> {
+    let all = matrix
+        .iter()
+        .enumerate()
+        .flat_map(|(i, row)| row.iter().enumerate().map(move |(j, value)| (first + i, first + j, *value)));
+    all.filter(|(_, _, value)| value.value() != 0.0).collect()
 }
 
 impl<T: Number> Hull<T> {

@@ -47,38 +47,36 @@ pub struct Servo<T = f64> {
 }
 
 impl<T: Number> Servo<T> {
-    /// The position after `h` seconds from `position`.
+    /// Factor by which the distance from the order decays in `h` seconds without a limit of the rate.
     #[inline]
-    pub fn step(&self, position: T, order: f64, h: f64) -> T {
+    pub fn decay(&self, h: f64) -> T {
+        if self.lag.value() > 0.0 { (-(T::constant(h) / self.lag)).exp() } else { T::constant(0.0) }
+    }
+
+    /// The position after `h` seconds from `position`; `decay` is [`decay`](Self::decay) for this time.
+    #[inline]
+    pub fn step(&self, position: T, order: f64, h: f64, decay: T) -> T {
         let order = T::constant(order);
         let error = order - position;
         let size = Number::abs(error.value());
         if size == 0.0 {
             return order;
         }
-        let has_lag = self.lag.value() > 0.0;
-        // Time at the limit of the rate, and the distance that is left after it.
-        let (after, left) = match self.rate {
-            None => (T::constant(h), error),
-            Some(rate) => {
-                let knee = if has_lag { rate * self.lag } else { T::constant(0.0) };
-                if size > knee.value() {
-                    let side = T::constant(if error.value() > 0.0 { 1.0 } else { -1.0 });
-                    let ramp = (error * side - knee) / rate;
-                    if ramp.value() >= h {
-                        return position + side * rate * h;
-                    }
-                    (T::constant(h) - ramp, side * knee)
-                } else {
-                    (T::constant(h), error)
-                }
-            }
-        };
-        if has_lag { order - left * (-(after / self.lag)).exp() } else { order }
-    }
-
-    /// Whether the position differs from the order in motion.
-    pub fn moves(&self) -> bool {
-        self.lag.value() > 0.0 || self.rate.is_some()
+        let Some(rate) = self.rate else { return order - error * decay };
+        let knee = if self.lag.value() > 0.0 { rate * self.lag } else { T::constant(0.0) };
+        if size <= knee.value() {
+            return order - error * decay;
+        }
+        let side = T::constant(if error.value() > 0.0 { 1.0 } else { -1.0 });
+        // Time at the limit of the rate.
+        let ramp = (error * side - knee) / rate;
+        if ramp.value() >= h {
+            return position + side * rate * h;
+        }
+        if self.lag.value() > 0.0 {
+            order - side * knee * (-((T::constant(h) - ramp) / self.lag)).exp()
+        } else {
+            order
+        }
     }
 }

@@ -175,6 +175,16 @@ impl Craft {
         Ok(())
     }
 
+    /// Time after which the actuators have forgotten their positions \[s\]: the longest time for the whole range at the limit
+    /// of the rate, and three time constants.
+    pub fn settling_time(&self) -> f64 {
+        let time = |servo: &Servo| {
+            let range = 2.0 * self.reach(servo);
+            3.0 * servo.lag + servo.rate.map_or(0.0, |rate| range / rate)
+        };
+        self.servos().map(|(_, servo)| time(servo)).fold(0.0, f64::max)
+    }
+
     /// Largest magnitude of an order within the limits of the commands.
     fn reach(&self, servo: &Servo) -> f64 {
         let ends = |sign: f64| {

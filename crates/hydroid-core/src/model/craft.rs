@@ -10,13 +10,14 @@ use num_traits::Float;
 use super::plant::PlantModelError;
 use crate::craft::{Craft, Dynamics, MAX_SERVOS};
 use crate::predict::{Predictor, Workspace, rollout_steps};
+use crate::vessel::Dual;
 
 /// A [`Craft`] over samples with held commands: outputs `u, v, r`, inputs its commands, hidden states the positions of its
 /// actuators.
 ///
-/// A sample is a whole number of Runge-Kutta steps. Their number is doubled until twice as many give the same motion to
-/// 1e-7 of its range in every sample of the runs from rest to the limits of the commands (step doubling; E. Hairer, S. P.
-/// Norsett and G. Wanner, *Solving Ordinary Differential Equations I*, 1993, section II.4).
+/// A sample is a whole number of Runge-Kutta steps `h` with `h lambda <= 0.2`, where `lambda` bounds the eigenvalues of the
+/// equations of motion and the reciprocals of the lags, in runs from rest to the limits of the commands. The local error of
+/// such a step is about `(h lambda)^5 / 120 = 3e-6` of the change of the motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CraftModel {
     craft: Craft,
@@ -26,20 +27,20 @@ pub struct CraftModel {
     ranges: [[f64; 2]; 3],
 }
 
-/// Change of a sample by twice as many steps, relative to the range of the motion.
-const TOLERANCE: f64 = 1e-7;
-
-/// Shortest integration step relative to the sample.
-const MOST_STEPS: usize = 1 << 14;
+/// Step relative to the shortest time constant.
+const RELATIVE_STEP: f64 = 0.2;
 
 /// Longest integration step \[s\].
 const LONGEST_STEP_S: f64 = 0.5;
 
+/// Largest number of steps in a sample.
+const MOST_STEPS: f64 = 1e4;
+
 /// A run has settled if the motion changed by less than this share of its range over the last quarter.
 const SETTLED: f64 = 1e-3;
 
-/// Longest run \[samples\].
-const LONGEST_RUN: usize = 20_000;
+/// Longest run \[steps\].
+const LONGEST_RUN: usize = 1 << 14;
 
 impl CraftModel {
     /// A model with samples of `dt` seconds.
@@ -52,19 +53,14 @@ impl CraftModel {
             return Err(PlantModelError::Step(dt));
         }
         let dynamics = Dynamics::new(&craft);
-        let mut steps = 1;
-        while dt / steps as f64 > LONGEST_STEP_S {
-            steps *= 2;
+        let (ranges, step) = explore(&craft, &dynamics).ok_or(PlantModelError::Unbounded)?;
+        let steps = Float::ceil(dt / step - 1e-9).max(1.0);
+        if steps.is_nan() || steps > MOST_STEPS {
+            return Err(PlantModelError::Step(dt));
         }
-        loop {
-            match ranges(&craft, &dynamics, dt, steps) {
-                Some((ranges, error)) if error <= TOLERANCE => {
-                    return Ok(Self { dynamics: Arc::new(dynamics), craft, dt, steps, ranges });
-                }
-                _ if steps >= MOST_STEPS => return Err(PlantModelError::Unbounded),
-                _ => steps *= 2,
-            }
-        }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 1 and 10,000")]
+        let steps = steps as usize;
+        Ok(Self { dynamics: Arc::new(dynamics), craft, dt, steps, ranges })
     }
 
     /// The vessel.
@@ -110,10 +106,31 @@ fn corners(craft: &Craft) -> Vec<Vec<f64>> {
     corners
 }
 
-/// Ranges of the motion, and the largest change of a sample by twice as many steps; `None` if it is not finite.
-fn ranges(craft: &Craft, dynamics: &Dynamics, dt: f64, steps: usize) -> Option<([[f64; 2]; 3], f64)> {
+/// Largest row sum of the Jacobian of the equations of motion \[1/s\], with the yaw rate times the radius of gyration.
+fn stiffness(dynamics: &Dynamics<Dual<3>>, radius: f64, nu: [f64; 3], positions: &[f64]) -> f64 {
+    let scale = [1.0, 1.0, 1.0 / radius];
+    let nu = core::array::from_fn(|i| Dual::along(nu[i], i, scale[i]));
+    let mut at = [Dual::along(0.0, 3, 0.0); MAX_SERVOS];
+    for (at, position) in at.iter_mut().zip(positions) {
+        *at = Dual::along(*position, 3, 0.0);
+    }
+    let rates = dynamics.acceleration(nu, &at[..positions.len()]);
+    let row = |i: usize| rates[i].partials.iter().map(|p| Float::abs(*p)).sum::<f64>() / scale[i];
+    (0..3).map(row).fold(0.0, f64::max)
+}
+
+/// Ranges of the motion, and the integration step; `None` if the motion is not finite.
+fn explore(craft: &Craft, dynamics: &Dynamics) -> Option<([[f64; 2]; 3], f64)> {
+    let [_, m22, _, m33] = craft.hull.mass_matrix();
+    let radius = Float::sqrt(m33 / m22);
+    let differentiated: Dynamics<Dual<3>> = {
+        let numbers: Vec<Dual<3>> =
+            craft.parameters().iter().map(|(_, number)| Dual::along(*number, 3, 0.0)).collect();
+        Dynamics::new(&craft.with_numbers(&numbers))
+    };
+    let slowest = RELATIVE_STEP * dynamics.shortest_lag();
     let mut ranges = [[0.0_f64; 2]; 3];
-    let mut errors = [0.0_f64; 3];
+    let mut shortest = LONGEST_STEP_S.min(slowest);
     let servos = dynamics.servos();
     for command in corners(craft) {
         let mut nu = [0.0; 3];
@@ -121,26 +138,22 @@ fn ranges(craft: &Craft, dynamics: &Dynamics, dt: f64, steps: usize) -> Option<(
         let mut before = nu;
         let mut next_check = 64;
         for k in 0..LONGEST_RUN {
-            let mut fine = nu;
-            let mut fine_positions = positions;
-            let h = dt / steps as f64;
-            dynamics.advance(&mut fine, &mut fine_positions[..servos], &command, 0.5 * h, 2 * steps);
-            dynamics.advance(&mut nu, &mut positions[..servos], &command, h, steps);
-            for i in 0..3 {
-                if !fine[i].is_finite() || Float::abs(fine[i]) > 1e6 {
-                    return None;
-                }
-                ranges[i] = [ranges[i][0].min(fine[i]), ranges[i][1].max(fine[i])];
-                errors[i] = errors[i].max(Float::abs(fine[i] - nu[i]));
+            let lambda = stiffness(&differentiated, radius, nu, &positions[..servos]);
+            let step = (RELATIVE_STEP / lambda).min(LONGEST_STEP_S).min(slowest);
+            dynamics.advance(&mut nu, &mut positions[..servos], &command, step, 1);
+            if !nu.iter().all(|x| Float::abs(*x) < 1e6) {
+                return None;
             }
-            nu = fine;
-            positions = fine_positions;
+            shortest = shortest.min(step);
+            for (range, x) in ranges.iter_mut().zip(nu) {
+                *range = [range[0].min(x), range[1].max(x)];
+            }
             if 4 * k == 3 * next_check {
                 before = nu;
             }
             if k == next_check {
-                let moved = |i: usize| Float::abs(nu[i] - before[i]);
-                let settled = |i: usize| moved(i) <= SETTLED * (ranges[i][1] - ranges[i][0]);
+                let settled =
+                    |i: usize| Float::abs(nu[i] - before[i]) <= SETTLED * (ranges[i][1] - ranges[i][0]);
                 if (0..3).all(settled) {
                     break;
                 }
@@ -148,8 +161,7 @@ fn ranges(craft: &Craft, dynamics: &Dynamics, dt: f64, steps: usize) -> Option<(
             }
         }
     }
-    let error = (0..3).map(|i| errors[i] / (ranges[i][1] - ranges[i][0]).max(1e-9)).fold(0.0, f64::max);
-    Some((ranges, error))
+    Some((ranges, shortest))
 }
 
 /// A session of a [`CraftModel`]: `u`, `v` and `r` are measured or predicted. The actuators follow the commands; at the

@@ -5,6 +5,7 @@ mod committee;
 mod control_actuators;
 mod control_affine;
 mod controllers;
+mod craft;
 mod current;
 mod damped;
 mod dense;

@@ -56,6 +56,7 @@ fn job() -> Job {
         seed: 7,
         ranges: GivenRanges::new(),
         networks: NetworkTrainingOptions::default(),
+        vessel: None,
         motion: MotionOption::default(),
         sindy: SindyOptions { degree: Some(2), window_s: Some(0.5), ..SindyOptions::default() },
     }
@@ -320,7 +321,9 @@ fn found_mut(candidate: &mut Candidate) -> &mut hydroid::sindy::SearchResult {
         hydroid::identify::Training::Equations(found) | hydroid::identify::Training::Recursive(found) => {
             std::sync::Arc::make_mut(found)
         }
-        hydroid::identify::Training::Network(_) | hydroid::identify::Training::Committee(_) => {
+        hydroid::identify::Training::Network(_)
+        | hydroid::identify::Training::Committee(_)
+        | hydroid::identify::Training::GreyBox(_) => {
             panic!("it has no search")
         }
     }

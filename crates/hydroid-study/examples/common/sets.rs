@@ -133,6 +133,7 @@ impl Set {
             motion,
             sindy: SindyOptions::default(),
             networks: NetworkTrainingOptions { budget_s, ..NetworkTrainingOptions::default() },
+            vessel: None,
         })
     }
 }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use super::Method;
 use crate::committee::ChooseError;
 use crate::evaluate::EvaluateError;
+use crate::grey_box::GreyBoxError;
 use crate::sindy::expression::ExpressionError;
 use crate::sindy::{SearchError, UnknownLibrary};
 use crate::train::TrainError;
@@ -45,6 +46,12 @@ pub enum IdentifyError {
         /// The known names.
         known: String,
     },
+    /// The method grey-box has no vessel.
+    #[error("the method grey-box needs a vessel file: name it, as in --vessel boat.toml")]
+    NoVessel,
+    /// The numbers of a vessel file cannot be estimated.
+    #[error(transparent)]
+    GreyBox(#[from] GreyBoxError),
     /// Models of the motion through the water need a cross-validation.
     #[error(
         "models of the motion through the water are cross-validated: leave out --validate, and give only --methods sindy, committee"
@@ -208,6 +215,7 @@ impl IdentifyError {
         match self {
             Self::Sindy(SearchError::AllDiverged(_))
             | Self::Committee(ChooseError::TooShort { .. } | ChooseError::Singular)
+            | Self::GreyBox(GreyBoxError::NoStart)
             | Self::NoBase { .. }
             | Self::NoInputs { .. }
             | Self::NoCurrents

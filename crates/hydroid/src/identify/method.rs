@@ -17,6 +17,8 @@ pub enum Method {
     Recursive,
     /// A committee of difference equations, chosen by cross-validation over runs.
     Committee,
+    /// The marked numbers of a vessel file.
+    GreyBox,
     /// A recurrent network with LSTM cells.
     Lstm,
     /// A recurrent network with GRU cells.
@@ -37,6 +39,7 @@ impl Method {
             Self::Lagged => "lagged",
             Self::Recursive => "recursive",
             Self::Committee => "committee",
+            Self::GreyBox => "grey-box",
             Self::Lstm | Self::Gru | Self::Rnn | Self::Direct | Self::Affine => {
                 self.cell().map_or("", CellKind::name)
             }
@@ -45,13 +48,13 @@ impl Method {
 
     /// Whether models of this method are cross-validated over the runs; the others need validation and test runs.
     pub fn is_cross_validated(self) -> bool {
-        matches!(self, Self::Sindy | Self::Committee)
+        matches!(self, Self::Sindy | Self::Committee | Self::GreyBox)
     }
 
     /// The kind of network; none for equations.
     pub fn cell(self) -> Option<CellKind> {
         match self {
-            Self::Sindy | Self::Lagged | Self::Recursive | Self::Committee => None,
+            Self::Sindy | Self::Lagged | Self::Recursive | Self::Committee | Self::GreyBox => None,
             Self::Lstm => Some(CellKind::Lstm),
             Self::Gru => Some(CellKind::Gru),
             Self::Rnn => Some(CellKind::Rnn),

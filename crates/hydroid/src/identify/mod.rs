@@ -11,6 +11,7 @@ mod error;
 mod evaluation;
 mod expressions;
 mod formulation;
+mod grey_box;
 mod leakage;
 mod method;
 mod networks;
@@ -23,6 +24,7 @@ mod verdict;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
+use crate::craft::CraftFile;
 use crate::evaluate::{DesignRange, Evaluation};
 use crate::log::{Note, Split, Trajectory};
 use crate::model::{Model, Reading};
@@ -71,6 +73,8 @@ pub struct Job {
     pub sindy: SindyOptions,
     /// Options of networks.
     pub networks: NetworkTrainingOptions,
+    /// The vessel of the method grey-box.
+    pub vessel: Option<CraftFile>,
 }
 
 impl Job {
@@ -82,6 +86,7 @@ impl Job {
             ranges: self.ranges.clone(),
             sindy: self.sindy.clone(),
             networks: self.networks.clone(),
+            vessel: self.vessel.clone(),
             ..*self
         }
     }

@@ -8,11 +8,12 @@ use hydroid_core::model::committee::Committee;
 use hydroid_core::model::sparse::Equations;
 
 use super::{
-    Candidate, IdentifyError, Job, Method, Parts, data_summary, equations, networks as recurrent,
+    Candidate, IdentifyError, Job, Method, Parts, data_summary, equations, grey_box, networks as recurrent,
     output_ranges, recursive,
 };
 use crate::committee;
 use crate::evaluate::DesignRange;
+use crate::grey_box::GreyBox;
 use crate::log::{Channel, Note, Trajectory, noise_level};
 use crate::model::{Body, Description, Members, Model, Port, Provenance, Reading};
 use crate::progress::{self, Progress};
@@ -28,6 +29,8 @@ pub enum Training {
     Recursive(Arc<SearchResult>),
     /// A committee.
     Committee(Arc<committee::Chosen>),
+    /// The numbers of a vessel file.
+    GreyBox(Arc<GreyBox>),
     /// A network, recurrent or a direct predictor.
     Network(Arc<train::Trained>),
 }
@@ -37,7 +40,7 @@ impl Training {
     pub fn found(&self) -> Option<&Arc<SearchResult>> {
         match self {
             Self::Equations(found) | Self::Recursive(found) => Some(found),
-            Self::Network(_) | Self::Committee(_) => None,
+            Self::Network(_) | Self::Committee(_) | Self::GreyBox(_) => None,
         }
     }
 
@@ -45,7 +48,7 @@ impl Training {
     pub fn network(&self) -> Option<&Arc<train::Trained>> {
         match self {
             Self::Network(trained) => Some(trained),
-            Self::Equations(_) | Self::Recursive(_) | Self::Committee(_) => None,
+            Self::Equations(_) | Self::Recursive(_) | Self::Committee(_) | Self::GreyBox(_) => None,
         }
     }
 
@@ -54,6 +57,7 @@ impl Training {
         match self {
             Self::Recursive(_) => "equations with online adaptation",
             Self::Committee(_) => "difference equations, some of which learn along a run",
+            Self::GreyBox(_) => "physical equations with numbers estimated from the logs",
             Self::Equations(_) if self.has_past() => "equations with past values",
             Self::Equations(_) => "memoryless equations",
             Self::Network(trained) => match trained.model {
@@ -74,6 +78,9 @@ impl Training {
                 "chosen among {} candidates by cross-validation and fitted on all training and validation runs",
                 chosen.candidates
             ),
+            Self::GreyBox(found) => {
+                format!("{} numbers estimated in {} iterations", found.estimates.len(), found.steps)
+            }
             Self::Network(trained) => format!(
                 "epoch {} of {}{}{}",
                 trained.best_epoch,
@@ -98,7 +105,7 @@ impl Training {
     /// Order of complexity: memoryless equations, equations with past values, adaptive equations, networks.
     pub(super) fn complexity(&self) -> (u8, bool) {
         let kind = match self {
-            Self::Equations(_) => 0,
+            Self::Equations(_) | Self::GreyBox(_) => 0,
             Self::Recursive(_) | Self::Committee(_) => 1,
             Self::Network(_) => 2,
         };
@@ -206,6 +213,13 @@ pub(super) fn train_by(
             }
             let score = chosen.error;
             (model, Training::Committee(Arc::new(chosen)), score)
+        }
+        Method::GreyBox => {
+            let describe = |body, settings| describe(job, parts, method, body, settings);
+            let (model, found, fits) =
+                grey_box::train(job, parts, describe, notes, &mut |fraction| tell(fraction, None))?;
+            left_out = fits;
+            (model, Training::GreyBox(Arc::new(found)), f64::INFINITY)
         }
         Method::Lstm | Method::Gru | Method::Rnn | Method::Direct | Method::Affine => {
             let base = sparse.map(|found| Arc::new(found.fit.equations.clone()));

@@ -15,7 +15,7 @@ mod noise;
 mod options;
 mod parsimony;
 mod qr;
-mod refine;
+pub(crate) mod refine;
 mod regression_form;
 mod robust;
 mod search;

@@ -35,6 +35,7 @@ fn identified(split: Split, horizon: usize, origin_stride: usize) -> Model {
         seed: 0,
         ranges: GivenRanges::new(),
         networks: NetworkTrainingOptions::default(),
+        vessel: None,
         motion: MotionOption::default(),
         sindy: SindyOptions::default(),
     };

@@ -139,6 +139,7 @@ fn job(methods: Vec<Method>) -> Identification {
         motion: MotionOption::default(),
         sindy: SindyOptions { degree: Some(1), members: EnsembleSize(0), ..SindyOptions::default() },
         networks: NetworkTrainingOptions { direct, ..NetworkTrainingOptions::default() },
+        vessel: None,
     }
 }
 

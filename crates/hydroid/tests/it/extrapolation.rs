@@ -43,6 +43,7 @@ fn from_small_commands_to_large_ones_nothing_diverges_and_persistence_is_beaten(
             seed: 0,
             ranges: GivenRanges::new(),
             networks: NetworkTrainingOptions::default(),
+            vessel: None,
             motion: MotionOption::default(),
             sindy: SindyOptions::default(),
         };

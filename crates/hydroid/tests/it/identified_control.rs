@@ -161,6 +161,7 @@ fn identified(vessel: &VesselParams, train_s: f64) -> Arc<Equations> {
         seed: 0,
         ranges: GivenRanges::new(),
         networks: NetworkTrainingOptions::default(),
+        vessel: None,
         motion: MotionOption::default(),
         sindy: SindyOptions {
             terms: PHYSICAL.iter().map(ToString::to_string).collect(),

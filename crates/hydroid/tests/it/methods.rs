@@ -44,6 +44,7 @@ fn job(methods: &[Method], split: Split) -> Job {
         seed: 0,
         ranges: GivenRanges::new(),
         networks: NetworkTrainingOptions::default(),
+        vessel: None,
         motion: MotionOption::default(),
         sindy: SindyOptions {
             degree: Some(2),
@@ -96,6 +97,7 @@ fn spikes_are_named_with_their_remedy() {
             seed: 0,
             ranges: GivenRanges::new(),
             networks: NetworkTrainingOptions::default(),
+            vessel: None,
             motion: MotionOption::default(),
             sindy: SindyOptions {
                 degree: Some(1),
@@ -129,6 +131,7 @@ fn a_given_lag_is_in_all_candidates() {
         seed: 0,
         ranges: GivenRanges::new(),
         networks: NetworkTrainingOptions::default(),
+        vessel: None,
         motion: MotionOption::default(),
         sindy: SindyOptions {
             lag: LagOption::Fixed([(String::from("RD_cmd"), 0.3)].into()),
@@ -218,6 +221,7 @@ fn runs_of_different_parts_that_share_data_are_refused() {
             seed: 0,
             ranges: GivenRanges::new(),
             networks: NetworkTrainingOptions::default(),
+            vessel: None,
             motion: MotionOption::default(),
             sindy: SindyOptions::default(),
         };

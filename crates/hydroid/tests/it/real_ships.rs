@@ -33,6 +33,7 @@ fn job(split: Split, horizon: usize, origin_stride: usize) -> Job {
         seed: 0,
         ranges: GivenRanges::new(),
         networks: NetworkTrainingOptions::default(),
+        vessel: None,
         motion: MotionOption::default(),
         sindy: SindyOptions::default(),
     }

@@ -81,6 +81,7 @@ fn job(train: Vec<Trajectory>, methods: &[Method]) -> Job {
         motion: MotionOption::Auto,
         sindy: SindyOptions { members: hydroid::identify::EnsembleSize(0), ..SindyOptions::default() },
         networks: NetworkTrainingOptions::default(),
+        vessel: None,
     }
 }
 

@@ -181,6 +181,7 @@ fn job(change: impl FnOnce(&mut NetworkOptions)) -> Identification {
         motion: MotionOption::default(),
         sindy: SindyOptions::default(),
         networks: NetworkTrainingOptions { all, direct, ..NetworkTrainingOptions::default() },
+        vessel: None,
     }
 }
 

@@ -1,7 +1,7 @@
 //! Levenberg-Marquardt iteration (Quart. Appl. Math. 2 (1944) 164; J. SIAM 11 (1963) 431) with prior and constraints.
 
 use super::parameters::Parameters;
-use super::shooting::{Linearization, Windows};
+use super::shooting::{Linearization, Parametric, Windows};
 use crate::progress::{self, Cancelled, Progress};
 use crate::sindy::active_set::{Problem, solve};
 use crate::sindy::constraints::{Coefficient, Constraints, Equality, Sign};
@@ -18,9 +18,9 @@ const MIN_RELATIVE_DECREASE: f64 = 1e-4;
 const INITIAL_DAMPING: f64 = 1e-2;
 
 #[derive(Clone, Debug, Default)]
-pub(super) struct LinearConstraints {
-    pub(super) equalities: Vec<(Vec<f64>, f64)>,
-    pub(super) signs: Vec<f64>,
+pub(crate) struct LinearConstraints {
+    pub(crate) equalities: Vec<(Vec<f64>, f64)>,
+    pub(crate) signs: Vec<f64>,
 }
 
 impl LinearConstraints {
@@ -50,12 +50,12 @@ impl LinearConstraints {
 }
 
 #[derive(Clone, Debug)]
-pub(super) struct Prior {
-    pub(super) centre: Vec<f64>,
+pub(crate) struct Prior {
+    pub(crate) centre: Vec<f64>,
     /// Norm of the column of each parameter at the centre: the unit of a prior of strength 1.
-    pub(super) norms: Vec<f64>,
+    pub(crate) norms: Vec<f64>,
     /// Information of the prior relative to that of the windows about the parameter alone.
-    pub(super) strength: f64,
+    pub(crate) strength: f64,
 }
 
 impl Prior {
@@ -107,15 +107,15 @@ fn append_diagonal_rows(problem: &mut QrFactor, weight: f64, aims: &[f64]) {
 }
 
 #[derive(Clone, Debug)]
-pub(super) struct Minimum {
-    pub(super) values: Vec<f64>,
-    pub(super) linear: Linearization,
-    pub(super) steps: usize,
+pub(crate) struct Minimum {
+    pub(crate) values: Vec<f64>,
+    pub(crate) linear: Linearization,
+    pub(crate) steps: usize,
 }
 
-pub(super) fn levenberg_marquardt(
+pub(crate) fn levenberg_marquardt<P: Parametric>(
     windows: &Windows<'_>,
-    parameters: &Parameters,
+    parameters: &P,
     start: (Vec<f64>, Linearization),
     prior: &Prior,
     constraints: &LinearConstraints,

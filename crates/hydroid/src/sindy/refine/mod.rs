@@ -15,6 +15,7 @@
 //! the measurement; with noise alone all errors have equal weight, and the estimate has the maximum likelihood. The
 //! last sum is a prior at the regression estimate `p0`, with the norm `d_j` of the column of `p_j`.
 
+mod equations;
 mod levenberg_marquardt;
 mod outcome;
 mod parameters;
@@ -22,11 +23,11 @@ mod shooting;
 
 use hydroid_core::model::sparse::Equations;
 
-use self::levenberg_marquardt::{LinearConstraints, Prior, levenberg_marquardt};
+pub(crate) use self::levenberg_marquardt::{LinearConstraints, Prior, levenberg_marquardt};
 pub(super) use self::outcome::Attempt;
 pub use self::outcome::{Outcome, Refinement};
 use self::parameters::Parameters;
-use self::shooting::Windows;
+pub(crate) use self::shooting::{Linearization, Parametric, ShootingModel, Windows};
 use super::constraints::Constraints;
 use super::noise::noise_std;
 use super::structure::{GateSpec, Lag};

@@ -1,10 +1,8 @@
-//! Multiple shooting: multi-step errors of equations on windows of runs and their derivatives, as QR factors.
+//! Multiple shooting: multi-step errors of a model on windows of runs and their derivatives, as QR factors.
 
-use hydroid_core::model::sparse::{Equations, Sensitivity};
 use hydroid_core::predict::Workspace;
 use rayon::prelude::*;
 
-use super::parameters::Parameters;
 use crate::evaluate::DesignRange;
 use crate::log::Trajectory;
 use crate::sindy::qr::{BLOCK_ROWS, QrFactor};
@@ -16,38 +14,35 @@ const MAX_TASKS: usize = 96;
 /// Gauss-Newton steps for the initial outputs of a window; the problem is almost linear in them.
 const START_STEPS: usize = 2;
 
-/// Relative step of central finite differences; the derivatives have about eight digits.
-const DIFFERENCE: f64 = 1e-4;
-
 /// Start of the process before its first window, in warm-ups.
 const SETTLING: usize = 3;
 
 #[derive(Clone, Debug)]
-pub(super) struct Windows<'a> {
-    pub(super) runs: &'a [&'a Trajectory],
-    pub(super) horizon: usize,
-    pub(super) stride: usize,
+pub(crate) struct Windows<'a> {
+    pub(crate) runs: &'a [&'a Trajectory],
+    pub(crate) horizon: usize,
+    pub(crate) stride: usize,
     /// Weight of an error of each output: the inverse of its standard deviation.
-    pub(super) weights: Vec<f64>,
+    pub(crate) weights: Vec<f64>,
     /// Weight of the measurement error at the start of a window.
-    pub(super) start: Vec<f64>,
-    pub(super) ranges: &'a [DesignRange],
-    pub(super) huber: Option<f64>,
+    pub(crate) start: Vec<f64>,
+    pub(crate) ranges: &'a [DesignRange],
+    pub(crate) huber: Option<f64>,
 }
 
 #[derive(Clone, Debug)]
-pub(super) struct Linearization {
+pub(crate) struct Linearization {
     /// Sum of the loss over all errors.
-    pub(super) cost: f64,
-    pub(super) errors: u64,
+    pub(crate) cost: f64,
+    pub(crate) errors: u64,
     /// Sum of squares of the unweighted errors of each output, and their number.
-    pub(super) squares: Vec<(f64, u64)>,
+    pub(crate) squares: Vec<(f64, u64)>,
     /// Factors of `[J r]` of consecutive windows, with the initial outputs eliminated.
     pub(super) parts: Vec<QrFactor>,
 }
 
 impl Linearization {
-    pub(super) fn merged(&self) -> Option<QrFactor> {
+    pub(crate) fn merged(&self) -> Option<QrFactor> {
         let mut parts = self.parts.iter();
         let mut merged = parts.next()?.clone();
         parts.for_each(|part| merged.merge(part));
@@ -62,22 +57,73 @@ struct Task<'a> {
     end: usize,
 }
 
+/// A model with fixed parameters, of which windows of runs are rolled out.
+pub(crate) trait ShootingModel: Sync {
+    /// Hidden state along a run.
+    type Past;
+
+    fn outputs(&self) -> usize;
+
+    fn inputs(&self) -> usize;
+
+    /// Number of parameters.
+    fn parameters(&self) -> usize;
+
+    fn warm_up(&self) -> usize;
+
+    /// The unknown state before a run.
+    fn past(&self) -> Self::Past;
+
+    /// Takes the measurements of a sample; NaN where they are missing.
+    fn observe(&self, past: &mut Self::Past, y: &[f64]);
+
+    /// Whether all on which a rollout depends is known.
+    fn is_known(&self, past: &Self::Past) -> bool;
+
+    /// Goes to the next sample with a command.
+    fn wait(&self, past: &mut Self::Past, c: &[f64]);
+
+    /// Rolls out from the outputs `start`: rows of outputs `y`, the start included, and their derivatives by the start.
+    fn roll_start(
+        &self,
+        past: &Self::Past,
+        start: &[f64],
+        commands: &[f64],
+        work: &mut Workspace,
+        y: &mut [f64],
+        by_start: &mut [f64],
+    );
+
+    /// As [`roll_start`](Self::roll_start), with the derivatives by the start, then by the parameters: rows of
+    /// `outputs + parameters` numbers.
+    fn roll(
+        &self,
+        past: &Self::Past,
+        start: &[f64],
+        commands: &[f64],
+        work: &mut Workspace,
+        y: &mut [f64],
+        jacobian: &mut [f64],
+    );
+}
+
+/// A family of models.
+pub(crate) trait Parametric: Sync {
+    type Model: ShootingModel;
+
+    /// The model with these values of the parameters; none if they are invalid.
+    fn model(&self, values: &[f64]) -> Option<Self::Model>;
+}
+
 impl Windows<'_> {
     /// Errors and their derivatives; `None` if a rollout diverges. Independent of the number of threads.
-    pub(super) fn linearise(&self, parameters: &Parameters, values: &[f64]) -> Option<Linearization> {
-        let equations = parameters.equations(values).ok()?;
-        let perturbations = perturbations(parameters, values)?;
-        let linearizer = Linearizer {
-            windows: self,
-            short: Sensitivity::new(&equations, &[]).ok()?,
-            full: Sensitivity::new(&equations, parameters.places()).ok()?,
-            equations: &equations,
-            perturbations: &perturbations,
-            width: parameters.len() + 1,
-        };
-        let tasks = self.tasks(equations.warm_up());
+    pub(crate) fn linearise<P: Parametric>(&self, parameters: &P, values: &[f64]) -> Option<Linearization> {
+        let model = parameters.model(values)?;
+        let width = model.parameters() + 1;
+        let linearizer = Linearizer { windows: self, model: &model, width };
+        let tasks = self.tasks(model.warm_up());
         let parts: Vec<Option<TaskResult>> = tasks.par_iter().map(|task| linearizer.process(task)).collect();
-        let n = equations.outputs();
+        let n = model.outputs();
         let mut linear = Linearization {
             cost: 0.0,
             errors: 0,
@@ -115,21 +161,6 @@ impl Windows<'_> {
     }
 }
 
-/// Equations with each parameter except coefficients decreased and increased, and the inverse of the difference.
-fn perturbations(parameters: &Parameters, values: &[f64]) -> Option<Vec<(Equations, Equations, f64)>> {
-    let first = parameters.places().len();
-    let perturbed = |at: usize, by: f64| {
-        let mut moved = values.to_vec();
-        moved[at] += by;
-        parameters.equations(&moved).ok()
-    };
-    let one = |(i, size): (usize, f64)| {
-        let by = DIFFERENCE * size;
-        Some((perturbed(first + i, -by)?, perturbed(first + i, by)?, 0.5 / by))
-    };
-    parameters.sizes().into_iter().enumerate().map(one).collect()
-}
-
 struct TaskResult {
     cost: f64,
     errors: u64,
@@ -137,18 +168,15 @@ struct TaskResult {
     qr: QrFactor,
 }
 
-struct Linearizer<'a> {
+struct Linearizer<'a, M> {
     windows: &'a Windows<'a>,
-    equations: &'a Equations,
-    short: Sensitivity,
-    full: Sensitivity,
-    perturbations: &'a [(Equations, Equations, f64)],
+    model: &'a M,
     width: usize,
 }
 
 struct Buffers {
     y: Vec<f64>,
-    s: Vec<f64>,
+    jacobian: Vec<f64>,
     start_jacobian: Vec<f64>,
     matrix: Vec<f64>,
     block: Vec<f64>,
@@ -156,20 +184,15 @@ struct Buffers {
     work: Workspace,
 }
 
-impl Linearizer<'_> {
+impl<M: ShootingModel> Linearizer<'_, M> {
     fn process(&self, task: &Task<'_>) -> Option<TaskResult> {
-        let (n, h) = (self.equations.outputs(), self.windows.horizon);
+        let (n, h) = (self.model.outputs(), self.windows.horizon);
         let run = task.run;
-        // The states of the perturbed equations differ for the same past.
-        let all: Vec<&Equations> = std::iter::once(self.equations)
-            .chain(self.perturbations.iter().flat_map(|(low, high, _)| [low, high]))
-            .collect();
-        let mut states: Vec<Vec<f64>> = all.iter().map(|e| vec![f64::NAN; e.state_len()]).collect();
-        let mut scratch = vec![0.0; n];
         let columns = n + self.width;
+        let mut past = self.model.past();
         let mut buffers = Buffers {
             y: vec![0.0; (h + 1) * n],
-            s: vec![0.0; (h + 1) * n * self.full.parameters()],
+            jacobian: vec![0.0; (h + 1) * n * (columns - 1)],
             start_jacobian: vec![0.0; (h + 1) * n * n],
             matrix: vec![0.0; columns * (h + 1) * n],
             block: vec![0.0; self.width * BLOCK_ROWS],
@@ -178,19 +201,15 @@ impl Linearizer<'_> {
         };
         let mut part =
             TaskResult { cost: 0.0, errors: 0, squares: vec![(0.0, 0); n], qr: QrFactor::new(self.width) };
-        let from = task.first.saturating_sub(SETTLING * self.equations.warm_up());
+        let from = task.first.saturating_sub(SETTLING * self.model.warm_up());
         for k in from..task.end {
-            for state in &mut states {
-                state[..n].copy_from_slice(run.outputs.row(k));
-            }
+            self.model.observe(&mut past, run.outputs.row(k));
             let starts = k >= task.first && (k - task.first).is_multiple_of(self.windows.stride);
             // Windows with a gap at the start or in the past are skipped.
-            if starts && states.iter().flatten().all(|x| x.is_finite()) {
-                self.window(run, k, &states, &mut buffers, &mut part)?;
+            if starts && self.model.is_known(&past) {
+                self.window(run, k, &past, &mut buffers, &mut part)?;
             }
-            for (equations, state) in all.iter().zip(&mut states) {
-                equations.wait(state, run.inputs.row(k), &mut scratch);
-            }
+            self.model.wait(&mut past, run.inputs.row(k));
         }
         if buffers.filled > 0 {
             part.qr.append_rows(&mut buffers.block, buffers.filled);
@@ -202,36 +221,33 @@ impl Linearizer<'_> {
         &self,
         run: &Trajectory,
         k: usize,
-        states: &[Vec<f64>],
+        past: &M::Past,
         buffers: &mut Buffers,
         part: &mut TaskResult,
     ) -> Option<()> {
-        let (n, h) = (self.equations.outputs(), self.windows.horizon);
-        let m = self.equations.inputs();
+        let (n, h) = (self.model.outputs(), self.windows.horizon);
+        let m = self.model.inputs();
         let commands: Vec<f64> = (k..k + h).flat_map(|j| run.inputs.row(j)[..m].iter().copied()).collect();
         if commands.iter().any(|c| !c.is_finite()) {
             return Some(());
         }
         let measured = |j: usize, i: usize| run.outputs.row(k + j)[i];
-        let mut state = states[0].clone();
+        let mut start = run.outputs.row(k)[..n].to_vec();
+        let Buffers { y, jacobian, start_jacobian, work, .. } = &mut *buffers;
         for _ in 0..START_STEPS {
-            let scratch = buffers.work.take(self.short.scratch());
-            self.short.rollout(&state, &commands, scratch, &mut buffers.y, &mut buffers.start_jacobian);
-            self.check(&buffers.y)?;
-            let step = self.start_step(&buffers.y, &buffers.start_jacobian, &state, measured);
-            state.iter_mut().zip(step).for_each(|(x, d)| *x += d);
+            self.model.roll_start(past, &start, &commands, work, y, start_jacobian);
+            self.check(y)?;
+            let step = self.start_step(y, start_jacobian, &start, measured);
+            start.iter_mut().zip(step).for_each(|(x, d)| *x += d);
         }
-        let p = self.full.parameters();
-        let scratch = buffers.work.take(self.full.scratch());
-        self.full.rollout(&state, &commands, scratch, &mut buffers.y, &mut buffers.s);
-        self.check(&buffers.y)?;
+        self.model.roll(past, &start, &commands, work, y, jacobian);
+        self.check(y)?;
         let rows = (h + 1) * n;
         let columns = n + self.width;
         buffers.matrix.fill(0.0);
-        // Columns: start, coefficients, other parameters, error.
-        let other = p;
+        // Columns: start, parameters, error.
+        let p = columns - 1;
         let mut losses = 0.0;
-        let mut row_weights = vec![0.0; rows];
         for j in 0..=h {
             for i in 0..n {
                 let error = measured(j, i) - buffers.y[j * n + i];
@@ -246,10 +262,9 @@ impl Linearizer<'_> {
                 };
                 losses += loss;
                 let row = j * n + i;
-                row_weights[row] = weight * factor;
                 buffers.matrix[(columns - 1) * rows + row] = e * factor;
                 for q in 0..p {
-                    buffers.matrix[q * rows + row] = weight * factor * buffers.s[row * p + q];
+                    buffers.matrix[q * rows + row] = weight * factor * buffers.jacobian[row * p + q];
                 }
                 if j > 0 {
                     part.squares[i].0 += error * error;
@@ -259,22 +274,6 @@ impl Linearizer<'_> {
             }
         }
         part.cost += losses;
-        for (v, (low, high, inverse)) in self.perturbations.iter().enumerate() {
-            for (equations, sign, own) in
-                [(low, -*inverse, &states[1 + 2 * v]), (high, *inverse, &states[2 + 2 * v])]
-            {
-                let mut own = own.clone();
-                own[..n].copy_from_slice(&state[..n]);
-                let scratch = buffers.work.take(equations.scratch());
-                for j in 1..=h {
-                    equations.step(&mut own, &commands[(j - 1) * m..j * m], scratch);
-                    for i in 0..n {
-                        let row = j * n + i;
-                        buffers.matrix[(other + v) * rows + row] += row_weights[row] * sign * own[i];
-                    }
-                }
-            }
-        }
         householder(&mut buffers.matrix, rows, n, columns);
         // The rows after elimination of the initial outputs.
         let mut row = n;
@@ -296,7 +295,7 @@ impl Linearizer<'_> {
     }
 
     fn check(&self, y: &[f64]) -> Option<()> {
-        let n = self.equations.outputs();
+        let n = self.model.outputs();
         let bad = |row: &[f64]| row.iter().zip(self.windows.ranges).any(|(y, range)| range.diverged(*y));
         (!y.chunks_exact(n).any(bad)).then_some(())
     }
@@ -305,15 +304,15 @@ impl Linearizer<'_> {
         &self,
         y: &[f64],
         start_jacobian: &[f64],
-        state: &[f64],
+        start: &[f64],
         measured: impl Fn(usize, usize) -> f64,
     ) -> Vec<f64> {
-        let n = self.equations.outputs();
+        let n = self.model.outputs();
         let mut matrix = vec![0.0; n * (n + 1)];
         for j in 0..=self.windows.horizon {
             for i in 0..n {
                 let (weight, error) = if j == 0 {
-                    (self.windows.start[i], measured(0, i) - state[i])
+                    (self.windows.start[i], measured(0, i) - start[i])
                 } else {
                     (self.windows.weights[i], measured(j, i) - y[j * n + i])
                 };

@@ -1,0 +1,73 @@
+//! The numbers of a vessel file as a method of identification.
+
+use std::sync::Arc;
+
+use hydroid_core::model::CraftModel;
+use serde_json::{Map, Value, json};
+
+use super::{CrossValidation, IdentifyError, Job, Parts};
+use crate::craft::CraftFile;
+use crate::grey_box::{Estimated, GreyBox, GreyBoxError, GreyBoxOptions, fit};
+use crate::log::{Note, Trajectory};
+use crate::model::{Body, Model, NamedCraft};
+use crate::progress::Progress;
+
+/// The vessel fitted to all runs, and for each fold the one fitted without it.
+pub(super) fn train(
+    job: &Job,
+    parts: &Parts<'_>,
+    describe: impl Fn(Body, Value) -> Model,
+    notes: &mut Vec<Note>,
+    progress: Progress<'_>,
+) -> Result<(Model, GreyBox, Vec<Model>), IdentifyError> {
+    let file = job.vessel.as_ref().ok_or(IdentifyError::NoVessel)?;
+    let folds = parts.folds.map_or(0, CrossValidation::folds);
+    let mut fitted = |runs: &[&Trajectory], start: Option<&CraftFile>, number: usize| {
+        let options = GreyBoxOptions { runs, ranges: &parts.ranges, horizon: job.horizon, start };
+        fit(file, &options, &mut |f| progress((number as f64 + f) / (folds + 1) as f64))
+    };
+    let found = fitted(&parts.train, None, 0)?;
+    notes.extend(note(&found));
+    let body = |file: &CraftFile| {
+        let model = CraftModel::new(file.craft.clone(), parts.train[0].dt).map_err(GreyBoxError::from)?;
+        Ok::<Body, IdentifyError>(Body::Craft(Arc::new(NamedCraft { model, file: file.clone() })))
+    };
+    let settings = json!({ "estimates": estimates(&found), "horizon": job.horizon });
+    let model = describe(body(&found.file)?, settings);
+    let mut left_out = Vec::new();
+    for fold in 0..folds {
+        let runs = parts.folds.map(|folds| folds.without(fold, &job.split.train)).unwrap_or_default();
+        let runs: Vec<&Trajectory> = runs.iter().map(AsRef::as_ref).collect();
+        left_out
+            .push(Model { body: body(&fitted(&runs, Some(&found.file), fold + 1)?.file)?, ..model.clone() });
+    }
+    Ok((model, found, left_out))
+}
+
+fn estimates(found: &GreyBox) -> Map<String, Value> {
+    let entry = |estimated: &Estimated| {
+        let entry = json!({
+            "given": estimated.given,
+            "value": estimated.value,
+            "deviation": estimated.deviation,
+            "unit": estimated.parameter.unit,
+            "informed": estimated.informed,
+        });
+        (estimated.parameter.path.clone(), entry)
+    };
+    found.estimates.iter().map(entry).collect()
+}
+
+/// A warning of numbers that the logs do not determine.
+fn note(found: &GreyBox) -> Option<Note> {
+    let open = found.estimates.iter().filter(|estimated| !estimated.informed);
+    let open: Vec<&str> = open.map(|estimated| estimated.parameter.path.as_str()).collect();
+    (!open.is_empty()).then(|| {
+        let message = format!(
+            "the logs do not determine {}: the estimates are near the given numbers",
+            open.join(", ")
+        );
+        let remedy = "leave them out of estimate, or add logs with motions on which they act";
+        Note::warning(message).with_remedy(remedy)
+    })
+}
