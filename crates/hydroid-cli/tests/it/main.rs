@@ -19,3 +19,4 @@ mod low_speed;
 mod manoeuvre;
 mod networks;
 mod thesis;
+mod vessel_files;

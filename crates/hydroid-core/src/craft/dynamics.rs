@@ -107,6 +107,12 @@ impl<T: Number> Dynamics<T> {
         };
         let mut at = [T::constant(0.0); MAX_SERVOS];
         at[..count].copy_from_slice(&positions[..count]);
+        // A position that follows at once is at its order from the first stage on.
+        for ((position, servo), (order, _)) in at.iter_mut().zip(&self.servos).zip(held) {
+            if servo.follows_at_once() {
+                *position = T::constant(order);
+            }
+        }
         for _ in 0..steps {
             let along = |k: &[T; 3], a: f64| -> [T; 3] { core::array::from_fn(|i| nu[i] + k[i] * a) };
             let k1 = self.acceleration(*nu, &at[..count]);

@@ -22,12 +22,13 @@
 //! drag: section 6.4.) A thruster at `(x, y)` pushes along the angle `alpha` from forward towards starboard:
 //!
 //! ```text
-//! T = k_f n^2 - k_u n u_a  (n > 0),    T = -k_b n^2 - k_u |n| u_a  (n < 0),    T = k_f n or k_b n (linear law)
+//! T = k_f n^2 - k_u n u_a  (n > 0),    T = -k_b n^2 - k_u |n| u_a  (n < 0)          quadratic law
+//! T = k_f n - k_u n u_a    (n > 0),    T = k_b n - k_u |n| u_a     (n < 0)          linear law
 //! u_a = (u - y r) cos alpha + (v + x r) sin alpha
 //! tau = T [cos alpha,  sin alpha,  x sin alpha - y cos alpha]
 //! ```
 //!
-//! (Fossen 2021, section 9.1.) A rudder at `(x, y)` with the angle `delta`, positive for a turn to starboard ahead:
+//! where `n` is the position of its order, less the dead band (Fossen 2021, section 9.1). A rudder at `(x, y)` with the angle `delta`, positive for a turn to starboard ahead:
 //!
 //! ```text
 //! u_R = (1 - w)(u - y r) + kappa (sqrt(u_a^2 + 2 T / (rho pi D^2 / 4)) - |u_a|)      in the race of a thruster, T > 0

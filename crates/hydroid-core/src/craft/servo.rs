@@ -79,4 +79,10 @@ impl<T: Number> Servo<T> {
             order
         }
     }
+
+    /// Whether the position is always the order: there is no lag and no limit of the rate.
+    #[inline]
+    pub fn follows_at_once(&self) -> bool {
+        self.rate.is_none() && self.lag.value() == 0.0
+    }
 }

@@ -7,6 +7,7 @@ use serde_json::{Map, Value, json};
 
 use super::{CrossValidation, IdentifyError, Job, Parts};
 use crate::craft::CraftFile;
+use crate::evaluate::DesignRange;
 use crate::grey_box::{Estimated, GreyBox, GreyBoxError, GreyBoxOptions, fit};
 use crate::log::{Note, Trajectory};
 use crate::model::{Body, Model, NamedCraft};
@@ -33,7 +34,13 @@ pub(super) fn train(
         Ok::<Body, IdentifyError>(Body::Craft(Arc::new(NamedCraft { model, file: file.clone() })))
     };
     let settings = json!({ "estimates": estimates(&found), "horizon": job.horizon });
-    let model = describe(body(&found.file)?, settings);
+    let mut model = describe(body(&found.file)?, settings);
+    // The vessel file states the limits of its commands.
+    for (port, command) in model.description.inputs.iter_mut().zip(&file.craft.commands) {
+        let [low, high] = command.limits;
+        port.training_range = port.training_range.or(Some(port.range));
+        port.range = DesignRange { low, high };
+    }
     let mut left_out = Vec::new();
     for fold in 0..folds {
         let runs = parts.folds.map(|folds| folds.without(fold, &job.split.train)).unwrap_or_default();

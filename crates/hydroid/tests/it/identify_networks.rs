@@ -55,6 +55,7 @@ fn job(methods: &[Method], [train, validation, test]: [usize; 3], driven: bool) 
             members: EnsembleSize(0),
             ..SindyOptions::default()
         },
+        vessel: None,
         networks: NetworkTrainingOptions {
             all: NetworkOptions {
                 hidden: Some(3),

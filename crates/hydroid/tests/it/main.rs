@@ -6,6 +6,7 @@ mod atomic;
 mod closed_loop;
 mod committee;
 mod control_of_models;
+mod craft;
 mod direct_equations;
 mod equations;
 mod estimate;

@@ -1,0 +1,121 @@
+//! Vessel files with any set of actuators from end to end: simulate, identify, manoeuvre, control.
+
+use std::fs;
+use std::path::Path;
+use std::process::Output;
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::common::{hydroid, text};
+
+fn vessel(name: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../vessels/{name}.toml"));
+    path.to_str().unwrap().to_owned()
+}
+
+fn ran(folder: &Path, args: &[&str]) -> Output {
+    let output = hydroid(folder, args).output().unwrap();
+    assert!(output.status.success(), "{args:?}: {}{}", text(&output.stderr), text(&output.stdout));
+    output
+}
+
+fn json(folder: &Path, args: &[&str]) -> Value {
+    serde_json::from_slice(&ran(folder, args).stdout).unwrap()
+}
+
+/// The way of a team with a boat of its own: a file for the boat, logs, the numbers of the file from the logs, a turning
+/// circle and a controller that steers another copy of the boat.
+#[test]
+fn a_boat_is_identified_manoeuvred_and_steered() {
+    for (name, dt, task) in [
+        ("otter", "0.1", ["--speed", "1.5", "--radius", "8"]),
+        ("tug", "0.5", ["--speed", "3", "--radius", "60"]),
+    ] {
+        let folder = TempDir::new().unwrap();
+        let at = folder.path();
+        let boat = vessel(name);
+        for seed in ["1", "2", "3"] {
+            let log = format!("{seed}.csv");
+            ran(at, &["simulate", &boat, "--duration", "200", "--dt", dt, "--seed", seed, "-o", &log]);
+        }
+        // A start that is wrong in one number of the hull.
+        let file = fs::read_to_string(&boat).unwrap();
+        let start = file.replace("i_z = 16.3025", "i_z = 22.0").replace("i_z = 1.58e7", "i_z = 2.2e7");
+        assert_ne!(file, start);
+        fs::write(at.join("start.toml"), start).unwrap();
+        let identify = [
+            "identify",
+            "1.csv",
+            "2.csv",
+            "3.csv",
+            "--vessel",
+            "start.toml",
+            "--methods",
+            "committee",
+            "-o",
+            "out",
+        ];
+        let summary = json(at, &[&identify[..], &["--json"]].concat());
+        let models = summary["models"].as_array().unwrap();
+        let grey_box = models.iter().find(|model| model["name"] == "grey-box").unwrap();
+        assert_eq!(grey_box["kind"], "craft");
+        assert_eq!(grey_box["file"], "out/grey-box.toml");
+        let numbers = json(at, &["inspect", "out/grey-box.toml", "--json"]);
+        let found = numbers["numbers"]["rigid_body.i_z"]["value"].as_f64().unwrap();
+        let truth = if name == "otter" { 16.3025 } else { 1.58e7 };
+        assert!((found / truth - 1.0).abs() < 0.1, "{name}: {found}");
+        let trials = json(at, &["manoeuvre", "out/grey-box.toml", "--trial", "turning-circle", "--json"]);
+        assert!(trials["trials"].as_array().unwrap().len() == 2, "{trials}");
+        let control = [
+            &[
+                "control",
+                "out/grey-box.toml",
+                "--plant",
+                &boat,
+                "--controller",
+                "cem",
+                "--task",
+                "lawn-mower",
+            ][..],
+            &task,
+            &["--dt", dt, "--json"],
+        ];
+        let steered = json(at, &control.concat());
+        let error = steered["rms_cross_track"].as_f64().unwrap();
+        let length = if name == "otter" { 2.0 } else { 30.0 };
+        println!("{name}: cross-track RMS {error:.3} m");
+        assert!(error < 0.05 * length + 0.2, "{name}: {error}");
+    }
+}
+
+#[test]
+fn a_vessel_file_is_printed_and_read_again() {
+    let folder = TempDir::new().unwrap();
+    let printed = text(&ran(folder.path(), &["simulate", &vessel("mariner"), "--print-vessel"]).stdout);
+    fs::write(folder.path().join("again.toml"), &printed).unwrap();
+    let again = text(&ran(folder.path(), &["simulate", "again.toml", "--print-vessel"]).stdout);
+    assert_eq!(printed, again);
+}
+
+#[test]
+fn wrong_vessel_files_are_refused_with_place_and_remedy() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    let boat = fs::read_to_string(vessel("otter")).unwrap();
+    fs::write(at.join("heavy.toml"), boat.replace("mass = 80.0", "mass = -80.0")).unwrap();
+    fs::write(at.join("far.toml"), boat.replace("[-0.9, 0.395]", "[-9.0, 0.395]")).unwrap();
+    for (args, words) in [
+        (&["manoeuvre", "heavy.toml"][..], "heavy.toml, line 29: rigid_body.mass is -80"),
+        (&["control", "far.toml", "--controller", "cem"], "outside the hull"),
+        (&["simulate", "far.toml"], "correct position, hull.length or hull.beam"),
+        (&["identify", "a.csv", "--vessel", "hydrofoil", "-o", "out"], "tables [[command]], [[thruster]]"),
+        (&["control", &vessel("otter"), "--controller", "fl"], "no affine form in its commands"),
+        (&["adapt", &vessel("otter"), "a.csv"], "cannot be adapted"),
+    ] {
+        let output = hydroid(at, args).output().unwrap();
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {said}");
+        assert!(said.contains(words), "{args:?}: {said}");
+    }
+}
