@@ -5,7 +5,7 @@ use core::f64::consts::FRAC_PI_4;
 
 use super::servo::Servo;
 use super::{Craft, Hull, Rudder, ThrustLaw, Thruster};
-use crate::vessel::Number;
+use crate::vessel::{Number, Real};
 
 /// Largest number of moving positions of a craft: orders of thrusters, their steering, rudders.
 pub const MAX_SERVOS: usize = 16;
@@ -27,7 +27,7 @@ pub struct Dynamics<T = f64> {
     rudders: Vec<Rudder<T>>,
 }
 
-impl<T: Number> Dynamics<T> {
+impl<T: Real> Dynamics<T> {
     /// Compiles a craft. Its numbers are not checked; see [`Craft::validate`](super::Craft::validate).
     ///
     /// # Panics
@@ -190,7 +190,7 @@ impl<T: Number> Dynamics<T> {
     }
 }
 
-impl<T: Number> Hull<T> {
+impl<T: Real> Hull<T> {
     /// Mass matrix as `[m11, m22, m23, m33]`.
     pub fn mass_matrix(&self) -> [T; 4] {
         [
@@ -202,7 +202,7 @@ impl<T: Number> Hull<T> {
     }
 }
 
-impl<T: Number> Thruster<T> {
+impl<T: Real> Thruster<T> {
     /// Thrust \[N\] at an order and a speed of advance \[m/s\].
     #[inline]
     fn thrust(&self, order: T, advance: T) -> T {
@@ -221,7 +221,7 @@ impl<T: Number> Thruster<T> {
     }
 }
 
-impl<T: Number> Rudder<T> {
+impl<T: Real> Rudder<T> {
     /// Force \[N, N, N m\] at an angle; `race` are thrust, speed of advance and diameter of the thruster ahead of it.
     #[inline]
     fn force(&self, nu: [T; 3], angle: T, race: Option<((T, T), f64)>, half_density: f64) -> [T; 3] {
