@@ -60,13 +60,13 @@ def rates(p, state, command):
     return (u * c - v * s, u * s + v * c, r, *acceleration, (command[0] - force) / p["lag"])
 
 
-def advance(p, state, command, steps=STEPS):
+def advance(p, state, command, steps=STEPS, step=STEP):
     for _ in range(steps):
         k1 = rates(p, state, command)
-        k2 = rates(p, [a + 0.5 * STEP * b for a, b in zip(state, k1)], command)
-        k3 = rates(p, [a + 0.5 * STEP * b for a, b in zip(state, k2)], command)
-        k4 = rates(p, [a + STEP * b for a, b in zip(state, k3)], command)
-        state = [a + STEP / 6 * (b + 2 * c + 2 * d + e) for a, b, c, d, e in zip(state, k1, k2, k3, k4)]
+        k2 = rates(p, [a + 0.5 * step * b for a, b in zip(state, k1)], command)
+        k3 = rates(p, [a + 0.5 * step * b for a, b in zip(state, k2)], command)
+        k4 = rates(p, [a + step * b for a, b in zip(state, k3)], command)
+        state = [a + step / 6 * (b + 2 * c + 2 * d + e) for a, b, c, d, e in zip(state, k1, k2, k3, k4)]
     return state
 
 
@@ -123,24 +123,29 @@ def zigzag(p, force, rudder, heading):
     return {**dict(zip(names, overshoots)), "initial_turning_time_s": executes[1] * DT}
 
 
-golden = {
-    "simple": {
-        "circle": circle(SIMPLE, 204.0, 25.0),
-        "zigzag": zigzag(SIMPLE, 204.0, 5.0, math.radians(20)),
-    },
-    "hydrofoil": {
-        "circle": circle(HYDROFOIL, 297.5, math.radians(30)),
-        "zigzag": zigzag(HYDROFOIL, 297.5, math.radians(10), math.radians(10)),
-    },
-}
-if "--write" in sys.argv:
-    FILE.write_text(json.dumps(golden, indent=1) + "\n")
-else:
-    kept = json.loads(FILE.read_text())
-    differences = [
-        abs(value / kept[vessel][trial][name] - 1)
-        for vessel, trials in golden.items()
-        for trial, figures in trials.items()
-        for name, value in figures.items()
-    ]
-    print(f"largest relative difference: {max(differences):.1e}")
+def main():
+    golden = {
+        "simple": {
+            "circle": circle(SIMPLE, 204.0, 25.0),
+            "zigzag": zigzag(SIMPLE, 204.0, 5.0, math.radians(20)),
+        },
+        "hydrofoil": {
+            "circle": circle(HYDROFOIL, 297.5, math.radians(30)),
+            "zigzag": zigzag(HYDROFOIL, 297.5, math.radians(10), math.radians(10)),
+        },
+    }
+    if "--write" in sys.argv:
+        FILE.write_text(json.dumps(golden, indent=1) + "\n")
+    else:
+        kept = json.loads(FILE.read_text())
+        differences = [
+            abs(value / kept[vessel][trial][name] - 1)
+            for vessel, trials in golden.items()
+            for trial, figures in trials.items()
+            for name, value in figures.items()
+        ]
+        print(f"largest relative difference: {max(differences):.1e}")
+
+
+if __name__ == "__main__":
+    main()

@@ -137,9 +137,9 @@ pub trait Predictor: Send + Sync {
     /// Rolls out `count` command sequences from the present state: `commands` are `count x H x inputs`, `y` are
     /// `count x H x outputs`, sequence by sequence.
     ///
-    /// This default runs [`rollout`](Self::rollout) for each sequence. Equations, recurrent networks and direct
-    /// predictors compute all sequences side by side; they add sums in another order, and results differ in the last
-    /// digits. Their memory in `work` grows with `count`; [`BATCH`] sequences fill the vector units.
+    /// This default runs [`rollout`](Self::rollout) for each sequence. Equations, recurrent networks, direct predictors
+    /// and vessels compute sequences side by side, with sums in another order or another logistic function, and results
+    /// differ in the last digits. Their memory in `work` grows with `count`; [`BATCH`] sequences fill the vector units.
     ///
     /// # Panics
     /// If `commands` and `y` do not hold `count` sequences of the same whole number of rows.

@@ -11,6 +11,7 @@ mod commands;
 mod committee;
 mod common;
 mod control;
+mod control_client;
 mod control_service;
 mod documents;
 mod equations_input;

@@ -5,7 +5,7 @@ use core::f64::consts::FRAC_PI_4;
 
 use super::servo::Servo;
 use super::{Craft, Hull, Rudder, ThrustLaw, Thruster};
-use crate::vessel::Number;
+use crate::vessel::{Number, Real};
 
 /// Largest number of moving positions of a craft: orders of thrusters, their steering, rudders.
 pub const MAX_SERVOS: usize = 16;
@@ -33,7 +33,7 @@ pub struct Dynamics<T = f64> {
     rudders: Vec<Rudder<T>>,
 }
 
-impl<T: Number> Dynamics<T> {
+impl<T: Real> Dynamics<T> {
     /// Compiles a craft. Its numbers are not checked; see [`Craft::validate`](super::Craft::validate).
     ///
     /// # Panics
@@ -217,7 +217,7 @@ impl<T: Number> Dynamics<T> {
 }
 
 /// Row, column and value of the entries that are not zero; rows and columns are counted from `first`.
-fn entries<T: Number, const N: usize>(matrix: &[[T; N]; N], first: usize) -> Vec<(usize, usize, T)> {
+fn entries<T: Real, const N: usize>(matrix: &[[T; N]; N], first: usize) -> Vec<(usize, usize, T)> {
     let all = matrix
         .iter()
         .enumerate()
@@ -225,7 +225,7 @@ fn entries<T: Number, const N: usize>(matrix: &[[T; N]; N], first: usize) -> Vec
     all.filter(|(_, _, value)| value.value() != 0.0).collect()
 }
 
-impl<T: Number> Hull<T> {
+impl<T: Real> Hull<T> {
     /// Mass matrix as `[m11, m22, m23, m33]`.
     pub fn mass_matrix(&self) -> [T; 4] {
         [
@@ -237,7 +237,7 @@ impl<T: Number> Hull<T> {
     }
 }
 
-impl<T: Number> Thruster<T> {
+impl<T: Real> Thruster<T> {
     /// Thrust \[N\] at an order and a speed of advance \[m/s\].
     #[inline]
     fn thrust(&self, order: T, advance: T) -> T {
@@ -256,7 +256,7 @@ impl<T: Number> Thruster<T> {
     }
 }
 
-impl<T: Number> Rudder<T> {
+impl<T: Real> Rudder<T> {
     /// Force \[N, N, N m\] at an angle; `race` are thrust, speed of advance and diameter of the thruster ahead of it.
     #[inline]
     fn force(&self, nu: [T; 3], angle: T, race: Option<((T, T), f64)>, half_density: f64) -> [T; 3] {

@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 
 use super::servo::Servo;
 use super::{Craft, Hull, Rudder, Thruster};
-use crate::vessel::Number;
+use crate::vessel::Real;
 
 /// A number of a craft.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,7 +24,7 @@ struct Mapper<'a, T, U> {
     map: &'a mut dyn FnMut(&CraftParameter, T) -> U,
 }
 
-impl<T: Number, U: Number> Mapper<'_, T, U> {
+impl<T: Real, U: Real> Mapper<'_, T, U> {
     fn of(&mut self, path: String, unit: &'static str, signed: bool, value: T) -> U {
         (self.map)(&CraftParameter { path, unit, signed }, value)
     }
@@ -127,9 +127,9 @@ impl<T: Number, U: Number> Mapper<'_, T, U> {
     }
 }
 
-impl<T: Number> Craft<T> {
+impl<T: Real> Craft<T> {
     /// The craft with the results of a function of each number.
-    pub fn map<U: Number>(&self, map: &mut dyn FnMut(&CraftParameter, T) -> U) -> Craft<U> {
+    pub fn map<U: Real>(&self, map: &mut dyn FnMut(&CraftParameter, T) -> U) -> Craft<U> {
         let mut mapper = Mapper { map };
         Craft {
             name: self.name.clone(),
@@ -143,7 +143,7 @@ impl<T: Number> Craft<T> {
     }
 
     /// The craft with other numbers, in the order of [`parameters`](Craft::parameters); missing ones stay.
-    pub fn with_numbers<U: Number>(&self, numbers: &[U]) -> Craft<U> {
+    pub fn with_numbers<U: Real>(&self, numbers: &[U]) -> Craft<U> {
         let mut numbers = numbers.iter();
         self.map(&mut |_, value| numbers.next().copied().unwrap_or(U::constant(value.value())))
     }

@@ -2,7 +2,7 @@
 
 use alloc::vec::Vec;
 
-use crate::vessel::Number;
+use crate::vessel::{Number, Real};
 
 /// An order as a weighted sum of commands, within limits.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,7 +46,7 @@ pub struct Servo<T = f64> {
     pub rate: Option<T>,
 }
 
-impl<T: Number> Servo<T> {
+impl<T: Real> Servo<T> {
     /// Factor by which the distance from the order decays in `h` seconds without a limit of the rate.
     #[inline]
     pub fn decay(&self, h: f64) -> T {

@@ -3,14 +3,18 @@
 use alloc::boxed::Box;
 
 use num_traits::Float;
+use pulp::{Arch, Simd, WithSimd};
 
 use crate::predict::{Predictor, Workspace, rollout_steps};
-use crate::vessel::{Command, Form, Numbers, Plant, VesselParams};
+use crate::vessel::{Actuation, Command, Form, Lanes, Number as _, Numbers, Plant, VesselParams};
 
 /// The longest integration step \[s\], as in simulation (see [`Plant::advance`]).
 const STEP_S: f64 = 0.01;
 
 const MOST_STEPS: f64 = 100_000.0;
+
+/// Command sequences of a batch that are integrated side by side.
+const LANES: usize = 16;
 
 /// Reasons why a vessel cannot be a model.
 #[derive(Clone, Debug, PartialEq)]
@@ -139,9 +143,16 @@ fn reached(params: &VesselParams, plant: &Plant) -> [[f64; 2]; 4] {
 #[derive(Clone, Debug)]
 pub struct PlantSession {
     plant: Plant,
+    /// The plant for the sequences of a batch.
+    lanes: Plant<Lanes<LANES>>,
+    arch: Arch,
     h: f64,
     steps: usize,
     motion: [f64; 4],
+}
+
+fn side_by_side(form: Form, numbers: &Numbers) -> Plant<Lanes<LANES>> {
+    Plant::assemble(form, &numbers.map(Lanes::constant))
 }
 
 impl PlantSession {
@@ -149,6 +160,8 @@ impl PlantSession {
     pub fn new(model: &PlantModel) -> Self {
         Self {
             plant: Plant::assemble(model.form(), model.numbers()),
+            lanes: side_by_side(model.form(), model.numbers()),
+            arch: Arch::new(),
             h: model.dt / model.steps as f64,
             steps: model.steps,
             motion: [f64::NAN; 4],
@@ -166,6 +179,7 @@ impl PlantSession {
 
     pub(crate) fn set_numbers(&mut self, form: Form, numbers: &Numbers) {
         self.plant = Plant::assemble(form, numbers);
+        self.lanes = side_by_side(form, numbers);
     }
 
     /// Whether an output has not been measured yet.
@@ -176,6 +190,48 @@ impl PlantSession {
     fn stepped(&self, motion: &[f64; 4], c: &[f64]) -> [f64; 4] {
         let actuation = self.plant.actuation(&Command { pp: c[0], rd: c[1] });
         (0..self.steps).fold(*motion, |motion, _| self.plant.advance_motion(&motion, &actuation, self.h))
+    }
+}
+
+/// Rollouts of at most [`LANES`] command sequences from one state, sequence by sequence in `commands` and `y`.
+struct BatchRollout<'a> {
+    session: &'a PlantSession,
+    count: usize,
+    commands: &'a [f64],
+    y: &'a mut [f64],
+}
+
+impl WithSimd for BatchRollout<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        const INPUTS: usize = PlantModel::INPUTS;
+        const OUTPUTS: usize = PlantModel::OUTPUTS;
+        let Self {
+            session: &PlantSession { ref plant, ref lanes, h, steps, motion, .. },
+            count,
+            commands,
+            y,
+        } = self;
+        let samples = y.len() / (count * OUTPUTS);
+        let mut motion = motion.map(Lanes::constant);
+        let mut actuation = Actuation { pp: Lanes([0.0; LANES]), moment_per_speed: Lanes([0.0; LANES]) };
+        for sample in 0..samples {
+            for sequence in 0..count {
+                let c = &commands[(sequence * samples + sample) * INPUTS..][..INPUTS];
+                let of_sequence = plant.actuation(&Command { pp: c[0], rd: c[1] });
+                actuation.pp.0[sequence] = of_sequence.pp;
+                actuation.moment_per_speed.0[sequence] = of_sequence.moment_per_speed;
+            }
+            for _ in 0..steps {
+                motion = lanes.advance_motion(&motion, &actuation, h);
+            }
+            for sequence in 0..count {
+                let y = &mut y[(sequence * samples + sample) * OUTPUTS..][..OUTPUTS];
+                y.iter_mut().zip(&motion).for_each(|(y, x)| *y = x.0[sequence]);
+            }
+        }
     }
 }
 
@@ -221,6 +277,19 @@ impl Predictor for PlantSession {
         for (c, y) in commands.chunks_exact(PlantModel::INPUTS).zip(y.chunks_exact_mut(PlantModel::OUTPUTS)) {
             motion = self.stepped(&motion, c);
             y.copy_from_slice(&motion[..PlantModel::OUTPUTS]);
+        }
+    }
+
+    fn rollout_batch(&self, count: usize, commands: &[f64], _: &mut Workspace, y: &mut [f64]) {
+        rollout_steps(commands, PlantModel::INPUTS, y, PlantModel::OUTPUTS);
+        if count == 0 || y.is_empty() {
+            return;
+        }
+        assert!(y.len().is_multiple_of(count * PlantModel::OUTPUTS), "whole sequences");
+        let (inputs, outputs) = (commands.len() / count, y.len() / count);
+        for (commands, y) in commands.chunks(LANES * inputs).zip(y.chunks_mut(LANES * outputs)) {
+            let count = y.len() / outputs;
+            self.arch.dispatch(BatchRollout { session: self, count, commands, y });
         }
     }
 

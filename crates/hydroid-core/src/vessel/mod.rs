@@ -20,6 +20,7 @@
 mod dual;
 mod invalid;
 pub mod kinematics;
+mod lanes;
 mod number;
 mod parameter;
 mod params;
@@ -31,7 +32,8 @@ mod validate;
 
 pub use dual::Dual;
 pub use invalid::{InvalidParams, Mode};
-pub use number::Number;
+pub(crate) use lanes::Lanes;
+pub use number::{Number, Real};
 pub use parameter::{Form, Numbers, PARAMETER, PARAMETERS, Parameter, is_solvable};
 pub use params::{
     AddedMass, CommandChannel, Commands, Coriolis, Drag, Flying, Noise, Propeller, RigidBody, Rudder,

@@ -1,4 +1,5 @@
 //! The scalar type of the equations of motion.
+#![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -22,7 +23,10 @@ pub trait Number:
 
     /// `1 / (1 + exp(-x))`.
     fn logistic(self) -> Self;
+}
 
+/// A [`Number`] with one value, on which equations can branch, and further functions.
+pub trait Real: Number {
     /// The number without its derivatives.
     fn value(self) -> f64;
 
@@ -37,21 +41,23 @@ pub trait Number:
 }
 
 impl Number for f64 {
-    #[inline]
+    #[inline(always)]
     fn constant(value: f64) -> Self {
         value
     }
 
-    #[inline]
+    #[inline(always)]
     fn abs(self) -> Self {
         Float::abs(self)
     }
 
-    #[inline]
+    #[inline(always)]
     fn logistic(self) -> Self {
         1.0 / (Float::exp(-self) + 1.0)
     }
+}
 
+impl Real for f64 {
     #[inline]
     fn value(self) -> f64 {
         self

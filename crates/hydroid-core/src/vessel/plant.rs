@@ -1,4 +1,5 @@
 //! Equations of motion of a 3-DOF vessel with propeller lag and, for a hydrofoil, a flying mode.
+#![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 use num_traits::Float;
 
@@ -69,7 +70,7 @@ impl<T: Number> InverseMass<T> {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn apply(&self, [x, y, n]: [T; 3]) -> [T; 3] {
         [self.i11 * x, self.i22 * y + self.i23 * n, self.i23 * y + self.i33 * n]
     }
@@ -87,9 +88,22 @@ struct FlyingMode<T> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Actuation<T = f64> {
     /// Commanded propeller force \[N\].
-    pub pp: f64,
+    pub pp: T,
     /// Yaw moment per surge velocity \[N s\]: `k RD` or `k sin(RD)`.
     pub moment_per_speed: T,
+}
+
+/// [`Plant::motion_rate`] under a held command.
+struct MotionRate<'a, T> {
+    plant: &'a Plant<T>,
+    actuation: &'a Actuation<T>,
+}
+
+impl<T: Number> rk4::Rate<T, 4> for MotionRate<'_, T> {
+    #[inline(always)]
+    fn rate(&self, motion: &[T; 4]) -> [T; 4] {
+        self.plant.motion_rate(motion, self.actuation)
+    }
 }
 
 impl Plant {
@@ -196,52 +210,64 @@ impl<T: Number> Plant<T> {
             RudderLaw::Linear => command.rd,
             RudderLaw::Sine => Float::sin(command.rd),
         };
-        Actuation { pp: command.pp, moment_per_speed: self.rudder_gain * rudder }
+        Actuation { pp: T::constant(command.pp), moment_per_speed: self.rudder_gain * rudder }
     }
 
     /// [`advance_under`](Plant::advance_under) for `[u, v, r, P_f]`, without the pose, on which no force depends.
-    #[inline]
+    #[inline(always)]
     pub fn advance_motion(&self, motion: &[T; 4], actuation: &Actuation<T>, h: f64) -> [T; 4] {
-        let rate = |&[u, v, r, p_f]: &[T; 4]| {
-            let [du, dv, dr] = self.acceleration([u, v, r], p_f, actuation.moment_per_speed);
-            [du, dv, dr, (T::constant(actuation.pp) - p_f) * self.lag_rate]
-        };
-        rk4::step(rate, motion, h)
+        rk4::step(MotionRate { plant: self, actuation }, motion, h)
+    }
+
+    /// `d[u, v, r, P_f]/dt`.
+    #[inline(always)]
+    pub(crate) fn motion_rate(&self, &[u, v, r, p_f]: &[T; 4], actuation: &Actuation<T>) -> [T; 4] {
+        let [du, dv, dr] = self.acceleration([u, v, r], p_f, actuation.moment_per_speed);
+        [du, dv, dr, (actuation.pp - p_f) * self.lag_rate]
     }
 
     /// Coriolis and centripetal forces `C(nu) nu` \[N, N, N m\].
-    #[inline]
+    #[inline(always)]
     pub fn coriolis(&self, [u, v, r]: [T; 3]) -> [T; 3] {
         let [m11, m22, m23, _] = self.mass;
         [-(m22 * v + m23 * r) * r, m11 * u * r, self.munk * u * v + m23 * u * r]
     }
 
     /// Drag `D(nu) nu` of the normal mode \[N, N, N m\].
-    #[inline]
+    #[inline(always)]
     pub fn drag(&self, nu: [T; 3]) -> [T; 3] {
-        let squared = nu.map(|w| w.abs() * w);
-        let row = |linear: &[T; 3], quadratic: &[T; 3]| {
-            (linear[0] * nu[0] + quadratic[0] * squared[0])
-                + (linear[1] * nu[1] + quadratic[1] * squared[1])
-                + (linear[2] * nu[2] + quadratic[2] * squared[2])
-        };
+        let [u, v, r] = nu;
+        let squared = [u.abs() * u, v.abs() * v, r.abs() * r];
         let Self { linear, quadratic, .. } = self;
-        [row(&linear[0], &quadratic[0]), row(&linear[1], &quadratic[1]), row(&linear[2], &quadratic[2])]
+        let mut drag = nu;
+        for i in 0..3 {
+            let (linear, quadratic) = (&linear[i], &quadratic[i]);
+            drag[i] = (linear[0] * nu[0] + quadratic[0] * squared[0])
+                + (linear[1] * nu[1] + quadratic[1] * squared[1])
+                + (linear[2] * nu[2] + quadratic[2] * squared[2]);
+        }
+        drag
     }
 
     /// `dnu/dt` \[m/s^2, m/s^2, rad/s^2\] under a propeller force \[N\] and a yaw moment per surge velocity \[N s\].
-    #[inline]
+    #[inline(always)]
     pub fn acceleration(&self, nu: [T; 3], propeller_force: T, moment_per_speed: T) -> [T; 3] {
         let coriolis = self.coriolis(nu);
         let drag = self.drag(nu);
         let driving = [propeller_force - coriolis[0], -coriolis[1], nu[0] * moment_per_speed - coriolis[2]];
-        let normal = self.normal.apply(core::array::from_fn(|i| driving[i] - drag[i]));
+        let [x, y, n] = driving;
+        let normal = self.normal.apply([x - drag[0], y - drag[1], n - drag[2]]);
         let Some(flying) = &self.flying else { return normal };
 
-        let fly = flying.inverse.apply(core::array::from_fn(|i| driving[i] - flying.drag_factor * drag[i]));
+        let factor = flying.drag_factor;
+        let fly = flying.inverse.apply([x - factor * drag[0], y - factor * drag[1], n - factor * drag[2]]);
         let weight = (flying.slope * (nu[0] - flying.transition_speed)).logistic();
         // sigma(-z) = 1 - sigma(z) saves the second exponential.
         let rest = T::constant(1.0) - weight;
-        core::array::from_fn(|i| weight * fly[i] + rest * normal[i])
+        let mut blended = fly;
+        for i in 0..3 {
+            blended[i] = weight * fly[i] + rest * normal[i];
+        }
+        blended
     }
 }

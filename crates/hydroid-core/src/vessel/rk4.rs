@@ -1,6 +1,20 @@
 //! Classical Runge-Kutta method of order 4, fixed step, no allocation.
+#![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 use super::number::Number;
+
+/// The right-hand side of `dx/dt = f(x)`. Closures are right-hand sides; a type of its own is always inlined.
+pub trait Rate<T, const N: usize> {
+    /// `f(x)`.
+    fn rate(&self, x: &[T; N]) -> [T; N];
+}
+
+impl<T, const N: usize, F: Fn(&[T; N]) -> [T; N]> Rate<T, N> for F {
+    #[inline(always)]
+    fn rate(&self, x: &[T; N]) -> [T; N] {
+        self(x)
+    }
+}
 
 /// `x` after one step of `h` seconds along `dx/dt = f(x)`.
 ///
@@ -11,16 +25,29 @@ use super::number::Number;
 /// ```
 ///
 /// `f` does not depend on time, because the command is held. The local error is of order `h^5`, the global one `h^4`.
-#[inline]
-pub fn step<T: Number, const N: usize>(f: impl Fn(&[T; N]) -> [T; N], x: &[T; N], h: f64) -> [T; N] {
-    let along = |k: &[T; N], a: f64| -> [T; N] { core::array::from_fn(|i| x[i] + k[i] * a) };
+#[inline(always)]
+#[expect(clippy::needless_pass_by_value, reason = "closures are passed as they are written")]
+pub fn step<T: Number, const N: usize>(f: impl Rate<T, N>, x: &[T; N], h: f64) -> [T; N] {
     let half = 0.5 * h;
-    let k1 = f(x);
-    let k2 = f(&along(&k1, half));
-    let k3 = f(&along(&k2, half));
-    let k4 = f(&along(&k3, h));
+    let k1 = f.rate(x);
+    let k2 = f.rate(&along(x, &k1, half));
+    let k3 = f.rate(&along(x, &k2, half));
+    let k4 = f.rate(&along(x, &k3, h));
     let sixth = h / 6.0;
-    core::array::from_fn(|i| x[i] + (k1[i] + (k2[i] + k3[i]) * 2.0 + k4[i]) * sixth)
+    let mut next = *x;
+    for i in 0..N {
+        next[i] = x[i] + (k1[i] + (k2[i] + k3[i]) * 2.0 + k4[i]) * sixth;
+    }
+    next
+}
+
+#[inline(always)]
+fn along<T: Number, const N: usize>(x: &[T; N], k: &[T; N], a: f64) -> [T; N] {
+    let mut moved = *x;
+    for (moved, k) in moved.iter_mut().zip(k) {
+        *moved = *moved + *k * a;
+    }
+    moved
 }
 
 #[cfg(test)]

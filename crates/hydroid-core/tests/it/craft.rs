@@ -134,7 +134,7 @@ proptest! {
         let size = 1e-6 * numbers[lane].abs().max(1e-2);
         let (low, high) = (moved(-size), moved(size));
         let seeded: Vec<Dual<1>> =
-            numbers.iter().enumerate().map(|(i, x)| Dual::along(*x, if i == lane { 0 } else { 1 }, 1.0)).collect();
+            numbers.iter().enumerate().map(|(i, x)| Dual::along(*x, usize::from(i != lane), 1.0)).collect();
         let dynamics: Dynamics<Dual<1>> = Dynamics::new(&craft.with_numbers(&seeded));
         let constant = |x: f64| Dual::along(x, 1, 0.0);
         let mut nu = [u, v, r].map(constant);

@@ -450,3 +450,72 @@ fn invalid_values_never_panic() {
         assert_eq!(frozen.weights(), kept);
     }
 }
+
+/// Derivatives of predictions have longer integration steps than predictions. The variance of a band is compared with
+/// that of central differences of rollouts, for the covariance at the start of a run: `R` of the outputs, the initial
+/// variances of propeller force and parameters.
+#[test]
+fn bands_agree_with_differences_of_rollouts() {
+    for params in vessels() {
+        let model = model(&params);
+        let plant = LearnablePlant::new(&model);
+        let options = FilterOptions { state_noise: 0.0, ..options(&plant) };
+        let mut session = KalmanPlant::new(&model, options.clone()).unwrap();
+        session.observe(&measured(&params, 40, 0.0)[39]);
+        let horizons = [1, 10, 50];
+        let commands: Vec<f64> = (0..50).flat_map(|k| command(&params, k)).collect();
+        let mut work = Workspace::new();
+        let mut snapshot = vec![0.0; session.snapshot_len()];
+        session.snapshot(&mut snapshot);
+        let mut variances = vec![0.0; 3 * horizons.len()];
+        let mut fork = session.fork();
+        let mut add = |fork: &mut dyn Predictor, place: usize, unit: f64, variance: f64| {
+            let [low, high] = [-1e-5, 1e-5].map(|change| {
+                let (mut from, mut y) = (snapshot.clone(), vec![0.0; 150]);
+                from[place] += change * unit;
+                fork.restore(&from);
+                fork.rollout(&commands, &mut Workspace::new(), &mut y);
+                y
+            });
+            for (h, horizon) in horizons.iter().enumerate() {
+                for i in 0..3 {
+                    let at = 3 * (horizon - 1) + i;
+                    variances[3 * h + i] += variance * ((high[at] - low[at]) / 2e-5).powi(2);
+                }
+            }
+        };
+        for i in 0..4 {
+            let variance = if i < 3 { options.noise[i] } else { options.initial_state };
+            add(fork.as_mut(), i, plant.scale()[i], variance);
+        }
+        for i in 0..plant.places().len() {
+            add(fork.as_mut(), 4 + i, 1.0, options.initial_weights[i]);
+        }
+        let mut bands = vec![0.0; 9];
+        session.deviations(&commands, &horizons, &mut work, &mut bands);
+        for (i, (band, variance)) in bands.iter().zip(&variances).enumerate() {
+            let noise = options.noise[i % 3] * plant.scale()[i % 3].powi(2);
+            let expected = (variance + noise).sqrt();
+            println!("{} {i}: {:.1e}", params.name, band / expected - 1.0);
+            assert!((band / expected - 1.0).abs() < 2e-3, "{} {i}: {band} {expected}", params.name);
+        }
+    }
+}
+
+#[test]
+fn a_batch_of_rollouts_equals_single_rollouts() {
+    for params in vessels() {
+        let mut session = session(&params);
+        session.observe(&measured(&params, 40, 0.0)[39]);
+        let (count, steps) = (37, 12);
+        let commands: Vec<f64> = (0..count * steps).flat_map(|k| command(&params, 7 * k)).collect();
+        let (mut work, mut batch) = (Workspace::new(), vec![0.0; count * steps * 3]);
+        session.rollout_batch(count, &commands, &mut work, &mut batch);
+        for (commands, batch) in commands.chunks(2 * steps).zip(batch.chunks(3 * steps)) {
+            let mut single = vec![0.0; 3 * steps];
+            session.rollout(commands, &mut work, &mut single);
+            close(batch, &single, 1e-12, &params.name);
+        }
+        session.rollout_batch(0, &[], &mut work, &mut []);
+    }
+}

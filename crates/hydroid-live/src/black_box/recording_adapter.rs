@@ -117,6 +117,10 @@ impl Predictor for RecordingAdapter<'_> {
         self.adapter.rollout(commands, work, y);
     }
 
+    fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        self.adapter.rollout_batch(count, commands, work, y);
+    }
+
     fn snapshot_len(&self) -> usize {
         self.adapter.snapshot_len()
     }

@@ -3,6 +3,8 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
+use num_traits::Float;
+
 use super::Learnable;
 use super::plant_parameters::PlantParameters;
 use crate::math::rows::add_product;
@@ -10,6 +12,9 @@ use crate::model::PlantModel;
 use crate::vessel::{Command, Dual, Numbers, Plant};
 
 pub(in super::super) const STATE: usize = 4;
+
+/// Longest integration step for derivatives of predictions, relative to the fastest rate of the motion.
+const DERIVATIVE_STEP: f64 = 0.5;
 
 /// Derivatives of one [`Dual`] number.
 pub(in super::super) const LANES: usize = 8;
@@ -103,20 +108,38 @@ impl LearnablePlant {
         core::array::from_fn(|i| Dual::along(motion[i], i.wrapping_sub(pass * LANES), self.scale[i]))
     }
 
-    /// One sample of a pass, in physical units; derivatives are with respect to scaled states and weights.
+    /// One sample of a pass in `steps` integration steps, in physical units; derivatives are with respect to scaled
+    /// states and weights.
     pub(in super::super) fn sample(
         &self,
         pass: usize,
         motion: &[Dual<LANES>; STATE],
         c: &[f64],
+        steps: usize,
     ) -> [Dual<LANES>; STATE] {
         let plant = &self.passes[pass];
         let actuation = plant.actuation(&Command { pp: c[0], rd: c[1] });
-        let mut motion = *motion;
-        for _ in 0..self.steps {
-            motion = plant.advance_motion(&motion, &actuation, self.h);
-        }
-        motion
+        // Exactly `self.h` for all steps.
+        let h = self.h * (self.steps as f64 / steps as f64);
+        (0..steps).fold(*motion, |motion, _| plant.advance_motion(&motion, &actuation, h))
+    }
+
+    /// Number of integration steps that suffice for the derivatives of a sample: `h |F| <= 0.5`, where `F` is the
+    /// Jacobian of the equations of motion in scaled units. The local error of a derivative is then below `0.5^5 / 120`
+    /// of its size.
+    pub(in super::super) fn derivative_steps(&self, motion: &[f64; STATE], c: &[f64]) -> usize {
+        let plant = &self.passes[0];
+        let actuation = plant.actuation(&Command { pp: c[0], rd: c[1] });
+        let rates = plant.motion_rate(&self.start(motion, 0), &actuation);
+        let norm = rates
+            .iter()
+            .zip(&self.scale)
+            .map(|(rate, scale)| rate.partials[..STATE].iter().map(|p| p.abs()).sum::<f64>() / scale)
+            .fold(0.0, f64::max);
+        let dt = self.h * self.steps as f64;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // casts saturate
+        let steps = Float::ceil(dt * norm / DERIVATIVE_STEP) as usize;
+        steps.clamp(1, self.steps)
     }
 
     fn compile(&mut self) {
@@ -171,7 +194,7 @@ impl Learnable for LearnablePlant {
         let count = self.weights.len();
         let motion = core::array::from_fn(|i| self.unscaled(i, h[i]));
         for pass in 0..self.passes.len() {
-            let moved = self.sample(pass, &self.start(&motion, pass), x);
+            let moved = self.sample(pass, &self.start(&motion, pass), x, self.steps);
             for (i, moved) in moved.iter().enumerate() {
                 let by = 1.0 / self.scale[i];
                 for (lane, partial) in moved.partials.iter().enumerate() {

@@ -33,6 +33,8 @@ pub type KalmanPlant = KalmanSession<PlantKind>;
 pub struct PlantKind {
     session: ParametricPlant,
     parameters: Vec<f64>,
+    /// Integration steps in each sample of the derivatives of a prediction.
+    substeps: Vec<usize>,
 }
 
 /// A session of a vessel with its own weights. Snapshot: `[u, v, r, P_f]`, then the weights of [`LearnablePlant`].
@@ -51,7 +53,7 @@ impl ParametricPlant {
 }
 
 impl Predictor for ParametricPlant {
-    delegate!(session: outputs inputs reset observe advance output rollout);
+    delegate!(session: outputs inputs reset observe advance output rollout rollout_batch);
 
     fn snapshot_len(&self) -> usize {
         STATE + self.weights.len()
@@ -85,6 +87,7 @@ impl KalmanPlant {
         let mut kind = PlantKind {
             session: ParametricPlant { session: PlantSession::new(model), map: plant.map().clone(), weights },
             parameters: vec![0.0; plant.places().len()],
+            substeps: Vec::new(),
         };
         kind.update_parameters();
         Ok(Self::of(kind, Filter::new(plant, options)?))
@@ -186,7 +189,8 @@ impl ModelKind for PlantKind {
     /// S_n P S_n' + sum_{j<n} Phi_j Q_h Phi_j' + R        S_n = [Phi_n dy_n/dw],  Phi_n = dy_n/dh
     /// ```
     ///
-    /// NaN before a run has started.
+    /// The derivatives have as many integration steps as their accuracy needs
+    /// ([`LearnablePlant::derivative_steps`]), fewer than a prediction. NaN before a run has started.
     fn deviations(
         &mut self,
         filter: &mut Filter<LearnablePlant>,
@@ -205,6 +209,8 @@ impl ModelKind for PlantKind {
         // Gradients of the outputs at each horizon, as columns. The last pass can have unused lanes.
         let rows = model.passes() * LANES;
         let gradients = work.take(horizons.len() * rows * OUTPUTS);
+        self.substeps.resize(steps.max(self.substeps.len()), 0);
+        let substeps = &mut self.substeps;
         let q = filter.state_noise();
         for pass in 0..model.passes() {
             let mut motion = model.start(self.session.session.motion(), pass);
@@ -214,13 +220,17 @@ impl ModelKind for PlantKind {
                 .zip(gradients.chunks_exact_mut(rows * OUTPUTS))
                 .zip(deviations.chunks_exact_mut(OUTPUTS))
             {
-                for c in commands[done * PlantModel::INPUTS..horizon * PlantModel::INPUTS]
+                for (c, steps) in commands[done * PlantModel::INPUTS..horizon * PlantModel::INPUTS]
                     .chunks_exact(PlantModel::INPUTS)
+                    .zip(&mut substeps[done..horizon])
                 {
+                    if pass == 0 {
+                        *steps = model.derivative_steps(&motion.map(|x| x.value), c);
+                    }
                     for (process, y) in process.iter_mut().zip(&motion) {
                         *process += q * y.partials[..STATE].iter().map(|s| s * s).sum::<f64>();
                     }
-                    motion = model.sample(pass, &motion, c);
+                    motion = model.sample(pass, &motion, c, *steps);
                 }
                 done = horizon;
                 for (i, y) in motion[..OUTPUTS].iter().enumerate() {
