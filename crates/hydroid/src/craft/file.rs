@@ -331,10 +331,11 @@ impl Reader<'_> {
                 let known = commands.iter().map(|command| command.name.as_str());
                 self.unknown(&format!("{place}.order"), "command", name, known)
             })?;
-            if !gain.is_finite() {
+            let stored = self.units[index].gain * gain;
+            if !stored.is_finite() {
                 return Err(self.wrong(&format!("{place}.order.{name} is {gain}: a finite gain is needed")));
             }
-            Ok((index, commands[index].neutral, self.units[index].gain * gain))
+            Ok((index, commands[index].neutral, stored))
         };
         let terms = order.iter().map(term).collect::<Result<Vec<_>, CraftFileError>>()?;
         if terms.is_empty() {

@@ -16,6 +16,7 @@ use hydroid::plant::{Commands, InputMap, RecordOptions, Simulation, record};
 use hydroid::progress::silent;
 use hydroid_core::model::{CraftModel, CraftSession};
 use hydroid_core::predict::Predictor;
+use proptest::prelude::*;
 
 const VESSELS: [&str; 3] = ["otter", "mariner", "tug"];
 
@@ -338,4 +339,46 @@ fn a_grey_box_needs_marks_and_fitting_channels() {
         other.contains("the vessel has the inputs thrust_port") && other.contains("--inputs NAME=COLUMN"),
         "{other}"
     );
+}
+
+/// Replacements in a vessel file, most of which make it invalid.
+fn replacement() -> impl Strategy<Value = String> {
+    prop_oneof![
+        any::<f64>().prop_map(|x| format!("{x:?}")),
+        (-1e3..1e3f64).prop_map(|x| x.to_string()),
+        "[a-z\"\\[\\]={}#.\n-]{0,4}",
+        Just(String::from("1e308")),
+        Just(String::from("port")),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    /// What is read can be written, read again and moved; anything else is an error that names the file.
+    #[test]
+    fn changed_vessel_files_are_refused_or_usable(
+        name in prop::sample::select(&VESSELS[..]), changes in prop::collection::vec((any::<prop::sample::Index>(), replacement()), 1..3),
+    ) {
+        let mut words: Vec<String> = text(name).split_inclusive([' ', '\n', ',', '[', ']']).map(str::to_owned).collect();
+        for (index, replacement) in changes {
+            let place = index.index(words.len());
+            let end = words[place].chars().last().filter(|c| " \n,[]".contains(*c));
+            words[place] = replacement;
+            words[place].extend(end);
+        }
+        match parse(&words.concat(), Path::new("boat.toml")) {
+            Err(error) => prop_assert!(error.to_string().starts_with("boat.toml"), "{error}"),
+            Ok(file) => {
+                let again = parse(&file.text(), Path::new("again.toml")).unwrap();
+                prop_assert_eq!(again.craft.parameters().len(), file.craft.parameters().len());
+                if let Ok(model) = CraftModel::new(file.craft.clone(), 0.1) {
+                    let mut session = CraftSession::new(&model);
+                    session.observe(&[0.0; 3]);
+                    let command: Vec<f64> = file.craft.commands.iter().map(|command| command.limits[1]).collect();
+                    (0..3).for_each(|_| session.advance(&command));
+                }
+            }
+        }
+    }
 }
