@@ -2,7 +2,7 @@
 //!
 //! A [`Craft`] holds the numbers of a vessel file. [`Dynamics`] is a craft compiled for speed: it integrates the body
 //! velocities and the positions of the actuators over a step with the command held. Both are generic over the
-//! [`Number`](crate::vessel::Number) type, so that the derivatives with respect to the numbers come from dual numbers.
+//! [`Real`](crate::vessel::Real) type, so that the derivatives with respect to the numbers come from dual numbers.
 //!
 //! # Equations
 //!
