@@ -90,8 +90,8 @@ pub struct TaskArgs {
 #[derive(Clone, Debug, ClapArgs)]
 #[command(next_help_heading = "Controller")]
 pub struct ControllerArgs {
-    /// Control law
-    #[arg(long, value_enum)]
+    /// Control law; cem works with every kind of model
+    #[arg(long, value_enum, default_value = "cem")]
     pub controller: ControllerKind,
     /// Distance of the controlled point ahead of the vessel's origin [m] (default: fl, backstepping 1.5; cem, pid 0)
     #[arg(long, value_name = "M", allow_negative_numbers = true)]

@@ -171,6 +171,8 @@ pub enum Method {
     Recursive,
     /// Difference equations that are combined by cross-validation and learn along a run
     Committee,
+    /// The marked numbers of the vessel file in --vessel
+    GreyBox,
     /// A recurrent network with LSTM cells
     Lstm,
     /// A recurrent network with GRU cells
@@ -190,6 +192,7 @@ impl From<Method> for identify::Method {
             Method::Lagged => Self::Lagged,
             Method::Recursive => Self::Recursive,
             Method::Committee => Self::Committee,
+            Method::GreyBox => Self::GreyBox,
             Method::Lstm => Self::Lstm,
             Method::Gru => Self::Gru,
             Method::Rnn => Self::Rnn,

@@ -397,7 +397,6 @@ fn wrong_input_is_refused_with_a_remedy() {
     };
     refused("control --controller fl", "the model is missing");
     refused("control --controller pid", "the model is missing");
-    refused("control hydrofoil", "--controller");
     refused("control none.safetensors --controller cem", "none.safetensors");
     refused("control hydrofoil --plant simple --controller cem", "--inputs PP_cmd,RD_cmd");
     refused("control hydrofoil --plant boat --controller fl", "boat");

@@ -179,7 +179,7 @@ fn simulated_logs_of_a_model(folder: &Path) {
     assert!(log.lines().nth(201).unwrap().starts_with("20,100,5,"));
 
     for (args, words) in [
-        (&["--excitation", "circle"][..], "needs a vessel: with an identified model, write mixed"),
+        (&["--excitation", "circle"][..], "needs a vessel with one propeller and one rudder: with"),
         (&["--dt", "0.2"], "--dt needs a vessel"),
         (&["--excitation", "only.csv", "--start", "5"], "--start needs a log with the outputs of the model"),
         (&["--excitation", "a.csv", "--start", "1h"], "has no samples there"),

@@ -52,7 +52,7 @@ fn a_boat_is_identified_manoeuvred_and_steered() {
             "--vessel",
             "start.toml",
             "--methods",
-            "committee",
+            "grey-box",
             "-o",
             "out",
         ];
@@ -105,6 +105,7 @@ fn wrong_vessel_files_are_refused_with_place_and_remedy() {
     let boat = fs::read_to_string(vessel("otter")).unwrap();
     fs::write(at.join("heavy.toml"), boat.replace("mass = 80.0", "mass = -80.0")).unwrap();
     fs::write(at.join("far.toml"), boat.replace("[-0.9, 0.395]", "[-9.0, 0.395]")).unwrap();
+    ran(at, &["simulate", &vessel("otter"), "--duration", "60", "-o", "run.csv"]);
     for (args, words) in [
         (&["manoeuvre", "heavy.toml"][..], "heavy.toml, line 29: rigid_body.mass is -80"),
         (&["control", "far.toml", "--controller", "cem"], "outside the hull"),
@@ -112,6 +113,10 @@ fn wrong_vessel_files_are_refused_with_place_and_remedy() {
         (&["identify", "a.csv", "--vessel", "hydrofoil", "-o", "out"], "tables [[command]], [[thruster]]"),
         (&["control", &vessel("otter"), "--controller", "fl"], "no affine form in its commands"),
         (&["adapt", &vessel("otter"), "a.csv"], "cannot be adapted"),
+        (
+            &["identify", "run.csv", "--inputs", "pwm_left,pwm_right", "--methods", "grey-box", "-o", "out"],
+            "--vessel boat.toml",
+        ),
     ] {
         let output = hydroid(at, args).output().unwrap();
         let said = text(&output.stderr);

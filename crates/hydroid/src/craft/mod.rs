@@ -15,6 +15,7 @@
 
 mod error;
 mod file;
+mod tables;
 mod text;
 
 use hydroid_core::craft::Craft;
