@@ -6,7 +6,7 @@ use std::process::Stdio;
 use hydroid_core::vessel::{Command, Plant, State, VesselParams};
 use serde_json::{Value, json};
 
-use crate::common::{Service, hydroid, text};
+use crate::common::{Service, hydroid, simple_vessel, text};
 
 /// The boat of the client.
 struct Boat {
@@ -199,4 +199,24 @@ fn options_of_a_simulated_run_are_refused() {
         assert!(said.contains(option.split('=').next().unwrap()), "{said}");
         assert!(said.contains("leave it out with a live stream"), "{said}");
     }
+}
+
+/// A team could not serve its boat, because its commands do not end in `_cmd` or `_ang`.
+#[test]
+fn commands_have_any_names() {
+    let folder = tempfile::tempdir().unwrap();
+    for log in ["a", "b", "d"] {
+        let text = std::fs::read_to_string(simple_vessel().join(format!("{log}.csv"))).unwrap();
+        let renamed = text.replacen("PP_cmd", "thrust", 1).replacen("RD_cmd", "steering", 1);
+        std::fs::write(folder.path().join(format!("{log}.csv")), renamed).unwrap();
+    }
+    let identify =
+        ["identify", "a.csv", "b.csv", "d.csv", "--inputs", "thrust,steering", "-o", "out", "--methods"];
+    let output = hydroid(folder.path(), &[&identify[..], &["sindy"]].concat()).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let serve = ["control", "out/sindy.safetensors", "--task", "lawn-mower", "--horizons", "1", "-"];
+    let mut service = Service::start(folder.path(), &serve);
+    let answer = service.ask(r#"{"t":0,"x":0,"y":0,"psi":0,"u":1.0,"v":0,"r":0}"#);
+    assert!(answer["command"]["thrust"].is_f64() && answer["command"]["steering"].is_f64(), "{answer}");
+    service.kill();
 }

@@ -114,7 +114,18 @@ fn wrong_vessel_files_are_refused_with_place_and_remedy() {
         (&["control", &vessel("otter"), "--controller", "fl"], "no affine form in its commands"),
         (&["adapt", &vessel("otter"), "a.csv"], "cannot be adapted"),
         (
-            &["identify", "run.csv", "--inputs", "pwm_left,pwm_right", "--methods", "grey-box", "-o", "out"],
+            &[
+                "identify",
+                "run.csv",
+                "--inputs",
+                "pwm_left,pwm_right",
+                "--methods",
+                "grey-box",
+                "--horizon",
+                "20",
+                "-o",
+                "out",
+            ],
             "--vessel boat.toml",
         ),
     ] {

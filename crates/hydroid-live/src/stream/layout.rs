@@ -71,7 +71,6 @@ impl PoseColumns {
         };
         let selection = Selection {
             outputs: vec![x, y, heading],
-            inputs: Vec::new(),
             wind: None,
             heading: None,
             ..reading.selection.clone()

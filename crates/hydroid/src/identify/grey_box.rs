@@ -13,6 +13,9 @@ use crate::log::{Note, Trajectory};
 use crate::model::{Body, Model, NamedCraft};
 use crate::progress::Progress;
 
+/// Distance from the given number beyond which an estimate is doubtful, in standard deviations of the prior.
+const FAR: f64 = 2.0;
+
 /// The vessel fitted to all runs, and for each fold the one fitted without it.
 pub(super) fn train(
     job: &Job,
@@ -28,7 +31,7 @@ pub(super) fn train(
         fit(file, &options, &mut |f| progress((number as f64 + f) / (folds + 1) as f64))
     };
     let found = fitted(&parts.train, None, 0)?;
-    notes.extend(note(&found));
+    notes.extend(notes_of(file, &found));
     let body = |file: &CraftFile| {
         let model = CraftModel::new(file.craft.clone(), parts.train[0].dt).map_err(GreyBoxError::from)?;
         Ok::<Body, IdentifyError>(Body::Craft(Arc::new(NamedCraft { model, file: file.clone() })))
@@ -65,16 +68,30 @@ fn estimates(found: &GreyBox) -> Map<String, Value> {
     found.estimates.iter().map(entry).collect()
 }
 
-/// A warning of numbers that the logs do not determine.
-fn note(found: &GreyBox) -> Option<Note> {
-    let open = found.estimates.iter().filter(|estimated| !estimated.informed);
-    let open: Vec<&str> = open.map(|estimated| estimated.parameter.path.as_str()).collect();
-    (!open.is_empty()).then(|| {
-        let message = format!(
-            "the logs do not determine {}: the estimates are near the given numbers",
-            open.join(", ")
-        );
+/// Warnings of numbers that the logs do not determine, and of those far from the given ones.
+fn notes_of(file: &CraftFile, found: &GreyBox) -> Vec<Note> {
+    let names = |which: &dyn Fn(usize) -> bool| -> Option<String> {
+        let named = (0..found.estimates.len()).filter(|&i| which(i));
+        let named: Vec<&str> = named.map(|i| found.estimates[i].parameter.path.as_str()).collect();
+        (!named.is_empty()).then(|| named.join(", "))
+    };
+    let mut notes = Vec::new();
+    if let Some(names) = names(&|i| !found.estimates[i].informed) {
+        let message = format!("the logs do not determine {names} by themselves");
         let remedy = "leave them out of estimate, or add logs with motions on which they act";
-        Note::warning(message).with_remedy(remedy)
-    })
+        notes.push(Note::warning(message).with_remedy(remedy));
+    }
+    let far = |i: usize| {
+        let Estimated { parameter, given, value, .. } = &found.estimates[i];
+        let moved = if parameter.signed { (value - given) / given.abs() } else { (value / given).ln() };
+        moved.abs() > FAR * file.estimate[i].prior
+    };
+    if let Some(names) = names(&far) {
+        let message = format!(
+            "the estimates of {names} are more than {FAR} standard deviations of their priors from the given numbers"
+        );
+        let remedy = "check the sign of the orders, the law of the thrust and the mass: estimated numbers make up for what is wrong elsewhere; their standard deviations do not contain the error of the model";
+        notes.push(Note::warning(message).with_remedy(remedy));
+    }
+    notes
 }
