@@ -52,7 +52,7 @@ option of the command line only:
 // Flags of the command line.
 #[allow(clippy::struct_excessive_bools)]
 pub struct Identify {
-    /// Logs to identify from. The methods sindy and committee are cross-validated over these runs (blocks of one or two
+    /// Logs to identify from. The methods sindy, committee and grey-box are cross-validated over these runs (blocks of one or two
     /// runs) and then fitted to all of them; other methods split them into training, validation and test
     #[arg(value_name = "LOG")]
     pub logs: Vec<PathBuf>,

@@ -14,17 +14,15 @@ pub struct Order {
 }
 
 impl Order {
-    /// The order of a row of commands.
+    /// The order of a row of commands; NaN if a command is NaN.
     #[inline]
     pub fn value(&self, commands: &[f64]) -> f64 {
         let [low, high] = self.limits;
-        // A NaN is kept.
         self.terms
             .iter()
             .map(|&(c, neutral, gain)| gain * (commands[c] - neutral))
             .sum::<f64>()
-            .max(low)
-            .min(high)
+            .clamp(low, high)
     }
 }
 

@@ -210,6 +210,13 @@ fn a_session_waits_restores_and_agrees_with_its_rollout() {
     session.advance(&c);
     session.output(&mut y);
     assert_eq!(y, rolled[..3]);
+    // A missing command gives no prediction, also where the order has limits.
+    let mut limited = craft();
+    limited.thrusters[1].servo.order.limits = [-15.0, 20.0];
+    let mut unknown = CraftSession::new(&CraftModel::new(limited, 0.1).unwrap());
+    unknown.observe(&[1.0, 0.0, 0.0]);
+    unknown.rollout(&[10.0, f64::NAN, 0.2, 0.1], &mut Workspace::new(), &mut y);
+    assert!(y.iter().any(|y| !y.is_finite()), "{y:?}");
     session.advance(&[f64::NAN; 4]);
     session.output(&mut y);
     assert!(y.iter().all(|y| y.is_nan()));

@@ -50,8 +50,6 @@ pub struct GreyBox {
     pub estimates: Vec<Estimated>,
     /// Number of iterations.
     pub steps: usize,
-    /// RMS prediction error of each output over the windows.
-    pub rms: Vec<f64>,
 }
 
 /// An estimated number.
@@ -134,7 +132,7 @@ pub fn fit(
             informed: deviation < UNINFORMED * estimate.prior,
         });
     }
-    Ok(GreyBox { file: fitted, estimates, steps, rms: rms(&linear) })
+    Ok(GreyBox { file: fitted, estimates, steps })
 }
 
 fn check_channels(file: &CraftFile, run: &Trajectory) -> Result<(), GreyBoxError> {
