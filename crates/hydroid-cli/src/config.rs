@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use hydroid::identify::{GivenRanges, MotionOption, NetworkOptions, SindyOptions};
+use hydroid::identify::{GivenRanges, MotionOption, NetworkOptions, RateLimitOption, SindyOptions};
 use hydroid::log::{ChannelSpec, CommandTiming, InputDelay, Wind};
 use hydroid::toml_file;
 use serde::Deserialize;
@@ -106,6 +106,7 @@ pub struct Split {
 #[serde(deny_unknown_fields, default)]
 pub struct Identify {
     pub motion: MotionOption,
+    pub rate_limit: RateLimitOption,
     pub horizon: Option<Horizon>,
     pub origin_stride: Option<usize>,
     pub seed: Option<u64>,

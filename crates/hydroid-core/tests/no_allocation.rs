@@ -40,6 +40,7 @@ use hydroid_core::model::recurrent::{
 use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
 use hydroid_core::model::{Persistence, PlantModel, PlantSession};
 use hydroid_core::predict::{Predictor, Workspace};
+use hydroid_core::rate_limit::{RateLimited, RateLimiter};
 use hydroid_core::vessel::VesselParams;
 
 struct Counting;
@@ -161,6 +162,10 @@ fn recurrent_sessions(equations: &Arc<Equations>) -> Vec<Box<dyn Predictor>> {
         }
     }
     sessions
+}
+
+fn rate_limited(adapter: Box<dyn Adapter>) -> RateLimited<dyn Adapter> {
+    RateLimited::new(adapter, RateLimiter::new([None, Some(0.01)], 0.1).unwrap())
 }
 
 /// Hundreds of samples with a row at most of them.
@@ -459,6 +464,7 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
         ExpertMixture::new(adapter.equations(), &[(-1.0, 1.0); 5], &blend, None).unwrap(),
     );
     learning_allocates_nothing(adapter.clone());
+    learning_allocates_nothing(rate_limited(Box::new(adapter.clone())));
     learning_allocates_nothing(filtered(&equations));
     learning_networks_allocate_nothing();
     learning_allocates_nothing(read_out(BaseModel::Hold));

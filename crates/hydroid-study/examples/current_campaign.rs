@@ -23,7 +23,9 @@ use hydroid::closed_loop::{
     self, Conditions, ControlMethod, ControllerOptions, Run, Scenario, SpeedOptions, Task, Track,
 };
 use hydroid::excitation::Excitation;
-use hydroid::identify::{Job, Method, MotionOption, NetworkTrainingOptions, SindyOptions, identify};
+use hydroid::identify::{
+    Job, Method, MotionOption, NetworkTrainingOptions, RateLimitOption, SindyOptions, identify,
+};
 use hydroid::log::{Split, Table, Trajectory};
 use hydroid::model::{Model, Reading};
 use hydroid::progress::silent;
@@ -126,6 +128,7 @@ fn model(kind: &str, vessel: &VesselParams) -> anyhow::Result<Model> {
         seed: 0,
         ranges: std::collections::BTreeMap::default(),
         motion: MotionOption::OverGround,
+        rate_limits: RateLimitOption::default(),
         sindy: SindyOptions::default(),
         networks: NetworkTrainingOptions::default(),
         vessel: None,

@@ -12,7 +12,9 @@ use super::plan::{Drive, ModelPlan, Plan, Record};
 use super::store::{Key, Store};
 use super::{Status, StudyError, Watch};
 use hydroid::excitation::{Excitation, LawnMower, LowSpeed, Turn};
-use hydroid::identify::{self, Job, MotionOption, NetworkTrainingOptions, identify_with_stages};
+use hydroid::identify::{
+    self, Job, Keyword, MotionOption, NetworkTrainingOptions, RateLimitOption, identify_with_stages,
+};
 use hydroid::log::{Split, Trajectory};
 use hydroid::model::{Model, Reading};
 use hydroid::progress::Cancelled;
@@ -170,6 +172,7 @@ impl<'a> Runner<'a> {
                 networks,
                 vessel: None,
                 motion: MotionOption::OverGround,
+                rate_limits: RateLimitOption::Keyword(Keyword::None),
                 sindy: plan.sindy.clone(),
             };
             let what = format!("training {name}, seed {seed}");

@@ -7,7 +7,8 @@ use divan::Bencher;
 use hydroid::craft::parse;
 use hydroid::excitation::Excitation;
 use hydroid::identify::{
-    EnsembleSize, GivenRanges, Job, Method, MotionOption, NetworkTrainingOptions, SindyOptions, identify,
+    EnsembleSize, GivenRanges, Job, Method, MotionOption, NetworkTrainingOptions, RateLimitOption,
+    SindyOptions, identify,
 };
 use hydroid::log::split_runs;
 use hydroid::model::{Model, Reading};
@@ -38,6 +39,7 @@ fn identified() -> &'static [Model] {
             seed: 0,
             ranges: GivenRanges::default(),
             motion: MotionOption::default(),
+            rate_limits: RateLimitOption::default(),
             sindy: SindyOptions { members: EnsembleSize(50), ..SindyOptions::default() },
             networks: NetworkTrainingOptions::default(),
             vessel: None,

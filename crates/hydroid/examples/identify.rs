@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 
 use hydroid::excitation::Excitation;
-use hydroid::identify::{Job, Method, MotionOption, NetworkTrainingOptions, SindyOptions, identify};
+use hydroid::identify::{
+    Job, Method, MotionOption, NetworkTrainingOptions, RateLimitOption, SindyOptions, identify,
+};
 use hydroid::log::split_runs;
 use hydroid::model::{self, Reading};
 use hydroid::progress::silent;
@@ -25,6 +27,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         seed: 0,
         ranges: BTreeMap::default(),
         motion: MotionOption::default(),
+        rate_limits: RateLimitOption::default(),
         sindy: SindyOptions::default(),
         networks: NetworkTrainingOptions::default(),
         vessel: None,

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
-use hydroid::identify::{GateOption, LagOption, MotionOption};
+use hydroid::identify::{GateOption, LagOption, MotionOption, RateLimitOption};
 
 use super::{Duration, Horizon, LogArgs, Method, NamedRange};
 
@@ -76,6 +76,10 @@ pub struct Identify {
     /// (default: auto, if the logs have a heading the better one of the cross-validation)
     #[arg(long, value_name = "auto|over-ground|through-water")]
     pub motion: Option<MotionOption>,
+    /// Rates at which actuators follow their commands, per second: auto, none, or 'delta=4 [deg],n=10' (default: auto, if the
+    /// cross-validated error is significantly lower with limits). The models contain them
+    #[arg(long, value_name = "auto|none|LIST")]
+    pub rate_limit: Option<RateLimitOption>,
     /// Longest prediction horizon: samples (100) or seconds (10s) (default: 100 samples)
     #[arg(long, value_name = "N|Ns")]
     pub horizon: Option<Horizon>,

@@ -58,7 +58,6 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
     let Config {
         log, split, identify, mut sindy, network, lstm, gru, rnn, direct, affine, mut ranges, ..
     } = config;
-    let budget = args.budget.or(identify.budget).map(|budget| budget.0);
     let mut networks = NetworkTrainingOptions {
         all: network,
         lstm,
@@ -66,7 +65,7 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         rnn,
         direct,
         affine,
-        budget_s: budget,
+        budget_s: args.budget.or(identify.budget).map(|budget| budget.0),
         checkpoints: Some(args.output.clone()),
         resume: args.resume,
     };
@@ -121,6 +120,7 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         seed,
         ranges,
         motion: args.motion.unwrap_or(identify.motion),
+        rate_limits: args.rate_limit.clone().unwrap_or(identify.rate_limit),
         sindy,
         networks,
         vessel,

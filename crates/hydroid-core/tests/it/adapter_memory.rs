@@ -9,12 +9,13 @@ use hydroid_core::adapt::{
 use hydroid_core::model::committee::{self, Committee, DifferenceEquations, Member, Prior};
 use hydroid_core::model::sparse::{Equations, Real, Signal, Term};
 use hydroid_core::predict::Workspace;
+use hydroid_core::rate_limit::{RateLimited, RateLimiter};
 use proptest::prelude::*;
 
 const RANGES: [(f64, f64); 4] = [(0.0, 2.0), (-0.5, 0.5), (0.0, 2.0), (-0.5, 0.5)];
 
 /// Surge and yaw rate with a propeller lag and a past rudder angle.
-fn equations() -> Equations {
+pub(crate) fn equations() -> Equations {
     let signals = vec![
         Signal::Lag { input: 2, time_constant_s: Real(0.5) },
         Signal::Past { variable: 3, samples: 2 },
@@ -35,7 +36,7 @@ fn equations() -> Equations {
     Equations::with_signals(terms, coefficients, 2, 2, signals, 0.1, 2).unwrap()
 }
 
-fn recursive() -> RecursiveEquations {
+pub(crate) fn recursive() -> RecursiveEquations {
     let options = RecursiveOptions {
         forgetting_s: 20.0,
         window: 8,
@@ -56,6 +57,10 @@ fn mixture() -> ExpertMixture {
         gate: InnovationGate::default(),
     };
     ExpertMixture::new(&equations(), &RANGES, &options, None).unwrap()
+}
+
+fn rate_limited() -> RateLimited<dyn Adapter> {
+    RateLimited::new(Box::new(recursive()), RateLimiter::new([None, Some(0.2)], 0.1).unwrap())
 }
 
 /// Two members that learn with different clock steps, and a constant one.
@@ -128,6 +133,7 @@ fn an_adapter_resumes_from_a_saved_state() {
         goes_on_as_if_nothing_had_been(recursive(), recursive(), at);
         goes_on_as_if_nothing_had_been(mixture(), mixture(), at);
         goes_on_as_if_nothing_had_been(committee(), committee(), at);
+        goes_on_as_if_nothing_had_been(rate_limited(), rate_limited(), at);
     }
 }
 

@@ -29,6 +29,7 @@ mod networks;
 mod plant_golden;
 mod plant_params;
 mod plant_physics;
+mod rate_limit;
 mod recurrent_backpropagation;
 mod recurrent_batch;
 mod recurrent_derivatives;

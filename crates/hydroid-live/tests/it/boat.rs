@@ -20,6 +20,7 @@ pub(crate) fn model() -> Model {
         range: DesignRange { low: -2.0, high: 2.0 },
         training_range: None,
         noise: None,
+        rate_limit: None,
     };
     let mut reading = Reading::default();
     reading.selection.time = Some("t".to_owned());

@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 use hydroid::excitation::Excitation;
 use hydroid::identify::{
     Candidate, GivenRanges, Grade, IdentifyResult, Job, Method, MotionOption, NetworkTrainingOptions,
-    SindyOptions, identify, verdicts,
+    RateLimitOption, SindyOptions, identify, verdicts,
 };
 use hydroid::log::{Channel, Note, Split, Table, Trajectory};
 use hydroid::model::Reading;
@@ -58,6 +58,7 @@ fn job() -> Job {
         networks: NetworkTrainingOptions::default(),
         vessel: None,
         motion: MotionOption::default(),
+        rate_limits: RateLimitOption::default(),
         sindy: SindyOptions { degree: Some(2), window_s: Some(0.5), ..SindyOptions::default() },
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use hydroid::identify::{Job, Method, MotionOption, NetworkTrainingOptions, SindyOptions};
+use hydroid::identify::{Job, Method, MotionOption, NetworkTrainingOptions, RateLimitOption, SindyOptions};
 use hydroid::log::{self, LogError, PrepareOptions, Selection, Split, Trajectory, split_named};
 use hydroid::model::Reading;
 
@@ -131,6 +131,7 @@ impl Set {
             seed: 0,
             ranges: std::collections::BTreeMap::default(),
             motion,
+            rate_limits: RateLimitOption::default(),
             sindy: SindyOptions::default(),
             networks: NetworkTrainingOptions { budget_s, ..NetworkTrainingOptions::default() },
             vessel: None,

@@ -4,8 +4,8 @@
 use hydroid::evaluate::{Against, Evaluation, Options, Origin, evaluate};
 use hydroid::excitation::Excitation;
 use hydroid::identify::{
-    GivenRanges, IdentifyResult, Job, Method, MotionOption, NetworkTrainingOptions, SindyOptions, identify,
-    output_ranges,
+    GivenRanges, IdentifyResult, Job, Keyword, Method, MotionOption, NetworkTrainingOptions, RateLimitOption,
+    SindyOptions, identify, output_ranges,
 };
 use hydroid::log::{Split, Trajectory};
 use hydroid::model::Reading;
@@ -43,6 +43,7 @@ fn from_ten_minutes(vessel: &VesselParams, seed: u64) -> (IdentifyResult, Evalua
         networks: NetworkTrainingOptions::default(),
         vessel: None,
         motion: MotionOption::OverGround,
+        rate_limits: RateLimitOption::Keyword(Keyword::None),
         sindy: SindyOptions::default(),
     };
     let identified = identify(&job, &mut silent()).unwrap();

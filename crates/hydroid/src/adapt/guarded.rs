@@ -27,7 +27,7 @@ pub(super) fn guard(
     let companion = || -> Result<Box<dyn Adapter>, AdaptError> {
         if let Body::Direct(direct) = &model.body {
             let companion = Box::new(last_layer::companion(model, direct, &options.least_squares)?);
-            return Ok(model.adapter_over_ground(companion));
+            return Ok(model.whole_adapter(companion));
         }
         let (mut companion, _) = learner(model, &companion_options, runs)?;
         companion.freeze(true);

@@ -244,7 +244,7 @@ pub(super) fn filtered(model: &Model, noise: &[f64]) -> Result<Option<Box<dyn Pr
     let variance = |(std, scale): (&f64, &f64)| (std / scale).powi(2);
     let noise: Vec<f64> = noise.iter().zip(&network.scaling.correction_scale).map(variance).collect();
     let session = KalmanNetwork::state_filter(Arc::clone(network), STATE_FILTER_PROCESS, 1.0, &noise)?;
-    Ok(Some(Box::new(session)))
+    Ok(Some(model.whole_session(Box::new(session))))
 }
 
 pub(super) fn learned(model: &Model, network: &Recurrent, weights: &[f64]) -> Result<Model, AdaptError> {

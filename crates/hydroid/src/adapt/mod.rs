@@ -256,7 +256,7 @@ fn learner(
     runs: &[&Trajectory],
 ) -> Result<(Box<dyn Adapter>, ResolvedOptions), AdaptError> {
     let (adapter, used) = inner_learner(model, options, runs)?;
-    Ok((model.adapter_over_ground(adapter), used))
+    Ok((model.whole_adapter(adapter), used))
 }
 
 /// The adapter of the motion that the model predicts, over ground or through the water.
@@ -414,10 +414,10 @@ impl Frozen {
                 ..,
             ) => None,
             (ResolvedOptions::Kalman(_), Some(motion), _) => {
-                Some(model.over_ground(equations::filtered(model, &motion, &options.kalman, runs)?))
+                Some(model.whole_session(equations::filtered(model, &motion, &options.kalman, runs)?))
             }
             (ResolvedOptions::Kalman(_), _, Some(vessel)) => {
-                Some(model.over_ground(plant::filtered(model, vessel, &options.kalman, runs)?))
+                Some(model.whole_session(plant::filtered(model, vessel, &options.kalman, runs)?))
             }
             (ResolvedOptions::Kalman(used), None, None) => kalman::filtered(model, &used.noise)?,
         };

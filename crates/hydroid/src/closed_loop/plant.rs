@@ -115,7 +115,8 @@ impl TruePlant {
 pub(super) fn limits_of(model: &Model) -> Vec<Limits> {
     let limits = |port: &crate::model::Port| {
         let range = [port.range.low, port.range.high];
-        Limits::between(range).with_rest(crate::plant::neutral(range))
+        let limits = Limits::between(range).with_rest(crate::plant::neutral(range));
+        port.rate_limit.map_or(limits, |rate| limits.with_rate(rate))
     };
     model.description.inputs.iter().map(limits).collect()
 }

@@ -79,22 +79,54 @@ impl<'a> Grid<'a> {
         horizon: usize,
     ) -> Result<Self, ChooseError> {
         let Some(run) = runs.first() else { return Err(ChooseError::Singular) };
-        let (outputs, inputs) = (run.outputs.width(), run.inputs.width());
+        let mut regressions = Vec::new();
         let mut clocks: Vec<usize> = CLOCKS.iter().map(|steps| (horizon / steps).max(1)).collect();
         clocks.dedup();
-        let mut regressions = Vec::new();
-        for &clock in &clocks {
+        for clock in clocks {
             for lags in 0..=LAGS {
-                let shape = Shape { outputs, inputs, lags, clock, dt: run.dt };
-                for terms in Library::ALL.iter().filter_map(|library| library.terms(&shape, run)) {
-                    let of = |&averaging| Regression::new(terms.clone(), shape, averaging).ok();
-                    regressions.extend(AVERAGING.iter().filter_map(of));
-                }
+                regressions.extend(Self::regressions(run, &Library::ALL, lags, clock));
             }
         }
+        Self::with(runs, folds, horizon, regressions)
+    }
+
+    /// Some of the regressions of the grid: those of a few libraries with these past values, at the finer clock.
+    pub(super) fn part(
+        runs: &[&'a Trajectory],
+        folds: Vec<Fold<'a>>,
+        horizon: usize,
+        libraries: &[Library],
+        lags: &[usize],
+    ) -> Result<Self, ChooseError> {
+        let Some(run) = runs.first() else { return Err(ChooseError::Singular) };
+        let clock = (horizon / CLOCKS[0]).max(1);
+        let of = |&lags: &usize| Self::regressions(run, libraries, lags, clock);
+        Self::with(runs, folds, horizon, lags.iter().flat_map(of).collect())
+    }
+
+    fn regressions(run: &Trajectory, libraries: &[Library], lags: usize, clock: usize) -> Vec<Regression> {
+        let (outputs, inputs) = (run.outputs.width(), run.inputs.width());
+        let shape = Shape { outputs, inputs, lags, clock, dt: run.dt };
+        let mut regressions = Vec::new();
+        for terms in libraries.iter().filter_map(|library| library.terms(&shape, run)) {
+            let of = |&averaging| Regression::new(terms.clone(), shape, averaging).ok();
+            regressions.extend(AVERAGING.iter().filter_map(of));
+        }
+        regressions
+    }
+
+    fn with(
+        runs: &[&'a Trajectory],
+        folds: Vec<Fold<'a>>,
+        horizon: usize,
+        regressions: Vec<Regression>,
+    ) -> Result<Self, ChooseError> {
+        let outputs = runs.first().map_or(0, |run| run.outputs.width());
+        let clocks = regressions.iter().map(|regression| regression.shape.clock);
+        let coarsest = clocks.max().unwrap_or(1);
         let mut marks: Vec<usize> = MARKS.iter().map(|mark| (horizon * mark / MARKS.len()).max(1)).collect();
         marks.dedup();
-        let warm_up = LAGS * clocks.iter().max().unwrap_or(&1);
+        let warm_up = LAGS * coarsest;
         let origins = origins(&folds, warm_up, horizon);
         let with_origins = |fold: &usize| origins.iter().any(|o| o.fold == *fold && !o.at.is_empty());
         if (0..folds.len()).filter(with_origins).count() < 2 {
@@ -130,6 +162,30 @@ impl<'a> Grid<'a> {
         self.marks.len()
     }
 
+    /// Squared errors of predictions in each fold, relative to the variance of the truth over all folds: means over
+    /// windows, marks and outputs.
+    pub(super) fn losses(&self, predicted: &[f32]) -> Vec<f64> {
+        let columns = self.outputs * self.marks();
+        let rows = (self.truth.len() / columns).max(1) as f64;
+        let (mut mean, mut variance) = (vec![0.0; columns], vec![0.0; columns]);
+        for (at, y) in self.truth.iter().enumerate() {
+            mean[at % columns] += f64::from(*y) / rows;
+        }
+        for (at, y) in self.truth.iter().enumerate() {
+            variance[at % columns] += (f64::from(*y) - mean[at % columns]).powi(2) / rows;
+        }
+        let mut sums = vec![(0.0, 0.0); self.folds()];
+        let folds = self.origins.iter().flat_map(|o| std::iter::repeat_n(o.fold, o.at.len() * columns));
+        for (at, (fold, (p, y))) in folds.zip(predicted.iter().zip(&self.truth)).enumerate() {
+            let variance = variance[at % columns];
+            if variance > 0.0 {
+                sums[fold].0 += (f64::from(*p) - f64::from(*y)).powi(2) / variance;
+                sums[fold].1 += 1.0;
+            }
+        }
+        sums.into_iter().filter(|(_, count)| *count > 0.0).map(|(sum, count)| sum / count).collect()
+    }
+
     /// Number of folds.
     pub(super) fn folds(&self) -> usize {
         self.folds.len()
@@ -145,6 +201,13 @@ impl<'a> Grid<'a> {
     pub(super) fn constant(&self) -> Vec<Candidate> {
         let of = |regression| RIDGES.map(|ridge| Candidate { regression, ridge, information: None });
         (0..self.regressions.len()).flat_map(of).collect()
+    }
+
+    /// The candidates with constant coefficients and this ridge penalty.
+    pub(super) fn with_ridge(&self, ridge: f64) -> Vec<Candidate> {
+        (0..self.regressions.len())
+            .map(|regression| Candidate { regression, ridge, information: None })
+            .collect()
     }
 
     /// Candidates that learn, for the best ones with constant coefficients.

@@ -13,6 +13,7 @@ mod candidates;
 pub mod currents;
 pub(crate) mod folds;
 mod library;
+pub mod rate_limits;
 mod regression;
 mod ridge;
 mod rollouts;

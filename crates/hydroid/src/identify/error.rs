@@ -114,6 +114,16 @@ pub enum IdentifyError {
         /// Valid values.
         needed: &'static str,
     },
+    /// A stated rate limit that cannot be used.
+    #[error(
+        "the rate limit of '{channel}' cannot be used: {why}. Write it per second, as in --rate-limit 'delta=4 [deg]'"
+    )]
+    RateLimit {
+        /// The input.
+        channel: String,
+        /// Why.
+        why: String,
+    },
     /// A design range that cannot be used.
     #[error("the range of '{channel}' cannot be used: {why}")]
     Range {

@@ -16,6 +16,7 @@ mod leakage;
 mod method;
 mod networks;
 mod options;
+mod rate_limits;
 mod recursive;
 mod through_water;
 mod training;
@@ -41,6 +42,7 @@ pub use networks::{NetworkOptions, NetworkTrainingOptions};
 pub use options::{
     Auto, EnsembleSize, FixedGate, GateOption, Keyword, LagOption, RefineOption, SindyOptions,
 };
+pub use rate_limits::{GivenRate, RateLimitOption};
 pub use through_water::{CurrentsFound, FrameErrors, MotionOption, RunCurrent};
 pub use training::Training;
 pub use verdict::{Grade, Verdict, verdicts};
@@ -69,6 +71,8 @@ pub struct Job {
     /// The motion that the models predict. That through the water needs a heading of all runs, the outputs `u`, `v` and
     /// `r`, and a cross-validation.
     pub motion: MotionOption,
+    /// Limits of the rates at which actuators follow their commands.
+    pub rate_limits: RateLimitOption,
     /// Options of the search for equations.
     pub sindy: SindyOptions,
     /// Options of networks.
@@ -84,6 +88,7 @@ impl Job {
             methods: self.methods.clone(),
             reading: self.reading.clone(),
             ranges: self.ranges.clone(),
+            rate_limits: self.rate_limits.clone(),
             sindy: self.sindy.clone(),
             networks: self.networks.clone(),
             vessel: self.vessel.clone(),
@@ -166,31 +171,9 @@ pub fn identify(job: &Job, progress: Progress<'_>) -> Result<IdentifyResult, Ide
 /// # Errors
 /// As [`identify`]. The failure of one method is an error only if no other method gives a model.
 pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyResult, IdentifyError> {
-    job.sindy.check()?;
-    for (what, value) in [("horizon", job.horizon), ("origin stride", job.origin_stride)] {
-        if value == 0 {
-            let needed = "at least 1 sample";
-            return Err(IdentifyError::InvalidOption { what, value: value.to_string(), needed });
-        }
-    }
-    let [train, validation, test] = [&job.split.train, &job.split.validation, &job.split.test]
-        .map(|runs| runs.iter().collect::<Vec<&Trajectory>>());
-    let cross = validation.is_empty() && job.methods.iter().all(|method| method.is_cross_validated());
-    if job.motion == MotionOption::ThroughWater && !cross {
-        return Err(IdentifyError::ThroughWater);
-    }
-    let needed = if cross { 1 } else { 3 };
-    let named = [(&train, "train"), (&validation, "validate"), (&test, "test")];
-    if let Some((_, part)) = named.into_iter().take(needed).find(|(runs, _)| runs.is_empty()) {
-        return Err(IdentifyError::NoRuns(part));
-    }
-    if cross {
-        // Every run is a part of its own.
-        let single: Vec<&[&Trajectory]> = train.iter().map(std::slice::from_ref).chain([&test[..]]).collect();
-        leakage::check(&single)?;
-    } else {
-        leakage::check(&[&train, &validation, &test])?;
-    }
+    let [train, validation, test] = parts_of(&job.split);
+    let cross = is_cross_validated(job);
+    check(job)?;
     let methods = methods(job)?;
     let ranges = design_range::design_ranges(&job.ranges, &train)?;
     let folds = cross.then(|| CrossValidation::new(&job.split.train));
@@ -206,9 +189,21 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
         let remedy = "three separate runs or more are a stricter test, because wind, load and sensors are the same within one run";
         warnings.push(Note::warning(message).with_remedy(remedy));
     }
-    let mut tell = |fraction: f64| watch(&Stage { fraction: 0.1 * fraction, method: None, training: None });
+    let mut tell = |fraction: f64| watch(&Stage { fraction: 0.05 * fraction, method: None, training: None });
     let found = through_water::estimate(job, &parts, &mut warnings, &mut tell)?;
     let in_water = found.as_ref().filter(|found| through_water::is_promising(job, found));
+    let mut tell =
+        |fraction: f64| watch(&Stage { fraction: 0.05 + 0.05 * fraction, method: None, training: None });
+    let rates = rate_limits::find(job, &parts, in_water, &mut warnings, &mut tell)?;
+    // Models are fitted in the positions of the actuators, and evaluated in the commands. A vessel file has its own limits.
+    let limited = rate_limits::limited(job, &rates);
+    let job_in_positions = limited.as_ref().unwrap_or(job);
+    let folds_in_positions = cross.then(|| CrossValidation::new(&job_in_positions.split.train));
+    let parts_in_positions = parts.in_positions(job_in_positions, folds_in_positions.as_ref(), rates);
+    let data_of = |method: Method| match method {
+        Method::GreyBox => (job, &parts),
+        _ => (job_in_positions, &parts_in_positions),
+    };
     let over_ground = job.motion != MotionOption::ThroughWater;
     let end = if in_water.is_some() { 0.4 } else { 0.8 };
     let mut trained: Vec<Trained> = Vec::new();
@@ -222,7 +217,8 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
         };
         let after = methods[i..].iter().filter(|method| method.cell().is_some()).count();
         let clock = Instant::now();
-        match train_by(method, job, &parts, &trained, (spent_s, after), &mut warnings, &mut tell) {
+        let (job, parts) = data_of(method);
+        match train_by(method, job, parts, &trained, (spent_s, after), &mut warnings, &mut tell) {
             Ok(next) => {
                 spent_s += next.training.network().map_or(0.0, |trained| trained.seconds);
                 trained.push(next);
@@ -237,7 +233,7 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
     }
     if let Some(found) = in_water {
         let mut tell = |f: f64| watch(&Stage { fraction: 0.4 + 0.4 * f, method: None, training: None });
-        trained.extend(through_water::train(job, &parts, &methods, found, &mut warnings, &mut tell)?);
+        trained.extend(through_water::train(data_of, &methods, found, &mut warnings, &mut tell)?);
     }
     // The warm-up of past values is known only now.
     trained.retain(|model| match check_evaluable(job, &parts, model.model.session().warm_up()) {
@@ -268,6 +264,44 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
     warnings.extend(verdict::warnings(shown, &verdicts, &data, &job.split.test));
     warnings.extend(collinearity::warnings(shown, &data, &job.split.train));
     Ok(IdentifyResult { candidates, best, verdicts, warnings, ranges, cross_validation: folds, currents })
+}
+
+/// Whether the models are judged by a cross-validation.
+fn is_cross_validated(job: &Job) -> bool {
+    job.split.validation.is_empty() && job.methods.iter().all(|method| method.is_cross_validated())
+}
+
+/// Training, validation and test runs.
+fn parts_of(split: &Split) -> [Vec<&Trajectory>; 3] {
+    [&split.train, &split.validation, &split.test].map(|runs| runs.iter().collect())
+}
+
+/// Checks the options and that the runs are there and different.
+fn check(job: &Job) -> Result<(), IdentifyError> {
+    job.sindy.check()?;
+    for (what, value) in [("horizon", job.horizon), ("origin stride", job.origin_stride)] {
+        if value == 0 {
+            let needed = "at least 1 sample";
+            return Err(IdentifyError::InvalidOption { what, value: value.to_string(), needed });
+        }
+    }
+    let [train, validation, test] = parts_of(&job.split);
+    let cross = is_cross_validated(job);
+    if job.motion == MotionOption::ThroughWater && !cross {
+        return Err(IdentifyError::ThroughWater);
+    }
+    let needed = if cross { 1 } else { 3 };
+    let named = [(&train, "train"), (&validation, "validate"), (&test, "test")];
+    if let Some((_, part)) = named.into_iter().take(needed).find(|(runs, _)| runs.is_empty()) {
+        return Err(IdentifyError::NoRuns(part));
+    }
+    if cross {
+        // Every run is a part of its own.
+        let single: Vec<&[&Trajectory]> = train.iter().map(std::slice::from_ref).chain([&test[..]]).collect();
+        leakage::check(&single)
+    } else {
+        leakage::check(&[&train, &validation, &test])
+    }
 }
 
 /// The requested methods without duplicates, equations before networks, which may use them as base model.
@@ -306,6 +340,8 @@ struct Parts<'a> {
     given: Vec<String>,
     /// The folds of a cross-validation over the training runs.
     folds: Option<&'a CrossValidation>,
+    /// Rate limits of the actuators whose positions are the inputs of the runs; empty if those are the commands.
+    rate_limits: Vec<Option<f64>>,
     /// Whether only settings are searched for, and the equations fitted again.
     draft: bool,
 }
@@ -324,7 +360,33 @@ impl<'a> Parts<'a> {
             training_ranges,
             given,
             folds: None,
+            rate_limits: Vec::new(),
             draft: false,
+        }
+    }
+
+    /// The training data of a job whose inputs are the positions of actuators with these rate limits.
+    fn in_positions<'b>(
+        &self,
+        job: &'b Job,
+        folds: Option<&'b CrossValidation>,
+        rate_limits: Vec<Option<f64>>,
+    ) -> Parts<'b> {
+        let validation = match folds {
+            Some(folds) => folds.runs(&job.split.train).into_iter().map(|(_, run)| run).collect(),
+            None => job.split.validation.iter().collect(),
+        };
+        Parts {
+            train: job.split.train.iter().collect(),
+            validation,
+            test: job.split.test.iter().collect(),
+            ranges: self.ranges.clone(),
+            inputs: self.inputs.clone(),
+            training_ranges: self.training_ranges.clone(),
+            given: self.given.clone(),
+            folds,
+            rate_limits,
+            draft: self.draft,
         }
     }
 }

@@ -160,21 +160,27 @@ impl std::str::FromStr for LagOption {
 
     /// `auto`, `none`, or `n=1.5,delta=0.3`.
     fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "auto" => return Ok(Self::Keyword(Keyword::Auto)),
-            "none" => return Ok(Self::Keyword(Keyword::None)),
-            _ => {}
-        }
-        let pair = |part: &str| {
-            let (name, seconds) = part.split_once('=')?;
-            Some((name.trim().to_owned(), seconds.trim().trim_end_matches('s').parse().ok()?))
-        };
-        text.split(',')
-            .map(pair)
-            .collect::<Option<BTreeMap<String, f64>>>()
-            .map(Self::Fixed)
-            .ok_or_else(|| format!("'{text}' is not auto, none, or a list like n=1.5,delta=0.3 (seconds)"))
+        let found = keyword_or_list(text, |seconds| seconds.trim_end_matches('s').parse().ok());
+        let found = found.map(|found| found.map_or_else(Self::Keyword, Self::Fixed));
+        found.ok_or_else(|| format!("'{text}' is not auto, none, or a list like n=1.5,delta=0.3 (seconds)"))
     }
+}
+
+/// `auto` or `none` (an error value here), or a list `NAME=VALUE,NAME=VALUE`.
+pub(super) fn keyword_or_list<T>(
+    text: &str,
+    value: impl Fn(&str) -> Option<T>,
+) -> Option<Result<BTreeMap<String, T>, Keyword>> {
+    match text {
+        "auto" => return Some(Err(Keyword::Auto)),
+        "none" => return Some(Err(Keyword::None)),
+        _ => {}
+    }
+    let pair = |part: &str| {
+        let (name, written) = part.split_once('=')?;
+        Some((name.trim().to_owned(), value(written.trim())?))
+    };
+    text.split(',').map(pair).collect::<Option<_>>().map(Ok)
 }
 
 impl std::str::FromStr for GateOption {

@@ -135,22 +135,49 @@ pub(super) fn is_promising(job: &Job, found: &Currents) -> bool {
 
 /// Trains the methods on the velocities through the water. The models of the folds were fitted without them, under these
 /// currents.
-pub(super) fn train(
-    job: &Job,
-    parts: &Parts<'_>,
+pub(super) fn train<'a>(
+    data_of: impl Fn(Method) -> (&'a Job, &'a Parts<'a>),
     methods: &[Method],
     found: &Currents,
     warnings: &mut Vec<Note>,
     progress: Progress<'_>,
 ) -> Result<Vec<Trained>, IdentifyError> {
-    let motion = motion(parts.train[0])?;
+    let mut all: Vec<Trained> = Vec::new();
+    for (i, &method) in methods.iter().enumerate() {
+        let from = i as f64 / methods.len() as f64;
+        let mut tell = |f: f64| progress(from + f / methods.len() as f64);
+        match train_method(method, data_of(method), &all, found, warnings, &mut tell) {
+            Ok(next) => all.push(next),
+            Err(error) if error.is_method_specific() => {
+                let message =
+                    format!("no model of the motion through the water by the method {}", method.name());
+                warnings.push(Note::warning(format!("{message}: {}", error.without_method())));
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(all)
+}
+
+/// The job with the velocities of its training runs through the water, under these currents.
+pub(super) fn in_water(job: &Job, found: &Currents) -> Result<Job, IdentifyError> {
+    let motion = motion(&job.split.train[0])?;
     let in_water = |(run, &current)| currents::through_water(run, motion, current);
-    let job = job.with_split(Split {
-        train: job.split.train.iter().zip(&found.of).map(in_water).collect(),
-        validation: Vec::new(),
-        test: job.split.test.clone(),
-        notes: Vec::new(),
-    });
+    let train = job.split.train.iter().zip(&found.of).map(in_water).collect();
+    let test = job.split.test.clone();
+    Ok(job.with_split(Split { train, test, validation: Vec::new(), notes: Vec::new() }))
+}
+
+fn train_method(
+    method: Method,
+    (job, parts): (&Job, &Parts<'_>),
+    before: &[Trained],
+    found: &Currents,
+    warnings: &mut Vec<Note>,
+    progress: Progress<'_>,
+) -> Result<Trained, IdentifyError> {
+    let motion = motion(parts.train[0])?;
+    let job = in_water(job, found)?;
     let folds = CrossValidation::new(&job.split.train);
     let of_folds = folds.runs(&job.split.train);
     let parts = Parts {
@@ -159,29 +186,14 @@ pub(super) fn train(
         folds: Some(&folds),
         ..parts.clone()
     };
-    let mut all: Vec<Trained> = Vec::new();
-    for (i, &method) in methods.iter().enumerate() {
-        let from = i as f64 / methods.len() as f64;
-        let mut tell = |f: f64, _: Option<&_>| progress(from + f / methods.len() as f64);
-        let next = train_by(method, &job, &parts, &all, (0.0, 0), warnings, &mut tell);
-        let next = next.and_then(|next| Ok((estimate_of(&job, &parts, &next, motion, found)?, next)));
-        let (current, mut next) = match next {
-            Ok(next) => next,
-            Err(error) if error.is_method_specific() => {
-                let message =
-                    format!("no model of the motion through the water by the method {}", method.name());
-                warnings.push(Note::warning(format!("{message}: {}", error.without_method())));
-                continue;
-            }
-            Err(error) => return Err(error),
-        };
-        for model in std::iter::once(&mut next.model).chain(&mut next.left_out) {
-            model.description.current = Some(current.clone());
-            model.description.reading.selection.heading.clone_from(&job.reading.selection.heading);
-        }
-        all.push(next);
+    let mut tell = |fraction: f64, _: Option<&_>| progress(fraction);
+    let mut trained = train_by(method, &job, &parts, before, (0.0, 0), warnings, &mut tell)?;
+    let current = estimate_of(&job, &parts, &trained, motion, found)?;
+    for model in std::iter::once(&mut trained.model).chain(&mut trained.left_out) {
+        model.description.current = Some(current.clone());
+        model.description.reading.selection.heading.clone_from(&job.reading.selection.heading);
     }
-    Ok(all)
+    Ok(trained)
 }
 
 /// Options of the sessions of a model: errors over a window on left-out runs, under their currents.

@@ -306,11 +306,18 @@ fn describe(
         range,
         training_range: parts.given.contains(&channel.name).then_some(training_range),
         noise: noise(channel),
+        rate_limit: None,
     };
-    let ports = |channels: &[Channel], ranges: &[DesignRange], training_ranges: &[DesignRange]| {
-        channels.iter().zip(ranges).zip(training_ranges).map(port).collect()
-    };
+    let ports = |channels: &[Channel],
+                 ranges: &[DesignRange],
+                 training_ranges: &[DesignRange]|
+     -> Vec<Port> { channels.iter().zip(ranges).zip(training_ranges).map(port).collect() };
     let names = |runs: &[Trajectory]| runs.iter().map(|run| run.name.clone()).collect();
+    let mut inputs: Vec<Port> =
+        ports(run.inputs.channels(), &parts.inputs, &data_summary::input_ranges(&parts.train));
+    for (port, &rate) in inputs.iter_mut().zip(&parts.rate_limits) {
+        port.rate_limit = rate;
+    }
     Model {
         description: Description {
             bands: None,
@@ -318,7 +325,7 @@ fn describe(
             name: method.name().to_owned(),
             dt: run.dt,
             outputs: ports(run.outputs.channels(), &parts.ranges, &parts.training_ranges),
-            inputs: ports(run.inputs.channels(), &parts.inputs, &data_summary::input_ranges(&parts.train)),
+            inputs,
             reading: reading(job, run.dt),
             provenance: Provenance {
                 hydroid: env!("CARGO_PKG_VERSION").to_owned(),

@@ -74,7 +74,8 @@ impl Model {
         if self.learning.is_some() || self.description.current.is_some() {
             return Vec::new();
         }
-        self.member_motion_sessions()
+        let sessions = self.member_motion_sessions().into_iter();
+        sessions.map(|session| self.whole_session(session)).collect()
     }
 
     /// A session for each ensemble member, of the motion that the model predicts.

@@ -21,6 +21,7 @@ use hydroid_core::adapt::ExpertMixtureOptions;
 use hydroid_core::current::{Inner, ThroughWater};
 use hydroid_core::model::recurrent::Scaling;
 use hydroid_core::predict::Predictor;
+use hydroid_core::rate_limit::{RateLimited, RateLimiter};
 use serde::{Deserialize, Serialize};
 
 use crate::evaluate::{DesignRange, PredictionBands};
@@ -116,6 +117,10 @@ pub struct Port {
     /// Standard deviation of the white measurement noise of an output; `None` for inputs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<f64>,
+    /// Largest rate of the actuator behind an input \[unit/s\]: the model takes its positions in place of the commands
+    /// ([`RateLimited`]). `None` for no limit, and for outputs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate_limit: Option<f64>,
 }
 
 /// Provenance of a model.
@@ -157,32 +162,46 @@ impl Model {
     pub fn session(&self) -> Box<dyn Predictor> {
         let kind = self.body.kind();
         match kind.learning_session(self) {
-            Some(session) => self.adapter_over_ground(session),
-            None => self.over_ground(kind.session(self)),
+            Some(session) => self.whole_adapter(session),
+            None => self.whole_session(kind.session(self)),
         }
     }
 
-    /// A session of the motion that the model predicts, with constant weights: through the water for a model of that
-    /// motion, without an estimate of the current.
+    /// A session of the motion that the model predicts, with constant weights and positions of the actuators as inputs:
+    /// through the water for a model of that motion, without an estimate of the current.
     pub(crate) fn motion_session(&self) -> Box<dyn Predictor> {
         let frozen = self.frozen();
         frozen.body.kind().session(&frozen)
     }
 
-    /// A session of the motion that the model predicts, as a session of the motion over ground.
-    pub(crate) fn over_ground(&self, session: Box<dyn Predictor>) -> Box<dyn Predictor> {
-        match self.in_current(session) {
+    /// A session of the body as a session of the model: with commands as inputs, and of the motion over ground.
+    pub(crate) fn whole_session(&self, session: Box<dyn Predictor>) -> Box<dyn Predictor> {
+        let session: Box<dyn Predictor> = match self.in_current(session) {
             Ok(session) => Box::new(session),
             Err(session) => session,
+        };
+        match self.rate_limiter() {
+            Some(limiter) => Box::new(RateLimited::new(session, limiter)),
+            None => session,
         }
     }
 
-    /// As [`over_ground`](Self::over_ground), for an adapter.
-    pub(crate) fn adapter_over_ground(&self, adapter: Box<dyn Adapter>) -> Box<dyn Adapter> {
-        match self.in_current(adapter) {
+    /// As [`whole_session`](Self::whole_session), for an adapter.
+    pub(crate) fn whole_adapter(&self, adapter: Box<dyn Adapter>) -> Box<dyn Adapter> {
+        let adapter: Box<dyn Adapter> = match self.in_current(adapter) {
             Ok(session) => Box::new(session),
             Err(adapter) => adapter,
+        };
+        match self.rate_limiter() {
+            Some(limiter) => Box::new(RateLimited::new(adapter, limiter)),
+            None => adapter,
         }
+    }
+
+    /// The actuators in front of the model; `None` if no input has a rate limit.
+    pub(crate) fn rate_limiter(&self) -> Option<RateLimiter> {
+        let d = &self.description;
+        RateLimiter::new(d.inputs.iter().map(|port| port.rate_limit), d.dt)
     }
 
     /// A session with an estimate of the current; the session itself for a model of the motion over ground.
@@ -219,7 +238,11 @@ impl Model {
 
     /// Description of a network or a committee, line by line; empty for other models.
     pub fn network_text(&self) -> Vec<String> {
-        self.body.kind().network_text(&self.description)
+        let mut text = self.body.kind().network_text(&self.description);
+        if !text.is_empty() {
+            text.extend(self.description.rate_limits_text());
+        }
+        text
     }
 
     /// Scaling of the channels of a network, line by line; empty for other models.
@@ -323,6 +346,16 @@ impl Description {
     pub fn stated(&self) -> Vec<&str> {
         let given = self.provenance.settings["ranges_given"].as_array();
         given.into_iter().flatten().filter_map(serde_json::Value::as_str).collect()
+    }
+
+    /// Rate limits of the inputs, line by line: `delta follows its command at 0.0698 rad/s at most`.
+    pub fn rate_limits_text(&self) -> Vec<String> {
+        let line = |port: &Port| {
+            let Channel { name, unit } = &port.channel;
+            let unit = if unit.is_empty() { "1/s".to_owned() } else { format!("{unit}/s") };
+            port.rate_limit.map(|rate| format!("{name} follows its command at {rate:.4} {unit} at most"))
+        };
+        self.inputs.iter().filter_map(line).collect()
     }
 
     /// Design ranges of outputs, then inputs.

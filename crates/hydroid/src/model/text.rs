@@ -41,7 +41,7 @@ impl NamedEquations<'_> {
         outputs.chain(self.gates_text()).chain(self.signals_text()).collect()
     }
 
-    /// Definitions of the active signals: `d lag(n, 1.5 s)/dt = (n - lag(n, 1.5 s)) / 1.5 s`.
+    /// Definitions of the active signals: `d lag(n, 1.5 s)/dt = (n - lag(n, 1.5 s)) / 1.5 s`, and rate limits of inputs.
     pub fn signals_text(&self) -> Vec<String> {
         let names = self.variable_names();
         let text = |(variable, signal): (usize, Signal)| {
@@ -54,7 +54,7 @@ impl NamedEquations<'_> {
                 Signal::Past { samples, .. } => format!("{name} = {source} {samples} samples ago"),
             }
         };
-        self.used_signals().into_iter().map(text).collect()
+        self.used_signals().into_iter().map(text).chain(self.description.rate_limits_text()).collect()
     }
 
     /// The unit of each coefficient: a heading, then a line for each active term, with a column for each output.

@@ -3,6 +3,7 @@
 use hydroid_core::current::in_body;
 use hydroid_core::model::committee::{CommitteeSimulation, Past};
 use hydroid_core::predict::Predictor;
+use hydroid_core::rate_limit::RateLimiter;
 
 use super::error::PlantError;
 use crate::log::Trajectory;
@@ -28,12 +29,16 @@ const UNITS: [&str; 3] = ["m/s", "m/s", "rad/s"];
 #[derive(Debug)]
 pub struct Simulation {
     session: Session,
+    /// Actuators in front of the model.
+    limiter: Option<RateLimiter>,
     motion: Motion,
     dt: f64,
     current: [f64; 2],
     eta: [f64; 3],
     y: Vec<f64>,
     next: Vec<f64>,
+    /// Positions of the actuators.
+    positions: Vec<f64>,
     /// Samples that a session observes at the start.
     warm_up: usize,
     samples: usize,
@@ -59,7 +64,9 @@ impl Clone for Simulation {
             Session::Predictor(session) => Session::Predictor(session.fork()),
             Session::Committee(committee) => Session::Committee(committee.clone()),
         };
-        Self { session, y: self.y.clone(), next: self.next.clone(), ..*self }
+        let Self { limiter, y, next, positions, .. } = self;
+        let (limiter, y, next) = (limiter.clone(), y.clone(), next.clone());
+        Self { session, limiter, y, next, positions: positions.clone(), ..*self }
     }
 }
 
@@ -139,6 +146,8 @@ impl Simulation {
         let outputs = model.description.outputs.len();
         Self {
             session,
+            limiter: model.rate_limiter(),
+            positions: vec![f64::NAN; model.description.inputs.len()],
             motion,
             dt: model.description.dt,
             current: [0.0; 2],
@@ -180,6 +189,12 @@ impl Simulation {
         let rows = outputs.len() / n;
         assert!(rows >= self.warm_up, "a past of {} samples is needed", self.warm_up);
         self.y.copy_from_slice(&outputs[(rows - 1) * n..]);
+        let mut positions = commands.to_vec();
+        if let Some(limiter) = &mut self.limiter {
+            limiter.reset();
+            positions.chunks_exact_mut(self.positions.len()).for_each(|row| limiter.advance(row));
+        }
+        let commands = &positions[..];
         match &mut self.session {
             Session::Committee(committee) => committee.start(Past { outputs, inputs: commands }),
             Session::Predictor(session) => {
@@ -236,10 +251,14 @@ impl Simulation {
     /// # Panics
     /// If `c` has another length than the inputs.
     pub fn advance(&mut self, c: &[f64]) {
+        self.positions.copy_from_slice(c);
+        if let Some(limiter) = &mut self.limiter {
+            limiter.advance(&mut self.positions);
+        }
         match &mut self.session {
-            Session::Committee(committee) => committee.advance(c, &mut self.next),
+            Session::Committee(committee) => committee.advance(&self.positions, &mut self.next),
             Session::Predictor(session) => {
-                session.advance(c);
+                session.advance(&self.positions);
                 session.output(&mut self.next);
             }
         }

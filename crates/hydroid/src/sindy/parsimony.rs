@@ -23,6 +23,11 @@ pub(super) struct Difference {
 }
 
 impl BlockLosses {
+    /// Mean of the losses on the validation runs.
+    pub(crate) fn mean(&self) -> f64 {
+        self.validation.iter().sum::<f64>() / self.validation.len().max(1) as f64
+    }
+
     /// Mean difference between these losses and others on the same blocks. The comparison is paired: the
     /// difficulty that a block has for both models cancels.
     pub(super) fn paired_difference(&self, other: &Self) -> Difference {

@@ -10,7 +10,7 @@ use hydroid::adapt::{self, AdaptError, KalmanOptions, LeastSquaresOptions, Optio
 use hydroid::evaluate::{self, Evaluation};
 use hydroid::excitation::Excitation;
 use hydroid::identify::{
-    GivenRanges, Job, Method, MotionOption, NetworkTrainingOptions, SindyOptions, identify,
+    GivenRanges, Job, Method, MotionOption, NetworkTrainingOptions, RateLimitOption, SindyOptions, identify,
 };
 use hydroid::log::{self, PrepareOptions, Selection, Split, Trajectory};
 use hydroid::model::{Model, Reading};
@@ -37,6 +37,7 @@ fn identified(split: Split, horizon: usize, origin_stride: usize) -> Model {
         networks: NetworkTrainingOptions::default(),
         vessel: None,
         motion: MotionOption::default(),
+        rate_limits: RateLimitOption::default(),
         sindy: SindyOptions::default(),
     };
     identify(&job, &mut silent()).unwrap().candidates.remove(0).model

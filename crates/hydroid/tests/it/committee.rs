@@ -353,7 +353,7 @@ fn by_hand(information: f64) -> Committee {
 
 fn port(name: &str, low: f64, high: f64) -> Port {
     let range = DesignRange { low, high };
-    Port { channel: Channel::new(name, ""), range, training_range: None, noise: None }
+    Port { channel: Channel::new(name, ""), range, training_range: None, noise: None, rate_limit: None }
 }
 
 fn model(committee: Committee) -> Model {

@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 
 use hydroid::craft::{CraftFile, parse};
 use hydroid::identify::{
-    Job, Method, MotionOption, NetworkTrainingOptions, SindyOptions, Training, identify,
+    Job, Method, MotionOption, NetworkTrainingOptions, RateLimitOption, SindyOptions, Training, identify,
 };
 use hydroid::log::{Split, Table, Trajectory};
 use hydroid::manoeuvre::{TrialKind, TrialOptions, trials};
@@ -224,6 +224,7 @@ fn job(runs: Vec<Trajectory>, vessel: CraftFile, horizon: usize) -> Job {
         seed: 0,
         ranges: hydroid::identify::GivenRanges::default(),
         motion: MotionOption::OverGround,
+        rate_limits: RateLimitOption::default(),
         sindy: SindyOptions::default(),
         networks: NetworkTrainingOptions::default(),
         vessel: Some(vessel),

@@ -8,7 +8,7 @@ use crate::vessel::{INPUTS, OUTPUTS, smooth, with_gaps};
 use hydroid::evaluate::{Options, evaluate};
 use hydroid::identify::{
     EnsembleSize, GivenRanges, IdentifyError, Job as Identification, Method, MotionOption, NetworkOptions,
-    NetworkTrainingOptions, SindyOptions, identify,
+    NetworkTrainingOptions, RateLimitOption, SindyOptions, identify,
 };
 use hydroid::log::{Split, Trajectory};
 use hydroid::model::{Body, Model, Reading, decode, encode};
@@ -137,6 +137,7 @@ fn job(methods: Vec<Method>) -> Identification {
         seed: 0,
         ranges: GivenRanges::new(),
         motion: MotionOption::default(),
+        rate_limits: RateLimitOption::default(),
         sindy: SindyOptions { degree: Some(1), members: EnsembleSize(0), ..SindyOptions::default() },
         networks: NetworkTrainingOptions { direct, ..NetworkTrainingOptions::default() },
         vessel: None,

@@ -35,6 +35,7 @@ fn made(
             range: DesignRange { low: -1.0, high: 1.0 },
             training_range: None,
             noise: None,
+            rate_limit: None,
         };
         channels.iter().map(port).collect()
     };

@@ -3,7 +3,7 @@
 use hydroid::evaluate::{Options, evaluate};
 use hydroid::excitation::{Excitation, mixed};
 use hydroid::identify::{
-    GivenRanges, Job, Method, MotionOption, NetworkTrainingOptions, SindyOptions, identify,
+    GivenRanges, Job, Method, MotionOption, NetworkTrainingOptions, RateLimitOption, SindyOptions, identify,
 };
 use hydroid::log::{Split, Trajectory};
 use hydroid::model::{Model, Reading};
@@ -45,6 +45,7 @@ fn from_small_commands_to_large_ones_nothing_diverges_and_persistence_is_beaten(
             networks: NetworkTrainingOptions::default(),
             vessel: None,
             motion: MotionOption::default(),
+            rate_limits: RateLimitOption::default(),
             sindy: SindyOptions::default(),
         };
         let found = identify(&job, &mut silent()).unwrap();

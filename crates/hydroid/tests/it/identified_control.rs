@@ -6,7 +6,7 @@ use std::sync::Arc;
 use hydroid::closed_loop::{self, Conditions, ControlLaw, Metrics, Scenario, SpeedOptions, Timing, Track};
 use hydroid::excitation::Excitation;
 use hydroid::identify::{
-    GivenRanges, Job, Method, MotionOption, NetworkTrainingOptions, SindyOptions, identify,
+    GivenRanges, Job, Method, MotionOption, NetworkTrainingOptions, RateLimitOption, SindyOptions, identify,
 };
 use hydroid::log::{Split, Trajectory};
 use hydroid::model::{Body, Reading};
@@ -163,6 +163,7 @@ fn identified(vessel: &VesselParams, train_s: f64) -> Arc<Equations> {
         networks: NetworkTrainingOptions::default(),
         vessel: None,
         motion: MotionOption::default(),
+        rate_limits: RateLimitOption::default(),
         sindy: SindyOptions {
             terms: PHYSICAL.iter().map(ToString::to_string).collect(),
             ..SindyOptions::default()

@@ -5,7 +5,8 @@ use std::path::Path;
 
 use hydroid::identify::{
     EnsembleSize, GateOption, GivenRanges, IdentifyError, IdentifyResult, Job, Keyword, LagOption, Method,
-    MotionOption, NetworkOptions, NetworkTrainingOptions, SindyOptions, identify_with_stages,
+    MotionOption, NetworkOptions, NetworkTrainingOptions, RateLimitOption, SindyOptions,
+    identify_with_stages,
 };
 use hydroid::log::{Channel, Split, Table, Trajectory};
 use hydroid::model::Reading;
@@ -47,6 +48,7 @@ fn job(methods: &[Method], [train, validation, test]: [usize; 3], driven: bool) 
         seed: 0,
         ranges: GivenRanges::new(),
         motion: MotionOption::default(),
+        rate_limits: RateLimitOption::default(),
         sindy: SindyOptions {
             degree: Some(1),
             lag: LagOption::Keyword(Keyword::None),

@@ -30,6 +30,7 @@ mod network_file;
 mod peer_pysindy;
 mod peer_torch;
 mod qr;
+mod rate_limits;
 mod real_ships;
 mod refine;
 mod search_parts;

@@ -5,7 +5,7 @@ use hydroid::evaluate;
 use hydroid::excitation::Excitation;
 use hydroid::identify::{
     EnsembleSize, GateOption, GivenRange, GivenRanges, IdentifyError, IdentifyResult, Job, Keyword,
-    LagOption, Method, MotionOption, NetworkTrainingOptions, SindyOptions, identify,
+    LagOption, Method, MotionOption, NetworkTrainingOptions, RateLimitOption, SindyOptions, identify,
 };
 use hydroid::log::{Channel, Split, Table, Trajectory};
 use hydroid::model::{self, Reading};
@@ -46,6 +46,7 @@ fn job(methods: &[Method], split: Split) -> Job {
         networks: NetworkTrainingOptions::default(),
         vessel: None,
         motion: MotionOption::default(),
+        rate_limits: RateLimitOption::default(),
         sindy: SindyOptions {
             degree: Some(2),
             signed_squares: Some(false),
@@ -99,6 +100,7 @@ fn spikes_are_named_with_their_remedy() {
             networks: NetworkTrainingOptions::default(),
             vessel: None,
             motion: MotionOption::default(),
+            rate_limits: RateLimitOption::default(),
             sindy: SindyOptions {
                 degree: Some(1),
                 lag: LagOption::Keyword(Keyword::None),
@@ -133,6 +135,7 @@ fn a_given_lag_is_in_all_candidates() {
         networks: NetworkTrainingOptions::default(),
         vessel: None,
         motion: MotionOption::default(),
+        rate_limits: RateLimitOption::default(),
         sindy: SindyOptions {
             lag: LagOption::Fixed([(String::from("RD_cmd"), 0.3)].into()),
             gate: GateOption::Keyword(Keyword::None),
@@ -223,6 +226,7 @@ fn runs_of_different_parts_that_share_data_are_refused() {
             networks: NetworkTrainingOptions::default(),
             vessel: None,
             motion: MotionOption::default(),
+            rate_limits: RateLimitOption::default(),
             sindy: SindyOptions::default(),
         };
         matches!(identify(&job, &mut silent()), Err(IdentifyError::DataLeakage { .. }))

@@ -21,6 +21,7 @@ fn port(name: &str, unit: &str, low: f64, high: f64) -> Port {
         range: DesignRange { low, high },
         training_range: None,
         noise: None,
+        rate_limit: None,
     }
 }
 

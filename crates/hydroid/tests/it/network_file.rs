@@ -30,6 +30,7 @@ fn model(network: Network, weights: Vec<f64>, base: BaseModel, feedback: bool) -
         range: DesignRange { low: -1.0, high: 1.0 / 3.0 },
         training_range: None,
         noise: None,
+        rate_limit: None,
     };
     let scaling = Scaling {
         output_mean: vec![0.0; outputs],

@@ -37,6 +37,7 @@ fn model(network: Network) -> Model {
         range: DesignRange { low: -1.0, high: 1.0 },
         training_range: None,
         noise: None,
+        rate_limit: None,
     };
     let (inputs, outputs) = (network.inputs, network.outputs);
     let recurrent = Recurrent {

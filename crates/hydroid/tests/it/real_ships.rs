@@ -9,7 +9,7 @@ use crate::ridge_baseline::{CYBERSHIP, ESSO, Row, Ship, baseline, chosen, last};
 use hydroid::evaluate::Evaluation;
 use hydroid::identify::{
     EnsembleSize, GivenRanges, Grade, IdentifyResult, Job, Method, MotionOption, NetworkTrainingOptions,
-    SindyOptions, identify,
+    RateLimitOption, SindyOptions, identify,
 };
 use hydroid::log::{self, PrepareOptions, Selection, Split, split_named};
 use hydroid::model::Reading;
@@ -35,6 +35,7 @@ fn job(split: Split, horizon: usize, origin_stride: usize) -> Job {
         networks: NetworkTrainingOptions::default(),
         vessel: None,
         motion: MotionOption::default(),
+        rate_limits: RateLimitOption::default(),
         sindy: SindyOptions::default(),
     }
 }

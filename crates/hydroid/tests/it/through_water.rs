@@ -5,7 +5,8 @@ use std::path::Path;
 use hydroid::adapt;
 use hydroid::evaluate::{Evaluation, Options, evaluate};
 use hydroid::identify::{
-    IdentifyError, IdentifyResult, Job, Method, MotionOption, NetworkTrainingOptions, SindyOptions, identify,
+    IdentifyError, IdentifyResult, Job, Method, MotionOption, NetworkTrainingOptions, RateLimitOption,
+    SindyOptions, identify,
 };
 use hydroid::log::{
     Channel, PrepareOptions, RawLog, Selection, Split, Table, Trajectory, prepare, read_from,
@@ -79,6 +80,7 @@ fn job(train: Vec<Trajectory>, methods: &[Method]) -> Job {
         seed: 0,
         ranges: std::collections::BTreeMap::default(),
         motion: MotionOption::Auto,
+        rate_limits: RateLimitOption::default(),
         sindy: SindyOptions { members: hydroid::identify::EnsembleSize(0), ..SindyOptions::default() },
         networks: NetworkTrainingOptions::default(),
         vessel: None,

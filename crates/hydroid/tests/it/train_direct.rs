@@ -7,7 +7,7 @@ use crate::vessel::{INPUTS, OUTPUTS, with_gaps};
 use hydroid::evaluate::{Options, band_coverage, evaluate};
 use hydroid::identify::{
     GivenRanges, Job as Identification, Method, MotionOption, NetworkOptions, NetworkTrainingOptions,
-    SindyOptions,
+    RateLimitOption, SindyOptions,
 };
 use hydroid::identify::{IdentifyError, identify};
 use hydroid::log::{Split, Table, Trajectory};
@@ -179,6 +179,7 @@ fn job(change: impl FnOnce(&mut NetworkOptions)) -> Identification {
         seed: 0,
         ranges: GivenRanges::new(),
         motion: MotionOption::default(),
+        rate_limits: RateLimitOption::default(),
         sindy: SindyOptions::default(),
         networks: NetworkTrainingOptions { all, direct, ..NetworkTrainingOptions::default() },
         vessel: None,

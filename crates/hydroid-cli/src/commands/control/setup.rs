@@ -119,10 +119,9 @@ fn state_limits(given: &ControllerArgs, scene: &mut Scenario) -> anyhow::Result<
                 Unit::parse(unit).and_then(|unit| unit.to(&own)).with_context(wrong)?
             }
         };
-        let Limits { rest, .. } = scene.limits[index];
         let (low, high) = (scale * range.low, scale * range.high);
-        scene.limits[index] =
-            Limits { rest: rest.clamp(low, high), ..Limits::between([low, high]).with_rate(f64::INFINITY) };
+        let limits = &mut scene.limits[index];
+        (limits.low, limits.high, limits.rest) = (low, high, limits.rest.clamp(low, high));
     }
     for NamedNumber { name, number } in &given.neutral {
         let index = place("--neutral", name)?;

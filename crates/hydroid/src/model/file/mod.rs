@@ -191,6 +191,12 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
             return Err(inconsistent(format!("the range of '{}' is empty", port.channel.name)));
         }
     }
+    for port in &description.inputs {
+        if port.rate_limit.is_some_and(|rate| !(rate.is_finite() && rate * description.dt > 0.0)) {
+            let name = &port.channel.name;
+            return Err(inconsistent(format!("the rate limit of '{name}' is not a positive number")));
+        }
+    }
     if description.outputs.is_empty() {
         return Err(inconsistent(String::from("it has no outputs")));
     }

@@ -106,6 +106,7 @@ fn describe(
             range: range(reached),
             training_range: None,
             noise: (noise > 0.0).then_some(noise),
+            rate_limit: None,
         })
         .collect();
     let inputs: Vec<Port> = commands
@@ -115,6 +116,7 @@ fn describe(
             range: range(limits),
             training_range: None,
             noise: None,
+            rate_limit: None,
         })
         .collect();
     let named = |ports: &[Port]| ports.iter().map(|p| ChannelSpec::named(&p.channel.name)).collect();

@@ -81,6 +81,13 @@ impl NamedEquations<'_> {
                 Signal::Past { .. } => continue,
             });
         }
+        // The equations are in the position of the actuator.
+        for (port, input) in self.description.inputs.iter().zip(&variables[equations.outputs()..]) {
+            if let Some(rate) = port.rate_limit {
+                let per_second = unit(&UnitProduct::of_channel("", &port.channel.unit).per_second());
+                lines.push(format!("|{}| &\\le {}\\,{per_second}", input.dotted(), magnitude(rate, DIGITS)));
+            }
+        }
         if gates {
             lines.push(String::from("\\sigma(x) &= \\frac{1}{1 + e^{-x}}"));
         }
