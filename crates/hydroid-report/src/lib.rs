@@ -12,6 +12,7 @@ pub mod style;
 
 mod closed_loop;
 mod coefficients;
+mod comparison;
 mod currents;
 mod data;
 mod equations;
@@ -41,6 +42,7 @@ use hydroid::identify::{Candidate, IdentifyResult};
 use hydroid::log::{Note, Split, Trajectory};
 
 pub use closed_loop::{ClosedLoopReport, closed_loop};
+pub use comparison::{ComparisonReport, comparisons};
 pub use manoeuvre::{ManoeuvreReport, manoeuvres, simulated_track};
 
 /// Content of a report in addition to the result.

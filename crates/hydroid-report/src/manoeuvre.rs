@@ -29,11 +29,11 @@ pub struct ManoeuvreReport<'a> {
 const POINTS: usize = 600;
 
 /// Tracks of members in a figure.
-const MEMBERS: usize = 40;
+pub(super) const MEMBERS: usize = 40;
 
 const STARBOARD: Stroke = style::MODEL_LINE;
 const PORT: Stroke = Stroke { colour: style::ALARM, width: 2.0, dash: Dash::Solid };
-const MEMBER: Stroke = Stroke { colour: style::BAND, width: 0.5, dash: Dash::Solid };
+pub(super) const MEMBER: Stroke = Stroke { colour: style::BAND, width: 0.5, dash: Dash::Solid };
 
 /// The page.
 ///
@@ -240,7 +240,7 @@ fn thinned(points: impl ExactSizeIterator<Item = (f64, f64)>) -> Vec<(f64, f64)>
     points.step_by(thin).collect()
 }
 
-fn position(track: &Track) -> Vec<(f64, f64)> {
+pub(super) fn position(track: &Track) -> Vec<(f64, f64)> {
     thinned(track.eta[track.execute..].iter().map(|[north, east, _]| (*east, *north)))
 }
 
@@ -303,14 +303,14 @@ pub fn simulated_track(
 }
 
 /// The range of points with a margin.
-fn covered(points: &[(f64, f64)], of: fn(&(f64, f64)) -> f64) -> (f64, f64) {
+pub(super) fn covered(points: &[(f64, f64)], of: fn(&(f64, f64)) -> f64) -> (f64, f64) {
     let (low, high) =
         points.iter().map(of).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
     let margin = 0.06 * (high - low) + 1e-3;
     (low - margin, high + margin)
 }
 
-fn over_time(track: &Track, of: impl Fn(usize) -> f64) -> Vec<(f64, f64)> {
+pub(super) fn over_time(track: &Track, of: impl Fn(usize) -> f64) -> Vec<(f64, f64)> {
     let samples = track.execute..track.len();
     let points: Vec<(f64, f64)> = samples.map(|k| ((k - track.execute) as f64 * track.dt, of(k))).collect();
     envelope(points.into_iter(), POINTS / 2)

@@ -31,6 +31,8 @@ pub enum TaskKind {
     Waypoints,
     /// From point to point, with sharp corners
     Legs,
+    /// Station keeping: hold a point and a heading, if the actuators suffice
+    Station,
 }
 
 /// Parameter of the reference path.
@@ -67,13 +69,16 @@ pub struct TaskArgs {
     /// Lawn-mower: number of legs (default: 4)
     #[arg(long, value_name = "N")]
     pub legs: Option<usize>,
-    /// Waypoints and legs: north,east of each point [m]: '0,0;60,0;60,40'
+    /// Waypoints and legs: north,east of each point [m]: '0,0;60,0;60,40'; station: one point (default: 0,0)
     #[arg(long, value_name = "N,E;N,E;..", allow_hyphen_values = true)]
     pub points: Option<Points>,
     /// Waypoints and legs: the points of a CSV file (north [m] and east [m], or lat [deg] and lon [deg]) or a GPX file
     #[arg(long, value_name = "FILE", conflicts_with = "points")]
     pub waypoints: Option<PathBuf>,
 
+    /// Station: heading to hold, clockwise from north [deg] (default: 0)
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub heading: Option<f64>,
     /// Largest rate of change of the reference speed [m/s^2] (default: 0.2, in proportion for an identified model)
     #[arg(long, value_name = "M_S2", allow_negative_numbers = true)]
     pub acceleration: Option<f64>,

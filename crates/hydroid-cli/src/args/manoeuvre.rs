@@ -60,6 +60,7 @@ impl FromStr for ZigzagAngles {
   hydroid manoeuvre hydrofoil --trial turning-circle --steering 20
   hydroid manoeuvre out/sindy.safetensors --trial zigzag --zigzag 10/10,20/20,5/10
   hydroid manoeuvre out/gru.safetensors --speed 1.2 --push L,R --turn L,-R
+  hydroid manoeuvre out/committee.safetensors sea.csv -o trials           trials in a log beside their predictions
   hydroid manoeuvre out/committee.safetensors --json > trials.json
 
 Exit status: 0 done; 1 a criterion was missed (with --length); 2 wrong input.")]
@@ -100,7 +101,7 @@ pub struct Manoeuvre {
     /// Longest trial
     #[arg(long, value_name = "TIME", default_value = "1h")]
     pub longest: Duration,
-    /// Folder for trials.json, tracks.csv and report.html
+    /// Folder for trials.json (comparisons.json with logs), tracks.csv and report.html
     #[arg(long, short, value_name = "DIR")]
     pub output: Option<PathBuf>,
     #[command(flatten)]

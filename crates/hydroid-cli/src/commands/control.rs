@@ -13,6 +13,7 @@ use hydroid::closed_loop::{
     TunedAutopilot, tune_autopilot,
 };
 use hydroid::model::{self, Model};
+use hydroid::plant::check_station;
 use hydroid_report::ClosedLoopReport;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -48,6 +49,10 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
     let size = setup::Size::of(args, &plant, model.as_ref())?;
     let setup::Route { task, pace, origin_deg } = setup::task(&args.task, &size)?;
     let scene = setup::scenario(args, Arc::clone(&plant), &task, &pace, size.scale, dt)?;
+    if scene.track.is_station {
+        let limits: Vec<[f64; 2]> = scene.limits.iter().map(|limits| [limits.low, limits.high]).collect();
+        check_station(model.as_ref().unwrap_or(&plant), &limits)?;
+    }
     let from_s = setup::from_s(args, &scene)?;
     let conditions = setup::conditions(&args.disturbances);
     let mut steering = setup::steering(args, kind, &scene, size.scale)?;

@@ -7,7 +7,7 @@ use hydroid::atomic;
 use hydroid::manoeuvre::{self, Comparison, Figure, Options, Trial, TrialKind, TrialOptions, Trials};
 use hydroid::model::{self, Model};
 use hydroid::plant::InputMap;
-use hydroid_report::ManoeuvreReport;
+use hydroid_report::{ComparisonReport, ManoeuvreReport};
 use serde_json::{Value, json};
 
 use super::Outcome;
@@ -56,32 +56,68 @@ fn compare(args: &Manoeuvre, model: &Model, global: Global) -> anyhow::Result<Ou
     let model = logs::with_step_of(model.clone(), &prepared.runs)?;
     model.check(&prepared.runs)?;
     let model = logs::with_current(model, None, &prepared.runs)?;
+    if let Some(folder) = &args.output {
+        atomic::probe(folder)?;
+    }
     let all = manoeuvre::compare(&model, &prepared.runs)?;
+    let document = json!({ "plant": args.plant, "comparisons": all });
+    if let Some(folder) = &args.output {
+        write_comparisons(folder, &model, &all, &document)?;
+    }
     if global.json {
-        super::print_json(&json!({ "plant": args.plant, "comparisons": all }))?;
+        super::print_json(&document)?;
         return Ok(Outcome::Done);
     }
     for comparison in &all {
         print_comparison(comparison);
     }
+    if all.is_empty() {
+        outln!(
+            "the logs contain no trial: no turn by 90 deg or more under constant commands, and no zigzag of three commands or more"
+        );
+    }
+    if let Some(folder) = &args.output {
+        outln!("{}: comparisons.json, tracks.csv, report.html", folder.display());
+    }
     Ok(Outcome::Done)
 }
 
+fn write_comparisons(
+    folder: &Path,
+    model: &Model,
+    comparisons: &[Comparison],
+    document: &Value,
+) -> anyhow::Result<()> {
+    let mut text = serde_json::to_string_pretty(document)?;
+    text.push('\n');
+    atomic::write(&folder.join("comparisons.json"), |out| out.write_all(text.as_bytes()))?;
+    atomic::write(&folder.join("tracks.csv"), |out| manoeuvre::write_comparisons_csv(comparisons, out))?;
+    let command = ui::command_line();
+    let page = hydroid_report::comparisons(&ComparisonReport { command: &command, model, comparisons })?;
+    atomic::write(&folder.join("report.html"), |out| out.write_all(page.as_bytes()))?;
+    Ok(())
+}
+
 fn print_comparison(comparison: &Comparison) {
-    let Comparison { run, at_s, trial, current: [north, east], .. } = comparison;
+    let Comparison { run, at_s, trial, current: [north, east], members, .. } = comparison;
     let title = trial.title();
+    let fitted = if comparison.in_training { " (the model was fitted to this run)" } else { "" };
     let water = if *north == 0.0 && *east == 0.0 {
         String::new()
     } else {
         format!(", in an estimated current of {north:.2}, {east:.2} m/s (north, east)")
     };
-    outln!("{run}, {at_s:.1} s: {title}{water}");
-    outln!("  {:<28} {:>11} {:>11}", "", "measured", "predicted");
+    outln!("{run}, {at_s:.1} s: {title}{water}{fitted}");
+    let intervals = if *members > 0 { "   5 % to 95 % of the members" } else { "" };
+    outln!("  {:<28} {:>11} {:>11} {:<6}{intervals}", "", "measured", "predicted", "");
     for (measured, predicted) in comparison.measured.iter().zip(&comparison.predicted) {
         if let Some(value) = measured.value {
             let (name, unit) = measured.name_and_unit();
             let other = predicted.value.map_or_else(|| String::from("-"), |value| format!("{value:.2}"));
-            outln!("  {name:<28} {value:>11.2} {other:>11} {unit}");
+            let interval =
+                predicted.interval.map(|[low, high]| format!("   {low:.2} to {high:.2}")).unwrap_or_default();
+            let line = format!("  {name:<28} {value:>11.2} {other:>11} {unit:<6}{interval}");
+            outln!("{}", line.trim_end());
         }
     }
 }

@@ -129,6 +129,44 @@ fn an_identified_model_runs_trials_and_predicts_those_in_a_log() {
     let text = hydroid(folder.path(), &args[..3]);
     let text = String::from_utf8_lossy(&text.stdout).into_owned();
     assert!(text.contains("30.0 s: turn by ") && text.contains("tactical diameter"), "{text}");
+    comparisons_are_written(folder.path());
+}
+
+fn comparisons_are_written(folder: &Path) {
+    let model = "out/sindy.safetensors";
+    let args = ["manoeuvre", model, "circle.csv", "-o", "beside", "--json"];
+    let document = json(&hydroid(folder, &args));
+    let written = fs::read_to_string(folder.join("beside/comparisons.json")).unwrap();
+    assert_eq!(serde_json::from_str::<Value>(&written).unwrap(), document);
+    let compared = &document["comparisons"][0];
+    assert_eq!(compared["in_training"], false);
+    // Members of the ensemble give an interval around the prediction.
+    assert!(compared["members"].as_u64().unwrap() >= 5, "{compared}");
+    let advance = figure_of(&compared["predicted"], "advance_m");
+    let [low, high] = [0, 1].map(|i| advance["interval"][i].as_f64().unwrap());
+    assert!(low < high && (low..=high).contains(&advance["value"].as_f64().unwrap()), "{advance}");
+    let tracks = fs::read_to_string(folder.join("beside/tracks.csv")).unwrap();
+    assert!(tracks.lines().filter(|line| line.contains(",measured,")).count() > 100);
+    assert!(tracks.lines().filter(|line| line.contains(",predicted,")).count() > 100);
+    let page = fs::read_to_string(folder.join("beside/report.html")).unwrap();
+    assert!(page.contains("circle.csv") && page.contains("tactical diameter") && page.contains("<svg"));
+    // The log of the training is marked, and a log without trials says so.
+    let log = fs::read_to_string(folder.join("circle.csv")).unwrap();
+    let straight: Vec<&str> = log.lines().take(250).collect();
+    fs::write(folder.join("straight.csv"), straight.join("\n")).unwrap();
+    let said = hydroid(folder, &["manoeuvre", model, "straight.csv"]);
+    assert_eq!(said.status.code(), Some(0));
+    assert!(String::from_utf8_lossy(&said.stdout).contains("no trial"));
+    let args = ["identify", "circle.csv", "again.csv", "run.csv", "--methods", "sindy", "-o", "with"];
+    if folder.join("run.csv").exists() {
+        assert_eq!(hydroid(folder, &args).status.code(), Some(0));
+        let said = hydroid(folder, &["manoeuvre", "with/sindy.safetensors", "circle.csv"]);
+        assert!(String::from_utf8_lossy(&said.stdout).contains("the model was fitted to this run"));
+    }
+}
+
+fn figure_of<'a>(figures: &'a Value, name: &str) -> &'a Value {
+    figures.as_array().unwrap().iter().find(|figure| figure["name"] == name).unwrap()
 }
 
 fn simulated_logs_of_a_model(folder: &Path) {

@@ -89,6 +89,36 @@ fn a_boat_is_identified_manoeuvred_and_steered() {
     }
 }
 
+/// A tug with two azimuths holds a point and a heading in a current; a ship with one rudder is refused.
+#[test]
+fn a_station_is_kept_where_the_actuators_suffice() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    let [tug, mariner] = ["tug", "mariner"].map(vessel);
+    let station = ["--task", "station", "--points", "20,-5", "--heading", "30", "--dt", "0.5"];
+    let held = [&["control", &tug][..], &station, &["--current", "0.2,0.1", "-o", "out", "--json"]].concat();
+    let result = json(at, &held);
+    let error = result["rms_position"].as_f64().unwrap();
+    println!("tug: position RMS {error:.3} m");
+    assert!(error < 1.0, "{error}");
+    let track = fs::read_to_string(at.join("out/track.csv")).unwrap();
+    let header: Vec<&str> = track.lines().next().unwrap().split(',').collect();
+    let psi = header.iter().position(|name| *name == "psi [rad]").unwrap();
+    let last: f64 = track.lines().last().unwrap().split(',').nth(psi).unwrap().parse().unwrap();
+    assert!((last.to_degrees() - 30.0).abs() < 15.0, "{last}");
+    for (args, words) in [
+        (&["control", &mariner, "--task", "station"][..], "pushes it sideways"),
+        (&["control", &tug, "--task", "station", "--controller", "pid"], "needs --controller cem"),
+        (&["control", &tug, "--task", "station", "--points", "0,0;1,1"], "a station is one point"),
+        (&["control", &tug, "--task", "station", "--speed", "1"], "--speed: a station has no speed"),
+        (&["control", &tug, "--task", "circle", "--heading", "10"], "--heading needs --task station"),
+    ] {
+        let output = hydroid(at, args).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        assert!(text(&output.stderr).contains(words), "{args:?}: {}", text(&output.stderr));
+    }
+}
+
 #[test]
 fn a_vessel_file_is_printed_and_read_again() {
     let folder = TempDir::new().unwrap();

@@ -13,6 +13,8 @@ use hydroid::closed_loop::Guided;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Status {
     Used(Outcome),
+    /// Used by a model that does not learn.
+    Constant,
     /// Used as the first sample of a new run.
     Reset,
     Late,
@@ -25,6 +27,7 @@ impl Status {
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Used(Outcome::Waiting) => "waiting",
+            Self::Constant => "used",
             Self::Used(Outcome::Accepted) => "accepted",
             Self::Used(Outcome::Inflated { .. }) => "inflated",
             Self::Used(Outcome::Rejected(_)) => "rejected",

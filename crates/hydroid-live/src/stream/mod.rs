@@ -280,7 +280,7 @@ impl Stream {
         let status = self.use_sample();
         self.counts.add(status);
         self.writer.begin(number, Some(self.sample.t), status, &self.note);
-        let used = matches!(status, Status::Used(_) | Status::Reset);
+        let used = matches!(status, Status::Used(_) | Status::Constant | Status::Reset);
         self.write_steering(used);
         if used {
             self.writer.session(&self.session);
@@ -359,7 +359,12 @@ impl Stream {
                 );
             }
         }
-        if reset { Status::Reset } else { Status::Used(outcome) }
+        let constant = self.session.pilot().is_some_and(|pilot| !pilot.adapts());
+        match outcome {
+            _ if reset => Status::Reset,
+            Outcome::Waiting if constant => Status::Constant,
+            outcome => Status::Used(outcome),
+        }
     }
 
     fn add_remarks(&mut self, transition: Transition) {

@@ -17,6 +17,8 @@ pub struct LineCounts {
     pub rejected: u64,
     /// Used before the adapter can learn.
     pub waiting: u64,
+    /// Used by a model that does not learn.
+    pub used: u64,
     /// Weights restored afterwards.
     pub rolled_back: u64,
     /// First samples of new runs.
@@ -39,6 +41,7 @@ impl LineCounts {
             Status::Used(Outcome::Inflated { .. }) => &mut self.inflated,
             Status::Used(Outcome::Rejected(_)) => &mut self.rejected,
             Status::Used(Outcome::RolledBack) => &mut self.rolled_back,
+            Status::Constant => &mut self.used,
             Status::Reset => &mut self.reset,
             Status::Late => &mut self.late,
             Status::Between => &mut self.between,
@@ -67,6 +70,7 @@ impl fmt::Display for Summary {
             (lines.inflated, "inflated"),
             (lines.rejected, "rejected"),
             (lines.waiting, "waiting"),
+            (lines.used, "used"),
             (lines.rolled_back, "rolled back"),
             (lines.reset, "reset"),
             (lines.late, "late"),

@@ -42,6 +42,12 @@ impl ReferenceGenerator {
     /// Reference for a controlled point at `point`, and the cross-track error \[m\], positive to starboard.
     pub(super) fn update(&mut self, point: [f64; 2]) -> (Reference, f64) {
         let Track { path, profile, .. } = &self.track;
+        if self.track.is_station {
+            let reference = Reference::new(0.0, &path.at(0.0), 0.0, 0.0);
+            let [north, east] = [point[0] - reference.position[0], point[1] - reference.position[1]];
+            let (sin, cos) = reference.course.sin_cos();
+            return (reference, east * cos - north * sin);
+        }
         let foot = self.follower.project(path, point);
         self.s = foot.s;
         let reference = match self.timing {
@@ -57,6 +63,10 @@ impl ReferenceGenerator {
     /// References `step`, `2 step`, .. samples after the last update.
     pub(super) fn preview(&self, dt_s: f64, step: usize, into: &mut [Reference]) {
         let Track { path, profile, .. } = &self.track;
+        if self.track.is_station {
+            into.fill(Reference::new(0.0, &path.at(0.0), 0.0, 0.0));
+            return;
+        }
         match self.timing {
             Timing::Clock => {
                 let mut walker = self.walker;
@@ -80,7 +90,9 @@ impl ReferenceGenerator {
     }
 
     pub(super) fn advance(&mut self, dt_s: f64) {
-        self.walker.advance(&self.track.profile, dt_s);
+        if !self.track.is_station {
+            self.walker.advance(&self.track.profile, dt_s);
+        }
     }
 
     pub(super) const fn track(&self) -> &Track {
@@ -88,7 +100,10 @@ impl ReferenceGenerator {
     }
 
     pub(super) fn resume(&mut self, gap_s: f64, position: [f64; 2]) {
-        let Track { path, profile, cruise } = &self.track;
+        if self.track.is_station {
+            return;
+        }
+        let Track { path, profile, cruise, .. } = &self.track;
         let mut wide = PathReference::new(self.s, (RANGE * gap_s * cruise).max(LEAST_RANGE_M));
         self.s = wide.project(path, position).s;
         self.follower = PathReference::new(self.s, self.range);
@@ -102,7 +117,7 @@ impl ReferenceGenerator {
     }
 
     pub(super) fn is_done(&self) -> bool {
-        let open = !self.track.path.is_closed();
+        let open = !self.track.path.is_closed() && !self.track.is_station;
         open && match self.timing {
             Timing::Clock => self.walker.is_done(&self.track.profile),
             Timing::Path => self.s >= self.track.path.length(),

@@ -274,8 +274,7 @@ pub fn run(
 
 /// Places the vessel with the controlled point at the offset `scenario.start`, on the course of the path.
 fn place(scenario: &Scenario, vessel: &mut PlantInMotion, lead: f64) {
-    let Track { path, profile, .. } = &scenario.track;
-    let (pose, (speed, _)) = (path.at(0.0), profile.at(0.0));
+    let (pose, speed) = (scenario.track.path.at(0.0), scenario.track.start_speed());
     let (sin, cos) = pose.course.sin_cos();
     let [along, aside] = [scenario.start[0] - lead, scenario.start[1]];
     let [x, y] = pose.position;

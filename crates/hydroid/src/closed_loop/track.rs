@@ -30,6 +30,13 @@ pub enum Task {
         /// Turning radius at the corners \[m\]; `None` for sharp corners.
         radius: Option<f64>,
     },
+    /// Station keeping (dynamic positioning): a point and a heading.
+    Station {
+        /// North and east \[m\].
+        position: [f64; 2],
+        /// Heading, clockwise from north \[rad\].
+        heading: f64,
+    },
 }
 
 impl Task {
@@ -41,6 +48,9 @@ impl Task {
             }
             Self::Waypoints { points, radius: Some(radius) } => Path::waypoints(points, *radius),
             Self::Waypoints { points, radius: None } => Path::legs(points),
+            Self::Station { position: [x, y], heading } => {
+                Path::legs(&[[*x, *y], [x + heading.cos(), y + heading.sin()]])
+            }
         }
     }
 
@@ -48,6 +58,7 @@ impl Task {
         match self {
             Self::Circle { radius } | Self::LawnMower { radius, .. } => Some(*radius),
             Self::Waypoints { radius, .. } => *radius,
+            Self::Station { .. } => None,
         }
     }
 }
@@ -79,6 +90,8 @@ pub struct Track {
     pub profile: SpeedProfile,
     /// Speed on straights \[m/s\].
     pub cruise: f64,
+    /// Whether the reference stays at the start of the path, at rest.
+    pub is_station: bool,
 }
 
 impl Track {
@@ -100,11 +113,17 @@ impl Track {
             }
         }
         let profile = SpeedProfile::new(&path, &limits)?;
-        Ok(Self { path, profile, cruise: speed.cruise })
+        let is_station = matches!(task, Task::Station { .. });
+        Ok(Self { path, profile, cruise: speed.cruise, is_station })
     }
 
-    /// Duration at the profile's speed \[s\]; `None` for a closed path.
+    /// Duration at the profile's speed \[s\]; `None` for a closed path and for a station.
     pub fn duration_s(&self) -> Option<f64> {
-        (!self.path.is_closed()).then(|| self.profile.duration())
+        (!self.path.is_closed() && !self.is_station).then(|| self.profile.duration())
+    }
+
+    /// Speed of the reference at its start \[m/s\].
+    pub fn start_speed(&self) -> f64 {
+        if self.is_station { 0.0 } else { self.profile.at(0.0).0 }
     }
 }

@@ -107,6 +107,9 @@ impl Resolved {
         let truth = truth(log, &outputs)?;
         let mut resolved = Self { time, outputs, inputs, wind, truth, heading: None };
         resolved.heading = heading(log, selection, &resolved, notes)?;
+        if selection.inputs.is_empty() {
+            notes.extend(unused(log, &resolved));
+        }
         let mut names: Vec<String> = resolved.output_channels().into_iter().map(|c| c.name).collect();
         names.extend(resolved.input_channels().into_iter().map(|c| c.name));
         for (i, name) in names.iter().enumerate() {
@@ -183,6 +186,34 @@ fn inputs_or_default(
         return Err(LogError::NoInputs { path: log.path.clone(), columns: all_names(log) });
     }
     Ok(found)
+}
+
+/// The columns that are not read, where the inputs are guessed by their names: a command of another name may be among
+/// them. Constant columns, texts, a pose, and true values of a simulation are none.
+fn unused(log: &RawLog, resolved: &Resolved) -> Option<Note> {
+    let heading = resolved.heading.iter().map(|(source, _)| source);
+    let sources = resolved.outputs.iter().chain(&resolved.inputs).chain(resolved.wind.iter().flatten());
+    let used: Vec<usize> = sources.chain(heading).map(|source| source.column).collect();
+    let time = match &resolved.time {
+        Time::Column { source, .. } => Some(source.column),
+        Time::Even(_) => None,
+    };
+    let pose: Vec<usize> = ["x", "y", "psi"].iter().filter_map(|name| find(log, name)).collect();
+    let unused = log.columns.iter().enumerate().filter(|(i, column)| {
+        let varies = column.bad.is_none() && only_value(column).is_none();
+        !used.contains(i) && time != Some(*i) && varies && !pose.contains(i) && !column.name.contains("_true")
+    });
+    let names: Vec<&str> = unused.map(|(_, column)| column.name.as_str()).collect();
+    let inputs: Vec<&str> = resolved.inputs.iter().map(|source| source.channel.name.as_str()).collect();
+    (!names.is_empty()).then(|| {
+        let message = format!(
+            "{}: the inputs are {}, by their names; not used: {}",
+            log.path,
+            inputs.join(", "),
+            names.join(", ")
+        );
+        Note::info(message).with_remedy("if one of them is a command, name all inputs with --inputs")
+    })
 }
 
 pub(crate) fn is_command_name(name: &str) -> bool {

@@ -72,6 +72,37 @@ impl Figure {
     }
 }
 
+/// Least number of members for an interval.
+const LEAST_MEMBERS: usize = 5;
+
+/// Quantiles of an interval.
+const QUANTILES: [f64; 2] = [0.05, 0.95];
+
+/// Sets the intervals of figures from those of members, and gives the number of members; 0 if they are too few.
+pub(super) fn set_intervals(figures: &mut [Figure], members: &[&[Figure]]) -> usize {
+    if members.len() < LEAST_MEMBERS {
+        return 0;
+    }
+    for (i, figure) in figures.iter_mut().enumerate() {
+        let mut values: Vec<f64> = members.iter().filter_map(|other| other[i].value).collect();
+        // An interval over the members that reach the value would hide the others.
+        if values.len() == members.len() && figure.value.is_some() {
+            values.sort_unstable_by(f64::total_cmp);
+            figure.interval = Some(QUANTILES.map(|q| quantile(&values, q)));
+        }
+    }
+    members.len()
+}
+
+/// Quantile of sorted values, linear between order statistics.
+fn quantile(sorted: &[f64], q: f64) -> f64 {
+    let place = q * (sorted.len() - 1) as f64;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index of the slice")]
+    let below = place.floor() as usize;
+    let above = (below + 1).min(sorted.len() - 1);
+    sorted[below] + (place - place.floor()) * (sorted[above] - sorted[below])
+}
+
 /// Results that can be listed as figures.
 pub(super) trait Figures {
     fn figures(&self) -> Vec<Figure>;

@@ -1,17 +1,20 @@
 //! Trials in logs: recognised by commands and heading, and compared with the model's prediction from their first sample.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
+use std::io::{self, BufWriter, Write};
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::error::ManoeuvreError;
-use super::figure::{Figure, Figures};
+use super::figure::{Figure, Figures, set_intervals};
 use super::track::Track;
 use super::turning_circle::TurningCircle;
 use super::zigzag::Zigzag;
 use crate::log::Trajectory;
 use crate::model::{MOTION, Model};
 use crate::plant::{Simulation, current_before};
+use crate::simulate::Shortest;
 
 /// A trial in a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -53,9 +56,16 @@ pub struct Comparison {
     pub predicted: Vec<Figure>,
     /// Current that the prediction assumes, north and east \[m/s\]: the estimate from the samples before the trial.
     pub current: [f64; 2],
+    /// Whether the model was fitted to this run.
+    pub in_training: bool,
+    /// Number of members of the ensemble or committee whose predictions give the intervals.
+    pub members: usize,
     /// Measured and predicted track.
     #[serde(skip)]
     pub tracks: [Track; 2],
+    /// Tracks of the members.
+    #[serde(skip)]
+    pub member_tracks: Vec<Track>,
 }
 
 impl Recognised {
@@ -288,12 +298,50 @@ fn comparison(
     trial: Recognised,
     current: [f64; 2],
 ) -> Result<Option<Comparison>, ManoeuvreError> {
-    let (start, end) = (trial.executes[0], trial.end);
-    let Some(measured) = Track::measured(run, start, end) else { return Ok(None) };
-    let mut simulation = Simulation::new(model)?.with_current(current);
-    simulation.start_in(run, start, PAST, measured.eta[0]);
+    let start = trial.executes[0];
+    let Some(measured) = Track::measured(run, start, trial.end) else { return Ok(None) };
+    let side = trial.heading_deg.signum();
+    let figures = |track: &Track, executes: &[usize]| match trial.kind {
+        RecognisedKind::TurningCircle => TurningCircle::of(track, side).figures(),
+        RecognisedKind::Zigzag => {
+            Zigzag::of(track, executes, side, trial.heading_deg.abs().to_radians()).figures()
+        }
+    };
+    let prediction = |simulation: Simulation| {
+        let (track, executes) = predict(simulation.with_current(current), run, &trial, &measured);
+        (figures(&track, &executes), track)
+    };
+    let (mut predicted, track) = prediction(Simulation::new(model)?);
+    let members: Vec<_> = Simulation::of_members(model)?.into_par_iter().map(prediction).collect();
+    let of_members: Vec<&[Figure]> = members.iter().map(|(figures, _)| &figures[..]).collect();
+    let count = set_intervals(&mut predicted, &of_members);
     let executes: Vec<usize> = trial.executes.iter().map(|sample| sample - start).collect();
-    let headings: Vec<f64> = executes.iter().map(|&k| measured.turned(k, 1.0)).collect();
+    let provenance = &model.description.provenance;
+    Ok(Some(Comparison {
+        run: run.name.clone(),
+        at_s: run.t0 + start as f64 * run.dt,
+        measured: figures(&measured, &executes),
+        predicted,
+        current,
+        trial,
+        in_training: provenance.training.contains(&run.name) || provenance.validation.contains(&run.name),
+        members: count,
+        tracks: [measured, track],
+        member_tracks: members.into_iter().map(|(_, track)| track).collect(),
+    }))
+}
+
+/// The prediction of a trial from its first sample, and its samples at which the commands change.
+fn predict(
+    mut simulation: Simulation,
+    run: &Trajectory,
+    trial: &Recognised,
+    measured: &Track,
+) -> (Track, Vec<usize>) {
+    let (start, end) = (trial.executes[0], trial.end);
+    simulation.start_in(run, start, PAST, measured.eta[0]);
+    let headings: Vec<f64> =
+        trial.executes.iter().map(|&sample| measured.turned(sample - start, 1.0)).collect();
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
     let longest = ((end - start) as f64 * LONGER) as usize;
     let mut predicted = Track {
@@ -319,11 +367,11 @@ fn comparison(
         predicted.steering.push(f64::NAN);
         let now = predicted.len() - 1;
         let next = reversals.len();
-        if next < executes.len() {
+        if next < headings.len() {
             let to = if next % 2 == 1 { side } else { -side };
             if predicted.turned(now, to) >= to * headings[next] {
                 reversals.push(now);
-                if next + 1 == executes.len() {
+                if next + 1 == headings.len() {
                     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
                     let rest = ((end - trial.executes[next]) as f64 * LONGER) as usize;
                     last = now + rest;
@@ -331,19 +379,29 @@ fn comparison(
             }
         }
     }
-    let figures = |track: &Track, executes: &[usize]| match trial.kind {
-        RecognisedKind::TurningCircle => TurningCircle::of(track, side).figures(),
-        RecognisedKind::Zigzag => {
-            Zigzag::of(track, executes, side, trial.heading_deg.abs().to_radians()).figures()
+    (predicted, reversals)
+}
+
+/// Writes the tracks of comparisons as CSV: number, run and title of the trial, whether the row was measured or predicted,
+/// time since the first sample of the trial, pose and velocities over ground.
+///
+/// # Errors
+/// If the writer fails.
+pub fn write_comparisons_csv(comparisons: &[Comparison], writer: impl Write) -> io::Result<()> {
+    let mut out = BufWriter::with_capacity(1 << 16, writer);
+    writeln!(out, "trial,run,name,source,t [s],x [m],y [m],psi [rad],u [m/s],v [m/s],r [rad/s]")?;
+    for (number, comparison) in comparisons.iter().enumerate() {
+        let [run, title] = [&comparison.run, &comparison.trial.title()].map(|text| text.replace(',', ";"));
+        for (source, track) in ["measured", "predicted"].into_iter().zip(&comparison.tracks) {
+            for k in 0..track.len() {
+                let t_s = (1e6 * k as f64 * track.dt).round() / 1e6;
+                write!(out, "{number},{run},{title},{source},{}", Shortest(t_s))?;
+                for value in track.eta[k].iter().chain(&track.nu[k]) {
+                    write!(out, ",{}", Shortest(*value))?;
+                }
+                writeln!(out)?;
+            }
         }
-    };
-    Ok(Some(Comparison {
-        run: run.name.clone(),
-        at_s: run.t0 + start as f64 * run.dt,
-        measured: figures(&measured, &executes),
-        predicted: figures(&predicted, &reversals),
-        current,
-        trial,
-        tracks: [measured, predicted],
-    }))
+    }
+    out.flush()
 }

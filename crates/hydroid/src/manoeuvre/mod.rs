@@ -37,7 +37,7 @@ mod zigzag;
 pub use approach::{Approach, Options};
 pub use error::ManoeuvreError;
 pub use figure::{Criterion, Figure};
-pub use measured::{Comparison, Recognised, RecognisedKind, compare, recognise};
+pub use measured::{Comparison, Recognised, RecognisedKind, compare, recognise, write_comparisons_csv};
 pub use pull_out::{PullOut, pull_out};
 pub use response::Response;
 pub use speed_trials::{Acceleration, Stopping, acceleration, stopping};

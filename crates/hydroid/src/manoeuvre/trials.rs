@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::approach::{Approach, Options};
 use super::error::ManoeuvreError;
-use super::figure::{Figure, Figures};
+use super::figure::{Figure, Figures, set_intervals};
 use super::pull_out::pull_out;
 use super::speed_trials::{acceleration, stopping};
 use super::spiral::spiral;
@@ -143,12 +143,6 @@ struct Outcome {
 /// Sample time of vessels with given parameters \[s\]; that of an identified model is its own.
 const STEP_S: f64 = 0.01;
 
-/// Least number of members for an interval.
-const LEAST_MEMBERS: usize = 5;
-
-/// Quantiles of an interval.
-const QUANTILES: [f64; 2] = [0.05, 0.95];
-
 /// Runs trials of a model, and of each member of its ensemble or committee for the intervals.
 ///
 /// # Errors
@@ -203,15 +197,8 @@ fn trial(
     options: &TrialOptions,
 ) -> Trial {
     let mut figures = outcome.figures;
-    let enough = others.len() >= LEAST_MEMBERS;
-    for (i, figure) in figures.iter_mut().enumerate().filter(|_| enough) {
-        let mut values: Vec<f64> = others.iter().filter_map(|other| other.figures[i].value).collect();
-        // An interval over the members that reach the value would hide the others.
-        if values.len() == others.len() && figure.value.is_some() {
-            values.sort_unstable_by(f64::total_cmp);
-            figure.interval = Some(QUANTILES.map(|q| quantile(&values, q)));
-        }
-    }
+    let figures_of_members: Vec<&[Figure]> = others.iter().map(|other| &other.figures[..]).collect();
+    let members = set_intervals(&mut figures, &figures_of_members);
     if let Some(length) = options.length_m {
         let speed = outcome.tracks.first().map_or(f64::NAN, |track| track.speed(track.execute));
         kind.judge(&mut figures, map, length, speed);
@@ -229,19 +216,10 @@ fn trial(
         outside,
         directionally_stable: outcome.stable,
         points: outcome.points,
-        members: if enough { others.len() } else { 0 },
+        members,
         tracks: outcome.tracks,
         member_tracks: others.into_iter().flat_map(|other| other.tracks).collect(),
     }
-}
-
-/// Quantile of sorted values, linear between order statistics.
-fn quantile(sorted: &[f64], q: f64) -> f64 {
-    let place = q * (sorted.len() - 1) as f64;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index of the slice")]
-    let below = place.floor() as usize;
-    let above = (below + 1).min(sorted.len() - 1);
-    sorted[below] + (place - place.floor()) * (sorted[above] - sorted[below])
 }
 
 fn outside(model: &Model, tracks: &[Track]) -> Vec<Outside> {

@@ -42,6 +42,16 @@ pub enum PlantError {
         /// Option that names the inputs.
         option: &'static str,
     },
+    /// The vessel cannot keep a station.
+    #[error(
+        "the vessel cannot keep a station: at rest, no combination of its commands ({inputs}) {lacks}. Station keeping needs forces in surge, sway and yaw in both directions; sail around the point with --task circle instead"
+    )]
+    NoStation {
+        /// All inputs.
+        inputs: String,
+        /// What the commands cannot do.
+        lacks: &'static str,
+    },
     /// Unknown input.
     #[error("{option}: the model has no input '{name}'{}; its inputs are {known}", nearest.as_ref().map(|n| format!(", did you mean '{n}'?")).unwrap_or_default())]
     UnknownInput {

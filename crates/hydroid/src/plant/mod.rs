@@ -26,6 +26,7 @@ mod error;
 mod input_map;
 mod record;
 mod simulation;
+mod station;
 
 pub use error::PlantError;
 pub(crate) use input_map::neutral;
@@ -34,3 +35,4 @@ pub(crate) use record::process_deviations;
 pub use record::{Commands, Record, RecordOptions, member_tracks, record};
 pub(crate) use simulation::middle;
 pub use simulation::{Simulation, current_before};
+pub use station::check_station;

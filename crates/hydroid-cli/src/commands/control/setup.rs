@@ -149,11 +149,23 @@ pub(super) struct Route {
 
 pub(super) fn task(args: &TaskArgs, size: &Size) -> anyhow::Result<Route> {
     let lawn = args.leg.is_some() || args.spacing.is_some() || args.legs.is_some();
+    let station = args.task == TaskKind::Station;
     let by_points = matches!(args.task, TaskKind::Waypoints | TaskKind::Legs);
     ensure!(!lawn || args.task == TaskKind::LawnMower, "--leg, --spacing and --legs need --task lawn-mower");
-    for (option, is_given) in [("--points", args.points.is_some()), ("--waypoints", args.waypoints.is_some())]
-    {
-        ensure!(!is_given || by_points, "{option} needs --task waypoints or --task legs");
+    ensure!(
+        args.points.is_none() || by_points || station,
+        "--points needs --task waypoints, --task legs or --task station"
+    );
+    ensure!(args.waypoints.is_none() || by_points, "--waypoints needs --task waypoints or --task legs");
+    ensure!(args.heading.is_none_or(f64::is_finite), "--heading: give degrees, clockwise from north");
+    ensure!(args.heading.is_none() || station, "--heading needs --task station");
+    for (option, is_given) in [
+        ("--speed", args.speed.is_some()),
+        ("--turn-speed", args.turn_speed.is_some()),
+        ("--radius", args.radius.is_some()),
+        ("--acceleration", args.acceleration.is_some()),
+    ] {
+        ensure!(!(is_given && station), "{option}: a station has no speed and no turns: leave it out");
     }
     ensure!(
         args.radius.is_none() || args.task != TaskKind::Legs,
@@ -162,7 +174,7 @@ pub(super) fn task(args: &TaskArgs, size: &Size) -> anyhow::Result<Route> {
     let Size { scale, response } = size;
     let radius = args.radius.unwrap_or(15.0 * scale.radius);
     let cruise = args.speed.or(response.map(|response| response.speed_m_s)).unwrap_or(1.5);
-    if let Some(Response { turning_radius_m, speed_m_s, .. }) = response {
+    if let Some(Response { turning_radius_m, speed_m_s, .. }) = response.as_ref().filter(|_| !station) {
         ensure!(
             radius > *turning_radius_m || args.turn_speed.is_some_and(|turn| turn < *speed_m_s),
             "--radius {radius}: at {speed_m_s:.2} m/s, the model turns with a radius of {turning_radius_m:.1} m with the steering hard over: give a larger --radius, or a --turn-speed below {speed_m_s:.2}"
@@ -190,6 +202,17 @@ pub(super) fn task(args: &TaskArgs, size: &Size) -> anyhow::Result<Route> {
         },
         TaskKind::Waypoints => Task::Waypoints { points: points()?, radius: Some(radius) },
         TaskKind::Legs => Task::Waypoints { points: points()?, radius: None },
+        TaskKind::Station => {
+            let position = match args.points.as_ref().map(|points| &points.0[..]) {
+                None => [0.0; 2],
+                Some([point]) => *point,
+                Some(points) => bail!(
+                    "--points has {} points: a station is one point, as in --points 20,-5 (north,east in metres)",
+                    points.len()
+                ),
+            };
+            Task::Station { position, heading: args.heading.unwrap_or(0.0).to_radians() }
+        }
     };
     if let (Some(turn), TaskKind::Circle) = (args.turn_speed, args.task) {
         bail!("--task circle has one speed: use --speed {turn} and leave --turn-speed out");
@@ -272,6 +295,10 @@ pub(super) fn check_options(args: &Control) -> anyhow::Result<()> {
     ] {
         ensure!(!is_given || kind == of, "{option} needs --controller {owner}: leave it out");
     }
+    ensure!(
+        kind == ControllerKind::Cem || args.task.task != TaskKind::Station,
+        "--task station needs --controller cem: fl, backstepping and pid steer along a path"
+    );
     ensure!(
         kind == ControllerKind::Cem || given.reference.is_none_or(|timing| timing == TimingKind::Time),
         "--reference needs --controller cem: fl and backstepping track a trajectory in time, pid follows the path"
@@ -441,9 +468,12 @@ pub(super) fn facts(args: &Control, steering: &ControllerOptions, scene: &Scenar
         TaskKind::LawnMower => "lawn-mower",
         TaskKind::Waypoints => "waypoints",
         TaskKind::Legs => "straight legs",
+        TaskKind::Station => "station",
     };
     let turn = args.task.turn_speed.map(|turn| format!(", {turn} m/s in turns")).unwrap_or_default();
-    add("Task", format!("{task}, {:.3} m/s{turn}", scene.track.cruise));
+    let speed =
+        if scene.track.is_station { String::new() } else { format!(", {:.3} m/s{turn}", scene.track.cruise) };
+    add("Task", format!("{task}{speed}"));
     let d = &args.disturbances;
     let [[north, east], [to_north, to_east], [gust, gust_s]] = [d.current.0, d.wind.0, d.gusts.0];
     let onset = d.onset.map(|onset| format!(" (from {} s on)", onset.0)).unwrap_or_default();

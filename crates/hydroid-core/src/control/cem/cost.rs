@@ -30,7 +30,8 @@ pub struct SoftLimit {
 ///
 /// `p` is the point `lookahead` metres ahead of the origin; `psi_d` and `U_d` are course and speed of the path at the
 /// reference; `s_i` is half of the range of a command, `c_i0` its value at rest and `dc_i` its change from the command before. With
-/// the drift angle `beta`, the heading term acts on the course over ground. The pose is integrated by the midpoint rule. A plan whose
+/// the drift angle `beta`, the heading term acts on the course over ground; at a reference at rest, `U_d = 0`, it acts on the
+/// heading, `beta = 0`. The pose is integrated by the midpoint rule. A plan whose
 /// prediction is not finite has an infinite cost.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cost {
@@ -234,7 +235,11 @@ pub(super) struct Simulator<'a> {
 /// Minimum speed in the drift angle \[m/s\].
 const ADRIFT: f64 = 0.1;
 
-/// Drift angle from the heading to the course over ground \[rad\]; zero at low speed, where the course is undefined.
+/// Drift angle from the heading to the course over ground \[rad\]; zero at low speed, where the course is undefined, and for
+/// a reference at rest.
 fn drift(v: f64, speed: f64, wanted: f64) -> f64 {
+    if wanted == 0.0 {
+        return 0.0;
+    }
     Float::asin((v / speed.max(0.5 * wanted).max(ADRIFT)).clamp(-1.0, 1.0))
 }

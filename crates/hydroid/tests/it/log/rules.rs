@@ -449,3 +449,21 @@ fn an_offset_without_blanks_is_refused_with_the_right_form() {
         assert!(message.contains(expected), "{message}");
     }
 }
+
+#[test]
+fn columns_that_are_not_used_are_named_where_the_inputs_are_guessed() {
+    let mut text = String::from("t,u,r,throttle [%],rudder_cmd,x [m],y [m],u_true,empty,name\n");
+    for k in 0..50 {
+        text += &format!("{},{},0.1,{},{},{k},{k},1,0,a\n", 0.1 * f64::from(k), k % 7, k % 5, k % 3);
+    }
+    let p = prepare(&[log(&text)], &Selection::default(), &PrepareOptions::default()).unwrap();
+    let note = p.notes.iter().find(|note| note.message.contains("not used")).unwrap();
+    assert!(
+        note.message.ends_with("the inputs are rudder_cmd, by their names; not used: throttle"),
+        "{note:?}"
+    );
+    assert!(note.remedy.as_ref().unwrap().contains("--inputs"));
+    let stated = Selection::of("u,r", "rudder_cmd").unwrap();
+    let p = prepare(&[log(&text)], &stated, &PrepareOptions::default()).unwrap();
+    assert!(!has_note(&p, "not used"));
+}

@@ -1,0 +1,152 @@
+//! The page of trials in logs beside their predictions.
+
+use hydroid::manoeuvre::{Comparison, RecognisedKind, Track};
+use hydroid::model::Model;
+use maud::{Markup, html};
+
+use super::ReportError;
+use super::figure::{Figure, Key, Line, Mark, Panel};
+use super::manoeuvre::{MEMBER, MEMBERS, covered, over_time, position};
+use super::number::text;
+use super::page::{Section, cell, columns, figure, page, readable, table};
+use super::style;
+
+/// Content of a page of trials in logs.
+#[derive(Clone, Copy, Debug)]
+pub struct ComparisonReport<'a> {
+    /// Command line that reproduces the page.
+    pub command: &'a str,
+    /// The model.
+    pub model: &'a Model,
+    /// The trials and their predictions.
+    pub comparisons: &'a [Comparison],
+}
+
+/// The page.
+///
+/// # Errors
+/// If a figure cannot be written.
+pub fn comparisons(subject: &ComparisonReport<'_>) -> Result<String, ReportError> {
+    let mut sections = vec![summary(subject)];
+    for (i, comparison) in subject.comparisons.iter().enumerate() {
+        let Comparison { run, at_s, trial, .. } = comparison;
+        let title = trial.title();
+        let heading = format!("{run}, {} s: {title}", text(*at_s, 4));
+        let track_caption = html! { "Tracks from the first sample of the trial on. Thin lines are members of the model. Both axes have the same scale." };
+        let mut figures = vec![figure(&tracks(comparison).svg()?, &track_caption)];
+        if trial.kind == RecognisedKind::Zigzag {
+            let caption = html! { "Change of the heading over time." };
+            figures.push(figure(&headings(comparison).svg()?, &caption));
+        }
+        figures.push(values(comparison));
+        sections.push(Section::new(format!("trial-{i}"), heading, html! { (columns(&figures)) }));
+    }
+    sections.push(definitions(subject));
+    Ok(page("Trials in logs", &sections))
+}
+
+fn summary(subject: &ComparisonReport<'_>) -> Section {
+    let all = subject.comparisons;
+    let trained = all.iter().filter(|comparison| comparison.in_training).count();
+    let words = match (all.len(), trained) {
+        (0, _) => {
+            String::from("The logs contain no turn by 90° or more under constant commands, and no zigzag.")
+        }
+        (all, 0) => format!("{all} trials in runs that the model was not fitted to."),
+        (all, trained) => format!(
+            "{trained} of {all} trials are in runs that the model was fitted to: those predictions are better than predictions of new runs."
+        ),
+    };
+    let class = if all.is_empty() || trained > 0 { "usable" } else { "good" };
+    let body = html! {
+        header {
+            p.kicker { "hydroid · manoeuvring trials" }
+            h1 { "Trials in logs" }
+        }
+        div class={ "banner " (class) } role="status" { (words) }
+        dl.facts { dt { "Model" } dd { (subject.model.title()) " (" (subject.model.kind()) ")" } }
+    };
+    Section::new("summary", "Summary", body)
+}
+
+fn values(comparison: &Comparison) -> Markup {
+    let heads = ["", "measured", "predicted", "5 % to 95 %", "unit"].map(cell);
+    let value = |value: Option<f64>| value.map_or_else(|| String::from("–"), |value| text(value, 3));
+    let rows: Vec<Vec<Markup>> = comparison
+        .measured
+        .iter()
+        .zip(&comparison.predicted)
+        .filter(|(measured, _)| measured.value.is_some())
+        .map(|(measured, predicted)| {
+            let (name, unit) = measured.name_and_unit();
+            let interval =
+                predicted.interval.map(|[low, high]| format!("{} to {}", text(low, 3), text(high, 3)));
+            [
+                name,
+                value(measured.value),
+                value(predicted.value),
+                interval.unwrap_or_default(),
+                unit.to_owned(),
+            ]
+            .map(cell)
+            .to_vec()
+        })
+        .collect();
+    let [north, east] = comparison.current;
+    html! {
+        (table(&heads, &rows, 1))
+        @if comparison.tracks[1].diverged { p.warning { "The predicted motion diverges." } }
+        @if comparison.in_training { p.warning { "The model was fitted to this run." } }
+        @if [north, east] != [0.0; 2] {
+            p.small { "In an estimated current of " (text(north, 2)) " m/s north and " (text(east, 2)) " m/s east." }
+        }
+        @if comparison.members > 0 {
+            p.small { "Intervals: over " (comparison.members) " members of the model." }
+        }
+    }
+}
+
+fn tracks(comparison: &Comparison) -> Figure {
+    let mut panel = Panel::new("north [m]");
+    for track in comparison.member_tracks.iter().take(MEMBERS) {
+        panel = panel.mark(Mark::Line(Line::new(position(track), MEMBER)));
+    }
+    let [measured, predicted] = comparison.tracks.each_ref().map(position);
+    let all = [&measured[..], &predicted].concat();
+    panel = panel.mark(Mark::Line(Line::new(predicted, style::MODEL_LINE)));
+    panel = panel.mark(Mark::Line(Line::new(measured, style::MEASURED_LINE)));
+    let ((left, right), (low, high)) = (covered(&all, |p| p.0), covered(&all, |p| p.1));
+    keyed(Figure::new("Track", "east [m]").equal_axes()).x_range(left, right).panel(panel.range(low, high))
+}
+
+fn headings(comparison: &Comparison) -> Figure {
+    let of =
+        |track: &Track| over_time(track, |k| (track.eta[k][2] - track.eta[track.execute][2]).to_degrees());
+    let mut panel = Panel::new("heading [deg]").height(220.0);
+    for track in comparison.member_tracks.iter().take(MEMBERS) {
+        panel = panel.mark(Mark::Line(Line::new(of(track), MEMBER)));
+    }
+    let [measured, predicted] = comparison.tracks.each_ref().map(of);
+    panel = panel.mark(Mark::Line(Line::new(predicted, style::MODEL_LINE)));
+    panel = panel.mark(Mark::Line(Line::new(measured, style::MEASURED_LINE)));
+    keyed(Figure::new("Heading", "time [s]")).panel(panel)
+}
+
+fn keyed(figure: Figure) -> Figure {
+    figure.key(Key::Line(style::MEASURED_LINE), "measured").key(Key::Line(style::MODEL_LINE), "predicted")
+}
+
+fn definitions(subject: &ComparisonReport<'_>) -> Section {
+    let body = html! {
+        p {
+            "Each prediction starts from the measurements up to the first sample of the trial, and has the measured commands. A zigzag is reversed at the measured headings. "
+            "Advance and transfer are the distances along and across the initial course up to a change of heading by 90°, the tactical diameter is that across up to 180°. "
+            "An overshoot is the change of heading in the old direction after the steering was reversed."
+        }
+        details {
+            summary { "Command that reproduces this page" }
+            pre.copy.wrap { (readable(subject.command)) }
+        }
+    };
+    Section::new("definitions", "Definitions", body)
+}
