@@ -31,7 +31,7 @@ pub fn comparisons(subject: &ComparisonReport<'_>) -> Result<String, ReportError
     for (i, comparison) in subject.comparisons.iter().enumerate() {
         let Comparison { run, at_s, trial, .. } = comparison;
         let title = trial.title();
-        let heading = format!("{run}, {} s: {title}", text(*at_s, 4));
+        let heading = format!("{run}, {at_s:.1} s: {title}");
         let track_caption = html! { "Tracks from the first sample of the trial on. Thin lines are members of the model. Both axes have the same scale." };
         let mut figures = vec![figure(&tracks(comparison).svg()?, &track_caption)];
         if trial.kind == RecognisedKind::Zigzag {

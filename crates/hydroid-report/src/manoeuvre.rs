@@ -132,6 +132,7 @@ fn summary(subject: &ManoeuvreReport<'_>) -> Section {
         subject.model.description.inputs.iter().zip(&trials.approach_command).map(|(port, value)| {
             let (value, unit) = match port.channel.unit.as_str() {
                 "rad" => (value.to_degrees(), "deg"),
+                "1" => (*value, ""),
                 unit => (*value, unit),
             };
             format!("{} {} {}", port.channel.name, text(value, 3), number::unit(unit)).trim_end().to_owned()

@@ -289,6 +289,7 @@ fn manoeuvre_approach(model: &Model, trials: &Trials) -> String {
         .map(|(port, value)| {
             let (value, unit) = match port.channel.unit.as_str() {
                 "rad" => (value.to_degrees(), "deg"),
+                "1" => (*value, ""),
                 unit => (*value, unit),
             };
             format!("{} {value:.2} {unit}", port.channel.name).trim_end().to_owned()

@@ -225,7 +225,12 @@ pub(super) fn limited(job: &Job, rates: &[Option<f64>]) -> Option<Job> {
 /// What was found, for the user.
 fn note(channels: &[Channel], rates: &[Option<f64>]) -> Option<Note> {
     let limit = |(channel, rate): (&Channel, &Option<f64>)| {
-        rate.map(|rate| format!("{} {rate:.3} {}/s", channel.name, channel.unit))
+        let (rate, unit) = match ((*rate)?, channel.unit.as_str()) {
+            (rate, "rad") => (rate.to_degrees(), "deg"),
+            (rate, "") => (rate, "1"),
+            other => other,
+        };
+        Some(format!("{} {rate:.3} {unit}/s", channel.name))
     };
     let found: Vec<String> = channels.iter().zip(rates).filter_map(limit).collect();
     (!found.is_empty()).then(|| {

@@ -348,12 +348,16 @@ impl Description {
         given.into_iter().flatten().filter_map(serde_json::Value::as_str).collect()
     }
 
-    /// Rate limits of the inputs, line by line: `delta follows its command at 0.0698 rad/s at most`.
+    /// Rate limits of the inputs, line by line: `delta follows its command at 4.000 deg/s at most`.
     pub fn rate_limits_text(&self) -> Vec<String> {
         let line = |port: &Port| {
-            let Channel { name, unit } = &port.channel;
-            let unit = if unit.is_empty() { "1/s".to_owned() } else { format!("{unit}/s") };
-            port.rate_limit.map(|rate| format!("{name} follows its command at {rate:.4} {unit} at most"))
+            let rate = port.rate_limit?;
+            let (rate, unit) = match port.channel.unit.as_str() {
+                "rad" => (rate.to_degrees(), "deg/s".to_owned()),
+                "" | "1" => (rate, "1/s".to_owned()),
+                unit => (rate, format!("{unit}/s")),
+            };
+            Some(format!("{} follows its command at {rate:.3} {unit} at most", port.channel.name))
         };
         self.inputs.iter().filter_map(line).collect()
     }
