@@ -14,6 +14,7 @@ mod args;
 mod commands;
 mod config;
 mod logs;
+mod outputs;
 
 use std::process::ExitCode;
 

@@ -1,10 +1,13 @@
 //! Progress, notes and errors on standard error; results on standard output.
 
+use std::borrow::Cow;
 use std::io::{IsTerminal, Write as _};
 use std::ops::ControlFlow;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
+use hydroid::atomic;
 use hydroid::identify::Stage;
 use hydroid::log::{Note, Severity};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -16,18 +19,40 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 /// Action at an interruption, for threads that wait for input.
 static AT_INTERRUPT: Mutex<Option<Box<dyn FnOnce() + Send>>> = Mutex::new(None);
 
-/// Installs the signal handler: the first ctrl-C, SIGTERM or SIGHUP requests a stop, the second ends the program.
+/// Time after which an interrupted program ends wherever it is.
+const GRACE: Duration = Duration::from_millis(800);
+
+/// Longest time to wait for a file that is being written.
+const WRITING: Duration = Duration::from_secs(5);
+
+/// Installs the signal handler: the first ctrl-C, SIGTERM or SIGHUP requests a stop, and ends a program that is blocked after
+/// [`GRACE`]; the second ends it at once.
 pub fn catch_interrupt() {
     // Without a handler, ctrl-C ends the program at once; files are written atomically in either case.
     let _ = ctrlc::set_handler(|| {
         if INTERRUPTED.swap(true, Ordering::SeqCst) {
             std::process::exit(130);
         }
-        // In a thread, so that the handler receives a second ctrl-C.
+        // In threads, so that the handler receives a second ctrl-C.
         if let Some(act) = AT_INTERRUPT.lock().ok().and_then(|mut act| act.take()) {
             std::thread::spawn(act);
         }
+        std::thread::spawn(|| {
+            std::thread::sleep(GRACE);
+            let _settled = atomic::settle(WRITING);
+            std::process::exit(130);
+        });
     });
+}
+
+/// Text for a terminal: control characters of names and cells from files are escaped, as in JSON.
+fn printable(text: &str) -> Cow<'_, str> {
+    let hostile = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
+    if !text.contains(hostile) {
+        return Cow::Borrowed(text);
+    }
+    let escaped = |c: char| if hostile(c) { format!("\\u{:04x}", u32::from(c)) } else { c.to_string() };
+    Cow::Owned(text.chars().map(escaped).collect())
 }
 
 /// Sets the action at an interruption. It runs in a thread and must end the program.
@@ -119,15 +144,15 @@ pub fn print_notes(notes: &[Note], global: Global) {
             Severity::Info => "note",
             Severity::Warning => "warning",
         };
-        eprintln!("{kind}: {}", note.message);
+        eprintln!("{kind}: {}", printable(&note.message));
         if let Some(remedy) = &note.remedy {
-            eprintln!("         {remedy}");
+            eprintln!("         {}", printable(remedy));
         }
     }
 }
 
 pub fn print_error(error: &anyhow::Error) {
-    eprintln!("error: {}", error_text(error));
+    eprintln!("error: {}", printable(&error_text(error)));
 }
 
 /// An error with its causes, without repeated text.
@@ -158,7 +183,8 @@ pub fn command_line() -> String {
 
 /// Writes results to standard output; a closed pipe (`| head`) ends the program without an error.
 pub fn write_out(text: std::fmt::Arguments<'_>) {
-    if let Err(error) = std::io::stdout().lock().write_fmt(text) {
+    let text = text.to_string();
+    if let Err(error) = std::io::stdout().lock().write_all(printable(&text).as_bytes()) {
         if error.kind() == std::io::ErrorKind::BrokenPipe {
             std::process::exit(0);
         }

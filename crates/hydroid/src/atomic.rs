@@ -1,7 +1,28 @@
 //! Atomic writing of files.
 
+use std::collections::BTreeSet;
+use std::fs::{File, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError, RwLock, RwLockWriteGuard};
+use std::time::{Duration, Instant};
+
+/// Held for reading by writers of files, and for writing when the program is to end.
+static WRITERS: RwLock<()> = RwLock::new(());
+
+/// Waits until no file is being written, for `longest` at most, and keeps new ones from being begun until the guard is
+/// dropped. The caller then ends the program.
+pub fn settle(longest: Duration) -> Option<RwLockWriteGuard<'static, ()>> {
+    let begun = Instant::now();
+    loop {
+        match WRITERS.try_write() {
+            Ok(guard) => return Some(guard),
+            Err(std::sync::TryLockError::Poisoned(poisoned)) => return Some(poisoned.into_inner()),
+            Err(_) if begun.elapsed() >= longest => return None,
+            Err(_) => std::thread::sleep(Duration::from_millis(5)),
+        }
+    }
+}
 
 /// Error of writing a file. No incomplete file remains.
 #[derive(Debug, thiserror::Error)]
@@ -13,11 +34,103 @@ pub struct WriteError {
     pub source: io::Error,
 }
 
+/// Prefix of temporary files.
+const TEMPORARY: &str = ".hydroid-";
+
+/// Age from which a temporary file without a lock belongs to a dead run; a new one may not have its lock yet.
+const ORPHANED: Duration = Duration::from_secs(2);
+
+/// Folders that this program has cleaned.
+static CLEANED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+/// Removes temporary files of dead runs from a folder, once for each program: their writers held a lock.
+fn clean(folder: &Path) {
+    let mut cleaned = CLEANED.lock().unwrap_or_else(PoisonError::into_inner);
+    if !cleaned.insert(folder.to_owned()) {
+        return;
+    }
+    drop(cleaned);
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        if !entry.file_name().to_string_lossy().starts_with(TEMPORARY) {
+            continue;
+        }
+        let old = |file: &File| {
+            let age = file.metadata().and_then(|metadata| metadata.modified()).map(|at| at.elapsed());
+            matches!(age, Ok(Ok(age)) if age >= ORPHANED)
+        };
+        if let Ok(file) = File::open(entry.path())
+            && old(&file)
+            && file.try_lock().is_ok()
+        {
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// A place that no other run may write while this value exists.
+#[derive(Debug)]
+pub struct Lock {
+    _file: File,
+    path: PathBuf,
+}
+
+impl Lock {
+    /// Locks a file or a folder that is to be written, by a file `.NAME.lock` beside it.
+    ///
+    /// # Errors
+    /// If another run writes there, or the lock cannot be created.
+    pub fn new(path: &Path) -> Result<Self, WriteError> {
+        let failed = |source| WriteError { path: path.to_owned(), source };
+        let whole = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        let folder = whole.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        std::fs::create_dir_all(folder).map_err(failed)?;
+        let name = whole.file_name().unwrap_or_default().to_string_lossy();
+        let place = folder.join(format!(".{name}.lock"));
+        loop {
+            let file =
+                File::options().create(true).truncate(false).write(true).open(&place).map_err(failed)?;
+            match file.try_lock() {
+                Ok(()) => {}
+                Err(TryLockError::WouldBlock) => {
+                    let reason = "another run of hydroid writes there; wait for it, or name another place";
+                    return Err(failed(io::Error::new(io::ErrorKind::ResourceBusy, reason)));
+                }
+                Err(TryLockError::Error(error)) => return Err(failed(error)),
+            }
+            // The last owner may have removed the file between the two calls.
+            if is_at(&file, &place) {
+                return Ok(Self { _file: file, path: place });
+            }
+        }
+    }
+}
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.path);
+    }
+}
+
+/// Whether a path still leads to an open file.
+fn is_at(file: &File, path: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        matches!((file.metadata(), path.metadata()), (Ok(a), Ok(b)) if (a.dev(), a.ino()) == (b.dev(), b.ino()))
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = file;
+        path.exists()
+    }
+}
+
 /// Writes a temporary file in the same folder and renames it to `path`. Creates missing folders.
 ///
 /// # Errors
 /// If a folder or the file cannot be written, or `content` fails.
 pub fn write(path: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), WriteError> {
+    let _writing = WRITERS.read().unwrap_or_else(PoisonError::into_inner);
     let attempt = || -> io::Result<()> {
         // The target of a link is replaced, not the link. A device or a pipe cannot be replaced.
         let resolved = path.canonicalize();
@@ -39,7 +152,10 @@ pub fn write(path: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>
             use std::os::unix::fs::PermissionsExt;
             builder.permissions(std::fs::Permissions::from_mode(0o644));
         }
-        let mut file = builder.prefix(".hydroid-").tempfile_in(folder)?;
+        clean(folder);
+        let mut file = builder.prefix(TEMPORARY).tempfile_in(folder)?;
+        // A file system without locks keeps the file from being cleaned, not from being written.
+        let _ = file.as_file().try_lock();
         let mut buffered = io::BufWriter::new(&mut file);
         content(&mut buffered)?;
         buffered.flush()?;
@@ -61,7 +177,8 @@ pub fn probe(folder: &Path) -> Result<(), WriteError> {
             return Err(io::Error::new(io::ErrorKind::NotADirectory, "it is a file, and a folder is needed"));
         }
         std::fs::create_dir_all(folder)?;
-        tempfile::Builder::new().prefix(".hydroid-").tempfile_in(folder).map(drop)
+        clean(folder);
+        tempfile::Builder::new().prefix(TEMPORARY).tempfile_in(folder).map(drop)
     };
     attempt().map_err(|source| WriteError { path: folder.to_owned(), source })
 }

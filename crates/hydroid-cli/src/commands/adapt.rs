@@ -7,6 +7,7 @@ use std::path::Path;
 
 use anyhow::{Context, bail, ensure};
 use hydroid::adapt::{self, InnovationGate, Method, Options, Rehearse, Report, ResolvedOptions};
+use hydroid::atomic::Lock;
 use hydroid::faults::Faults;
 use hydroid::identify::{Grade, verdicts};
 use hydroid::log::{self, Note};
@@ -15,7 +16,7 @@ use hydroid_live::black_box::adapt_recorded;
 
 use super::{Outcome, evaluate, table};
 use crate::args::{Adapt, Global, KalmanArgs, Learner, LeastSquaresArgs, NamedNumber};
-use crate::{logs, ui};
+use crate::{logs, outputs, ui};
 
 pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     let model = model::read(&args.model)?;
@@ -26,6 +27,13 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     let Some(given_log) = &args.run else {
         bail!("the log is missing: give a file, or - for standard input")
     };
+    let written = [
+        ("-o", args.output.as_deref()),
+        ("--state", args.stream.answers.state.as_deref()),
+        ("--black-box", args.black_box.black_box.as_deref()),
+    ];
+    let read = args.guard.training_log.iter().chain([given_log, &args.model]);
+    outputs::check(&written, &read.map(AsRef::as_ref).collect::<Vec<&Path>>())?;
     if let (Some(path), Some(_)) = (&args.output, model.plant()) {
         ensure!(
             path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")),
@@ -72,6 +80,8 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     let bar = ui::Bar::new("adapting", global);
     let black_box = blackbox::settings(args)?;
     let black_box = black_box.as_ref();
+    let written = [&args.output, &args.black_box.black_box].into_iter().flatten();
+    let _locks: Vec<Lock> = written.map(|path| Lock::new(path)).collect::<Result<_, _>>()?;
     let adapted = adapt_recorded(&model, &training, &runs, &options, black_box, &mut bar.callback())
         .context("the model cannot be adapted with this log")?;
     drop(bar);

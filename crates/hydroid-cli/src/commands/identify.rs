@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
+use hydroid::atomic::{self, Lock};
 use hydroid::craft::CraftFile;
 use hydroid::excitation::Excitation;
 use hydroid::grey_box::GreyBox;
@@ -10,10 +11,10 @@ use hydroid::identify::{
     self, Candidate, EnsembleSize, IdentifyResult, Job, NetworkTrainingOptions, RefineOption, SindyOptions,
     Training,
 };
+use hydroid::log;
 use hydroid::log::{ChannelSpec, InputDelay, Note, Split, Trajectory, split_named};
 use hydroid::model::{self, Reading};
 use hydroid::simulate::Options;
-use hydroid::{atomic, log};
 use hydroid_core::vessel::VesselParams;
 use hydroid_report::Context;
 use serde_json::json;
@@ -34,12 +35,31 @@ pub fn run(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
     let existed = args.output.exists();
     // Fails early if the folder cannot be written.
     atomic::probe(&args.output)?;
+    let _lock = Lock::new(&args.output)?;
     identify_into(args, global).inspect_err(|_| {
         if !existed {
             // Removes the folder only if it is empty.
             let _ = std::fs::remove_dir(&args.output);
         }
     })
+}
+
+/// The demonstration, unless a log was forgotten.
+fn without_logs(args: &Identify, files: &Files, seed: u64, global: Global) -> anyhow::Result<Files> {
+    if !(files.validate.is_empty() && files.test.is_empty()) {
+        bail!("training logs are missing: name them before --validate and --test");
+    }
+    if args.log != LogArgs::default() {
+        bail!("options for reading logs are given, but no log: name at least one");
+    }
+    let default = || Some(PathBuf::from(config::DEFAULT)).filter(|file| file.exists());
+    if let Some(file) = args.config.clone().or_else(default) {
+        bail!(
+            "{} names no training logs, and none are given: add them as [split] train = [\"a.csv\"] or on the command line. The demonstration without a log uses no configuration",
+            file.display()
+        );
+    }
+    demonstration(&args.output, seed, global)
 }
 
 fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
@@ -86,13 +106,7 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         test: pick(&args.test, split.test),
     };
     if files.train.is_empty() {
-        if !(files.validate.is_empty() && files.test.is_empty()) {
-            bail!("training logs are missing: name them before --validate and --test");
-        }
-        if args.log != LogArgs::default() {
-            bail!("options for reading logs are given, but no log: name at least one");
-        }
-        files = demonstration(&args.output, seed, global)?;
+        files = without_logs(args, &files, seed, global)?;
     }
     let vessel = args.vessel.as_deref().map(vessel).transpose()?;
     let mut reading = logs::reading(logs::from_config(log), &args.log)?;

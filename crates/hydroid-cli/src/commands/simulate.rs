@@ -16,9 +16,11 @@ use serde_json::json;
 
 use super::Outcome;
 use crate::args::{Global, Simulate};
-use crate::ui;
+use crate::{outputs, ui};
 
 pub fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
+    let written = [("-o", args.output.as_deref()), ("--figure", args.figure.as_deref())];
+    outputs::check(&written, &[Path::new(&args.plant), Path::new(&args.excitation)])?;
     if is_model(&args.plant) {
         return model::run(args, global);
     }

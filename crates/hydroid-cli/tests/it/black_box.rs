@@ -162,7 +162,7 @@ fn unusable_files_are_refused_with_a_remedy() {
     refused(&format!("adapt {MODEL} c.csv --replay kept.box"), "cannot be used with");
     refused(&format!("adapt {MODEL} --replay kept.box --prior 3"), "cannot be used with");
     refused(&format!("adapt {MODEL}"), "LOG|-");
-    refused(&format!("adapt {MODEL} c.csv --black-box c.csv"), "not overwritten");
+    refused(&format!("adapt {MODEL} c.csv --black-box a.csv"), "not overwritten");
     refused(&format!("adapt {MODEL} c.csv --stream --black-box ."), "name a file");
     refused(&format!("adapt {MODEL} c.csv --black-box x.box --black-box-minutes 1"), "give 2 to");
     refused(&format!("adapt {MODEL} c.csv --black-box-minutes 5"), "--black-box");

@@ -16,6 +16,7 @@ mod control_service;
 mod documents;
 mod equations_input;
 mod file_options;
+mod hostile;
 mod low_speed;
 mod manoeuvre;
 mod networks;

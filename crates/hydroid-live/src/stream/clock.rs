@@ -2,8 +2,12 @@
 
 use hydroid::log::LogError;
 
-/// Largest number of consecutive grid points without a sample.
-const MAX_SKIPPED: f64 = 1e6;
+/// Largest number of consecutive grid points without a sample, which bounds the work for a line.
+const MAX_SKIPPED: f64 = 1e4;
+/// A silence beyond this time \[s\] is a jump of the clock until further lines confirm it.
+const LONGEST_SILENCE_S: f64 = 3_600.0;
+/// Consecutive lines, each at most the longest gap after the one before, that confirm a jump of the clock.
+const CONFIRMING: u32 = 10;
 /// Gain of the grid on deviations of the samples, and weight of an interval in the mean.
 const TRACKING_GAIN: f64 = 1.0 / 16.0;
 /// Below this share of the sample time, the mean interval marks a stream faster than the model.
@@ -19,6 +23,10 @@ pub enum Arrival {
     Gap(f64),
     /// Not after the last sample, but this much \[s\] earlier.
     Late(f64),
+    /// A jump of the clock \[s\] that no further lines confirm yet.
+    Jump(f64),
+    /// The last of the lines that confirm a jump of the clock \[s\], backward or forward: a new run begins.
+    Stepped(f64),
     /// Between two grid points, or a second sample at the last one.
     Between,
 }
@@ -38,6 +46,11 @@ pub struct Clock {
     seen: f64,
     /// Mean interval of the lines, each at most one step \[s\].
     interval: f64,
+    /// Time of the first sample \[s\].
+    begun: f64,
+    /// Time of the last line beside the grid \[s\], and the number of consistent ones.
+    beside: f64,
+    confirming: u32,
 }
 
 impl Clock {
@@ -49,10 +62,12 @@ impl Clock {
         }
         if max_gap / dt > MAX_SKIPPED {
             return Err(bad(format!(
-                "it must be at most a million steps of the model, which are {dt} s long"
+                "it must be at most {MAX_SKIPPED} steps of the model, which are {dt} s long"
             )));
         }
-        Ok(Self { dt, max_gap, place: f64::NAN, taken: f64::NAN, seen: f64::NAN, interval: dt })
+        let (unknown, interval) = (f64::NAN, dt);
+        let [place, taken, seen, begun, beside] = [unknown; 5];
+        Ok(Self { dt, max_gap, place, taken, seen, interval, begun, beside, confirming: 0 })
     }
 
     pub fn is_new(&self) -> bool {
@@ -67,11 +82,17 @@ impl Clock {
     pub fn arrive(&mut self, t: f64) -> Arrival {
         if self.is_new() {
             self.begin(t);
+            self.begun = t;
             return Arrival::First;
         }
+        let after = t - self.taken;
+        if after <= 0.0 || after > LONGEST_SILENCE_S {
+            return self.confirm(t, after);
+        }
+        self.confirming = 0;
         if t <= self.seen {
             // A sample after the last used one is not late, even if it precedes the last line.
-            return if t > self.taken { Arrival::Between } else { Arrival::Late(self.taken - t) };
+            return Arrival::Between;
         }
         self.interval += TRACKING_GAIN * 2.0 * ((t - self.seen).min(self.dt) - self.interval);
         self.seen = t;
@@ -95,16 +116,36 @@ impl Clock {
         Arrival::Next(steps as usize)
     }
 
+    /// A line that is late or follows an absurd silence: a single stamp may be wrong, and a clock may be set.
+    fn confirm(&mut self, t: f64, after: f64) -> Arrival {
+        let step = t - self.beside;
+        let consistent = step > 0.0 && step <= self.max_gap;
+        self.confirming = if consistent { self.confirming.saturating_add(1) } else { 1 };
+        self.beside = t;
+        if self.confirming >= CONFIRMING {
+            self.begin(t);
+            return Arrival::Stepped(after);
+        }
+        if after > 0.0 { Arrival::Jump(after) } else { Arrival::Late(-after) }
+    }
+
+    /// Whether a line that is not after the sample of a resumed state repeats one that was answered before: the first of the
+    /// stream, or one of the last `resent_s` seconds.
+    pub fn repeats(&self, t: f64, resent_s: f64) -> bool {
+        t == self.begun || t > self.taken - resent_s - self.max_gap
+    }
+
     fn begin(&mut self, t: f64) {
+        self.confirming = 0;
         (self.place, self.taken, self.seen) = (t, t, t);
     }
 
-    pub fn memory(&self) -> [f64; 4] {
-        [self.place, self.taken, self.seen, self.interval]
+    pub fn memory(&self) -> [f64; 5] {
+        [self.place, self.taken, self.seen, self.interval, self.begun]
     }
 
     /// Restores the values of [`memory`](Self::memory). Invalid values do not panic.
-    pub fn restore(&mut self, memory: [f64; 4]) {
-        [self.place, self.taken, self.seen, self.interval] = memory;
+    pub fn restore(&mut self, memory: [f64; 5]) {
+        [self.place, self.taken, self.seen, self.interval, self.begun] = memory;
     }
 }

@@ -49,11 +49,11 @@ use hydroid::adapt::events::{EventText, names};
 use hydroid::atomic::WriteError;
 use hydroid::fingerprint::Fingerprint;
 use hydroid::log::{CommandTiming, LogError, Note};
-use hydroid::model::{Mismatch, Model, Reading};
+use hydroid::model::{Mismatch, Model, Port, Reading};
 use latency::Latency;
 use layout::Layout;
 use line::Sample;
-use persistence::StateFile;
+use persistence::{SAVE_INTERVAL_S, StateFile};
 use session::{Session, Transition};
 
 pub use layout::Position;
@@ -68,6 +68,9 @@ pub const MAX_HORIZON: usize = 10_000;
 
 /// From this gap on \[s\], a time without a unit is probably not in seconds.
 const DOUBTFUL_S: f64 = 30.0;
+
+/// Widths of its range by which a command may lie outside it: the limit beyond which a rollout counts as diverged.
+const MOST_WIDTHS: f64 = 10.0;
 
 /// Default of the longest gap of a run \[s\].
 fn longest_gap(dt: f64) -> f64 {
@@ -272,11 +275,14 @@ impl Stream {
             self.write_steering(false);
             return Ok(true);
         }
-        if self.answered.is_some_and(|t| self.sample.t <= t) {
+        if self.answered.is_some_and(|t| self.sample.t <= t)
+            && (self.counts.skipped > 0 || self.clock.repeats(self.sample.t, SAVE_INTERVAL_S))
+        {
             self.counts.skipped += 1;
             return Ok(false);
         }
         self.answered = None;
+        self.refuse_absurd_commands();
         let status = self.use_sample();
         self.counts.add(status);
         self.writer.begin(number, Some(self.sample.t), status, &self.note);
@@ -289,6 +295,36 @@ impl Stream {
             }
         }
         Ok(true)
+    }
+
+    /// Commands far outside the range of the model, where a rollout would have diverged, count as missing.
+    fn refuse_absurd_commands(&mut self) {
+        let ports = &self.model.description.inputs;
+        let bounds = |port: &Port| {
+            let widest = port.training_range.map_or(port.range.high - port.range.low, |range| {
+                (range.high - range.low).max(port.range.high - port.range.low)
+            });
+            [port.range.low - MOST_WIDTHS * widest, port.range.high + MOST_WIDTHS * widest]
+        };
+        let plan = self.sample.plan.chunks_exact_mut(ports.len().max(1));
+        for (row, is_plan) in
+            std::iter::once((&mut self.sample.inputs[..], false)).chain(plan.map(|row| (row, true)))
+        {
+            for (command, port) in row.iter_mut().zip(ports) {
+                let [low, high] = bounds(port);
+                if *command < low || *command > high {
+                    let what = if is_plan { "planned command" } else { "command" };
+                    say(
+                        &mut self.note,
+                        format_args!(
+                            "the {what} {} = {command:e} is far outside its range of {} to {} and was refused",
+                            port.channel.name, port.range.low, port.range.high
+                        ),
+                    );
+                    *command = f64::NAN;
+                }
+            }
+        }
     }
 
     fn write_steering(&mut self, used: bool) {
@@ -304,9 +340,28 @@ impl Stream {
             Arrival::Late(by) => {
                 say(&mut self.note, format_args!("the sample is {by:.3} s before the last used one"));
                 if by > DOUBTFUL_S {
-                    say(&mut self.note, format_args!("start a new session if the clock was reset"));
+                    say(
+                        &mut self.note,
+                        format_args!("if the clock was set back, the next lines will show it"),
+                    );
                 }
                 return Status::Late;
+            }
+            Arrival::Jump(by) => {
+                say(
+                    &mut self.note,
+                    format_args!("the time jumps by {by:.0} s: not used unless the next lines confirm it"),
+                );
+                return Status::Late;
+            }
+            Arrival::Stepped(by) => {
+                say(
+                    &mut self.note,
+                    format_args!(
+                        "the clock was set by {by:.3} s, which the last lines confirm: a new run begins, the weights are kept"
+                    ),
+                );
+                (self.session.begin(commands, sample, Some(by.abs())), true)
             }
             Arrival::Between => return Status::Between,
             Arrival::First => (self.session.begin(commands, sample, None), false),

@@ -9,7 +9,7 @@ use super::{State, Stream, StreamError};
 use hydroid::log::Note;
 
 /// Longest stream time that a kill loses \[s\].
-const SAVE_INTERVAL_S: f64 = 1.0;
+pub(super) const SAVE_INTERVAL_S: f64 = 1.0;
 
 pub(super) struct StateFile {
     path: PathBuf,

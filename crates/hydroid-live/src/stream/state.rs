@@ -16,10 +16,10 @@ use hydroid::atomic;
 use hydroid::fingerprint::Fingerprint;
 
 const KEY: &str = "hydroid_stream";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 const HYDROID: &str = env!("CARGO_PKG_VERSION");
 const MAX_BYTES: u64 = 1 << 32;
-const CLOCK: usize = 4;
+const CLOCK: usize = 5;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -303,7 +303,7 @@ fn a_state_is_encoded_exactly_and_another_format_is_named() {
     assert_eq!(State::decode(bytes).unwrap().encode().unwrap(), bytes);
     let text = String::from_utf8_lossy(bytes);
     let mut changed = bytes.to_vec();
-    changed[text.find("version\\\":1").unwrap() + "version\\\":".len()] = b'7';
+    changed[text.find("version\\\":2").unwrap() + "version\\\":".len()] = b'7';
     assert!(State::decode(&changed).unwrap_err().contains("format 7"));
 }
 
@@ -385,4 +385,103 @@ fn offsets_and_scales_apply_to_measurements_and_commands() {
     // du/dt = -0.3 u |u| + 0.5 n with n = 0.5.
     let next = answer["prediction"]["u"][0].as_f64().unwrap();
     assert!((next - (1.0 + 0.1 * (-0.3 + 0.25))).abs() < 1e-3, "{answer}");
+}
+
+/// Answers to lines of the boat at 10 Hz from a time on; `t` gives the stamp of a sample.
+fn sail(stream: &mut Stream, from: usize, to: usize, t: impl Fn(usize) -> f64) -> Vec<Value> {
+    let line = |k: usize| {
+        let ([n, delta], [u, r]) = crate::boat::sample(k);
+        format!("{},{u},{r},{n},{delta}", t(k))
+    };
+    (from..to).map(|k| ask(stream, &line(k)).unwrap()).collect()
+}
+
+fn statuses(answers: &[Value]) -> Vec<&str> {
+    answers.iter().map(|answer| answer["status"].as_str().unwrap()).collect()
+}
+
+/// Hostile story 1: one command of 1e200 made all later predictions null.
+#[test]
+fn one_absurd_command_is_refused_and_the_last_one_is_held() {
+    for absurd in ["1e200", "-1e60", "1e9"] {
+        let ([_, delta], [u, r]) = crate::boat::sample(100);
+        let mut hurt = begun();
+        let answer = ask(&mut hurt, &format!("10,{u},{r},{absurd},{delta}")).unwrap();
+        let (status, note) = told(Some(&answer));
+        assert!(note.contains("the command n = ") && note.contains("was refused"), "{answer}");
+        assert!(status == "accepted" || status == "waiting", "{answer}");
+        for answer in std::iter::once(answer).chain(sail(&mut hurt, 101, 200, |k| 0.1 * k as f64)) {
+            for name in ["u", "r"] {
+                assert!(answer["prediction"][name].as_array().unwrap().iter().all(Value::is_f64), "{answer}");
+            }
+        }
+    }
+}
+
+/// A stream that has seen a hundred samples.
+fn begun() -> Stream {
+    let mut stream = stream();
+    ask(&mut stream, "t,u,r,n,delta");
+    sail(&mut stream, 0, 100, |k| 0.1 * k as f64);
+    stream
+}
+
+/// Hostile story 2: one stamp of 5e7 silenced the service.
+#[test]
+fn one_bad_time_stamp_is_not_believed() {
+    let mut stream = stream();
+    ask(&mut stream, "t,u,r,n,delta");
+    sail(&mut stream, 0, 50, |k| 0.1 * k as f64);
+    let bad = sail(&mut stream, 50, 51, |_| 5e7);
+    assert_eq!(statuses(&bad), ["late"]);
+    assert!(bad[0]["note"].as_str().unwrap().contains("the time jumps by"), "{bad:?}");
+    let after = sail(&mut stream, 51, 80, |k| 0.1 * k as f64);
+    assert!(!statuses(&after).iter().any(|status| ["late", "error"].contains(status)), "{after:?}");
+}
+
+/// Hostile story 2: a clock that is set back, or far ahead, is followed once further lines confirm it.
+#[test]
+fn a_clock_that_is_set_is_followed_after_ten_lines() {
+    for by in [-3_600.0, -40.0, 1e6] {
+        let mut stream = stream();
+        ask(&mut stream, "t,u,r,n,delta");
+        sail(&mut stream, 0, 500, |k| 0.1 * k as f64);
+        let answers = sail(&mut stream, 500, 600, |k| 0.1 * k as f64 + by);
+        let told = statuses(&answers);
+        assert!(told[..9].iter().all(|status| *status == "late"), "{by}: {told:?}");
+        assert_eq!(told[9], "reset", "{by}");
+        assert!(answers[9]["note"].as_str().unwrap().contains("the clock was set by"));
+        assert!(
+            told[10..].iter().all(|status| ["accepted", "waiting", "inflated"].contains(status)),
+            "{by}: {told:?}"
+        );
+    }
+    // Lines that come twice confirm nothing.
+    let mut stream = stream();
+    ask(&mut stream, "t,u,r,n,delta");
+    sail(&mut stream, 0, 50, |k| 0.1 * k as f64);
+    let again = sail(&mut stream, 50, 90, |_| 4.9);
+    assert!(statuses(&again).iter().all(|status| *status == "late"));
+}
+
+/// Hostile story 2: after a restart with the state, a clock that was set back had no answers at all.
+#[test]
+fn a_clock_that_is_set_back_before_a_restart_has_answers() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("boat.state");
+    let start = || {
+        let mut stream = stream();
+        let from = stream.persist_in(&path, "m".to_owned(), &1).unwrap();
+        ask(&mut stream, "t,u,r,n,delta");
+        (stream, from)
+    };
+    let (mut first, _) = start();
+    sail(&mut first, 0, 100, |k| 5_000.0 + 0.1 * k as f64);
+    drop(first);
+    let (mut second, from) = start();
+    assert!(from.unwrap() > 5_008.0);
+    let told = sail(&mut second, 100, 150, |k| 1_400.0 + 0.1 * k as f64);
+    let told = statuses(&told);
+    assert!(told[..9].iter().all(|status| *status == "late") && told[9] == "reset", "{told:?}");
+    assert!(told[10..].iter().all(|status| *status != "late"), "{told:?}");
 }

@@ -138,6 +138,7 @@ fn parse(bytes: &[u8], name: &str) -> Result<RawLog, LogError> {
     if bytes.iter().all(u8::is_ascii_whitespace) {
         return Err(LogError::Empty { path: path() });
     }
+    check_lines(bytes, name)?;
     let delimiter = delimiter(bytes);
     let decimal_comma = delimiter != b',' && has_decimal_comma(bytes, delimiter);
     let mut reader = csv::ReaderBuilder::new()
@@ -194,6 +195,24 @@ fn parse(bytes: &[u8], name: &str) -> Result<RawLog, LogError> {
     columns.retain(|c| !c.name.is_empty() || c.values.iter().any(|v| !v.is_nan()));
     name_the_nameless(&mut columns);
     Ok(RawLog { path: path(), columns, lines })
+}
+
+/// Longest line of a log \[bytes\]; a longer one is no table, and would be read into memory again.
+const LONGEST_LINE: usize = 1 << 24;
+
+fn check_lines(bytes: &[u8], name: &str) -> Result<(), LogError> {
+    let lines = bytes.split(|byte| matches!(byte, b'\n' | b'\r'));
+    match lines.zip(1..).find(|(line, _)| line.len() > LONGEST_LINE) {
+        None => Ok(()),
+        Some((long, line)) => Err(LogError::BadLine {
+            path: name.to_owned(),
+            line,
+            reason: format!(
+                "{} bytes without an end of line: the file is not a table; export the log as CSV",
+                long.len()
+            ),
+        }),
+    }
 }
 
 #[allow(

@@ -47,6 +47,9 @@ pub fn replay(args: &Adapt, global: Global, model: Model, path: &Path) -> anyhow
         }
     })?;
     let summary = match &replayed.first {
+        None if replayed.samples == 0 => String::from(
+            "no sample was replayed: the black box holds none that follows a whole snapshot, and nothing could be compared",
+        ),
         None => format!("{} samples replayed, all identical", replayed.samples),
         Some(first) => format!(
             "{} samples replayed, {} different; the first at {} s: {} recorded {}, replayed {}",
@@ -58,5 +61,6 @@ pub fn replay(args: &Adapt, global: Global, model: Model, path: &Path) -> anyhow
     } else {
         outln!("{summary}");
     }
-    Ok(if replayed.first.is_none() { Outcome::Done } else { Outcome::Missed })
+    let identical = replayed.first.is_none() && replayed.samples > 0;
+    Ok(if identical { Outcome::Done } else { Outcome::Missed })
 }

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context, ensure};
 use hydroid::adapt::{self, ResolvedOptions};
-use hydroid::atomic;
+use hydroid::atomic::{self, Lock};
 use hydroid::log::{LogError, Note};
 use hydroid::model::{self, Model, Reading};
 use hydroid_live::black_box::{Recorder, Source};
@@ -29,6 +29,8 @@ pub struct Service {
     pub output: Option<PathBuf>,
     pub global: Global,
     pub finished: bool,
+    /// Of the files that are written under way.
+    pub locks: Vec<Lock>,
 }
 
 /// Source of the lines: standard input (`-`) or a file.
@@ -103,6 +105,9 @@ pub fn run(
     let (mut adapter, used) =
         adapt::adapter(model, &learning, &[]).context("the model cannot be adapted from a live stream")?;
     let guard = &args.guard;
+    let answers = &args.stream.answers;
+    let written = [&answers.state, &args.black_box.black_box, &args.output];
+    let locks = written.into_iter().flatten().map(|path| Lock::new(path)).collect::<Result<_, _>>()?;
     let training = crate::logs::training_logs(
         &guard.training_log,
         guard.training_time.0,
@@ -116,7 +121,6 @@ pub fn run(
         Recorder::new(&settings, model, adapter.as_ref(), &learning, &described, Source::Stream(&name))
     });
     let recorder = recorder.transpose()?;
-    let answers = &args.stream.answers;
     let options =
         Options { name: name.clone(), reading, horizons: answers.horizons(), timing: answers.timing };
     let mut stream = Stream::new(model, adapter, options)?;
@@ -141,6 +145,7 @@ pub fn run(
         output: args.output.clone(),
         global,
         finished: false,
+        locks,
     };
     serve(reader, service)
 }
@@ -197,6 +202,16 @@ pub fn serve(reader: Box<dyn BufRead>, service: Service) -> anyhow::Result<Outco
 impl Service {
     fn finish(&mut self) -> anyhow::Result<()> {
         self.finished = true;
+        let finished = self.finish_files();
+        self.locks.clear();
+        finished?;
+        if !self.global.quiet {
+            eprintln!("{}", self.stream.summary());
+        }
+        Ok(())
+    }
+
+    fn finish_files(&mut self) -> anyhow::Result<()> {
         self.stream.finish()?;
         ui::print_notes(&self.stream.take_notes(), self.global);
         if let Some(path) = &self.output {
@@ -206,9 +221,6 @@ impl Service {
                 .map_or(Cow::Borrowed(self.name.as_str()), |name| name.to_string_lossy());
             let learned = adapt::learned(&self.model, self.stream.weights(), &[&run], &self.used)?;
             model::write(&learned, path)?;
-        }
-        if !self.global.quiet {
-            eprintln!("{}", self.stream.summary());
         }
         Ok(())
     }

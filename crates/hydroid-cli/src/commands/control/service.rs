@@ -4,6 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, ensure};
 use hydroid::adapt;
+use hydroid::atomic::Lock;
 use hydroid::closed_loop::{ControllerOptions, Scenario};
 use hydroid::model::Model;
 use hydroid_live::black_box::{Recorder, Source};
@@ -13,7 +14,7 @@ use serde_json::{Value, json};
 use super::super::Outcome;
 use super::super::adapt::{blackbox, stream};
 use crate::args::{Control, Global};
-use crate::logs;
+use crate::{logs, outputs};
 
 /// Refuses options that only a simulation has.
 pub(super) fn check_options(args: &Control) -> anyhow::Result<()> {
@@ -61,6 +62,14 @@ pub(super) struct Steered<'a> {
 
 pub(super) fn run(args: &Control, global: Global, steered: &Steered<'_>) -> anyhow::Result<Outcome> {
     let Steered { model, scene, steering, .. } = *steered;
+    let written = [
+        ("--state", args.service.answers.state.as_deref()),
+        ("--black-box", args.service.black_box.as_deref()),
+    ];
+    let read = args.adaptation.training_log.iter().map(AsRef::as_ref);
+    outputs::check(&written, &read.chain([steered.stream, steered.file]).collect::<Vec<&Path>>())?;
+    let written = [&args.service.answers.state, &args.service.black_box];
+    let locks = written.into_iter().flatten().map(|path| Lock::new(path)).collect::<Result<_, _>>()?;
     let source = stream::Lined::of(steered.stream);
     let reading = &model.description.reading;
     let learning = steering.adapt.clone().unwrap_or_else(|| adapt::Options::of(model));
@@ -120,6 +129,7 @@ pub(super) fn run(args: &Control, global: Global, steered: &Steered<'_>) -> anyh
         output: None,
         global,
         finished: false,
+        locks,
     };
     stream::serve(reader, service)
 }
