@@ -18,6 +18,7 @@ fn model() -> Model {
         range: DesignRange { low: -2.0, high: 2.0 },
         training_range: None,
         noise: None,
+        rate_limit: None,
     };
     let mut reading = Reading::default();
     reading.selection.outputs = vec![ChannelSpec::named("u")];
