@@ -70,22 +70,30 @@ fn clean(folder: &Path) {
 /// A place that no other run may write while this value exists.
 #[derive(Debug)]
 pub struct Lock {
-    _file: File,
-    path: PathBuf,
+    /// The locked file and its path; `None` for devices and pipes.
+    held: Option<(File, PathBuf)>,
 }
 
 impl Lock {
-    /// Locks a file or a folder that is to be written, by a file `.NAME.lock` beside it.
+    /// Locks a file that is to be written, by a file `.NAME.lock` beside it, or a folder, by a file `.hydroid.lock` in it.
+    /// Where the file system has no locks, nothing is refused.
     ///
     /// # Errors
     /// If another run writes there, or the lock cannot be created.
     pub fn new(path: &Path) -> Result<Self, WriteError> {
         let failed = |source| WriteError { path: path.to_owned(), source };
         let whole = path.canonicalize().unwrap_or_else(|_| path.to_owned());
-        let folder = whole.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        std::fs::create_dir_all(folder).map_err(failed)?;
-        let name = whole.file_name().unwrap_or_default().to_string_lossy();
-        let place = folder.join(format!(".{name}.lock"));
+        let place = match whole.metadata() {
+            Ok(metadata) if metadata.is_dir() => whole.join(".hydroid.lock"),
+            Ok(metadata) if !metadata.is_file() => return Ok(Self { held: None }),
+            _ => {
+                let folder = whole.parent().filter(|folder| !folder.as_os_str().is_empty());
+                let folder = folder.unwrap_or(Path::new("."));
+                std::fs::create_dir_all(folder).map_err(failed)?;
+                let name = whole.file_name().unwrap_or_default().to_string_lossy();
+                folder.join(format!(".{name}.lock"))
+            }
+        };
         loop {
             let file =
                 File::options().create(true).truncate(false).write(true).open(&place).map_err(failed)?;
@@ -95,11 +103,11 @@ impl Lock {
                     let reason = "another run of hydroid writes there; wait for it, or name another place";
                     return Err(failed(io::Error::new(io::ErrorKind::ResourceBusy, reason)));
                 }
-                Err(TryLockError::Error(error)) => return Err(failed(error)),
+                Err(TryLockError::Error(_)) => return Ok(Self { held: Some((file, place)) }),
             }
             // The last owner may have removed the file between the two calls.
             if is_at(&file, &place) {
-                return Ok(Self { _file: file, path: place });
+                return Ok(Self { held: Some((file, place)) });
             }
         }
     }
@@ -107,7 +115,9 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.path);
+        if let Some((_, path)) = &self.held {
+            let _ = std::fs::remove_file(path);
+        }
     }
 }
 

@@ -76,8 +76,8 @@ pub struct Identify {
     /// (default: auto, if the logs have a heading the better one of the cross-validation)
     #[arg(long, value_name = "auto|over-ground|through-water")]
     pub motion: Option<MotionOption>,
-    /// Rates at which actuators follow their commands, per second: auto, none, or 'delta=4 [deg],n=10' (default: auto, if the
-    /// cross-validated error is significantly lower with limits). The models contain them
+    /// Rates at which actuators follow their commands, per second: auto, none, or 'delta=4 [deg],n=10' (default: auto, in a
+    /// cross-validation those that reduce its error significantly). The models contain them
     #[arg(long, value_name = "auto|none|LIST")]
     pub rate_limit: Option<RateLimitOption>,
     /// Longest prediction horizon: samples (100) or seconds (10s) (default: 100 samples)

@@ -35,8 +35,10 @@ pub fn run(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
     let existed = args.output.exists();
     // Fails early if the folder cannot be written.
     atomic::probe(&args.output)?;
-    let _lock = Lock::new(&args.output)?;
-    identify_into(args, global).inspect_err(|_| {
+    let lock = Lock::new(&args.output)?;
+    let result = identify_into(args, global);
+    drop(lock);
+    result.inspect_err(|_| {
         if !existed {
             // Removes the folder only if it is empty.
             let _ = std::fs::remove_dir(&args.output);

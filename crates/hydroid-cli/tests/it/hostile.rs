@@ -125,6 +125,26 @@ fn a_second_writer_is_refused() {
     }
 }
 
+/// Story 13: the same for two identifications into one folder. Devices have no lock.
+#[test]
+fn a_folder_in_use_is_refused() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    log(at);
+    fs::create_dir(at.join("out")).unwrap();
+    let held = fs::File::create(at.join("out/.hydroid.lock")).unwrap();
+    held.try_lock().unwrap();
+    refused(at, &["identify", "log.csv", "-o", "out"], "another run of hydroid writes there");
+    drop(held);
+    refused(at, &["identify", "log.csv", "--outputs", "w", "-o", "out"], "w");
+    assert!(fs::read_dir(at.join("out")).unwrap().next().is_none(), "no lock is left");
+    if cfg!(unix) {
+        let args = ["adapt", "hydrofoil", "log.csv", "--horizon", "5", "--black-box", "/dev/null"];
+        let said = hydroid(at, &args).output().unwrap();
+        assert!(!text(&said.stderr).contains("lock"), "{}", text(&said.stderr));
+    }
+}
+
 /// Story 14: temporary files of a killed run stayed for ever.
 #[test]
 fn temporary_files_of_dead_runs_are_removed() {

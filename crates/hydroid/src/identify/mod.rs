@@ -181,7 +181,6 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
     let validation = judged.map_or(validation, |judged| judged.into_iter().map(|(_, run)| run).collect());
     let parts = Parts { folds: folds.as_ref(), ..Parts::new([train, validation, test], &ranges) };
     check_horizon(job, &parts)?;
-    job.networks.check(job, &methods, &parts)?;
     let mut warnings = job.split.notes.clone();
     if folds.as_ref().is_some_and(CrossValidation::has_blocks) {
         let message =
@@ -200,6 +199,7 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
     let job_in_positions = limited.as_ref().unwrap_or(job);
     let folds_in_positions = cross.then(|| CrossValidation::new(&job_in_positions.split.train));
     let parts_in_positions = parts.in_positions(job_in_positions, folds_in_positions.as_ref(), rates);
+    job_in_positions.networks.check(job_in_positions, &methods, &parts_in_positions)?;
     let data_of = |method: Method| match method {
         Method::GreyBox => (job, &parts),
         _ => (job_in_positions, &parts_in_positions),

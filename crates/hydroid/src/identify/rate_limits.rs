@@ -115,6 +115,8 @@ pub(super) fn find(
     let channels = parts.train[0].inputs.channels();
     match &job.rate_limits {
         RateLimitOption::Keyword(Keyword::None) => Ok(vec![None; channels.len()]),
+        // Few training runs beside validation runs are not enough for the choice.
+        RateLimitOption::Keyword(Keyword::Auto) if parts.folds.is_none() => Ok(vec![None; channels.len()]),
         RateLimitOption::Keyword(Keyword::Auto) => {
             let of_training = Split { validation: Vec::new(), test: Vec::new(), ..job.split.clone() };
             let job = job.with_split(of_training);
