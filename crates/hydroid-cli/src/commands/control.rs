@@ -51,7 +51,7 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
     let scene = setup::scenario(args, Arc::clone(&plant), &task, &pace, size.scale, dt)?;
     if scene.track.is_station {
         let limits: Vec<[f64; 2]> = scene.limits.iter().map(|limits| [limits.low, limits.high]).collect();
-        check_station(model.as_ref().unwrap_or(&plant), &limits)?;
+        check_station(&plant, &limits)?;
     }
     let from_s = setup::from_s(args, &scene)?;
     let conditions = setup::conditions(&args.disturbances);

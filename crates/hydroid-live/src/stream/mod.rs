@@ -335,6 +335,8 @@ impl Stream {
 
     /// Advances to a sample on the grid, and collects remarks.
     fn use_sample(&mut self) -> Status {
+        let dt = self.model.description.dt;
+        let max_gap = self.options.reading.options.max_gap_s.unwrap_or_else(|| longest_gap(dt));
         let (sample, commands) = (&self.sample, &mut self.commands);
         let (transition, reset) = match self.clock.arrive(sample.t) {
             Arrival::Late(by) => {
@@ -361,7 +363,8 @@ impl Stream {
                         "the clock was set by {by:.3} s, which the last lines confirm: a new run begins, the weights are kept"
                     ),
                 );
-                (self.session.begin(commands, sample, Some(by.abs())), true)
+                // The true time since the last sample of a clock that was set is not known.
+                (self.session.begin(commands, sample, Some(max_gap)), true)
             }
             Arrival::Between => return Status::Between,
             Arrival::First => (self.session.begin(commands, sample, None), false),

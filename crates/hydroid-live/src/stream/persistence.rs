@@ -61,7 +61,10 @@ impl Stream {
         match &mut self.state_file {
             // A sample may be half a step off its grid point.
             Some(state_file) if state_file.saved.is_nan() && !t.is_nan() => self.save_state(),
-            Some(state_file) if t - state_file.saved + 1.5 * dt > SAVE_INTERVAL_S && t > state_file.saved => {
+            // A clock may have been set back.
+            Some(state_file)
+                if (t - state_file.saved).abs() + 1.5 * dt > SAVE_INTERVAL_S && t != state_file.saved =>
+            {
                 let failed = state_file.failed;
                 // A full disk must not stop the predictions; a file that can never be written is reported at the first
                 // sample.
@@ -117,8 +120,7 @@ impl Stream {
         if let Err(error) = self.session.finish() {
             self.notes.push(Note::warning(error.to_string()));
         }
-        let behind =
-            |state_file: &StateFile| self.clock.taken() > state_file.saved || state_file.saved.is_nan();
+        let behind = |state_file: &StateFile| self.clock.taken() != state_file.saved;
         if !self.clock.is_new() && self.state_file.as_ref().is_some_and(behind) {
             self.save_state()
         } else {

@@ -484,4 +484,8 @@ fn a_clock_that_is_set_back_before_a_restart_has_answers() {
     let told = statuses(&told);
     assert!(told[..9].iter().all(|status| *status == "late") && told[9] == "reset", "{told:?}");
     assert!(told[10..].iter().all(|status| *status != "late"), "{told:?}");
+    // The state follows the clock.
+    second.finish().unwrap();
+    let (_, from) = start();
+    assert!((from.unwrap() - 1_414.9).abs() < 0.06, "{from:?}");
 }

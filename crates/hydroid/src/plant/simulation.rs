@@ -172,6 +172,9 @@ impl Simulation {
     pub fn start(&mut self, eta: [f64; 3], y: &[f64], c: &[f64]) {
         let rows = self.warm_up;
         self.start_after(eta, &y.repeat(rows), &c.repeat(rows - 1));
+        if let Some(limiter) = &mut self.limiter {
+            limiter.advance(&mut c.to_vec());
+        }
     }
 
     /// Number of samples on which predictions depend at least, the present one included.
