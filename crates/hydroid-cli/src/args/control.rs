@@ -147,7 +147,7 @@ pub struct ControllerArgs {
     /// Sample time of the controller [s] (default: that of the model; 0.1 for vessels and pid)
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub dt: Option<f64>,
-    /// Largest rate of change of a command, in its unit per second (default: no limit). May be repeated
+    /// Largest rate of change of a command, in its unit per second (default: that of the vessel or model). May be repeated
     #[arg(long, value_name = "NAME=RATE")]
     pub rate_limit: Vec<NamedNumber>,
     /// Limits of a command, in its unit (default: those of the plant's file, or its training range). May be repeated
