@@ -8,6 +8,7 @@ mod claims;
 mod error;
 pub mod error_k;
 mod experiment;
+pub mod guard;
 mod outcome;
 mod page;
 mod palette;

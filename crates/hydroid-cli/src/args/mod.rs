@@ -6,6 +6,7 @@ mod file;
 mod help;
 mod identify;
 mod manoeuvre;
+pub mod study;
 mod thesis;
 mod values;
 
@@ -23,6 +24,7 @@ pub use control::{
 };
 pub use identify::Identify;
 pub use manoeuvre::{Manoeuvre, TrialName, ZigzagAngles};
+pub use study::{GuardStudy, Study};
 pub use thesis::Thesis;
 pub use values::{Against, Duration, Horizon, Method, NamedNumber, NamedRange, Origin};
 use values::{Pair, parse_timing};
@@ -116,6 +118,7 @@ pub enum Command {
     Manoeuvre(Manoeuvre),
     Control(Box<Control>),
     Thesis(Thesis),
+    Study(Study),
 }
 
 /// Simulate a vessel and write its log

@@ -8,6 +8,7 @@ mod inspect;
 mod manoeuvre;
 mod previous_output;
 mod simulate;
+mod study;
 mod table;
 mod thesis;
 
@@ -51,6 +52,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         Command::Manoeuvre(manoeuvre) => manoeuvre::run(&manoeuvre, args.global),
         Command::Control(control) => control::run(&control, args.global),
         Command::Thesis(thesis) => thesis::run(&thesis, args.global),
+        Command::Study(study) => study::run(&study, args.global),
     }
 }
 

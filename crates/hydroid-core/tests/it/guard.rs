@@ -8,8 +8,8 @@ use hydroid_core::adapt::kalman::{FilterOptions, KalmanNetwork};
 use hydroid_core::adapt::{Adapter, Learning, SaveState};
 use hydroid_core::predict::{Predictor, Workspace};
 
-/// Design ranges of the reference's hydrofoil, and the noise of its sensors.
-const RANGES: [(f64, f64); 5] = [(0.0, 6.0), (-1.5, 1.5), (-1.0, 1.0), (-130.0, 350.0), (-0.524, 0.524)];
+/// Design ranges of the outputs of the reference's hydrofoil, and the noise of its sensors.
+const RANGES: [(f64, f64); 3] = [(0.0, 6.0), (-1.5, 1.5), (-1.0, 1.0)];
 const NOISE: [f64; 3] = [0.01, 0.01, 0.017_453];
 
 /// Samples of the log: take-off after about 170 s, and return to displacement mode at 240 s.
@@ -48,8 +48,7 @@ fn network(weights: f64, noise: f64) -> Box<dyn Adapter> {
 }
 
 fn guarded(weights: f64, noise: f64) -> Guard {
-    let companions = [network(0.0, 1.0), network(0.0, 1.0)];
-    Guard::new(network(weights, noise), companions, &RANGES, &NOISE, GuardOptions::new(0.1)).unwrap()
+    Guard::new(network(weights, noise), network(0.0, 1.0), &RANGES, &NOISE, GuardOptions::new(0.1)).unwrap()
 }
 
 /// Prediction errors over 20 samples from each sample, as in the guard but against the truth; and the names of the
@@ -75,14 +74,17 @@ fn errors(session: &mut dyn Adapter, log: &[Row]) -> (Vec<f64>, Vec<&'static str
     (errors, events)
 }
 
-fn floor() -> f64 {
-    (0..3).map(|c| NOISE[c] / (0.5 * (RANGES[c].1 - RANGES[c].0))).sum::<f64>() / 3.0
-}
-
-/// The maximum of a function of two means over windows of 30 s.
-fn worst(own: &[f64], frozen: &[f64], of: impl Fn(f64, f64) -> f64) -> f64 {
-    let mean = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64;
-    own.windows(300).zip(frozen.windows(300)).map(|(a, b)| of(mean(a), mean(b))).fold(f64::MIN, f64::max)
+/// Largest excess of errors over the guarantee, relative to its constant: positive where it is exceeded.
+fn excess(own: &[f64], reference: &[f64]) -> f64 {
+    let options = GuardOptions::new(0.1);
+    let floor = (0..3).map(|c| NOISE[c] / (0.5 * (RANGES[c].1 - RANGES[c].0))).sum::<f64>() / 3.0;
+    let past = (-1.0 / options.window as f64).exp();
+    let mut sum = 0.0;
+    let sums = own.iter().zip(reference).map(|(own, reference)| {
+        sum = past * sum + own - options.factor * reference;
+        sum
+    });
+    sums.fold(f64::MIN, f64::max) * (1.0 - past) / (options.floors * floor) - 1.0
 }
 
 fn mean(errors: &[f64]) -> f64 {
@@ -108,17 +110,17 @@ fn the_deviation_bound_holds_with_faults() {
     let (frozen, _) = errors(network(0.0, 1.0).as_mut(), &log);
     let (alone, _) = errors(network(0.3, 0.3).as_mut(), &log);
     let (own, events) = errors(&mut guarded(0.3, 0.3), &log);
-    let ratio = worst(&alone, &frozen, |own, frozen| own / frozen);
-    assert!(ratio > 2.0, "the unguarded adapter stays too close to the frozen model: {ratio:.2}");
-    let excess = worst(&own, &frozen, |own, frozen| own - 1.2 * frozen) / floor();
-    assert!(excess <= 1.0, "the deviation bound is exceeded by {excess:.2} noise floors");
+    let unguarded = excess(&alone, &frozen);
+    assert!(unguarded > 0.0, "the unguarded adapter keeps the guarantee: {unguarded:.2}");
+    let guarded = excess(&own, &frozen);
+    assert!(guarded <= 0.0, "the guarantee is exceeded by {guarded:.2} of its constant");
     for kind in ["spike", "stuck", "back", "offset"] {
         assert!(events.contains(&kind), "no {kind} was seen");
     }
     let offsets = events.iter().filter(|kind| **kind == "offset").count();
     assert_eq!(offsets, 1, "there is one offset");
     // The adapted model is used.
-    assert!(mean(&own) < 0.5 * mean(&frozen), "{} beside {}", mean(&own), mean(&frozen));
+    assert!(mean(&own) < 0.6 * mean(&frozen), "{} beside {}", mean(&own), mean(&frozen));
     assert!(mean(&own) < mean(&alone), "{} beside {}", mean(&own), mean(&alone));
 }
 
@@ -133,8 +135,8 @@ fn a_stuck_speed_sensor_keeps_the_deviation_bound() {
     let (frozen, _) = errors(network(0.0, 1.0).as_mut(), &log);
     let (own, events) = errors(&mut guarded(0.02, 3.0), &log);
     assert!(events.contains(&"stuck"));
-    let excess = worst(&own, &frozen, |own, frozen| own - 1.2 * frozen) / floor();
-    assert!(excess <= 1.0, "the deviation bound is exceeded by {excess:.2} noise floors");
+    let guarded = excess(&own, &frozen);
+    assert!(guarded <= 0.0, "the guarantee is exceeded by {guarded:.2} of its constant");
 }
 
 #[test]
@@ -143,8 +145,7 @@ fn the_guard_costs_little_without_faults() {
     let log = lawn();
     let (alone, _) = errors(network(0.02, 3.0).as_mut(), &log);
     let (own, events) = errors(&mut guarded(0.02, 3.0), &log);
-    let touched =
-        events.iter().filter(|kind| ["spike", "inflated", "stuck", "believed"].contains(kind)).count();
+    let touched = events.iter().filter(|kind| ["spike", "stuck", "believed"].contains(kind)).count();
     assert!(touched * 20 <= log.len(), "{touched} samples were touched");
     assert!(mean(&own) <= 1.05 * mean(&alone), "{} beside {}", mean(&own), mean(&alone));
 }
@@ -197,10 +198,10 @@ fn a_saved_session_resumes_bit_for_bit() {
 #[test]
 fn inconsistent_parts_are_refused() {
     let make = |ranges: &[(f64, f64)], noise: &[f64], settings: GuardOptions| {
-        Guard::new(network(0.02, 3.0), [network(0.0, 1.0), network(0.0, 1.0)], ranges, noise, settings).err()
+        Guard::new(network(0.02, 3.0), network(0.0, 1.0), ranges, noise, settings).err()
     };
     let settings = GuardOptions::new(0.1);
-    assert!(make(&RANGES[..4], &NOISE, settings.clone()).is_some());
+    assert!(make(&RANGES[..2], &NOISE, settings.clone()).is_some());
     assert!(make(&RANGES, &[0.01, 0.0, 0.01], settings.clone()).is_some());
     assert!(make(&RANGES, &NOISE, GuardOptions { stride: 0, ..settings.clone() }).is_some());
     assert!(make(&RANGES, &NOISE, GuardOptions { factor: f64::NAN, ..settings.clone() }).is_some());

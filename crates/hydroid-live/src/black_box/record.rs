@@ -190,9 +190,9 @@ impl RowBuilder {
     }
 
     fn guarded(&self, guard: &Guard, row: &mut [f64]) {
-        let [learner, snapshot, reference] = guard.record();
+        let [answers, adapted] = guard.balances();
         let active = guard.active().index() as f64;
-        row[self.layout.range(Part::Guard)].copy_from_slice(&[active, learner, snapshot, reference]);
+        row[self.layout.range(Part::Guard)].copy_from_slice(&[active, guard.limit(), answers, adapted]);
         let into = &mut row[self.layout.range(Part::Events)];
         let events = &guard.events()[..guard.events().len().min(self.layout.max_events())];
         into[0] = events.len() as f64;

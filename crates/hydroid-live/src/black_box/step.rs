@@ -163,7 +163,9 @@ impl<'a> Step<'a> {
         put("health", json!({ "least_variance": least_variance, "min_s_over_r": min_s_over_r }));
         if let Some(active) = self.active() {
             put("active", json!(active.name()));
-            put("record", json!(self.part(Part::Guard)[1..]));
+            let [limit, balances @ ..] = &self.part(Part::Guard)[1..] else { return Value::Object(all) };
+            put("limit", json!(limit));
+            put("balances", json!(balances));
         }
         let names = head.names();
         let event = |(action, text)| json!({ "action": action, "text": text });

@@ -37,7 +37,6 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 use std::time::Instant;
 
-use hydroid_core::adapt::guard::Action;
 use hydroid_core::adapt::{Adapter, Outcome, Rejection};
 
 use crate::black_box::Recorder;
@@ -408,9 +407,7 @@ impl Stream {
             Outcome::Waiting | Outcome::Accepted | Outcome::RolledBack => {}
         }
         if let Some(guard) = self.session.adapter().guard() {
-            let happened =
-                guard.events().iter().filter(|event| !matches!(event.action, Action::SnapshotTaken { .. }));
-            for event in happened {
+            for event in guard.events() {
                 say(
                     &mut self.note,
                     format_args!("{}", EventText { action: &event.action, names: &self.names }),

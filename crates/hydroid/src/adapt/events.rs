@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Write as _};
 
-use hydroid_core::adapt::guard::{Action, Cause, Event};
+use hydroid_core::adapt::guard::{Action, Event};
 use serde::Serialize;
 
 use crate::log::Trajectory;
@@ -36,11 +36,6 @@ impl fmt::Display for EventText<'_> {
             Action::Spike { output, deviations } => {
                 write!(f, "{} deviates by {deviations:.1} standard deviations: rejected", name(output))
             }
-            Action::Inflated { output, deviations, factor } => write!(
-                f,
-                "{} deviates by {deviations:.1} standard deviations: used with {factor:.1} times the noise",
-                name(output)
-            ),
             Action::Stuck { output, repeats } => {
                 write!(f, "{} has repeated its value {repeats} times: not used from now on", name(output))
             }
@@ -57,33 +52,21 @@ impl fmt::Display for EventText<'_> {
             Action::Back { output, missing } => {
                 write!(f, "{} is used again after {missing} samples", name(output))
             }
-            Action::Outside { channel, distance } => write!(
+            Action::Switched { to, errors: [adapted, reference] } => write!(
                 f,
-                "{} is outside its design range by {:.0} % of its width: adaptation pauses",
-                name(channel),
-                100.0 * distance
-            ),
-            Action::Inside => write!(f, "all channels are inside their design ranges: adaptation resumes"),
-            Action::Switched { to, cause, errors: [used, reference] } => {
-                let cause = match cause {
-                    Cause::Record => "smaller recent error",
-                    Cause::Test => "the active model failed the shadow test",
-                    Cause::Guarantee => "the deviation budget is nearly used up",
-                    Cause::NotFinite => "the active model gave non-finite values",
-                };
-                write!(
-                    f,
-                    "the {} model predicts from now on: {cause} (error {used:.4}, reference {reference:.4})",
-                    to.name()
-                )
-            }
-            Action::RolledBack { to, errors: [learner, better] } => write!(
-                f,
-                "the weights were reset to those of the {} model (error {learner:.4}, of that model {better:.4})",
+                "the {} model predicts from now on (error of the adapted model {adapted:.4}, of the reference model {reference:.4})",
                 to.name()
             ),
-            Action::Restarted => write!(f, "the covariance was not positive definite and was reset"),
-            Action::SnapshotTaken { error } => write!(f, "a snapshot was taken (error {error:.4})"),
+            Action::RolledBack { errors: [adapted, reference] } => write!(
+                f,
+                "the adapted model starts again from the reference model (error {adapted:.4}, of the reference model {reference:.4})"
+            ),
+            Action::Restarted => {
+                write!(
+                    f,
+                    "the memory of the adapted model was not sound (not finite, or a negative variance) and was reset"
+                )
+            }
         }
     }
 }

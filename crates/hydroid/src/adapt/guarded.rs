@@ -1,4 +1,4 @@
-//! The guard around an adapter, with two companions of the reference model whose state alone is filtered.
+//! The guard around an adapter, beside the reference model, whose state alone is filtered.
 
 use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::guard::{Guard, GuardOptions};
@@ -23,26 +23,36 @@ pub(super) fn guard(
     runs: &[&Trajectory],
 ) -> Result<(Box<dyn Adapter>, ResolvedOptions), AdaptError> {
     let (adapter, used) = learner(model, options, runs)?;
-    let companion_options = Options { kalman: constant_weights(model, options), ..options.clone() };
-    let companion = || -> Result<Box<dyn Adapter>, AdaptError> {
-        if let Body::Direct(direct) = &model.body {
-            let companion = Box::new(last_layer::companion(model, direct, &options.least_squares)?);
-            return Ok(model.whole_adapter(companion));
-        }
-        let (mut companion, _) = learner(model, &companion_options, runs)?;
-        companion.freeze(true);
-        Ok(companion)
-    };
+    let reference = reference(model, options, runs)?;
     let noise = match &used {
         ResolvedOptions::Kalman(used) => used.noise.clone(),
         ResolvedOptions::LeastSquares(_) | ResolvedOptions::LastLayer(_) | ResolvedOptions::Committee(_) => {
             options.kalman.noise_of(model, runs).unwrap_or_else(|_| default_noise(model))
         }
     };
-    let ranges = model.description.ranges();
-    let guard = Guard::new(adapter, [companion()?, companion()?], &ranges, &noise, settings.clone())
-        .map_err(AdaptError::Guard)?;
+    let ranges = &model.description.ranges()[..model.description.outputs.len()];
+    let guard =
+        Guard::new(adapter, reference, ranges, &noise, settings.clone()).map_err(AdaptError::Guard)?;
     Ok((Box::new(guard), used))
+}
+
+/// The reference model of a guard: constant weights, and a state that follows the measurements.
+///
+/// # Errors
+/// If the options do not fit the model.
+pub fn reference(
+    model: &Model,
+    options: &Options,
+    runs: &[&Trajectory],
+) -> Result<Box<dyn Adapter>, AdaptError> {
+    if let Body::Direct(direct) = &model.body {
+        let companion = last_layer::companion(model, direct, &options.least_squares)?;
+        return Ok(model.whole_adapter(Box::new(companion)));
+    }
+    let constant = Options { kalman: constant_weights(model, options), ..options.clone() };
+    let (mut reference, _) = learner(model, &constant, runs)?;
+    reference.freeze(true);
+    Ok(reference)
 }
 
 fn constant_weights(model: &Model, options: &Options) -> KalmanOptions {

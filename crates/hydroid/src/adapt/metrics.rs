@@ -20,8 +20,8 @@ pub struct Counts {
     pub rolled_back: usize,
     /// Samples with measurements that the guard rejected or changed.
     pub touched: usize,
-    /// Samples predicted by the adapted model, its snapshot, and the reference model.
-    pub predicted_by: [usize; 3],
+    /// Samples predicted by the adapted and by the reference model.
+    pub predicted_by: [usize; 2],
 }
 
 /// Time for one sample, observed and advanced \[microseconds\].
@@ -96,7 +96,7 @@ impl<'a> MeteredAdapter<'a> {
         Times { median: at(500), p99: at(990), max: at(1000) }
     }
 
-    /// Events of the guard without snapshots.
+    /// Events of the guard.
     pub(super) fn events(&self) -> &[Event] {
         &self.events
     }
@@ -104,19 +104,11 @@ impl<'a> MeteredAdapter<'a> {
     fn record(&mut self) {
         if let Some(guard) = self.adapter.guard() {
             let touches = |action: &Action| {
-                matches!(
-                    action,
-                    Action::Spike { .. }
-                        | Action::Inflated { .. }
-                        | Action::Stuck { .. }
-                        | Action::Believed { .. }
-                )
+                matches!(action, Action::Spike { .. } | Action::Stuck { .. } | Action::Believed { .. })
             };
             self.counts.touched += usize::from(guard.events().iter().any(|event| touches(&event.action)));
             self.counts.predicted_by[guard.active().index()] += 1;
-            let said =
-                guard.events().iter().filter(|event| !matches!(event.action, Action::SnapshotTaken { .. }));
-            self.events.extend(said);
+            self.events.extend(guard.events());
         }
         match self.adapter.outcome() {
             Outcome::Waiting => {}

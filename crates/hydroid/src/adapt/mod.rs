@@ -28,6 +28,7 @@ use crate::model::{Body, CurrentError, Model};
 use crate::progress::Progress;
 use metrics::MeteredAdapter;
 
+pub use guarded::reference;
 pub use hydroid_core::adapt::InnovationGate;
 pub use hydroid_core::adapt::guard::GuardOptions;
 pub use hydroid_core::adapt::kalman::CovarianceForm;

@@ -6,15 +6,13 @@ pub enum Expert {
     /// The adapted model.
     #[default]
     Adapted,
-    /// The last good snapshot of the adapted model.
-    Snapshot,
     /// The reference model: the delivered weights with a state filter.
     Reference,
 }
 
 impl Expert {
     /// All experts.
-    pub const ALL: [Self; 3] = [Self::Adapted, Self::Snapshot, Self::Reference];
+    pub const ALL: [Self; 2] = [Self::Adapted, Self::Reference];
 
     /// Index in [`ALL`](Self::ALL).
     pub fn index(self) -> usize {
@@ -25,7 +23,6 @@ impl Expert {
     pub fn name(self) -> &'static str {
         match self {
             Self::Adapted => "adapted",
-            Self::Snapshot => "snapshot",
             Self::Reference => "reference",
         }
     }
@@ -48,17 +45,8 @@ pub enum Action {
     Spike {
         /// The output.
         output: usize,
-        /// Jump of the innovation, relative to the RMS of the jumps.
+        /// Innovation, relative to its root mean square.
         deviations: f64,
-    },
-    /// A measurement was used with inflated noise variance.
-    Inflated {
-        /// The output.
-        output: usize,
-        /// Jump of the innovation, relative to the RMS of the jumps.
-        deviations: f64,
-        /// Factor on the variance.
-        factor: f64,
     },
     /// A sensor repeats its value to the last bit. Its measurements are rejected from now on.
     Stuck {
@@ -78,7 +66,7 @@ pub enum Action {
     Believed {
         /// The output.
         output: usize,
-        /// Jump of the innovation, relative to the RMS of the jumps.
+        /// Innovation, relative to its root mean square.
         deviations: f64,
     },
     /// Measurements of an output are used again.
@@ -88,51 +76,20 @@ pub enum Action {
         /// Number of missing samples.
         missing: usize,
     },
-    /// Command or outputs are far outside the design range. Learning stops.
-    Outside {
-        /// Outputs first, then inputs.
-        channel: usize,
-        /// Distance from the range, in its width.
-        distance: f64,
-    },
-    /// Command and outputs are inside the design range again. Learning resumes.
-    Inside,
     /// Another model predicts.
     Switched {
         /// The active model.
         to: Expert,
-        /// Cause.
-        cause: Cause,
-        /// Errors of the previous active model and of the reference model.
+        /// Errors of the adapted and the reference model in the last test.
         errors: [f64; 2],
     },
-    /// The weights were rolled back to the snapshot or the reference model.
+    /// The adapted model starts again from the weights of the reference model.
     RolledBack {
-        /// Source of the weights.
-        to: Expert,
-        /// Records of the learner and of the source.
+        /// Errors of the adapted and the reference model in the last test.
         errors: [f64; 2],
     },
-    /// The covariance was unsound and has been reset.
+    /// The memory of the adapted model was not sound and has been reset.
     Restarted,
-    /// A snapshot of the weights was taken.
-    SnapshotTaken {
-        /// Record of the learner.
-        error: f64,
-    },
-}
-
-/// Cause of a change of the active model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Cause {
-    /// Better record.
-    Record,
-    /// The active model failed a test.
-    Test,
-    /// The account of the guarantee is nearly exhausted.
-    Guarantee,
-    /// The active model diverged.
-    NotFinite,
 }
 
 impl Action {
@@ -140,17 +97,13 @@ impl Action {
     pub fn name(&self) -> &'static str {
         match self {
             Self::Spike { .. } => "spike",
-            Self::Inflated { .. } => "inflated",
             Self::Stuck { .. } => "stuck",
             Self::Offset { .. } => "offset",
             Self::Believed { .. } => "believed",
             Self::Back { .. } => "back",
-            Self::Outside { .. } => "outside",
-            Self::Inside => "inside",
             Self::Switched { .. } => "switched",
             Self::RolledBack { .. } => "rolled_back",
             Self::Restarted => "restarted",
-            Self::SnapshotTaken { .. } => "snapshot",
         }
     }
 }

@@ -9,31 +9,24 @@ pub struct GuardOptions {
     pub horizon: usize,
     /// Interval of the tests \[samples\].
     pub stride: usize,
-    /// Window of the guarantee \[samples\].
+    /// Time constant of the guarantee \[samples\]: errors are weighted by `exp(-age / window)`.
     pub window: usize,
-    /// Factor of the guarantee on the error of the reference model; the noise floor is added.
+    /// Factor of the guarantee on the error of the reference model.
     pub factor: f64,
-    /// Bound on the error of a model, in multiples of its largest recent error. A larger value projects more
-    /// predictions onto the reference model.
-    pub caution: f64,
-    /// Time constant of the records that select the model \[samples\].
-    pub record: usize,
-    /// Jump of a measurement, relative to the RMS of the jumps, above which its noise variance is inflated.
-    pub inflate: f64,
-    /// Jump of a measurement, relative to the RMS of the jumps, above which at most `patience` samples are rejected.
-    pub reject: f64,
-    /// Longest series of rejections \[samples\]; a constant deviation of this length is a sensor offset.
+    /// Constant of the guarantee, relative to the noise of the sensors.
+    pub floors: f64,
+    /// Threshold of the innovation gate and of the test for offsets \[standard deviations\].
+    pub gate: f64,
+    /// Longest series of outliers \[samples\]; if it is not decided then, it is motion of the vessel.
     pub patience: usize,
     /// Minimum number of repetitions of a stuck sensor, for a sensor that has repeated values before.
     pub repeats: usize,
-    /// Interval of the snapshots \[samples\].
-    pub snapshot_interval: usize,
     /// Whether sensor faults are detected.
     pub sensors: bool,
 }
 
 impl GuardOptions {
-    /// For samples of `dt` seconds: five tests over a horizon of 2 s, and a guarantee over 30 s.
+    /// For samples of `dt` seconds: five tests over a horizon of 2 s, and a guarantee over a minute.
     pub fn new(dt: f64) -> Self {
         // Casts saturate, and NaN is 0.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
@@ -42,34 +35,29 @@ impl GuardOptions {
         let stride = (horizon / 5).max(1);
         // Origins coincide with tests.
         let horizon = horizon - horizon % stride;
+        let window = samples(60.0, horizon.saturating_mul(4));
         Self {
             horizon,
             stride,
-            window: samples(30.0, 4 * horizon),
+            window,
             factor: 1.2,
-            caution: 0.5,
-            record: samples(3.0, horizon),
-            inflate: 4.5,
-            reject: 6.0,
+            floors: 0.5,
+            gate: 4.0,
             patience: samples(0.8, 4),
             repeats: 5,
-            snapshot_interval: samples(10.0, 2 * horizon),
             sensors: true,
         }
     }
 
     pub(super) fn is_sound(&self) -> bool {
-        let positive =
-            [self.horizon, self.stride, self.window, self.record, self.patience, self.snapshot_interval];
-        positive.iter().all(|&n| n > 0)
+        [self.horizon, self.stride, self.window, self.patience].iter().all(|&n| n > 0)
             && self.horizon.is_multiple_of(self.stride)
             && self.window >= self.horizon
             && self.repeats > 1
             && self.factor >= 1.0
             && self.factor.is_finite()
-            && self.caution >= 0.0
-            && self.caution.is_finite()
-            && self.inflate > 0.0
-            && self.reject >= self.inflate
+            && self.floors > 0.0
+            && self.floors.is_finite()
+            && self.gate > 0.0
     }
 }

@@ -166,10 +166,9 @@ fn direct_predictors_that_learn(base: BaseModel) {
     let companion = || -> Box<dyn Adapter> {
         Box::new(DirectLastLayer::companion(Arc::clone(&model), &options).unwrap())
     };
-    let guarded = GuardOptions { horizon: 4, stride: 1, snapshot_interval: 2, ..GuardOptions::new(0.1) };
-    let ranges = [(0.0, 6.0), (-1.5, 1.5), (-1.0, 1.0), (-130.0, 350.0), (-0.524, 0.524)];
-    let companions = [companion(), companion()];
-    let mut guard = Guard::new(Box::new(learner()), companions, &ranges, &[0.01; 3], guarded).unwrap();
+    let guarded = GuardOptions { horizon: 4, stride: 1, ..GuardOptions::new(0.1) };
+    let ranges = [(0.0, 6.0), (-1.5, 1.5), (-1.0, 1.0)];
+    let mut guard = Guard::new(Box::new(learner()), companion(), &ranges, &[0.01; 3], guarded).unwrap();
     let mut work = side_by_side(&guard, 7);
     for _ in 0..6 {
         walk(&mut guard, 10);
@@ -194,10 +193,9 @@ fn batches_of_adapting_sessions_equal_single_rollouts() {
     agree(learned.as_ref(), &mut work, 15);
     agree(learned.fork().as_ref(), &mut work, 15);
 
-    let options = GuardOptions { horizon: 4, stride: 1, snapshot_interval: 2, ..GuardOptions::new(0.1) };
+    let options = GuardOptions { horizon: 4, stride: 1, ..GuardOptions::new(0.1) };
     let ranges = [(0.0, 6.0), (-1.5, 1.5), (-1.0, 1.0), (-130.0, 350.0), (-0.524, 0.524)];
-    let companions = [learner(false), learner(false)];
-    let mut guard = Guard::new(learner(true), companions, &ranges, &[0.01; 3], options).unwrap();
+    let mut guard = Guard::new(learner(true), learner(false), &ranges[..3], &[0.01; 3], options).unwrap();
     let mut work = side_by_side(&guard, 15);
     for _ in 0..6 {
         walk(&mut guard, 10);

@@ -1,0 +1,133 @@
+//! The account of the guarantee: it limits the deviation of answers from the reference model.
+//!
+//! The cost of an answer at test `j` is `c_j = e_answer - factor e_reference`. With the weight `b = exp(-stride / window)`
+//! of the past per test, the balance is
+//!
+//! ```text
+//! W_0 = B        W_j = B + b (W_{j-1} - B) - c_j        B = floors floor / (1 - b)
+//! ```
+//!
+//! Then `B - W_j = sum_{i <= j} b^(j-i) c_i`, so that `W_j >= 0` is the guarantee at test `j`.
+//!
+//! A cost is known `n = horizon / stride` tests after its answer. Until then it is at most the limit `l` of the distance
+//! between answer and reference, by the triangle inequality and because `factor >= 1`. The limit at test `j` is
+//!
+//! ```text
+//! l_j = max(0, min(A_j / n, A_j - sum of l_i over the answers that are not judged yet))
+//! A_j = min(W_j, B + b^n (W_j - B))
+//! ```
+//!
+//! **Theorem.** `W_j >= 0` for all `j`. *Proof.* Let `l_i` be the last positive limit before test `j`; if there is none,
+//! all costs are at most zero, and `W_j >= B`. Between test `i` and test `j`, `m <= n` limits are judged, and later ones are
+//! zero. Thus `W_j >= B + b^(j-i) (W_i - B) - sum of the pending l`. For `j - i <= n` the first two terms are at least
+//! `A_i`, which is at least the sum of all pending limits at `i`, because `l_i > 0`. For `j - i > n` all limits are judged at
+//! test `i + n`, where `W >= 0`, and with costs of at most zero `W` does not fall below zero afterwards.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::options::GuardOptions;
+use crate::adapt::memory::{Reader, Writer};
+
+/// The balance `W` of one model.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Balance {
+    opening: f64,
+    past: f64,
+    pub(super) value: f64,
+}
+
+impl Balance {
+    /// For a noise floor in the units of the errors.
+    pub(super) fn new(options: &GuardOptions, floor: f64) -> Self {
+        let past = num_traits::Float::exp(-(options.stride as f64) / options.window as f64);
+        let opening = options.floors * floor / (1.0 - past);
+        Self { opening, past, value: opening }
+    }
+
+    pub(super) fn reset(&mut self) {
+        self.value = self.opening;
+    }
+
+    pub(super) fn settle(&mut self, cost: f64) {
+        self.value = self.opening + self.past * (self.value - self.opening) - cost;
+    }
+
+    /// Whether the model has cost more than twice what the guarantee permits.
+    pub(super) fn is_overdrawn(&self) -> bool {
+        self.value < -self.opening
+    }
+}
+
+/// The balance of the answers, and the limits of those that are not judged yet.
+#[derive(Clone, Debug)]
+pub(super) struct Account {
+    balance: Balance,
+    /// Limits of the last `n` tests, oldest first.
+    limits: Vec<f64>,
+}
+
+impl Account {
+    pub(super) fn new(options: &GuardOptions, balance: Balance) -> Self {
+        let mut own = Self { balance, limits: vec![0.0; options.horizon / options.stride] };
+        own.open();
+        own
+    }
+
+    /// Limit of the answers from now on.
+    pub(super) fn limit(&self) -> f64 {
+        self.limits[self.limits.len() - 1]
+    }
+
+    pub(super) fn balance(&self) -> f64 {
+        self.balance.value
+    }
+
+    /// Limit of the answers of a horizon ago.
+    pub(super) fn oldest(&self) -> f64 {
+        self.limits[0]
+    }
+
+    /// Starts a run: answers that are not judged yet never will be.
+    pub(super) fn reset(&mut self) {
+        self.limits.fill(0.0);
+        self.open();
+    }
+
+    /// Continues from a snapshot with this limit.
+    pub(super) fn restore_limit(&mut self, limit: f64) {
+        self.limits.fill(limit);
+    }
+
+    /// Adds the cost of the oldest answer.
+    pub(super) fn settle(&mut self, cost: f64) {
+        self.balance.settle(cost.min(self.limits[0]));
+    }
+
+    /// Sets the limit of the next answers, and forgets the oldest.
+    pub(super) fn open(&mut self) {
+        let n = self.limits.len();
+        let Balance { opening, past, value } = self.balance;
+        let available = value.min(opening + num_traits::pow(past, n) * (value - opening));
+        self.limits.rotate_left(1);
+        let pending: f64 = self.limits[..n - 1].iter().sum();
+        self.limits[n - 1] = (available - pending).min(available / n as f64).max(0.0);
+    }
+
+    pub(super) fn memory_len(&self) -> usize {
+        1 + self.limits.len()
+    }
+
+    pub(super) fn save(&self, into: &mut Writer<'_>) {
+        into.numbers(&[self.balance.value]);
+        into.numbers(&self.limits);
+    }
+
+    pub(super) fn load(&mut self, from: &mut Reader<'_>) {
+        from.numbers(core::slice::from_mut(&mut self.balance.value));
+        from.numbers(&mut self.limits);
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,121 @@
+//! Summary of a campaign on the guard.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use serde::Serialize;
+
+use super::{Campaign, DayResult};
+
+/// Figures of a campaign.
+#[derive(Clone, Debug, Serialize)]
+pub struct Summary {
+    /// Number of bad days.
+    pub bad_days: usize,
+    /// Bad days on which the unguarded model exceeds the guarantee, and on which the guarded one does.
+    pub exceeded: [usize; 2],
+    /// Largest excess of the guarded model, relative to the constant of the guarantee.
+    pub largest_excess: f64,
+    /// The same on clean days: number, exceeded, largest excess.
+    pub clean_days: (usize, usize, f64),
+    /// Guarded over unguarded error on clean days, for each kind of model: geometric mean, and of each output.
+    pub cost: BTreeMap<&'static str, (f64, Vec<f64>)>,
+    /// Error on bad days: guarded over unguarded, and guarded over reference; geometric means.
+    pub bad_ratio: [f64; 2],
+    /// False alarms among the sound samples of all days, and of clean days.
+    pub false_alarms: [f64; 2],
+    /// Spikes, jumps and stuck outputs: number and those detected.
+    pub spikes: [usize; 2],
+    /// Jumps; detected within 2 s.
+    pub jumps: [usize; 2],
+    /// Stuck outputs.
+    pub stuck: [usize; 2],
+}
+
+impl Summary {
+    /// Whether a day of the guarded model exceeds the guarantee.
+    pub fn exceeded(&self) -> bool {
+        self.exceeded[1] + self.clean_days.1 > 0
+    }
+}
+
+fn geometric(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0_u32), |(sum, n), x| (sum + x.ln(), n + 1));
+    (sum / f64::from(count)).exp()
+}
+
+/// Summary of the days.
+pub fn summary(campaign: &Campaign) -> Summary {
+    let Campaign { bad, clean } = campaign;
+    let exceeded =
+        |days: &[DayResult], which: usize| days.iter().filter(|day| day.excess[which] > 0.0).count();
+    let largest = |days: &[DayResult]| days.iter().map(|day| day.excess[1]).fold(f64::NEG_INFINITY, f64::max);
+    let mut kinds: BTreeMap<&'static str, Vec<&DayResult>> = BTreeMap::new();
+    for day in clean {
+        kinds.entry(day.kind).or_default().push(day);
+    }
+    let cost = |days: &[&DayResult]| {
+        let outputs = days[0].cost_by_output.len();
+        let by = |i: usize| geometric(days.iter().filter_map(|day| day.cost_by_output.get(i).copied()));
+        (geometric(days.iter().map(|day| day.cost)), (0..outputs).map(by).collect())
+    };
+    let total = |of: fn(&DayResult) -> [usize; 2], days: &[DayResult]| {
+        days.iter().map(of).fold([0, 0], |[a, b], [c, d]| [a + c, b + d])
+    };
+    let share = |[all, some]: [usize; 2]| some as f64 / all.max(1) as f64;
+    let alarms_clean = total(|day| day.false_alarms, clean);
+    let alarms_bad = total(|day| day.false_alarms, bad);
+    Summary {
+        bad_days: bad.len(),
+        exceeded: [exceeded(bad, 0), exceeded(bad, 1)],
+        largest_excess: largest(bad),
+        clean_days: (clean.len(), exceeded(clean, 1), largest(clean)),
+        cost: kinds.iter().map(|(kind, days)| (*kind, cost(days))).collect(),
+        bad_ratio: [
+            geometric(bad.iter().map(|day| day.errors[2] / day.errors[1])),
+            geometric(bad.iter().map(|day| day.errors[2] / day.errors[0])),
+        ],
+        false_alarms: [
+            share([alarms_clean[0] + alarms_bad[0], alarms_clean[1] + alarms_bad[1]]),
+            share(alarms_clean),
+        ],
+        spikes: total(|day| day.spikes, bad),
+        jumps: total(|day| day.jumps, bad),
+        stuck: total(|day| day.stuck, bad),
+    }
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [alone, guarded] = self.exceeded;
+        writeln!(
+            f,
+            "bad days: {}; the unguarded model exceeds the guarantee on {alone}, the guarded one on {guarded} (largest excess {:.2} of the constant)",
+            self.bad_days, self.largest_excess
+        )?;
+        let (clean, over, largest) = self.clean_days;
+        writeln!(
+            f,
+            "clean days: {clean}; the guarded model exceeds the guarantee on {over} (largest {largest:.2})"
+        )?;
+        for (kind, (cost, by)) in &self.cost {
+            let by: Vec<String> = by.iter().map(|x| format!("{x:.3}")).collect();
+            writeln!(f, "  {kind}: guarded over unguarded error {cost:.3} (outputs {})", by.join(", "))?;
+        }
+        let [over_alone, over_reference] = self.bad_ratio;
+        writeln!(
+            f,
+            "bad days: guarded over unguarded error {over_alone:.3}, over that of the reference model {over_reference:.3}"
+        )?;
+        let [all, of_clean] = self.false_alarms.map(|share| 100.0 * share);
+        writeln!(f, "false alarms: {all:.3} % of the sound samples, {of_clean:.3} % on clean days")?;
+        let share = |[all, some]: [usize; 2]| format!("{some} of {all}");
+        write!(
+            f,
+            "detected: {} spikes, {} jumps within 2 s, {} stuck outputs",
+            share(self.spikes),
+            share(self.jumps),
+            share(self.stuck)
+        )
+    }
+}
