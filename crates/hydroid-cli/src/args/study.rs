@@ -25,8 +25,8 @@ pub enum StudyKind {
   hydroid study guard --seeds 1..100 --quick                the same with short trainings
   hydroid study guard --seeds 1..50 --model a.safetensors --log b.csv --log c.csv
 
-Each seed is a day: it draws a model, a log, one or two faults, and the options of the learner. The first lines state the
-distribution of the faults. FOLDER/cache stores the built-in models. Exit status 1: a day exceeds the guarantee.")]
+Each seed is a day: it draws a model, a log, one or two faults, and the options of the learner. FOLDER/days.csv has a row
+for each day, FOLDER/cache the built-in models. Exit status 1: a day exceeds the guarantee, judged against the truth.")]
 pub struct GuardStudy {
     /// Seeds of the days: the first and the one after the last
     #[arg(long, value_name = "A..B", default_value = "1..101")]

@@ -16,6 +16,7 @@ pub fn encode(action: &Action) -> [f64; WORDS] {
         Action::Switched { to, errors: [adapted, reference] } => [5.0, expert(to), adapted, reference, 0.0],
         Action::RolledBack { errors: [adapted, reference] } => [6.0, adapted, reference, 0.0, 0.0],
         Action::Restarted => [7.0, 0.0, 0.0, 0.0, 0.0],
+        Action::Inflated { output, deviations, factor } => [8.0, output as f64, deviations, factor, 0.0],
     }
 }
 
@@ -36,6 +37,7 @@ pub fn decode(words: &[f64]) -> Option<Action> {
         5 => Action::Switched { to: expert(a)?, errors: [b, c] },
         6 => Action::RolledBack { errors: [a, b] },
         7 => Action::Restarted,
+        8 => Action::Inflated { output, deviations: b, factor: c },
         _ => return None,
     })
 }

@@ -248,7 +248,7 @@ fn every_event_comes_back() {
             known += 1;
         }
     }
-    assert_eq!(known, 8);
+    assert_eq!(known, 9);
     assert_eq!(event::decode(&[5.0, 9.0, 0.0, 0.0, 0.0]), None, "there is no such expert");
     assert_eq!(event::decode(&[7.0]), None);
 }

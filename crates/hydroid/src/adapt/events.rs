@@ -36,6 +36,11 @@ impl fmt::Display for EventText<'_> {
             Action::Spike { output, deviations } => {
                 write!(f, "{} deviates by {deviations:.1} standard deviations: rejected", name(output))
             }
+            Action::Inflated { output, deviations, factor } => write!(
+                f,
+                "{} deviates by {deviations:.1} standard deviations: used with {factor:.1} times the noise",
+                name(output)
+            ),
             Action::Stuck { output, repeats } => {
                 write!(f, "{} has repeated its value {repeats} times: not used from now on", name(output))
             }

@@ -104,7 +104,13 @@ impl<'a> MeteredAdapter<'a> {
     fn record(&mut self) {
         if let Some(guard) = self.adapter.guard() {
             let touches = |action: &Action| {
-                matches!(action, Action::Spike { .. } | Action::Stuck { .. } | Action::Believed { .. })
+                matches!(
+                    action,
+                    Action::Spike { .. }
+                        | Action::Inflated { .. }
+                        | Action::Stuck { .. }
+                        | Action::Believed { .. }
+                )
             };
             self.counts.touched += usize::from(guard.events().iter().any(|event| touches(&event.action)));
             self.counts.predicted_by[guard.active().index()] += 1;

@@ -5,6 +5,7 @@ use alloc::boxed::Box;
 use super::Guard;
 use super::bounded::{Bounded, GuardFork};
 use super::event::Expert;
+use super::motion::extrapolate;
 use super::sensor::Sensor;
 use crate::adapt::kalman::RehearsalOptions;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
@@ -31,6 +32,7 @@ impl Predictor for Guard {
         self.sensors.iter_mut().for_each(Sensor::reset);
         self.shadow_test.reset();
         self.account.reset();
+        self.motion.fill([f64::NAN; 2]);
         self.events.clear();
         self.outcome = Outcome::Waiting;
     }
@@ -50,11 +52,16 @@ impl Predictor for Guard {
 
     fn observe(&mut self, y: &[f64]) {
         self.events.clear();
-        self.screen(y);
+        let factor = self.screen(y);
+        if factor > 1.0 {
+            self.learner.scale_noise(factor);
+            self.reference.scale_noise(factor);
+        }
         self.learner.observe(&self.measured);
         self.reference.observe(&self.measured);
         self.outcome = self.learner.outcome();
         self.shadow_test.push_measurement(&self.measured);
+        self.shadow_test.estimate_motion(&mut self.motion);
         if self.shadow_test.is_due() {
             self.check_health();
             self.judge();
@@ -66,6 +73,7 @@ impl Predictor for Guard {
 
     fn advance(&mut self, c: &[f64]) {
         self.shadow_test.push_command(c);
+        extrapolate(&mut self.motion);
         self.learner.advance(c);
         self.reference.advance(c);
     }
@@ -172,6 +180,7 @@ impl SaveState for Guard {
             + self.sensors.len() * Sensor::MEMORY_LEN
             + self.shadow_test.memory_len()
             + self.account.memory_len()
+            + 2 * self.motion.len()
             + 2
     }
 
@@ -184,6 +193,7 @@ impl SaveState for Guard {
         self.sensors.iter().for_each(|sensor| sensor.save(&mut into));
         self.shadow_test.save(&mut into);
         self.account.save(&mut into);
+        into.numbers(self.motion.as_flattened());
         into.numbers(&[self.own.value, self.sample as f64]);
     }
 
@@ -196,6 +206,7 @@ impl SaveState for Guard {
         self.sensors.iter_mut().for_each(|sensor| sensor.load(&mut from));
         self.shadow_test.load(&mut from);
         self.account.load(&mut from);
+        from.numbers(self.motion.as_flattened_mut());
         from.numbers(core::slice::from_mut(&mut self.own.value));
         self.sample = from.count(MOST_COUNTED) as u64;
         self.events.clear();

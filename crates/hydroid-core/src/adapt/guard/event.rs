@@ -45,8 +45,17 @@ pub enum Action {
     Spike {
         /// The output.
         output: usize,
-        /// Innovation, relative to its root mean square.
+        /// Jump of the innovation, relative to the RMS of the jumps.
         deviations: f64,
+    },
+    /// A measurement was used with inflated noise variance.
+    Inflated {
+        /// The output.
+        output: usize,
+        /// Jump of the innovation, relative to the RMS of the jumps.
+        deviations: f64,
+        /// Factor on the variance.
+        factor: f64,
     },
     /// A sensor repeats its value to the last bit. Its measurements are rejected from now on.
     Stuck {
@@ -66,7 +75,7 @@ pub enum Action {
     Believed {
         /// The output.
         output: usize,
-        /// Innovation, relative to its root mean square.
+        /// Jump of the innovation, relative to the RMS of the jumps.
         deviations: f64,
     },
     /// Measurements of an output are used again.
@@ -97,6 +106,7 @@ impl Action {
     pub fn name(&self) -> &'static str {
         match self {
             Self::Spike { .. } => "spike",
+            Self::Inflated { .. } => "inflated",
             Self::Stuck { .. } => "stuck",
             Self::Offset { .. } => "offset",
             Self::Believed { .. } => "believed",

@@ -25,6 +25,7 @@ mod account;
 mod adapter;
 mod bounded;
 mod event;
+mod motion;
 mod options;
 mod sensor;
 mod shadow_test;
@@ -89,7 +90,8 @@ pub struct Guard {
     /// Samples observed.
     sample: u64,
     measured: Vec<f64>,
-    expected: Vec<f64>,
+    motion: Vec<[f64; 2]>,
+    expected: [Vec<f64>; 2],
     buffer: Vec<f64>,
 }
 
@@ -137,12 +139,13 @@ impl Guard {
             account: Account::new(&options, balance),
             own: balance,
             metric,
-            sensors: vec![Sensor::new(); n],
+            sensors: noise.iter().map(|&noise| Sensor::new(noise)).collect(),
             events: Vec::with_capacity(2 * n + 3),
             outcome: Outcome::Waiting,
             sample: 0,
             measured: vec![f64::NAN; n],
-            expected: vec![f64::NAN; n],
+            motion: vec![[f64::NAN; 2]; n],
+            expected: [vec![f64::NAN; n], vec![f64::NAN; n]],
             buffer: vec![0.0; len],
             learner,
             reference,
@@ -200,24 +203,32 @@ impl Guard {
         }
     }
 
-    /// Screens a measurement into `measured`.
-    fn screen(&mut self, y: &[f64]) {
+    /// Screens a measurement into `measured`. Returns the factor of its noise variance.
+    fn screen(&mut self, y: &[f64]) -> f64 {
         self.measured.copy_from_slice(y);
+        let mut most = 1.0;
         if !self.options.sensors {
-            return;
+            return most;
         }
-        self.learner.output(&mut self.expected);
+        for (into, expert) in self.expected.iter_mut().zip([&self.learner, &self.reference]) {
+            expert.output(into);
+        }
         for (output, &value) in y.iter().enumerate() {
             let sensor = &mut self.sensors[output];
             let missing = sensor.missing;
-            let verdict = sensor.judge(value, self.expected[output], &self.options);
+            let [learner, reference] = self.expected.each_ref().map(|expected| expected[output]);
+            let verdict = sensor.judge(value, [learner, reference, self.motion[output][0]], &self.options);
             let corrected = value - sensor.offset;
             let (used, action) = match verdict {
-                Verdict::Sound => {
-                    let back = missing >= self.options.patience;
-                    (corrected, back.then_some(Action::Back { output, missing }))
+                Verdict::Sound if missing >= self.options.repeats => {
+                    (corrected, Some(Action::Back { output, missing }))
                 }
+                Verdict::Sound => (corrected, None),
                 Verdict::Missing => (f64::NAN, None),
+                Verdict::Inflate { deviations, factor } => {
+                    most = f64::max(most, factor);
+                    (corrected, Some(Action::Inflated { output, deviations, factor }))
+                }
                 Verdict::Spike { deviations } => (f64::NAN, Some(Action::Spike { output, deviations })),
                 Verdict::Stuck { repeats } => {
                     (f64::NAN, (missing == 0).then_some(Action::Stuck { output, repeats }))
@@ -232,6 +243,7 @@ impl Guard {
                 self.record_event(action);
             }
         }
+        most
     }
 
     /// The learner starts again from the weights of the reference model.

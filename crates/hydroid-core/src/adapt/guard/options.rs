@@ -15,9 +15,11 @@ pub struct GuardOptions {
     pub factor: f64,
     /// Constant of the guarantee, relative to the noise of the sensors.
     pub floors: f64,
-    /// Threshold of the innovation gate and of the test for offsets \[standard deviations\].
-    pub gate: f64,
-    /// Longest series of outliers \[samples\]; if it is not decided then, it is motion of the vessel.
+    /// Jump of a measurement, relative to the RMS of the jumps, above which its noise variance is inflated.
+    pub inflate: f64,
+    /// Jump of a measurement, relative to the RMS of the jumps, above which at most `patience` samples are rejected.
+    pub reject: f64,
+    /// Longest series of rejections \[samples\]; a constant deviation of this length is a sensor offset.
     pub patience: usize,
     /// Minimum number of repetitions of a stuck sensor, for a sensor that has repeated values before.
     pub repeats: usize,
@@ -42,7 +44,8 @@ impl GuardOptions {
             window,
             factor: 1.2,
             floors: 0.5,
-            gate: 4.0,
+            inflate: 4.5,
+            reject: 6.0,
             patience: samples(0.8, 4),
             repeats: 5,
             sensors: true,
@@ -58,6 +61,7 @@ impl GuardOptions {
             && self.factor.is_finite()
             && self.floors > 0.0
             && self.floors.is_finite()
-            && self.gate > 0.0
+            && self.inflate > 0.0
+            && self.reject >= self.inflate
     }
 }

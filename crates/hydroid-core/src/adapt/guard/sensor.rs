@@ -1,38 +1,45 @@
-//! Fault detection for the sensor of one output: innovation gate, repeat test, and test for offsets.
-//!
-//! Two predictors expect each measurement: the model, corrected by the recent mean of its residual, and the
-//! extrapolation of the recent motion. Both are fading-memory polynomial filters (Brookner, *Tracking and Kalman
-//! Filtering Made Easy*, 1998, section 7.2), of degree 0 on the residual and of degree 1 on the measurement. With the
-//! innovation `z` and its root mean square `s` over the last 200 samples:
-//!
-//! | fault | condition |
-//! | --- | --- |
-//! | outlier | `z^2 / s^2 > gate^2` for both predictors: a chi-squared test with one degree of freedom |
-//! | stuck | the value repeats bit for bit, longer than this sensor ever did |
-//! | offset | likelihood ratio of a series of outliers, below |
-//!
-//! A series of outliers `z_j`, `j = 0, 1, ..`, from the predictions before it, ends when
-//!
-//! - a measurement is inside the gate and has lost half of the first deviation: the outliers were spikes;
-//! - the generalised likelihood ratio shows motion of the vessel, or the series is `patience` long: it is an offset if the
-//!   ratio shows that, else motion.
-//!
-//! An offset is the line `z_j = c + a j`; motion starts at zero, `z_j = a (j + 1) + q (j + 1)^2`. Both have two parameters,
-//! fitted by least squares. With the sums of squared residuals `R_o` and `R_m`, the ratio shows an offset if
-//! `R_m - R_o > gate^2 s^2` for both predictors, and motion if `R_o - R_m > gate^2 s^2` and `R_m < gate^2 s^2` for one of
-//! them: the likelihoods then differ by the factor `exp(gate^2 / 2)`.
+//! Fault detection for the sensor of one output: outliers, stuck values, offsets.
+
+mod track;
 
 use super::options::GuardOptions;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
+use track::{APART, SAME, Track};
 
-/// Weight of the past in a predictor, per sample: a memory of about three samples.
-const FADING: f64 = 0.7;
+/// Number of expected values: of the adapted and the reference model, then of the extrapolated motion.
+pub(super) const EXPECTED: usize = 3;
 
-/// Samples in the mean square of the innovations. Half of them precede the first judgement.
-const MEMORY: usize = 200;
+/// Index of the track of persistence, which expects the last used value.
+const HELD: usize = EXPECTED;
 
-/// Samples after a start of the predictors without judgement.
-const SETTLING: usize = 8;
+/// Measurements before a channel is screened.
+const WARM_UP: usize = 100;
+
+/// First measurements of a run without screening and learning: the states of the models settle.
+const SETTLING: usize = 20;
+
+/// Time constant of the mean square of the jumps \[measurements\].
+const MEMORY: f64 = 200.0;
+
+/// Number of first measurements of a series whose mean deviation is the offset.
+const FIRST: usize = 3;
+
+/// A jump is isolated where the previous change, or the previous change of the change, was smaller by this factor.
+const ALONE: f64 = 3.0;
+
+/// Growth of a deviation, relative to the first, that only motion explains (beyond noise, for a small deviation).
+const AWAY: f64 = 1.4;
+
+/// A vessel does not return by itself from a jump of more than `HUGE` times the RMS. Above `SURE` a lasting jump is an
+/// offset even if models drift without measurements.
+const HUGE: f64 = 13.0;
+const SURE: f64 = 20.0;
+
+/// Number of tracks that form a majority.
+const MOST: usize = 3;
+
+/// Bound on the jumps in the mean square, relative to the RMS.
+const SOUND: f64 = 4.0;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Verdict {
@@ -40,6 +47,8 @@ pub(super) enum Verdict {
     Sound,
     /// There is no measurement.
     Missing,
+    /// Use the measurement with inflated noise variance.
+    Inflate { deviations: f64, factor: f64 },
     /// Reject an outlier.
     Spike { deviations: f64 },
     /// Reject a repeated value.
@@ -51,271 +60,306 @@ pub(super) enum Verdict {
 }
 
 /// The sensor of one output.
+///
+/// The test variable is the *jump* of the innovation from its recent mean, relative to the root mean square `s` of the
+/// jumps: a slow filter has large, smooth innovations, while a jump is sensor noise. Innovations are computed for each
+/// expectation: both models, the extrapolated motion, and persistence. The smallest jump counts, because models
+/// without measurements drift, and a vessel does not jump.
+///
+/// - A jump of more than [`reject`](GuardOptions::reject) `s` without a similar change of the measurement before is an
+///   outlier. So are the following measurements at a similar distance, except one that jumps back most of the way.
+/// - After [`patience`](GuardOptions::patience) such measurements the sensor has an offset, if some expectation finds
+///   them at a constant distance (up to noise and drift, and within half of the first jump).
+/// - For a first jump below [`SURE`], all of them must agree. Below [`HUGE`], a majority of expectations must agree,
+///   none may find less than half of the jump left, and their mean must exceed [`SAME`] deviations of the noise. Above
+///   [`SURE`], a deviation of the second measurement suffices.
+/// - Otherwise the deviation is motion of the vessel. A deviation below [`HUGE`] is motion at once if it grows by two
+///   fifths and beyond noise.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sensor {
-    /// Predictors of the residual of the model, and of the measurement.
-    trackers: [Tracker; 2],
-    /// Samples in the mean squares, and samples until the predictors have settled.
+    /// Standard deviation of the noise \[unit of the output\].
+    noise: f64,
+    /// Measurements of this run, and jumps in the mean square.
+    begun: usize,
     seen: usize,
-    settling: usize,
+    /// `s^2`.
+    usual: f64,
     /// The last raw value, the number of its repetitions, and the longest such series of the sound sensor.
     last: f64,
     repeats: usize,
     longest: usize,
-    /// Length of the series of outliers.
-    series: usize,
-    /// Samples since the last used measurement.
+    /// The last change of the measurement, and the last change before a rejected series: the return from
+    /// an outlier does not hide the next outlier.
+    step: f64,
+    calm: f64,
+    /// The last change of the change: an outlier on a smooth acceleration is isolated as well.
+    swing: f64,
+    /// Length of the rejected series, and the change at its first measurement.
+    streak: usize,
+    jump: f64,
+    /// Deviation of the first measurement of the series; zero if the measurement before it was not near the
+    /// expectation.
+    first: f64,
+    /// Its minimum since the last used measurement: adjacent outliers restart the series.
+    begun_by: f64,
+    /// Whether the second measurement deviated by at least half of the first deviation.
+    lasts: bool,
+    held: f64,
+    /// Innovations of each expectation, with persistence last.
+    tracks: [Track; EXPECTED + 1],
     pub(super) missing: usize,
     pub(super) offset: f64,
 }
 
 impl Sensor {
-    pub(super) const MEMORY_LEN: usize = 8 + 2 * Tracker::MEMORY_LEN;
-
-    pub(super) fn new() -> Self {
-        let mut own = Self { trackers: [0, 1].map(Tracker::new), ..Self::default() };
+    pub(super) fn new(noise: f64) -> Self {
+        let mut own = Self { noise, ..Self::default() };
         own.reset();
         own
     }
 
-    /// Starts a run. Offset and mean squares stay.
+    pub(super) const MEMORY_LEN: usize = 17 + Track::MEMORY_LEN * (EXPECTED + 1);
+
     pub(super) fn reset(&mut self) {
-        (self.last, self.repeats, self.missing) = (f64::NAN, 0, 0);
-        self.settle();
+        self.begun = 0;
+        self.last = f64::NAN;
+        self.step = f64::NAN;
+        self.calm = f64::NAN;
+        self.swing = f64::NAN;
+        self.repeats = 0;
+        self.streak = 0;
+        self.missing = 0;
+        self.held = f64::NAN;
+        self.tracks = [Track::new(); EXPECTED + 1];
     }
 
-    fn settle(&mut self) {
-        self.series = 0;
-        self.settling = SETTLING;
-        self.trackers.iter_mut().for_each(Tracker::restart);
-    }
-
-    /// A sample without a measurement: the predictors extrapolate, and start again after a long silence.
-    fn skip(&mut self, options: &GuardOptions) {
-        if self.missing >= options.patience {
-            self.settle();
-        } else {
-            self.trackers.iter_mut().for_each(|tracker| tracker.level += tracker.slope);
-        }
-    }
-
-    /// Judges a measurement that the model expects at `expected`.
-    pub(super) fn judge(&mut self, value: f64, expected: f64, options: &GuardOptions) -> Verdict {
+    pub(super) fn judge(&mut self, value: f64, expected: [f64; EXPECTED], options: &GuardOptions) -> Verdict {
         let verdict = self.judged(value, expected, options);
-        let used = matches!(verdict, Verdict::Sound | Verdict::Offset { .. } | Verdict::Believed { .. });
+        let used = matches!(
+            verdict,
+            Verdict::Sound | Verdict::Inflate { .. } | Verdict::Offset { .. } | Verdict::Believed { .. }
+        );
         self.missing = if used { 0 } else { self.missing.saturating_add(1) };
+        if used {
+            (self.held, self.tracks[HELD].last) = (value - self.offset, 0.0);
+        }
         verdict
     }
 
-    fn judged(&mut self, value: f64, expected: f64, options: &GuardOptions) -> Verdict {
+    fn judged(&mut self, value: f64, expected: [f64; EXPECTED], options: &GuardOptions) -> Verdict {
         if !value.is_finite() {
-            self.skip(options);
+            self.end_series();
             return Verdict::Missing;
         }
-        if self.repeats(value, options) {
-            self.skip(options);
-            return Verdict::Stuck { repeats: self.repeats };
-        }
-        let corrected = value - self.offset;
-        let signals = [corrected - expected, corrected];
-        let deviations = self
-            .trackers
-            .iter_mut()
-            .zip(signals)
-            .map(|(tracker, signal)| tracker.innovate(signal))
-            .fold(f64::INFINITY, f64::min);
-        let judges = self.settling == 0 && 2 * self.seen >= MEMORY && deviations.is_finite();
-        self.settling = self.settling.saturating_sub(1);
-        let within = deviations <= options.gate;
-        if !judges || (within && (self.series == 0 || self.trackers.iter().any(Tracker::is_back))) {
-            self.series = 0;
-            let seen = self.seen.min(MEMORY - 1);
-            self.trackers.iter_mut().for_each(|tracker| tracker.update(seen, options.gate));
-            self.seen = self.seen.saturating_add(1);
-            return Verdict::Sound;
-        }
-        self.trackers.iter_mut().for_each(|tracker| tracker.extend_series(self.series));
-        self.series += 1;
-        let fits = self.trackers.map(|tracker| tracker.fit(self.series));
-        let known = || fits.iter().flatten();
-        let most = options.gate * options.gate;
-        let ends = self.series >= options.patience;
-        let best = known().min_by(|a, b| a.offset_misfit.total_cmp(&b.offset_misfit));
-        if let (true, Some(best)) = (ends, best)
-            && known().all(|fit| fit.motion_misfit - fit.offset_misfit > most)
-        {
-            self.offset += best.offset;
-            self.settle();
-            return Verdict::Offset { offset: self.offset };
-        }
-        let moves = |fit: &Fit| fit.motion_misfit < most && fit.offset_misfit - fit.motion_misfit > most;
-        if ends || known().any(moves) {
-            self.settle();
-            return Verdict::Believed { deviations };
-        }
-        Verdict::Spike { deviations }
-    }
-
-    /// Whether the sensor is stuck: the value repeats more often than ever, at least `repeats` times, or twice if this
-    /// sensor never repeated a value.
-    fn repeats(&mut self, value: f64, options: &GuardOptions) -> bool {
-        let limit = if self.longest == 0 { 2 } else { options.repeats.max(self.longest.saturating_mul(3)) };
-        let warm = 2 * self.seen >= MEMORY;
+        let warm = self.seen >= WARM_UP;
         if value == self.last {
             self.repeats = self.repeats.saturating_add(1);
         } else {
-            if self.repeats < limit || !warm {
+            if self.repeats < self.limit(options) || !warm {
                 self.longest = self.longest.max(self.repeats);
             }
             self.repeats = 0;
         }
+        let before = [self.step, self.swing];
+        self.step = value - self.last;
+        self.swing = self.step - before[0];
         self.last = value;
-        warm && self.repeats >= limit
+        if warm && self.repeats >= self.limit(options) {
+            self.end_series();
+            return Verdict::Stuck { repeats: self.repeats };
+        }
+        let [a, b, c] = expected;
+        let innovations = [a, b, c, self.held].map(|expected| value - self.offset - expected);
+        self.classify(innovations, before, warm, options)
+    }
+
+    fn end_series(&mut self) {
+        if self.streak > 0 {
+            self.tracks.iter_mut().for_each(Track::forget);
+        }
+        self.streak = 0;
+    }
+
+    fn classify(
+        &mut self,
+        innovations: [f64; EXPECTED + 1],
+        before: [f64; 2],
+        warm: bool,
+        options: &GuardOptions,
+    ) -> Verdict {
+        let in_series = self.streak > 0;
+        let (mut jump, mut same) = (f64::NAN, false);
+        for (track, innovation) in self.tracks.iter_mut().zip(innovations) {
+            track.update(innovation, in_series);
+            let own = track.jump();
+            if jump.is_nan() || own.abs() < jump.abs() {
+                jump = own;
+            }
+            // One constant deviation suffices, because other models may drift.
+            same |= in_series && track.is_same(self.noise);
+        }
+        self.begun = self.begun.saturating_add(1);
+        // There is no expectation, or the models have drifted during an outage.
+        if jump.is_nan() || self.begun <= SETTLING || (self.missing > 0 && !in_series) {
+            self.streak = 0;
+            return Verdict::Sound;
+        }
+        let usual = num_traits::Float::sqrt(self.usual);
+        let deviations = jump.abs() / usual;
+        let jumps = self.jumps();
+        let back = jumps && 2.0 * deviations < self.first && deviations < HUGE * self.streak as f64;
+        let remains = self.first > HUGE && !jumps;
+        // A smaller deviation after an outlier is motion of the vessel during the series.
+        if in_series && !back && (same || remains || deviations > options.reject) {
+            return self.continue_series(deviations, before[0], options);
+        }
+        if in_series {
+            (self.step, self.swing) = (self.calm, f64::NAN);
+        }
+        if in_series && deviations > options.inflate {
+            self.tracks.iter_mut().for_each(Track::settle);
+        }
+        self.streak = 0;
+        // A jump of the expectation alone is a jump of the model.
+        let alone = |before: f64, now: f64| before.abs() * ALONE < now.abs() && 2.0 * now.abs() > jump.abs();
+        let alone = alone(before[0], self.step) || alone(before[1], self.swing);
+        let off = warm && deviations > options.inflate;
+        if off && alone && deviations > options.reject {
+            (self.streak, self.calm) = (1, before[0]);
+            self.jump = self.leap();
+            self.begin_series(usual, options);
+            return Verdict::Spike { deviations };
+        }
+        self.learn(jump, warm);
+        if off && alone {
+            Verdict::Inflate { deviations, factor: num_traits::Float::powi(deviations / options.inflate, 2) }
+        } else {
+            Verdict::Sound
+        }
+    }
+
+    /// Starts a series. Its measurements are compared with the mean innovations before it: the last one may contain a
+    /// small outlier.
+    fn begin_series(&mut self, usual: f64, options: &GuardOptions) {
+        let mut least = f64::INFINITY;
+        let mut from_it = false;
+        for (at, track) in self.tracks.iter_mut().enumerate() {
+            let own = track.jump();
+            // If the measurement before was not near the expectation, this jump is the return to it.
+            let jumps = own.abs() > options.reject * usual && 2.0 * track.before.abs() < own.abs();
+            from_it |= jumps && at != HELD;
+            track.begin();
+            least = least.min(track.sum.abs());
+            if !jumps || (at == HELD && !from_it) {
+                track.first = f64::NAN;
+            }
+        }
+        self.first = if from_it { least / usual } else { 0.0 };
+        self.begun_by = self.first;
+    }
+
+    /// Size of the last jump, less the change before the series: a decelerating vessel keeps decelerating.
+    fn leap(&self) -> f64 {
+        self.step.abs().min((self.step - self.calm).abs())
+    }
+
+    /// Whether the last jump is comparable with the first of the series.
+    fn jumps(&self) -> bool {
+        self.leap() * ALONE > self.jump
+    }
+
+    fn continue_series(&mut self, deviations: f64, before: f64, options: &GuardOptions) -> Verdict {
+        self.streak += 1;
+        // Three growing deviations with similar steps are motion.
+        let alike = before * self.step > 0.0 && self.step.abs() <= ALONE * before.abs();
+        let away = self.step * self.tracks[HELD].last > 0.0 && deviations > AWAY * self.begun_by;
+        let farther = alike && away;
+        if farther && self.missing + 1 >= FIRST {
+            self.streak = 0;
+            return Verdict::Believed { deviations };
+        }
+        if self.streak == 2 {
+            self.lasts = 2.0 * deviations >= self.first;
+        }
+        let mut another = self.jumps();
+        let usual = num_traits::Float::sqrt(self.usual);
+        let other = f64::max(0.5 * self.first, options.reject) * usual;
+        for track in &mut self.tracks {
+            another &= track.drift.is_nan() || track.drift > other;
+            track.continue_series(self.noise, self.streak <= FIRST);
+        }
+        if another {
+            // Adjacent outliers are compared with the innovations before the first.
+            self.streak = 1;
+            self.tracks.iter_mut().for_each(Track::begin);
+            (self.jump, self.first) = (self.leap().min(deviations * usual), deviations);
+            self.begun_by = self.begun_by.min(deviations);
+            return Verdict::Spike { deviations };
+        }
+        // The start of a turn resembles a small outlier, and grows.
+        let small = self.first <= HUGE;
+        if small && deviations > f64::max(AWAY * self.first, self.first + APART) {
+            self.streak = 0;
+            return Verdict::Believed { deviations };
+        }
+        if self.streak < options.patience {
+            return Verdict::Spike { deviations };
+        }
+        // It is motion if no expectation finds a constant deviation, or, for small deviations, no majority does.
+        let sure = self.first > SURE;
+        let known = || self.tracks.iter().filter(|track| track.sum.is_finite());
+        let same = |track: &&Track| !track.first.is_nan() && (sure || track.spread() <= SAME * self.noise);
+        let agreed = || 2.0 * deviations >= self.first && known().filter(same).count() >= MOST;
+        let far = |track: &Track| track.off(self.streak, FIRST) >= SAME * self.noise;
+        let steadiest = || known().min_by(|a, b| a.spread().total_cmp(&b.spread()));
+        let found = known().find(same).filter(|track| !small || (agreed() && far(track)));
+        let Some(track) = found.or_else(|| steadiest().filter(|_| sure && self.lasts)) else {
+            self.streak = 0;
+            return Verdict::Believed { deviations };
+        };
+        let more = track.sum / self.streak.min(FIRST) as f64;
+        self.streak = 0;
+        self.offset += more;
+        self.tracks.iter_mut().for_each(|track| track.last -= more);
+        Verdict::Offset { offset: self.offset }
+    }
+
+    /// Number of repetitions of a stuck sensor; 2 for a sensor that has never repeated a value.
+    fn limit(&self, options: &GuardOptions) -> usize {
+        if self.longest == 0 { 2 } else { options.repeats.max(self.longest.saturating_mul(3)) }
+    }
+
+    fn learn(&mut self, jump: f64, warm: bool) {
+        self.seen = self.seen.saturating_add(1);
+        let share = (1.0 / MEMORY).max(1.0 / self.seen as f64);
+        let most = if warm { SOUND * SOUND * self.usual } else { f64::INFINITY };
+        self.usual += share * ((jump * jump).min(most) - self.usual);
     }
 
     pub(super) fn save(&self, into: &mut Writer<'_>) {
-        into.numbers(&[self.last, self.offset]);
-        for count in [self.seen, self.settling, self.repeats, self.longest, self.series, self.missing] {
+        into.numbers(&[self.usual, self.last, self.offset, self.step, self.calm]);
+        into.numbers(&[self.jump, self.first, self.held, self.swing, self.begun_by]);
+        into.flag(self.lasts);
+        self.tracks.iter().for_each(|track| track.save(into));
+        for count in [self.begun, self.seen, self.repeats, self.longest, self.streak, self.missing] {
             into.count(count);
         }
-        self.trackers.iter().for_each(|tracker| tracker.save(into));
     }
 
     pub(super) fn load(&mut self, from: &mut Reader<'_>) {
-        let mut numbers = [0.0; 2];
+        let mut numbers = [0.0; 10];
         from.numbers(&mut numbers);
-        [self.last, self.offset] = numbers;
-        let counts = [&mut self.seen, &mut self.settling, &mut self.repeats, &mut self.longest];
-        for count in counts.into_iter().chain([&mut self.series, &mut self.missing]) {
+        let [usual, last, offset, step, calm, jump, first, held, swing, begun_by] = numbers;
+        (self.usual, self.last, self.offset) = (usual, last, offset);
+        (self.step, self.calm, self.jump, self.first) = (step, calm, jump, first);
+        (self.held, self.swing, self.begun_by) = (held, swing, begun_by);
+        self.lasts = from.flag();
+        self.tracks.iter_mut().for_each(|track| track.load(from));
+        let counts = [&mut self.begun, &mut self.seen, &mut self.repeats, &mut self.longest];
+        for count in counts.into_iter().chain([&mut self.streak, &mut self.missing]) {
             *count = from.count(MOST_COUNTED);
         }
-        self.trackers.iter_mut().for_each(|tracker| tracker.load(from));
     }
-}
-
-/// A fading-memory polynomial filter of degree 0 or 1, with the mean square of its innovations.
-#[derive(Clone, Copy, Debug, Default)]
-struct Tracker {
-    degree: usize,
-    /// State; NaN before the first value.
-    level: f64,
-    slope: f64,
-    /// Values since the last start.
-    count: usize,
-    /// `s^2`.
-    mean_square: f64,
-    /// The last innovation; the first one of a series, and sums over the series with `x = j + 1`: `z`, `x z`, `x^2 z`,
-    /// `z^2`.
-    innovation: f64,
-    first: f64,
-    sums: [f64; 4],
-}
-
-impl Tracker {
-    const MEMORY_LEN: usize = 10;
-
-    fn new(degree: usize) -> Self {
-        Self { degree, level: f64::NAN, ..Self::default() }
-    }
-
-    fn restart(&mut self) {
-        (self.level, self.slope, self.count) = (f64::NAN, 0.0, 0);
-    }
-
-    fn scale(&self) -> f64 {
-        num_traits::Float::sqrt(self.mean_square)
-    }
-
-    /// Compares a value with the prediction. Returns the normalized innovation, NaN without a prediction.
-    fn innovate(&mut self, value: f64) -> f64 {
-        let predicted = self.level + self.slope;
-        self.innovation = value - predicted;
-        self.level = if predicted.is_nan() { value } else { predicted };
-        self.innovation.abs() / self.scale()
-    }
-
-    /// Adds the last value to the filter, and its innovation to the mean square, limited to the gate.
-    fn update(&mut self, seen: usize, gate: f64) {
-        let z = self.innovation;
-        self.count += 1;
-        if z.is_nan() {
-            return;
-        }
-        // Gains of the growing memory until they fall to those of the fading memory.
-        let n = self.count as f64;
-        let (alpha, beta) = if self.degree == 0 {
-            ((1.0 / n).max(1.0 - FADING), 0.0)
-        } else {
-            let growing = 2.0 * (2.0 * n - 1.0) / (n * (n + 1.0));
-            let fading = 1.0 - FADING * FADING;
-            if growing > fading {
-                (growing, 6.0 / (n * (n + 1.0)))
-            } else {
-                (fading, (1.0 - FADING) * (1.0 - FADING))
-            }
-        };
-        self.level += alpha * z;
-        self.slope += beta * z;
-        let most = if 2 * seen >= MEMORY { gate * gate * self.mean_square } else { f64::INFINITY };
-        self.mean_square += ((z * z).min(most) - self.mean_square) / (seen + 1) as f64;
-    }
-
-    /// Whether the last value is inside the gate's half of the first deviation of the series.
-    fn is_back(&self) -> bool {
-        2.0 * self.innovation.abs() <= self.first.abs()
-    }
-
-    fn extend_series(&mut self, place: usize) {
-        if place == 0 {
-            (self.first, self.sums) = (self.innovation, [0.0; 4]);
-        }
-        let (x, z) = ((place + 1) as f64, self.innovation);
-        for (sum, more) in self.sums.iter_mut().zip([z, x * z, x * x * z, z * z]) {
-            *sum += more;
-        }
-    }
-
-    /// Least-squares fits of an offset and of motion; `None` for fewer than three innovations, or without a prediction.
-    fn fit(&self, len: usize) -> Option<Fit> {
-        let n = len as f64;
-        let [z, xz, xxz, zz] = self.sums;
-        let (mean, spread) = (0.5 * (n + 1.0), n * (n * n - 1.0) / 12.0);
-        let slope = (xz - mean * z) / spread;
-        // Sums of the powers 2, 3 and 4 of 1..n, and the normal equations of a x + q x^2.
-        let (square, cube) = (n * (n + 1.0) * (2.0 * n + 1.0) / 6.0, n * n * (n + 1.0) * (n + 1.0) / 4.0);
-        let fourth = square * (3.0 * n * n + 3.0 * n - 1.0) / 5.0;
-        let determinant = square * fourth - cube * cube;
-        let a = (fourth * xz - cube * xxz) / determinant;
-        let q = (square * xxz - cube * xz) / determinant;
-        let fit = Fit {
-            offset: z / n - (mean - 1.0) * slope,
-            offset_misfit: (zz - z * z / n - slope * slope * spread) / self.mean_square,
-            motion_misfit: (zz - a * xz - q * xxz) / self.mean_square,
-        };
-        (len >= 3 && fit.offset_misfit.is_finite()).then_some(fit)
-    }
-
-    fn save(&self, into: &mut Writer<'_>) {
-        into.numbers(&[self.level, self.slope, self.mean_square, self.innovation, self.first]);
-        into.numbers(&self.sums);
-        into.count(self.count);
-    }
-
-    fn load(&mut self, from: &mut Reader<'_>) {
-        let mut numbers = [0.0; 5];
-        from.numbers(&mut numbers);
-        [self.level, self.slope, self.mean_square, self.innovation, self.first] = numbers;
-        from.numbers(&mut self.sums);
-        self.count = from.count(MOST_COUNTED);
-    }
-}
-
-/// Fits of a series of outliers: the offset `c`, and the misfits `R_o / s^2` and `R_m / s^2`.
-#[derive(Clone, Copy, Debug)]
-struct Fit {
-    offset: f64,
-    offset_misfit: f64,
-    motion_misfit: f64,
 }
 
 #[cfg(test)]
