@@ -1,6 +1,6 @@
 //! Campaign on the guard: adaptation with and without it on days with drawn faults, and on clean days.
 //!
-//! A day of a seed draws a case (a model with logs), a log, faults ([`day`]), the options of a Kalman filter (each variance
+//! A day of a seed draws a case (a model with logs), a log, faults (stated in `day.rs`), the options of a Kalman filter (each variance
 //! and the leak within a factor of 30 of its default), and with a probability of 0.15 it multiplies every weight of a
 //! recurrent network by 0.4 to 1.6. Three sessions follow the day: the learner without guard, the learner with guard, and
 //! the reference model, which gets the measurements that the guard used. At every sample each predicts the horizon of the
