@@ -56,10 +56,15 @@ fn case(path: &std::path::Path, args: &GuardStudy) -> anyhow::Result<Case> {
         let raw = log::read(given)?;
         let prepared = log::prepare(&[raw], &reading.selection, &reading.options)
             .with_context(|| logs::cannot_use(path, &model))?;
-        runs.extend(prepared.runs.iter().map(|run| run.slice(0, guard::LONGEST)));
+        runs.extend(prepared.runs);
     }
     model.check(&runs)?;
-    Ok(Case { name: path.display().to_string(), model, logs: runs, training: None })
+    Ok(Case::new(path.display().to_string(), model, &runs))
+}
+
+/// A text as a cell of a CSV file.
+fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('"', "\"\""))
 }
 
 fn table(campaign: &Campaign) -> String {
@@ -74,8 +79,13 @@ fn table(campaign: &Campaign) -> String {
         // Writing to a string cannot fail.
         let _ = write!(
             text,
-            "{seed},{},{},{},\"{}\",{reference},{alone},{guarded},{},{},",
-            day.case, day.kind, day.log, day.faults, excess[0], excess[1],
+            "{seed},{},{},{},{},{reference},{alone},{guarded},{},{},",
+            quoted(&day.case),
+            day.kind,
+            quoted(&day.log),
+            quoted(&day.faults),
+            excess[0],
+            excess[1],
         );
         let counts =
             [false_alarms[1], false_alarms[0], spikes[0], spikes[1], jumps[0], jumps[1], stuck[0], stuck[1]];

@@ -20,5 +20,6 @@ mod hostile;
 mod low_speed;
 mod manoeuvre;
 mod networks;
+mod study;
 mod thesis;
 mod vessel_files;

@@ -114,12 +114,12 @@ pub fn built_in(quick: bool, store: &Store, watch: Watch<'_>) -> Result<Vec<Case
         let learned = runner.models(name)?;
         for one in learned.iter() {
             let logs: Result<_, StudyError> =
-                logs.iter().map(|log| Ok(runner.record(log)?.run.slice(0, LONGEST))).collect();
+                logs.iter().map(|log| Ok(start(&runner.record(log)?.run, LONGEST))).collect();
             cases.push(Case {
                 name: format!("{name}-seed{}", one.seed),
                 model: one.model.clone(),
                 logs: logs?,
-                training: Some(runner.record(training)?.run.slice(0, TRAINING)),
+                training: Some(start(&runner.record(training)?.run, TRAINING)),
             });
         }
     }
@@ -127,15 +127,47 @@ pub fn built_in(quick: bool, store: &Store, watch: Watch<'_>) -> Result<Vec<Case
 }
 
 /// Largest number of samples of a day.
-pub const LONGEST: usize = 4000;
+const LONGEST: usize = 4000;
+
+/// Least number of samples of a day beyond the horizon: the sensor check and the states of the models settle first.
+const SHORTEST: usize = 400;
 
 /// Samples of a training log.
 const TRAINING: usize = 2000;
 
+/// The first samples of a run.
+fn start(run: &Trajectory, most: usize) -> Trajectory {
+    if run.len() > most { run.slice(0, most) } else { run.clone() }
+}
+
+impl Case {
+    /// A model with logs, of which a day takes the first 4,000 samples.
+    pub fn new(name: String, model: Model, logs: &[Trajectory]) -> Self {
+        Self { name, model, logs: logs.iter().map(|run| start(run, LONGEST)).collect(), training: None }
+    }
+
+    /// Why no day can be drawn.
+    fn defect(&self) -> Option<String> {
+        if self.logs.is_empty() {
+            return Some(String::from("every model needs a log: give one with --log"));
+        }
+        if self.model.description.inputs.is_empty() {
+            return Some(format!("the model {} has no inputs, and faults of commands need one", self.name));
+        }
+        let least = SHORTEST + GuardOptions::new(self.model.description.dt).horizon;
+        let short = self.logs.iter().find(|run| run.len() < least)?;
+        Some(format!(
+            "the log {} has {} samples, and a day needs at least {least}: give a longer log",
+            short.name,
+            short.len()
+        ))
+    }
+}
+
 /// Runs the bad days of the seeds, and the clean days.
 ///
 /// # Errors
-/// If a model cannot be adapted, there are no logs, or the campaign is cancelled.
+/// If a model cannot be adapted, a log is missing or too short, or the campaign is cancelled.
 pub fn campaign(
     cases: &[Case],
     seeds: Range<u64>,
@@ -148,8 +180,8 @@ pub fn campaign(
     let (plan, store) = (Plan::built_in(true)?, Store::new("", 0));
     let mut runner = Runner::new(&plan, &store, watch);
     "guard".clone_into(&mut runner.at);
-    if cases.is_empty() || cases.iter().any(|case| case.logs.is_empty()) {
-        return Err(runner.cannot("every model needs a log"));
+    if let Some(defect) = cases.iter().find_map(Case::defect) {
+        return Err(runner.cannot(defect));
     }
     let drawn: Vec<u64> = seeds.collect();
     let bad = runner.each("bad days", &drawn, |&seed| bad_day(cases, seed))?;
