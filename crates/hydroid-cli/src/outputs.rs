@@ -3,10 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::ensure;
-use hydroid::simulate::built_in;
 
 /// Refuses an output that is also an input or another output. An option without a file is `None`. Devices and pipes may
-/// be named more than once, and an input that names a built-in vessel is no file.
+/// be named more than once; an input that is no file is a name.
 pub fn check(outputs: &[(&str, Option<&Path>)], inputs: &[&Path]) -> anyhow::Result<()> {
     let replaceable = |path: &Path| path.metadata().map_or(true, |metadata| metadata.is_file());
     let given: Vec<(&str, &Path)> = outputs
@@ -14,8 +13,7 @@ pub fn check(outputs: &[(&str, Option<&Path>)], inputs: &[&Path]) -> anyhow::Res
         .filter_map(|(option, path)| Some((*option, (*path)?)))
         .filter(|(_, path)| replaceable(path))
         .collect();
-    let is_read = |path: &&&Path| path.is_file() && path.to_str().is_none_or(|name| built_in(name).is_none());
-    let inputs: Vec<&Path> = inputs.iter().filter(is_read).copied().collect();
+    let inputs: Vec<&Path> = inputs.iter().filter(|path| path.is_file()).copied().collect();
     for (i, (option, output)) in given.iter().enumerate() {
         let place = place(output);
         ensure!(

@@ -20,9 +20,10 @@ use crate::{outputs, ui};
 
 pub fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
     let written = [("-o", args.output.as_deref()), ("--figure", args.figure.as_deref())];
-    // An excitation without an extension is the name of one.
+    // Names of vessels precede files here, and an excitation without an extension is the name of one.
+    let plant = Some(Path::new(&args.plant)).filter(|_| simulate::built_in(&args.plant).is_none());
     let file = Some(Path::new(&args.excitation)).filter(|path| path.extension().is_some());
-    let read: Vec<&Path> = file.into_iter().chain([Path::new(&args.plant)]).collect();
+    let read: Vec<&Path> = plant.into_iter().chain(file).collect();
     outputs::check(&written, &read)?;
     if is_model(&args.plant) {
         return model::run(args, global);

@@ -101,6 +101,8 @@ fn outputs_that_are_inputs_are_refused() {
 fn names_that_are_no_files_are_no_conflict() {
     let folder = TempDir::new().unwrap();
     let at = folder.path();
+    let args = ["adapt", "hydrofoil", "-", "--state", "/dev/null", "--black-box", "/dev/null"];
+    refused(at, &args, "it is a folder or a device");
     for name in ["hydrofoil", "mixed"] {
         fs::write(at.join(name), "a file of this name").unwrap();
         let args = ["simulate", "hydrofoil", "--excitation", "mixed", "--duration", "9", "-o", name];
@@ -108,8 +110,6 @@ fn names_that_are_no_files_are_no_conflict() {
         assert!(done.status.success(), "{}", text(&done.stderr));
         assert!(fs::read_to_string(at.join(name)).unwrap().starts_with("t"), "{name}");
     }
-    let args = ["adapt", "hydrofoil", "-", "--state", "/dev/null", "--black-box", "/dev/null"];
-    refused(at, &args, "it is a folder or a device");
 }
 
 /// Story 12: names from files reached the terminal with their escape sequences.

@@ -4,7 +4,7 @@ use std::fs;
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -92,22 +92,34 @@ fn a_signal_on_a_busy_stream_ends_with_the_state_of_the_last_answer() {
 fn a_signal_during_a_long_line_ends_with_its_state() {
     let folder = TempDir::new().unwrap();
     let at = folder.path();
-    let args = "control hydrofoil --controller cem --candidates 60000 --horizon 50 --iterations 6 --task lawn-mower --horizons 1 --state s -q -";
-    let args: Vec<&str> = args.split(' ').collect();
-    let mut child = hydroid(at, &args).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
-    let _limit = Limit::of(&child);
-    let mut stdin = child.stdin.take().unwrap();
-    writeln!(stdin, "{}", json!({ "t": 5, "x": 0, "y": 0, "psi": 0, "u": 1.5, "v": 0, "r": 0 })).unwrap();
-    stdin.flush().unwrap();
-    std::thread::sleep(Duration::from_millis(700));
-    signal(&child, "-TERM");
-    let answers: Vec<String> =
-        BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap).collect();
-    assert_eq!(ended(child), Some(130));
-    drop(stdin);
-    assert_eq!(answers.len(), 1, "the line is answered");
-    let args: Vec<&str> = args.into_iter().filter(|arg| *arg != "-q").collect();
-    assert!((saved_at(at, &args) - 5.0).abs() < 1e-9);
+    let line = |t: f64| json!({ "t": t, "x": 0, "y": 0, "psi": 0, "u": 1.5, "v": 0, "r": 0 }).to_string();
+    let start = |candidates: &str| {
+        let mut service = planner(at, candidates);
+        let begun = Instant::now();
+        service.ask(&line(5.0));
+        (service, begun.elapsed().as_secs_f64())
+    };
+    // As many candidates as this machine tries in two seconds.
+    let (first, taken_s) = start("2000");
+    first.kill();
+    fs::remove_file(at.join("s")).unwrap();
+    let candidates = format!("{:.0}", (2_000.0 * 2.0 / taken_s).clamp(2_000.0, 190_000.0));
+    let (mut service, _) = start(&candidates);
+    service.send(&line(5.1));
+    std::thread::sleep(Duration::from_millis(300));
+    signal(&service.child, "-TERM");
+    let answer = service.answer();
+    assert!(answer.contains("\"t\":5.1"), "the line is answered: {answer}");
+    let (code, notes) = service.end();
+    assert_eq!(code, Some(130), "{notes}");
+    let mut again = planner(at, &candidates);
+    assert!((again.resumed_at() - 5.1).abs() < 1e-9);
+    again.kill();
+}
+
+fn planner(at: &Path, candidates: &str) -> Service {
+    let args = "control hydrofoil --controller cem --horizon 50 --task lawn-mower --horizons 1 --state s - --candidates";
+    Service::start(at, &args.split(' ').chain([candidates]).collect::<Vec<_>>())
 }
 
 /// A reader that takes no answers blocks the service. It still ends, and loses at most a second.
