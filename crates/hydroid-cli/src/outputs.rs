@@ -4,10 +4,16 @@ use std::path::{Path, PathBuf};
 
 use anyhow::ensure;
 
-/// Refuses an output that is also an input or another output. An option without a file is `None`.
+/// Refuses an output that is also an input or another output. An option without a file is `None`. Devices and pipes may
+/// be named more than once; an input that is no file is a name.
 pub fn check(outputs: &[(&str, Option<&Path>)], inputs: &[&Path]) -> anyhow::Result<()> {
-    let given: Vec<(&str, &Path)> =
-        outputs.iter().filter_map(|(option, path)| Some((*option, (*path)?))).collect();
+    let replaceable = |path: &Path| path.metadata().map_or(true, |metadata| metadata.is_file());
+    let given: Vec<(&str, &Path)> = outputs
+        .iter()
+        .filter_map(|(option, path)| Some((*option, (*path)?)))
+        .filter(|(_, path)| replaceable(path))
+        .collect();
+    let inputs: Vec<&Path> = inputs.iter().filter(|path| path.is_file()).copied().collect();
     for (i, (option, output)) in given.iter().enumerate() {
         let place = place(output);
         ensure!(

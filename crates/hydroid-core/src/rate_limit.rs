@@ -276,6 +276,10 @@ impl SaveState for RateLimited<dyn Adapter> {
         self.inner.save(into.part(self.inner.memory_len()));
     }
 
+    fn is_sound(&self) -> bool {
+        self.inner.is_sound()
+    }
+
     fn load(&mut self, from: &[f64]) {
         assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
         let mut from = Reader::new(from);

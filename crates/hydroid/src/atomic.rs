@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::fs::{File, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError, RwLock, RwLockWriteGuard};
+use std::sync::{Mutex, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::time::{Duration, Instant};
 
 /// Held for reading by writers of files, and for writing when the program is to end.
@@ -34,11 +34,29 @@ pub struct WriteError {
     pub source: io::Error,
 }
 
-/// Prefix of temporary files.
-const TEMPORARY: &str = ".hydroid-";
+/// Keeps [`settle`] waiting while work is done that belongs together, such as the files of one end of a run.
+pub fn hold() -> RwLockReadGuard<'static, ()> {
+    WRITERS.read().unwrap_or_else(PoisonError::into_inner)
+}
 
-/// Age from which a temporary file without a lock belongs to a dead run; a new one may not have its lock yet.
-const ORPHANED: Duration = Duration::from_secs(2);
+/// Names of temporary files: prefix, random letters and digits, suffix.
+const TEMPORARY: [&str; 2] = [".hydroid-", ".tmp"];
+const RANDOM: usize = 6;
+
+fn is_temporary(name: &str) -> bool {
+    let [prefix, suffix] = TEMPORARY;
+    let random = name.strip_prefix(prefix).and_then(|rest| rest.strip_suffix(suffix));
+    random.is_some_and(|random| {
+        random.len() == RANDOM && random.bytes().all(|byte| byte.is_ascii_alphanumeric())
+    })
+}
+
+fn temporary_file() -> tempfile::Builder<'static, 'static> {
+    let [prefix, suffix] = TEMPORARY;
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(prefix).suffix(suffix).rand_bytes(RANDOM);
+    builder
+}
 
 /// Folders that this program has cleaned.
 static CLEANED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
@@ -51,15 +69,10 @@ fn clean(folder: &Path) {
     }
     drop(cleaned);
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        if !entry.file_name().to_string_lossy().starts_with(TEMPORARY) {
+        if !is_temporary(&entry.file_name().to_string_lossy()) || !entry.path().is_file() {
             continue;
         }
-        let old = |file: &File| {
-            let age = file.metadata().and_then(|metadata| metadata.modified()).map(|at| at.elapsed());
-            matches!(age, Ok(Ok(age)) if age >= ORPHANED)
-        };
         if let Ok(file) = File::open(entry.path())
-            && old(&file)
             && file.try_lock().is_ok()
         {
             let _ = std::fs::remove_file(entry.path());
@@ -140,7 +153,7 @@ fn is_at(file: &File, path: &Path) -> bool {
 /// # Errors
 /// If a folder or the file cannot be written, or `content` fails.
 pub fn write(path: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), WriteError> {
-    let _writing = WRITERS.read().unwrap_or_else(PoisonError::into_inner);
+    let _writing = hold();
     let attempt = || -> io::Result<()> {
         // The target of a link is replaced, not the link. A device or a pipe cannot be replaced.
         let resolved = path.canonicalize();
@@ -155,7 +168,7 @@ pub fn write(path: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>
             _ => Path::new("."),
         };
         std::fs::create_dir_all(folder)?;
-        let mut builder = tempfile::Builder::new();
+        let mut builder = temporary_file();
         // Temporary files are private; the new file gets the permissions of other new files.
         #[cfg(unix)]
         {
@@ -163,9 +176,16 @@ pub fn write(path: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>
             builder.permissions(std::fs::Permissions::from_mode(0o644));
         }
         clean(folder);
-        let mut file = builder.prefix(TEMPORARY).tempfile_in(folder)?;
-        // A file system without locks keeps the file from being cleaned, not from being written.
-        let _ = file.as_file().try_lock();
+        let mut file = loop {
+            let file = builder.tempfile_in(folder)?;
+            match file.as_file().try_lock() {
+                // Another run may have cleaned the file before it had its lock.
+                Ok(()) if !is_at(file.as_file(), file.path()) => {}
+                Err(TryLockError::WouldBlock) => {}
+                // A file system without locks keeps the file from being cleaned, not from being written.
+                Ok(()) | Err(TryLockError::Error(_)) => break file,
+            }
+        };
         let mut buffered = io::BufWriter::new(&mut file);
         content(&mut buffered)?;
         buffered.flush()?;
@@ -188,7 +208,7 @@ pub fn probe(folder: &Path) -> Result<(), WriteError> {
         }
         std::fs::create_dir_all(folder)?;
         clean(folder);
-        tempfile::Builder::new().prefix(TEMPORARY).tempfile_in(folder).map(drop)
+        temporary_file().tempfile_in(folder).map(drop)
     };
     attempt().map_err(|source| WriteError { path: folder.to_owned(), source })
 }

@@ -113,7 +113,7 @@ pub struct AnswerArgs {
     /// Horizons of the predictions in each answer [samples], ascending (default: 1,10,50,100)
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub horizons: Option<Vec<usize>>,
-    /// Save the state of model and controller in this file once a second, and resume from it; lines up to its time are skipped
+    /// Save the state of model and controller in this file once a second, and resume from it; lines that were answered before are not used again
     #[arg(long, value_name = "FILE")]
     pub state: Option<PathBuf>,
     /// Add the computing time to each answer [us]

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context as _, bail, ensure};
-use hydroid::atomic;
+use hydroid::atomic::{self, Lock};
 use hydroid::closed_loop::{
     self, Conditions, ControlMethod, ControllerOptions, Metrics, MonteCarlo, Run, Scenario, Summary,
     TunedAutopilot, tune_autopilot,
@@ -122,9 +122,13 @@ fn simulate(args: &Control, global: Global, prepared: &Prepared<'_>) -> anyhow::
     let mut controller = steering
         .controller(conditions.seed)
         .context("this controller cannot be used with this model and vessel")?;
-    if let Some(folder) = &args.output {
-        atomic::probe(folder)?;
-    }
+    let _lock = match &args.output {
+        Some(folder) => {
+            atomic::probe(folder)?;
+            Some(Lock::new(folder)?)
+        }
+        None => None,
+    };
     let many =
         (args.monte_carlo.runs != 1).then(|| monte_carlo(args, steering, scene, conditions, from_s, global));
     let many = many.transpose()?;

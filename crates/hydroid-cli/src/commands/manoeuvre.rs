@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context as _, bail, ensure};
-use hydroid::atomic;
+use hydroid::atomic::{self, Lock};
 use hydroid::manoeuvre::{self, Comparison, Figure, Options, Trial, TrialKind, TrialOptions, Trials};
 use hydroid::model::{self, Model};
 use hydroid::plant::InputMap;
@@ -22,9 +22,7 @@ pub fn run(args: &Manoeuvre, global: Global) -> anyhow::Result<Outcome> {
     let map = InputMap::with(&model, &args.push, &args.turn)?;
     let kinds = kinds(args, &map)?;
     let options = options(args)?;
-    if let Some(folder) = &args.output {
-        atomic::probe(folder)?;
-    }
+    let _lock = lock(args)?;
     let bar = ui::Bar::new("trials", global);
     let Some(trials) = manoeuvre::trials(&model, &map, &kinds, &options, &mut bar.callback())? else {
         bail!("cancelled");
@@ -47,6 +45,13 @@ pub fn run(args: &Manoeuvre, global: Global) -> anyhow::Result<Outcome> {
     Ok(if sound { Outcome::Done } else { Outcome::Missed })
 }
 
+/// Checks that the folder of -o can be written, and keeps other runs from it.
+fn lock(args: &Manoeuvre) -> anyhow::Result<Option<Lock>> {
+    let Some(folder) = &args.output else { return Ok(None) };
+    atomic::probe(folder)?;
+    Ok(Some(Lock::new(folder)?))
+}
+
 /// The trials of logs beside their predictions.
 fn compare(args: &Manoeuvre, model: &Model, global: Global) -> anyhow::Result<Outcome> {
     let reading = logs::reading(model.description.reading.clone(), &args.log)?;
@@ -56,9 +61,7 @@ fn compare(args: &Manoeuvre, model: &Model, global: Global) -> anyhow::Result<Ou
     let model = logs::with_step_of(model.clone(), &prepared.runs)?;
     model.check(&prepared.runs)?;
     let model = logs::with_current(model, None, &prepared.runs)?;
-    if let Some(folder) = &args.output {
-        atomic::probe(folder)?;
-    }
+    let _lock = lock(args)?;
     let all = manoeuvre::compare(&model, &prepared.runs)?;
     let document = json!({ "plant": args.plant, "comparisons": all });
     if let Some(folder) = &args.output {

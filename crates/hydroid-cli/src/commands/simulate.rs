@@ -7,7 +7,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
-use hydroid::atomic;
+use hydroid::atomic::{self, Lock};
 use hydroid::excitation::{Circle, Excitation, LawnMower, LowSpeed, Turn};
 use hydroid::log::{self, ChannelSpec, Selection};
 use hydroid::simulate::{self, Options, Simulated};
@@ -20,7 +20,11 @@ use crate::{outputs, ui};
 
 pub fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
     let written = [("-o", args.output.as_deref()), ("--figure", args.figure.as_deref())];
-    outputs::check(&written, &[Path::new(&args.plant), Path::new(&args.excitation)])?;
+    // Names of vessels precede files here, and an excitation without an extension is the name of one.
+    let plant = Some(Path::new(&args.plant)).filter(|_| simulate::built_in(&args.plant).is_none());
+    let file = Some(Path::new(&args.excitation)).filter(|path| path.extension().is_some());
+    let read: Vec<&Path> = plant.into_iter().chain(file).collect();
+    outputs::check(&written, &read)?;
     if is_model(&args.plant) {
         return model::run(args, global);
     }
@@ -61,6 +65,7 @@ pub fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
         current: args.current.map_or([0.0; 2], |current| current.0),
         ..Options::new(vessel, excitation)
     };
+    let _lock = lock(&path)?;
     let record = record(&options, global)?;
     if path == Path::new("-") {
         let mut out = io::stdout().lock();
@@ -96,6 +101,11 @@ pub fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
         );
     }
     Ok(Outcome::Done)
+}
+
+/// Keeps other runs from a file; standard output has no lock.
+fn lock(path: &Path) -> anyhow::Result<Option<Lock>> {
+    Ok(if path == Path::new("-") { None } else { Some(Lock::new(path)?) })
 }
 
 /// Whether a plant is the file of an identified model, or of a vessel with any set of actuators.

@@ -5,6 +5,8 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::process::{Child, ChildStderr, ChildStdout, Command, Output, Stdio};
 use std::sync::OnceLock;
+use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::time::Duration;
 
 use serde_json::Value;
 use tempfile::TempDir;
@@ -19,7 +21,7 @@ pub(crate) fn command(folder: &Path, args: &str) -> Command {
 }
 
 pub(crate) fn run(folder: &Path, args: &str) -> Output {
-    command(folder, args).output().unwrap()
+    output(&mut command(folder, args))
 }
 
 /// The output of the command with exit status 0.
@@ -40,24 +42,60 @@ pub(crate) fn hydroid(folder: &Path, args: &[&str]) -> Command {
     command
 }
 
+/// Longest time of a child process, for a loaded machine.
+const LONGEST: Duration = Duration::from_mins(10);
+
+/// Kills a child after [`LONGEST`], unless dropped before.
+pub(crate) struct Limit {
+    _ended: Sender<()>,
+}
+
+impl Limit {
+    pub(crate) fn of(child: &Child) -> Self {
+        let id = child.id().to_string();
+        let (_ended, wait) = mpsc::channel();
+        std::thread::spawn(move || {
+            if wait.recv_timeout(LONGEST) == Err(RecvTimeoutError::Timeout) {
+                let _ = Command::new("kill").args(["-9", &id]).status();
+            }
+        });
+        Self { _ended }
+    }
+}
+
+/// Output of a command with a time limit.
+pub(crate) fn output(command: &mut Command) -> Output {
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let _limit = Limit::of(&child);
+    child.wait_with_output().unwrap()
+}
+
+/// Sends a signal (`-TERM`, `-KILL`).
+pub(crate) fn signal(child: &Child, signal: &str) {
+    let sent = Command::new("kill").args([signal, &child.id().to_string()]).status();
+    assert!(sent.unwrap().success());
+}
+
 /// A running service with its answers and notes.
 pub(crate) struct Service {
     pub(crate) child: Child,
+    _limit: Limit,
     answers: BufReader<ChildStdout>,
     notes: BufReader<ChildStderr>,
 }
 
 impl Service {
     pub(crate) fn start(folder: &Path, args: &[&str]) -> Self {
-        let mut child = hydroid(folder, args)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
+        Self::of(&mut hydroid(folder, args))
+    }
+
+    pub(crate) fn of(command: &mut Command) -> Self {
+        let mut child =
+            command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let _limit = Limit::of(&child);
         let answers = BufReader::new(child.stdout.take().unwrap());
         let notes = BufReader::new(child.stderr.take().unwrap());
-        Self { child, answers, notes }
+        Self { child, _limit, answers, notes }
     }
 
     pub(crate) fn send(&mut self, line: &str) {

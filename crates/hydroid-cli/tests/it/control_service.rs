@@ -112,7 +112,7 @@ fn a_restarted_service_gives_the_same_answers() {
         if k == 155 {
             other.kill();
             other = Service::start(folder.path(), &with("other.state"));
-            // Lines up to the saved time are skipped without an answer.
+            // The client sends what the state lacks.
             let saved = other.resumed_at();
             for line in since.iter().filter(|(t, _)| *t > saved).map(|(_, line)| line) {
                 other.ask(line);
@@ -155,8 +155,6 @@ fn missing_poses_are_predicted_and_bad_lines_keep_the_command() {
         }
     }
     assert!((east - 1.5).abs() < 1e-9, "{east}");
-    let gap = service.ask(r#"{"t":9,"x":1,"y":0,"heading [deg]":0,"u":1.5,"v":0,"r":0}"#);
-    assert_eq!((&gap["status"], &gap["control"] != "blind"), (&json!("reset"), true));
     service.kill();
     for (line, words) in [
         ("t,x,u,v,r", "name them x [m] (north) and y [m] (east)"),
@@ -169,6 +167,45 @@ fn missing_poses_are_predicted_and_bad_lines_keep_the_command() {
         assert_eq!(output.status.code(), Some(2));
         assert!(text(&output.stderr).contains(words), "{}", text(&output.stderr));
     }
+}
+
+/// After a pause, the command in force is hours old: it comes to rest until the time is known. A single wrong stamp has no
+/// effect.
+#[test]
+fn after_a_pause_no_old_command_is_in_force() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut args = LAWN_MOWER.to_vec();
+    args.extend(["fl", "-"]);
+    let mut service = Service::start(folder.path(), &args);
+    let mut boat = Boat::new(&VesselParams::hydrofoil(), 0.0, 0.5, 0.0);
+    let mut last = Value::Null;
+    for _ in 0..50 {
+        last = service.ask(&boat.line());
+        boat.sail(&last, 0.1);
+    }
+    let at = |t: f64, boat: &Boat| {
+        let mut line: Value = serde_json::from_str(&boat.line()).unwrap();
+        line["t"] = t.into();
+        line.to_string()
+    };
+    let wrong = service.ask(&at(9_000.0, &boat));
+    assert_eq!((&wrong["status"], &wrong["command"]), (&json!("ahead"), &last["command"]));
+    boat.drift(0.1);
+    let right = service.ask(&boat.line());
+    let used = |answer: &Value| answer.get("prediction").is_some() && answer["control"] != "blind";
+    assert!(used(&right), "{right}");
+    boat.sail(&right, 0.1);
+    let answers: Vec<Value> = (0..4).map(|k| service.ask(&at(9_000.0 + 0.1 * f64::from(k), &boat))).collect();
+    let told: Vec<&str> = answers.iter().map(|answer| answer["status"].as_str().unwrap()).collect();
+    assert_eq!(told[..3], ["ahead", "ahead", "reset"]);
+    assert!(answers[0]["note"].as_str().unwrap().contains("after the last used one"));
+    assert_eq!(answers[1]["control"], "blind");
+    assert_eq!(answers[1]["command"]["PP_cmd"].as_f64(), Some(0.0), "{}", answers[1]);
+    assert!(answers[1]["note"].as_str().unwrap().contains("the commands rest"));
+    for answer in &answers[2..] {
+        assert!(used(answer) && answer["pose"]["x"].is_f64(), "{answer}");
+    }
+    service.kill();
 }
 
 /// With way-points in degrees, the lines have latitude and longitude.

@@ -8,16 +8,16 @@ use std::time::{Duration, Instant};
 
 use tempfile::TempDir;
 
-use crate::common::{Service, hydroid, text};
+use crate::common::{Service, hydroid, output, text};
 
 /// A log of the hydrofoil.
 fn log(folder: &Path) {
     let args = ["simulate", "hydrofoil", "--duration", "60", "--seed", "1", "-o", "log.csv"];
-    assert!(hydroid(folder, &args).output().unwrap().status.success());
+    assert!(output(&mut hydroid(folder, &args)).status.success());
 }
 
 fn refused(folder: &Path, args: &[&str], words: &str) {
-    let output = hydroid(folder, args).stdin(Stdio::null()).output().unwrap();
+    let output = output(hydroid(folder, args).stdin(Stdio::null()));
     let said = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{args:?}: {said}");
     assert!(said.contains(words), "{args:?}: {said}");
@@ -57,10 +57,14 @@ fn a_command_that_is_blocked_ends_at_the_first_signal() {
 #[test]
 fn a_file_without_ends_of_lines_is_refused() {
     let folder = TempDir::new().unwrap();
-    let mut bytes = b"t,u,r,n_cmd\n".to_vec();
-    bytes.resize(20_000_000, b'0');
-    fs::write(folder.path().join("big.csv"), bytes).unwrap();
-    refused(folder.path(), &["inspect", "big.csv"], "big.csv, line 2: 19999988 bytes without an end of line");
+    for (header, lines) in [("t,u,r,n_cmd\n", 2), ("t,u,r,n_cmd\r\n0,1,2,3\r\n", 3), ("a\rb\n\r\n", 4)] {
+        let mut bytes = header.as_bytes().to_vec();
+        bytes.resize(20_000_000, b'0');
+        fs::write(folder.path().join("big.csv"), bytes).unwrap();
+        let said =
+            format!("big.csv, line {lines}: {} bytes without an end of line", 20_000_000 - header.len());
+        refused(folder.path(), &["inspect", "big.csv"], &said);
+    }
 }
 
 /// Story 8: one line after a long gap blocked the service for seconds.
@@ -89,6 +93,23 @@ fn outputs_that_are_inputs_are_refused() {
     }
     refused(at, &["adapt", "hydrofoil", "-", "--state", "st.toml", "-o", "st.toml"], "name two files");
     refused(at, &["adapt", "hydrofoil", "-", "--state", "st", "--black-box", "./st"], "name two files");
+}
+
+/// Names of built-in vessels are no files, and a device may be named twice.
+#[cfg(unix)]
+#[test]
+fn names_that_are_no_files_are_no_conflict() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    let args = ["adapt", "hydrofoil", "-", "--state", "/dev/null", "--black-box", "/dev/null"];
+    refused(at, &args, "it is a folder or a device");
+    for name in ["hydrofoil", "mixed"] {
+        fs::write(at.join(name), "a file of this name").unwrap();
+        let args = ["simulate", "hydrofoil", "--excitation", "mixed", "--duration", "9", "-o", name];
+        let done = output(&mut hydroid(at, &args));
+        assert!(done.status.success(), "{}", text(&done.stderr));
+        assert!(fs::read_to_string(at.join(name)).unwrap().starts_with("t"), "{name}");
+    }
 }
 
 /// Story 12: names from files reached the terminal with their escape sequences.
@@ -134,8 +155,21 @@ fn a_folder_in_use_is_refused() {
     fs::create_dir(at.join("out")).unwrap();
     let held = fs::File::create(at.join("out/.hydroid.lock")).unwrap();
     held.try_lock().unwrap();
-    refused(at, &["identify", "log.csv", "-o", "out"], "another run of hydroid writes there");
-    drop(held);
+    for args in [
+        &["identify", "log.csv", "-o", "out"][..],
+        &["manoeuvre", "hydrofoil", "--trial", "turning-circle", "-o", "out"],
+        &["control", "hydrofoil", "--controller", "fl", "--task", "circle", "-o", "out"],
+    ] {
+        refused(at, args, "another run of hydroid writes there");
+    }
+    let held_file = fs::File::create(at.join(".new.csv.lock")).unwrap();
+    held_file.try_lock().unwrap();
+    refused(
+        at,
+        &["simulate", "hydrofoil", "--duration", "9", "-o", "new.csv"],
+        "another run of hydroid writes",
+    );
+    drop((held, held_file));
     refused(at, &["identify", "log.csv", "--outputs", "w", "-o", "out"], "w");
     assert!(fs::read_dir(at.join("out")).unwrap().next().is_none(), "no lock is left");
     if cfg!(unix) {
@@ -150,8 +184,9 @@ fn a_folder_in_use_is_refused() {
 fn temporary_files_of_dead_runs_are_removed() {
     let folder = TempDir::new().unwrap();
     let at = folder.path();
-    let [dead, alive] = [".hydroid-dead", ".hydroid-alive"].map(|name| at.join(name));
-    for path in [&dead, &alive] {
+    let names = [".hydroid-aB3dEf.tmp", ".hydroid-123456.tmp", ".hydroid-notes.txt", ".hydroid-my-own.tmp"];
+    let [dead, alive, own, other] = names.map(|name| at.join(name));
+    for path in [&dead, &alive, &own, &other] {
         let mut file = fs::File::create(path).unwrap();
         file.write_all(b"half").unwrap();
         file.set_modified(std::time::SystemTime::now() - Duration::from_mins(1)).unwrap();
@@ -161,6 +196,7 @@ fn temporary_files_of_dead_runs_are_removed() {
     held.try_lock().unwrap();
     log(at);
     assert!(!dead.exists() && alive.exists());
+    assert!(own.exists() && other.exists(), "files of others stay");
 }
 
 /// Story 15: a configuration that was cut before its logs trained on the demonstration.

@@ -17,6 +17,10 @@ mod documents;
 mod equations_input;
 mod file_options;
 mod hostile;
+#[cfg(unix)]
+mod interruptions;
+#[cfg(unix)]
+mod kills;
 mod low_speed;
 mod manoeuvre;
 mod networks;

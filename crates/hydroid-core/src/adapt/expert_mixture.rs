@@ -21,7 +21,7 @@ use super::innovation_gate::InnovationGate;
 use super::memory::{MOST_COUNTED, Reader, Writer};
 use super::options::{MOST_EXPERTS, MOST_SAMPLES, RecursiveOptions, RecursiveOptionsError};
 use super::parametric_session::ParametricSession;
-use super::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
+use super::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState, are_variances};
 use crate::model::sparse::Equations;
 use crate::predict::{Predictor, Workspace, delegate};
 
@@ -326,6 +326,13 @@ impl SaveState for ExpertMixture {
         into.numbers(&self.past.commands);
         into.count(self.past.seen);
         into.flag(self.frozen);
+    }
+
+    fn is_sound(&self) -> bool {
+        self.weights.iter().all(|weight| weight.is_finite())
+            && are_variances(&self.losses)
+            && are_variances(&self.expert_weights)
+            && self.experts.iter().all(SaveState::is_sound)
     }
 
     fn load(&mut self, from: &[f64]) {

@@ -20,7 +20,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::memory::{MOST_COUNTED, Reader, Writer};
-use super::{Innovation, Outcome, Rejection};
+use super::{Innovation, Outcome, Rejection, are_variances};
 
 /// Thresholds on the largest normalized innovation of a row \[standard deviations\].
 ///
@@ -91,6 +91,10 @@ impl Noise {
         into.numbers(&self.variance);
         into.count(self.rows);
         into.count(self.streak);
+    }
+
+    pub(super) fn is_sound(&self) -> bool {
+        are_variances(&self.variance)
     }
 
     pub(super) fn load(&mut self, from: &mut Reader<'_>) {

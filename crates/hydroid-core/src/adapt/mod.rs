@@ -110,6 +110,18 @@ pub trait SaveState {
     /// # Panics
     /// If `from` has not [`memory_len`](Self::memory_len) numbers.
     fn load(&mut self, from: &[f64]);
+
+    /// Whether the memory can be that of a session: weights and states are finite, variances finite and not negative.
+    /// A file or a fault of the arithmetic may violate this; [`load`](Self::load) of a sound memory repairs it. Cheap
+    /// beside an update.
+    fn is_sound(&self) -> bool {
+        true
+    }
+}
+
+/// Whether all numbers are finite and none is negative.
+pub(crate) fn are_variances(numbers: &[f64]) -> bool {
+    numbers.iter().all(|x| x.is_finite() && *x >= 0.0)
 }
 
 /// Rehearsal of windows of the training data beside the run. The defaults are for adapters that do not rehearse.

@@ -19,6 +19,7 @@ use alloc::vec::Vec;
 
 use num_traits::Float;
 
+use super::are_variances;
 use super::innovation_gate::{FEWEST_ROWS, LARGEST_SHARE, MEMORY_S};
 use super::memory::{MOST_COUNTED, Reader, Writer};
 use crate::model::sparse::{Equations, EquationsError, Sensitivity};
@@ -110,7 +111,7 @@ impl PredictionVariance {
             let (one, window) = (self.one_step[l], row_noise[l] * window_s * window_s);
             // One interval does not separate the terms: process noise alone gives the wider band.
             let slope = (window - one) / samples.saturating_sub(1) as f64;
-            drift[l] = if samples == 1 { one } else { slope.clamp(0.0, one) };
+            drift[l] = if samples == 1 { one } else { slope.max(0.0).min(one) };
             sensor[l] = one - drift[l];
         }
         drifted.fill(0.0);
@@ -145,6 +146,10 @@ impl PredictionVariance {
         into.numbers(&self.one_step);
         into.count(self.count);
         self.age.iter().for_each(|age| into.count(*age));
+    }
+
+    pub(super) fn is_sound(&self) -> bool {
+        are_variances(&self.one_step)
     }
 
     pub(super) fn load(&mut self, from: &mut Reader<'_>) {

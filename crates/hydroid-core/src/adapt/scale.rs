@@ -14,10 +14,11 @@ const POINTS: usize = 512;
 /// some percent. A term that is zero or undefined everywhere has the scale 1.
 pub fn rms_over_range(term: &Term, ranges: &[(f64, f64)]) -> f64 {
     let mut variables = vec![0.0; ranges.len()];
+    let steps: Vec<f64> = primes().map(num_traits::Float::sqrt).take(ranges.len()).collect();
     let mut sum = 0.0;
     for point in 0..POINTS {
-        for (i, (variable, (low, high))) in variables.iter_mut().zip(ranges).enumerate() {
-            let fraction = fract((point as f64 + 0.5) * num_traits::Float::sqrt(prime(i)));
+        for ((variable, (low, high)), step) in variables.iter_mut().zip(ranges).zip(&steps) {
+            let fraction = fract((point as f64 + 0.5) * step);
             *variable = low + fraction * (high - low);
         }
         let value = term.value(&variables);
@@ -34,9 +35,9 @@ fn fract(x: f64) -> f64 {
     num_traits::Float::fract(x)
 }
 
-fn prime(position: usize) -> f64 {
+fn primes() -> impl Iterator<Item = f64> {
     let is_prime = |n: &u32| (2..*n).take_while(|d| d * d <= *n).all(|d| !n.is_multiple_of(d));
-    (2..).filter(is_prime).nth(position).map_or(2.0, f64::from)
+    (2_u32..).filter(is_prime).map(f64::from)
 }
 
 /// Norms of the columns of an upper triangle, and the triangle with unit columns. `None` if it is singular.

@@ -24,7 +24,7 @@ use alloc::vec::Vec;
 use num_traits::Float;
 
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
-use crate::adapt::{Adapter, Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
+use crate::adapt::{Adapter, Health, Innovation, Learning, Outcome, Rehearsing, SaveState, are_variances};
 use crate::predict::{Current, Predictor, Workspace, rollout_steps};
 use jump::Jump;
 use past::Past;
@@ -555,6 +555,11 @@ impl SaveState for ThroughWater<dyn Adapter> {
         into.count(self.blind);
         into.flag(self.frozen);
         self.inner.save(into.part(self.inner.memory_len()));
+    }
+
+    fn is_sound(&self) -> bool {
+        let Current { velocity, covariance: [north, _, east] } = self.current;
+        velocity.iter().all(|x| x.is_finite()) && are_variances(&[north, east]) && self.inner.is_sound()
     }
 
     fn load(&mut self, from: &[f64]) {

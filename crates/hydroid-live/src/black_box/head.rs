@@ -77,6 +77,13 @@ impl Head {
         every
     }
 
+    /// Steps of a minute.
+    pub(super) fn minute(&self) -> usize {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // positive; a cast saturates
+        let steps = (60.0 / self.dt).ceil() as usize;
+        steps.min(self.steps)
+    }
+
     pub(super) fn buffer_steps(&self) -> usize {
         BUFFER_INTERVALS * self.every()
     }

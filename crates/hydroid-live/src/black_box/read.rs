@@ -77,10 +77,6 @@ impl BlackBox {
         Ok(Self { path: PathBuf::new(), head, start, segments, torn })
     }
 
-    pub(super) fn last_sequence(&self) -> Option<u64> {
-        self.segments.last().map(|segment| segment.sequence)
-    }
-
     /// Whether steps other than the last ones cannot be read.
     pub fn is_damaged(&self) -> bool {
         self.segments.iter().any(|segment| segment.damaged)

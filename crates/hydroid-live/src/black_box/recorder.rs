@@ -228,8 +228,11 @@ impl Recorder {
         self.row[layout.range(Part::Calls)][0] = f64::from(self.calls);
         self.row[layout.range(Part::Run)][0] =
             if self.starts.is_empty() { 0.0 } else { self.run.unwrap_or(0) as f64 };
-        let sequence =
-            if self.segment == Phase::Begun { self.ring.sequence() } else { self.ring.sequence() + 1 };
+        let sequence = if self.segment == Phase::Begun {
+            self.ring.sequence()
+        } else {
+            self.ring.next_sequence(self.continues)
+        };
         let sum = step_sum(sequence, self.steps - self.before, &self.row);
         for x in &self.row {
             self.pending.extend_from_slice(&x.to_le_bytes());
@@ -255,7 +258,8 @@ impl Recorder {
     fn write(&mut self, adapter: &dyn Adapter) {
         let mut result = Ok(());
         if self.segment == Phase::Taken {
-            result = self.ring.begin(self.ring.sequence() + 1, self.before, self.continues, &self.memory);
+            let sequence = self.ring.next_sequence(self.continues);
+            result = self.ring.begin(sequence, self.before, self.continues, &self.memory);
             if result.is_ok() {
                 self.segment = Phase::Begun;
             }

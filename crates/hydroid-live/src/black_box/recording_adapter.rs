@@ -195,6 +195,10 @@ impl SaveState for RecordingAdapter<'_> {
         self.adapter.save(into);
     }
 
+    fn is_sound(&self) -> bool {
+        self.adapter.is_sound()
+    }
+
     fn load(&mut self, from: &[f64]) {
         self.changed();
         self.adapter.load(from);

@@ -83,6 +83,12 @@ pub fn replay(
             player.compare_memory(&segment.memory, &memory);
         }
         adapter.load(&segment.memory);
+        if !adapter.is_sound() {
+            return Err(wrong(
+                "a recorded state has weights that are not finite or variances below zero: the file is damaged; copy it again from its origin"
+                    .to_owned(),
+            ));
+        }
         let rows = segment.rows.chunks_exact(player.row.len());
         end = segment.before.checked_add(rows.len() as u64).map(|before| (segment.sequence + 1, before));
         for row in rows {

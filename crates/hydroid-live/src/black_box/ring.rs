@@ -23,8 +23,12 @@ pub(super) struct Ring {
     segment_len: usize,
     before_steps: usize,
     segments: u64,
+    /// Newest segment: its number, written bytes, and whether it continues the one before.
     sequence: u64,
     written: usize,
+    continues: bool,
+    /// A segment below this length, which does not continue the one before, is replaced by the next such one \[bytes\].
+    short: usize,
     /// Whether writes are synchronized with the disk.
     durable: bool,
     chunk: Vec<u8>,
@@ -45,7 +49,7 @@ impl Ring {
         Ok(Self::open(path, head, bytes.len(), durable).map_err(failed)?)
     }
 
-    /// Creates a file, or continues one of an earlier session at its oldest segment.
+    /// Creates a file, or continues one of an earlier session.
     pub(super) fn resume(path: &Path, head: &Head, durable: bool) -> Result<Self, BlackBoxError> {
         if !exists(path)? {
             return Self::create(path, head, durable);
@@ -55,7 +59,12 @@ impl Ring {
         earlier.head.fits(head).map_err(wrong)?;
         let failed = |source| WriteError { path: path.to_owned(), source };
         let mut ring = Self::open(path, head, earlier.start, durable).map_err(failed)?;
-        ring.sequence = earlier.last_sequence().unwrap_or(0);
+        if let Some(newest) = earlier.segments.last() {
+            ring.sequence = newest.sequence;
+            ring.continues = newest.continues;
+            let row = head.layout().len();
+            ring.written = 8 * (newest.rows.len() / row) * (row + 1);
+        }
         Ok(ring)
     }
 
@@ -69,6 +78,8 @@ impl Ring {
             segments: head.segments as u64,
             sequence: 0,
             written: 0,
+            continues: true,
+            short: 8 * (head.layout().len() + 1) * head.minute(),
             durable,
             chunk: Vec::with_capacity(8 * CHUNK),
         })
@@ -78,7 +89,19 @@ impl Ring {
         self.sequence
     }
 
-    /// Begins a segment in place of the oldest, after `steps` steps. A failed attempt leaves the ring unchanged.
+    /// Number of the next segment, which decides its place: that of the oldest one. If the ring is full and the newest
+    /// segment is a short one after a restart, the next restart takes the place of that one: a service that is killed
+    /// again and again does not overwrite what led to the first kill.
+    pub(super) fn next_sequence(&self, continues: bool) -> u64 {
+        let is_loop = !continues && !self.continues && self.written < self.short;
+        if is_loop && self.sequence >= self.segments {
+            self.sequence + self.segments
+        } else {
+            self.sequence + 1
+        }
+    }
+
+    /// Begins a segment with a number of [`next_sequence`](Self::next_sequence), after `steps` steps. A failed attempt leaves the ring unchanged.
     pub(super) fn begin(
         &mut self,
         sequence: u64,
@@ -108,7 +131,7 @@ impl Ring {
             self.file.write_all(&self.chunk)
         };
         attempt().map_err(|source| WriteError { path: self.path.clone(), source })?;
-        (self.sequence, self.written) = (sequence, 0);
+        (self.sequence, self.written, self.continues) = (sequence, 0, continues);
         Ok(())
     }
 

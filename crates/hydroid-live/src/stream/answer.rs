@@ -17,7 +17,12 @@ pub(super) enum Status {
     Constant,
     /// Used as the first sample of a new run.
     Reset,
+    /// Not after the last sample.
     Late,
+    /// Farther ahead than the longest gap, and not confirmed.
+    Ahead,
+    /// Answered before a restart.
+    Repeated,
     /// Between the grid points of the model.
     Between,
     Error,
@@ -34,6 +39,8 @@ impl Status {
             Self::Used(Outcome::RolledBack) => "rolled_back",
             Self::Reset => "reset",
             Self::Late => "late",
+            Self::Ahead => "ahead",
+            Self::Repeated => "repeated",
             Self::Between => "between",
             Self::Error => "error",
         }

@@ -4,10 +4,12 @@ use hydroid::log::LogError;
 
 /// Largest number of consecutive grid points without a sample, which bounds the work for a line.
 const MAX_SKIPPED: f64 = 1e4;
-/// A silence beyond this time \[s\] is a jump of the clock until further lines confirm it.
-const LONGEST_SILENCE_S: f64 = 3_600.0;
-/// Consecutive lines, each at most the longest gap after the one before, that confirm a jump of the clock.
-const CONFIRMING: u32 = 10;
+/// Lines in a row beside the grid, with times that do not decrease, that begin a new run: two wrong stamps in a row are
+/// tolerated, and a gap or a clock that was set costs two lines.
+const CONFIRMING: u32 = 3;
+/// A step between lines may be longer than the longest gap if it is at most this multiple of the step before: the lines of
+/// such a stream come more rarely than the gap allows.
+const RARE: f64 = 2.0;
 /// Gain of the grid on deviations of the samples, and weight of an interval in the mean.
 const TRACKING_GAIN: f64 = 1.0 / 16.0;
 /// Below this share of the sample time, the mean interval marks a stream faster than the model.
@@ -21,12 +23,12 @@ pub enum Arrival {
     Next(usize),
     /// After a gap \[s\] longer than the limit: a new run begins.
     Gap(f64),
-    /// Not after the last sample, but this much \[s\] earlier.
+    /// Not after the last sample, but this much \[s\] earlier: not used.
     Late(f64),
-    /// A jump of the clock \[s\] that no further lines confirm yet.
-    Jump(f64),
-    /// The last of the lines that confirm a jump of the clock \[s\], backward or forward: a new run begins.
-    Stepped(f64),
+    /// Farther ahead than the longest gap \[s\]: not used unless further lines confirm it.
+    Ahead(f64),
+    /// The last of the lines that confirm that the clock was set back \[s\]: a new run begins.
+    SetBack(f64),
     /// Between two grid points, or a second sample at the last one.
     Between,
 }
@@ -46,9 +48,9 @@ pub struct Clock {
     seen: f64,
     /// Mean interval of the lines, each at most one step \[s\].
     interval: f64,
-    /// Time of the first sample \[s\].
-    begun: f64,
-    /// Time of the last line beside the grid \[s\], and the number of consistent ones.
+    /// Last step between two lines of the present run \[s\].
+    step: f64,
+    /// Time of the last line beside the grid \[s\], and the number of such lines in a row.
     beside: f64,
     confirming: u32,
 }
@@ -66,8 +68,8 @@ impl Clock {
             )));
         }
         let (unknown, interval) = (f64::NAN, dt);
-        let [place, taken, seen, begun, beside] = [unknown; 5];
-        Ok(Self { dt, max_gap, place, taken, seen, interval, begun, beside, confirming: 0 })
+        let [place, taken, seen, beside] = [unknown; 4];
+        Ok(Self { dt, max_gap, place, taken, seen, interval, step: 0.0, beside, confirming: 0 })
     }
 
     pub fn is_new(&self) -> bool {
@@ -82,11 +84,15 @@ impl Clock {
     pub fn arrive(&mut self, t: f64) -> Arrival {
         if self.is_new() {
             self.begin(t);
-            self.begun = t;
             return Arrival::First;
         }
         let after = t - self.taken;
-        if after <= 0.0 || after > LONGEST_SILENCE_S {
+        if after == 0.0 {
+            // A stamp of coarse resolution, or a line that came twice, contradicts nothing.
+            return Arrival::Late(0.0);
+        }
+        let longest = self.max_gap * (1.0 + 1e-9);
+        if after < 0.0 || after > longest.max(RARE * self.step) {
             return self.confirm(t, after);
         }
         self.confirming = 0;
@@ -94,12 +100,12 @@ impl Clock {
             // A sample after the last used one is not late, even if it precedes the last line.
             return Arrival::Between;
         }
-        self.interval += TRACKING_GAIN * 2.0 * ((t - self.seen).min(self.dt) - self.interval);
+        self.step = t - self.seen;
+        self.interval += TRACKING_GAIN * 2.0 * (self.step.min(self.dt) - self.interval);
         self.seen = t;
-        let gap = t - self.taken;
-        if gap > self.max_gap * (1.0 + 1e-9) {
+        if after > longest {
             self.begin(t);
-            return Arrival::Gap(gap);
+            return Arrival::Gap(after);
         }
         let steps = ((t - self.place) / self.dt).round();
         let late = t - self.place - steps * self.dt;
@@ -116,23 +122,37 @@ impl Clock {
         Arrival::Next(steps as usize)
     }
 
-    /// A line that is late or follows an absurd silence: a single stamp may be wrong, and a clock may be set.
+    /// A line beside the grid, before the last sample or farther ahead than the longest gap: its stamp may be wrong, or there
+    /// was a gap, or the clock was set. A sequence of such lines decides.
     fn confirm(&mut self, t: f64, after: f64) -> Arrival {
         let step = t - self.beside;
-        let consistent = step > 0.0 && step <= self.max_gap;
-        self.confirming = if consistent { self.confirming.saturating_add(1) } else { 1 };
+        self.confirming =
+            if step >= 0.0 && self.confirming > 0 { self.confirming.saturating_add(1) } else { 1 };
         self.beside = t;
-        if self.confirming >= CONFIRMING {
-            self.begin(t);
-            return Arrival::Stepped(after);
+        match (self.confirming >= CONFIRMING, after > 0.0) {
+            (false, true) => Arrival::Ahead(after),
+            (false, false) => Arrival::Late(-after),
+            (true, ahead) => {
+                self.begin(t);
+                self.step = if step.is_finite() { step } else { 0.0 };
+                if ahead { Arrival::Gap(after) } else { Arrival::SetBack(-after) }
+            }
         }
-        if after > 0.0 { Arrival::Jump(after) } else { Arrival::Late(-after) }
     }
 
-    /// Whether a line that is not after the sample of a resumed state repeats one that was answered before: the first of the
-    /// stream, or one of the last `resent_s` seconds.
+    /// Number of lines in a row that were set aside.
+    pub fn set_aside(&self) -> u32 {
+        self.confirming
+    }
+
+    /// Believes the next stamp, as at the start of a session.
+    pub fn believe_next(&mut self) {
+        (self.confirming, self.beside) = (CONFIRMING, f64::NEG_INFINITY);
+    }
+
+    /// Whether a line may repeat one that was answered before the restart: one of the last `resent_s` seconds.
     pub fn repeats(&self, t: f64, resent_s: f64) -> bool {
-        t == self.begun || t > self.taken - resent_s - self.max_gap
+        t <= self.taken && t > self.taken - resent_s - self.max_gap
     }
 
     fn begin(&mut self, t: f64) {
@@ -140,12 +160,27 @@ impl Clock {
         (self.place, self.taken, self.seen) = (t, t, t);
     }
 
-    pub fn memory(&self) -> [f64; 5] {
-        [self.place, self.taken, self.seen, self.interval, self.begun]
+    pub fn memory(&self) -> [f64; 7] {
+        let confirming = f64::from(self.confirming);
+        [self.place, self.taken, self.seen, self.interval, self.step, self.beside, confirming]
     }
 
-    /// Restores the values of [`memory`](Self::memory). Invalid values do not panic.
-    pub fn restore(&mut self, memory: [f64; 5]) {
-        [self.place, self.taken, self.seen, self.interval, self.begun] = memory;
+    /// Restores the values of [`memory`](Self::memory); false for values that no clock has.
+    #[must_use]
+    pub fn restore(&mut self, memory: [f64; 7]) -> bool {
+        let confirming;
+        [self.place, self.taken, self.seen, self.interval, self.step, self.beside, confirming] = memory;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a cast saturates
+        let confirming = confirming as u32;
+        self.confirming = confirming;
+        let known = [self.place, self.taken, self.seen, self.step].iter().all(|t| t.is_finite());
+        let on_grid = (self.taken - self.place).abs() <= self.dt && self.seen >= self.taken;
+        let beside = confirming == 0 && self.beside.is_nan() || self.beside.is_finite();
+        known
+            && on_grid
+            && beside
+            && self.step >= 0.0
+            && self.interval > 0.0
+            && self.interval <= 2.0 * self.dt
     }
 }

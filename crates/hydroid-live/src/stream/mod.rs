@@ -46,6 +46,7 @@ use commands::Commands;
 use hydroid::adapt::Coverage;
 use hydroid::adapt::events::{EventText, names};
 use hydroid::atomic::WriteError;
+use hydroid::evaluate::DesignRange;
 use hydroid::fingerprint::Fingerprint;
 use hydroid::log::{CommandTiming, LogError, Note};
 use hydroid::model::{Mismatch, Model, Port, Reading};
@@ -70,6 +71,15 @@ const DOUBTFUL_S: f64 = 30.0;
 
 /// Widths of its range by which a command may lie outside it: the limit beyond which a rollout counts as diverged.
 const MOST_WIDTHS: f64 = 10.0;
+
+/// The commands that an input accepts. An input that hardly moved in the training has the scale of its values, at least 1
+/// in its unit, as the range of a constant channel.
+fn bounds(port: &Port) -> [f64; 2] {
+    let DesignRange { low, high } = port.range;
+    let trained = port.training_range.map_or(0.0, |range| range.high - range.low);
+    let scale = [high - low, trained, low.abs(), high.abs(), 1.0].into_iter().fold(0.0, f64::max);
+    [low - MOST_WIDTHS * scale, high + MOST_WIDTHS * scale]
+}
 
 /// Default of the longest gap of a run \[s\].
 fn longest_gap(dt: f64) -> f64 {
@@ -124,6 +134,15 @@ pub fn fingerprint(file: &[u8]) -> String {
     hash.hex()
 }
 
+/// The session before a restart.
+struct Earlier {
+    /// Fingerprint of its first data line.
+    first: String,
+    /// Number of its data lines up to the state.
+    rows: u64,
+    is_sent_again: bool,
+}
+
 /// A live stream with its adapter.
 pub struct Stream {
     model: Model,
@@ -143,8 +162,12 @@ pub struct Stream {
     latency: Latency,
     state_file: Option<StateFile>,
     notes: Vec<Note>,
-    /// Time of the last sample of an earlier session.
-    answered: Option<f64>,
+    /// Fingerprint of the first data line.
+    first: String,
+    /// Accepted commands.
+    bounds: Vec<[f64; 2]>,
+    /// The earlier session of a resumed state, until a line is new.
+    earlier: Option<Earlier>,
     /// How the pose of a steered vessel is read.
     position: Option<Position>,
 }
@@ -184,7 +207,9 @@ impl Stream {
             latency: Latency::default(),
             state_file: None,
             notes: Vec::new(),
-            answered: None,
+            first: String::new(),
+            bounds: model.description.inputs.iter().map(bounds).collect(),
+            earlier: None,
             position: None,
         })
     }
@@ -200,6 +225,10 @@ impl Stream {
         let reading = &mut self.options.reading;
         reading.options.command_timing = CommandTiming::After;
         self.commands = Commands::new(inputs, dt, CommandTiming::After, reading.options.input_delay)?;
+        // The limits of the actuators are stated, and need not be those of the training.
+        for ([low, high], limits) in self.bounds.iter_mut().zip(pilot.limits()) {
+            (*low, *high) = (low.min(limits.low), high.max(limits.high));
+        }
         self.session.steer_by(pilot, reading.options.max_gap_s.unwrap_or_else(|| longest_gap(dt)));
         self.position = Some(position);
         Ok(())
@@ -267,51 +296,80 @@ impl Stream {
         let row = self.row;
         self.row = self.row.saturating_add(1);
         self.note.clear();
+        if row == 0 {
+            self.first = fingerprint(text.as_ref().map_or(&[][..], |text| text.trim().as_bytes()));
+        }
         let read = text.and_then(|text| layout.read(text, number, row, &mut self.sample));
-        if let Err(error) = read {
-            self.counts.add(Status::Error);
-            self.writer.begin(number, None, Status::Error, &error.to_string());
-            self.write_steering(false);
+        if self.is_repeated(row, read.is_ok().then_some(self.sample.t)) {
+            say(&mut self.note, format_args!("answered before the restart"));
+            let t = read.is_ok().then_some(self.sample.t);
+            self.answer_unused(number, t, Status::Repeated);
             return Ok(true);
         }
-        if self.answered.is_some_and(|t| self.sample.t <= t)
-            && (self.counts.skipped > 0 || self.clock.repeats(self.sample.t, SAVE_INTERVAL_S))
-        {
-            self.counts.skipped += 1;
-            return Ok(false);
+        if let Err(error) = read {
+            let _ = write!(self.note, "{error}");
+            self.answer_unused(number, None, Status::Error);
+            return Ok(true);
         }
-        self.answered = None;
         self.refuse_absurd_commands();
         let status = self.use_sample();
+        if !matches!(status, Status::Used(_) | Status::Constant | Status::Reset) {
+            self.answer_unused(number, Some(self.sample.t), status);
+            return Ok(true);
+        }
         self.counts.add(status);
         self.writer.begin(number, Some(self.sample.t), status, &self.note);
-        let used = matches!(status, Status::Used(_) | Status::Constant | Status::Reset);
-        self.write_steering(used);
-        if used {
-            self.writer.session(&self.session);
-            if self.session.pilot().is_some() {
-                self.writer.track(&self.session);
-            }
+        self.write_steering(true);
+        self.writer.session(&self.session);
+        if self.session.pilot().is_some() {
+            self.writer.track(&self.session);
         }
         Ok(true)
     }
 
+    fn answer_unused(&mut self, line: u64, t: Option<f64>, status: Status) {
+        self.counts.add(status);
+        self.writer.begin(line, t, status, &self.note);
+        self.write_steering(false);
+    }
+
+    /// Whether data line `row` with time `t` was answered before the restart. If the first line is that of the earlier
+    /// session, the source is sent again from its start, and the lines are counted. Otherwise the source goes on, and
+    /// repeats at most what the state may lack. The first line that is new ends the search; its stamp is believed, as at
+    /// the start of a session.
+    fn is_repeated(&mut self, row: u64, t: Option<f64>) -> bool {
+        let Some(earlier) = &mut self.earlier else { return false };
+        if row == 0 {
+            earlier.is_sent_again = earlier.first == self.first;
+            if !earlier.is_sent_again {
+                self.clock.believe_next();
+            }
+        }
+        let repeated = if earlier.is_sent_again {
+            row < earlier.rows
+        } else {
+            // An unreadable line does not end the search.
+            match t {
+                Some(t) => self.clock.repeats(t, SAVE_INTERVAL_S),
+                None => return false,
+            }
+        };
+        if !repeated {
+            self.earlier = None;
+        }
+        repeated
+    }
+
     /// Commands far outside the range of the model, where a rollout would have diverged, count as missing.
     fn refuse_absurd_commands(&mut self) {
-        let ports = &self.model.description.inputs;
-        let bounds = |port: &Port| {
-            let widest = port.training_range.map_or(port.range.high - port.range.low, |range| {
-                (range.high - range.low).max(port.range.high - port.range.low)
-            });
-            [port.range.low - MOST_WIDTHS * widest, port.range.high + MOST_WIDTHS * widest]
-        };
-        let plan = self.sample.plan.chunks_exact_mut(ports.len().max(1));
+        let inputs = self.bounds.len().max(1);
+        let plan = self.sample.plan.chunks_exact_mut(inputs);
         for (row, is_plan) in
             std::iter::once((&mut self.sample.inputs[..], false)).chain(plan.map(|row| (row, true)))
         {
-            for (command, port) in row.iter_mut().zip(ports) {
-                let [low, high] = bounds(port);
-                if *command < low || *command > high {
+            let ports = self.bounds.iter().zip(&self.model.description.inputs);
+            for (command, ([low, high], port)) in row.iter_mut().zip(ports) {
+                if *command < *low || *command > *high {
                     let what = if is_plan { "planned command" } else { "command" };
                     say(
                         &mut self.note,
@@ -340,26 +398,24 @@ impl Stream {
         let (transition, reset) = match self.clock.arrive(sample.t) {
             Arrival::Late(by) => {
                 say(&mut self.note, format_args!("the sample is {by:.3} s before the last used one"));
-                if by > DOUBTFUL_S {
-                    say(
-                        &mut self.note,
-                        format_args!("if the clock was set back, the next lines will show it"),
-                    );
-                }
+                self.wait_for_clock();
                 return Status::Late;
             }
-            Arrival::Jump(by) => {
-                say(
-                    &mut self.note,
-                    format_args!("the time jumps by {by:.0} s: not used unless the next lines confirm it"),
-                );
-                return Status::Late;
-            }
-            Arrival::Stepped(by) => {
+            Arrival::Ahead(by) => {
                 say(
                     &mut self.note,
                     format_args!(
-                        "the clock was set by {by:.3} s, which the last lines confirm: a new run begins, the weights are kept"
+                        "the sample is {by:.3} s after the last used one: used if the next lines confirm it"
+                    ),
+                );
+                self.wait_for_clock();
+                return Status::Ahead;
+            }
+            Arrival::SetBack(by) => {
+                say(
+                    &mut self.note,
+                    format_args!(
+                        "the clock was set back by {by:.3} s: a new run begins, the weights are kept"
                     ),
                 );
                 // The true time since the last sample of a clock that was set is not known.
@@ -390,6 +446,7 @@ impl Stream {
             }
         };
         self.add_remarks(transition);
+        let reset = reset || transition.restarted;
         let outcome = self.session.adapter().outcome();
         match outcome {
             Outcome::Inflated { deviations, weight } => say(
@@ -414,6 +471,7 @@ impl Stream {
                 );
             }
         }
+        self.explain_unknown();
         let constant = self.session.pilot().is_some_and(|pilot| !pilot.adapts());
         match outcome {
             _ if reset => Status::Reset,
@@ -422,7 +480,22 @@ impl Stream {
         }
     }
 
+    /// A second line in a row beside the time grid is no wrong stamp: the command in force is of unknown age.
+    fn wait_for_clock(&mut self) {
+        if self.clock.set_aside() > 1 && self.session.rest(&mut self.commands) {
+            say(&mut self.note, format_args!("the commands rest until the time is known"));
+        }
+    }
+
     fn add_remarks(&mut self, transition: Transition) {
+        if transition.restarted {
+            say(
+                &mut self.note,
+                format_args!(
+                    "the state of the adapter was not finite: it begins again with the weights of the model"
+                ),
+            );
+        }
         if transition.held {
             say(&mut self.note, format_args!("a missing command was replaced by the last one"));
         }
@@ -431,6 +504,29 @@ impl Stream {
         }
         if !self.commands.known() {
             say(&mut self.note, format_args!("the current command is not known yet"));
+        }
+    }
+
+    /// Says why numbers of the answer are null.
+    fn explain_unknown(&mut self) {
+        let Self { session, sample, names, note, .. } = self;
+        let innovations = session.adapter().innovations();
+        for (i, (y, estimate)) in sample.outputs.iter().zip(session.estimate()).enumerate() {
+            if !estimate.is_finite() {
+                say(note, format_args!("{} is not known yet", names[i]));
+            } else if y.is_nan() {
+                say(note, format_args!("{} was not measured", names[i]));
+            } else if innovations.get(i).is_some_and(|innovation| !innovation.value.is_finite()) {
+                say(note, format_args!("{} was not used", names[i]));
+            }
+        }
+        let [predictions, bands] = session.unknown();
+        if predictions > 0 {
+            let all = session.horizons().len();
+            say(note, format_args!("no finite prediction at {predictions} of {all} horizons"));
+        } else if bands > 0 {
+            let all = session.horizons().len();
+            say(note, format_args!("no prediction bands at {bands} of {all} horizons"));
         }
     }
 

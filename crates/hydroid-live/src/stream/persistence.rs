@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde_json::Value;
 
-use super::{State, Stream, StreamError};
+use super::{Earlier, State, Stream, StreamError};
 use hydroid::log::Note;
 
 /// Longest stream time that a kill loses \[s\].
@@ -22,7 +22,7 @@ pub(super) struct StateFile {
 
 impl Stream {
     /// Saves the state in a file at least once per stream second, and resumes from an existing file, after which lines
-    /// up to its time are skipped. `model` is the [`fingerprint`](super::fingerprint) of the model's file, `settings`
+    /// that were answered before are not used again. `model` is the [`fingerprint`](super::fingerprint) of the model's file, `settings`
     /// are those of the adapter. Returns the time of the resumed state.
     ///
     /// # Errors
@@ -42,17 +42,25 @@ impl Stream {
             if lens != (self.commands.memory_len(), self.memory_len()) {
                 return Err(wrong("it has another size; remove it to start again".to_owned()));
             }
-            self.clock.restore(state.clock);
+            if !self.clock.restore(state.clock) {
+                return Err(wrong("its clock is not that of a stream; remove it to start again".to_owned()));
+            }
             self.commands.restore(&state.commands);
             let (adapter, pilot) = state.memory.split_at(self.session.adapter().memory_len());
             self.session.adapter_mut().load(adapter);
+            if state.commands.iter().any(|x| x.is_infinite()) || !self.session.is_sound() {
+                let reason = "it holds numbers that no service has: weights or states that are not finite, or variances below zero; remove it to start again";
+                return Err(wrong(reason.to_owned()));
+            }
             let mut numbers = pilot.iter();
             self.visit_pilot(&mut |number| *number = numbers.next().copied().unwrap_or(f64::NAN));
-            self.answered = Some(self.clock.taken());
+            self.earlier =
+                Some(Earlier { first: state.first.clone(), rows: state.rows, is_sent_again: false });
         }
+        let resumed = state.is_some().then(|| self.clock.taken());
         let (path, saved) = (path.to_owned(), self.clock.taken());
         self.state_file = Some(StateFile { path, model, settings, saved, failed: false });
-        Ok(self.answered)
+        Ok(resumed)
     }
 
     /// Saves the state if the next sample might come after the interval.
@@ -102,6 +110,8 @@ impl Stream {
         let state = State {
             model: state_file.model.clone(),
             settings: state_file.settings.clone(),
+            first: self.first.clone(),
+            rows: self.row,
             clock: self.clock.memory(),
             commands: self.commands.memory(),
             memory,

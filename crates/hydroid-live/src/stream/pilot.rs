@@ -3,6 +3,7 @@
 use hydroid::closed_loop::{
     ClosedLoopController, ClosedLoopError, ControllerOptions, Guidance, Guided, Measured, ModelSession, Track,
 };
+use hydroid_core::actuator::Limits;
 use hydroid_core::control::Status;
 
 /// A controller on its track. It keeps the pose: a missing position or heading is predicted from the velocities for the
@@ -15,6 +16,7 @@ pub struct Pilot {
     motion: [usize; 3],
     tolerance: f64,
     dt_s: f64,
+    limits: Vec<Limits>,
     rest: Vec<f64>,
     eta: [f64; 3],
     nu: [f64; 3],
@@ -79,6 +81,7 @@ impl Pilot {
             tolerance: options.tolerance,
             dt_s: options.dt_s,
             command: rest.clone(),
+            limits: options.limits.clone(),
             rest,
             eta: [f64::NAN; 3],
             nu: [0.0; 3],
@@ -91,6 +94,11 @@ impl Pilot {
 
     pub(super) fn adapts(&self) -> bool {
         self.adapts
+    }
+
+    /// Limits of the actuators.
+    pub(super) fn limits(&self) -> &[Limits] {
+        &self.limits
     }
 
     /// The command in force.
@@ -159,9 +167,19 @@ impl Pilot {
         self.on_track = guided.distance <= self.tolerance;
         self.guided = Some(guided);
         self.arrived |= self.guidance.is_done();
-        if self.arrived || self.command.iter().any(|c| !c.is_finite()) {
+        let finite = self.command.iter().all(|c| c.is_finite());
+        if !finite {
+            self.law.reset();
+        }
+        if self.arrived || !finite {
             self.command.copy_from_slice(&self.rest);
         }
+    }
+
+    /// Brings the command to rest until the next sample.
+    pub(super) fn rest(&mut self) {
+        self.command.copy_from_slice(&self.rest);
+        self.guided = None;
     }
 
     /// Takes the measured pose, or predicts missing parts with the last velocities.

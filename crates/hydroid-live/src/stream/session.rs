@@ -1,6 +1,6 @@
 //! The adapter along a stream: prediction of each sample, update, and prediction of the next ones.
 
-use hydroid_core::adapt::{Adapter, Learning as _};
+use hydroid_core::adapt::{Adapter, Learning as _, SaveState as _};
 use hydroid_core::predict::{Predictor as _, Workspace};
 
 use super::commands::Commands;
@@ -36,6 +36,10 @@ pub(super) struct Session {
     track: Vec<[f64; 3]>,
     track_deviations: Vec<[f64; 2]>,
     max_gap_s: f64,
+    /// Memory of the adapter before its first sample.
+    initial: Vec<f64>,
+    /// Samples of the present run.
+    samples: usize,
 }
 
 /// Remarks on the step to a sample.
@@ -44,6 +48,8 @@ pub(super) struct Transition {
     pub(super) held: bool,
     /// The command of an interval was unknown: a new run began after it.
     pub(super) lost: bool,
+    /// The memory of the adapter was not sound: it begins again with the weights of the model.
+    pub(super) restarted: bool,
 }
 
 impl Session {
@@ -51,7 +57,11 @@ impl Session {
     pub(super) fn new(adapter: Box<dyn Adapter>, horizons: Vec<usize>, dt: f64) -> Self {
         let (n, m) = (adapter.outputs(), adapter.inputs());
         let last = horizons.last().copied().unwrap_or(0);
+        let mut initial = vec![0.0; adapter.memory_len()];
+        adapter.save(&mut initial);
         Self {
+            initial,
+            samples: 0,
             missing: vec![f64::NAN; n],
             expected: vec![f64::NAN; n],
             expected_deviations: vec![f64::NAN; n],
@@ -116,16 +126,23 @@ impl Session {
         self.pilot.as_mut()
     }
 
+    /// Brings the commands of a pilot to rest, because the time is not known; false without a pilot.
+    pub(super) fn rest(&mut self, commands: &mut Commands) -> bool {
+        let Some(pilot) = &mut self.pilot else { return false };
+        pilot.rest();
+        commands.set_last(pilot.command());
+        true
+    }
+
     /// Begins a run, after a gap \[s\] unless it is the first.
     pub(super) fn begin(&mut self, commands: &mut Commands, sample: &Sample, gap: Option<f64>) -> Transition {
         self.adapter.to(sample.t, 0, self.dt);
         self.adapter.reset();
+        self.samples = 0;
         commands.restart();
         let held = commands.begin(&sample.inputs);
-        self.adapter.observe_heading(sample.heading);
-        self.adapter.observe(&sample.outputs);
-        self.predict(commands, sample, gap.map_or(Elapsed::Start, Elapsed::Gap));
-        Transition { held: held && self.pilot.is_none(), lost: false }
+        let restarted = self.observe(commands, sample, gap.map_or(Elapsed::Start, Elapsed::Gap));
+        Transition { held: held && self.pilot.is_none(), lost: false, restarted }
     }
 
     /// Advances to a sample, across grid points without one.
@@ -157,11 +174,47 @@ impl Session {
             }
         });
         self.adapter.to(sample.t, 0, self.dt);
+        self.compare(sample);
+        let finite = |numbers: &[f64]| numbers.iter().all(|x| x.is_finite());
+        // Outputs and command were known: only the memory of the adapter makes a prediction unknown.
+        let warm = !lost && self.samples > self.adapter.warm_up() && finite(&self.estimate);
+        let broken = warm && !finite(&self.expected);
+        if lost {
+            self.samples = 0;
+        }
+        if broken {
+            self.start_again();
+        }
+        let restarted = self.observe(commands, sample, Elapsed::Steps(steps)) || broken;
+        Transition { held: held && self.pilot.is_none(), lost, restarted }
+    }
+
+    /// Observes a sample and predicts the next ones; true if the adapter began again.
+    fn observe(&mut self, commands: &mut Commands, sample: &Sample, elapsed: Elapsed) -> bool {
+        self.samples = self.samples.saturating_add(1);
         self.adapter.observe_heading(sample.heading);
         self.adapter.observe(&sample.outputs);
-        self.compare(sample);
-        self.predict(commands, sample, Elapsed::Steps(steps));
-        Transition { held: held && self.pilot.is_none(), lost }
+        let unsound = !self.is_sound();
+        if unsound {
+            self.start_again();
+            self.adapter.to(sample.t, 0, self.dt);
+            self.adapter.observe_heading(sample.heading);
+            self.adapter.observe(&sample.outputs);
+        }
+        self.predict(commands, sample, elapsed);
+        unsound
+    }
+
+    /// An adapter whose memory or prediction is not finite would stay so for ever: it begins again as the model.
+    fn start_again(&mut self) {
+        self.adapter.load(&self.initial);
+        self.adapter.reset();
+        self.samples = 0;
+    }
+
+    /// Whether the memory of the adapter is sound.
+    pub(super) fn is_sound(&self) -> bool {
+        self.adapter.is_sound() && self.adapter.weights().iter().all(|weight| weight.is_finite())
     }
 
     fn compare(&mut self, sample: &Sample) {
@@ -254,6 +307,16 @@ impl Session {
 
     pub(super) fn deviations(&self, output: usize) -> impl Iterator<Item = f64> {
         self.deviations.chunks_exact(self.missing.len()).map(move |row| row[output])
+    }
+
+    /// Number of horizons at which a prediction is not finite, and at which a band is not.
+    pub(super) fn unknown(&self) -> [usize; 2] {
+        let n = self.missing.len();
+        let finite = |row: &[f64]| row.iter().all(|x| x.is_finite());
+        let predicted = |h: &&usize| finite(&self.rollout[(**h - 1) * n..][..n]);
+        let banded = self.deviations.chunks_exact(n).filter(|row| finite(row)).count();
+        let all = self.horizons.len();
+        [all - self.horizons.iter().filter(predicted).count(), all - banded]
     }
 
     /// Measurements with a one-step band, and those inside the 80 % and 95 % bands.

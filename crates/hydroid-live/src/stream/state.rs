@@ -16,10 +16,10 @@ use hydroid::atomic;
 use hydroid::fingerprint::Fingerprint;
 
 const KEY: &str = "hydroid_stream";
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 const HYDROID: &str = env!("CARGO_PKG_VERSION");
 const MAX_BYTES: u64 = 1 << 32;
-const CLOCK: usize = 5;
+const CLOCK: usize = 7;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -30,6 +30,9 @@ struct Head {
     /// Fingerprint of the model's file.
     model: String,
     settings: Value,
+    /// Fingerprint of the first data line of the session, and number of its data lines up to the state.
+    first: String,
+    rows: u64,
     sum: String,
 }
 
@@ -40,13 +43,18 @@ pub struct State {
     pub(super) model: String,
     /// Options of the adapter and of the reading.
     pub(super) settings: Value,
+    /// Fingerprint of the first data line of the session, and number of its data lines up to the state.
+    pub(super) first: String,
+    pub(super) rows: u64,
     pub(super) clock: [f64; CLOCK],
     pub(super) commands: Vec<f64>,
     pub(super) memory: Vec<f64>,
 }
 
-fn sum(clock: &[f64], commands: &[f64], memory: &[f64]) -> String {
+fn sum((first, rows): (&str, u64), clock: &[f64], commands: &[f64], memory: &[f64]) -> String {
     let mut hash = Fingerprint::new();
+    hash.bytes(first.as_bytes());
+    hash.word(rows);
     for part in [clock, commands, memory] {
         hash.word(part.len() as u64);
         hash.numbers(part);
@@ -65,7 +73,9 @@ impl State {
             hydroid: HYDROID.to_owned(),
             model: self.model.clone(),
             settings: self.settings.clone(),
-            sum: sum(&self.clock, &self.commands, &self.memory),
+            first: self.first.clone(),
+            rows: self.rows,
+            sum: sum((&self.first, self.rows), &self.clock, &self.commands, &self.memory),
         };
         let bytes = |numbers: &[f64]| numbers.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>();
         let tensors = [
@@ -111,7 +121,7 @@ impl State {
             Ok(numbers.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect())
         };
         let (clock, commands, memory) = (numbers("clock")?, numbers("commands")?, numbers("memory")?);
-        if sum(&clock, &commands, &memory) != head.sum {
+        if sum((&head.first, head.rows), &clock, &commands, &memory) != head.sum {
             return Err(damaged("the checksum does not match".to_owned()));
         }
         let clock = clock.try_into().map_err(|_| damaged("invalid clock".to_owned()))?;
@@ -121,7 +131,8 @@ impl State {
                 head.hydroid
             ));
         }
-        Ok(Self { model: head.model, settings: head.settings, clock, commands, memory })
+        let Head { model, settings, first, rows, .. } = head;
+        Ok(Self { model, settings, first, rows, clock, commands, memory })
     }
 
     /// Checks that the state belongs to this model and these settings; the error is the reason.

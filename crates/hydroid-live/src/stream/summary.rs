@@ -29,8 +29,10 @@ pub struct LineCounts {
     pub between: u64,
     /// Not readable.
     pub error: u64,
-    /// Skipped because an earlier session answered them.
-    pub skipped: u64,
+    /// Farther ahead than the longest gap, and not confirmed.
+    pub ahead: u64,
+    /// Answered before a restart.
+    pub repeated: u64,
 }
 
 impl LineCounts {
@@ -44,6 +46,8 @@ impl LineCounts {
             Status::Constant => &mut self.used,
             Status::Reset => &mut self.reset,
             Status::Late => &mut self.late,
+            Status::Ahead => &mut self.ahead,
+            Status::Repeated => &mut self.repeated,
             Status::Between => &mut self.between,
             Status::Error => &mut self.error,
         };
@@ -76,7 +80,8 @@ impl fmt::Display for Summary {
             (lines.late, "late"),
             (lines.between, "between"),
             (lines.error, "error"),
-            (lines.skipped, "skipped"),
+            (lines.ahead, "ahead"),
+            (lines.repeated, "repeated"),
         ];
         let listed: Vec<String> =
             counts.iter().filter(|(n, _)| *n > 0).map(|(n, name)| format!("{n} {name}")).collect();

@@ -2,6 +2,8 @@
 
 mod black_box;
 mod boat;
+mod random_streams;
+mod repaired;
 mod stream;
 mod stream_parts;
 mod through_water;

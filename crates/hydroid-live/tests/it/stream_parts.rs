@@ -39,7 +39,9 @@ fn samples_are_assigned_to_the_nearest_grid_point() {
     let found = arrivals([5.0, 5.1, 5.1, 5.05, 6.2]);
     assert_eq!(found[..3], [First, Next(1), Arrival::Late(0.0)]);
     assert!(matches!(found[3], Arrival::Late(by) if (by - 0.05).abs() < 1e-9), "{found:?}");
-    assert!(matches!(found[4], Arrival::Gap(by) if (by - 1.1).abs() < 1e-9), "{found:?}");
+    assert!(matches!(found[4], Arrival::Ahead(by) if (by - 1.1).abs() < 1e-9), "{found:?}");
+    let found = arrivals([5.0, 5.1, 6.2, 6.3, 6.4]);
+    assert!(matches!(found[4], Arrival::Gap(by) if (by - 1.3).abs() < 1e-9), "{found:?}");
     assert_eq!(arrivals([5.0, 6.0])[1], Next(10), "as long as the limit");
     for limit in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e9] {
         assert!(Clock::new(0.1, limit).is_err(), "{limit}");

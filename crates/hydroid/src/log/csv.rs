@@ -201,17 +201,25 @@ fn parse(bytes: &[u8], name: &str) -> Result<RawLog, LogError> {
 const LONGEST_LINE: usize = 1 << 24;
 
 fn check_lines(bytes: &[u8], name: &str) -> Result<(), LogError> {
-    let lines = bytes.split(|byte| matches!(byte, b'\n' | b'\r'));
-    match lines.zip(1..).find(|(line, _)| line.len() > LONGEST_LINE) {
-        None => Ok(()),
-        Some((long, line)) => Err(LogError::BadLine {
-            path: name.to_owned(),
-            line,
-            reason: format!(
-                "{} bytes without an end of line: the file is not a table; export the log as CSV",
-                long.len()
-            ),
-        }),
+    let is_end = |byte: &u8| matches!(byte, b'\n' | b'\r');
+    let (mut line, mut rest) = (1, bytes);
+    loop {
+        let len = rest.iter().position(is_end).unwrap_or(rest.len());
+        if len > LONGEST_LINE {
+            return Err(LogError::BadLine {
+                path: name.to_owned(),
+                line,
+                reason: format!(
+                    "{len} bytes without an end of line: the file is not a table; export the log as CSV"
+                ),
+            });
+        }
+        let after = &rest[len..];
+        rest = match after.strip_prefix(b"\r\n").or_else(|| after.get(1..)) {
+            Some(next) => next,
+            None => return Ok(()),
+        };
+        line += 1;
     }
 }
 

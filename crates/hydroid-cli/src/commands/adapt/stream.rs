@@ -2,9 +2,9 @@
 
 use std::borrow::Cow;
 use std::fs::File;
-use std::io::{BufRead, BufReader, ErrorKind};
+use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLockReadGuard};
 
 use anyhow::{Context, ensure};
 use hydroid::adapt::{self, ResolvedOptions};
@@ -64,7 +64,10 @@ pub fn persist(
     global: Global,
 ) -> anyhow::Result<()> {
     if let Some(t) = stream.persist_in(path, model_print, settings)? {
-        let note = format!("resuming from {} at {t} s: lines up to this time are skipped", path.display());
+        let note = format!(
+            "resuming from {} at {t} s: lines that were answered before are not used again",
+            path.display()
+        );
         ui::print_notes(&[Note::info(note)], global);
     }
     Ok(())
@@ -155,17 +158,87 @@ fn lock(service: &Mutex<Service>) -> MutexGuard<'_, Service> {
     service.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Answers each line until the source ends or the program is interrupted.
+/// Standard output, during whose writes an interrupted program may end: the reader of the answers may not read.
+struct Answers<'a> {
+    out: std::io::Stdout,
+    held: &'a mut Option<RwLockReadGuard<'static, ()>>,
+}
+
+impl Answers<'_> {
+    fn released<T>(&mut self, act: impl FnOnce(&mut std::io::Stdout) -> T) -> T {
+        *self.held = None;
+        let done = act(&mut self.out);
+        *self.held = Some(atomic::hold());
+        done
+    }
+}
+
+impl Write for Answers<'_> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.released(|out| out.write(bytes))
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.released(Write::flush)
+    }
+}
+
+/// Answers each line until the source ends or the program is interrupted. A line that is being computed, and the files of
+/// the end, are finished first.
 pub fn serve(reader: Box<dyn BufRead>, service: Service) -> anyhow::Result<Outcome> {
     let service = &Arc::new(Mutex::new(service));
     let interrupted = Arc::clone(service);
-    // The main thread may wait for input; the lock lets it finish the current line first.
+    // The main thread may wait for input.
     ui::at_interrupt(move || {
         let mut service = lock(&interrupted);
-        if service.finished {
+        let _held = atomic::hold();
+        service.end_interrupted();
+    });
+    let answered = answer_lines(reader, service);
+    let _held = atomic::hold();
+    let mut service = lock(service);
+    if answered.is_ok() && !service.stream.has_begun() {
+        return Err(LogError::Empty { path: service.name.clone() }.into());
+    }
+    // State and model are written even if answers cannot be.
+    let finished = if service.stream.has_begun() { service.finish() } else { Ok(()) };
+    answered?;
+    finished?;
+    Ok(Outcome::Done)
+}
+
+fn answer_lines(reader: Box<dyn BufRead>, service: &Mutex<Service>) -> anyhow::Result<()> {
+    let mut lines = Lines::new(reader);
+    loop {
+        let name = || lock(service).name.clone();
+        let Some(line) = lines.next_line().map_err(|source| LogError::Read { path: name(), source })? else {
+            return Ok(());
+        };
+        let mut service = lock(service);
+        let mut held = Some(atomic::hold());
+        let mut out = Answers { out: std::io::stdout(), held: &mut held };
+        let served = service.stream.serve(line, &mut out);
+        if ui::interrupted() {
+            service.end_interrupted();
+        }
+        drop(held);
+        let notes = service.stream.take_notes();
+        ui::print_notes(&notes, service.global);
+        match served {
+            // The reader closed the pipe.
+            Err(StreamError::Output(error)) if error.kind() == ErrorKind::BrokenPipe => return Ok(()),
+            other => other?,
+        }
+    }
+}
+
+impl Service {
+    /// Ends the program after an interruption; the caller holds the lock of the service.
+    fn end_interrupted(&mut self) {
+        if self.finished {
             return;
         }
-        let status = match service.finish() {
+        let status = match self.finish() {
             Ok(()) => 130,
             Err(error) => {
                 ui::print_error(&error);
@@ -173,33 +246,8 @@ pub fn serve(reader: Box<dyn BufRead>, service: Service) -> anyhow::Result<Outco
             }
         };
         std::process::exit(status);
-    });
-    let mut lines = Lines::new(reader);
-    let mut out = std::io::stdout();
-    loop {
-        let name = || lock(service).name.clone();
-        let Some(line) = lines.next_line().map_err(|source| LogError::Read { path: name(), source })? else {
-            break;
-        };
-        let mut service = lock(service);
-        let served = service.stream.serve(line, &mut out);
-        let notes = service.stream.take_notes();
-        ui::print_notes(&notes, service.global);
-        match served {
-            // The reader closed the pipe.
-            Err(StreamError::Output(error)) if error.kind() == ErrorKind::BrokenPipe => break,
-            other => other?,
-        }
     }
-    let mut service = lock(service);
-    if !service.stream.has_begun() {
-        return Err(LogError::Empty { path: service.name.clone() }.into());
-    }
-    service.finish()?;
-    Ok(Outcome::Done)
-}
 
-impl Service {
     fn finish(&mut self) -> anyhow::Result<()> {
         self.finished = true;
         let finished = self.finish_files();

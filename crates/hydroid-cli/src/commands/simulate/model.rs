@@ -51,11 +51,12 @@ pub(super) fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
         Given::Mixed => Some(InputMap::with(&model, &args.push, &args.turn)?),
         Given::Rows(_) | Given::Log { .. } => None,
     };
-    let simulated = record(&model, map.as_ref(), &options)?;
     let output = args.output.clone().unwrap_or_else(|| {
         let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         PathBuf::from(format!("{stem}-simulated-seed{}.csv", args.seed))
     });
+    let _lock = super::lock(&output)?;
+    let simulated = record(&model, map.as_ref(), &options)?;
     let measured = match &commands {
         Given::Log { run, from } => Track::measured(run, *from, run.len() - 1),
         Given::Mixed | Given::Rows(_) => None,

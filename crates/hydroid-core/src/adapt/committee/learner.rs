@@ -204,6 +204,10 @@ impl Learner {
         into.count(self.increments);
     }
 
+    pub(super) fn is_sound(&self) -> bool {
+        self.kernel.is_sound() && self.noise.is_sound()
+    }
+
     pub(super) fn load(&mut self, from: &mut Reader<'_>) {
         self.kernel.load(from);
         self.noise.load(from);

@@ -366,6 +366,10 @@ impl SaveState for CommitteeSession {
         self.learners.iter().for_each(|learner| learner.save(&mut into));
     }
 
+    fn is_sound(&self) -> bool {
+        self.weights.iter().all(|weight| weight.is_finite()) && self.learners.iter().all(Learner::is_sound)
+    }
+
     fn load(&mut self, from: &[f64]) {
         assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
         let mut from = Reader::new(from);

@@ -104,6 +104,13 @@ impl SaveState for RecursiveEquations {
         }
     }
 
+    fn is_sound(&self) -> bool {
+        self.weights.iter().all(|weight| weight.is_finite())
+            && self.groups.iter().all(|group| group.kernel.is_sound())
+            && self.noise.is_sound()
+            && self.prediction_variance.as_ref().is_none_or(PredictionVariance::is_sound)
+    }
+
     fn load(&mut self, from: &[f64]) {
         assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
         let mut from = Reader::new(from);

@@ -127,6 +127,11 @@ impl Account {
         from.numbers(core::slice::from_mut(&mut self.balance.value));
         from.numbers(&mut self.limits);
     }
+
+    /// Whether the numbers can be those of an account.
+    pub(super) fn is_sound(&self) -> bool {
+        self.balance.value.is_finite() && self.limits.iter().all(|limit| limit.is_finite() && *limit >= 0.0)
+    }
 }
 
 #[cfg(test)]

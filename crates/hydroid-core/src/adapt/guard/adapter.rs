@@ -212,6 +212,13 @@ impl SaveState for Guard {
         self.events.clear();
         self.outcome = Outcome::Waiting;
     }
+
+    fn is_sound(&self) -> bool {
+        self.learner.is_sound()
+            && self.reference.is_sound()
+            && self.account.is_sound()
+            && self.own.value.is_finite()
+    }
 }
 
 impl Rehearsing for Guard {

@@ -319,6 +319,13 @@ impl<M: Learnable> Filter<M> {
         self.covariance.parts().into_iter().for_each(|numbers| writer.numbers(numbers));
     }
 
+    /// Whether state and weights are finite, and the variances finite and not negative.
+    pub fn is_sound(&self) -> bool {
+        let finite = self.state.iter().chain(&self.weights).all(|x| x.is_finite());
+        // NaN if a variance is.
+        finite && self.covariance.least_variance() >= 0.0
+    }
+
     /// Restores the numbers that a filter of the same model and options saved. Both continue identically to the last
     /// bit.
     ///

@@ -1,6 +1,7 @@
 //! Adaptation and saved state of the last layer.
 
 use super::DirectLastLayer;
+use crate::adapt::are_variances;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
 use crate::adapt::{Health, Innovation, Learning, Outcome, RecursiveLeastSquares, Rehearsing, SaveState};
 use crate::predict::{Predictor, Workspace};
@@ -96,6 +97,12 @@ impl SaveState for DirectLastLayer {
             into.count(seen);
         }
         into.flag(self.frozen);
+    }
+
+    fn is_sound(&self) -> bool {
+        self.session.last_layer().iter().all(|weight| weight.is_finite())
+            && self.learner.as_ref().is_none_or(RecursiveLeastSquares::is_sound)
+            && are_variances(&self.variance)
     }
 
     fn load(&mut self, from: &[f64]) {

@@ -271,6 +271,10 @@ impl<K: ModelKind> SaveState for KalmanSession<K> {
         self.filter.save(writer.part(self.filter.memory_len()));
     }
 
+    fn is_sound(&self) -> bool {
+        self.filter.is_sound()
+    }
+
     fn load(&mut self, from: &[f64]) {
         assert_eq!(from.len(), self.memory_len(), "length of the memory of the adapter");
         let mut reader = Reader::new(from);
