@@ -8,7 +8,7 @@ use std::path::Path;
 
 use anyhow::bail;
 use hydroid::log::inspect::{Confidence, DelayEstimate};
-use hydroid::log::{self, Inspection, RawLog, Trajectory};
+use hydroid::log::{self, Inspection, Trajectory};
 use hydroid::manoeuvre::{Recognised, recognise};
 use hydroid::model::{self, Description, Model, NamedEquations, Port, Reading};
 use hydroid_core::craft::CraftParameter;
@@ -51,9 +51,8 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
             if args.latex {
                 bail!("{} is a log: --latex prints the equations of models", file.display());
             }
-            let raw = log::read(file)?;
-            let inspection = log::inspect(&raw, &reading.selection, &reading.options)?;
-            let trials = trials(&raw, &reading);
+            let (inspection, runs) = log::inspect_file(file, &reading.selection, &reading.options)?;
+            let trials = trials(&runs);
             if global.json {
                 let mut document = serde_json::to_value(&inspection)?;
                 document["trials"] = json!(trials);
@@ -84,10 +83,8 @@ struct TrialInLog {
     trial: Recognised,
 }
 
-/// The manoeuvring trials in a log; none if it cannot be prepared.
-fn trials(raw: &RawLog, reading: &Reading) -> Vec<TrialInLog> {
-    let prepared = log::prepare(std::slice::from_ref(raw), &reading.selection, &reading.options);
-    let runs = prepared.map(|prepared| prepared.runs).unwrap_or_default();
+/// The manoeuvring trials in a log.
+fn trials(runs: &[Trajectory]) -> Vec<TrialInLog> {
     let of = |run: &Trajectory| -> Vec<TrialInLog> {
         let time = |sample: usize| run.t0 + sample as f64 * run.dt;
         let found = recognise(run).into_iter().map(|trial| TrialInLog {

@@ -98,14 +98,7 @@ fn by_name(reading: &Reading, model: &Model) -> Reading {
 
 /// A column that a line may have later.
 fn absent_column(spec: &ChannelSpec) -> RawColumn {
-    RawColumn {
-        name: spec.column.clone(),
-        unit: None,
-        values: Vec::new(),
-        bad: None,
-        bad_cells: 0,
-        stamps: None,
-    }
+    RawColumn::named(&spec.column)
 }
 
 #[derive(Clone, Debug)]
@@ -187,7 +180,7 @@ fn csv(line: &str, name: &str) -> Result<(Format, RawLog), LogError> {
     name_the_nameless(&mut columns);
     let needed = cells.iter().rposition(|cell| !cell.is_empty()).map_or(0, |p| p + 1);
     let format = Format::Csv { delimiter, needed, most: cells.len() };
-    Ok((format, RawLog { path: name.to_owned(), columns, lines: Vec::new() }))
+    Ok((format, RawLog::without_rows(name, columns)))
 }
 
 /// The keys of the first object are the columns: all commands, at least one output; other outputs may follow later.
@@ -201,7 +194,7 @@ fn object(
     let mut keys = super::line::keys(line, name)?;
     let mut columns = header_columns(&keys, name)?;
     name_the_nameless(&mut columns);
-    let mut log = RawLog { path: name.to_owned(), columns, lines: Vec::new() };
+    let mut log = RawLog::without_rows(name, columns);
     let selection = &reading.selection;
     let wind = selection.wind.iter().flat_map(|wind| [&wind.speed, &wind.direction]);
     let outputs: Vec<&ChannelSpec> = selection.outputs.iter().collect();

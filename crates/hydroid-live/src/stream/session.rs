@@ -16,6 +16,10 @@ pub(super) struct Session {
     adapter: RecordingAdapter<'static>,
     dt: f64,
     horizons: Vec<usize>,
+    /// Horizons whose deviations are computed: those of the answers, and one sample.
+    computed: Vec<usize>,
+    /// Whether `deviations` holds those of the next sample, under the first of `commands`.
+    ahead: bool,
     missing: Vec<f64>,
     /// Prediction of the next sample, and its standard deviation.
     expected: Vec<f64>,
@@ -59,6 +63,10 @@ impl Session {
         let last = horizons.last().copied().unwrap_or(0);
         let mut initial = vec![0.0; adapter.memory_len()];
         adapter.save(&mut initial);
+        let mut computed = horizons.clone();
+        if last > 0 && horizons[0] > 1 {
+            computed.insert(0, 1);
+        }
         Self {
             initial,
             samples: 0,
@@ -70,7 +78,9 @@ impl Session {
             commands: vec![f64::NAN; last * m],
             held: vec![f64::NAN; m],
             rollout: vec![f64::NAN; last * n],
-            deviations: vec![f64::NAN; horizons.len() * n],
+            deviations: vec![f64::NAN; computed.len() * n],
+            computed,
+            ahead: false,
             work: Workspace::new(),
             banded: [0; 3],
             pilot: None,
@@ -103,6 +113,7 @@ impl Session {
     }
 
     pub(super) fn adapter_mut(&mut self) -> &mut dyn Adapter {
+        self.ahead = false;
         &mut self.adapter
     }
 
@@ -153,7 +164,10 @@ impl Session {
         sample: &Sample,
     ) -> Transition {
         self.adapter.to(sample.t, steps.saturating_sub(1), self.dt);
-        let Self { adapter, missing, expected, expected_deviations, work, .. } = self;
+        let ahead = std::mem::take(&mut self.ahead) && steps == 1;
+        let Self {
+            adapter, missing, expected, expected_deviations, work, deviations, commands: planned, ..
+        } = self;
         let mut lost = false;
         let held = commands.advance_to(steps, &sample.inputs, |step, command| {
             if command.iter().any(|c| c.is_nan()) {
@@ -163,7 +177,10 @@ impl Session {
                 return;
             }
             let last = step + 1 == steps;
-            if last {
+            if last && ahead && planned.starts_with(command) {
+                // Nothing has changed since the last prediction.
+                expected_deviations.copy_from_slice(&deviations[..missing.len()]);
+            } else if last {
                 adapter.deviations(command, &[1], work, expected_deviations);
             }
             adapter.advance(command);
@@ -210,6 +227,7 @@ impl Session {
         self.adapter.load(&self.initial);
         self.adapter.reset();
         self.samples = 0;
+        self.ahead = false;
     }
 
     /// Whether the memory of the adapter is sound.
@@ -236,7 +254,8 @@ impl Session {
         let plan = if self.pilot.is_some() { &self.plan } else { &sample.plan };
         commands.ahead(plan, &mut self.commands);
         self.adapter.rollout(&self.commands, &mut self.work, &mut self.rollout);
-        self.adapter.deviations(&self.commands, &self.horizons, &mut self.work, &mut self.deviations);
+        self.adapter.deviations(&self.commands, &self.computed, &mut self.work, &mut self.deviations);
+        self.ahead = !self.computed.is_empty();
         self.predict_track();
     }
 
@@ -262,7 +281,9 @@ impl Session {
     /// Poses along the rollout. The deviations are upper bounds, of errors of the velocities that do not change their
     /// sign: the standard deviation of a sum is at most the sum of the standard deviations.
     fn predict_track(&mut self) {
+        let hidden = self.hidden();
         let Self { pilot: Some(pilot), horizons, rollout, deviations, .. } = self else { return };
+        let deviations = &deviations[hidden..];
         let (n, motion, dt) = (self.missing.len(), pilot.motion(), self.dt);
         let [mut x, mut y, mut psi] = pilot.eta();
         let mut before = motion.map(|place| self.estimate[place]);
@@ -299,6 +320,11 @@ impl Session {
         &self.through_water
     }
 
+    /// Length of the deviations of one sample, where it is no horizon of the answers.
+    fn hidden(&self) -> usize {
+        (self.computed.len() - self.horizons.len()) * self.missing.len()
+    }
+
     /// Prediction of an output at each horizon.
     pub(super) fn prediction(&self, output: usize) -> impl Iterator<Item = f64> {
         let n = self.missing.len();
@@ -306,7 +332,7 @@ impl Session {
     }
 
     pub(super) fn deviations(&self, output: usize) -> impl Iterator<Item = f64> {
-        self.deviations.chunks_exact(self.missing.len()).map(move |row| row[output])
+        self.deviations[self.hidden()..].chunks_exact(self.missing.len()).map(move |row| row[output])
     }
 
     /// Number of horizons at which a prediction is not finite, and at which a band is not.
@@ -314,7 +340,7 @@ impl Session {
         let n = self.missing.len();
         let finite = |row: &[f64]| row.iter().all(|x| x.is_finite());
         let predicted = |h: &&usize| finite(&self.rollout[(**h - 1) * n..][..n]);
-        let banded = self.deviations.chunks_exact(n).filter(|row| finite(row)).count();
+        let banded = self.deviations[self.hidden()..].chunks_exact(n).filter(|row| finite(row)).count();
         let all = self.horizons.len();
         [all - self.horizons.iter().filter(predicted).count(), all - banded]
     }

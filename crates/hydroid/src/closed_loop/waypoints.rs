@@ -182,7 +182,7 @@ fn columns(
     };
     let factors = [factor(pair[0])?, factor(pair[1])?];
     let row = |k: usize| {
-        let place = format!("line {}", table.lines[k]);
+        let place = format!("line {}", table.lines.get(k));
         let point = [0, 1].map(|i| factors[i] * pair[i].values[k]);
         if point.iter().all(|number| number.is_finite()) {
             Ok((place, point))

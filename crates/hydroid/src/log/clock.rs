@@ -25,12 +25,20 @@ pub struct Clock {
 }
 
 /// Rejects identical time stamps and decreasing time.
-pub(crate) fn check_order(columns: &Columns) -> Result<(), LogError> {
+pub(crate) fn check_order(columns: &Columns<'_>) -> Result<(), LogError> {
     for (k, pair) in columns.t.windows(2).enumerate() {
+        if pair[1] > pair[0] {
+            continue;
+        }
         let path = || columns.path.clone();
-        let line = columns.lines[k + 1];
+        let line = columns.lines.get(k + 1);
         if pair[1] == pair[0] {
-            return Err(LogError::SameTime { path: path(), line, before: columns.lines[k], time: pair[0] });
+            return Err(LogError::SameTime {
+                path: path(),
+                line,
+                before: columns.lines.get(k),
+                time: pair[0],
+            });
         }
         if pair[1] < pair[0] {
             let remedy = if restarts(&columns.t, k) {
@@ -75,7 +83,11 @@ impl Clock {
 
     /// Clock of increasing time stamps; steps beyond `max_gap_s` are jumps. `None` for fewer than two stamps.
     pub fn of(t: &[f64], max_gap_s: f64) -> Option<Self> {
-        let usual = Self::usual_step(t)?;
+        Some(Self::with_usual_step(t, Self::usual_step(t)?, max_gap_s))
+    }
+
+    /// As [`of`](Self::of), with the usual step.
+    pub(crate) fn with_usual_step(t: &[f64], usual: f64, max_gap_s: f64) -> Self {
         let steps = || t.windows(2).map(|p| p[1] - p[0]);
         let (mut sum, mut singles) = (0.0, 0_usize);
         let mut regular = true;
@@ -94,12 +106,12 @@ impl Clock {
             regular = on_grid(t, grid, max_gap_s);
             step_s = if regular { grid } else { round_if_close(usual) };
         }
-        Some(Self {
+        Self {
             step_s,
             shortest_s: steps().fold(f64::INFINITY, f64::min),
             longest_s: steps().fold(0.0, f64::max),
             regular,
-        })
+        }
     }
 }
 

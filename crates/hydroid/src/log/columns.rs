@@ -1,88 +1,183 @@
 //! The selected columns of one log in SI units, checked cell by cell.
 
+use std::borrow::Cow;
+use std::ops::Range;
+
 use super::csv::{BadCell, RawColumn, RawLog};
 use super::error::LogError;
+use super::lines::Lines;
 use super::note::{Note, count};
 use super::resolve::{self, Resolved, Source, Time};
 use super::selection::Selection;
 use super::stamp;
 use super::trajectory::Channel;
 
+/// Where the values of [`Columns`] come from.
+pub(crate) enum Origin<'a, 'b> {
+    /// A log that is used further: only converted columns are copied.
+    Borrowed(&'a RawLog),
+    /// A log whose selected columns are moved out of it.
+    Taken(&'b mut RawLog),
+}
+
+impl Origin<'_, '_> {
+    fn log(&self) -> &RawLog {
+        match self {
+            Self::Borrowed(log) => log,
+            Self::Taken(log) => log,
+        }
+    }
+}
+
 /// Rows of a log that have a time stamp, column by column, in SI units.
 #[derive(Clone, Debug)]
-pub(crate) struct Columns {
+pub(crate) struct Columns<'a> {
     pub(crate) path: String,
     /// Time \[s\] of each row, finite.
-    pub(crate) t: Vec<f64>,
+    pub(crate) t: Cow<'a, [f64]>,
     /// Name of the time column if its unit is not stated.
     pub(crate) unstated: Option<String>,
-    pub(crate) lines: Vec<u64>,
+    pub(crate) lines: Lines,
     pub(crate) output_channels: Vec<Channel>,
     pub(crate) input_channels: Vec<Channel>,
     /// One vector per output; NaN is missing.
-    pub(crate) outputs: Vec<Vec<f64>>,
+    pub(crate) outputs: Vec<Cow<'a, [f64]>>,
     /// One vector per input; NaN is missing.
-    pub(crate) inputs: Vec<Vec<f64>>,
-    pub(crate) truth: Option<Vec<Vec<f64>>>,
-    pub(crate) heading: Option<Vec<f64>>,
+    pub(crate) inputs: Vec<Cow<'a, [f64]>>,
+    pub(crate) truth: Option<Vec<Cow<'a, [f64]>>>,
+    pub(crate) heading: Option<Cow<'a, [f64]>>,
 }
 
 /// Largest plausible time \[s\]: seconds since 1970 are 1.7e9, milliseconds are 1.7e12.
 const LONGEST_TIME_S: f64 = 1e12;
 
-impl Columns {
-    pub(crate) fn new(log: &RawLog, resolved: &Resolved, notes: &mut Vec<Note>) -> Result<Self, LogError> {
-        let times = times(log, &resolved.time, notes)?;
-        let rows = usable_rows(log, &times, matches!(resolved.time, Time::Column { .. }), notes);
-        let all = rows.len() == log.rows();
-        let take = |source: &Source| -> Result<Vec<f64>, LogError> {
-            let raw = checked(log, source)?;
-            Ok(if all {
-                raw.values.iter().map(|x| source.si(*x)).collect()
-            } else {
-                rows.iter().map(|&k| source.si(raw.values[k])).collect()
-            })
+/// Columns of a log, from which some rows are dropped.
+struct Taker<'a, 'b> {
+    origin: Origin<'a, 'b>,
+    /// Uses of each column that are still to come; the last one moves its values.
+    uses: Vec<usize>,
+    /// Rows that are dropped, ascending.
+    dropped: Vec<usize>,
+}
+
+impl<'a> Taker<'a, '_> {
+    /// The SI values of a source.
+    fn take(&mut self, source: &Source) -> Result<Cow<'a, [f64]>, LogError> {
+        checked(self.origin.log(), source)?;
+        let si = |x: f64| source.si(x);
+        Ok(self.convert(source.column, (!source.is_identity()).then_some(si)))
+    }
+
+    fn take_all(&mut self, sources: &[Source]) -> Result<Vec<Cow<'a, [f64]>>, LogError> {
+        sources.iter().map(|source| self.take(source)).collect()
+    }
+
+    fn convert(&mut self, column: usize, si: Option<impl Fn(f64) -> f64>) -> Cow<'a, [f64]> {
+        self.uses[column] = self.uses[column].saturating_sub(1);
+        let mut values = match &mut self.origin {
+            Origin::Borrowed(log) => Cow::Borrowed(&log.columns[column].values[..]),
+            Origin::Taken(log) if self.uses[column] == 0 => {
+                Cow::Owned(std::mem::take(&mut log.columns[column].values))
+            }
+            Origin::Taken(log) => Cow::Owned(log.columns[column].values.clone()),
         };
-        let take_all = |sources: &[Source]| sources.iter().map(take).collect::<Result<Vec<_>, _>>();
-        let t: Vec<f64> = rows.iter().map(|&k| times[k]).collect();
-        let lines: Vec<u64> = rows.iter().map(|&k| log.lines[k]).collect();
-        if let Some(k) = t.iter().position(|t| t.abs() > LONGEST_TIME_S) {
-            return Err(LogError::AbsurdTime { path: log.path.clone(), line: lines[k], time: t[k] });
+        if let Some(si) = si {
+            values.to_mut().iter_mut().for_each(|x| *x = si(*x));
         }
-        let outputs = take_all(&resolved.outputs)?;
-        let mut inputs = take_all(&resolved.inputs)?;
+        drop_rows(&mut values, &self.dropped);
+        values
+    }
+
+    /// Releases the columns that are not selected.
+    fn release(&mut self) {
+        if let Origin::Taken(log) = &mut self.origin {
+            log.columns.iter_mut().for_each(|column| column.values = Vec::new());
+        }
+    }
+}
+
+fn drop_rows(values: &mut Cow<[f64]>, dropped: &[usize]) {
+    if dropped.is_empty() {
+        return;
+    }
+    let (mut row, mut next) = (0, 0);
+    values.to_mut().retain(|_| {
+        let drop = dropped.get(next) == Some(&row);
+        next += usize::from(drop);
+        row += 1;
+        !drop
+    });
+}
+
+impl<'a> Columns<'a> {
+    pub(crate) fn new(
+        origin: Origin<'a, '_>,
+        resolved: &Resolved,
+        notes: &mut Vec<Note>,
+    ) -> Result<Self, LogError> {
+        let log = origin.log();
+        let path = log.path.clone();
+        check_times(log, &resolved.time, notes)?;
+        let mut uses = vec![0; log.columns.len()];
+        resolved.sources().for_each(|source| uses[source.column] += 1);
+        let mut taker = Taker { origin, uses, dropped: Vec::new() };
+        let mut t = times(&mut taker, &resolved.time);
+        taker.dropped = unusable_rows(taker.origin.log(), &resolved.time, &t, notes);
+        drop_rows(&mut t, &taker.dropped);
+        let mut dropped = taker.dropped.iter().peekable();
+        let all = taker.origin.log().lines.iter().enumerate();
+        let lines: Lines =
+            all.filter(|(k, _)| dropped.next_if(|d| *d == k).is_none()).map(|(_, line)| line).collect();
+        if let Some(k) = t.iter().position(|t| t.abs() > LONGEST_TIME_S) {
+            return Err(LogError::AbsurdTime { path, line: lines.get(k), time: t[k] });
+        }
+        let outputs = taker.take_all(&resolved.outputs)?;
+        let mut inputs = taker.take_all(&resolved.inputs)?;
+        let names = |source: &Source| taker.origin.log().columns[source.column].name.clone();
         for (source, values) in
             resolved.outputs.iter().chain(&resolved.inputs).zip(outputs.iter().chain(&inputs))
         {
             if values.iter().all(|x| x.is_nan()) {
-                return Err(missing(log, &log.columns[source.column]));
+                return Err(LogError::AllMissing { path, column: names(source) });
             }
         }
         if let Some([speed, direction]) = &resolved.wind {
-            let (speeds, directions) = (take(speed)?, take(direction)?);
-            check_direction(log, direction, &lines, &directions)?;
+            let (speeds, directions) = (taker.take(speed)?, taker.take(direction)?);
+            let names = |source: &Source| taker.origin.log().columns[source.column].name.clone();
+            check_direction(&path, &names(direction), direction, &lines, &directions)?;
             let part = |f: fn(f64) -> f64| -> Vec<f64> {
-                speeds.iter().zip(&directions).map(|(s, d)| s * s * f(*d)).collect()
+                speeds.iter().zip(directions.iter()).map(|(s, d)| s * s * f(*d)).collect()
             };
             let (x, y) = (part(f64::cos), part(f64::sin));
             if x.iter().all(|x| x.is_nan()) {
                 let source = if speeds.iter().all(|x| x.is_nan()) { speed } else { direction };
-                return Err(missing(log, &log.columns[source.column]));
+                return Err(LogError::AllMissing { path, column: names(source) });
             }
-            inputs.extend([x, y]);
+            inputs.extend([x.into(), y.into()]);
         }
-        let truth = resolved.truth.as_ref().map(|t| take_all(t)).transpose()?;
-        // A column that was only guessed to be the heading need not be one.
-        let heading = match &resolved.heading {
-            Some((source, true)) => Some(take(source)?),
-            Some((source, false)) => take(source).ok(),
+        let truth = match &resolved.truth {
+            // An inspection has no use for the true values, and leaves them out.
+            Some(sources) if sources.iter().any(|s| taker.origin.log().columns[s.column].is_left_out()) => {
+                sources.iter().try_for_each(|source| checked(taker.origin.log(), source).map(|_| ()))?;
+                None
+            }
+            Some(sources) => Some(taker.take_all(sources)?),
             None => None,
         };
+        // A column that was only guessed to be the heading need not be one.
+        let heading = match &resolved.heading {
+            Some((source, true)) => Some(taker.take(source)?),
+            Some((source, false)) => taker.take(source).ok(),
+            None => None,
+        };
+        taker.release();
         Ok(Self {
-            path: log.path.clone(),
+            path,
             t,
             unstated: match &resolved.time {
-                Time::Column { source, stated: false } => Some(log.columns[source.column].name.clone()),
+                Time::Column { source, stated: false } => {
+                    Some(taker.origin.log().columns[source.column].name.clone())
+                }
                 _ => None,
             },
             lines,
@@ -99,79 +194,101 @@ impl Columns {
         self.t.len()
     }
 
-    pub(crate) fn keep(&mut self, rows: std::ops::Range<usize>) {
+    pub(crate) fn keep(&mut self, rows: Range<usize>) {
         let values = self.outputs.iter_mut().chain(&mut self.inputs).chain(self.truth.iter_mut().flatten());
         for values in values.chain(&mut self.heading).chain([&mut self.t]) {
-            values.truncate(rows.end);
-            values.drain(..rows.start);
+            keep_rows(values, rows.clone());
         }
-        self.lines.truncate(rows.end);
-        self.lines.drain(..rows.start);
+        self.lines.keep(rows);
     }
 }
 
-/// Time \[s\] of every row, NaN where it is missing; stamps are relative to the first one.
-fn times(log: &RawLog, time: &Time, notes: &mut Vec<Note>) -> Result<Vec<f64>, LogError> {
-    let source = match time {
-        Time::Even(dt) => return Ok((0..log.rows()).map(|k| k as f64 * dt).collect()),
-        Time::Column { source, .. } => source,
-    };
+/// Restricts a column to some of its rows.
+pub(crate) fn keep_rows(values: &mut Cow<[f64]>, rows: Range<usize>) {
+    match values {
+        Cow::Borrowed(values) => *values = &values[rows],
+        Cow::Owned(values) => {
+            values.truncate(rows.end);
+            values.drain(..rows.start);
+        }
+    }
+}
+
+/// Rejects a time column without times, and adds a note on stamps.
+fn check_times(log: &RawLog, time: &Time, notes: &mut Vec<Note>) -> Result<(), LogError> {
+    let Time::Column { source, .. } = time else { return Ok(()) };
     let column = &log.columns[source.column];
     if let Some(bad) = &column.bad {
         return Err(not_a_number(log, column, bad));
     }
-    if column.values.iter().all(|x| x.is_nan()) {
-        return Err(missing(log, column));
+    if !column.has_values() {
+        return Err(LogError::AllMissing { path: log.path.clone(), column: column.name.clone() });
     }
     if let Some(k) = resolve::only_value(column) {
         let value = match &column.stamps {
             Some(first) => first.text.clone(),
             None => column.values[k].to_string(),
         };
-        let (path, line, column) = (log.path.clone(), log.lines[k], column.name.clone());
+        let (path, line, column) = (log.path.clone(), log.lines.get(k), column.name.clone());
         return Err(LogError::OneTime { path, line, column, value });
     }
-    let Some(first) = &column.stamps else {
-        return Ok(column.values.iter().map(|x| source.si(*x)).collect());
-    };
-    let zone = if first.zoned { "" } else { " (no zone is given: taken as UTC)" };
-    notes.push(Note::info(format!("{}: times are seconds since {}{zone}", log.path, first.text)));
-    let start = column.values.iter().copied().find(|x| !x.is_nan()).unwrap_or(0.0);
-    // Seconds since 1970 resolve a quarter of a microsecond: rounding restores whole microseconds.
-    Ok(column.values.iter().map(|x| ((x - start) * 1e6).round() / 1e6).collect())
+    if let Some(first) = &column.stamps {
+        let zone = if first.zoned { "" } else { " (no zone is given: taken as UTC)" };
+        notes.push(Note::info(format!("{}: times are seconds since {}{zone}", log.path, first.text)));
+    }
+    Ok(())
 }
 
-/// Rows with a time, without those that repeat the row before in every column.
-fn usable_rows(log: &RawLog, times: &[f64], stamped: bool, notes: &mut Vec<Note>) -> Vec<usize> {
-    let mut rows: Vec<usize> = (0..log.rows()).filter(|&k| !times[k].is_nan()).collect();
-    if rows.len() < log.rows() {
-        let dropped = count(log.rows() - rows.len(), "row");
-        notes.push(Note::warning(format!("{}: {dropped} without a time stamp dropped", log.path)));
+/// Time \[s\] of every row, NaN where it is missing; stamps are relative to the first one.
+fn times<'a>(taker: &mut Taker<'a, '_>, time: &Time) -> Cow<'a, [f64]> {
+    let source = match time {
+        Time::Even(dt) => return (0..taker.origin.log().rows()).map(|k| k as f64 * dt).collect(),
+        Time::Column { source, .. } => source,
+    };
+    let column = &taker.origin.log().columns[source.column];
+    if column.stamps.is_none() {
+        return taker.convert(source.column, (!source.is_identity()).then_some(|x: f64| source.si(x)));
     }
-    if !stamped {
-        return rows;
+    let start = column.values.iter().copied().find(|x| !x.is_nan()).unwrap_or(0.0);
+    // Seconds since 1970 resolve a quarter of a microsecond: rounding restores whole microseconds.
+    taker.convert(source.column, Some(|x: f64| ((x - start) * 1e6).round() / 1e6))
+}
+
+/// Rows without a time, and rows that repeat the row before in every column.
+fn unusable_rows(log: &RawLog, time: &Time, times: &[f64], notes: &mut Vec<Note>) -> Vec<usize> {
+    let mut dropped: Vec<usize> = (0..log.rows()).filter(|&k| times[k].is_nan()).collect();
+    if !dropped.is_empty() {
+        let rows = count(dropped.len(), "row");
+        notes.push(Note::warning(format!("{}: {rows} without a time stamp dropped", log.path)));
     }
-    let before = rows.len();
-    let mut first = None;
-    rows.dedup_by(|b, a| {
-        let same = times[*a] == times[*b]
-            && log.columns.iter().all(|c| {
-                let (x, y) = (c.values[*a], c.values[*b]);
-                x == y || x.is_nan() && y.is_nan()
-            });
-        if same {
-            first.get_or_insert(log.lines[*b]);
+    let Time::Column { source, .. } = time else { return dropped };
+    let same = |x: f64, y: f64| x == y || x.is_nan() && y.is_nan();
+    let others = log.columns.iter().enumerate().filter(|(i, c)| *i != source.column && !c.is_left_out());
+    let columns: Vec<&[f64]> = others.map(|(_, column)| &column.values[..]).collect();
+    let mut repeated = Vec::new();
+    let mut before: Option<usize> = None;
+    for k in (0..log.rows()).filter(|&k| !times[k].is_nan()) {
+        let repeats = before.is_some_and(|before| {
+            times[before] == times[k]
+                && columns.iter().all(|values| same(values[before], values[k]))
+                && log.rest.repeats.get(before + 1..=k).is_none_or(|rows| rows.iter().all(|same| *same))
+        });
+        if repeats {
+            repeated.push(k);
+        } else {
+            before = Some(k);
         }
-        same
-    });
-    if let Some(line) = first {
-        let dropped = count(before - rows.len(), "row");
+    }
+    if let Some(&first) = repeated.first() {
+        let (rows, line) = (count(repeated.len(), "row"), log.lines.get(first));
         notes.push(Note::warning(format!(
-            "{}: {dropped} dropped that repeat the row before with its time and all its values (the first in line {line})",
+            "{}: {rows} dropped that repeat the row before with its time and all its values (the first in line {line})",
             log.path
         )));
+        dropped.extend(repeated);
+        dropped.sort_unstable();
     }
-    rows
+    dropped
 }
 
 /// The selected columns row by row in SI units: time \[s\], outputs, inputs. For tables that are not runs.
@@ -180,20 +297,25 @@ fn usable_rows(log: &RawLog, times: &[f64], stamped: bool, notes: &mut Vec<Note>
 /// If a column is missing or holds text.
 pub fn rows(log: &RawLog, selection: &Selection) -> Result<Vec<(f64, Vec<f64>)>, LogError> {
     let resolved = Resolved::new(log, selection, None, &mut Vec::new())?;
-    let columns = Columns::new(log, &resolved, &mut Vec::new())?;
+    let columns = Columns::new(Origin::Borrowed(log), &resolved, &mut Vec::new())?;
     let row = |k: usize| columns.outputs.iter().chain(&columns.inputs).map(|values| values[k]).collect();
     Ok((0..columns.rows()).map(|k| (columns.t[k], row(k))).collect())
 }
 
 /// Rejects a wind direction in degrees without a unit: it would be taken as radians.
-fn check_direction(log: &RawLog, source: &Source, lines: &[u64], directions: &[f64]) -> Result<(), LogError> {
-    let name = &log.columns[source.column].name;
+fn check_direction(
+    path: &str,
+    name: &str,
+    source: &Source,
+    lines: &Lines,
+    directions: &[f64],
+) -> Result<(), LogError> {
     let turn = std::f64::consts::TAU + 0.01;
     match directions.iter().position(|x| x.abs() > turn) {
         Some(k) if source.channel.unit.is_empty() => Err(LogError::Absurd {
-            path: log.path.clone(),
-            line: lines[k],
-            column: name.clone(),
+            path: path.to_owned(),
+            line: lines.get(k),
+            column: name.to_owned(),
             value: format!(
                 "a wind direction of {} without a unit is more than a turn in radians and looks like degrees: write `{name} [deg]`",
                 directions[k]
@@ -202,10 +324,6 @@ fn check_direction(log: &RawLog, source: &Source, lines: &[u64], directions: &[f
         }),
         _ => Ok(()),
     }
-}
-
-fn missing(log: &RawLog, column: &RawColumn) -> LogError {
-    LogError::AllMissing { path: log.path.clone(), column: column.name.clone() }
 }
 
 /// The column of a source, if all its cells are numbers or blank.
@@ -233,7 +351,7 @@ fn not_a_number(log: &RawLog, column: &RawColumn, bad: &BadCell) -> LogError {
     }
     // A column holds either stamps or numbers.
     let stamp = stamp::parse(&text).is_some();
-    if stamp && column.values.iter().any(|x| !x.is_nan()) || column.stamps.is_some() && is_number(&text) {
+    if stamp && column.has_values() || column.stamps.is_some() && is_number(&text) {
         return LogError::MixedTime { path, line, column: name, text };
     }
     let dated = text.bytes().filter(|&b| b == b':' || b == b'-' || b == b'/').count() >= 2;
@@ -241,9 +359,9 @@ fn not_a_number(log: &RawLog, column: &RawColumn, bad: &BadCell) -> LogError {
         "a time stamp is a date and a time of day that exist, as in 2020-08-03T11:04:37.125Z"
     } else if dated {
         "write the time as 2020-08-03T11:04:37.125Z, or as seconds since the start of the recording"
-    } else if column.bad_cells == column.values.len() {
+    } else if column.bad_cells == log.rows() {
         "the column holds text in every row: choose another one"
-    } else if log.lines.first() == Some(&line) {
+    } else if log.lines.iter().next() == Some(line) {
         "if the line holds units, move them into the header, as `name [unit]`, and delete the line"
     } else if text.contains(',') {
         "write decimals with a point"

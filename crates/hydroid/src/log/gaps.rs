@@ -1,5 +1,7 @@
 //! Gap limit of the measurements, and the cuts where it is exceeded.
 
+use std::borrow::Cow;
+
 use super::clock::median;
 use super::columns::Columns;
 use super::note::Note;
@@ -16,12 +18,13 @@ pub(crate) fn default_limit(columns: &Columns, step: f64, dt: Option<f64>, notes
         .iter()
         .enumerate()
         .filter_map(|(i, values)| {
-            let times: Vec<f64> =
-                values.iter().zip(&columns.t).filter(|(x, _)| !x.is_nan()).map(|(_, t)| *t).collect();
+            let known = values.iter().filter(|x| !x.is_nan()).count();
             // Half of the rows, or one more if the first and the last row have a value.
-            if 2 * times.len() > values.len() + 1 {
+            if 2 * known > values.len() + 1 {
                 return None;
             }
+            let times: Vec<f64> =
+                values.iter().zip(columns.t.iter()).filter(|(x, _)| !x.is_nan()).map(|(_, t)| *t).collect();
             // A sensor that fails during the log is not slow: the median ignores the gap.
             let own = median(times.windows(2).map(|p| p[1] - p[0]).collect()).unwrap_or(step);
             (own >= 1.5 * step).then_some((i, own, times.len()))
@@ -56,8 +59,8 @@ pub(crate) fn default_limit(columns: &Columns, step: f64, dt: Option<f64>, notes
 }
 
 /// Whether there are several outputs and no row has values of two of them.
-fn never_together(outputs: &[Vec<f64>]) -> bool {
-    let rows = outputs.first().map_or(0, Vec::len);
+fn never_together(outputs: &[Cow<[f64]>]) -> bool {
+    let rows = outputs.first().map_or(0, |values| values.len());
     outputs.len() > 1 && (0..rows).all(|k| outputs.iter().filter(|values| !values[k].is_nan()).count() < 2)
 }
 
@@ -71,7 +74,7 @@ fn mean_spacing(columns: &Columns) -> f64 {
 /// Usable parts `from..to` of rows on a regular clock, without the rows between successive values of an output that are
 /// farther apart than the limit. Each part starts at the latest first value of all outputs and ends at the earliest
 /// last.
-pub(crate) fn usable(outputs: &[Vec<f64>], rows: usize, dt: f64, max_gap_s: f64) -> Vec<(usize, usize)> {
+pub(crate) fn usable(outputs: &[Cow<[f64]>], rows: usize, dt: f64, max_gap_s: f64) -> Vec<(usize, usize)> {
     let mut cut = vec![false; rows];
     for values in outputs {
         let mut last: Option<usize> = None;
@@ -97,7 +100,7 @@ pub(crate) fn usable(outputs: &[Vec<f64>], rows: usize, dt: f64, max_gap_s: f64)
 }
 
 /// The part of `from..to` in which every output has begun and none has ended.
-fn trim(outputs: &[Vec<f64>], from: usize, to: usize) -> Option<(usize, usize)> {
+fn trim(outputs: &[Cow<[f64]>], from: usize, to: usize) -> Option<(usize, usize)> {
     let (mut first, mut last) = (from, to);
     for values in outputs {
         let part = &values[from..to];

@@ -1,7 +1,9 @@
 //! One part of a log without jumps on a regular clock, column by column.
 
+use std::borrow::Cow;
+
 use super::align::{CommandTiming, InputDelay, hold, shift};
-use super::columns::Columns;
+use super::columns::{Columns, keep_rows};
 use super::error::LogError;
 
 /// Maximum number of samples of a part: a step that is far too small is an error.
@@ -9,85 +11,91 @@ pub(crate) const MOST_SAMPLES: f64 = 5e7;
 
 /// Samples on a regular clock; NaN is missing, in inputs as well.
 #[derive(Clone, Debug)]
-pub(crate) struct Grid {
+pub(crate) struct Grid<'a> {
     pub(crate) t0: f64,
     pub(crate) dt: f64,
     pub(crate) rows: usize,
-    pub(crate) outputs: Vec<Vec<f64>>,
-    pub(crate) inputs: Vec<Vec<f64>>,
-    pub(crate) truth: Option<Vec<Vec<f64>>>,
-    pub(crate) heading: Option<Vec<f64>>,
+    pub(crate) outputs: Vec<Cow<'a, [f64]>>,
+    pub(crate) inputs: Vec<Cow<'a, [f64]>>,
+    pub(crate) truth: Option<Vec<Cow<'a, [f64]>>>,
+    pub(crate) heading: Option<Cow<'a, [f64]>>,
     /// Blank command cells that were filled with the command before, per input.
     pub(crate) held: Vec<usize>,
     /// Rows absent from the log.
     pub(crate) absent: usize,
 }
 
-impl Grid {
+impl<'a> Grid<'a> {
     /// Rows `from..to` of a log with a regular clock. Absent rows are missing measurements. Over them the command of
-    /// the row before acts on, or that of the row after ([`CommandTiming::After`]).
+    /// the row before acts on, or that of the row after ([`CommandTiming::After`]). If these are all rows of the log and
+    /// none is absent, the values are moved out of the columns.
     pub(crate) fn native(
-        columns: &Columns,
+        columns: &mut Columns<'a>,
         (from, to): (usize, usize),
         step: f64,
         timing: CommandTiming,
         delay: InputDelay,
     ) -> Result<Self, LogError> {
         let t = &columns.t[from..to];
-        let mut places = Vec::with_capacity(t.len());
-        let mut place = 0.0;
-        places.push(0);
-        for pair in t.windows(2) {
-            place += ((pair[1] - pair[0]) / step).round().max(1.0);
-            check_size(place, step, columns)?;
-            places.push(truncate(place));
-        }
-        let rows = places.last().map_or(0, |p| p + 1);
-        let put = |values: &Vec<f64>, places: &[usize]| {
-            let values = &values[from..to];
-            if rows == values.len() {
-                return values.to_vec();
-            }
+        let steps = || t.windows(2).map(|pair| ((pair[1] - pair[0]) / step).round().max(1.0));
+        let (t0, found, last) = (t[0], t.len(), steps().sum::<f64>());
+        check_size(last, step, columns)?;
+        let rows = 1 + truncate(last);
+        // The place of each row, where rows are absent.
+        let places: Option<Vec<usize>> = (rows > found).then(|| {
+            let places = steps().scan(0.0, |place, step| {
+                *place += step;
+                Some(truncate(*place))
+            });
+            std::iter::once(0).chain(places).collect()
+        });
+        let whole = from == 0 && to == columns.rows();
+        let put = |values: &mut Cow<'a, [f64]>, places: Option<&[usize]>| -> Cow<'a, [f64]> {
+            let Some(places) = places else {
+                return match values {
+                    values if whole => std::mem::take(values),
+                    Cow::Borrowed(values) => Cow::Borrowed(&values[from..to]),
+                    Cow::Owned(values) => Cow::Owned(values[from..to].to_vec()),
+                };
+            };
             let mut placed = vec![f64::NAN; rows];
-            for (place, value) in places.iter().zip(values) {
+            for (place, value) in places.iter().zip(&values[from..to]) {
                 placed[*place] = *value;
             }
-            placed
+            Cow::Owned(placed)
         };
-        let measured = |values: &Vec<f64>| put(values, &places);
+        let mut measured = |values: &mut Cow<'a, [f64]>| put(values, places.as_deref());
+        let outputs = columns.outputs.iter_mut().map(&mut measured).collect();
+        let truth = columns.truth.as_mut().map(|truth| truth.iter_mut().map(&mut measured).collect());
+        let heading = columns.heading.as_mut().map(measured);
         // With `After`, the command of a row acts from the row before. It is placed one sample after that row, and the
         // shift moves it there.
-        let begins: Vec<usize> = match timing {
+        let begins: Option<Vec<usize>> = places.as_ref().map(|places| match timing {
             CommandTiming::Before => places.clone(),
             CommandTiming::After => {
-                std::iter::once(0).chain(places.iter().take(t.len() - 1).map(|p| p + 1)).collect()
+                std::iter::once(0).chain(places.iter().take(found - 1).map(|p| p + 1)).collect()
             }
-        };
-        let mut inputs: Vec<Vec<f64>> = columns.inputs.iter().map(|values| put(values, &begins)).collect();
+        });
         let by = delay.samples(step).saturating_sub(i64::from(timing == CommandTiming::After));
-        let mut held = Vec::with_capacity(inputs.len());
-        for (values, raw) in inputs.iter_mut().zip(&columns.inputs) {
-            hold(values);
-            held.push(
-                raw[from..to]
-                    .iter()
-                    .zip(&begins)
-                    .filter(|(x, p)| x.is_nan() && !values[**p].is_nan())
-                    .count(),
-            );
-            shift(values, by);
+        let (mut inputs, mut held) = (Vec::new(), Vec::new());
+        for values in &mut columns.inputs {
+            let mut input = put(values, begins.as_deref());
+            let filled = if input.iter().any(|x| x.is_nan()) { hold(input.to_mut()) } else { 0 };
+            held.push(match &begins {
+                None => filled,
+                // Absent rows are no blank cells.
+                Some(begins) => {
+                    let cells = values[from..to].iter().zip(begins);
+                    cells.filter(|(x, place)| x.is_nan() && !input[**place].is_nan()).count()
+                }
+            });
+            if by != 0 {
+                shift(input.to_mut(), by);
+            }
+            inputs.push(input);
         }
-        Ok(Self {
-            t0: t[0],
-            dt: step,
-            rows,
-            outputs: columns.outputs.iter().map(measured).collect(),
-            inputs,
-            truth: columns.truth.as_ref().map(|t| t.iter().map(measured).collect()),
-            heading: columns.heading.as_ref().map(measured),
-            held,
-            absent: rows - t.len(),
-        })
+        let absent = rows - found;
+        Ok(Self { t0, dt: step, rows, outputs, inputs, truth, heading, held, absent })
     }
 
     /// Drops the rows without a command at both ends and returns their numbers.
@@ -99,8 +107,7 @@ impl Grid {
         let measured =
             self.outputs.iter_mut().chain(self.truth.iter_mut().flatten()).chain(&mut self.heading);
         for values in measured.chain(&mut self.inputs) {
-            values.truncate(end);
-            values.drain(..front);
+            keep_rows(values, front..end);
         }
         self.t0 += front as f64 * self.dt;
         self.rows = end - front;
@@ -108,7 +115,7 @@ impl Grid {
     }
 }
 
-pub(crate) fn check_size(rows: f64, step: f64, columns: &Columns) -> Result<(), LogError> {
+pub(crate) fn check_size(rows: f64, step: f64, columns: &Columns<'_>) -> Result<(), LogError> {
     if rows < MOST_SAMPLES {
         return Ok(());
     }
@@ -142,7 +149,7 @@ mod tests {
     const STEP: f64 = 0.1;
 
     /// A log with rows at these places of a regular clock; every row has its own command.
-    fn columns(places: &[usize], inputs: Vec<f64>) -> Columns {
+    fn columns(places: &[usize], inputs: Vec<f64>) -> Columns<'static> {
         Columns {
             unstated: None,
             path: String::from("log.csv"),
@@ -151,19 +158,20 @@ mod tests {
             output_channels: vec![Channel::new("u", "m/s")],
             input_channels: vec![Channel::new("n", "rps")],
             outputs: vec![places.iter().map(|p| *p as f64).collect()],
-            inputs: vec![inputs],
+            inputs: vec![inputs.into()],
             truth: None,
             heading: None,
         }
     }
 
-    fn native(columns: &Columns, timing: CommandTiming, delay: InputDelay) -> Vec<f64> {
-        Grid::native(columns, (0, columns.rows()), STEP, timing, delay).unwrap().inputs.remove(0)
+    fn native(columns: &Columns<'_>, timing: CommandTiming, delay: InputDelay) -> Vec<f64> {
+        let rows = (0, columns.rows());
+        Grid::native(&mut columns.clone(), rows, STEP, timing, delay).unwrap().inputs.remove(0).into_owned()
     }
 
-    fn resampled(columns: &Columns, timing: CommandTiming, delay: InputDelay) -> Vec<f64> {
+    fn resampled(columns: &Columns<'_>, timing: CommandTiming, delay: InputDelay) -> Vec<f64> {
         let resampling = Resampling { dt: STEP, step: STEP, max_gap_s: 1e9, timing, delay };
-        resampling.run(columns, (0, columns.rows())).unwrap().inputs.remove(0)
+        resampling.run(columns, (0, columns.rows())).unwrap().inputs.remove(0).into_owned()
     }
 
     /// The values, with -1 for missing ones.

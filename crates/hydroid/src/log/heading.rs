@@ -22,12 +22,12 @@ const LEAST_TURN: f64 = 0.02;
 pub(super) fn choose(
     selection: &Selection,
     resolved: &Resolved,
-    logs: &[RawLog],
+    log: &RawLog,
     runs: &mut [Trajectory],
     notes: &mut Vec<Note>,
 ) -> Option<ChannelSpec> {
     let (source, named) = resolved.heading.as_ref()?;
-    let column = &logs[0].columns[source.column].name;
+    let column = &log.columns[source.column].name;
     let yaw = resolved.outputs.iter().position(|output| output.channel.name == "r");
     let ratio = yaw.and_then(|yaw| turn_ratio(runs, yaw));
     let complete = runs.iter().all(|run| run.heading.is_some());

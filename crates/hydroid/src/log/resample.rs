@@ -12,6 +12,7 @@
 //!
 //! Angles (unit rad) are interpolated along the shorter arc.
 
+use std::borrow::Cow;
 use std::f64::consts::TAU;
 
 use super::align::{CommandTiming, InputDelay};
@@ -38,19 +39,23 @@ pub(crate) struct Resampling {
 
 impl Resampling {
     /// Rows `from..to` of a log on the new clock, beginning at the first of them.
-    pub(crate) fn run(&self, columns: &Columns, (from, to): (usize, usize)) -> Result<Grid, LogError> {
+    pub(crate) fn run<'a>(
+        &self,
+        columns: &Columns<'_>,
+        (from, to): (usize, usize),
+    ) -> Result<Grid<'a>, LogError> {
         let t = &columns.t[from..to];
         let (t0, last) = (t[0], t[t.len() - 1]);
         let span = (last - t0) / self.dt + AT;
         check_size(span, self.dt, columns)?;
         let rows = truncate(span) + 1;
         let instants = || (0..rows).map(|k| t0 + k as f64 * self.dt);
-        let measured = |channels: &[Vec<f64>]| -> Vec<Vec<f64>> {
+        let measured = |channels: &[Cow<[f64]>]| -> Vec<Cow<'a, [f64]>> {
             let units = columns.output_channels.iter().map(|c| c.unit == "rad");
             channels
                 .iter()
                 .zip(units)
-                .map(|(values, angle)| self.interpolate(t, &values[from..to], instants(), angle))
+                .map(|(values, angle)| Cow::Owned(self.interpolate(t, &values[from..to], instants(), angle)))
                 .collect()
         };
         let stamps = self.command_times(t);
@@ -62,7 +67,7 @@ impl Resampling {
                 let values = &values[from..to];
                 let first = values.iter().position(|x| !x.is_nan()).unwrap_or(values.len());
                 held.push(values[first..].iter().filter(|x| x.is_nan()).count());
-                self.command(&stamps, values, last, instants())
+                Cow::Owned(self.command(&stamps, values, last, instants()))
             })
             .collect();
         Ok(Grid {
@@ -75,7 +80,7 @@ impl Resampling {
             heading: columns
                 .heading
                 .as_ref()
-                .map(|heading| self.interpolate(t, &heading[from..to], instants(), true)),
+                .map(|heading| Cow::Owned(self.interpolate(t, &heading[from..to], instants(), true))),
             held,
             absent: 0,
         })

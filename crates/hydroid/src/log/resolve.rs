@@ -36,6 +36,11 @@ impl Source {
         (value - self.offset) * self.factor
     }
 
+    /// Whether the values of the log are the SI values.
+    pub(crate) fn is_identity(&self) -> bool {
+        self.factor == 1.0 && self.offset == 0.0
+    }
+
     /// Whether the channel is zero at another value of the log than 0.
     pub(crate) fn has_offset(&self) -> bool {
         self.offset != 0.0
@@ -118,6 +123,17 @@ impl Resolved {
             }
         }
         Ok(resolved)
+    }
+
+    /// The sources of all values, with that of the time.
+    pub(crate) fn sources(&self) -> impl Iterator<Item = &Source> {
+        let time = match &self.time {
+            Time::Column { source, .. } => Some(source),
+            Time::Even(_) => None,
+        };
+        let channels = self.outputs.iter().chain(&self.inputs).chain(self.wind.iter().flatten());
+        let rest = self.truth.iter().flatten().chain(self.heading.iter().map(|(source, _)| source));
+        time.into_iter().chain(channels).chain(rest)
     }
 
     /// The outputs.
@@ -216,6 +232,9 @@ fn unused(log: &RawLog, resolved: &Resolved) -> Option<Note> {
     })
 }
 
+/// Names of a column of time that is not named by the selection.
+pub(crate) const TIME_NAMES: [&str; 5] = ["t", "time", "t_s", "timestamp", "time_s"];
+
 pub(crate) fn is_command_name(name: &str) -> bool {
     name.ends_with("_cmd") || name.ends_with("_ang")
 }
@@ -229,9 +248,8 @@ pub(crate) fn time(
     let spec = if let Some(text) = &selection.time {
         text.parse::<ChannelSpec>()?
     } else {
-        let guessed = ["t", "time", "t_s", "timestamp", "time_s"]
-            .into_iter()
-            .find_map(|name| log.columns.iter().find(|c| c.name.eq_ignore_ascii_case(name)));
+        let guessed =
+            TIME_NAMES.iter().find_map(|name| log.columns.iter().find(|c| c.name.eq_ignore_ascii_case(name)));
         match (guessed, dt) {
             // A guessed column with a single value is not the time if the step is given.
             (Some(column), Some(dt)) if only_value(column).is_some() => return Ok(even(log, dt, notes)),
@@ -279,6 +297,10 @@ fn even(log: &RawLog, dt: f64, notes: &mut Vec<Note>) -> Time {
 
 /// Position of the first value of a constant column.
 pub(crate) fn only_value(column: &RawColumn) -> Option<usize> {
+    if let Some(summary) = &column.left_out {
+        let several = summary.counts().0 > 1;
+        return summary.first.filter(|_| several && column.bad.is_none() && summary.is_constant());
+    }
     let first = column.values.iter().position(|x| !x.is_nan())?;
     let value = column.values[first];
     let several = column.values.len() > 1;

@@ -1,5 +1,7 @@
 //! Plausibility limits: values beyond them indicate a wrong unit or a spike.
 
+use rayon::prelude::*;
+
 use super::columns::Columns;
 use super::error::LogError;
 use super::trajectory::Channel;
@@ -15,14 +17,16 @@ const NO_SPIKE: f64 = 1e3;
 
 /// Rejects a log with an implausible value in a selected column.
 pub(crate) fn check(columns: &Columns) -> Result<(), LogError> {
-    for (channel, values) in columns.output_channels.iter().zip(&columns.outputs) {
+    let outputs = columns.output_channels.par_iter().zip(&columns.outputs);
+    let inputs = columns.input_channels.par_iter().zip(&columns.inputs);
+    let outputs = outputs.map(|(channel, values)| {
         limit(columns, channel, values)?;
-        spike(columns, channel, values)?;
-    }
-    for (channel, values) in columns.input_channels.iter().zip(&columns.inputs) {
-        spike(columns, channel, values)?;
-    }
-    Ok(())
+        spike(columns, channel, values)
+    });
+    let inputs = inputs.map(|(channel, values)| spike(columns, channel, values));
+    // The error of the first channel, whichever is found first.
+    let checked: Vec<Result<(), LogError>> = outputs.chain(inputs).collect();
+    checked.into_iter().collect()
 }
 
 /// Limits of velocities and yaw rates; `u`, `v`, `r` without a unit are in SI units.
@@ -30,7 +34,7 @@ fn limit(columns: &Columns, channel: &Channel, values: &[f64]) -> Result<(), Log
     let fastest = fastest(channel).map_or(f64::INFINITY, |(limit, _)| limit);
     match values.iter().position(|x| x.abs() > fastest) {
         None => Ok(()),
-        Some(k) => check_value(channel, values[k], &columns.path, columns.lines[k]),
+        Some(k) => check_value(channel, values[k], &columns.path, columns.lines.get(k)),
     }
 }
 
@@ -81,7 +85,7 @@ fn spike(columns: &Columns, channel: &Channel, values: &[f64]) -> Result<(), Log
     let k = values.iter().position(above).unwrap_or(0);
     Err(LogError::Absurd {
         path: columns.path.clone(),
-        line: columns.lines[k],
+        line: columns.lines.get(k),
         column: channel.name.clone(),
         value: format!("{} is a million times the channel's typical size ({median:.3e})", values[k]),
         remedy: "blank the cell if it is a spike",

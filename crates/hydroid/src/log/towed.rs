@@ -1,5 +1,7 @@
 //! Removal of the ends of a log in which the vessel is towed or pushed.
 
+use std::borrow::Cow;
+
 use super::columns::Columns;
 use super::note::Note;
 use super::sanity::is_velocity;
@@ -38,8 +40,8 @@ pub(crate) fn cut(columns: &mut Columns, commands: usize, notes: &mut Vec<Note>)
                 columns.path,
                 if edge { "the beginning" } else { "the end" },
                 to - from,
-                columns.lines[stretch.start],
-                columns.lines[stretch.end - 1],
+                columns.lines.get(stretch.start),
+                columns.lines.get(stretch.end - 1),
                 columns.output_channels[output].name,
             ))
             .with_remedy("keep it with --keep-towed"),
@@ -56,7 +58,7 @@ pub(crate) fn cut(columns: &mut Columns, commands: usize, notes: &mut Vec<Note>)
 }
 
 /// The first and the last row in which a command is not zero.
-fn under_command(commands: &[Vec<f64>], rows: usize) -> Option<(usize, usize)> {
+fn under_command(commands: &[Cow<[f64]>], rows: usize) -> Option<(usize, usize)> {
     let mut held = vec![0.0; commands.len()];
     let mut found = None;
     for k in 0..rows {

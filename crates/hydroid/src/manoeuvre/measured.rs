@@ -106,9 +106,10 @@ struct Held {
 pub fn recognise(run: &Trajectory) -> Vec<Recognised> {
     let Some(heading) = heading(run) else { return Vec::new() };
     let held = held(run);
+    let ranges = ranges(run);
     let same = |a: &Held, b: &Held| {
         let (a, b) = (run.inputs.row(a.from), run.inputs.row(b.from));
-        a.iter().zip(b).zip(&ranges(run)).all(|((a, b), range)| (a - b).abs() <= SAME * range)
+        a.iter().zip(b).zip(&ranges).all(|((a, b), range)| (a - b).abs() <= SAME * range)
     };
     let mut found = Vec::new();
     let mut i = 0;

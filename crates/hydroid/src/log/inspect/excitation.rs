@@ -44,9 +44,11 @@ pub(super) fn reports(runs: &[Trajectory], notes: &mut Vec<Note>) -> Vec<InputRe
         let constant = range <= 0.0;
         let mut levels = std::collections::HashSet::new();
         let mut at_limits = 0_usize;
+        let mut last = None;
         for x in values() {
-            if levels.len() < MOST_LEVELS {
+            if levels.len() < MOST_LEVELS && last != Some(x) {
                 levels.insert((x + 0.0).to_bits());
+                last = Some(x);
             }
             at_limits += usize::from(!constant && (x - min <= 0.005 * range || max - x <= 0.005 * range));
         }

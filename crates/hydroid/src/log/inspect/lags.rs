@@ -19,48 +19,65 @@ const MOST_INPUTS: usize = 100;
 /// Smallest number of rows per term of a regression.
 const ROWS_PER_TERM: usize = 5;
 
-/// Data of the regressions, common to all delays.
+/// Data of the regressions, common to all delays: one set of samples for each row.
 pub(super) struct Problem {
-    /// Averaged outputs and inputs of each run, one vector per channel, of equal lengths.
-    outputs: Vec<Vec<Vec<f64>>>,
-    inputs: Vec<Vec<Vec<f64>>>,
-    /// Run and sample of each row.
-    rows: Vec<(usize, usize)>,
+    /// Number of outputs and of inputs.
+    states: usize,
+    inputs: usize,
+    /// Each output at the row and after it, row-major.
+    present: Vec<[f64; 2]>,
+    /// Each input at all delays, from the smallest one, row-major.
+    delayed: Vec<[f64; DELAYS]>,
 }
 
 impl Problem {
     pub(super) fn new(runs: &[Trajectory], window: usize) -> Option<Self> {
-        let averaged = |t: &Table| -> Vec<Vec<f64>> {
-            (0..t.width()).map(|c| average(&standard(t.column(c).collect()), window)).collect()
-        };
-        let outputs: Vec<_> = runs.iter().map(|r| averaged(&r.outputs)).collect();
-        let inputs: Vec<_> = runs.iter().map(|r| averaged(&r.inputs)).collect();
+        let (states, inputs) = (runs[0].outputs.width(), runs[0].inputs.width());
         let (before, after) = (usize::try_from(LATEST).ok()?, usize::try_from(-EARLIEST).ok()?);
-        let mut rows = Vec::new();
-        for (i, run) in outputs.iter().enumerate() {
-            let length = run.first().map_or(0, Vec::len);
-            for k in before..length.saturating_sub(after.max(1)) {
-                if run.iter().all(|y| !y[k].is_nan() && !y[k + 1].is_nan()) {
-                    rows.push((i, k));
-                }
-            }
-        }
-        let states = outputs[0].len();
-        let terms = 1 + 2 * states + 2 * inputs[0].len();
-        if inputs[0].len() > MOST_INPUTS {
+        let terms = 1 + 2 * states + 2 * inputs;
+        if inputs > MOST_INPUTS {
             return None;
         }
+        let rows = || {
+            let rows = |(i, run)| usable_rows(run, window, before, after).map(move |k| (i, k));
+            runs.iter().enumerate().flat_map(rows)
+        };
         let fewest = 200.max(ROWS_PER_TERM * terms);
         let most = (MOST_PRODUCTS / (terms + states).pow(2)).max(2 * fewest).min(MOST_ROWS);
-        let stride = rows.len().div_ceil(most).max(1);
-        let rows: Vec<_> = rows.into_iter().step_by(stride).collect();
-        (rows.len() >= fewest).then_some(Self { outputs, inputs, rows })
+        let stride = rows().count().div_ceil(most).max(1);
+        let rows: Vec<_> = rows().step_by(stride).collect();
+        if rows.len() < fewest {
+            return None;
+        }
+        let scaled = |t: &Table| (0..t.width()).map(|c| unit_size(t.column(c))).collect::<Vec<f64>>();
+        let scales: Vec<[Vec<f64>; 2]> =
+            runs.iter().map(|run| [scaled(&run.outputs), scaled(&run.inputs)]).collect();
+        // Moving averages over `window` samples, of channels of unit size.
+        let average = |table: &Table, c: usize, scale: f64, k: usize| {
+            (k..k + window).map(|k| table.row(k)[c] / scale).sum::<f64>() / window as f64
+        };
+        let mut problem = Self { states, inputs, present: Vec::new(), delayed: Vec::new() };
+        for (i, k) in rows {
+            let (run, [of_outputs, of_inputs]) = (&runs[i], &scales[i]);
+            for (c, scale) in of_outputs.iter().enumerate() {
+                problem.present.push([k, k + 1].map(|k| average(&run.outputs, c, *scale, k)));
+            }
+            for (c, scale) in of_inputs.iter().enumerate() {
+                let at = |d: usize| average(&run.inputs, c, *scale, k + after - d);
+                problem.delayed.push(std::array::from_fn(at));
+            }
+        }
+        Some(problem)
+    }
+
+    fn rows(&self) -> usize {
+        self.present.len() / self.states
     }
 
     /// Number of rows minus number of terms.
     pub(super) fn free(&self) -> f64 {
-        let terms = 1 + 2 * self.outputs[0].len() + 2 * self.inputs[0].len();
-        self.rows.len().saturating_sub(terms).max(1) as f64
+        let terms = 1 + 2 * self.states + 2 * self.inputs;
+        self.rows().saturating_sub(terms).max(1) as f64
     }
 
     /// Residual variance over the variance of the increments, mean over outputs; a delay of `None` omits the input.
@@ -71,24 +88,25 @@ impl Problem {
 
     /// Regression matrix (terms, then increments), row-major, with its number of terms and of columns.
     pub(super) fn design(&self, delays: &[Option<i64>]) -> (Vec<f64>, usize, usize) {
-        let states = self.outputs[0].len();
-        let used: Vec<(usize, i64)> =
-            delays.iter().enumerate().filter_map(|(i, d)| d.map(|d| (i, d))).collect();
-        let terms = 1 + 2 * states + 2 * used.len();
-        let width = terms + states;
-        let mut design = Vec::with_capacity(width * self.rows.len());
-        for &(run, k) in &self.rows {
+        let used: Vec<(usize, usize)> = delays
+            .iter()
+            .enumerate()
+            .filter_map(|(i, d)| Some((i, usize::try_from((*d)? - EARLIEST).ok()?)))
+            .collect();
+        let terms = 1 + 2 * self.states + 2 * used.len();
+        let width = terms + self.states;
+        let mut design = Vec::with_capacity(width * self.rows());
+        for row in 0..self.rows() {
+            let present = &self.present[row * self.states..(row + 1) * self.states];
             design.push(1.0);
-            for y in &self.outputs[run] {
-                design.extend([y[k], y[k] * y[k].abs()]);
+            for [y, _] in present {
+                design.extend([*y, y * y.abs()]);
             }
             for &(i, d) in &used {
-                // Rows near both ends are excluded, so the index is within the run.
-                let j = usize::try_from(i64::try_from(k).unwrap_or(0) - d).unwrap_or(0);
-                let x = self.inputs[run][i][j];
+                let x = self.delayed[row * self.inputs + i][d];
                 design.extend([x, x * x.abs()]);
             }
-            design.extend(self.outputs[run].iter().map(|y| y[k + 1] - y[k]));
+            design.extend(present.iter().map(|[y, next]| next - y));
         }
         (design, terms, width)
     }
@@ -104,8 +122,7 @@ pub(super) struct Fixed {
 
 impl Fixed {
     pub(super) fn new(problem: &Problem, delay: i64) -> Self {
-        let inputs = problem.inputs[0].len();
-        let (design, terms, width) = problem.design(&vec![Some(delay); inputs]);
+        let (design, terms, width) = problem.design(&vec![Some(delay); problem.inputs]);
         let gram = gram(&design, width);
         Self { design, gram, terms, width }
     }
@@ -114,7 +131,7 @@ impl Fixed {
     pub(super) fn scan(&self, problem: &Problem, input: usize) -> (Vec<f64>, f64) {
         let (terms, width) = (self.terms, self.width);
         let states = width - terms;
-        let own = terms - 2 * problem.inputs[0].len() + 2 * input;
+        let own = terms - 2 * problem.inputs + 2 * input;
         let (cross, moving) = self.cross(problem, input);
         // Columns: constant terms, two per delay, increments. Products between different delays are not needed.
         let kept: Vec<usize> = (0..terms).filter(|a| *a != own && *a != own + 1).collect();
@@ -193,12 +210,10 @@ impl Fixed {
         let mut cross = vec![0.0; 2 * DELAYS * width];
         let mut moving = vec![(0.0, 0.0, 0.0); DELAYS];
         let mut block = vec![[0.0; TOGETHER]; 2 * DELAYS];
-        for (rows, places) in self.design.chunks(TOGETHER * width).zip(problem.rows.chunks(TOGETHER)) {
-            for (r, &(run, k)) in places.iter().enumerate() {
-                let command = &problem.inputs[run][input];
-                let latest = usize::try_from(-EARLIEST).map_or(k, |ahead| k + ahead);
-                // From the smallest delay (latest sample) backwards in time.
-                for (d, x) in command[..=latest].iter().rev().take(DELAYS).enumerate() {
+        let delayed = problem.delayed.chunks(TOGETHER * problem.inputs);
+        for (rows, delayed) in self.design.chunks(TOGETHER * width).zip(delayed) {
+            for (r, delayed) in delayed.chunks_exact(problem.inputs).enumerate() {
+                for (d, x) in delayed[input].iter().enumerate() {
                     let square = x * x.abs();
                     (block[2 * d][r], block[2 * d + 1][r]) = (*x, square);
                     moving[d].0 += x * x;
@@ -279,22 +294,32 @@ fn mean_share(left_and_before: impl Iterator<Item = (f64, f64)>) -> f64 {
     sum / n.max(1) as f64
 }
 
-/// Scales a channel to unit size, so that quadratic terms have comparable size.
-fn standard(mut values: Vec<f64>) -> Vec<f64> {
-    let known = || values.iter().filter(|x| !x.is_nan());
-    let n = known().count().max(1) as f64;
-    let size = (known().map(|x| x * x).sum::<f64>() / n).sqrt();
-    if size > 0.0 && size.is_finite() {
-        for x in &mut values {
-            *x /= size;
+/// Samples with a value of all outputs from `k` to `k + window`, `before` samples after the beginning of a run and
+/// `after` before the end of its moving averages.
+fn usable_rows(
+    run: &Trajectory,
+    window: usize,
+    before: usize,
+    after: usize,
+) -> impl Iterator<Item = usize> + '_ {
+    let end = (run.len() + 1).saturating_sub(window + after.max(1));
+    let missing = move |m: usize| run.outputs.row(m).iter().any(|y| y.is_nan());
+    // The first sample without a missing value from it on.
+    let mut known = (before..(before + window).min(run.len())).rfind(|&m| missing(m)).map_or(0, |m| m + 1);
+    (before..end).filter(move |&k| {
+        if missing(k + window) {
+            known = k + window + 1;
         }
-    }
-    values
+        known <= k
+    })
 }
 
-/// Forward moving average over `window` samples.
-fn average(values: &[f64], window: usize) -> Vec<f64> {
-    values.windows(window).map(|w| w.iter().sum::<f64>() / window as f64).collect()
+/// Root mean square of a channel, so that quadratic terms have comparable size; 1 for a channel without one.
+fn unit_size(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    let known = || values.clone().filter(|x| !x.is_nan());
+    let n = known().count().max(1) as f64;
+    let size = (known().map(|x| x * x).sum::<f64>() / n).sqrt();
+    if size > 0.0 && size.is_finite() { size } else { 1.0 }
 }
 
 #[cfg(test)]
@@ -344,7 +369,7 @@ mod tests {
     #[test]
     fn trying_one_input_at_a_time_is_the_regression_with_only_that_input_moved() {
         let problem = Problem::new(&[run(1_003)], 1).unwrap();
-        assert!(!problem.rows.len().is_multiple_of(TOGETHER));
+        assert!(!problem.rows().is_multiple_of(TOGETHER));
         let fixed = Fixed::new(&problem, 3);
         for input in 0..3 {
             let (scores, without) = fixed.scan(&problem, input);

@@ -17,14 +17,20 @@ pub use noise::{NoiseReport, noise_level};
 pub(super) use pose::heading;
 pub use stats::{ColumnReport, Disagreement};
 
+use std::borrow::Cow;
+use std::path::Path;
+
+use rayon::prelude::*;
+
 use super::clock::Clock;
-use super::columns::Columns;
-use super::csv::RawLog;
+use super::columns::{Columns, Origin};
+use super::csv::{self, Plan, RawLog};
 use super::error::LogError;
 use super::note::Note;
-use super::prepare::{PrepareOptions, prepare};
+use super::prepare::{PrepareOptions, prepare_logs};
 use super::resolve::{self, Resolved};
-use super::selection::Selection;
+use super::selection::{ChannelSpec, Selection};
+use super::trajectory::Trajectory;
 
 /// Share of repeated samples above which a note is added.
 const MANY_REPEATS: f64 = 0.15;
@@ -70,91 +76,153 @@ pub fn inspect(
     selection: &Selection,
     options: &PrepareOptions,
 ) -> Result<Inspection, LogError> {
+    Ok(inspect_log(Cow::Borrowed(log), selection, options)?.0)
+}
+
+/// Reads and inspects a log as [`inspect()`], in less memory: of columns that are not selected, only statistics are
+/// kept. The runs of the log are the second result, without true values; there are none if the preparation fails.
+///
+/// # Errors
+/// As [`read`](super::read) and [`inspect()`].
+pub fn inspect_file(
+    path: &Path,
+    selection: &Selection,
+    options: &PrepareOptions,
+) -> Result<(Inspection, Vec<Trajectory>), LogError> {
+    let log = csv::read_planned(path, |header| plan(header, selection, options))?;
+    inspect_log(Cow::Owned(log), selection, options)
+}
+
+/// The columns whose values an inspection needs. They are known by their names: all columns are kept if the selection
+/// cannot be applied to the header alone.
+fn plan(header: &RawLog, selection: &Selection, options: &PrepareOptions) -> Option<Plan> {
+    let mut unused = Vec::new();
+    let resolved = match Resolved::new(header, selection, options.dt, &mut unused) {
+        Err(LogError::NoInputs { .. }) => {
+            let inputs = vec![stand_in(header, selection).ok()?];
+            let selection = Selection { inputs, ..selection.clone() };
+            Resolved::new(header, &selection, options.dt, &mut unused).ok()?
+        }
+        resolved => resolved.ok()?,
+    };
+    let mut keep = vec![false; header.columns.len()];
+    let needed = Resolved { truth: None, ..resolved };
+    needed.sources().for_each(|source| keep[source.column] = true);
+    pose::candidates(header).for_each(|column| keep[column] = true);
+    // A guess of the time may be replaced after all.
+    for (column, keep) in header.columns.iter().zip(&mut keep) {
+        *keep |= resolve::TIME_NAMES.iter().any(|name| column.name.eq_ignore_ascii_case(name));
+    }
+    Some(Plan { keep, pairs: stats::comparable(header) })
+}
+
+/// An output in place of an input, so that the clock and the outputs of a log without inputs can be inspected.
+fn stand_in(log: &RawLog, selection: &Selection) -> Result<ChannelSpec, LogError> {
+    let mut stand_in = resolve::outputs_or_default(log, selection)?.swap_remove(0);
+    stand_in.name.push_str(" (no input)");
+    Ok(stand_in)
+}
+
+fn inspect_log(
+    log: Cow<'_, RawLog>,
+    selection: &Selection,
+    options: &PrepareOptions,
+) -> Result<(Inspection, Vec<Trajectory>), LogError> {
     let mut inspection = Inspection {
         path: log.path.clone(),
         rows: log.rows(),
         duration_s: None,
         clock: None,
         jumps: Vec::new(),
-        columns: log.columns.iter().map(ColumnReport::of).collect(),
+        columns: log.columns.par_iter().map(ColumnReport::of).collect(),
         outputs: Vec::new(),
         inputs: Vec::new(),
         repeated_rows: 0.0,
         input_delay: None,
-        disagreements: stats::disagreements(log),
+        disagreements: stats::disagreements(&log),
         notes: Vec::new(),
     };
     let mut guessed = Vec::new();
     let mut selection = selection.clone();
-    if let Err(e) = resolve::outputs_or_default(log, &selection) {
+    if let Err(e) = resolve::outputs_or_default(&log, &selection) {
         inspection.notes.push(Note::warning(e.to_string()));
-        if let Err(e @ LogError::NoTime { .. }) = resolve::time(log, &selection, options.dt, &mut Vec::new())
+        if let Err(e @ LogError::NoTime { .. }) = resolve::time(&log, &selection, options.dt, &mut Vec::new())
         {
             inspection.notes.push(Note::warning(e.to_string()));
         }
         disagree(&mut inspection);
-        return Ok(inspection);
+        return Ok((inspection, Vec::new()));
     }
-    let mut resolved = Resolved::new(log, &selection, options.dt, &mut guessed);
+    let mut resolved = Resolved::new(&log, &selection, options.dt, &mut guessed);
     let mut without_inputs = false;
     if let Err(e @ LogError::NoInputs { .. }) = &resolved {
         inspection.notes.push(Note::warning(e.to_string()));
         without_inputs = true;
-        // An output serves as the input, so that the clock and the outputs can be inspected.
-        let mut stand_in = resolve::outputs_or_default(log, &selection)?.swap_remove(0);
-        stand_in.name.push_str(" (no input)");
-        selection.inputs = vec![stand_in];
+        selection.inputs = vec![stand_in(&log, &selection)?];
         guessed.clear();
-        resolved = Resolved::new(log, &selection, options.dt, &mut guessed);
+        resolved = Resolved::new(&log, &selection, options.dt, &mut guessed);
     }
     let resolved = match resolved {
         Ok(resolved) => resolved,
         Err(e @ LogError::NoTime { .. }) => {
             inspection.notes.push(Note::warning(e.to_string()));
             disagree(&mut inspection);
-            return Ok(inspection);
+            return Ok((inspection, Vec::new()));
         }
         Err(e) => return Err(e),
     };
-    inspect_runs(&mut inspection, log, &selection, options, &resolved);
+    let mut runs = inspect_runs(&mut inspection, log, &selection, options, &resolved);
     if without_inputs {
         let own = |n: &Note| !n.message.contains("(no input)");
         inspection.notes.retain(own);
         inspection.inputs.clear();
         inspection.input_delay = None;
+        runs.clear();
     }
     disagree(&mut inspection);
-    Ok(inspection)
+    Ok((inspection, runs))
 }
 
 /// The part of the report that requires time, outputs and inputs.
 fn inspect_runs(
     inspection: &mut Inspection,
-    log: &RawLog,
+    log: Cow<'_, RawLog>,
     selection: &Selection,
     options: &PrepareOptions,
     resolved: &Resolved,
-) {
-    let mut unused = Vec::new();
-    if let Ok(columns) = Columns::new(log, resolved, &mut unused) {
-        clock_report(inspection, &columns, options);
-        repeats(inspection, &columns);
-    }
-    let prepared = prepare(std::slice::from_ref(log), selection, options);
-    let failed = prepared.as_ref().err().map(|e| Note::warning(e.to_string()));
-    inspection.notes.extend(failed);
-    let Ok(prepared) = prepared else {
-        // A wrong unit may be the reason.
-        pose::check(log, resolved, selection, options, &mut inspection.notes);
-        return;
+) -> Vec<Trajectory> {
+    // Everything that needs the log comes before the preparation, which may consume it.
+    let path = log.path.clone();
+    let (mut of_pose, mut of_neutral) = (Vec::new(), Vec::new());
+    let of_time = || {
+        // Without the true values and the heading, which are not needed here.
+        let channels = Resolved { truth: None, heading: None, ..resolved.clone() };
+        if let Ok(columns) = Columns::new(Origin::Borrowed(&log), &channels, &mut Vec::new()) {
+            clock_report(inspection, &columns, options);
+            repeats(inspection, &columns);
+        }
+    };
+    let of_channels = || {
+        neutral::check(&log, resolved, selection, &mut of_neutral);
+        pose::check(&log, resolved, selection, options, &mut of_pose)
+    };
+    let ((), compared) = rayon::join(of_time, of_channels);
+    let prepared = match prepare_logs(vec![log], selection, options) {
+        Ok(prepared) => prepared,
+        Err(error) => {
+            inspection.notes.push(Note::warning(error.to_string()));
+            // A wrong unit may be the reason.
+            inspection.notes.extend(of_pose);
+            return Vec::new();
+        }
     };
     inspection.notes.extend(prepared.notes);
-    let compared = pose::check(log, resolved, selection, options, &mut inspection.notes);
-    plausible::check(&log.path, &prepared.runs, compared, &mut inspection.notes);
+    inspection.notes.extend(of_pose);
+    plausible::check(&path, &prepared.runs, compared, &mut inspection.notes);
     let repeated = inspection.repeated_rows;
     inspection.outputs = noise::reports(&prepared.runs, repeated, &mut inspection.notes);
     inspection.inputs = excitation::reports(&prepared.runs, &mut inspection.notes);
-    neutral::check(log, resolved, selection, &mut inspection.notes);
+    inspection.notes.extend(of_neutral);
     let noisy = inspection.outputs.iter().any(|o| o.mostly_noise) || repeated > MANY_REPEATS;
     let delays = delay::estimate(&prepared.runs, noisy);
     for (report, own) in inspection.inputs.iter_mut().zip(delays.per_input) {
@@ -166,11 +234,12 @@ fn inspect_runs(
         let own: Vec<_> =
             inspection.inputs.iter().filter_map(|i| Some((i.name.as_str(), i.delay.as_ref()?))).collect();
         let step_s = inspection.clock.map_or(prepared.runs[0].dt, |c| c.step_s);
-        inspection.notes.extend(d.note(&log.path, &own, &delay::Applied { options, step_s }));
+        inspection.notes.extend(d.note(&path, &own, &delay::Applied { options, step_s }));
     }
+    prepared.runs
 }
 
-fn clock_report(inspection: &mut Inspection, columns: &Columns, options: &PrepareOptions) {
+fn clock_report(inspection: &mut Inspection, columns: &Columns<'_>, options: &PrepareOptions) {
     let t = &columns.t;
     if let (Some(first), Some(last)) = (t.first(), t.last()) {
         inspection.duration_s = Some(last - first);
@@ -181,15 +250,16 @@ fn clock_report(inspection: &mut Inspection, columns: &Columns, options: &Prepar
     let Some(step) = Clock::usual_step(t) else { return };
     let default_s = super::gaps::default_limit(columns, step, None, &mut Vec::new());
     let limit = options.max_gap_s.unwrap_or(default_s);
-    inspection.clock = Clock::of(t, limit);
+    inspection.clock = Some(Clock::with_usual_step(t, step, limit));
     inspection.jumps = t.windows(2).filter(|p| p[1] - p[0] > limit).map(|p| (p[0], p[1] - p[0])).collect();
 }
 
 /// A sensor slower than the log repeats its samples: the output is constant between steps.
-fn repeats(inspection: &mut Inspection, columns: &Columns) {
-    let repeating: Vec<&Vec<f64>> = columns
+fn repeats(inspection: &mut Inspection, columns: &Columns<'_>) {
+    let repeating: Vec<&[f64]> = columns
         .outputs
         .iter()
+        .map(|values| &values[..])
         .filter(|values| {
             let repeated = values.windows(2).filter(|p| p[0] == p[1]).count();
             repeated as f64 > 0.02 * values.len() as f64

@@ -7,6 +7,8 @@
 //! Savitzky-Golay derivative with that window, causes an isolated peak of the autocorrelation of the differences at
 //! lag `W`. Third differences are used, because they remove the smooth signal.
 
+use rayon::prelude::*;
+
 use super::super::note::Note;
 use super::super::trajectory::Trajectory;
 
@@ -34,28 +36,23 @@ pub(super) fn reports(runs: &[Trajectory], repeated: f64, notes: &mut Vec<Note>)
     let Some(first) = runs.first() else { return Vec::new() };
     let dt = first.dt;
     let mut reports = Vec::new();
-    for (i, channel) in first.outputs.channels().iter().enumerate() {
-        let differences = |order: usize| -> Vec<Vec<f64>> {
-            runs.iter()
-                .map(|r| {
-                    let mut d: Vec<f64> = r.outputs.column(i).collect();
-                    for _ in 0..order {
-                        d = d.windows(2).map(|p| p[1] - p[0]).collect();
-                    }
-                    d
-                })
-                .collect()
-        };
-        let first_differences = differences(1);
-        let increment_correlation = correlation(&first_differences, 1);
-        let second = differences(2);
+    let outputs: Vec<[Vec<(f64, usize)>; 3]> = (0..first.outputs.width())
+        .into_par_iter()
+        .map(|i| {
+            [(1, 1), (2, 1), (3, LONGEST_WINDOW)].map(|(order, last)| {
+                autocovariances(|| runs.iter().map(|run| differences(run.outputs.column(i), order)), last)
+            })
+        })
+        .collect();
+    for (channel, [first, second, third]) in first.outputs.channels().iter().zip(outputs) {
+        let increment_correlation = correlation(&first, 1);
         let ratio = correlation(&second, 1);
         let noise_std = ratio
             .filter(|r| *r < -0.5)
-            .map(|_| (-covariance(&second, 1).0 / 4.0).max(0.0).sqrt())
+            .map(|_| (-second[1].0 / 4.0).max(0.0).sqrt())
             .filter(|s| *s > 0.0 && repeated < super::MANY_REPEATS);
         let mostly_noise = increment_correlation.is_some_and(|r| r < -0.25);
-        let smoothing_window = smoothing_window(&differences(3));
+        let smoothing_window = smoothing_window(&third);
         if mostly_noise && let Some(std) = noise_std {
             notes.push(
                 Note::info(format!(
@@ -94,44 +91,131 @@ pub(super) fn reports(runs: &[Trajectory], repeated: f64, notes: &mut Vec<Note>)
 pub fn noise_level(runs: &[&Trajectory]) -> Vec<f64> {
     let outputs = runs.first().map_or(0, |run| run.outputs.channels().len());
     let level = |i: usize| {
-        let second: Vec<Vec<f64>> = runs
-            .iter()
-            .map(|run| {
-                let y: Vec<f64> = run.outputs.column(i).collect();
-                y.windows(3).map(|y| y[2] - 2.0 * y[1] + y[0]).collect()
-            })
-            .collect();
+        let second = autocovariances(|| runs.iter().map(|run| second_differences(run.outputs.column(i))), 1);
         let white = correlation(&second, 1).is_some_and(|ratio| ratio < -0.5);
-        let variance = if white { -covariance(&second, 1).0 / 4.0 } else { covariance(&second, 0).0 / 6.0 };
+        let variance = if white { -second[1].0 / 4.0 } else { second[0].0 / 6.0 };
         variance.max(0.0).sqrt()
     };
     (0..outputs).map(level).collect()
 }
 
-/// Autocovariance at a lag over all runs, without removal of the mean, and the number of products.
-fn covariance(series: &[Vec<f64>], lag: usize) -> (f64, usize) {
-    let (mut sum, mut n) = (0.0, 0_usize);
-    for d in series {
-        for (a, b) in d.iter().zip(d.iter().skip(lag)) {
-            let product = a * b;
-            if !product.is_nan() {
-                sum += product;
-                n += 1;
-            }
-        }
-    }
-    (sum / n.max(1) as f64, n)
+/// Rows whose products are summed together, so that the differences stay in the cache.
+const ROWS: usize = 1024;
+/// Lags whose sums are formed side by side, and sets of them that share a pass over the series.
+const LANES: usize = 8;
+const SETS: usize = 4;
+
+/// Autocovariances of the series of all runs at the lags from 0 to `last`, without removal of the mean, with the numbers
+/// of products.
+fn autocovariances<S: Iterator<Item: Iterator<Item = f64>>>(
+    series: impl Fn() -> S + Sync,
+    last: usize,
+) -> Vec<(f64, usize)> {
+    let sets = (last + 1).div_ceil(LANES);
+    let covariances = (0..sets.div_ceil(SETS)).into_par_iter().flat_map_iter(|pass| {
+        let sets = SETS.min(sets - pass * SETS);
+        let LagSums { sums, counts, .. } = LagSums::new(series(), pass * SETS * LANES, sets);
+        sums.into_iter().flatten().zip(counts.into_iter().flatten())
+    });
+    let mut all: Vec<(f64, usize)> = covariances.map(|(sum, n)| (sum / n.max(1) as f64, n)).collect();
+    all.truncate(last + 1);
+    all
 }
 
-fn correlation(series: &[Vec<f64>], lag: usize) -> Option<f64> {
-    let (at, n) = covariance(series, lag);
-    let (variance, _) = covariance(series, 0);
-    let r = at / variance;
+/// Sums of the products of values at lags from `from` on.
+struct LagSums {
+    from: usize,
+    sums: Vec<[f64; LANES]>,
+    counts: Vec<[usize; LANES]>,
+}
+
+impl LagSums {
+    fn new(series: impl Iterator<Item: Iterator<Item = f64>>, from: usize, sets: usize) -> Self {
+        let mut all = Self { from, sums: vec![[0.0; LANES]; sets], counts: vec![[0; LANES]; sets] };
+        let past = from + sets * LANES - 1;
+        let mut block: Vec<f64> = Vec::with_capacity(past + ROWS);
+        for run in series {
+            // No product reaches before the run.
+            block.clear();
+            block.resize(past, f64::NAN);
+            for x in run {
+                block.push(x);
+                if block.len() == past + ROWS {
+                    all.add(&block, past);
+                    block.copy_within(ROWS.., 0);
+                    block.truncate(past);
+                }
+            }
+            all.add(&block, past);
+        }
+        all
+    }
+
+    /// Adds the products of the values from `past` on with those before them.
+    fn add(&mut self, block: &[f64], past: usize) {
+        let known = block.iter().all(|x| x.is_finite());
+        for (set, (own, counts)) in self.sums.iter_mut().zip(&mut self.counts).enumerate() {
+            // Lane `LANES - 1 - i` holds the lag `from + LANES set + i`.
+            let latest = past - (self.from + set * LANES + LANES - 1);
+            let mut sums = *own;
+            sums.reverse();
+            for (k, x) in block[past..].iter().enumerate() {
+                let earlier = &block[latest + k..latest + k + LANES];
+                if known {
+                    for (sum, y) in sums.iter_mut().zip(earlier) {
+                        *sum += x * y;
+                    }
+                } else {
+                    for (i, (sum, y)) in sums.iter_mut().zip(earlier).enumerate() {
+                        let product = x * y;
+                        if !product.is_nan() {
+                            *sum += product;
+                            counts[LANES - 1 - i] += 1;
+                        }
+                    }
+                }
+            }
+            if known {
+                counts.iter_mut().for_each(|n| *n += block.len() - past);
+            }
+            sums.reverse();
+            *own = sums;
+        }
+    }
+}
+
+/// Differences of a series, of order 1 to 3.
+fn differences(values: impl Iterator<Item = f64>, order: usize) -> impl Iterator<Item = f64> {
+    let mut before = [f64::NAN; 3];
+    let difference = move |mut x: f64| {
+        for last in before.iter_mut().take(order) {
+            let now = x;
+            x -= *last;
+            *last = now;
+        }
+        x
+    };
+    values.map(difference).skip(order)
+}
+
+fn second_differences(values: impl Iterator<Item = f64>) -> impl Iterator<Item = f64> {
+    let mut before = [f64::NAN; 2];
+    let difference = move |y: f64| {
+        let [first, middle] = before;
+        before = [middle, y];
+        y - 2.0 * middle + first
+    };
+    values.map(difference).skip(2)
+}
+
+fn correlation(covariances: &[(f64, usize)], lag: usize) -> Option<f64> {
+    let (at, n) = covariances[lag];
+    let r = at / covariances[0].0;
     (n >= 20 && r.is_finite()).then_some(r)
 }
 
 /// The lag of an isolated peak of the autocorrelation.
-fn smoothing_window(differences: &[Vec<f64>]) -> Option<usize> {
+fn smoothing_window(differences: &[(f64, usize)]) -> Option<usize> {
     let r: Vec<f64> =
         (0..=LONGEST_WINDOW).map_while(|lag| correlation(differences, lag)).map(f64::abs).collect();
     if r.len() < 20 {
@@ -141,4 +225,25 @@ fn smoothing_window(differences: &[Vec<f64>]) -> Option<usize> {
     let others = || r.iter().enumerate().skip(5).filter(|(lag, _)| lag.abs_diff(peak) > 2).map(|(_, x)| *x);
     let highest = others().fold(0.0, f64::max);
     (height > 0.15 && height > 2.0 * highest && peak < LONGEST_WINDOW).then_some(peak)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_side_by_side_are_the_sums_of_the_definition_to_the_last_bit() {
+        let value = |k: usize| (0.37 * k as f64).sin() + 0.1 * (1.7 * k as f64).cos();
+        let mut runs = vec![(0..2_500).map(value).collect::<Vec<f64>>(), (0..40).map(value).collect()];
+        runs[0][1_700] = f64::NAN;
+        let found = autocovariances(|| runs.iter().map(|run| run.iter().copied()), LONGEST_WINDOW);
+        assert_eq!(found.len(), LONGEST_WINDOW + 1);
+        for (lag, (covariance, n)) in found.into_iter().enumerate() {
+            let pairs = runs.iter().flat_map(|run| run.iter().zip(run.iter().skip(lag)));
+            let products: Vec<f64> = pairs.map(|(a, b)| a * b).filter(|product| !product.is_nan()).collect();
+            let mut sum = 0.0;
+            products.iter().for_each(|product| sum += product);
+            assert_eq!((covariance, n), (sum / products.len() as f64, products.len()), "{lag}");
+        }
+    }
 }

@@ -14,12 +14,12 @@ const SIDEWAYS: f64 = 2.0;
 /// Warns of an impossible yaw rate and of sway above surge, unless the pose was compared with them.
 pub(super) fn check(path: &str, runs: &[Trajectory], compared: Compared, notes: &mut Vec<Note>) {
     let Some(first) = runs.first() else { return };
-    let values = |name: &str| -> Vec<f64> {
+    let values = |name: &str| {
         let channel = first.outputs.channels().iter().position(|c| c.name == name);
         let all = channel.into_iter().flat_map(|i| runs.iter().flat_map(move |run| run.outputs.column(i)));
-        all.filter(|x| x.is_finite()).map(f64::abs).collect()
+        all.filter(|x| x.is_finite()).map(f64::abs)
     };
-    let mut rates = values("r");
+    let mut rates: Vec<f64> = values("r").collect();
     let middle = rates.len() / 2;
     if !compared.yaw && !rates.is_empty() {
         let median = *rates.select_nth_unstable_by(middle, f64::total_cmp).1;
@@ -32,8 +32,11 @@ pub(super) fn check(path: &str, runs: &[Trajectory], compared: Compared, notes: 
             );
         }
     }
-    let rms = |values: &[f64]| (values.iter().map(|x| x * x).sum::<f64>() / values.len() as f64).sqrt();
-    let (surge, sway) = (rms(&values("u")), rms(&values("v")));
+    let rms = |name: &str| {
+        let (sum, n) = values(name).fold((0.0, 0_usize), |(sum, n), x| (sum + x * x, n + 1));
+        (sum / n as f64).sqrt()
+    };
+    let (surge, sway) = (rms("u"), rms("v"));
     // Without one of the outputs the comparison is false.
     if !compared.path && sway > SIDEWAYS * surge {
         notes.push(

@@ -1,6 +1,9 @@
 //! Statistics of each column, and disagreements between columns of the same quantity.
 
+use rayon::prelude::*;
+
 use super::super::csv::{RawColumn, RawLog};
+use super::super::summary::{PairSummary, Summary};
 use super::super::units::{self, Unit};
 
 /// Smallest correlation of two consistent measurements of one quantity.
@@ -35,32 +38,23 @@ pub struct ColumnReport {
 
 impl ColumnReport {
     pub(super) fn of(column: &RawColumn) -> Self {
-        let values = || column.values.iter().copied().filter(|x| !x.is_nan());
-        let n = values().count();
+        let computed = column.left_out.is_none().then(|| Summary::of(&column.values));
+        let summary = computed.as_ref().or(column.left_out.as_ref()).cloned().unwrap_or_default();
+        let (rows, n) = summary.counts();
         let some = |x: f64| (n > 0 && x.is_finite()).then_some(x);
-        let mean = values().sum::<f64>() / n as f64;
-        let variance = values().map(|x| (x - mean) * (x - mean)).sum::<f64>() / n as f64;
-        let (min, max) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
-        let (mut longest, mut current) = (0, 0);
-        for x in &column.values {
-            current = if x.is_nan() { current + 1 } else { 0 };
-            longest = longest.max(current);
-        }
-        let pairs = column.values.windows(2).filter(|p| !p[0].is_nan() && !p[1].is_nan());
-        let (all, same) =
-            pairs.fold((0_usize, 0_usize), |(all, same), p| (all + 1, same + usize::from(p[0] == p[1])));
+        let (mean, variance) = summary.mean_and_variance();
         Self {
             name: column.name.clone(),
             unit: unit_of(column),
-            min: some(min),
-            max: some(max),
+            min: some(summary.min),
+            max: some(summary.max),
             mean: some(mean),
             std: some(variance.sqrt()),
-            missing: column.values.len() - n,
-            longest_missing: longest,
+            missing: rows - n,
+            longest_missing: summary.longest_missing,
             not_numbers: column.bad_cells,
-            repeated: same as f64 / all.max(1) as f64,
-            constant: n > 0 && min == max,
+            repeated: summary.repeats as f64 / summary.pairs.max(1) as f64,
+            constant: n > 0 && summary.is_constant(),
         }
     }
 }
@@ -86,28 +80,34 @@ pub struct Disagreement {
     pub correlation: f64,
 }
 
-/// Pairs such as `v_mps` and `v_from_pos_mps`.
-pub(super) fn disagreements(log: &RawLog) -> Vec<Disagreement> {
+/// Pairs of columns such as `v_mps` and `v_from_pos_mps`.
+pub(super) fn comparable(log: &RawLog) -> Vec<(usize, usize)> {
     let mut found = Vec::new();
     for (i, a) in log.columns.iter().enumerate() {
-        let Some((letter, quantity)) = velocity(a) else { continue };
-        for b in &log.columns[i + 1..] {
-            if velocity(b).is_none_or(|other| other.0 != letter) || si_of(a) != si_of(b) {
-                continue;
-            }
-            if let Some(correlation) = correlation(&a.values, &b.values)
-                && correlation < DOUBTFUL
-            {
-                found.push(Disagreement {
-                    first: a.name.clone(),
-                    second: b.name.clone(),
-                    quantity,
-                    correlation,
-                });
+        let Some((letter, _)) = velocity(a) else { continue };
+        for (j, b) in log.columns.iter().enumerate().skip(i + 1) {
+            if velocity(b).is_some_and(|other| other.0 == letter) && si_of(a) == si_of(b) {
+                found.push((i, j));
             }
         }
     }
     found
+}
+
+/// Comparable pairs that do not agree.
+pub(super) fn disagreements(log: &RawLog) -> Vec<Disagreement> {
+    let correlated = comparable(log).into_par_iter().map(|(i, j)| {
+        let (a, b) = (&log.columns[i], &log.columns[j]);
+        let read = log.rest.pairs.iter().find(|(a, b, _)| (*a, *b) == (i, j));
+        let correlation = match read {
+            Some((_, _, pair)) => correlation(pair),
+            None => correlation(&PairSummary::of(&a.values, &b.values)),
+        }?;
+        let quantity = velocity(a)?.1;
+        let (first, second) = (a.name.clone(), b.name.clone());
+        (correlation < DOUBTFUL).then_some(Disagreement { first, second, quantity, correlation })
+    });
+    correlated.collect::<Vec<_>>().into_iter().flatten().collect()
 }
 
 /// The letter of a velocity and its name, for `u`, `u_mps`, `u_from_pos_mps` and so on.
@@ -134,19 +134,6 @@ fn si_of(column: &RawColumn) -> String {
         .unwrap_or_default()
 }
 
-fn correlation(a: &[f64], b: &[f64]) -> Option<f64> {
-    let pairs = || a.iter().zip(b).filter(|(a, b)| !a.is_nan() && !b.is_nan());
-    let n = pairs().count();
-    if n < 10 {
-        return None;
-    }
-    let (ma, mb) = pairs().fold((0.0, 0.0), |(sa, sb), (a, b)| (sa + a / n as f64, sb + b / n as f64));
-    let (mut saa, mut sbb, mut sab) = (0.0, 0.0, 0.0);
-    for (a, b) in pairs() {
-        saa += (a - ma) * (a - ma);
-        sbb += (b - mb) * (b - mb);
-        sab += (a - ma) * (b - mb);
-    }
-    let r = sab / (saa * sbb).sqrt();
-    r.is_finite().then_some(r)
+fn correlation(pair: &PairSummary) -> Option<f64> {
+    Some(pair.correlation()).filter(|r| pair.count() >= 10 && r.is_finite())
 }

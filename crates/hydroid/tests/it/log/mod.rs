@@ -11,6 +11,7 @@
 mod bad_input;
 mod clock;
 mod clocks;
+mod inspect_file;
 mod inspecting;
 mod pose;
 mod properties;

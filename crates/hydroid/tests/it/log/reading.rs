@@ -13,7 +13,7 @@ fn headers_give_names_and_units() {
     let names: Vec<(&str, Option<&str>)> =
         log.columns.iter().map(|c| (c.name.as_str(), c.unit.as_deref())).collect();
     assert_eq!(names, [("t", Some("s")), ("u", Some("m/s")), ("rudder angle", Some("deg")), ("gap", None)]);
-    assert_eq!(log.lines, [2]);
+    assert_eq!(log.lines.iter().collect::<Vec<_>>(), [2]);
 }
 
 #[test]
@@ -39,7 +39,7 @@ fn every_way_of_writing_a_table_is_the_same_table() {
 
 #[test]
 fn lines_are_counted_as_an_editor_counts_them() {
-    assert_eq!(log("\nt,u\n0,1\n\n1,2\n").lines, [3, 5]);
+    assert_eq!(log("\nt,u\n0,1\n\n1,2\n").lines.iter().collect::<Vec<_>>(), [3, 5]);
 }
 
 #[test]

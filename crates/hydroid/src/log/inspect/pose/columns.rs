@@ -73,6 +73,13 @@ pub(super) fn find(log: &RawLog, resolved: &Resolved) -> Option<PoseColumns> {
     })
 }
 
+/// Columns that are headings or axes of a position by their names.
+pub(super) fn candidates(log: &RawLog) -> impl Iterator<Item = usize> {
+    let headings = (0..log.columns.len()).filter(|&i| is_heading(&log.columns[i]));
+    let axes = position_pairs(log, |_| true).into_iter().flat_map(|(x, y, _)| [x, y]);
+    headings.chain(axes)
+}
+
 /// The parts of a column's name without its unit, in lower case.
 fn parts(column: &RawColumn) -> Vec<String> {
     let stem = match &column.unit {

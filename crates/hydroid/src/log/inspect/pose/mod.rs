@@ -15,7 +15,7 @@ mod columns;
 mod fit;
 mod windows;
 
-use super::super::columns::Columns;
+use super::super::columns::{Columns, Origin};
 use super::super::csv::RawLog;
 use super::super::gaps;
 use super::super::note::Note;
@@ -60,6 +60,11 @@ pub(super) fn check(
     Compared { yaw: known(Motion::Yaw), path: known(Motion::Surge) || known(Motion::Sway) }
 }
 
+/// Columns that may belong to a pose, by their names.
+pub(super) fn candidates(log: &RawLog) -> impl Iterator<Item = usize> {
+    columns::candidates(log)
+}
+
 /// The only column of a log that is a heading by its name and its unit.
 pub(in crate::log) fn heading(log: &RawLog, resolved: &Resolved) -> Option<Source> {
     columns::find(log, resolved).map(|pose| pose.heading)
@@ -95,7 +100,7 @@ fn read(
         truth: None,
         heading: None,
     };
-    let columns = Columns::new(log, &pose_and_channels, &mut Vec::new()).ok()?;
+    let columns = Columns::new(Origin::Borrowed(log), &pose_and_channels, &mut Vec::new()).ok()?;
     super::super::clock::check_order(&columns).ok()?;
     let step = super::Clock::usual_step(&columns.t)?;
     let limit = max_gap_s.unwrap_or_else(|| gaps::default_limit(&columns, step, None, &mut Vec::new()));

@@ -4,6 +4,8 @@
 //! turns, $\Delta z = \int (u + i v) e^{i\psi}\,dt + l\,\Delta e^{i\psi}$ with the lever arm $l$ of the position sensor.
 //! All terms are divided by the duration and rotated by the heading in the middle of the window.
 
+use std::borrow::Cow;
+
 use super::super::super::columns::Columns;
 
 /// Number of windows of the longest length; each further length is half of the one before.
@@ -33,45 +35,63 @@ pub(super) struct Window {
 
 /// Windows of several lengths, the longest first. The columns are the channels, the heading and, if `position`, x and
 /// y. Values missing for at most `limit` seconds are interpolated.
-pub(super) fn windows(columns: &Columns, channels: usize, position: bool, limit: f64) -> Vec<Vec<Window>> {
-    let t = &columns.t;
-    let mut series: Vec<Vec<f64>> = columns.outputs.clone();
+pub(super) fn windows(
+    columns: &Columns<'_>,
+    channels: usize,
+    position: bool,
+    limit: f64,
+) -> Vec<Vec<Window>> {
+    let t = &columns.t[..];
+    let mut series: Vec<Cow<[f64]>> =
+        columns.outputs.iter().map(|values| Cow::Borrowed(&values[..])).collect();
     unwrap(&mut series[channels]);
     for values in &mut series {
         interpolate(t, values, limit);
     }
-    if !position {
-        let none = vec![0.0; t.len()];
-        series.extend([none.clone(), none]);
-    }
-    let sums = Sums::new(t, &series, channels, limit);
-    let covered = sums.segments.iter().map(|(from, to)| t[*to] - t[*from]).sum::<f64>();
-    (0..LENGTHS)
-        .map(|halvings| covered / FEWEST as f64 * 0.5_f64.powi(halvings))
-        .map(|length| without_spikes(sums.windows(length)))
+    let series: Vec<&[f64]> = series.iter().map(|values| &values[..]).collect();
+    let pose = Series {
+        t,
+        channels: &series[..channels],
+        heading: series[channels],
+        position: position.then(|| [series[channels + 1], series[channels + 2]]),
+        segments: segments(t, &series, limit),
+    };
+    let covered = pose.segments.iter().map(|(from, to)| t[*to] - t[*from]).sum::<f64>();
+    let lengths: Vec<f64> =
+        (0..LENGTHS).map(|halvings| covered / FEWEST as f64 * 0.5_f64.powi(halvings)).collect();
+    pose.windows(&lengths)
+        .into_iter()
+        .map(without_spikes)
         // The ends of segments leave some windows out.
         .filter(|found| 2 * found.len() >= FEWEST)
         .collect()
 }
 
 /// Removes the jumps of a wrapped angle.
-fn unwrap(angle: &mut [f64]) {
+fn unwrap(angle: &mut Cow<[f64]>) {
+    let turns = |x: f64, last: f64| ((x - last) / std::f64::consts::TAU).round();
     let mut last = f64::NAN;
-    for x in angle.iter_mut().filter(|x| !x.is_nan()) {
-        if !last.is_nan() {
-            *x -= std::f64::consts::TAU * ((*x - last) / std::f64::consts::TAU).round();
+    for k in 0..angle.len() {
+        let mut x = angle[k];
+        if x.is_nan() {
+            continue;
         }
-        last = *x;
+        if !last.is_nan() && turns(x, last) != 0.0 {
+            x -= std::f64::consts::TAU * turns(x, last);
+            angle.to_mut()[k] = x;
+        }
+        last = x;
     }
 }
 
-fn interpolate(t: &[f64], values: &mut [f64], limit: f64) {
+fn interpolate(t: &[f64], values: &mut Cow<[f64]>, limit: f64) {
     let mut last: Option<usize> = None;
     for k in 0..values.len() {
         if values[k].is_nan() {
             continue;
         }
         if let Some(from) = last.filter(|&from| k - from > 1 && t[k] - t[from] <= limit) {
+            let values = values.to_mut();
             let slope = (values[k] - values[from]) / (t[k] - t[from]);
             for j in from + 1..k {
                 values[j] = values[from] + slope * (t[j] - t[from]);
@@ -81,77 +101,74 @@ fn interpolate(t: &[f64], values: &mut [f64], limit: f64) {
     }
 }
 
-/// Integrals from the first row on.
-struct Sums<'a> {
+/// First and last rows of the parts without gaps.
+fn segments(t: &[f64], series: &[&[f64]], limit: f64) -> Vec<(usize, usize)> {
+    let mut segments: Vec<(usize, usize)> = Vec::new();
+    for k in (0..t.len()).filter(|&k| series.iter().all(|values| values[k].is_finite())) {
+        match segments.last_mut() {
+            Some((_, to)) if *to + 1 == k && t[k] - t[*to] <= limit && t[k] > t[*to] => *to = k,
+            _ => segments.push((k, k)),
+        }
+    }
+    segments
+}
+
+/// Channels and pose without gaps in the segments.
+struct Series<'a> {
     t: &'a [f64],
+    channels: &'a [&'a [f64]],
     heading: &'a [f64],
-    x: &'a [f64],
-    y: &'a [f64],
-    /// Of each channel, plain and along the heading: `x`, `x cos psi`, `x sin psi`.
-    channels: Vec<Vec<[f64; 3]>>,
-    /// First and last rows of the parts without gaps.
+    position: Option<[&'a [f64]; 2]>,
     segments: Vec<(usize, usize)>,
 }
 
-impl<'a> Sums<'a> {
-    fn new(t: &'a [f64], series: &'a [Vec<f64>], channels: usize, limit: f64) -> Self {
-        let (heading, x, y) = (&series[channels], &series[channels + 1], &series[channels + 2]);
-        let known = |k: usize| series.iter().all(|values| values[k].is_finite());
-        let mut segments: Vec<(usize, usize)> = Vec::new();
-        for k in (0..t.len()).filter(|&k| known(k)) {
-            match segments.last_mut() {
-                Some((_, to)) if *to + 1 == k && t[k] - t[*to] <= limit && t[k] > t[*to] => *to = k,
-                _ => segments.push((k, k)),
-            }
-        }
-        let direction: Vec<(f64, f64)> = heading.iter().map(|psi| psi.sin_cos()).collect();
-        let parts = |values: &[f64], k: usize| {
-            let (sin, cos) = direction[k];
-            [values[k], values[k] * cos, values[k] * sin]
-        };
-        let integral = |values: &Vec<f64>| {
-            let mut sums = vec![[0.0; 3]; t.len()];
-            for &(from, to) in &segments {
-                for k in from + 1..=to {
-                    let half = 0.5 * (t[k] - t[k - 1]);
-                    let (before, now) = (parts(values, k - 1), parts(values, k));
-                    sums[k] = std::array::from_fn(|i| sums[k - 1][i] + half * (before[i] + now[i]));
-                }
-            }
-            sums
-        };
-        let channels = series[..channels].iter().map(integral).collect();
-        Self { t, heading, x, y, channels, segments }
-    }
+/// Integrals of each channel from the first row of a segment on, plain and along the heading: `x`, `x cos psi`,
+/// `x sin psi`.
+type Integrals = Vec<[f64; 3]>;
 
-    /// Consecutive windows of at least `length` seconds.
-    fn windows(&self, length: f64) -> Vec<Window> {
-        let mut found = Vec::new();
+impl Series<'_> {
+    /// Consecutive windows of at least each length \[s\], in one pass.
+    fn windows(&self, lengths: &[f64]) -> Vec<Vec<Window>> {
+        let mut found: Vec<Vec<Window>> = lengths.iter().map(|_| Vec::new()).collect();
         for &(first, last) in &self.segments {
-            let mut from = first;
-            for to in first..=last {
-                if to > from && self.t[to] - self.t[from] >= length * (1.0 - 1e-9) {
-                    found.push(self.window(from, to));
-                    from = to;
+            let mut sums: Integrals = vec![[0.0; 3]; self.channels.len()];
+            // First row of the present window of each length, and the integrals there.
+            let mut begun = vec![(first, sums.clone()); lengths.len()];
+            let mut direction = self.heading[first].sin_cos();
+            for to in first + 1..=last {
+                let half = 0.5 * (self.t[to] - self.t[to - 1]);
+                let before = std::mem::replace(&mut direction, self.heading[to].sin_cos());
+                for (sums, values) in sums.iter_mut().zip(self.channels) {
+                    let parts = |x: f64, (sin, cos): (f64, f64)| [x, x * cos, x * sin];
+                    let (before, now) = (parts(values[to - 1], before), parts(values[to], direction));
+                    (0..3).for_each(|i| sums[i] += half * (before[i] + now[i]));
+                }
+                for ((begun, length), found) in begun.iter_mut().zip(lengths).zip(&mut found) {
+                    if self.t[to] - self.t[begun.0] >= length * (1.0 - 1e-9) {
+                        found.push(self.window(begun, (to, &sums)));
+                        begun.0 = to;
+                        begun.1.copy_from_slice(&sums);
+                    }
                 }
             }
         }
         found
     }
 
-    fn window(&self, from: usize, to: usize) -> Window {
+    fn window(&self, (from, before): &(usize, Integrals), (to, after): (usize, &Integrals)) -> Window {
+        let from = *from;
         let duration = self.t[to] - self.t[from];
         let (sin, cos) = self.heading[usize::midpoint(from, to)].sin_cos();
         let body = |x: f64, y: f64| [(cos * x + sin * y) / duration, (cos * y - sin * x) / duration];
-        let (x, y) = (self.x[to] - self.x[from], self.y[to] - self.y[from]);
+        let [x, y] = self.position.map_or([0.0; 2], |axes| axes.map(|axis| axis[to] - axis[from]));
         let ((s0, c0), (s1, c1)) = (self.heading[from].sin_cos(), self.heading[to].sin_cos());
-        let change = |sums: &Vec<[f64; 3]>, i: usize| sums[to][i] - sums[from][i];
+        let changes = before.iter().zip(after).map(|(a, b)| [b[0] - a[0], b[1] - a[1], b[2] - a[2]]);
         Window {
             turn: (self.heading[to] - self.heading[from]) / duration,
             path: [body(x, y), body(y, x)],
             lever: body(c1 - c0, s1 - s0),
-            mean: self.channels.iter().map(|sums| change(sums, 0) / duration).collect(),
-            forward: self.channels.iter().map(|sums| body(change(sums, 1), change(sums, 2))).collect(),
+            mean: changes.clone().map(|change| change[0] / duration).collect(),
+            forward: changes.map(|change| body(change[1], change[2])).collect(),
         }
     }
 }

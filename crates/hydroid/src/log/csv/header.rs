@@ -1,0 +1,108 @@
+//! The header of a log, and the separators and decimals that its first rows show.
+
+use super::super::error::LogError;
+use super::super::{stamp, units};
+use super::RawColumn;
+use super::cell::text;
+
+/// The most frequent separator in the first line, outside quotes.
+pub fn delimiter(bytes: &[u8]) -> u8 {
+    let mut counts = [(b',', 0_usize), (b';', 0), (b'\t', 0)];
+    let mut quoted = false;
+    for &b in bytes.trim_ascii_start().iter().take_while(|&&b| b != b'\n' && b != b'\r') {
+        if b == b'"' {
+            quoted = !quoted;
+        } else if !quoted && let Some(c) = counts.iter_mut().find(|c| c.0 == b) {
+            c.1 += 1;
+        }
+    }
+    // A tie selects the first candidate, the comma.
+    counts.iter().rev().max_by_key(|c| c.1).map_or(b',', |c| c.0)
+}
+
+/// Whether numbers have a decimal comma: the first rows contain cells like `1,5` and none like `1.5`.
+pub(super) fn has_decimal_comma(bytes: &[u8], delimiter: u8, end_of_line: u8) -> bool {
+    let rows = bytes.split(|&b| b == end_of_line).skip(1).take(200);
+    let mut comma = false;
+    for cell in rows.flat_map(|row| row.split(|&b| b == delimiter)) {
+        let cell = text(cell).trim_matches('"');
+        if cell.contains('.') && cell.parse::<f64>().is_ok() {
+            return false;
+        }
+        comma |= cell.contains(',') && cell.replacen(',', ".", 1).parse::<f64>().is_ok();
+    }
+    comma
+}
+
+/// Empty columns with the names and units of the header.
+///
+/// # Errors
+/// If the line is no header, or two columns have the same name.
+pub fn header_columns(header: &[String], path: &str) -> Result<Vec<RawColumn>, LogError> {
+    if header.iter().all(|h| h.is_empty() || h.parse::<f64>().is_ok() || stamp::parse(h).is_some()) {
+        let first_row =
+            header.iter().take(4).map(|h| h.chars().take(20).collect()).collect::<Vec<String>>().join(", ");
+        return Err(LogError::NoHeader { path: path.to_owned(), first_row });
+    }
+    let mut columns: Vec<RawColumn> = Vec::with_capacity(header.len());
+    let mut seen = std::collections::HashMap::new();
+    for (i, cell) in header.iter().enumerate() {
+        let cell = if i == 0 { cell.trim_start_matches('#').trim_start() } else { cell };
+        let (mut name, unit) = name_and_unit(cell);
+        // `speed (kn)` beside `speed (km/h)` or `speed`: the unit distinguishes the names.
+        let twin = |(j, other): (usize, &String)| j != i && name_and_unit(other).0 == name;
+        if cell.ends_with(')') && unit.is_some() && header.iter().enumerate().any(twin) {
+            name = cell.trim();
+        }
+        if !name.is_empty()
+            && let Some(first) = seen.insert(name.to_owned(), i)
+        {
+            return Err(LogError::DuplicateColumn {
+                path: path.to_owned(),
+                name: name.to_owned(),
+                first: first + 1,
+                second: i + 1,
+            });
+        }
+        columns.push(RawColumn {
+            name: name.to_owned(),
+            unit: unit.map(str::to_owned),
+            values: Vec::new(),
+            ..RawColumn::default()
+        });
+    }
+    Ok(columns)
+}
+
+/// Names columns without a name by their number.
+pub fn name_the_nameless(columns: &mut [RawColumn]) {
+    for i in 0..columns.len() {
+        if columns[i].name.is_empty() {
+            let mut name = format!("column {}", i + 1);
+            while columns.iter().any(|c| c.name == name) {
+                name.push('\'');
+            }
+            columns[i].name = name;
+        }
+    }
+}
+
+/// Name and unit of `name [unit]` or `name (unit)`. A text in parentheses that is no known unit belongs to the name.
+pub(crate) fn name_and_unit(cell: &str) -> (&str, Option<&str>) {
+    let cell = cell.trim();
+    if let Some(inner) = cell.strip_suffix(')')
+        && let Some((name, unit)) = inner.rsplit_once('(')
+        && !name.trim().is_empty()
+        && units::is_unit_in_parentheses(unit)
+    {
+        return (name.trim(), Some(unit.trim()));
+    }
+    if let Some(inner) = cell.strip_suffix(']')
+        && let Some((name, unit)) = inner.rsplit_once('[')
+        && !name.trim().is_empty()
+    {
+        let unit = unit.trim();
+        return (name.trim(), (!unit.is_empty()).then_some(unit));
+    }
+    (cell, None)
+}

@@ -1,0 +1,197 @@
+//! Reader of CSV files: named columns of numbers with their line numbers in the file.
+//!
+//! A cell that is not a number is stored ([`RawColumn::bad`]) and reported only if its column is selected.
+//!
+//! The reader accepts commas, semicolons and tabs as separators (detected in the header), quotes, a byte order
+//! mark, line ends of every system, spaces around cells, a decimal comma if the separator is not a comma,
+//! a `#` before the header, and ISO 8601 time stamps. Blank, `NaN`, `NA`, `null` and `-` are missing.
+//!
+//! The file is read in parts of whole records ([`chunks`]). The parts are parsed on all cores ([`rows`]) while the next
+//! ones are read, and appended in order ([`assemble`]). The text is never in memory as a whole, and the result does not
+//! depend on the size of the parts.
+
+mod assemble;
+mod cell;
+mod chunks;
+mod header;
+mod rows;
+
+use std::fs::File;
+use std::io::{ErrorKind, Read};
+use std::path::Path;
+
+use super::error::LogError;
+use super::lines::Lines;
+use super::summary::{PairSummary, Summary};
+
+pub use cell::{Cell, number};
+pub use header::{delimiter, header_columns, name_the_nameless};
+
+/// The columns of a log file before selection.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RawLog {
+    /// Path of the file as given.
+    pub path: String,
+    /// Columns in the order of the file.
+    pub columns: Vec<RawColumn>,
+    /// Line of each row in the file, from 1, header and skipped lines included.
+    pub lines: Lines,
+    /// What is known of columns whose values were left out.
+    pub(super) rest: Rest,
+}
+
+/// One column of a log file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RawColumn {
+    /// Name from the header, without the unit.
+    pub name: String,
+    /// Unit from the header (`name [unit]`).
+    pub unit: Option<String>,
+    /// One value per row in the unit of the file; NaN without a finite number. Stamps are seconds since 1970 (UTC).
+    /// Empty if the values were left out.
+    pub values: Vec<f64>,
+    /// The first cell that is neither blank nor a finite number.
+    pub bad: Option<BadCell>,
+    /// Number of cells that are neither blank nor a finite number.
+    pub bad_cells: usize,
+    /// The first cell of a column of time stamps.
+    pub stamps: Option<FirstStamp>,
+    /// Statistics of a column whose values were left out.
+    pub(super) left_out: Option<Summary>,
+}
+
+/// Relations between columns, of which the values of at least one were left out.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Rest {
+    /// For each row, whether the left-out columns have the same values as in the row before; empty without such columns.
+    pub(super) repeats: Vec<bool>,
+    /// Pairs of columns that are compared.
+    pub(super) pairs: Vec<(usize, usize, PairSummary)>,
+}
+
+/// Columns of which the values are kept, and pairs that are compared. It is decided from the header.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Plan {
+    pub(super) keep: Vec<bool>,
+    pub(super) pairs: Vec<(usize, usize)>,
+}
+
+/// The first cell of a column of time stamps.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FirstStamp {
+    /// Line in the file, from 1.
+    pub line: u64,
+    /// Text of the cell.
+    pub text: String,
+    /// Whether the stamp contains a time zone; the default is UTC.
+    pub zoned: bool,
+}
+
+/// A cell that is neither blank nor a finite number.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BadCell {
+    /// Line in the file, from 1.
+    pub line: u64,
+    /// Beginning of the text of the cell.
+    pub text: String,
+    /// Whether the cell holds an infinite number.
+    pub infinite: bool,
+}
+
+impl RawLog {
+    /// A log without rows.
+    #[doc(hidden)]
+    pub fn without_rows(path: &str, columns: Vec<RawColumn>) -> Self {
+        Self { path: path.to_owned(), columns, lines: Lines::default(), rest: Rest::default() }
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.lines.len()
+    }
+
+    /// Position of the column with exactly this name.
+    pub fn position(&self, name: &str) -> Option<usize> {
+        self.columns.iter().position(|c| c.name == name)
+    }
+
+    /// Name of the file without its folder.
+    pub fn file_name(&self) -> String {
+        Path::new(&self.path)
+            .file_name()
+            .map_or_else(|| self.path.clone(), |n| n.to_string_lossy().into_owned())
+    }
+}
+
+impl RawColumn {
+    /// A column without rows.
+    #[doc(hidden)]
+    pub fn named(name: &str) -> Self {
+        Self { name: name.to_owned(), ..Self::default() }
+    }
+
+    /// Whether the values were left out.
+    pub(super) fn is_left_out(&self) -> bool {
+        self.left_out.is_some()
+    }
+
+    pub(super) fn has_values(&self) -> bool {
+        match &self.left_out {
+            Some(summary) => summary.first.is_some(),
+            None => self.values.iter().any(|x| !x.is_nan()),
+        }
+    }
+}
+
+/// Reads the log in a file.
+///
+/// # Errors
+/// If the file cannot be read or is not a table with a header; see [`LogError`].
+pub fn read(path: &Path) -> Result<RawLog, LogError> {
+    read_planned(path, |_| None)
+}
+
+/// Reads the log in a file without the values of some columns, which `plan` decides from the header; `None` keeps all.
+pub(super) fn read_planned(
+    path: &Path,
+    plan: impl FnOnce(&RawLog) -> Option<Plan>,
+) -> Result<RawLog, LogError> {
+    assemble::read(open(path)?, &path.display().to_string(), chunks::CHUNK, plan)
+}
+
+fn open(path: &Path) -> Result<File, LogError> {
+    let name = path.display().to_string();
+    if path.is_dir() {
+        return Err(LogError::IsDirectory { path: name });
+    }
+    File::open(path).map_err(|source| failed(name, source))
+}
+
+fn failed(path: String, source: std::io::Error) -> LogError {
+    match source.kind() {
+        ErrorKind::NotFound => LogError::NotFound { path },
+        ErrorKind::IsADirectory => LogError::IsDirectory { path },
+        _ => LogError::Read { path, source },
+    }
+}
+
+/// The bytes of a file.
+pub(crate) fn bytes(path: &Path) -> Result<Vec<u8>, LogError> {
+    let mut bytes = Vec::new();
+    let read = open(path)?.read_to_end(&mut bytes);
+    read.map_err(|source| failed(path.display().to_string(), source))?;
+    Ok(bytes)
+}
+
+/// Reads a log from any reader; `name` is the file name in messages.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_from(reader: impl Read + Send, name: &str) -> Result<RawLog, LogError> {
+    assemble::read(reader, name, chunks::CHUNK, |_| None)
+}
+
+pub(crate) use header::name_and_unit;
+
+#[cfg(test)]
+mod tests;
