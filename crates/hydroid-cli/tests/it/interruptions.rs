@@ -102,7 +102,8 @@ fn a_signal_during_a_long_line_ends_with_its_state() {
     // As many candidates as this machine tries in two seconds.
     let (first, taken_s) = start("2000");
     first.kill();
-    fs::remove_file(at.join("s")).unwrap();
+    // It may have been killed before it saved its state.
+    let _ = fs::remove_file(at.join("s"));
     let candidates = format!("{:.0}", (2_000.0 * 2.0 / taken_s).clamp(2_000.0, 190_000.0));
     let (mut service, _) = start(&candidates);
     service.send(&line(5.1));

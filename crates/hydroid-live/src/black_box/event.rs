@@ -11,12 +11,10 @@ pub fn encode(action: &Action) -> [f64; WORDS] {
         Action::Spike { output, deviations } => [0.0, output as f64, deviations, 0.0, 0.0],
         Action::Stuck { output, repeats } => [1.0, output as f64, repeats as f64, 0.0, 0.0],
         Action::Offset { output, offset } => [2.0, output as f64, offset, 0.0, 0.0],
-        Action::Believed { output, deviations } => [3.0, output as f64, deviations, 0.0, 0.0],
-        Action::Back { output, missing } => [4.0, output as f64, missing as f64, 0.0, 0.0],
-        Action::Switched { to, errors: [adapted, reference] } => [5.0, expert(to), adapted, reference, 0.0],
-        Action::RolledBack { errors: [adapted, reference] } => [6.0, adapted, reference, 0.0, 0.0],
-        Action::Restarted => [7.0, 0.0, 0.0, 0.0, 0.0],
-        Action::Inflated { output, deviations, factor } => [8.0, output as f64, deviations, factor, 0.0],
+        Action::Back { output, missing } => [3.0, output as f64, missing as f64, 0.0, 0.0],
+        Action::Switched { to, errors: [adapted, reference] } => [4.0, expert(to), adapted, reference, 0.0],
+        Action::RolledBack { errors: [adapted, reference] } => [5.0, adapted, reference, 0.0, 0.0],
+        Action::Restarted => [6.0, 0.0, 0.0, 0.0, 0.0],
     }
 }
 
@@ -32,12 +30,10 @@ pub fn decode(words: &[f64]) -> Option<Action> {
         0 => Action::Spike { output, deviations: b },
         1 => Action::Stuck { output, repeats: count(b) },
         2 => Action::Offset { output, offset: b },
-        3 => Action::Believed { output, deviations: b },
-        4 => Action::Back { output, missing: count(b) },
-        5 => Action::Switched { to: expert(a)?, errors: [b, c] },
-        6 => Action::RolledBack { errors: [a, b] },
-        7 => Action::Restarted,
-        8 => Action::Inflated { output, deviations: b, factor: c },
+        3 => Action::Back { output, missing: count(b) },
+        4 => Action::Switched { to: expert(a)?, errors: [b, c] },
+        5 => Action::RolledBack { errors: [a, b] },
+        6 => Action::Restarted,
         _ => return None,
     })
 }

@@ -95,7 +95,7 @@ impl Clock {
         if after < 0.0 || after > longest.max(RARE * self.step) {
             return self.confirm(t, after);
         }
-        self.confirming = 0;
+        (self.confirming, self.beside) = (0, f64::NAN);
         if t <= self.seen {
             // A sample after the last used one is not late, even if it precedes the last line.
             return Arrival::Between;
@@ -156,7 +156,7 @@ impl Clock {
     }
 
     fn begin(&mut self, t: f64) {
-        self.confirming = 0;
+        (self.confirming, self.beside) = (0, f64::NAN);
         (self.place, self.taken, self.seen) = (t, t, t);
     }
 
@@ -175,7 +175,7 @@ impl Clock {
         self.confirming = confirming;
         let known = [self.place, self.taken, self.seen, self.step].iter().all(|t| t.is_finite());
         let on_grid = (self.taken - self.place).abs() <= self.dt && self.seen >= self.taken;
-        let beside = confirming == 0 && self.beside.is_nan() || self.beside.is_finite();
+        let beside = self.beside.is_nan() == (confirming == 0);
         known
             && on_grid
             && beside

@@ -34,25 +34,13 @@ impl fmt::Display for EventText<'_> {
         let name = |channel: usize| self.names.get(channel).map_or("?", String::as_str);
         match *self.action {
             Action::Spike { output, deviations } => {
-                write!(f, "{} deviates by {deviations:.1} standard deviations: rejected", name(output))
+                write!(f, "{} deviates by {deviations:.1} times its usual deviation: rejected", name(output))
             }
-            Action::Inflated { output, deviations, factor } => write!(
-                f,
-                "{} deviates by {deviations:.1} standard deviations: used with {factor:.1} times the noise",
-                name(output)
-            ),
             Action::Stuck { output, repeats } => {
                 write!(f, "{} has repeated its value {repeats} times: not used from now on", name(output))
             }
             Action::Offset { output, offset } => {
                 write!(f, "{} has jumped: an offset of {offset:.4} is subtracted from now on", name(output))
-            }
-            Action::Believed { output, deviations } => {
-                write!(
-                    f,
-                    "{} deviates by {deviations:.1} standard deviations consistently: accepted",
-                    name(output)
-                )
             }
             Action::Back { output, missing } => {
                 write!(f, "{} is used again after {missing} samples", name(output))

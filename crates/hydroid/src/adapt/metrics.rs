@@ -103,15 +103,7 @@ impl<'a> MeteredAdapter<'a> {
 
     fn record(&mut self) {
         if let Some(guard) = self.adapter.guard() {
-            let touches = |action: &Action| {
-                matches!(
-                    action,
-                    Action::Spike { .. }
-                        | Action::Inflated { .. }
-                        | Action::Stuck { .. }
-                        | Action::Believed { .. }
-                )
-            };
+            let touches = |action: &Action| matches!(action, Action::Spike { .. } | Action::Stuck { .. });
             self.counts.touched += usize::from(guard.events().iter().any(|event| touches(&event.action)));
             self.counts.predicted_by[guard.active().index()] += 1;
             self.events.extend(guard.events());

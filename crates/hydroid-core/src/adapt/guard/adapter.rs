@@ -5,7 +5,6 @@ use alloc::boxed::Box;
 use super::Guard;
 use super::bounded::{Bounded, GuardFork};
 use super::event::Expert;
-use super::motion::extrapolate;
 use super::sensor::Sensor;
 use crate::adapt::kalman::RehearsalOptions;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
@@ -32,7 +31,7 @@ impl Predictor for Guard {
         self.sensors.iter_mut().for_each(Sensor::reset);
         self.shadow_test.reset();
         self.account.reset();
-        self.motion.fill([f64::NAN; 2]);
+        self.estimated.fill(f64::NAN);
         self.events.clear();
         self.outcome = Outcome::Waiting;
     }
@@ -52,28 +51,23 @@ impl Predictor for Guard {
 
     fn observe(&mut self, y: &[f64]) {
         self.events.clear();
-        let factor = self.screen(y);
-        if factor > 1.0 {
-            self.learner.scale_noise(factor);
-            self.reference.scale_noise(factor);
-        }
+        self.screen(y);
         self.learner.observe(&self.measured);
         self.reference.observe(&self.measured);
         self.outcome = self.learner.outcome();
         self.shadow_test.push_measurement(&self.measured);
-        self.shadow_test.estimate_motion(&mut self.motion);
         if self.shadow_test.is_due() {
             self.check_health();
             self.judge();
             let adapted = self.active() == Expert::Adapted;
             self.shadow_test.store([self.learner.as_ref(), self.reference.as_ref()], adapted);
         }
+        self.estimate();
         self.sample += 1;
     }
 
     fn advance(&mut self, c: &[f64]) {
         self.shadow_test.push_command(c);
-        extrapolate(&mut self.motion);
         self.learner.advance(c);
         self.reference.advance(c);
     }
@@ -110,6 +104,7 @@ impl Predictor for Guard {
         self.shadow_test.reset();
         self.account.restore_limit(from[2 * len]);
         self.own.reset();
+        self.estimate();
     }
 
     fn fork(&self) -> Box<dyn Predictor> {
@@ -180,7 +175,7 @@ impl SaveState for Guard {
             + self.sensors.len() * Sensor::MEMORY_LEN
             + self.shadow_test.memory_len()
             + self.account.memory_len()
-            + 2 * self.motion.len()
+            + self.estimated.len()
             + 2
     }
 
@@ -193,7 +188,7 @@ impl SaveState for Guard {
         self.sensors.iter().for_each(|sensor| sensor.save(&mut into));
         self.shadow_test.save(&mut into);
         self.account.save(&mut into);
-        into.numbers(self.motion.as_flattened());
+        into.numbers(&self.estimated);
         into.numbers(&[self.own.value, self.sample as f64]);
     }
 
@@ -206,7 +201,7 @@ impl SaveState for Guard {
         self.sensors.iter_mut().for_each(|sensor| sensor.load(&mut from));
         self.shadow_test.load(&mut from);
         self.account.load(&mut from);
-        from.numbers(self.motion.as_flattened_mut());
+        from.numbers(&mut self.estimated);
         from.numbers(core::slice::from_mut(&mut self.own.value));
         self.sample = from.count(MOST_COUNTED) as u64;
         self.events.clear();
@@ -216,6 +211,7 @@ impl SaveState for Guard {
     fn is_sound(&self) -> bool {
         self.learner.is_sound()
             && self.reference.is_sound()
+            && self.sensors.iter().all(Sensor::is_sound)
             && self.account.is_sound()
             && self.own.value.is_finite()
     }

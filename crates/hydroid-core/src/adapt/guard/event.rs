@@ -45,17 +45,8 @@ pub enum Action {
     Spike {
         /// The output.
         output: usize,
-        /// Jump of the innovation, relative to the RMS of the jumps.
+        /// Deviation, relative to the usual one.
         deviations: f64,
-    },
-    /// A measurement was used with inflated noise variance.
-    Inflated {
-        /// The output.
-        output: usize,
-        /// Jump of the innovation, relative to the RMS of the jumps.
-        deviations: f64,
-        /// Factor on the variance.
-        factor: f64,
     },
     /// A sensor repeats its value to the last bit. Its measurements are rejected from now on.
     Stuck {
@@ -70,13 +61,6 @@ pub enum Action {
         output: usize,
         /// Total offset \[unit of the output\].
         offset: f64,
-    },
-    /// A suspected fault was motion of the vessel. Its measurements are used.
-    Believed {
-        /// The output.
-        output: usize,
-        /// Jump of the innovation, relative to the RMS of the jumps.
-        deviations: f64,
     },
     /// Measurements of an output are used again.
     Back {
@@ -106,10 +90,8 @@ impl Action {
     pub fn name(&self) -> &'static str {
         match self {
             Self::Spike { .. } => "spike",
-            Self::Inflated { .. } => "inflated",
             Self::Stuck { .. } => "stuck",
             Self::Offset { .. } => "offset",
-            Self::Believed { .. } => "believed",
             Self::Back { .. } => "back",
             Self::Switched { .. } => "switched",
             Self::RolledBack { .. } => "rolled_back",

@@ -25,7 +25,6 @@ mod account;
 mod adapter;
 mod bounded;
 mod event;
-mod motion;
 mod options;
 mod sensor;
 mod shadow_test;
@@ -90,8 +89,9 @@ pub struct Guard {
     /// Samples observed.
     sample: u64,
     measured: Vec<f64>,
-    motion: Vec<[f64; 2]>,
-    expected: [Vec<f64>; 2],
+    /// Estimate of the active model after the last measurement, and its prediction of the next one.
+    estimated: Vec<f64>,
+    expected: Vec<f64>,
     buffer: Vec<f64>,
 }
 
@@ -144,8 +144,8 @@ impl Guard {
             outcome: Outcome::Waiting,
             sample: 0,
             measured: vec![f64::NAN; n],
-            motion: vec![[f64::NAN; 2]; n],
-            expected: [vec![f64::NAN; n], vec![f64::NAN; n]],
+            estimated: vec![f64::NAN; n],
+            expected: vec![f64::NAN; n],
             buffer: vec![0.0; len],
             learner,
             reference,
@@ -203,21 +203,27 @@ impl Guard {
         }
     }
 
-    /// Screens a measurement into `measured`. Returns the factor of its noise variance.
-    fn screen(&mut self, y: &[f64]) -> f64 {
+    /// Stores the estimate of the active model, from which its prediction of the motion begins.
+    fn estimate(&mut self) {
+        let mut estimated = core::mem::take(&mut self.estimated);
+        self.expert(self.active()).output(&mut estimated);
+        self.estimated = estimated;
+    }
+
+    /// Screens a measurement into `measured`.
+    fn screen(&mut self, y: &[f64]) {
         self.measured.copy_from_slice(y);
-        let mut most = 1.0;
         if !self.options.sensors {
-            return most;
+            return;
         }
-        for (into, expert) in self.expected.iter_mut().zip([&self.learner, &self.reference]) {
-            expert.output(into);
-        }
+        let mut expected = core::mem::take(&mut self.expected);
+        self.expert(self.active()).output(&mut expected);
+        self.expected = expected;
         for (output, &value) in y.iter().enumerate() {
             let sensor = &mut self.sensors[output];
             let missing = sensor.missing;
-            let [learner, reference] = self.expected.each_ref().map(|expected| expected[output]);
-            let verdict = sensor.judge(value, [learner, reference, self.motion[output][0]], &self.options);
+            let motion = self.expected[output] - self.estimated[output];
+            let verdict = sensor.judge(value, motion, &self.options);
             let corrected = value - sensor.offset;
             let (used, action) = match verdict {
                 Verdict::Sound if missing >= self.options.repeats => {
@@ -225,25 +231,17 @@ impl Guard {
                 }
                 Verdict::Sound => (corrected, None),
                 Verdict::Missing => (f64::NAN, None),
-                Verdict::Inflate { deviations, factor } => {
-                    most = f64::max(most, factor);
-                    (corrected, Some(Action::Inflated { output, deviations, factor }))
-                }
                 Verdict::Spike { deviations } => (f64::NAN, Some(Action::Spike { output, deviations })),
                 Verdict::Stuck { repeats } => {
                     (f64::NAN, (missing == 0).then_some(Action::Stuck { output, repeats }))
                 }
                 Verdict::Offset { offset } => (corrected, Some(Action::Offset { output, offset })),
-                Verdict::Believed { deviations } => {
-                    (corrected, Some(Action::Believed { output, deviations }))
-                }
             };
             self.measured[output] = used;
             if let Some(action) = action {
                 self.record_event(action);
             }
         }
-        most
     }
 
     /// The learner starts again from the weights of the reference model.

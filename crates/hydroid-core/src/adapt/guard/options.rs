@@ -15,12 +15,10 @@ pub struct GuardOptions {
     pub factor: f64,
     /// Constant of the guarantee, relative to the noise of the sensors.
     pub floors: f64,
-    /// Jump of a measurement, relative to the RMS of the jumps, above which its noise variance is inflated.
-    pub inflate: f64,
-    /// Jump of a measurement, relative to the RMS of the jumps, above which at most `patience` samples are rejected.
-    pub reject: f64,
-    /// Longest series of rejections \[samples\]; a constant deviation of this length is a sensor offset.
-    pub patience: usize,
+    /// Deviation of a measurement, relative to the usual one, above which it is a spike.
+    pub spike: f64,
+    /// Step in the measurements, relative to the usual one, above which it is a sensor offset.
+    pub offset: f64,
     /// Minimum number of repetitions of a stuck sensor, for a sensor that has repeated values before.
     pub repeats: usize,
     /// Whether sensor faults are detected.
@@ -44,16 +42,15 @@ impl GuardOptions {
             window,
             factor: 1.2,
             floors: 0.5,
-            inflate: 4.5,
-            reject: 6.0,
-            patience: samples(0.8, 4),
+            spike: 4.0,
+            offset: 6.0,
             repeats: 5,
             sensors: true,
         }
     }
 
     pub(super) fn is_sound(&self) -> bool {
-        [self.horizon, self.stride, self.window, self.patience].iter().all(|&n| n > 0)
+        [self.horizon, self.stride, self.window].iter().all(|&n| n > 0)
             && self.horizon.is_multiple_of(self.stride)
             && self.window >= self.horizon
             && self.repeats > 1
@@ -61,7 +58,7 @@ impl GuardOptions {
             && self.factor.is_finite()
             && self.floors > 0.0
             && self.floors.is_finite()
-            && self.inflate > 0.0
-            && self.reject >= self.inflate
+            && self.spike > 0.0
+            && self.offset > 0.0
     }
 }

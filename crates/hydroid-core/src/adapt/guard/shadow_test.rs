@@ -6,7 +6,6 @@ use alloc::vec::Vec;
 
 use super::bounded::Metric;
 use super::event::Expert;
-use super::motion::{Motion, estimate_motion};
 use crate::adapt::Adapter;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
 use crate::predict::{Predictor, Workspace};
@@ -78,15 +77,6 @@ impl ShadowTest {
     pub(super) fn push_measurement(&mut self, y: &[f64]) {
         push(&mut self.measured, self.samples % self.metric.horizon, y);
         self.samples += 1;
-    }
-
-    /// Estimates the motion from the last two strides; no change if the horizon is shorter.
-    pub(super) fn estimate_motion(&self, motion: &mut Motion) {
-        let Metric { horizon, stride, .. } = self.metric;
-        if self.samples < 2 * stride || horizon < 2 * stride {
-            return;
-        }
-        estimate_motion(&self.measured[last(horizon, 2 * stride, self.samples, self.outputs)], motion);
     }
 
     pub(super) fn is_due(&self) -> bool {
