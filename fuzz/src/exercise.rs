@@ -19,6 +19,7 @@ const SAMPLES: usize = 12;
 
 /// Runs a model in all its uses.
 pub(crate) fn model(model: &Model) {
+    assert!(model.description.dt.is_finite() && model.description.dt > 0.0, "{} s", model.description.dt);
     texts(model);
     sessions(model);
     let run = run(model);

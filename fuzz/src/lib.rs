@@ -9,11 +9,13 @@
 //! | [`live`] | streams of these models, and the properties of their answers |
 //! | [`models`] | small models of every kind, which streams and recordings refer to by name |
 //! | [`repair`] | sums and sizes of containers |
+//! | [`mutate`] | changes of values inside a format |
 //! | `exercise` | use of a model |
 
 mod exercise;
 pub mod live;
 pub mod models;
+pub mod mutate;
 pub mod repair;
 mod scratch;
 pub mod targets;

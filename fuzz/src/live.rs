@@ -227,7 +227,8 @@ impl Live {
         for _ in 0..RECOVERY {
             last = self.clean().unwrap_or_default();
         }
-        let used = ["estimate", "prediction"].iter().all(|key| last[key].is_object() && !has_null(&last[key]));
+        let used =
+            ["estimate", "prediction"].iter().all(|key| last[key].is_object() && !has_null(&last[key]));
         assert!(used, "no prediction after {RECOVERY} clean samples: {last}");
     }
 }

@@ -158,8 +158,7 @@ fn direct(name: &str) -> Model {
     let (inputs, outputs) = Direct::lengths(history, horizon, 2, 2);
     let network = Perceptron { inputs, hidden: vec![3], outputs };
     let weights = weights(network.weights());
-    let body =
-        Direct { network, weights, scaling: scaling(), history, horizon, base: BaseModel::Hold };
+    let body = Direct { network, weights, scaling: scaling(), history, horizon, base: BaseModel::Hold };
     described(name, DT, Body::Direct(Arc::new(body)))
 }
 

@@ -10,7 +10,9 @@ use hydroid::manoeuvre::recognise;
 pub fn csv_log(bytes: &[u8]) {
     let Ok(log) = read_from(bytes, "fuzz.csv") else { return };
     let names: Vec<&str> = log.columns.iter().map(|column| column.name.as_str()).collect();
-    let chosen = |skip: usize, take: usize| names.iter().skip(skip).take(take).map(|n| ChannelSpec::named(*n)).collect();
+    let chosen = |skip: usize, take: usize| {
+        names.iter().skip(skip).take(take).map(|n| ChannelSpec::named(*n)).collect()
+    };
     let first = Selection {
         time: names.first().map(|name| (*name).to_owned()),
         outputs: chosen(1, 2),

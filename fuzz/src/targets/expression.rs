@@ -18,8 +18,7 @@ pub fn expression(bytes: &[u8]) {
     let name = term.name(&parser.names());
     assert_eq!(parser.term(&name).as_ref(), Ok(&term), "{name}");
     let signals = parser.signals().to_vec();
-    let equations =
-        Equations::with_signals(vec![term], vec![0.3, -0.7], 2, 2, signals, models::DT, 1);
+    let equations = Equations::with_signals(vec![term], vec![0.3, -0.7], 2, 2, signals, models::DT, 1);
     let Ok(equations) = equations else { return };
     exercise::model(&Model { body: Body::Equations(Arc::new(equations)), ..models::model("equations") });
 }

@@ -26,7 +26,12 @@ pub fn stream(bytes: &[u8]) {
             Some(codes) => live.coded(codes),
             None => live.serve(line),
         };
-        assert_eq!(answer.is_none(), is_blank, "an answer to each line of data: {}", String::from_utf8_lossy(line));
+        assert_eq!(
+            answer.is_none(),
+            is_blank,
+            "an answer to each line of data: {}",
+            String::from_utf8_lossy(line)
+        );
     }
     live.recover();
 }
