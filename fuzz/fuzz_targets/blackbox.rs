@@ -1,13 +1,9 @@
-//! A black box on arbitrary bytes: `cargo +nightly fuzz run blackbox`. Whatever is read can be shown.
 #![no_main]
 
-use hydroid_live::black_box::BlackBox;
+use hydroid_fuzz::mutate::black_box as change;
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    let Ok(black_box) = BlackBox::decode(bytes) else { return };
-    let summary = black_box.summary();
-    assert_eq!(summary.samples, black_box.steps().filter(|step| step.is_sample()).count());
-    for step in black_box.steps() {
-        assert!(step.json().is_object());
-    }
+libfuzzer_sys::fuzz_mutator!(|data: &mut [u8], size: usize, max_size: usize, seed: u32| {
+    hydroid_fuzz::mutate::either(data, size, max_size, seed, change, libfuzzer_sys::fuzzer_mutate)
 });
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| hydroid_fuzz::blackbox(bytes));

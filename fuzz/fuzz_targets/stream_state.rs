@@ -1,11 +1,9 @@
-//! The state of a stream on arbitrary bytes: `cargo +nightly fuzz run stream_state`. What is read is what would
-//! be written.
 #![no_main]
 
-use hydroid_live::stream::State;
+use hydroid_fuzz::mutate::safetensors as change;
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    let Ok(state) = State::decode(bytes) else { return };
-    let again = state.encode().unwrap();
-    assert_eq!(State::decode(&again).unwrap().encode().unwrap(), again);
+libfuzzer_sys::fuzz_mutator!(|data: &mut [u8], size: usize, max_size: usize, seed: u32| {
+    hydroid_fuzz::mutate::either(data, size, max_size, seed, change, libfuzzer_sys::fuzzer_mutate)
 });
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| hydroid_fuzz::stream_state(bytes));

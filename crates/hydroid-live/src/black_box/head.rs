@@ -67,6 +67,12 @@ impl Head {
         RowLayout::new(self.outputs.len(), self.inputs.len(), self.horizons.len())
     }
 
+    /// Numbers of a step.
+    #[doc(hidden)]
+    pub fn row_len(&self) -> usize {
+        self.layout().len()
+    }
+
     pub(super) fn segment_len(&self) -> usize {
         8 * (START + self.memory + self.steps * (self.layout().len() + 1))
     }

@@ -273,9 +273,23 @@ pub(super) fn decode<T: Scalar>(
         member.best_epoch = told.best_epoch;
         member.history = epochs.by_ref().take(told.epochs).collect();
         member.idle = told.idle;
+        if !is_sound(member) {
+            return Err(damaged(format!(
+                "the best weights of restart {} are not those of a training",
+                i + 1
+            )));
+        }
     }
     restarts.plan.epochs = head.epochs;
     Ok(head.epoch)
+}
+
+/// Whether the best weights are numbers with a score, or there are none yet. The others may have diverged.
+fn is_sound<T: Scalar>(member: &Restart<T>) -> bool {
+    if member.best_epoch == 0 {
+        return member.best_score == f64::INFINITY;
+    }
+    member.best_score.is_finite() && member.best.iter().all(|weight| weight.wide().is_finite())
 }
 
 fn numbers(tensors: &SafeTensors<'_>, name: &str, shape: &[usize]) -> Result<Vec<f64>, String> {

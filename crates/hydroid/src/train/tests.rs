@@ -10,7 +10,7 @@ use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
 
 use super::mini_batch::{Architecture, MiniBatch};
-use super::restarts::{Plan, Restarts};
+use super::restarts::{Plan, Restart, Restarts};
 use super::*;
 use crate::log::{Channel, Table};
 
@@ -363,6 +363,28 @@ fn a_checkpoint_holds_all_of_the_state() {
     older[at + version.len() - 1] ^= 1;
     let refused = checkpoint::decode(&older, &prints, &mut restarts(&options)).unwrap_err();
     assert!(refused.contains("of hydroid 0."), "{refused}");
+}
+
+#[test]
+fn a_damaged_best_weight_of_a_checkpoint_does_not_become_the_network() {
+    let options = small(CellKind::Gru);
+    let (bytes, prints) = checkpoint_bytes(&options);
+    let refused = |change: &dyn Fn(&mut Restart<f64>)| {
+        let mut damaged = restarts(&options);
+        checkpoint::decode(&bytes, &prints, &mut damaged).unwrap();
+        change(&mut damaged.members[0]);
+        let bytes = checkpoint::encode(&damaged, 1, &prints).unwrap();
+        checkpoint::decode(&bytes, &prints, &mut restarts(&options)).unwrap_err()
+    };
+    for change in [
+        (|member| member.best[3] = f64::NAN) as fn(&mut Restart<f64>),
+        |member| member.best_score = f64::NAN,
+        |member| member.best_score = f64::NEG_INFINITY,
+        |member| member.best_epoch = 0,
+    ] {
+        let refused = refused(&change);
+        assert!(refused.contains("the best weights of restart 1"), "{refused}");
+    }
 }
 
 proptest! {
