@@ -53,13 +53,13 @@ pub(crate) struct Limit {
 impl Limit {
     pub(crate) fn of(child: &Child) -> Self {
         let id = child.id().to_string();
-        let (_ended, wait) = mpsc::channel();
+        let (ended, wait) = mpsc::channel();
         std::thread::spawn(move || {
             if wait.recv_timeout(LONGEST) == Err(RecvTimeoutError::Timeout) {
                 let _ = Command::new("kill").args(["-9", &id]).status();
             }
         });
-        Self { _ended }
+        Self { _ended: ended }
     }
 }
 
@@ -92,10 +92,10 @@ impl Service {
     pub(crate) fn of(command: &mut Command) -> Self {
         let mut child =
             command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let _limit = Limit::of(&child);
+        let limit = Limit::of(&child);
         let answers = BufReader::new(child.stdout.take().unwrap());
         let notes = BufReader::new(child.stderr.take().unwrap());
-        Self { child, _limit, answers, notes }
+        Self { child, _limit: limit, answers, notes }
     }
 
     pub(crate) fn send(&mut self, line: &str) {

@@ -108,7 +108,7 @@ fn names_that_are_no_files_are_no_conflict() {
         let args = ["simulate", "hydrofoil", "--excitation", "mixed", "--duration", "9", "-o", name];
         let done = output(&mut hydroid(at, &args));
         assert!(done.status.success(), "{}", text(&done.stderr));
-        assert!(fs::read_to_string(at.join(name)).unwrap().starts_with("t"), "{name}");
+        assert!(fs::read_to_string(at.join(name)).unwrap().starts_with('t'), "{name}");
     }
 }
 

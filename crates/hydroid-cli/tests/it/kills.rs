@@ -18,7 +18,7 @@ fn kills(default: u64) -> u64 {
     std::env::var("HYDROID_KILLS").map_or(default, |count| count.parse().unwrap())
 }
 
-/// Uniform numbers in 0..1 (SplitMix64).
+/// Uniform numbers in 0..1 (`SplitMix64`).
 struct Moments(u64);
 
 impl Moments {
@@ -150,7 +150,7 @@ impl Job<'_> {
         let all = self.expected.len();
         let (mut killed, mut answered) = (0, 0);
         while killed < count {
-            for _ in 0..1 + moments.below(5) {
+            for _ in 0..=moments.below(5) {
                 let answers =
                     self.killed(moments.below(all), Duration::from_micros(moments.below(3_000) as u64));
                 let repeated = self.check(&answers);

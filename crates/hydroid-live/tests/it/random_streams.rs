@@ -37,7 +37,7 @@ fn voyage() -> &'static Voyage {
         let mut session = EquationsSession::new(model.equations().unwrap().equations().clone());
         session.observe(&[1.0, 0.0]);
         let mut own = Voyage { commands: Vec::new(), truth: Vec::new(), measured: Vec::new() };
-        for k in 0..HOSTILE + CLEAN + HORIZONS[1] + 1 {
+        for k in 0..=HOSTILE + CLEAN + HORIZONS[1] {
             let x = k as f64;
             let mut y = [0.0; 2];
             session.output(&mut y);
@@ -228,7 +228,7 @@ impl Case {
                 Fault::Value(cell, x) => cells[*cell] = x.to_string(),
                 Fault::Both(u, r) => (cells[1], cells[2]) = (u.to_string(), r.to_string()),
                 Fault::Missing(cell) => cells[*cell].clear(),
-                Fault::Text(cell, text) => cells[*cell] = (*text).to_owned(),
+                Fault::Text(cell, text) => (*text).clone_into(&mut cells[*cell]),
                 Fault::Stamp(by) => cells[0] = (0.1 * k as f64 + offset + by).to_string(),
                 Fault::Clock(by) => {
                     offset += by;

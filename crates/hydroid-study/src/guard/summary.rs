@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
+use hydroid_core::adapt::guard::GuardOptions;
 use serde::Serialize;
 
 use super::{Campaign, DayResult};
@@ -14,6 +15,8 @@ pub struct Summary {
     pub bad_days: usize,
     /// Bad days on which the unguarded model exceeds the guarantee, and on which the guarded one does.
     pub exceeded: [usize; 2],
+    /// Bad days on which the guarded model exceeds the guarantee by more than the noise of the measurements explains.
+    pub beyond_noise: usize,
     /// Largest excess of the guarded model, relative to the constant of the guarantee.
     pub largest_excess: f64,
     /// The same on clean days: number, exceeded, largest excess.
@@ -44,11 +47,17 @@ fn geometric(values: impl Iterator<Item = f64>) -> f64 {
     (sum / f64::from(count)).exp()
 }
 
+/// Mean of `|x|` of a normal deviate: what the measurements add to the error of the reference model against the truth, at
+/// most, in noise floors.
+const MEAN_ABSOLUTE: f64 = 0.798;
+
 /// Summary of the days.
 pub fn summary(campaign: &Campaign) -> Summary {
     let Campaign { bad, clean } = campaign;
     let exceeded =
         |days: &[DayResult], which: usize| days.iter().filter(|day| day.excess[which] > 0.0).count();
+    let GuardOptions { factor, floors, .. } = GuardOptions::new(1.0);
+    let by_noise = factor * MEAN_ABSOLUTE / floors;
     let largest = |days: &[DayResult]| days.iter().map(|day| day.excess[1]).fold(f64::NEG_INFINITY, f64::max);
     let mut kinds: BTreeMap<&'static str, Vec<&DayResult>> = BTreeMap::new();
     for day in clean {
@@ -68,6 +77,7 @@ pub fn summary(campaign: &Campaign) -> Summary {
     Summary {
         bad_days: bad.len(),
         exceeded: [exceeded(bad, 0), exceeded(bad, 1)],
+        beyond_noise: bad.iter().filter(|day| day.excess[1] > by_noise).count(),
         largest_excess: largest(bad),
         clean_days: (clean.len(), exceeded(clean, 1), largest(clean)),
         cost: kinds.iter().map(|(kind, days)| (*kind, cost(days))).collect(),
@@ -90,14 +100,16 @@ impl fmt::Display for Summary {
         let [alone, guarded] = self.exceeded;
         writeln!(
             f,
-            "bad days: {}; the unguarded model exceeds the guarantee on {alone}, the guarded one on {guarded} (largest excess {:.2} of the constant)",
-            self.bad_days, self.largest_excess
+            "bad days: {}; the unguarded model exceeds the guarantee on {alone}, the guarded one on {guarded}, and on {} by more than the noise explains (largest excess {:.2} of the constant)",
+            self.bad_days, self.beyond_noise, self.largest_excess
         )?;
         let (clean, over, largest) = self.clean_days;
-        writeln!(
-            f,
-            "clean days: {clean}; the guarded model exceeds the guarantee on {over} (largest {largest:.2})"
-        )?;
+        if clean > 0 {
+            writeln!(
+                f,
+                "clean days: {clean}; the guarded model exceeds the guarantee on {over} (largest {largest:.2})"
+            )?;
+        }
         for (kind, (cost, by)) in &self.cost {
             let by: Vec<String> = by.iter().map(|x| format!("{x:.3}")).collect();
             writeln!(f, "  {kind}: guarded over unguarded error {cost:.3} (outputs {})", by.join(", "))?;
@@ -108,7 +120,8 @@ impl fmt::Display for Summary {
             "bad days: guarded over unguarded error {over_alone:.3}, over that of the reference model {over_reference:.3}"
         )?;
         let [all, of_clean] = self.false_alarms.map(|share| 100.0 * share);
-        writeln!(f, "false alarms: {all:.3} % of the sound samples, {of_clean:.3} % on clean days")?;
+        let of_clean = if clean > 0 { format!(", {of_clean:.3} % on clean days") } else { String::new() };
+        writeln!(f, "false alarms: {all:.3} % of the sound samples{of_clean}")?;
         let share = |[all, some]: [usize; 2]| format!("{some} of {all}");
         write!(
             f,

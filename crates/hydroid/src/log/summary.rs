@@ -1,6 +1,6 @@
 //! Statistics of columns that are collected while a log is read.
 //!
-//! Values are collected in blocks of fixed size, whose moments are joined by the formulas of Chan, Golub and LeVeque
+//! Values are collected in blocks of fixed size, whose moments are joined by the formulas of Chan, Golub and `LeVeque`
 //! ("Algorithms for computing the sample variance", The American Statistician 37 (1983) 242). The result does not depend
 //! on the parts in which the values arrive.
 

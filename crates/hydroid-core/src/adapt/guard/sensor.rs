@@ -13,12 +13,14 @@
 //! - *Spike* (chi-squared gate): `e` is the deviation from the line through the [`SIDE`] values before, divided by
 //!   `sqrt(1 + 1/n + (t - mean t)^2 / S_tt)`. A measurement with `|e| > spike d` in both series is not used, where `d` is
 //!   the root mean square of `e` over the [`window`](GuardOptions::window), at least the standard deviation of the noise.
-//!   Unused measurements do not belong to the line. A line needs half of its values, so that at most five measurements in
-//!   a row are not used. White noise exceeds four deviations with a probability of 6e-5.
+//!   Unused measurements do not belong to the line. A line needs two values, so that at most seven measurements in a row
+//!   are not used. A measurement after a spike is used if its change is nearer to the change at the first spike than to
+//!   none: that is an acceleration. White noise exceeds four deviations with a probability of 6e-5.
 //! - *Offset* (generalised likelihood ratio): `c` is the step in a line with [`SIDE`] values on each side (analysis of
 //!   covariance with a common slope). An offset has `|c| > offset s` in both series, where `s` is the largest of the
 //!   standard deviation of `c` from the residuals, that from the noise, and the root mean square of earlier `c`. It is found
-//!   [`SIDE`] samples after it began, and its estimate is the step in `w`.
+//!   [`SIDE`] samples after it began, and its estimate is the step in `w`. A step against the sign of the present offset is
+//!   its end: the offset becomes zero, because a fault that was no constant offset would leave the rest of one behind.
 //! - *Stuck*: a value is repeated to the last bit.
 
 use super::options::GuardOptions;
@@ -60,8 +62,8 @@ struct Moments {
 }
 
 impl Moments {
-    /// Moments of `SIDE` values, the last one at time `last`; `None` if less than half of them are known.
-    fn of(values: &[f64], last: f64, excluded: u32) -> Option<Self> {
+    /// Moments of values, the last one at time `last`; `None` if less than `least` are known.
+    fn of(values: &[f64], last: f64, excluded: u32, least: usize) -> Option<Self> {
         let mut m = Self::default();
         for (ago, x) in values.iter().rev().enumerate() {
             if x.is_nan() || excluded >> ago & 1 == 1 {
@@ -74,7 +76,7 @@ impl Moments {
             m.tx += dt * (x - m.x);
             m.xx += dx * (x - m.x);
         }
-        (2.0 * m.n >= SIDE as f64).then_some(m)
+        (m.n >= least as f64).then_some(m)
     }
 }
 
@@ -120,24 +122,19 @@ impl Series {
 
     /// Deviation of the last value from the line before; NaN if either is unknown.
     fn deviation(&self, excluded: u32) -> f64 {
-        let Some(m) = Moments::of(&self.values[LEN - 1 - SIDE..LEN - 1], -1.0, excluded >> 1) else {
+        let Some(m) = Moments::of(&self.values[LEN - 1 - SIDE..LEN - 1], -1.0, excluded >> 1, 2) else {
             return f64::NAN;
         };
         let line = m.x - m.t * m.tx / m.tt;
         (self.values[LEN - 1] - line) / num_traits::Float::sqrt(1.0 + 1.0 / m.n + m.t * m.t / m.tt)
     }
 
-    /// Size of the last change.
-    fn change(&self) -> f64 {
-        (self.values[LEN - 1] - self.values[LEN - 2]).abs()
-    }
-
     /// The step `ago + SIDE` samples ago, its standard deviation from the residuals, and the factor from the noise to this
     /// deviation; `None` if they are unknown.
     fn step(&self, ago: usize) -> Option<[f64; 3]> {
         let end = LEN - ago;
-        let after = Moments::of(&self.values[end - SIDE..end], 0.0, 0)?;
-        let before = Moments::of(&self.values[end - 2 * SIDE..end - SIDE], -(SIDE as f64), 0)?;
+        let after = Moments::of(&self.values[end - SIDE..end], 0.0, 0, SIDE / 2)?;
+        let before = Moments::of(&self.values[end - 2 * SIDE..end - SIDE], -(SIDE as f64), 0, SIDE / 2)?;
         let (tt, tx, apart) = (after.tt + before.tt, after.tx + before.tx, after.t - before.t);
         let step = after.x - before.x - apart * tx / tt;
         // Rounding may leave less than nothing; squares of absurd values overflow.
@@ -157,6 +154,8 @@ pub(super) struct Sensor {
     series: [Series; 2],
     /// Bit `i`: the measurement `i` samples ago was a spike.
     excluded: u32,
+    /// Change at the first of the deviating measurements in a row; NaN if the last one did not deviate.
+    first: f64,
     /// The last value, the number of its repetitions, and the longest such sequence of the sound sensor.
     last: f64,
     repeats: usize,
@@ -166,19 +165,21 @@ pub(super) struct Sensor {
 }
 
 impl Sensor {
-    pub(super) const MEMORY_LEN: usize = 2 * (LEN + 4) + 6;
+    pub(super) const MEMORY_LEN: usize = 2 * (LEN + 4) + 7;
 
     pub(super) fn new(noise: f64) -> Self {
         let usual = MeanSquare { count: 0, value: noise * noise };
         let series = Series { values: [f64::NAN; LEN], deviations: usual, steps: usual };
-        let (excluded, last, repeats, longest, missing, offset) = (0, f64::NAN, 0, 0, 0, 0.0);
-        Self { noise, series: [series; 2], excluded, last, repeats, longest, missing, offset }
+        let (first, last) = (f64::NAN, f64::NAN);
+        let (excluded, repeats, longest, missing, offset) = (0, 0, 0, 0, 0.0);
+        Self { noise, series: [series; 2], excluded, first, last, repeats, longest, missing, offset }
     }
 
     /// Starts a run. Usual deviations and the offset stay.
     pub(super) fn reset(&mut self) {
         self.series.iter_mut().for_each(|series| series.values.fill(f64::NAN));
-        (self.excluded, self.last, self.repeats, self.missing) = (0, f64::NAN, 0, 0);
+        (self.excluded, self.first, self.last) = (0, f64::NAN, f64::NAN);
+        (self.repeats, self.missing) = (0, 0);
     }
 
     /// Judges a measurement after a predicted `motion` since the last one.
@@ -201,7 +202,11 @@ impl Sensor {
         if used.is_nan() {
             return Verdict::Missing;
         }
-        if let Some(step) = self.step(options) {
+        if let Some(mut step) = self.step(options) {
+            if step * self.offset < 0.0 {
+                // A fault that began has ended.
+                step = -self.offset;
+            }
             self.offset += step;
             let after = self.series.iter_mut().flat_map(|series| &mut series.values[LEN - SIDE..]);
             after.for_each(|x| *x -= step);
@@ -215,14 +220,29 @@ impl Sensor {
             }
             let usual = series.deviations.root().max(self.noise);
             known &= series.deviations.is_known(options.window);
-            let repeated = if self.excluded & 2 == 0 { f64::INFINITY } else { series.change() };
-            least = least.min(deviation.abs().min(repeated) / usual);
+            least = least.min(deviation.abs() / usual);
             series.deviations.add(deviation, options.spike, options.window);
         }
-        if least > options.spike {
-            self.excluded |= 1;
+        if least <= options.spike {
+            self.first = f64::NAN;
+            return Verdict::Sound;
         }
-        if known && least > options.spike { Verdict::Spike { deviations: least } } else { Verdict::Sound }
+        if self.goes_on() {
+            return Verdict::Sound;
+        }
+        self.excluded |= 1;
+        if known { Verdict::Spike { deviations: least } } else { Verdict::Sound }
+    }
+
+    /// Whether the change at a deviating measurement is nearer to the change at the first of them than to none: the
+    /// acceleration has changed, and the vessel moves on.
+    fn goes_on(&mut self) -> bool {
+        let change = self.series[0].values[LEN - 1] - self.series[0].values[LEN - 2];
+        if self.first.is_nan() {
+            self.first = change;
+            return false;
+        }
+        2.0 * change * self.first > self.first * self.first
     }
 
     /// The step in `w`, if it is an offset.
@@ -268,7 +288,7 @@ impl Sensor {
                 into.numbers(&[usual.value]);
             }
         }
-        into.numbers(&[self.last, self.offset]);
+        into.numbers(&[self.first, self.last, self.offset]);
         for count in [self.excluded as usize, self.repeats, self.longest, self.missing] {
             into.count(count);
         }
@@ -282,8 +302,9 @@ impl Sensor {
                 from.numbers(core::slice::from_mut(&mut usual.value));
             }
         }
-        from.numbers(core::slice::from_mut(&mut self.last));
-        from.numbers(core::slice::from_mut(&mut self.offset));
+        for number in [&mut self.first, &mut self.last, &mut self.offset] {
+            from.numbers(core::slice::from_mut(number));
+        }
         self.excluded = u32::try_from(from.count(u32::MAX as usize)).unwrap_or_default();
         for count in [&mut self.repeats, &mut self.longest, &mut self.missing] {
             *count = from.count(MOST_COUNTED);

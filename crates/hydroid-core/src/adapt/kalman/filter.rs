@@ -50,6 +50,8 @@ pub struct Filter<M> {
     /// Scratch over the state, and over the columns of the covariance of the weights.
     by_state: Vec<f64>,
     change: Vec<f64>,
+    /// Gradients of functions, with respect to the state, and to the columns of the covariance of the weights.
+    gradients: [Vec<f64>; 2],
 }
 
 impl<M: Learnable> Filter<M> {
@@ -78,6 +80,7 @@ impl<M: Learnable> Filter<M> {
             noise_scale: 1.0,
             by_state: vec![0.0; n],
             change: vec![0.0; covariance.places().len()],
+            gradients: [Vec::new(), Vec::new()],
             covariance,
             model,
             options,
@@ -222,20 +225,28 @@ impl<M: Learnable> Filter<M> {
         (of_state, of_weights)
     }
 
-    /// Adds to `out` the variances of linear functions of state and weights after the last measurement. The gradients
-    /// are the columns of `by_state` (`state x functions`, without rows of trailing states of zero gradient) and of
-    /// `by_weights` (`weights x functions`).
-    pub(super) fn add_variances(&mut self, by_state: &[f64], by_weights: &[f64], out: &mut [f64]) {
-        let (count, v_h, v_t) = (out.len(), &mut self.by_state, &mut self.change);
-        for (r, out) in out.iter_mut().enumerate() {
+    /// Sets the gradients of `count` linear functions of state and weights, from the function `first` on. They are the
+    /// columns of `by_state` (`state x count`, without rows of trailing states of zero gradient) and of `by_weights`
+    /// (`weights x count`). Allocates for more functions than ever before.
+    pub(super) fn set_gradients(&mut self, first: usize, count: usize, by_state: &[f64], by_weights: &[f64]) {
+        let (n, places) = (self.state.len(), self.covariance.places());
+        let [v_h, v_t] = &mut self.gradients;
+        v_h.resize(v_h.len().max((first + count) * n), 0.0);
+        v_t.resize(v_t.len().max((first + count) * places.len()), 0.0);
+        for r in 0..count {
+            let (v_h, v_t) = (&mut v_h[(first + r) * n..][..n], &mut v_t[(first + r) * places.len()..]);
             v_h.fill(0.0);
-            let rows = by_state.chunks_exact(count);
-            v_h.iter_mut().zip(rows).for_each(|(v, row)| *v = row[r]);
-            for (v, &place) in v_t.iter_mut().zip(self.covariance.places()) {
+            v_h.iter_mut().zip(by_state.chunks_exact(count)).for_each(|(v, row)| *v = row[r]);
+            for (v, &place) in v_t.iter_mut().zip(places) {
                 *v = place.map_or(0.0, |place| by_weights[place * count + r]);
             }
-            *out += self.covariance.variance(v_h, v_t);
         }
+    }
+
+    /// Adds the variances of the first functions of [`set_gradients`](Self::set_gradients), after the last measurement.
+    pub(super) fn add_variances(&mut self, out: &mut [f64]) {
+        let [v_h, v_t] = &self.gradients;
+        self.covariance.add_variances(v_h, v_t, out);
     }
 
     /// Number of stored numbers of the covariance; it depends on [`FilterOptions::covariance`].

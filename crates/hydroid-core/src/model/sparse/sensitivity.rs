@@ -9,6 +9,9 @@ use super::signal::Signal;
 use super::term::Term;
 use crate::predict::rollout_steps;
 
+/// Stages of a Runge-Kutta step.
+const STAGES: usize = 4;
+
 /// Rollouts of equations with their derivatives with respect to parameters `p`: the outputs at the start, then some of
 /// the coefficients.
 ///
@@ -16,6 +19,15 @@ use crate::predict::rollout_steps;
 /// It is integrated by the same Runge-Kutta steps as [`Equations::step`], so that `S` is the exact derivative of the
 /// numerical rollout (Hairer, Norsett, Wanner, *Solving Ordinary Differential Equations I*, 1993, section I.14). Past
 /// outputs among the signals carry `S` of their time; the past before the start does not depend on `p`.
+///
+/// A step is linear in `S`. With `A_i = df/dy` and `F_i = df/ds ds/dp + df/dp` at its four stages,
+///
+/// ```text
+/// S <- S + sum_i L_i (A_i S + F_i)       L_4 = h/6,               L_3 = h/3 + h L_4 A_4,
+///                                        L_2 = h/3 + h/2 L_3 A_3, L_1 = h/6 + h/2 L_2 A_2
+/// ```
+///
+/// so that the matrices of the stages are small, and each column of `df/dp` has one number.
 #[derive(Clone, Debug)]
 pub struct Sensitivity {
     equations: Equations,
@@ -124,10 +136,12 @@ impl Sensitivity {
         self.sizes().iter().sum()
     }
 
-    fn sizes(&self) -> [usize; 10] {
-        let (n, p) = (self.equations.outputs(), self.parameters());
-        let (columns, slots) = (n + self.pasts.len(), self.program.slots());
-        [self.equations.state_len(), slots, n, n, n, n * columns, n * p, n * p, columns * p, n * p]
+    fn sizes(&self) -> [usize; 12] {
+        let (n, p, pasts) = (self.equations.outputs(), self.parameters(), self.pasts.len());
+        let (columns, slots, direct) = (n + pasts, self.program.slots(), self.direct.len());
+        let state = self.equations.state_len();
+        let [slopes, gains, forcing] = [n * columns, n * n, direct].map(|of_stage| STAGES * of_stage);
+        [state, slots, n, n, n, slopes, gains, forcing, n * n, n * columns, n * p, pasts * p]
     }
 
     /// Number of parameters: one for each output, then one for each place.
@@ -153,7 +167,9 @@ impl Sensitivity {
         let (n, m, p) = (e.outputs(), e.inputs(), self.parameters());
         let steps = rollout_steps(commands, m, &y[n..], n);
         assert_eq!(s.len(), (steps + 1) * n * p, "one block of derivatives for each row of outputs");
-        let [state, slots, k, sum, before, slope, now, total, stage, rate] = split(scratch, self.sizes());
+        let [state, slots, k, sum, before, slopes, gains, forcing, transition, product, now, pasts] =
+            split(scratch, self.sizes());
+        let (columns, direct) = (n + self.pasts.len(), self.direct.len());
         state.copy_from_slice(start);
         y[..n].copy_from_slice(&start[..n]);
         s[..n * p].fill(0.0);
@@ -169,57 +185,63 @@ impl Sensitivity {
             e.memory().load_held(state, slots);
             self.program.evaluate_held(slots);
             let (known, next) = s.split_at_mut((step + 1) * n * p);
-            now.copy_from_slice(&known[step * n * p..]);
+            let next = &mut next[..n * p];
+            next.copy_from_slice(&known[step * n * p..]);
             for substep in 0..e.substeps() {
+                let time = |halves: usize| (2 * substep + halves) as f64 * share;
                 sum.fill(0.0);
-                total.fill(0.0);
-                for (halves, weight) in [(0, 1.0), (1, 2.0), (1, 2.0), (2, 1.0)] {
+                slopes.fill(0.0);
+                for (stage, (halves, weight)) in
+                    [(0, 1.0), (1, 2.0), (1, 2.0), (2, 1.0)].into_iter().enumerate()
+                {
                     let offset = halves as f64 * 0.5 * h;
                     for i in 0..n {
                         slots[1 + i] = if halves == 0 { state[i] } else { state[i] + offset * k[i] };
                     }
-                    for (to, (s, r)) in stage.iter_mut().zip(now.iter().zip(&*rate)) {
-                        *to = if halves == 0 { *s } else { s + offset * r };
-                    }
-                    let time = (2 * substep + halves) as f64 * share;
-                    e.memory().load_moving(state, before, c, slots, (halves, time));
-                    self.past(known, step, time, &mut stage[n * p..]);
+                    e.memory().load_moving(state, before, c, slots, (halves, time(halves)));
                     self.program.evaluate_moving(slots);
                     k.fill(0.0);
                     for &(i, slot, xi) in &self.rates {
                         k[i] += xi * slots[slot];
                     }
-                    slope.fill(0.0);
                     for &(at, slot, factor) in &self.slopes {
-                        slope[at] += factor * slots[slot];
+                        slopes[stage * n * columns + at] += factor * slots[slot];
                     }
-                    self.rate(slope, stage, slots, rate);
+                    for (into, &(_, slot)) in forcing[stage * direct..].iter_mut().zip(&self.direct) {
+                        *into = slots[slot];
+                    }
                     axpy(sum, weight, k);
-                    axpy(total, weight, rate);
                 }
                 axpy(&mut state[..n], h / 6.0, sum);
-                axpy(now, h / 6.0, total);
+                set_gains(gains, slopes, n, h);
+                now.copy_from_slice(next);
+                transition.fill(0.0);
+                for (stage, halves) in [0, 1, 1, 2].into_iter().enumerate() {
+                    let gain = &gains[stage * n * n..][..n * n];
+                    multiply(gain, &slopes[stage * n * columns..][..n * columns], n, product);
+                    self.past(known, step, time(halves), pasts);
+                    let rows = next.chunks_exact_mut(p).zip(transition.chunks_exact_mut(n));
+                    for ((row, transition), product) in rows.zip(product.chunks_exact(columns)) {
+                        let (by_output, by_past) = product.split_at(n);
+                        axpy(transition, 1.0, by_output);
+                        by_past.iter().zip(pasts.chunks_exact(p)).for_each(|(&by, s)| axpy(row, by, s));
+                    }
+                }
+                let (f0, f1, f2, f3) = quarters(forcing);
+                for (i, row) in next.chunks_exact_mut(p).enumerate() {
+                    for (&by, s) in transition[i * n..].iter().zip(now.chunks_exact(p)) {
+                        axpy(row, by, s);
+                    }
+                    let forced = self.direct.iter().zip(f0).zip(f1).zip(f2).zip(f3);
+                    for (into, ((((&(output, _), f0), f1), f2), f3)) in row[n..].iter_mut().zip(forced) {
+                        let gain = |stage: usize| gains[(stage * n + i) * n + output];
+                        *into += gain(0) * f0 + gain(1) * f1 + gain(2) * f2 + gain(3) * f3;
+                    }
+                }
                 e.memory().decay(state, c);
             }
             e.memory().shift(state, before, c);
-            next[..n * p].copy_from_slice(now);
             y[(step + 1) * n..(step + 2) * n].copy_from_slice(&state[..n]);
-        }
-    }
-
-    /// `df/dy S + df/ds ds/dp + df/dp`.
-    fn rate(&self, slope: &[f64], stage: &[f64], slots: &[f64], rate: &mut [f64]) {
-        let (n, p) = (self.equations.outputs(), self.parameters());
-        rate.fill(0.0);
-        for (row, slope) in rate.chunks_exact_mut(p).zip(slope.chunks_exact(n + self.pasts.len())) {
-            for (&factor, s) in slope.iter().zip(stage.chunks_exact(p)) {
-                if factor != 0.0 {
-                    axpy(row, factor, s);
-                }
-            }
-        }
-        for (position, &(output, slot)) in self.direct.iter().enumerate() {
-            rate[output * p + n + position] += slots[slot];
         }
     }
 
@@ -234,6 +256,45 @@ impl Sensitivity {
                 }
             }
         }
+    }
+}
+
+/// The matrices `L` of [`Sensitivity`] from the derivatives of the stages (`outputs x columns`, outputs first).
+fn set_gains(gains: &mut [f64], slopes: &[f64], n: usize, h: f64) {
+    let columns = slopes.len() / (STAGES * n);
+    for (stage, own, by_later) in
+        [(3, h / 6.0, 0.0), (2, h / 3.0, h), (1, h / 3.0, 0.5 * h), (0, h / 6.0, 0.5 * h)]
+    {
+        let (before, later) = gains.split_at_mut((stage + 1) * n * n);
+        let gain = &mut before[stage * n * n..];
+        gain.fill(0.0);
+        for i in 0..n {
+            gain[i * (n + 1)] = own;
+        }
+        if stage + 1 < STAGES {
+            let slope = &slopes[(stage + 1) * n * columns..][..n * columns];
+            for (row, later) in gain.chunks_exact_mut(n).zip(later.chunks_exact(n)) {
+                for (l, slope) in later.iter().zip(slope.chunks_exact(columns)) {
+                    axpy(row, by_later * l, &slope[..n]);
+                }
+            }
+        }
+    }
+}
+
+/// The parts of the four stages.
+fn quarters(x: &[f64]) -> (&[f64], &[f64], &[f64], &[f64]) {
+    let (first, last) = x.split_at(x.len() / 2);
+    let ((a, b), (c, d)) = (first.split_at(first.len() / 2), last.split_at(last.len() / 2));
+    (a, b, c, d)
+}
+
+/// `into = a b` for a square matrix `a` of `n` rows.
+fn multiply(a: &[f64], b: &[f64], n: usize, into: &mut [f64]) {
+    let columns = b.len() / n;
+    into.fill(0.0);
+    for (row, a) in into.chunks_exact_mut(columns).zip(a.chunks_exact(n)) {
+        a.iter().zip(b.chunks_exact(columns)).for_each(|(&a, b)| axpy(row, a, b));
     }
 }
 

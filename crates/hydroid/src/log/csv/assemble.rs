@@ -148,7 +148,7 @@ impl Table<'_> {
     /// Appends parts in the order of the file.
     fn append(&mut self, parts: Vec<Rows>, needed: usize) -> Result<(), LogError> {
         let mut before = Vec::with_capacity(parts.len());
-        for rows in parts.iter() {
+        for rows in &parts {
             before.push(self.before);
             self.before += rows.ends;
         }

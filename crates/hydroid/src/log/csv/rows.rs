@@ -295,9 +295,10 @@ mod tests {
                 let rows = |quoted: bool| {
                     let chunk = Chunk { bytes: Vec::new(), last, endless: None };
                     let mut rows = Rows::of(&chunk, &format, &[Kind::Unknown; 3]);
-                    let read = match quoted {
-                        true => rows.quoted(text.as_bytes(), last, &format),
-                        false => rows.plain(&text, last, &format),
+                    let read = if quoted {
+                        rows.quoted(text.as_bytes(), last, &format)
+                    } else {
+                        rows.plain(&text, last, &format)
                     };
                     // A row with a defect may have pushed some of its cells.
                     let whole = rows.lines.len();

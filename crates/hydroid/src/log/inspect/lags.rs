@@ -49,7 +49,7 @@ impl Problem {
         if rows.len() < fewest {
             return None;
         }
-        let scaled = |t: &Table| (0..t.width()).map(|c| unit_size(t.column(c))).collect::<Vec<f64>>();
+        let scaled = |t: &Table| (0..t.width()).map(|c| unit_size(|| t.column(c))).collect::<Vec<f64>>();
         let scales: Vec<[Vec<f64>; 2]> =
             runs.iter().map(|run| [scaled(&run.outputs), scaled(&run.inputs)]).collect();
         // Moving averages over `window` samples, of channels of unit size.
@@ -315,8 +315,8 @@ fn usable_rows(
 }
 
 /// Root mean square of a channel, so that quadratic terms have comparable size; 1 for a channel without one.
-fn unit_size(values: impl Iterator<Item = f64> + Clone) -> f64 {
-    let known = || values.clone().filter(|x| !x.is_nan());
+fn unit_size<I: Iterator<Item = f64>>(values: impl Fn() -> I) -> f64 {
+    let known = || values().filter(|x| !x.is_nan());
     let n = known().count().max(1) as f64;
     let size = (known().map(|x| x * x).sum::<f64>() / n).sqrt();
     if size > 0.0 && size.is_finite() { size } else { 1.0 }

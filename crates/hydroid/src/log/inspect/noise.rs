@@ -176,7 +176,9 @@ impl LagSums {
                 }
             }
             if known {
-                counts.iter_mut().for_each(|n| *n += block.len() - past);
+                for n in counts.iter_mut() {
+                    *n += block.len() - past;
+                }
             }
             sums.reverse();
             *own = sums;
@@ -234,7 +236,7 @@ mod tests {
     #[test]
     fn sums_side_by_side_are_the_sums_of_the_definition_to_the_last_bit() {
         let value = |k: usize| (0.37 * k as f64).sin() + 0.1 * (1.7 * k as f64).cos();
-        let mut runs = vec![(0..2_500).map(value).collect::<Vec<f64>>(), (0..40).map(value).collect()];
+        let mut runs = [(0..2_500).map(value).collect::<Vec<f64>>(), (0..40).map(value).collect()];
         runs[0][1_700] = f64::NAN;
         let found = autocovariances(|| runs.iter().map(|run| run.iter().copied()), LONGEST_WINDOW);
         assert_eq!(found.len(), LONGEST_WINDOW + 1);
@@ -242,7 +244,9 @@ mod tests {
             let pairs = runs.iter().flat_map(|run| run.iter().zip(run.iter().skip(lag)));
             let products: Vec<f64> = pairs.map(|(a, b)| a * b).filter(|product| !product.is_nan()).collect();
             let mut sum = 0.0;
-            products.iter().for_each(|product| sum += product);
+            for product in &products {
+                sum += product;
+            }
             assert_eq!((covariance, n), (sum / products.len() as f64, products.len()), "{lag}");
         }
     }

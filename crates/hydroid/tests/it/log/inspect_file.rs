@@ -23,6 +23,9 @@ fn boat(rows: usize) -> Vec<Vec<String>> {
 
 const HEADER: &str = "t,n_cmd,heading [rad],u,v,r,x,y,u_true,v_true,force [N],mode";
 
+/// A change of the rows.
+type Edit = fn(&mut Vec<Vec<String>>);
+
 #[test]
 fn an_inspected_file_has_the_report_of_the_whole_log() {
     let plain = Selection::default();
@@ -31,7 +34,7 @@ fn an_inspected_file_has_the_report_of_the_whole_log() {
         inputs: ChannelSpec::parse_list(inputs).unwrap(),
         ..Selection::default()
     };
-    let edits: [(&str, fn(&mut Vec<Vec<String>>)); 6] = [
+    let edits: [(&str, Edit); 6] = [
         ("complete", |_| {}),
         ("repeated rows", |rows| {
             for k in [30, 31, 90] {
@@ -79,7 +82,9 @@ fn an_inspected_file_has_the_report_of_the_whole_log() {
         edit(&mut rows);
         for header in [HEADER, &HEADER.replace("n_cmd", "throttle"), &HEADER.replace("t,", "when,")] {
             let mut text = format!("{header}\n");
-            rows.iter().for_each(|row| writeln!(text, "{}", row.join(",")).unwrap());
+            for row in &rows {
+                writeln!(text, "{}", row.join(",")).unwrap();
+            }
             std::fs::File::create(&path).unwrap().write_all(text.as_bytes()).unwrap();
             for (selection, dt) in selections.iter().flat_map(|own| [(own, None), (own, Some(0.2))]) {
                 let options =

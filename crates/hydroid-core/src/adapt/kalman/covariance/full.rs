@@ -141,27 +141,28 @@ impl FullCovariance {
         least((0..n).map(|i| self.hh[i * (n + 1)]).chain([self.tt.least()]))
     }
 
-    pub(super) fn variance(&mut self, v_h: &[f64], v_t: &[f64]) -> f64 {
-        let n = v_h.len();
+    pub(super) fn add_variances(&mut self, v_h: &[f64], v_t: &[f64], into: &mut [f64]) {
+        let (n, width, rank) = (self.hh.len().isqrt(), self.tt.width(), self.scratch.downdated.len());
+        self.tt.add_quadratic(v_t, into);
         let downdated = &mut self.scratch.downdated;
-        let mut sum = self.tt.quadratic(v_t);
-        for (row, &v_i) in self.hh.chunks_exact(n).zip(v_h) {
-            sum += v_i * dot(row, v_h);
-        }
-        let rank = downdated.len();
-        downdated.fill(0.0);
-        for block in self.tt.blocks() {
-            let v = &v_t[block.panel(1)];
-            for (ht, &v_i) in self.ht[block.panel(n)].chunks_exact(block.padded).zip(v_h) {
-                let cross = v_i * dot(ht, v);
-                sum += cross + cross;
+        for (r, into) in into.iter_mut().enumerate() {
+            let (v_h, v_t) = (&v_h[r * n..][..n], &v_t[r * width..][..width]);
+            for (row, &v_i) in self.hh.chunks_exact(n).zip(v_h) {
+                *into += v_i * dot(row, v_h);
             }
-            if self.pending {
-                let w = self.downdate[block.panel(rank)].chunks_exact(block.padded);
-                w.zip(&mut *downdated).for_each(|(w, sum)| *sum += dot(w, v));
+            downdated.fill(0.0);
+            for block in self.tt.blocks() {
+                let v = &v_t[block.panel(1)];
+                for (ht, &v_i) in self.ht[block.panel(n)].chunks_exact(block.padded).zip(v_h) {
+                    *into += 2.0 * v_i * dot(ht, v);
+                }
+                if self.pending {
+                    let w = self.downdate[block.panel(rank)].chunks_exact(block.padded);
+                    w.zip(&mut *downdated).for_each(|(w, sum)| *sum += dot(w, v));
+                }
             }
+            *into -= downdated.iter().map(|x| x * x).sum::<f64>();
         }
-        downdated.iter().fold(sum, |sum, &x| sum - x * x)
     }
 
     pub(super) fn len(&self) -> usize {

@@ -99,8 +99,10 @@ impl JointCovariance {
         each!(self, covariance => covariance.least_variance())
     }
 
-    pub(super) fn variance(&mut self, v_h: &[f64], v_t: &[f64]) -> f64 {
-        each!(self, covariance => covariance.variance(v_h, v_t))
+    /// Adds the variances of linear functions to `into`. The rows of `v_h` (`functions x state`) and of `v_t`
+    /// (`functions x weights`) are their gradients.
+    pub(super) fn add_variances(&mut self, v_h: &[f64], v_t: &[f64], into: &mut [f64]) {
+        each!(self, covariance => covariance.add_variances(v_h, v_t, into));
     }
 
     pub(super) fn len(&self) -> usize {

@@ -11,7 +11,6 @@ use core::ops::Range;
 use pulp::{Arch, Simd, WithSimd};
 
 use crate::math::aligned::Aligned;
-use crate::math::rows::dot;
 use crate::math::vectors::{Pack, Vectors};
 
 /// A symmetric matrix in tiles, one for each pair of blocks of weights. Of two mirrored tiles one is stored.
@@ -151,8 +150,11 @@ impl PackedSymmetric {
         least(diagonal(&self.blocks, self.width).map(|(_, place)| self.tiles[place]))
     }
 
-    pub(super) fn quadratic(&self, v: &[f64]) -> f64 {
-        Quadratic { matrix: self, v }.run()
+    /// Adds `v' P v` of each row of `v` (`count x width`). The matrix is read once for six rows.
+    pub(super) fn add_quadratic(&self, v: &[f64], into: &mut [f64]) {
+        for (part, into) in into.chunks_mut(6).enumerate() {
+            Quadratic { matrix: self, v: &v[6 * part * self.width..], into }.run();
+        }
     }
 
     pub(super) fn update(&mut self, update: &mut FusedUpdate<'_>) {
@@ -250,34 +252,86 @@ impl FusedPass<'_, '_> {
 struct Quadratic<'a> {
     matrix: &'a PackedSymmetric,
     v: &'a [f64],
+    into: &'a mut [f64],
 }
 
 impl Quadratic<'_> {
     #[inline(never)]
-    fn run(self) -> f64 {
-        Arch::new().dispatch(self)
+    fn run(self) {
+        Arch::new().dispatch(self);
     }
 }
 
 impl WithSimd for Quadratic<'_> {
-    type Output = f64;
+    type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> f64 {
-        let Self { matrix, v } = self;
-        let (mut begin, mut sum) = (0, 0.0);
+    fn with_simd<S: Simd>(self, simd: S) {
+        match self.into.len() {
+            1 => self.tiles::<S, 1>(simd),
+            2 => self.tiles::<S, 2>(simd),
+            3 => self.tiles::<S, 3>(simd),
+            4 => self.tiles::<S, 4>(simd),
+            5 => self.tiles::<S, 5>(simd),
+            _ => self.tiles::<S, 6>(simd),
+        }
+    }
+}
+
+impl Quadratic<'_> {
+    #[inline(always)]
+    fn tiles<S: Simd, const COUNT: usize>(self, simd: S) {
+        let Self { matrix, v, into } = self;
+        let rows: [&[f64]; COUNT] = from_fn(|r| &v[r * matrix.width..][..matrix.width]);
+        let mut begin = 0;
         for (i, above) in matrix.blocks.iter().enumerate() {
             for (j, block) in matrix.blocks.iter().enumerate().skip(i) {
                 let tile = &matrix.tiles[begin..begin + above.len * block.padded];
                 begin += tile.len();
-                let mut own = 0.0;
-                for (row, &v_k) in tile.chunks_exact(block.padded).zip(&v[above.weights()]) {
-                    own += v_k * dot(row, &v[block.panel(1)]);
+                let (left, right) = (rows.map(|v| &v[above.weights()]), rows.map(|v| &v[block.panel(1)]));
+                let pairs = above.len / 2 * 2;
+                let (main, rest) = tile.split_at(pairs * block.padded);
+                let mut sums = [0.0; COUNT];
+                for (k, pair) in main.chunks_exact(2 * block.padded).enumerate() {
+                    products::<S, 2, COUNT>(simd, pair, 2 * k, left, right, &mut sums);
                 }
-                sum += if i == j { own } else { own + own };
+                for (k, one) in rest.chunks_exact(block.padded).enumerate() {
+                    products::<S, 1, COUNT>(simd, one, pairs + k, left, right, &mut sums);
+                }
+                let mirrored = if i == j { 1.0 } else { 2.0 };
+                into.iter_mut().zip(sums).for_each(|(into, sum)| *into += mirrored * sum);
             }
         }
-        sum
+    }
+}
+
+/// Adds `left_k (numbers_k . right)` of `N` rows of a tile from row `k` on, which share the loads of `right`.
+#[inline(always)]
+fn products<S: Simd, const N: usize, const COUNT: usize>(
+    simd: S,
+    numbers: &[f64],
+    k: usize,
+    left: [&[f64]; COUNT],
+    right: [&[f64]; COUNT],
+    sums: &mut [f64; COUNT],
+) {
+    let numbers = f64::whole::<S>(numbers).0;
+    let vectors = numbers.len() / N;
+    let right: [_; COUNT] = right.map(|v| &f64::whole::<S>(v).0[..vectors]);
+    let mut dots = [[Pack::<S, f64>::splat(simd, 0.0); COUNT]; N];
+    for c in 0..vectors {
+        let right: [_; COUNT] = from_fn(|r| Pack::new(simd, right[r][c]));
+        for n in 0..N {
+            let p = Pack::new(simd, numbers[n * vectors + c]);
+            for r in 0..COUNT {
+                dots[n][r] = right[r].mul_add(p, dots[n][r]);
+            }
+        }
+    }
+    for (n, dots) in dots.into_iter().enumerate() {
+        for r in 0..COUNT {
+            sums[r] += left[r][k + n] * dots[r].sum();
+        }
     }
 }
 

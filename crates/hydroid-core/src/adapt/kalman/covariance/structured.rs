@@ -193,8 +193,16 @@ impl StructuredCovariance {
         least((0..n).map(|i| self.pi[i * (n + 1)]))
     }
 
+    pub(super) fn add_variances(&mut self, v_h: &[f64], v_t: &[f64], into: &mut [f64]) {
+        let n = self.pi.len().isqrt();
+        let width: usize = self.panels.iter().map(|panel| panel.width).sum();
+        for (r, into) in into.iter_mut().enumerate() {
+            *into += self.variance(&v_h[r * n..][..n], &v_t[r * width..][..width]);
+        }
+    }
+
     /// `v' P v = w' P_tt w + v_h' Pi v_h` with `w = Psi' v_h + v_t`.
-    pub(super) fn variance(&mut self, v_h: &[f64], v_t: &[f64]) -> f64 {
+    fn variance(&mut self, v_h: &[f64], v_t: &[f64]) -> f64 {
         let Self { panels, psi, pi, tt, scratch: Scratch { jacobian, product, .. }, .. } = self;
         let (n, width) = (v_h.len(), v_t.len());
         jacobian[..width].copy_from_slice(v_t);

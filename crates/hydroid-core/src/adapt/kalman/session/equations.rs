@@ -212,7 +212,7 @@ impl ModelKind for EquationsKind {
         process.fill(0.0);
         let q = filter.state_noise();
         let mut done = 0;
-        for (&horizon, into) in horizons.iter().zip(deviations.chunks_exact_mut(n)) {
+        for (h, (&horizon, into)) in horizons.iter().zip(deviations.chunks_exact_mut(n)).enumerate() {
             let model = filter.model();
             for row in s[done * n * p..horizon * n * p].chunks_exact(n * p) {
                 for (process, row) in process.iter_mut().zip(row.chunks_exact(p)) {
@@ -231,10 +231,11 @@ impl ModelKind for EquationsKind {
                 }
                 into[i] = process[i] + filter.noise()[i] * Float::powi(model.scale()[i], 2);
             }
-            filter.add_variances(by_state, by_weights, into);
-            for variance in into.iter_mut() {
-                *variance = Float::sqrt(variance.clamp(0.0, f64::INFINITY));
-            }
+            filter.set_gradients(h * n, n, by_state, by_weights);
+        }
+        filter.add_variances(deviations);
+        for variance in deviations.iter_mut() {
+            *variance = Float::sqrt(variance.clamp(0.0, f64::INFINITY));
         }
     }
 }

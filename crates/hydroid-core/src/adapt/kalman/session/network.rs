@@ -269,7 +269,7 @@ impl ModelKind for NetworkKind {
             return deviations.fill(f64::NAN);
         }
         let scale = &self.session.model().scaling.correction_scale;
-        for (&horizon, into) in horizons.iter().zip(deviations.chunks_exact_mut(q)) {
+        for (h, (&horizon, into)) in horizons.iter().zip(deviations.chunks_exact_mut(q)).enumerate() {
             self.gradient.back_propagate(&self.session, horizon);
             let noise = |i: usize| filter.noise()[i] * scale[i] * scale[i];
             for (i, into) in into.iter_mut().enumerate() {
@@ -277,10 +277,11 @@ impl ModelKind for NetworkKind {
                 let initial = |j: usize| Float::powi(self.gradient.outputs[j * q + i], 2) * noise(j);
                 *into = noise(i) + (0..q).map(initial).sum::<f64>();
             }
-            filter.add_variances(&self.gradient.state, &self.gradient.weights, into);
-            for variance in into.iter_mut() {
-                *variance = Float::sqrt(variance.max(0.0));
-            }
+            filter.set_gradients(h * q, q, &self.gradient.state, &self.gradient.weights);
+        }
+        filter.add_variances(deviations);
+        for variance in deviations.iter_mut() {
+            *variance = Float::sqrt(variance.max(0.0));
         }
     }
 

@@ -244,14 +244,13 @@ impl ModelKind for PlantKind {
                 }
             }
         }
-        for (gradients, into) in
-            gradients.chunks_exact(rows * OUTPUTS).zip(deviations.chunks_exact_mut(OUTPUTS))
-        {
+        for (h, gradients) in gradients.chunks_exact(rows * OUTPUTS).enumerate() {
             let (by_state, by_weights) = gradients.split_at(STATE * OUTPUTS);
-            filter.add_variances(by_state, by_weights, into);
-            for variance in into.iter_mut() {
-                *variance = Float::sqrt(variance.clamp(0.0, f64::INFINITY));
-            }
+            filter.set_gradients(h * OUTPUTS, OUTPUTS, by_state, by_weights);
+        }
+        filter.add_variances(deviations);
+        for variance in deviations.iter_mut() {
+            *variance = Float::sqrt(variance.clamp(0.0, f64::INFINITY));
         }
     }
 }

@@ -74,6 +74,24 @@ fn check(blocks: &[usize], rows_of: fn(usize) -> usize, vectors: usize) {
     for (c, &(b, k)) in columns.iter().enumerate() {
         assert!((ours[blocks_of[b].start + k] - p[c][c]).abs() < 1e-3, "{blocks:?}");
     }
+    // Quadratic forms of one to seven vectors.
+    let v: Vec<Vec<f64>> = (0..7).map(|f| (0..m).map(|c| number(11 * c + f)).collect()).collect();
+    let mut padded = vec![0.0; 7 * width];
+    for (f, c) in (0..7).flat_map(|f| (0..m).map(move |c| (f, c))) {
+        padded[f * width + blocks_of[columns[c].0].start + columns[c].1] = v[f][c];
+    }
+    for count in 1..=7 {
+        let mut forms = vec![1.0; count];
+        matrix.add_quadratic(&padded[..count * width], &mut forms);
+        for (form, v) in forms.iter().zip(&v) {
+            let plain: f64 =
+                (0..m).flat_map(|i| (0..m).map(move |j| (i, j))).map(|(i, j)| v[i] * p[i][j] * v[j]).sum();
+            assert!(
+                (form - 1.0 - plain).abs() < 1e-9 * (1.0 + plain.abs() + (m * m) as f64),
+                "{blocks:?}: {form}, not {plain}"
+            );
+        }
+    }
 }
 
 #[test]
