@@ -127,8 +127,10 @@ fn a_vessel_on_a_stream_resumes_to_the_same_bytes() {
     fs::write(at.join("head.csv"), head.join("\n") + "\n").unwrap();
     done(&format!("adapt hydrofoil head.csv --stream {options} --state kept.state"));
     let rest = done(&format!("adapt hydrofoil a.csv --stream {options} --state kept.state -o resumed.toml"));
-    let (rest, whole): (Vec<&str>, Vec<&str>) = (rest.lines().collect(), whole.lines().collect());
-    assert_eq!(rest.len(), 2000);
+    let whole: Vec<&str> = whole.lines().collect();
+    let is_repeated = |line: &&str| line.contains("\"status\":\"repeated\"");
+    let (repeated, rest): (Vec<&str>, Vec<&str>) = rest.lines().partition(is_repeated);
+    assert_eq!((repeated.len(), rest.len()), (1000, 2000));
     assert_eq!(rest, whole[1000..]);
     let file = |name: &str| fs::read(at.join(name)).unwrap();
     assert_eq!(file("whole.toml"), file("resumed.toml"));
