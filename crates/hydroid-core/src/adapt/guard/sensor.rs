@@ -13,9 +13,10 @@
 //! - *Spike* (chi-squared gate): `e` is the deviation from the line through the [`SIDE`] values before, divided by
 //!   `sqrt(1 + 1/n + (t - mean t)^2 / S_tt)`. A measurement with `|e| > spike d` in both series is not used, where `d` is
 //!   the root mean square of `e` over the [`window`](GuardOptions::window), at least the standard deviation of the noise.
-//!   Unused measurements do not belong to the line. A line needs two values, so that at most seven measurements in a row
-//!   are not used. A measurement after a spike is used if its change is nearer to the change at the first spike than to
-//!   none: that is an acceleration. White noise exceeds four deviations with a probability of 6e-5.
+//!   Unused measurements do not belong to the line, which needs two values. White noise exceeds four deviations with a
+//!   probability of 6e-5. The change at the measurement after a spike, relative to the change at the spike, decides what the
+//!   spike was: near 0, the fault goes on (for at most `SIDE - 1` measurements); near 1, the vessel accelerates, and the
+//!   measurement is used; near -1, it is judged by the line again.
 //! - *Offset* (generalised likelihood ratio): `c` is the step in a line with [`SIDE`] values on each side (analysis of
 //!   covariance with a common slope). An offset has `|c| > offset s` in both series, where `s` is the largest of the
 //!   standard deviation of `c` from the residuals, that from the noise, and the root mean square of earlier `c`. It is found
@@ -154,7 +155,7 @@ pub(super) struct Sensor {
     series: [Series; 2],
     /// Bit `i`: the measurement `i` samples ago was a spike.
     excluded: u32,
-    /// Change at the first of the deviating measurements in a row; NaN if the last one did not deviate.
+    /// Change at the first of the deviating measurements in a row, in `y`; NaN if the last one did not deviate.
     first: f64,
     /// The last value, the number of its repetitions, and the longest such sequence of the sound sensor.
     last: f64,
@@ -212,37 +213,45 @@ impl Sensor {
             after.for_each(|x| *x -= step);
             return Verdict::Offset { offset: self.offset };
         }
+        let stays = self.stays();
         let (mut least, mut known) = (f64::INFINITY, true);
         for series in &mut self.series {
             let deviation = series.deviation(self.excluded);
-            if deviation.is_nan() {
-                return Verdict::Sound;
-            }
             let usual = series.deviations.root().max(self.noise);
-            known &= series.deviations.is_known(options.window);
+            known &= series.deviations.is_known(options.window) && !deviation.is_nan();
             least = least.min(deviation.abs() / usual);
-            series.deviations.add(deviation, options.spike, options.window);
+            if !deviation.is_nan() {
+                series.deviations.add(deviation, options.spike, options.window);
+            }
         }
-        if least <= options.spike {
+        if stays {
+            self.excluded |= 1;
+            // The line may have lost its points.
+            return Verdict::Spike { deviations: if known { least } else { options.spike } };
+        }
+        if !known || least <= options.spike {
+            self.excluded |= u32::from(least.is_finite() && least > options.spike);
             self.first = f64::NAN;
             return Verdict::Sound;
         }
-        if self.goes_on() {
+        let change = self.change();
+        if 2.0 * change * self.first > self.first * self.first {
             return Verdict::Sound;
         }
+        self.first = change;
         self.excluded |= 1;
-        if known { Verdict::Spike { deviations: least } } else { Verdict::Sound }
+        Verdict::Spike { deviations: least }
     }
 
-    /// Whether the change at a deviating measurement is nearer to the change at the first of them than to none: the
-    /// acceleration has changed, and the vessel moves on.
-    fn goes_on(&mut self) -> bool {
-        let change = self.series[0].values[LEN - 1] - self.series[0].values[LEN - 2];
-        if self.first.is_nan() {
-            self.first = change;
-            return false;
-        }
-        2.0 * change * self.first > self.first * self.first
+    fn change(&self) -> f64 {
+        self.series[0].values[LEN - 1] - self.series[0].values[LEN - 2]
+    }
+
+    /// Whether a measurement after a spike is nearer to the spike than to the value before it and to the continuation of
+    /// the change: it belongs to the same fault, for at most as long as the test for an offset takes.
+    fn stays(&self) -> bool {
+        let row = (self.excluded >> 1).trailing_ones() as usize;
+        (1..SIDE - 1).contains(&row) && 2.0 * self.change().abs() < self.first.abs()
     }
 
     /// The step in `w`, if it is an offset.
