@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::boat::{lines, model, settings};
-use hydroid::adapt::{self, KalmanOptions, Method, adapter};
+use crate::boat::{filter, lines, model, settings};
+use hydroid::adapt::{self, Method, adapter};
 use hydroid_live::black_box::{BlackBox, Recorder, Replayed, Source, Step, event, replay};
 use hydroid_live::stream::{Line, Options, Stream};
 use proptest::prelude::*;
@@ -14,12 +14,7 @@ use tempfile::TempDir;
 /// All adapters.
 fn learners() -> Vec<(&'static str, adapt::Options)> {
     let squares = adapt::Options::default();
-    let noise = Some(vec![0.02, 0.01]);
-    let filter = adapt::Options {
-        method: Method::Kalman,
-        kalman: KalmanOptions { noise, huber: 4.0, ..KalmanOptions::of_equations() },
-        ..adapt::Options::default()
-    };
+    let filter = filter();
     vec![
         ("least squares, guarded", squares.clone().guarded(&model())),
         ("filter, guarded", filter.clone().guarded(&model())),

@@ -3,11 +3,22 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use hydroid::adapt::{self, KalmanOptions, Method};
 use hydroid::evaluate::DesignRange;
 use hydroid::log::{Channel, ChannelSpec};
 use hydroid::model::{Body, Description, Members, Model, Port, Provenance, Reading};
 use hydroid_core::model::sparse::{Equations, Term};
 use hydroid_live::black_box::{ModelFile, RecordingOptions};
+
+/// The extended Kalman filter for the boat.
+pub(crate) fn filter() -> adapt::Options {
+    let noise = Some(vec![0.02, 0.01]);
+    adapt::Options {
+        method: Method::Kalman,
+        kalman: KalmanOptions { noise, huber: 4.0, ..KalmanOptions::of_equations() },
+        ..adapt::Options::default()
+    }
+}
 
 /// Surge and yaw rate, propeller and rudder: `du/dt = -0.3 u|u| + 0.5 n`, `dr/dt = -r + 0.8 delta`.
 pub(crate) fn model() -> Model {

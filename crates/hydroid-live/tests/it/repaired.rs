@@ -4,23 +4,18 @@ use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
 
-use hydroid::adapt::{self, KalmanOptions, Method, adapter};
+use hydroid::adapt::{self, adapter};
 use hydroid::fingerprint::Fingerprint;
 use hydroid_live::black_box::{BlackBox, Recorder, Source, replay};
 use hydroid_live::stream::{Line, Options, Stream};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde_json::Value;
 
-use crate::boat::{lines, model, settings};
+use crate::boat::{filter, lines, model, settings};
 
 fn learners() -> Vec<(&'static str, adapt::Options)> {
     let squares = adapt::Options::default();
-    let noise = Some(vec![0.02, 0.01]);
-    let filter = adapt::Options {
-        method: Method::Kalman,
-        kalman: KalmanOptions { noise, huber: 4.0, ..KalmanOptions::of_equations() },
-        ..adapt::Options::default()
-    };
+    let filter = filter();
     vec![
         ("least squares", squares.clone()),
         ("filter", filter.clone()),
