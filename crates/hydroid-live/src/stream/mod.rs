@@ -136,7 +136,7 @@ pub fn fingerprint(file: &[u8]) -> String {
 
 /// The session before a restart.
 struct Earlier {
-    /// Fingerprint of its first data line.
+    /// Fingerprint of its first readable data line.
     first: String,
     /// Number of its data lines up to the state.
     rows: u64,
@@ -162,7 +162,7 @@ pub struct Stream {
     latency: Latency,
     state_file: Option<StateFile>,
     notes: Vec<Note>,
-    /// Fingerprint of the first data line.
+    /// Fingerprint of the first readable data line; empty before it.
     first: String,
     /// Accepted commands.
     bounds: Vec<[f64; 2]>,
@@ -296,19 +296,21 @@ impl Stream {
         let row = self.row;
         self.row = self.row.saturating_add(1);
         self.note.clear();
-        if row == 0 {
-            self.first = fingerprint(text.as_ref().map_or(&[][..], |text| text.trim().as_bytes()));
-        }
-        let read = text.and_then(|text| layout.read(text, number, row, &mut self.sample));
-        if self.is_repeated(row, read.is_ok().then_some(self.sample.t)) {
+        let read = text.and_then(|text| {
+            layout.read(text, number, row, &mut self.sample)?;
+            Ok(text)
+        });
+        let text = match read {
+            Ok(text) => text,
+            Err(error) => {
+                let _ = write!(self.note, "{error}");
+                self.answer_unused(number, None, Status::Error);
+                return Ok(true);
+            }
+        };
+        if self.is_repeated(row, text, self.sample.t) {
             say(&mut self.note, format_args!("answered before the restart"));
-            let t = read.is_ok().then_some(self.sample.t);
-            self.answer_unused(number, t, Status::Repeated);
-            return Ok(true);
-        }
-        if let Err(error) = read {
-            let _ = write!(self.note, "{error}");
-            self.answer_unused(number, None, Status::Error);
+            self.answer_unused(number, Some(self.sample.t), Status::Repeated);
             return Ok(true);
         }
         self.refuse_absurd_commands();
@@ -333,27 +335,24 @@ impl Stream {
         self.write_steering(false);
     }
 
-    /// Whether data line `row` with time `t` was answered before the restart. If the first line is that of the earlier
-    /// session, the source is sent again from its start, and the lines are counted. Otherwise the source goes on, and
-    /// repeats at most what the state may lack. The first line that is new ends the search; its stamp is believed, as at
-    /// the start of a session.
-    fn is_repeated(&mut self, row: u64, t: Option<f64>) -> bool {
+    /// Whether the readable data line `row` with time `t` was answered before the restart. If the first readable line is
+    /// that of the earlier session, the source is sent again from its start, and the lines are counted. Otherwise the source
+    /// goes on, and repeats at most what the state may lack. The first line that is new ends the search; its stamp is
+    /// believed, as at the start of a session.
+    fn is_repeated(&mut self, row: u64, text: &str, t: f64) -> bool {
+        let is_first = self.first.is_empty();
+        if is_first {
+            self.first = fingerprint(text.trim().as_bytes());
+        }
         let Some(earlier) = &mut self.earlier else { return false };
-        if row == 0 {
+        if is_first {
             earlier.is_sent_again = earlier.first == self.first;
             if !earlier.is_sent_again {
                 self.clock.believe_next();
             }
         }
-        let repeated = if earlier.is_sent_again {
-            row < earlier.rows
-        } else {
-            // An unreadable line does not end the search.
-            match t {
-                Some(t) => self.clock.repeats(t, SAVE_INTERVAL_S),
-                None => return false,
-            }
-        };
+        let repeated =
+            if earlier.is_sent_again { row < earlier.rows } else { self.clock.repeats(t, SAVE_INTERVAL_S) };
         if !repeated {
             self.earlier = None;
         }

@@ -30,7 +30,7 @@ struct Head {
     /// Fingerprint of the model's file.
     model: String,
     settings: Value,
-    /// Fingerprint of the first data line of the session, and number of its data lines up to the state.
+    /// Fingerprint of the first readable data line of the session, and number of its data lines up to the state.
     first: String,
     rows: u64,
     sum: String,
@@ -43,7 +43,7 @@ pub struct State {
     pub(super) model: String,
     /// Options of the adapter and of the reading.
     pub(super) settings: Value,
-    /// Fingerprint of the first data line of the session, and number of its data lines up to the state.
+    /// Fingerprint of the first readable data line of the session, and number of its data lines up to the state.
     pub(super) first: String,
     pub(super) rows: u64,
     pub(super) clock: [f64; CLOCK],

@@ -560,3 +560,25 @@ fn the_last_second_may_be_sent_again() {
     assert!(told[..10].iter().all(|status| *status == "repeated"), "{told:?}");
     assert!(told[10..].iter().all(|status| ["accepted", "waiting"].contains(status)), "{told:?}");
 }
+
+/// Noise on the line before the first sample is no sign that the source begins again.
+#[test]
+fn unreadable_first_lines_do_not_tell_where_the_source_begins() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("boat.state");
+    let time = |k: usize| 0.1 * k as f64;
+    let session = |from: usize, to: usize| {
+        let (mut stream, _) = kept(&path);
+        let answer = ask(&mut stream, "\u{7}").unwrap();
+        assert_eq!(answer["status"], "error");
+        let answers = sail(&mut stream, from, to, time);
+        stream.finish().unwrap();
+        answers
+    };
+    session(0, 100);
+    let told = session(100, 110);
+    assert!(statuses(&told).iter().all(|status| ["accepted", "waiting"].contains(status)), "{told:?}");
+    let told = session(100, 130);
+    assert!(statuses(&told[..10]).iter().all(|status| *status == "repeated"), "{told:?}");
+    assert!(statuses(&told[10..]).iter().all(|status| ["accepted", "waiting"].contains(status)), "{told:?}");
+}
