@@ -291,7 +291,7 @@ impl Quadratic<'_> {
                 let (left, right) = (rows.map(|v| &v[above.weights()]), rows.map(|v| &v[block.panel(1)]));
                 let pairs = above.len / 2 * 2;
                 let (main, rest) = tile.split_at(pairs * block.padded);
-                let mut sums = [0.0; COUNT];
+                let mut sums = [Pack::<S, f64>::splat(simd, 0.0); COUNT];
                 for (k, pair) in main.chunks_exact(2 * block.padded).enumerate() {
                     products::<S, 2, COUNT>(simd, pair, 2 * k, left, right, &mut sums);
                 }
@@ -299,13 +299,14 @@ impl Quadratic<'_> {
                     products::<S, 1, COUNT>(simd, one, pairs + k, left, right, &mut sums);
                 }
                 let mirrored = if i == j { 1.0 } else { 2.0 };
-                into.iter_mut().zip(sums).for_each(|(into, sum)| *into += mirrored * sum);
+                into.iter_mut().zip(sums).for_each(|(into, sum)| *into += mirrored * sum.sum());
             }
         }
     }
 }
 
-/// Adds `left_k (numbers_k . right)` of `N` rows of a tile from row `k` on, which share the loads of `right`.
+/// Adds `left_k (numbers_k * right)`, not yet summed over the columns, of `N` rows of a tile from row `k` on, which share the
+/// loads of `right`.
 #[inline(always)]
 fn products<S: Simd, const N: usize, const COUNT: usize>(
     simd: S,
@@ -313,7 +314,7 @@ fn products<S: Simd, const N: usize, const COUNT: usize>(
     k: usize,
     left: [&[f64]; COUNT],
     right: [&[f64]; COUNT],
-    sums: &mut [f64; COUNT],
+    sums: &mut [Pack<S, f64>; COUNT],
 ) {
     let numbers = f64::whole::<S>(numbers).0;
     let vectors = numbers.len() / N;
@@ -330,7 +331,7 @@ fn products<S: Simd, const N: usize, const COUNT: usize>(
     }
     for (n, dots) in dots.into_iter().enumerate() {
         for r in 0..COUNT {
-            sums[r] += left[r][k + n] * dots[r].sum();
+            sums[r] = Pack::splat(simd, left[r][k + n]).mul_add(dots[r], sums[r]);
         }
     }
 }
