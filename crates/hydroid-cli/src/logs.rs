@@ -8,7 +8,7 @@ use hydroid::log::{self, LogError, Prepared, RawLog, Trajectory};
 use hydroid::model::{Model, Reading};
 
 use crate::args::{Global, LogArgs};
-use crate::{config, ui};
+use crate::ui;
 
 /// Reading options: `base` (defaults, configuration file or model), overridden by the command line.
 pub fn reading(base: Reading, args: &LogArgs) -> Result<Reading, LogError> {
@@ -36,28 +36,6 @@ pub fn reading(base: Reading, args: &LogArgs) -> Result<Reading, LogError> {
     options.input_delay = args.input_delay.unwrap_or(options.input_delay);
     options.keep_towed |= args.keep_towed;
     Ok(reading)
-}
-
-pub fn from_config(log: config::Log) -> Reading {
-    Reading {
-        selection: log::Selection {
-            time: log.time,
-            outputs: log.outputs,
-            inputs: log.inputs,
-            wind: log.wind,
-            heading: log.heading,
-        },
-        options: log::PrepareOptions {
-            dt: log.dt,
-            max_gap_s: log.max_gap_s,
-            command_timing: log.command_timing,
-            input_delay: match log.input_delay {
-                config::Delay::Samples(n) => log::InputDelay::Samples(n),
-                config::Delay::Text(delay) => delay,
-            },
-            keep_towed: log.keep_towed,
-        },
-    }
 }
 
 /// The model with the sample time of the runs, which only vessels can change.

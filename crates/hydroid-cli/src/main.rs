@@ -12,7 +12,6 @@ mod ui;
 
 mod args;
 mod commands;
-mod config;
 mod logs;
 mod outputs;
 

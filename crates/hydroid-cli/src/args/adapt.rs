@@ -6,7 +6,8 @@ use clap::{Args as ClapArgs, ValueEnum};
 use hydroid::adapt::CovarianceForm;
 use hydroid::faults::Faults;
 
-use super::values::{Duration, NamedNumber};
+use super::Duration;
+use super::values::NamedNumber;
 use super::{EvaluationArgs, LogArgs};
 
 /// Recursive least squares: equations of motion, and the last layer of direct predictors.

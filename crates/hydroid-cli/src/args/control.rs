@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args as ClapArgs, ValueEnum};
 
-use super::values::{Duration, NamedNumber, NamedRange, Pair, Points, Triple};
+use super::Duration;
+use super::values::{NamedNumber, NamedRange, Pair, Points, Triple};
 use super::{AnswerArgs, Learner};
 
 /// Controllers.

@@ -12,10 +12,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Command};
-use hydroid::toml_file;
+use hydroid::{config, toml_file};
 use serde::Deserialize;
-
-use crate::config;
 
 /// Values of a section by option name.
 pub type Section = BTreeMap<String, Value>;
@@ -59,7 +57,7 @@ pub fn read(command: &Command, matches: &ArgMatches) -> anyhow::Result<Option<Fr
     }
     let path = match given.get_one::<PathBuf>("config") {
         Some(path) => path.clone(),
-        None if Path::new(config::DEFAULT).exists() => PathBuf::from(config::DEFAULT),
+        None if Path::new(config::FILE).exists() => PathBuf::from(config::FILE),
         None => return Ok(None),
     };
     let sections: Sections = toml_file::read(&path).context("the configuration file cannot be used")?;

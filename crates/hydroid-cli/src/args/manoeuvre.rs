@@ -5,8 +5,9 @@ use std::str::FromStr;
 
 use clap::{Args as ClapArgs, ValueEnum};
 
+use super::Duration;
 use super::LogArgs;
-use super::values::{Duration, Pair};
+use super::values::Pair;
 
 /// Trials.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

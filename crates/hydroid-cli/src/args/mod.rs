@@ -22,11 +22,12 @@ pub use control::{
     AdaptationArgs, Control, ControllerArgs, ControllerKind, DisturbanceArgs, MonteCarloArgs, TaskArgs,
     TaskKind, TimingKind,
 };
+pub use hydroid::config::{Duration, Horizon};
 pub use identify::Identify;
 pub use manoeuvre::{Manoeuvre, TrialName, ZigzagAngles};
 pub use study::{GuardStudy, Study};
 pub use thesis::Thesis;
-pub use values::{Against, Duration, Horizon, Method, NamedNumber, NamedRange, Origin};
+pub use values::{Against, Method, NamedNumber, NamedRange, Origin};
 use values::{Pair, parse_timing};
 
 /// Identifies the dynamics of surface vessels from logs, adapts the model online, and controls the vessel.

@@ -4,16 +4,15 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use hydroid::atomic::{self, Lock};
+use hydroid::config::{self, Config, Logs};
 use hydroid::craft::CraftFile;
 use hydroid::excitation::Excitation;
 use hydroid::grey_box::GreyBox;
 use hydroid::identify::{
-    self, Candidate, EnsembleSize, IdentifyResult, Job, NetworkTrainingOptions, RefineOption, SindyOptions,
-    Training,
+    self, Candidate, EnsembleSize, IdentifyResult, Job, RefineOption, SindyOptions, Training,
 };
-use hydroid::log;
-use hydroid::log::{ChannelSpec, InputDelay, Note, Split, Trajectory, split_named};
-use hydroid::model::{self, Reading};
+use hydroid::log::{self, Note};
+use hydroid::model;
 use hydroid::simulate::Options;
 use hydroid_core::vessel::VesselParams;
 use hydroid_report::Context;
@@ -22,11 +21,7 @@ use serde_json::json;
 use super::previous_output::{checkpoints, model_file, move_stale_models, with_resume_hint};
 use super::{Outcome, simulate, table};
 use crate::args::{Global, Identify, LogArgs};
-use crate::config::{self, Config};
 use crate::{logs, ui};
-
-/// Default longest horizon \[samples\].
-const HORIZON: usize = 100;
 
 /// Durations of the simulated demonstration logs \[s\].
 const DEMONSTRATION_S: [(&str, f64); 3] = [("train", 3_600.0), ("validate", 600.0), ("test", 600.0)];
@@ -48,13 +43,13 @@ pub fn run(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
 
 /// The demonstration, unless a log was forgotten.
 fn without_logs(args: &Identify, files: &Files, seed: u64, global: Global) -> anyhow::Result<Files> {
-    if !(files.validate.is_empty() && files.test.is_empty()) {
+    if !(files.logs.validate.is_empty() && files.logs.test.is_empty()) {
         bail!("training logs are missing: name them before --validate and --test");
     }
     if args.log != LogArgs::default() {
         bail!("options for reading logs are given, but no log: name at least one");
     }
-    let default = || Some(PathBuf::from(config::DEFAULT)).filter(|file| file.exists());
+    let default = || Some(PathBuf::from(config::FILE)).filter(|file| file.exists());
     if let Some(file) = args.config.clone().or_else(default) {
         bail!(
             "{} names no training logs, and none are given: add them as [split] train = [\"a.csv\"] or on the command line. The demonstration without a log uses no configuration",
@@ -64,83 +59,48 @@ fn without_logs(args: &Identify, files: &Files, seed: u64, global: Global) -> an
     demonstration(&args.output, seed, global)
 }
 
+fn read(file: &Path) -> anyhow::Result<Config> {
+    config::read(file).context("the configuration file cannot be used")
+}
+
 fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
-    let config = match &args.config {
-        Some(file) => config::read(file)?,
-        None if Path::new(config::DEFAULT).exists() => {
+    let mut config = match &args.config {
+        Some(file) => read(file)?,
+        None if Path::new(config::FILE).exists() => {
             ui::print_notes(
-                &[Note::info(format!("options from {} in the current folder", config::DEFAULT))],
+                &[Note::info(format!("options from {} in the current folder", config::FILE))],
                 global,
             );
-            config::read(Path::new(config::DEFAULT))?
+            read(Path::new(config::FILE))?
         }
         None => Config::default(),
     };
-    let seed = args.seed.or(config.identify.seed).unwrap_or(0);
-    let Config {
-        log, split, identify, mut sindy, network, lstm, gru, rnn, direct, affine, mut ranges, ..
-    } = config;
-    let mut networks = NetworkTrainingOptions {
-        all: network,
-        lstm,
-        gru,
-        rnn,
-        direct,
-        affine,
-        budget_s: args.budget.or(identify.budget).map(|budget| budget.0),
-        checkpoints: Some(args.output.clone()),
-        resume: args.resume,
-    };
-    apply_network_args(args, &mut networks);
-    for given in &args.ranges {
-        if args.ranges.iter().filter(|other| other.name == given.name).count() > 1 {
-            bail!("--range names '{}' twice: give one range for each channel", given.name);
-        }
-        ranges.insert(given.name.clone(), given.range.clone());
-    }
-    let pick = |given: &[PathBuf], configured: Vec<PathBuf>| {
-        if given.is_empty() { configured } else { given.to_vec() }
+    apply(args, &mut config)?;
+    let seed = config.identify.seed.unwrap_or(0);
+    let pick = |given: &[PathBuf], configured: &mut Vec<PathBuf>| {
+        if given.is_empty() { std::mem::take(configured) } else { given.to_vec() }
     };
     let mut files = Files {
         note: None,
-        train: pick(&args.logs, split.train),
-        validate: pick(&args.validate, split.validate),
-        test: pick(&args.test, split.test),
+        logs: Logs {
+            train: pick(&args.logs, &mut config.split.train),
+            validate: pick(&args.validate, &mut config.split.validate),
+            test: pick(&args.test, &mut config.split.test),
+        },
     };
-    if files.train.is_empty() {
+    if files.logs.train.is_empty() {
         files = without_logs(args, &files, seed, global)?;
     }
     let vessel = args.vessel.as_deref().map(vessel).transpose()?;
-    let mut reading = logs::reading(logs::from_config(log), &args.log)?;
-    if let Some(vessel) = &vessel {
-        select(vessel, &mut reading);
-    }
-    let mut methods: Vec<identify::Method> = args.methods.iter().map(|&method| method.into()).collect();
-    methods.extend(vessel.as_ref().map(|_| identify::Method::GreyBox));
-    let cross_validated =
-        files.validate.is_empty() && methods.iter().all(|method| method.is_cross_validated());
-    let (split, reading, notes) = files.split(&reading, cross_validated)?;
+    let reading = logs::reading(config.log.clone().reading(), &args.log)?;
+    let methods = args.methods.iter().map(|&method| method.into()).collect();
+    let raw = files.logs.try_map(|file| log::read(file))?;
+    let (mut job, mut notes) = config.job(reading, &raw, methods, vessel)?;
+    drop(raw);
+    notes.splice(0..0, files.note.clone());
     ui::print_notes(&notes, global);
-    apply_equation_args(args, &mut sindy);
-    let dt = split.train.first().map_or(1.0, |run| run.dt);
-    let horizon = args.horizon.or(identify.horizon).map_or(HORIZON, |horizon| horizon.samples(dt));
-    let job = Job {
-        methods,
-        origin_stride: args
-            .origin_stride
-            .or(identify.origin_stride)
-            .unwrap_or_else(|| origin_stride(&split, cross_validated)),
-        split,
-        reading,
-        horizon,
-        seed,
-        ranges,
-        motion: args.motion.unwrap_or(identify.motion),
-        rate_limits: args.rate_limit.clone().unwrap_or(identify.rate_limit),
-        sindy,
-        networks,
-        vessel,
-    };
+    job.networks.checkpoints = Some(args.output.clone());
+    job.networks.resume = args.resume;
     let bar = ui::Bar::new("identifying", global);
     let identified = identify::identify_with_stages(&job, &mut bar.stage_callback());
     drop(bar);
@@ -173,31 +133,33 @@ fn vessel(path: &Path) -> anyhow::Result<CraftFile> {
     Ok(file.clone())
 }
 
-/// The channels of a vessel, where the options name none.
-fn select(vessel: &CraftFile, reading: &mut Reading) {
-    let selection = &mut reading.selection;
-    if selection.outputs.is_empty() {
-        selection.outputs = ["u", "v", "r"].map(ChannelSpec::named).to_vec();
+/// The command line takes precedence over the file.
+fn apply(args: &Identify, config: &mut Config) -> anyhow::Result<()> {
+    let Config { identify, sindy, ranges, .. } = config;
+    identify.seed = args.seed.or(identify.seed);
+    identify.budget = args.budget.or(identify.budget);
+    identify.horizon = args.horizon.or(identify.horizon);
+    identify.origin_stride = args.origin_stride.or(identify.origin_stride);
+    identify.motion = args.motion.unwrap_or(identify.motion);
+    if let Some(rate_limit) = &args.rate_limit {
+        identify.rate_limit.clone_from(rate_limit);
     }
-    if selection.inputs.is_empty() {
-        selection.inputs = vessel.craft.commands.iter().map(|c| ChannelSpec::named(&c.name)).collect();
+    for given in &args.ranges {
+        if args.ranges.iter().filter(|other| other.name == given.name).count() > 1 {
+            bail!("--range names '{}' twice: give one range for each channel", given.name);
+        }
+        ranges.insert(given.name.clone(), given.range.clone());
     }
+    apply_equation_args(args, sindy);
+    apply_network_args(args, config);
+    Ok(())
 }
 
-/// Origins of a cross-validation: more of them change the errors in the third digit only.
-const CROSS_VALIDATION_ORIGINS: usize = 10_000;
-
-/// Every sample is an origin of the evaluation on test runs; in a cross-validation, the origins are spread over all runs.
-fn origin_stride(split: &Split, cross_validated: bool) -> usize {
-    let samples: usize = split.train.iter().map(Trajectory::len).sum();
-    if cross_validated { (samples / CROSS_VALIDATION_ORIGINS).max(1) } else { 1 }
-}
-
-fn apply_network_args(args: &Identify, networks: &mut NetworkTrainingOptions) {
+fn apply_network_args(args: &Identify, config: &mut Config) {
     let (epochs, restarts) =
         (args.epochs.and_then(|n| usize::try_from(n).ok()), args.restarts.map(usize::from));
-    let NetworkTrainingOptions { all, lstm, gru, rnn, direct, affine, .. } = networks;
-    for settings in [all, lstm, gru, rnn, direct, affine] {
+    let Config { network, lstm, gru, rnn, direct, affine, .. } = config;
+    for settings in [network, lstm, gru, rnn, direct, affine] {
         settings.epochs = epochs.or(settings.epochs);
         settings.restarts = restarts.or(settings.restarts);
     }
@@ -234,64 +196,7 @@ fn apply_equation_args(args: &Identify, sindy: &mut SindyOptions) {
 struct Files {
     /// Origin of simulated files.
     note: Option<Note>,
-    train: Vec<PathBuf>,
-    validate: Vec<PathBuf>,
-    test: Vec<PathBuf>,
-}
-
-impl Files {
-    /// Reads all files together, with common channels and sample time, and splits the runs. All runs but named test runs
-    /// are training runs of a cross-validation.
-    fn split(&self, reading: &Reading, cross_validated: bool) -> anyhow::Result<(Split, Reading, Vec<Note>)> {
-        let all: Vec<PathBuf> = self.train.iter().chain(&self.validate).chain(&self.test).cloned().collect();
-        let (raw, prepared) = logs::prepare(&all, reading)?;
-        let mut steps = Vec::new();
-        let mut notes: Vec<Note> = self.note.clone().into_iter().chain(prepared.notes).collect();
-        for log in &raw {
-            let inspection = log::inspect(log, &reading.selection, &reading.options)?;
-            steps.extend(inspection.clock.map(|clock| clock.step_s));
-            for note in inspection.notes {
-                // Skips notes of the preparation; those may differ in the step in brackets.
-                let start = |note: &Note| note.message.split(" (").next().unwrap_or_default().to_owned();
-                let known = notes.iter().any(|other| start(other) == start(&note));
-                if note.is_warning() && !known {
-                    notes.push(note);
-                }
-            }
-        }
-        let mut reading = Reading { selection: prepared.selection, ..reading.clone() };
-        reading.options.input_delay = in_seconds(reading.options.input_delay, &steps)?;
-        let [mut train, mut validate, mut test] = [(); 3].map(|()| Vec::new());
-        for (run, source) in prepared.runs.into_iter().zip(prepared.sources) {
-            if source < self.train.len() {
-                train.push(run);
-            } else if source < self.train.len() + self.validate.len() {
-                validate.push(run);
-            } else {
-                test.push(run);
-            }
-        }
-        let split = if cross_validated {
-            Split { train, validation: Vec::new(), test, notes: Vec::new() }
-        } else {
-            split_named(train, validate, test)?
-        };
-        Ok((split, reading, notes))
-    }
-}
-
-/// Converts an input delay from samples to seconds, so that the model applies to logs of any rate.
-fn in_seconds(delay: InputDelay, steps: &[f64]) -> anyhow::Result<InputDelay> {
-    let (InputDelay::Samples(n), Some(&step)) = (delay, steps.first()) else { return Ok(delay) };
-    if n == 0 {
-        return Ok(delay);
-    }
-    if steps.iter().any(|other| (other / step - 1.0).abs() > 0.01) {
-        bail!(
-            "the logs have different sample times, so that --input-delay {n} is ambiguous: write it in seconds, as in --input-delay 0.3s"
-        );
-    }
-    Ok(InputDelay::Seconds(n as f64 * step))
+    logs: Logs<PathBuf>,
 }
 
 fn demonstration(folder: &Path, seed: u64, global: Global) -> anyhow::Result<Files> {
@@ -312,12 +217,14 @@ fn demonstration(folder: &Path, seed: u64, global: Global) -> anyhow::Result<Fil
         folder.display()
     ));
     let [train, validate, test] = files.try_into().unwrap_or_default();
-    Ok(Files { note: Some(note), train: vec![train], validate: vec![validate], test: vec![test] })
+    Ok(Files {
+        note: Some(note),
+        logs: Logs { train: vec![train], validate: vec![validate], test: vec![test] },
+    })
 }
 
 fn page(files: &Files, job: &Job, identified: &IdentifyResult, notes: &[Note]) -> anyhow::Result<String> {
-    let all = files.train.iter().chain(&files.validate).chain(&files.test);
-    let sources: Vec<String> = all.map(|file| file.display().to_string()).collect();
+    let sources: Vec<String> = files.logs.all().map(|file| file.display().to_string()).collect();
     let context = Context {
         title: if files.note.is_some() {
             String::from("Identification: the built-in hydrofoil, simulated")
@@ -345,43 +252,16 @@ fn write(
     notes: &[Note],
     page: &str,
 ) -> anyhow::Result<serde_json::Value> {
-    let mut models = Vec::new();
-    for candidate in &identified.candidates {
+    let mut summary = identified.summary(notes);
+    for (i, candidate) in identified.candidates.iter().enumerate() {
         let name = &candidate.model.description.name;
         let file = match candidate.model.craft() {
             Some(_) => folder.join(format!("{name}.toml")),
             None => model_file(folder, name),
         };
         model::write(&candidate.model, &file)?;
-        models.push(json!({
-            "kind": candidate.model.kind(),
-            "name": candidate.model.description.name,
-            "file": file,
-            "weights": candidate.model.weights(),
-            "refinement": candidate.found().map(|found| &found.refinement),
-            "train_seconds": candidate.train_seconds,
-            "training": candidate.training.network().map(|trained| json!({
-                "epochs": trained.history.len(),
-                "best_epoch": trained.best_epoch,
-                "restart": trained.restart,
-                "restarts": trained.restarts,
-                "ending": trained.ending,
-                "refit": trained.refit.as_ref().map(|refit| refit.outcome),
-                "history": trained.history,
-            })),
-            "validation": candidate.validation,
-            "test": candidate.test,
-        }));
+        summary["models"][i]["file"] = json!(file);
     }
-    let summary = json!({
-        "models": models,
-        "cross_validated": identified.cross_validation.is_some(),
-        "best": identified.best.map(|i| identified.candidates[i].model.description.name.clone()),
-        "verdicts": identified.verdicts,
-        "ranges": identified.ranges,
-        "currents": identified.currents,
-        "warnings": notes.iter().chain(&identified.warnings).collect::<Vec<_>>(),
-    });
     atomic::write(&folder.join("report.html"), |out| out.write_all(page.as_bytes()))?;
     let text = serde_json::to_string_pretty(&summary)?;
     atomic::write(&folder.join("identify.json"), |out| writeln!(out, "{text}"))?;

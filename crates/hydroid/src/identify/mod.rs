@@ -18,6 +18,7 @@ mod networks;
 mod options;
 mod rate_limits;
 mod recursive;
+mod summary;
 mod through_water;
 mod training;
 mod verdict;

@@ -41,6 +41,22 @@ pub enum LogError {
         /// File.
         path: String,
     },
+    /// Columns in memory with different lengths.
+    #[error(
+        "{path}: column '{column}' has {found} values and column '{first}' has {expected}; give each one value for each row"
+    )]
+    DifferentLengths {
+        /// The log.
+        path: String,
+        /// The first column.
+        first: String,
+        /// Its length.
+        expected: usize,
+        /// The other column.
+        column: String,
+        /// Its length.
+        found: usize,
+    },
     /// The first row holds numbers only.
     #[error(
         "{path}: the first row holds numbers ({first_row}), not column names; add a first line that names the columns, such as `t [s],u [m/s],v [m/s],r [rad/s]`"

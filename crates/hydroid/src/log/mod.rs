@@ -33,7 +33,7 @@ pub mod units;
 
 pub use align::{CommandTiming, InputDelay};
 pub(crate) use csv::bytes;
-pub use csv::{RawLog, read, read_from};
+pub use csv::{RawColumn, RawLog, read, read_from};
 pub use error::LogError;
 pub use inspect::{Inspection, inspect, inspect_file};
 pub use note::{Note, Severity};
@@ -46,7 +46,7 @@ pub use trajectory::{Channel, Table, Trajectory};
 pub use {
     clock::Clock,
     columns::rows,
-    csv::{BadCell, FirstStamp, RawColumn},
+    csv::{BadCell, FirstStamp},
     inspect::noise_level,
 };
 

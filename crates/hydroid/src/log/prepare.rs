@@ -55,12 +55,12 @@ pub struct Prepared {
 ///
 /// # Errors
 /// If a log cannot be prepared with these options; the message names file, line, column and remedy.
-pub fn prepare(
-    logs: &[RawLog],
+pub fn prepare<'a>(
+    logs: impl IntoIterator<Item = &'a RawLog>,
     selection: &Selection,
     options: &PrepareOptions,
 ) -> Result<Prepared, LogError> {
-    prepare_logs(logs.iter().map(Cow::Borrowed).collect(), selection, options)
+    prepare_logs(logs.into_iter().map(Cow::Borrowed).collect(), selection, options)
 }
 
 /// Converts logs to runs; the values of logs that are given away are moved.

@@ -105,6 +105,37 @@ impl RawLog {
         Self { path: path.to_owned(), columns, lines: Lines::default(), rest: Rest::default() }
     }
 
+    /// A log of columns in memory, all with the same number of values. Rows count as lines from 1. Infinite values become
+    /// missing and are reported where their column is selected, as those of a file.
+    ///
+    /// # Errors
+    /// If there is no row, or the columns have different lengths.
+    pub fn from_columns(name: &str, mut columns: Vec<RawColumn>) -> Result<Self, LogError> {
+        let rows = columns.first().map_or(0, |column| column.values.len());
+        if rows == 0 {
+            return Err(LogError::HeaderOnly { path: name.to_owned() });
+        }
+        if let Some(other) = columns.iter().find(|column| column.values.len() != rows) {
+            return Err(LogError::DifferentLengths {
+                path: name.to_owned(),
+                first: columns[0].name.clone(),
+                expected: rows,
+                column: other.name.clone(),
+                found: other.values.len(),
+            });
+        }
+        for column in &mut columns {
+            for (k, value) in column.values.iter_mut().enumerate().filter(|(_, value)| value.is_infinite()) {
+                let text = value.to_string();
+                column.bad_cells += 1;
+                column.bad.get_or_insert(BadCell { line: k as u64 + 1, text, infinite: true });
+                *value = f64::NAN;
+            }
+        }
+        let lines = (1..=rows as u64).collect();
+        Ok(Self { path: name.to_owned(), columns, lines, rest: Rest::default() })
+    }
+
     /// Number of rows.
     pub fn rows(&self) -> usize {
         self.lines.len()
@@ -125,7 +156,6 @@ impl RawLog {
 
 impl RawColumn {
     /// A column without rows.
-    #[doc(hidden)]
     pub fn named(name: &str) -> Self {
         Self { name: name.to_owned(), ..Self::default() }
     }

@@ -1,0 +1,168 @@
+//! From logs and settings to the job of an identification.
+
+use super::{Config, Horizon};
+use crate::craft::CraftFile;
+use crate::identify::{Job, Method, NetworkTrainingOptions};
+use crate::log::{
+    self, ChannelSpec, InputDelay, LogError, Note, PrepareOptions, RawLog, Split, Trajectory, split_named,
+};
+use crate::model::Reading;
+
+/// Default longest horizon \[samples\].
+const HORIZON: usize = 100;
+
+/// Origins of a cross-validation: more of them change the errors in the third digit only.
+const CROSS_VALIDATION_ORIGINS: usize = 10_000;
+
+/// The logs of an identification.
+#[derive(Clone, Debug, Default)]
+pub struct Logs<T> {
+    /// Logs to learn from. Without logs for validation, all runs are cross-validated if all methods can be.
+    pub train: Vec<T>,
+    /// Logs that choose models.
+    pub validate: Vec<T>,
+    /// Logs that judge the models.
+    pub test: Vec<T>,
+}
+
+impl<T> Logs<T> {
+    /// All logs: training, validation, test.
+    pub fn all(&self) -> impl Iterator<Item = &T> + Clone {
+        self.train.iter().chain(&self.validate).chain(&self.test)
+    }
+
+    /// Logs made from these.
+    ///
+    /// # Errors
+    /// The first error of `make`.
+    pub fn try_map<U, E>(&self, mut make: impl FnMut(&T) -> Result<U, E>) -> Result<Logs<U>, E> {
+        let mut each = |logs: &[T]| logs.iter().map(&mut make).collect::<Result<Vec<U>, E>>();
+        Ok(Logs { train: each(&self.train)?, validate: each(&self.validate)?, test: each(&self.test)? })
+    }
+}
+
+impl Config {
+    /// Prepares all logs together, with common channels and sample time, and makes a job of them. `reading` has the
+    /// options of [`log`](Self::log), as far as they are not replaced by others. `vessel` adds the method grey-box.
+    ///
+    /// # Errors
+    /// If the logs cannot be prepared or do not fit together.
+    pub fn job(
+        self,
+        mut reading: Reading,
+        logs: &Logs<RawLog>,
+        mut methods: Vec<Method>,
+        vessel: Option<CraftFile>,
+    ) -> Result<(Job, Vec<Note>), LogError> {
+        if let Some(vessel) = &vessel {
+            select(vessel, &mut reading);
+            methods.push(Method::GreyBox);
+        }
+        let cross_validated =
+            logs.validate.is_empty() && methods.iter().all(|method| method.is_cross_validated());
+        let (split, reading, notes) = split(logs, &reading, cross_validated)?;
+        let Self { identify, sindy, network, lstm, gru, rnn, direct, affine, ranges, .. } = self;
+        let dt = split.train.first().map_or(1.0, |run| run.dt);
+        let job = Job {
+            methods,
+            origin_stride: identify.origin_stride.unwrap_or_else(|| origin_stride(&split, cross_validated)),
+            split,
+            reading,
+            horizon: identify.horizon.unwrap_or(Horizon::Samples(HORIZON)).samples(dt),
+            seed: identify.seed.unwrap_or(0),
+            ranges,
+            motion: identify.motion,
+            rate_limits: identify.rate_limit,
+            sindy,
+            networks: NetworkTrainingOptions {
+                all: network,
+                lstm,
+                gru,
+                rnn,
+                direct,
+                affine,
+                budget_s: identify.budget.map(|budget| budget.0),
+                checkpoints: None,
+                resume: false,
+            },
+            vessel,
+        };
+        Ok((job, notes))
+    }
+}
+
+/// The channels of a vessel, where the options name none.
+fn select(vessel: &CraftFile, reading: &mut Reading) {
+    let selection = &mut reading.selection;
+    if selection.outputs.is_empty() {
+        selection.outputs = ["u", "v", "r"].map(ChannelSpec::named).to_vec();
+    }
+    if selection.inputs.is_empty() {
+        selection.inputs = vessel.craft.commands.iter().map(|c| ChannelSpec::named(&c.name)).collect();
+    }
+}
+
+/// Every sample is an origin of the evaluation on test runs; in a cross-validation, the origins are spread over all runs.
+fn origin_stride(split: &Split, cross_validated: bool) -> usize {
+    let samples: usize = split.train.iter().map(Trajectory::len).sum();
+    if cross_validated { (samples / CROSS_VALIDATION_ORIGINS).max(1) } else { 1 }
+}
+
+/// All runs but those of test logs are training runs of a cross-validation.
+fn split(
+    logs: &Logs<RawLog>,
+    reading: &Reading,
+    cross_validated: bool,
+) -> Result<(Split, Reading, Vec<Note>), LogError> {
+    let prepared = log::prepare(logs.all(), &reading.selection, &reading.options)?;
+    let mut notes = prepared.notes;
+    let mut steps = Vec::new();
+    for log in logs.all() {
+        let inspection = log::inspect(log, &reading.selection, &reading.options)?;
+        steps.extend(inspection.clock.map(|clock| clock.step_s));
+        for note in inspection.notes {
+            // Skips notes of the preparation; those may differ in the step in brackets.
+            let start = |note: &Note| note.message.split(" (").next().unwrap_or_default().to_owned();
+            let known = notes.iter().any(|other| start(other) == start(&note));
+            if note.is_warning() && !known {
+                notes.push(note);
+            }
+        }
+    }
+    let input_delay = in_seconds(reading.options.input_delay, &steps)?;
+    let options = PrepareOptions { input_delay, ..reading.options };
+    let reading = Reading { selection: prepared.selection, options };
+    let [mut train, mut validate, mut test] = [(); 3].map(|()| Vec::new());
+    for (run, source) in prepared.runs.into_iter().zip(prepared.sources) {
+        if source < logs.train.len() {
+            train.push(run);
+        } else if source < logs.train.len() + logs.validate.len() {
+            validate.push(run);
+        } else {
+            test.push(run);
+        }
+    }
+    let split = if cross_validated {
+        Split { train, validation: Vec::new(), test, notes: Vec::new() }
+    } else {
+        split_named(train, validate, test)?
+    };
+    Ok((split, reading, notes))
+}
+
+/// Converts an input delay from samples to seconds, so that the model applies to logs of any rate.
+fn in_seconds(delay: InputDelay, steps: &[f64]) -> Result<InputDelay, LogError> {
+    let (InputDelay::Samples(n), Some(&step)) = (delay, steps.first()) else { return Ok(delay) };
+    if n == 0 {
+        return Ok(delay);
+    }
+    if steps.iter().any(|other| (other / step - 1.0).abs() > 0.01) {
+        return Err(LogError::BadOption {
+            what: "an input delay",
+            value: format!("{n} samples"),
+            reason: "the logs have different sample times: write it in seconds, as in --input-delay 0.3s"
+                .to_owned(),
+        });
+    }
+    Ok(InputDelay::Seconds(n as f64 * step))
+}

@@ -1,0 +1,143 @@
+//! Settings of an identification as data, for the command line, its file `hydroid.toml` and other front ends.
+//!
+//! [`Config`] has the sections of the file, all optional. [`Config::job`] prepares logs and makes the [`Job`] of
+//! [`identify`](crate::identify::identify).
+
+mod job;
+mod quantity;
+
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+use serde::de::IgnoredAny;
+
+use crate::identify::{GivenRanges, MotionOption, NetworkOptions, RateLimitOption, SindyOptions};
+use crate::log::{ChannelSpec, CommandTiming, InputDelay, PrepareOptions, Selection, Wind};
+use crate::model::Reading;
+use crate::toml_file::{self, TomlError};
+
+pub use job::Logs;
+pub use quantity::{Duration, Horizon};
+
+/// Default name of the file.
+pub const FILE: &str = "hydroid.toml";
+
+/// The sections of the file. `[adapt]` and `[control]` hold arguments of these commands, which are not read here.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[expect(missing_docs, reason = "each section is documented with its type")]
+pub struct Config {
+    pub log: Log,
+    pub split: Split,
+    pub identify: Identify,
+    pub sindy: SindyOptions,
+    pub network: NetworkOptions,
+    pub lstm: NetworkOptions,
+    pub gru: NetworkOptions,
+    pub rnn: NetworkOptions,
+    pub direct: NetworkOptions,
+    pub affine: NetworkOptions,
+    pub ranges: GivenRanges,
+    pub adapt: IgnoredAny,
+    pub control: IgnoredAny,
+}
+
+/// How logs are read: [`Selection`] and [`PrepareOptions`].
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[expect(missing_docs, reason = "see Selection and PrepareOptions")]
+pub struct Log {
+    pub time: Option<String>,
+    pub outputs: Vec<ChannelSpec>,
+    pub inputs: Vec<ChannelSpec>,
+    pub wind: Option<Wind>,
+    pub heading: Option<ChannelSpec>,
+    pub dt: Option<f64>,
+    pub max_gap_s: Option<f64>,
+    pub command_timing: CommandTiming,
+    pub input_delay: Delay,
+    pub keep_towed: bool,
+}
+
+impl Log {
+    /// The options of the preparation.
+    pub fn reading(self) -> Reading {
+        Reading {
+            selection: Selection {
+                time: self.time,
+                outputs: self.outputs,
+                inputs: self.inputs,
+                wind: self.wind,
+                heading: self.heading,
+            },
+            options: PrepareOptions {
+                dt: self.dt,
+                max_gap_s: self.max_gap_s,
+                command_timing: self.command_timing,
+                input_delay: match self.input_delay {
+                    Delay::Samples(n) => InputDelay::Samples(n),
+                    Delay::Text(delay) => delay,
+                },
+                keep_towed: self.keep_towed,
+            },
+        }
+    }
+}
+
+/// An input delay: a number of samples, or the text of the command line.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged)]
+pub enum Delay {
+    /// A number of samples.
+    Samples(i64),
+    /// `"3"` samples or `"0.3s"`.
+    Text(InputDelay),
+}
+
+impl Default for Delay {
+    fn default() -> Self {
+        Self::Samples(0)
+    }
+}
+
+/// Files of training, validation and test; in a file, paths are relative to it.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[expect(missing_docs, reason = "see Logs")]
+pub struct Split {
+    pub train: Vec<PathBuf>,
+    pub validate: Vec<PathBuf>,
+    pub test: Vec<PathBuf>,
+}
+
+/// Options of the run.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Identify {
+    /// The motion that the models predict.
+    pub motion: MotionOption,
+    /// Limits of the rates of actuators.
+    pub rate_limit: RateLimitOption,
+    /// Longest horizon; default 100 samples.
+    pub horizon: Option<Horizon>,
+    /// Samples between two origins of the evaluations; default 1, and more in a cross-validation over long runs.
+    pub origin_stride: Option<usize>,
+    /// Seed; default 0.
+    pub seed: Option<u64>,
+    /// Limit of the time for the training of all networks; the result then depends on the machine.
+    pub budget: Option<Duration>,
+}
+
+/// Reads a file.
+///
+/// # Errors
+/// If the file cannot be read, or has unknown keys or values; the message names the line.
+pub fn read(path: &Path) -> Result<Config, TomlError> {
+    let mut config: Config = toml_file::read(path)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let Split { train, validate, test } = &mut config.split;
+    for file in train.iter_mut().chain(validate).chain(test) {
+        *file = folder.join(&*file);
+    }
+    Ok(config)
+}

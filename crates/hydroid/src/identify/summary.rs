@@ -1,0 +1,42 @@
+//! The result of an identification as a document.
+
+use serde_json::{Value, json};
+
+use super::IdentifyResult;
+use crate::log::Note;
+
+impl IdentifyResult {
+    /// Models, errors, verdicts, ranges, currents and warnings: `identify.json` without the files of the models. `notes`
+    /// are those on the logs.
+    pub fn summary(&self, notes: &[Note]) -> Value {
+        let model = |candidate: &super::Candidate| {
+            json!({
+                "kind": candidate.model.kind(),
+                "name": candidate.model.description.name,
+                "weights": candidate.model.weights(),
+                "refinement": candidate.found().map(|found| &found.refinement),
+                "train_seconds": candidate.train_seconds,
+                "training": candidate.training.network().map(|trained| json!({
+                    "epochs": trained.history.len(),
+                    "best_epoch": trained.best_epoch,
+                    "restart": trained.restart,
+                    "restarts": trained.restarts,
+                    "ending": trained.ending,
+                    "refit": trained.refit.as_ref().map(|refit| refit.outcome),
+                    "history": trained.history,
+                })),
+                "validation": candidate.validation,
+                "test": candidate.test,
+            })
+        };
+        json!({
+            "models": self.candidates.iter().map(model).collect::<Vec<_>>(),
+            "cross_validated": self.cross_validation.is_some(),
+            "best": self.best.map(|i| &self.candidates[i].model.description.name),
+            "verdicts": self.verdicts,
+            "ranges": self.ranges,
+            "currents": self.currents,
+            "warnings": notes.iter().chain(&self.warnings).collect::<Vec<_>>(),
+        })
+    }
+}
