@@ -1,0 +1,294 @@
+"""Types of the compiled part."""
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Union, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__version__: str
+
+Array = NDArray[np.float64]
+
+@final
+class Log:
+    """A log: named columns of numbers with their units, as they were recorded.
+
+    Parameters
+    ----------
+    data : data frame or mapping of str to array_like
+        Any data frame with the Arrow C interface (pandas, polars, pyarrow), or a mapping from names to arrays of one
+        dimension. A name may contain a unit, ``"speed [kn]"``. Missing values are NaN or null; times become seconds
+        since 1970.
+    units : mapping of str to str, optional
+        Units of columns.
+    name : str
+        Name of the log in messages.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a column is no array of numbers, or the columns have different lengths; the message names the column.
+    """
+
+    def __new__(cls, data: Any, *, units: Mapping[str, str] | None = None, name: str = "log") -> Log: ...
+    @property
+    def name(self) -> str:
+        """Name of the file without its folder."""
+    @property
+    def path(self) -> str: ...
+    @property
+    def columns(self) -> list[str]: ...
+    @property
+    def units(self) -> dict[str, str | None]:
+        """Units by column; None where no unit is stated."""
+    def __len__(self) -> int: ...
+    def __contains__(self, name: str) -> bool: ...
+    def __getitem__(self, name: str) -> Array:
+        """The values of a column, shape (rows,)."""
+    def __arrow_c_stream__(self, requested_schema: object = None) -> object:
+        """The columns for ``pyarrow.table(log)`` or ``polars.DataFrame(log)``."""
+
+@final
+class Run:
+    """A run on a regular clock, in SI units. `hydroid.prepare` makes runs from logs."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def dt(self) -> float:
+        """Sample time [s]."""
+    @property
+    def t(self) -> Array:
+        """Time [s], shape (samples,)."""
+    @property
+    def outputs(self) -> Array:
+        """Measurements, shape (samples, outputs); NaN is missing."""
+    @property
+    def inputs(self) -> Array:
+        """Commands, shape (samples, inputs); row k is held until sample k + 1."""
+    @property
+    def heading(self) -> Array | None:
+        """Heading [rad], clockwise from north, shape (samples,)."""
+    @property
+    def output_names(self) -> list[str]: ...
+    @property
+    def input_names(self) -> list[str]: ...
+    @property
+    def units(self) -> dict[str, str]: ...
+    def __len__(self) -> int: ...
+
+def read_log(path: str | os.PathLike[str]) -> Log:
+    """Read a log from a CSV file.
+
+    Raises
+    ------
+    FileNotFoundError, OSError
+        If the file cannot be read.
+    ValueError
+        If it is no log; the message names line, column and remedy.
+    """
+
+def prepare(logs: Any, options: dict[str, Any] | None = None) -> list[Run]: ...
+
+@final
+class Model:
+    """An identified model.
+
+    A model is immutable and can be pickled. `session` follows a run.
+    """
+
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> Model:
+        """Read a model file, or a vessel file (``.toml``)."""
+    @staticmethod
+    def from_bytes(bytes: bytes) -> Model:
+        """A model from the bytes of its file."""
+    def to_bytes(self) -> bytes:
+        """The bytes of the file; equal models have equal bytes."""
+    def save(self, path: str | os.PathLike[str]) -> None: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def kind(self) -> str: ...
+    @property
+    def dt(self) -> float:
+        """Sample time [s]."""
+    @property
+    def output_names(self) -> list[str]: ...
+    @property
+    def input_names(self) -> list[str]: ...
+    @property
+    def units(self) -> dict[str, str]: ...
+    @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Design range of each channel."""
+    @property
+    def size(self) -> int:
+        """Number of weights, or of coefficients other than zero."""
+    @property
+    def warm_up(self) -> int:
+        """Measurements before the first prediction."""
+    def equations(self) -> list[str]:
+        """The equations of motion as text.
+
+        Raises
+        ------
+        NotImplementedError
+            If the model has no equations.
+        """
+    def latex(self) -> str:
+        """The equations as an ``align*`` block."""
+    def coefficients(self) -> list[tuple[str, str, float, float | None, str]]:
+        """Output, term, value, standard error (None if unknown) and unit of each coefficient."""
+    def jacobian(self, outputs: ArrayLike, inputs: ArrayLike) -> tuple[Array, Array]:
+        """``A = df/dy`` (outputs, outputs) and ``B = df/dc`` (outputs, inputs) of ``dy/dt = f(y, c)``.
+
+        The states of lags follow the outputs in `A` and `B`.
+        """
+    def weights(self) -> dict[str, NDArray[Any]]:
+        """The tensors of the model file by name."""
+    def frozen(self) -> Model:
+        """The model whose sessions do not learn."""
+    def session(self) -> Session:
+        """A session at the start of a run."""
+    def rollouts(
+        self, logs: Any, horizon: int, stride: int, options: dict[str, Any] | None = None
+    ) -> list[tuple[Run, NDArray[np.uintp], Array]]: ...
+
+@final
+class Session:
+    """A session of a model on one run: ``observe(y[0])``, ``advance(c[0])``, ``observe(y[1])``, ..."""
+
+    def reset(self) -> None:
+        """Return to the start of a run."""
+    def observe(self, outputs: ArrayLike, heading: float | None = None) -> None:
+        """Take a measurement, shape (outputs,); NaN is missing."""
+    def advance(self, command: ArrayLike) -> None:
+        """Step to the next sample under a command, shape (inputs,)."""
+    @property
+    def output(self) -> Array:
+        """Estimate of the present outputs, shape (outputs,); NaN where there is none yet."""
+    def rollout(self, commands: ArrayLike) -> Array:
+        """Predict the outputs (samples, outputs) under commands (samples, inputs). The session does not advance."""
+    def rollout_batch(self, commands: ArrayLike) -> Array:
+        """Predict (sequences, samples, outputs) under commands (sequences, samples, inputs), side by side."""
+    def fork(self) -> Session:
+        """An independent session with the same state."""
+    def snapshot(self) -> Array:
+        """All numbers that predictions depend on."""
+    def restore(self, snapshot: ArrayLike) -> None: ...
+
+@final
+class Adapter:
+    """A model that learns from each sample of a vessel.
+
+    Parameters
+    ----------
+    model : Model
+    guard : bool
+        Whether a guard checks the sensors and bounds the errors by those of the unchanged model.
+    noise_logs : Log, path, Run, or list of these, optional
+        Logs from which the noise is estimated where the model file does not state it.
+    **options
+        Over the defaults of the kind of model: ``method``, ``least_squares``, ``kalman``, ``guard``, ``current_m_s``,
+        for example ``kalman={"weight_variance": 1e-3}``.
+    """
+
+    def __new__(cls, model: Model, *, guard: bool = True, noise_logs: Any = None, **options: Any) -> Adapter: ...
+    def step(self, command: ArrayLike | None, output: ArrayLike, heading: float | None = None) -> Step:
+        """Advance under the command since the last sample, and learn from the measurement now.
+
+        Parameters
+        ----------
+        command : array_like, shape (inputs,), or None
+            None before the first sample of a run.
+        output : array_like, shape (outputs,)
+            NaN is missing.
+        heading : float, optional
+            Heading [rad], for a model of the motion through the water.
+        """
+    def predict(self, commands: ArrayLike, horizons: Sequence[int]) -> Prediction:
+        """Predict the outputs under commands (samples, inputs) from the present on, at horizons [samples]."""
+    def reset(self) -> None:
+        """Start a run; what was learned stays."""
+    def freeze(self, frozen: bool) -> None:
+        """Stop or resume learning."""
+    @property
+    def weights(self) -> Array: ...
+    def model(self, runs: Sequence[str] = ()) -> Model:
+        """The model with the learned weights; `runs` are named in its provenance."""
+    @property
+    def state(self) -> bytes:
+        """Everything that was learned. It can be set for an adapter of the same model and options."""
+    @state.setter
+    def state(self, state: bytes) -> None: ...
+
+@final
+class Prediction:
+    """Predicted outputs at horizons."""
+
+    @property
+    def horizons(self) -> list[int]: ...
+    @property
+    def outputs(self) -> Array:
+        """Shape (horizons, outputs)."""
+    @property
+    def std(self) -> Array:
+        """Standard deviation of the measurements around the predictions; NaN where it is unknown."""
+    def band(self, level: float = 0.8) -> tuple[Array, Array]:
+        """Ends of the band that contains the measurement with a probability of 0.8 or 0.95."""
+
+@final
+class Step:
+    """What a sample did."""
+
+    @property
+    def status(self) -> str:
+        """``waiting``, ``accepted``, ``inflated``, ``rejected`` or ``rolled_back``."""
+    @property
+    def reason(self) -> str | None:
+        """Why the sample had less than full weight."""
+    @property
+    def estimate(self) -> Array:
+        """Estimate of the outputs, shape (outputs,)."""
+    @property
+    def innovation(self) -> Array:
+        """Measurement minus prediction; empty if there was no update."""
+    @property
+    def innovation_std(self) -> Array: ...
+    @property
+    def predicted_by(self) -> str | None:
+        """``adapted`` or ``reference``; None without a guard."""
+
+@final
+class Identification:
+    def models(self) -> list[Model]: ...
+    def best(self) -> int | None: ...
+    def summary(self) -> dict[str, Any]: ...
+    def report(self, title: str | None, command: str) -> str: ...
+
+def identify(
+    train: Any,
+    validate: Any,
+    test: Any,
+    methods: list[str],
+    options: dict[str, Any],
+    vessel: str | os.PathLike[str] | None = None,
+    threads: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Identification: ...
+def evaluate(
+    predictor: Union[Model, Callable[[Array, Array, Array], Any]],
+    logs: Any,
+    horizon: int | str,
+    stride: int,
+    options: dict[str, Any] | None = None,
+    name: str | None = None,
+    warm_up: int = 1,
+    origin: str = "measured",
+    against: str = "measurement",
+    threads: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> dict[str, Any]: ...

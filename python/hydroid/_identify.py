@@ -1,0 +1,171 @@
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from . import _hydroid
+from ._evaluate import Evaluation
+from ._hydroid import Model
+from ._options import Bar, Channels, log_section, names, tables
+
+
+class Judgement(NamedTuple):
+    """The errors of a model on runs that took no part in its fit.
+
+    `validation` are those of the cross-validation or of the validation runs, `test` those of the test runs.
+    """
+
+    validation: Evaluation
+    test: Evaluation | None
+
+    @property
+    def judged(self) -> Evaluation:
+        """Errors on the test runs, else those of the cross-validation."""
+        return self.validation if self.test is None else self.test
+
+
+class Identification:
+    """Result of `identify`.
+
+    Attributes
+    ----------
+    models : dict of str to Model
+        By the names of the methods. A method that failed is missing; a warning states the reason.
+    best : Model or None
+        The best model on runs that were left out; None if every model diverged.
+    judgement : dict of str to Judgement
+    verdicts : list of dict
+        Grade of each output.
+    warnings : list of dict
+    summary : dict
+        All of it, as in ``identify.json``.
+    """
+
+    def __init__(self, inner: _hydroid.Identification) -> None:
+        self._inner = inner
+        self.summary: dict[str, Any] = inner.summary()
+        self.models: dict[str, Model] = {model.name: model for model in inner.models()}
+        best = inner.best()
+        self.best: Model | None = None if best is None else inner.models()[best]
+        self.judgement = {
+            model["name"]: Judgement(
+                Evaluation(model["validation"]), None if model["test"] is None else Evaluation(model["test"])
+            )
+            for model in self.summary["models"]
+        }
+        self.verdicts: list[dict[str, Any]] = self.summary["verdicts"]
+        self.warnings: list[dict[str, Any]] = self.summary["warnings"]
+
+    def to_pandas(self) -> Any:
+        """Errors of all models as a pandas data frame: one row for each model, horizon and output."""
+        import pandas
+
+        return pandas.DataFrame([row for of in self.judgement.values() for row in of.judged.records()])
+
+    def report(self, title: str | None = None) -> str:
+        """The report as an HTML page."""
+        return self._inner.report(title, " ".join(sys.argv))
+
+    def save(self, folder: str | os.PathLike[str]) -> None:
+        """Write models, ``report.html`` and ``identify.json`` into a folder, as ``hydroid identify -o`` does."""
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        summary = json.loads(json.dumps(self.summary))
+        for entry in summary["models"]:
+            suffix = ".toml" if entry["kind"] == "vessel" else ".safetensors"
+            file = folder / f"{entry['name']}{suffix}"
+            self.models[entry["name"]].save(file)
+            entry["file"] = str(file)
+        _write(folder / "report.html", self.report())
+        _write(folder / "identify.json", json.dumps(summary, indent=2) + "\n")
+
+    def __repr__(self) -> str:
+        best = "none" if self.best is None else self.best.name
+        grades = ", ".join(f"{verdict['channel']}: {verdict['grade']}" for verdict in self.verdicts)
+        return f"Identification(models {', '.join(self.models)}; best {best}; {grades})"
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        tables = "".join(of.judged._repr_html_() for of in self.judgement.values())
+        return f"<p>{escape(repr(self))}</p>{tables}"
+
+
+def _write(path: Path, text: str) -> None:
+    """Write a file completely or not at all."""
+    part = path.with_name(f".{path.name}.part")
+    part.write_text(text, encoding="utf-8")
+    os.replace(part, path)
+
+
+def identify(
+    logs: Any,
+    *,
+    validate: Any = (),
+    test: Any = (),
+    outputs: Channels | None = None,
+    inputs: Channels | None = None,
+    heading: str | None = None,
+    wind: str | None = None,
+    time: str | None = None,
+    methods: str | Sequence[str] = ("sindy", "committee"),
+    horizon: int | str | None = None,
+    seed: int = 0,
+    vessel: str | os.PathLike[str] | None = None,
+    ranges: Mapping[str, tuple[float, float]] | None = None,
+    log: Mapping[str, Any] | None = None,
+    sections: Mapping[str, Mapping[str, Any]] | None = None,
+    threads: int | None = None,
+    progress: bool | Callable[[float], object] = False,
+    **options: Any,
+) -> Identification:
+    """Identify models of a vessel from its logs.
+
+    The same logs, options and seed give the same model files as ``hydroid identify``.
+
+    Parameters
+    ----------
+    logs : Log, path, or list of these
+        Logs to learn from. Without `validate`, each run is left out once by methods that can be cross-validated.
+    validate, test : Log, path, or list of these
+        Logs that choose models, and logs that judge them.
+    outputs, inputs, heading, wind, time
+        Columns; see `prepare`.
+    methods : str or list of str
+        ``sindy``, ``committee``, ``lagged``, ``recursive``, ``lstm``, ``gru``, ``rnn``, ``direct``, ``affine``.
+    horizon : int or str
+        Longest horizon: samples (default 100), or seconds as ``"10s"``.
+    seed : int
+    vessel : path, optional
+        Vessel file whose marked numbers are estimated as well.
+    ranges : mapping, optional
+        Design range (low, high) of channels, in SI units.
+    log : mapping, optional
+        Further keys of ``[log]``: ``dt``, ``max_gap_s``, ``command_timing``, ``input_delay``, ``keep_towed``.
+    sections : mapping, optional
+        Sections of ``hydroid.toml``: ``{"sindy": {"degree": 3}, "network": {"epochs": 100}}``.
+    threads : int, optional
+        Default: all cores. The result does not depend on it.
+    progress : bool or callable
+        A bar of tqdm, or a function of the completed fraction.
+    **options
+        Further keys of ``[identify]``: ``motion``, ``rate_limit``, ``origin_stride``, ``budget``.
+
+    Returns
+    -------
+    Identification
+    """
+    config: dict[str, Any] = tables("sections", sections)
+    config["log"] = {**config.get("log", {}), **log_section(outputs, inputs, heading, wind, time, **(log or {}))}
+    config["identify"] = {**config.get("identify", {}), "seed": seed, **options}
+    if horizon is not None:
+        config["identify"]["horizon"] = horizon
+    if ranges is not None:
+        config["ranges"] = {name: list(range) for name, range in ranges.items()}
+    with Bar(progress, "identifying") as bar:
+        inner = _hydroid.identify(logs, validate, test, names("methods", methods), config, vessel, threads, bar.callback)
+    return Identification(inner)

@@ -1,0 +1,79 @@
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _hydroid
+from ._hydroid import Model, Run
+from ._options import Channels, log_section
+
+
+def prepare(
+    logs: Any,
+    *,
+    outputs: Channels | None = None,
+    inputs: Channels | None = None,
+    heading: str | None = None,
+    wind: str | None = None,
+    time: str | None = None,
+    **options: Any,
+) -> list[Run]:
+    """Convert logs to runs with a common clock, in SI units.
+
+    Parameters
+    ----------
+    logs : Log, path, or list of these
+    outputs, inputs : str, list of str, or mapping
+        Channels: ``"u,v,r"``, ``["u", "v"]``, or ``{"u": "speed [kn]"}`` from names to columns. By default they are
+        found by their names.
+    heading, time : str, optional
+        Columns of heading and time.
+    wind : str, optional
+        Columns of speed and direction of the wind, separated by a comma.
+    **options
+        Further keys of the section ``[log]`` of ``hydroid.toml``: ``dt``, ``max_gap_s``, ``command_timing``,
+        ``input_delay``, ``keep_towed``.
+
+    Returns
+    -------
+    list of Run
+        In the order of the logs; a log with gaps gives several runs.
+    """
+    section = log_section(outputs, inputs, heading, wind, time, **options)
+    return _hydroid.prepare(logs, section)
+
+
+class Rollouts(NamedTuple):
+    """Predictions from origins along a run."""
+
+    run: Run
+    #: Samples of the origins, shape (origins,).
+    origins: NDArray[np.uintp]
+    #: Predicted outputs after each origin, shape (origins, horizon, outputs).
+    outputs: NDArray[np.float64]
+
+
+def rollouts(model: Model, logs: Any, horizon: int, *, stride: int = 1, **options: Any) -> list[Rollouts]:
+    """Predict from origins along runs, under the commands of the runs.
+
+    Parameters
+    ----------
+    model : Model
+    logs : Log, path, Run, or list of these
+        Logs are read as those of the training of the model.
+    horizon : int
+        Samples.
+    stride : int
+        Samples between two origins.
+    **options
+        Options of `prepare` that replace those of the model.
+
+    Returns
+    -------
+    list of Rollouts
+        One for each run.
+    """
+    section = log_section(**options) if options else None
+    return [Rollouts(*rolled) for rolled in model.rollouts(logs, horizon, stride, section)]

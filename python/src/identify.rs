@@ -1,0 +1,129 @@
+//! Identification.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use hydroid::config::{Config, Logs};
+use hydroid::identify::{IdentifyResult, Method, identify as identify_job};
+use hydroid::log::{Note, Split};
+use hydroid_report::Context;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::error::{internal, unfit, value};
+use crate::log::{logs, of_log, warn};
+use crate::model::Model;
+use crate::{settings, work};
+
+/// Result of an identification. The Python class around it has the documented interface.
+#[pyclass(frozen, module = "hydroid._hydroid")]
+pub(crate) struct Identification {
+    result: Arc<IdentifyResult>,
+    split: Arc<Split>,
+    notes: Vec<Note>,
+    sources: Vec<String>,
+    seed: u64,
+}
+
+#[pymethods]
+impl Identification {
+    fn models(&self) -> Vec<Model> {
+        self.result.candidates.iter().map(|candidate| Model::of(candidate.model.clone())).collect()
+    }
+
+    fn best(&self) -> Option<usize> {
+        self.result.best
+    }
+
+    /// The document of `hydroid identify --json` without the files of the models.
+    fn summary<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        settings::document(py, &self.result.summary(&self.notes))
+    }
+
+    /// The report, an HTML page.
+    #[pyo3(signature = (title, command))]
+    fn report(&self, py: Python<'_>, title: Option<String>, command: String) -> PyResult<String> {
+        let context = Context {
+            command,
+            sources: self.sources.clone(),
+            notes: self.notes.clone(),
+            seed: self.seed,
+            ..Context::default()
+        };
+        let context = match title {
+            Some(title) => Context { title, ..context },
+            None => context,
+        };
+        let (result, split) = (Arc::clone(&self.result), Arc::clone(&self.split));
+        let page = work::run(py, None, None, move |_| {
+            hydroid_report::identification(&result, &split, &context).map_err(|error| error.to_string())
+        })?;
+        page.map_err(internal)
+    }
+}
+
+fn method(name: &str) -> PyResult<Method> {
+    let methods = [
+        Method::Sindy,
+        Method::Lagged,
+        Method::Recursive,
+        Method::Committee,
+        Method::Lstm,
+        Method::Gru,
+        Method::Rnn,
+        Method::Direct,
+        Method::Affine,
+    ];
+    methods.into_iter().find(|method| method.name() == name).ok_or_else(|| {
+        let known = methods.map(Method::name).join(", ");
+        unfit("methods", format!("some of {known}"), format!("'{name}'"))
+    })
+}
+
+/// Identifies models. `options` are the sections of `hydroid.toml`.
+#[pyfunction]
+#[pyo3(signature = (train, validate, test, methods, options, vessel=None, threads=None, progress=None))]
+pub(crate) fn identify(
+    py: Python<'_>,
+    train: &Bound<'_, PyAny>,
+    validate: &Bound<'_, PyAny>,
+    test: &Bound<'_, PyAny>,
+    methods: Vec<String>,
+    options: &Bound<'_, PyDict>,
+    vessel: Option<PathBuf>,
+    threads: Option<usize>,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Identification> {
+    let config: Config = settings::of(options)?;
+    let methods: Vec<Method> = methods.iter().map(|name| method(name)).collect::<PyResult<_>>()?;
+    let given = Logs {
+        train: logs(py, "logs", train)?,
+        validate: logs(py, "validate", validate)?,
+        test: logs(py, "test", test)?,
+    };
+    let vessel = match vessel {
+        Some(path) => {
+            let model = hydroid::model::read(&path).map_err(value)?;
+            let Some(file) = model.craft_file() else {
+                return Err(unfit("vessel", "a vessel file with actuators", path.display()));
+            };
+            Some(file.clone())
+        }
+        None => None,
+    };
+    let sources = given.all().map(|log| log.path.clone()).collect();
+    let (job, notes) = work::run(py, threads, None, move |_| {
+        let reading = config.log.clone().reading();
+        config.job(reading, &given, methods, vessel)
+    })?
+    .map_err(of_log)?;
+    warn(py, &notes)?;
+    let seed = job.seed;
+    let (result, split) = work::run(py, threads, progress, move |control| {
+        let result = identify_job(&job, &mut |done| control.report(done));
+        (result, job.split)
+    })?;
+    let result = result.map_err(value)?;
+    warn(py, &result.warnings)?;
+    Ok(Identification { result: Arc::new(result), split: Arc::new(split), notes, sources, seed })
+}

@@ -1,0 +1,472 @@
+//! Logs, and the runs that are prepared from them.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use arrow_array::cast::AsArray;
+use arrow_array::types::{Float64Type, Int64Type};
+use arrow_array::{Array, Float64Array, RecordBatch, StructArray};
+use arrow_schema::{DataType, Field, Schema, TimeUnit};
+use hydroid::config;
+use hydroid::log::line::{Cell, header_columns, number};
+use hydroid::log::{self, BadCell, LogError, Note, RawColumn, RawLog, Trajectory};
+use hydroid::model::Reading;
+use numpy::{PyArray1, PyArray2};
+use pyo3::exceptions::{PyFileNotFoundError, PyKeyError};
+use pyo3::prelude::*;
+use pyo3::types::{PyCapsule, PyDict, PyList, PyMapping, PyTuple};
+use pyo3_arrow::PyTable;
+use pyo3_arrow::ffi::{ArrayIterator, to_stream_pycapsule};
+
+use crate::arrays::{doubles, table};
+use crate::error::{expected, internal, unfit, value};
+use crate::{settings, work};
+
+pub(crate) fn of_log(error: LogError) -> PyErr {
+    match error {
+        LogError::NotFound { .. } => PyFileNotFoundError::new_err(error.to_string()),
+        LogError::IsDirectory { .. } | LogError::Read { .. } => crate::error::os(error),
+        error => value(error),
+    }
+}
+
+/// Warnings as Python warnings; other notes are kept by the caller.
+pub(crate) fn warn(py: Python<'_>, notes: &[Note]) -> PyResult<()> {
+    let category = py.import("hydroid")?.getattr("LogWarning")?;
+    for note in notes.iter().filter(|note| note.is_warning()) {
+        let remedy = note.remedy.as_ref().map(|remedy| format!("; {remedy}")).unwrap_or_default();
+        let text = value(format!("{}{remedy}", note.message)).value(py).to_string();
+        let text = std::ffi::CString::new(text.replace('\0', " ")).map_err(internal)?;
+        PyErr::warn(py, &category, &text, 3)?;
+    }
+    Ok(())
+}
+
+#[pyclass(frozen, module = "hydroid")]
+pub(crate) struct Log {
+    raw: Arc<RawLog>,
+}
+
+#[pymethods]
+impl Log {
+    #[new]
+    #[pyo3(signature = (data, *, units=None, name="log"))]
+    fn new(data: &Bound<'_, PyAny>, units: Option<&Bound<'_, PyDict>>, name: &str) -> PyResult<Self> {
+        let mut columns = if data.hasattr("__arrow_c_stream__")? {
+            from_arrow(data, name)?
+        } else if let Ok(mapping) = data.cast::<PyMapping>() {
+            from_mapping(mapping, name)?
+        } else {
+            let given = data.get_type().name()?;
+            return Err(expected(
+                "data",
+                "a data frame with the Arrow C interface (pandas, polars, pyarrow) or a mapping from names to arrays",
+                given,
+            ));
+        };
+        for (column, unit) in units.into_iter().flatten() {
+            let (column, unit): (String, String) = (column.extract()?, unit.extract()?);
+            let names = columns.iter().map(|c| c.name.clone()).collect::<Vec<_>>().join(", ");
+            let Some(found) = columns.iter_mut().find(|c| c.name == column) else {
+                return Err(unfit("units", format!("names of columns ({names})"), format!("'{column}'")));
+            };
+            found.unit = Some(unit);
+        }
+        let raw = RawLog::from_columns(name, columns).map_err(of_log)?;
+        Ok(Self { raw: Arc::new(raw) })
+    }
+
+    #[getter]
+    fn name(&self) -> String {
+        self.raw.file_name()
+    }
+
+    #[getter]
+    fn path(&self) -> &str {
+        &self.raw.path
+    }
+
+    #[getter]
+    fn columns(&self) -> Vec<&str> {
+        self.raw.columns.iter().map(|column| column.name.as_str()).collect()
+    }
+
+    #[getter]
+    fn units<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let units = PyDict::new(py);
+        for column in &self.raw.columns {
+            units.set_item(&column.name, column.unit.as_deref())?;
+        }
+        Ok(units)
+    }
+
+    fn __len__(&self) -> usize {
+        self.raw.rows()
+    }
+
+    fn __contains__(&self, name: &str) -> bool {
+        self.raw.position(name).is_some()
+    }
+
+    fn __getitem__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let at = self.raw.position(name).ok_or_else(|| {
+            PyKeyError::new_err(format!("'{name}'; the columns are {}", self.columns().join(", ")))
+        })?;
+        Ok(PyArray1::from_slice(py, &self.raw.columns[at].values))
+    }
+
+    fn __repr__(&self) -> String {
+        let columns: Vec<String> = self.raw.columns.iter().map(heading).collect();
+        format!("Log('{}', {} rows: {})", self.raw.file_name(), self.raw.rows(), columns.join(", "))
+    }
+
+    #[pyo3(signature = (requested_schema=None))]
+    fn __arrow_c_stream__<'py>(
+        &self,
+        py: Python<'py>,
+        requested_schema: Option<Bound<'py, PyCapsule>>,
+    ) -> PyResult<Bound<'py, PyCapsule>> {
+        let fields: Vec<Field> = self
+            .raw
+            .columns
+            .iter()
+            .map(|column| Field::new(heading(column), DataType::Float64, true))
+            .collect();
+        let schema = Arc::new(Schema::new(fields));
+        let arrays = self
+            .raw
+            .columns
+            .iter()
+            .map(|column| -> Arc<dyn Array> { Arc::new(Float64Array::from(column.values.clone())) });
+        let batch = RecordBatch::try_new(Arc::clone(&schema), arrays.collect()).map_err(internal)?;
+        let rows: Arc<dyn Array> = Arc::new(StructArray::from(batch));
+        let field = Arc::new(Field::new("", rows.data_type().clone(), false));
+        let reader = ArrayIterator::new([Ok(rows)], field);
+        Ok(to_stream_pycapsule(py, Box::new(reader), requested_schema)?)
+    }
+}
+
+fn heading(column: &RawColumn) -> String {
+    match &column.unit {
+        Some(unit) => format!("{} [{unit}]", column.name),
+        None => column.name.clone(),
+    }
+}
+
+fn from_mapping(mapping: &Bound<'_, PyMapping>, name: &str) -> PyResult<Vec<RawColumn>> {
+    let mut headings: Vec<String> = Vec::new();
+    let mut values = Vec::new();
+    for item in mapping.items()?.iter() {
+        let (heading, array): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
+        let heading: String =
+            heading.extract().map_err(|_| expected("data", "names of columns that are text", &heading))?;
+        let argument = format!("data['{heading}']");
+        let array = times_in_seconds(&array)?.unwrap_or(array);
+        let array = doubles(&argument, &array)?;
+        let view = array.as_array();
+        if view.ndim() != 1 {
+            return Err(unfit(&argument, "one dimension", format!("shape {:?}", view.shape())));
+        }
+        headings.push(heading);
+        values.push(view.iter().copied().collect());
+    }
+    filled(&headings, values.into_iter().map(Column::of).collect(), name)
+}
+
+/// `datetime64` values as seconds since 1970.
+fn times_in_seconds<'py>(array: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyAny>>> {
+    let py = array.py();
+    let kind = array.getattr("dtype").and_then(|dtype| dtype.getattr("kind")?.extract::<String>());
+    if !kind.is_ok_and(|kind| kind == "M") {
+        return Ok(None);
+    }
+    let numpy = py.import("numpy")?;
+    let since = numpy.call_method1("asarray", (array,))?.sub(numpy.call_method1("datetime64", (0, "ns"))?)?;
+    Ok(Some(since.div(numpy.call_method1("timedelta64", (1_000_000_000_i64, "ns"))?)?))
+}
+
+/// Values of a column, with what is wrong in it.
+#[derive(Default)]
+struct Column {
+    values: Vec<f64>,
+    bad: Option<BadCell>,
+    bad_cells: usize,
+    /// Whether the values are seconds since 1970.
+    stamps: bool,
+}
+
+impl Column {
+    fn of(values: Vec<f64>) -> Self {
+        Self { values, ..Self::default() }
+    }
+
+    fn text(&mut self, text: Option<&str>) {
+        let value = match number(text.unwrap_or("").trim(), false) {
+            Cell::Number(x) => x,
+            Cell::Missing => f64::NAN,
+            Cell::Stamp(stamp) => {
+                self.stamps = true;
+                stamp.seconds
+            }
+            Cell::Bad { infinite } => {
+                self.bad_cells += 1;
+                let text = text.unwrap_or("").chars().take(40).collect();
+                self.bad.get_or_insert(BadCell { line: self.values.len() as u64 + 1, text, infinite });
+                f64::NAN
+            }
+        };
+        self.values.push(value);
+    }
+}
+
+fn from_arrow(data: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<RawColumn>> {
+    let table: PyTable = data.extract()?;
+    let (batches, schema) = table.into_inner();
+    let headings: Vec<String> = schema.fields().iter().map(|field| field.name().clone()).collect();
+    let rows = batches.iter().map(RecordBatch::num_rows).sum();
+    let columns = schema.fields().iter().enumerate().map(|(c, field)| {
+        let mut column = Column { values: Vec::with_capacity(rows), ..Column::default() };
+        for batch in &batches {
+            append(&mut column, batch.column(c), field)?;
+        }
+        Ok(column)
+    });
+    filled(&headings, columns.collect::<PyResult<_>>()?, name)
+}
+
+fn append(column: &mut Column, array: &dyn Array, field: &Field) -> PyResult<()> {
+    let cast = |to: &DataType| {
+        arrow_cast::cast(array, to).map_err(|_| {
+            let argument = format!("data['{}']", field.name());
+            expected(&argument, "numbers, times or text", format!("Arrow type {}", field.data_type()))
+        })
+    };
+    match field.data_type() {
+        DataType::Utf8 | DataType::LargeUtf8 | DataType::Utf8View | DataType::Dictionary(..) => {
+            let text = cast(&DataType::LargeUtf8)?;
+            text.as_string::<i64>().iter().for_each(|text| column.text(text));
+        }
+        DataType::Timestamp(unit, _) => {
+            let per_second = match unit {
+                TimeUnit::Second => 1,
+                TimeUnit::Millisecond => 1_000,
+                TimeUnit::Microsecond => 1_000_000,
+                TimeUnit::Nanosecond => 1_000_000_000,
+            };
+            let counts = cast(&DataType::Int64)?;
+            column.stamps = true;
+            column.values.extend(counts.as_primitive::<Int64Type>().iter().map(|count| {
+                count.map_or(f64::NAN, |count| {
+                    let (whole, rest) = (count.div_euclid(per_second), count.rem_euclid(per_second));
+                    whole as f64 + rest as f64 / per_second as f64
+                })
+            }));
+        }
+        _ => {
+            let numbers = cast(&DataType::Float64)?;
+            let numbers = numbers.as_primitive::<Float64Type>();
+            if numbers.null_count() == 0 {
+                column.values.extend_from_slice(numbers.values());
+            } else {
+                column.values.extend(numbers.iter().map(|x| x.unwrap_or(f64::NAN)));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn filled(headings: &[String], values: Vec<Column>, name: &str) -> PyResult<Vec<RawColumn>> {
+    let mut columns = header_columns(headings, name).map_err(of_log)?;
+    for (column, from) in columns.iter_mut().zip(values) {
+        if from.stamps {
+            column.unit = Some("s".to_owned());
+        }
+        column.values = from.values;
+        column.bad = from.bad;
+        column.bad_cells = from.bad_cells;
+    }
+    Ok(columns)
+}
+
+/// Reads a log from a file.
+#[pyfunction]
+pub(crate) fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Log> {
+    let raw = work::run(py, None, None, move |_| log::read(&path))?.map_err(of_log)?;
+    Ok(Log { raw: Arc::new(raw) })
+}
+
+/// One log or several, each a [`Log`] or the path of a file.
+pub(crate) fn logs(py: Python<'_>, argument: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<RawLog>> {
+    let mut all = Vec::new();
+    for item in items(given)? {
+        if let Ok(log) = item.cast::<Log>() {
+            all.push(RawLog::clone(&log.get().raw));
+        } else if let Ok(path) = item.extract::<PathBuf>() {
+            let raw = work::run(py, None, None, move |_| log::read(&path))?.map_err(of_log)?;
+            all.push(raw);
+        } else {
+            let given = item.get_type().name()?;
+            return Err(expected(argument, "Log objects or paths of files", given));
+        }
+    }
+    Ok(all)
+}
+
+/// The items of a list or tuple; any other object is one item.
+pub(crate) fn items<'py>(given: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PyAny>>> {
+    if let Ok(list) = given.cast::<PyList>() {
+        return Ok(list.iter().collect());
+    }
+    if let Ok(tuple) = given.cast::<PyTuple>() {
+        return Ok(tuple.iter().collect());
+    }
+    Ok(vec![given.clone()])
+}
+
+/// Options of reading, the section `[log]` of `hydroid.toml`, over the options of a model.
+pub(crate) fn reading(base: Option<&Reading>, options: Option<&Bound<'_, PyDict>>) -> PyResult<Reading> {
+    let given: config::Log = match options {
+        Some(options) => settings::of(options)?,
+        None => config::Log::default(),
+    };
+    let Some(base) = base else { return Ok(given.reading()) };
+    let given = given.reading();
+    let mut reading = base.clone();
+    let (into, from) = (&mut reading.selection, given.selection);
+    into.time = from.time.or(into.time.take());
+    into.heading = from.heading.or(into.heading.take());
+    into.wind = from.wind.or(into.wind.take());
+    if !from.outputs.is_empty() {
+        into.outputs = from.outputs;
+    }
+    if !from.inputs.is_empty() {
+        into.inputs = from.inputs;
+    }
+    let (into, from) = (&mut reading.options, given.options);
+    into.dt = from.dt.or(into.dt);
+    into.max_gap_s = from.max_gap_s.or(into.max_gap_s);
+    into.keep_towed |= from.keep_towed;
+    Ok(reading)
+}
+
+/// Runs of logs; runs are taken as they are.
+pub(crate) fn runs(
+    py: Python<'_>,
+    argument: &str,
+    given: &Bound<'_, PyAny>,
+    reading: &Reading,
+) -> PyResult<Vec<Trajectory>> {
+    let given = items(given)?;
+    if !given.is_empty() && given.iter().all(PyAnyMethods::is_instance_of::<Run>) {
+        return given
+            .iter()
+            .map(|item| Ok(Trajectory::clone(&item.cast::<Run>()?.get().trajectory)))
+            .collect();
+    }
+    let raw = logs(py, argument, PyList::new(py, given)?.as_any())?;
+    let reading = reading.clone();
+    let prepared =
+        work::run(py, None, None, move |_| log::prepare(&raw, &reading.selection, &reading.options))?;
+    let prepared = prepared.map_err(of_log)?;
+    warn(py, &prepared.notes)?;
+    Ok(prepared.runs)
+}
+
+/// Prepares logs: runs with a common clock, in SI units.
+#[pyfunction]
+#[pyo3(signature = (logs, options=None))]
+pub(crate) fn prepare(
+    py: Python<'_>,
+    logs: &Bound<'_, PyAny>,
+    options: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Vec<Run>> {
+    let runs = runs(py, "logs", logs, &reading(None, options)?)?;
+    Ok(runs.into_iter().map(Run::of).collect())
+}
+
+#[pyclass(frozen, module = "hydroid")]
+pub(crate) struct Run {
+    pub(crate) trajectory: Arc<Trajectory>,
+}
+
+impl Run {
+    pub(crate) fn of(trajectory: Trajectory) -> Self {
+        Self { trajectory: Arc::new(trajectory) }
+    }
+}
+
+fn names(table: &log::Table) -> Vec<&str> {
+    table.channels().iter().map(|channel| channel.name.as_str()).collect()
+}
+
+#[pymethods]
+impl Run {
+    #[getter]
+    fn name(&self) -> &str {
+        &self.trajectory.name
+    }
+
+    #[getter]
+    fn dt(&self) -> f64 {
+        self.trajectory.dt
+    }
+
+    #[getter]
+    fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        let run = &self.trajectory;
+        PyArray1::from_iter(py, (0..run.len()).map(|k| run.t0 + k as f64 * run.dt))
+    }
+
+    #[getter]
+    fn outputs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let outputs = &self.trajectory.outputs;
+        table(py, outputs.rows(0, outputs.len()).to_vec(), outputs.width())
+    }
+
+    #[getter]
+    fn inputs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let inputs = &self.trajectory.inputs;
+        table(py, inputs.rows(0, inputs.len()).to_vec(), inputs.width())
+    }
+
+    #[getter]
+    fn heading<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        self.trajectory.heading.as_ref().map(|heading| PyArray1::from_slice(py, heading))
+    }
+
+    #[getter]
+    fn output_names(&self) -> Vec<&str> {
+        names(&self.trajectory.outputs)
+    }
+
+    #[getter]
+    fn input_names(&self) -> Vec<&str> {
+        names(&self.trajectory.inputs)
+    }
+
+    #[getter]
+    fn units<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let units = PyDict::new(py);
+        let run = &self.trajectory;
+        for channel in run.outputs.channels().iter().chain(run.inputs.channels()) {
+            units.set_item(&channel.name, &channel.unit)?;
+        }
+        Ok(units)
+    }
+
+    fn __len__(&self) -> usize {
+        self.trajectory.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let run = &self.trajectory;
+        format!(
+            "Run('{}', {} samples of {} s: outputs {}; inputs {})",
+            run.name,
+            run.len(),
+            run.dt,
+            names(&run.outputs).join(", "),
+            names(&run.inputs).join(", ")
+        )
+    }
+}

@@ -1,0 +1,68 @@
+//! Options from dictionaries, and documents as dictionaries.
+
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyDict, PyInt, PyList, PyString, PyTuple};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use toml::Value;
+
+use crate::error::{expected, internal, value};
+
+/// Options as the tables of `hydroid.toml`. What is `None` is left out.
+pub(crate) fn table(options: &Bound<'_, PyDict>) -> PyResult<Value> {
+    let mut table = toml::Table::new();
+    for (key, given) in options {
+        let name: String = key.extract().map_err(|_| expected("options", "names that are text", &key))?;
+        if let Some(value) = setting(&name, &given)? {
+            table.insert(name, value);
+        }
+    }
+    Ok(Value::Table(table))
+}
+
+fn setting(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
+    let list = |items: Vec<Bound<'_, PyAny>>| {
+        let items = items.iter().filter_map(|item| setting(name, item).transpose());
+        Ok(Some(Value::Array(items.collect::<PyResult<_>>()?)))
+    };
+    if given.is_none() {
+        return Ok(None);
+    }
+    if let Ok(dict) = given.cast::<PyDict>() {
+        return table(dict).map(Some);
+    }
+    if let Ok(items) = given.cast::<PyList>() {
+        return list(items.iter().collect());
+    }
+    if let Ok(items) = given.cast::<PyTuple>() {
+        return list(items.iter().collect());
+    }
+    if given.is_instance_of::<PyBool>() {
+        return Ok(Some(Value::Boolean(given.extract()?)));
+    }
+    if given.is_instance_of::<PyString>() {
+        return Ok(Some(Value::String(given.extract()?)));
+    }
+    if given.is_instance_of::<PyInt>() || given.hasattr("__index__")? {
+        return Ok(Some(Value::Integer(given.extract()?)));
+    }
+    // Paths are text.
+    if let Ok(path) = given.extract::<std::path::PathBuf>() {
+        return Ok(Some(Value::String(path.display().to_string())));
+    }
+    match given.extract::<f64>() {
+        Ok(x) => Ok(Some(Value::Float(x))),
+        Err(_) => Err(expected(name, "numbers, text, lists or dictionaries", given.get_type().name()?)),
+    }
+}
+
+/// Options of a type of the library.
+pub(crate) fn of<T: DeserializeOwned>(options: &Bound<'_, PyDict>) -> PyResult<T> {
+    table(options)?.try_into().map_err(|error: toml::de::Error| value(error.message()))
+}
+
+/// A result as dictionaries and lists; undefined numbers are `None`.
+pub(crate) fn document<'py>(py: Python<'py>, result: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
+    let text = serde_json::to_string(result).map_err(internal)?;
+    py.import("json")?.call_method1("loads", (text,))
+}
