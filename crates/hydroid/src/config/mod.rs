@@ -1,7 +1,7 @@
 //! Settings of an identification as data, for the command line, its file `hydroid.toml` and other front ends.
 //!
-//! [`Config`] has the sections of the file, all optional. [`Config::job`] prepares logs and makes the [`Job`] of
-//! [`identify`](crate::identify::identify).
+//! [`Config`] has the sections of the file, all optional. [`Config::job`] prepares logs and makes the
+//! [`Job`](crate::identify::Job) of [`identify`](crate::identify::identify).
 
 mod job;
 mod quantity;
