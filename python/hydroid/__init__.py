@@ -5,6 +5,8 @@ in SI units and radians. Sample ``k`` is the measurement ``y[k]`` at ``t[k]`` an
 ``t[k + 1]``.
 """
 
+from typing import TYPE_CHECKING, Any
+
 from ._hydroid import (
     Adapter,
     Log,
@@ -19,24 +21,61 @@ from ._hydroid import (
 from ._evaluate import Evaluation, evaluate
 from ._identify import Identification, Judgement, identify
 from ._options import LogWarning
-from ._logs import prepare, rollouts
+from ._logs import Rollouts, prepare, rollouts
+from ._plots import plot_horizon, plot_rollouts, plot_track
+from ._sweep import Sweep, Task, fit, fleet, gather, grid, random_search, sweep
+
+if TYPE_CHECKING:
+    from ._estimators import GRU, LSTM, Committee, DirectPredictor, SINDy
 
 __all__ = [
+    "__version__",
     "Adapter",
+    "Committee",
+    "DirectPredictor",
+    "evaluate",
     "Evaluation",
+    "fit",
+    "fleet",
+    "gather",
+    "grid",
+    "GRU",
     "Identification",
+    "identify",
     "Judgement",
     "Log",
     "LogWarning",
+    "LSTM",
     "Model",
+    "plot_horizon",
+    "plot_rollouts",
+    "plot_track",
     "Prediction",
+    "prepare",
+    "random_search",
+    "read_log",
+    "Rollouts",
+    "rollouts",
     "Run",
     "Session",
+    "SINDy",
     "Step",
-    "__version__",
-    "evaluate",
-    "identify",
-    "prepare",
-    "read_log",
-    "rollouts",
+    "Sweep",
+    "sweep",
+    "Task",
 ]
+
+_ESTIMATORS = ("GRU", "LSTM", "Committee", "DirectPredictor", "SINDy")
+
+
+def __getattr__(name: str) -> Any:
+    # scikit-learn is imported by those alone who use an estimator.
+    if name in _ESTIMATORS:
+        from . import _estimators
+
+        return getattr(_estimators, name)
+    raise AttributeError(f"module 'hydroid' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -147,6 +147,64 @@ class Model:
 
         The states of lags follow the outputs in `A` and `B`.
         """
+    def derivative(self, outputs: ArrayLike, inputs: ArrayLike | None = None) -> Array:
+        """``dy/dt`` of the equations at the samples of a run, shape (samples, outputs).
+
+        Parameters
+        ----------
+        outputs : array_like, shape (samples, outputs)
+        inputs : array_like, shape (samples, inputs)
+            Commands; None for a model without inputs. Lags of actuators follow them; until a lag has settled, the
+            derivative is NaN.
+        """
+    def terms(
+        self,
+    ) -> tuple[list[list[tuple[float, list[tuple[str, str, list[float]]]]]], list[tuple[str, str, str, float]]]:
+        """The equations as data.
+
+        Returns
+        -------
+        equations : list
+            For each output its terms ``(coefficient, factors)``; a factor is ``(variable, function, parameters)`` with
+            the functions ``power`` (exponent), ``abs``, ``sign``, ``sin``, ``cos``, ``reciprocal``, ``log``, ``above``
+            and ``below`` (centre and slope of a gate).
+        signals : list
+            Variables besides outputs and inputs, ``(name, kind, source, number)``: a ``lag`` of an actuator with its
+            time constant [s], or the ``past`` value of a variable with its age [s].
+        """
+    def to_sympy(self) -> dict[Any, Any]:
+        """The right-hand sides by output, and those of the lags, as expressions of SymPy.
+
+        Keys and variables are real symbols with the names of the channels; a past value is a symbol of its own.
+        """
+    def predict(self, outputs: ArrayLike, inputs: ArrayLike | None, commands: ArrayLike) -> Array:
+        """Predict the outputs after a history, shape (horizon, outputs).
+
+        Parameters
+        ----------
+        outputs : array_like, shape (k + 1, outputs)
+            Measurements up to the present; NaN is missing.
+        inputs : array_like, shape (k, inputs)
+            Commands before the present; None for a model without inputs.
+        commands : array_like, shape (horizon, inputs)
+            Commands from the present on.
+
+        `evaluate` calls functions with the same arguments.
+        """
+    def simulate(
+        self, start: ArrayLike, inputs: ArrayLike | None = None, *, samples: int | None = None
+    ) -> Array:
+        """Simulate the outputs, shape (samples, outputs), from `start`, shape (outputs,), under commands.
+
+        Parameters
+        ----------
+        start : array_like, shape (outputs,)
+            Row 0 of the result.
+        inputs : array_like, shape (samples, inputs)
+            The command of row k is held until row k + 1; the last one is not used.
+        samples : int
+            For a model without inputs.
+        """
     def weights(self) -> dict[str, NDArray[Any]]:
         """The tensors of the model file by name."""
     def frozen(self) -> Model:
@@ -174,6 +232,7 @@ class Session:
         """Predict the outputs (samples, outputs) under commands (samples, inputs). The session does not advance."""
     def rollout_batch(self, commands: ArrayLike) -> Array:
         """Predict (sequences, samples, outputs) under commands (sequences, samples, inputs), side by side."""
+    def _seconds_of_rollout_batch(self, commands: ArrayLike, repeats: int) -> float: ...
     def fork(self) -> Session:
         """An independent session with the same state."""
     def snapshot(self) -> Array:

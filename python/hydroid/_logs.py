@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _hydroid
-from ._hydroid import Model, Run
+from ._hydroid import Log, Model, Run
 from ._options import Channels, log_section
 
 
@@ -45,12 +45,17 @@ def prepare(
     return _hydroid.prepare(logs, section)
 
 
+def restored(columns: dict[str, Any], name: str) -> Log:
+    """A log from a pickle."""
+    return Log(columns, name=name)
+
+
 class Rollouts(NamedTuple):
     """Predictions from origins along a run."""
 
     run: Run
     #: Samples of the origins, shape (origins,).
-    origins: NDArray[np.uintp]
+    origins: NDArray[np.intp]
     #: Predicted outputs after each origin, shape (origins, horizon, outputs).
     outputs: NDArray[np.float64]
 
@@ -76,4 +81,5 @@ def rollouts(model: Model, logs: Any, horizon: int, *, stride: int = 1, **option
         One for each run.
     """
     section = log_section(**options) if options else None
-    return [Rollouts(*rolled) for rolled in model.rollouts(logs, horizon, stride, section)]
+    rolled = model.rollouts(logs, horizon, stride, section)
+    return [Rollouts(run, origins.astype(np.intp), outputs) for run, origins, outputs in rolled]

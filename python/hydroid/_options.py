@@ -12,10 +12,8 @@ class LogWarning(UserWarning):
     """What was found or changed in a log while it was prepared."""
 
 
-def channels(argument: str, given: Channels | None) -> list[str]:
+def channels(argument: str, given: Channels) -> list[str]:
     """Channels as ``NAME`` or ``NAME=COLUMN [unit]``."""
-    if given is None:
-        return []
     if isinstance(given, str):
         return [part.strip() for part in given.split(",")]
     if isinstance(given, Mapping):
@@ -52,7 +50,10 @@ def log_section(
     time: str | None = None,
     **options: Any,
 ) -> dict[str, Any]:
-    section: dict[str, Any] = {"outputs": channels("outputs", outputs), "inputs": channels("inputs", inputs), **options}
+    section: dict[str, Any] = dict(options)
+    for name, given in (("outputs", outputs), ("inputs", inputs)):
+        if given is not None:
+            section[name] = channels(name, given)
     if wind is not None:
         section["wind"] = wind if isinstance(wind, str) else ",".join(wind)
     for name, value in (("heading", heading), ("time", time)):

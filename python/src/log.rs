@@ -120,6 +120,21 @@ impl Log {
         format!("Log('{}', {} rows: {})", self.raw.file_name(), self.raw.rows(), columns.join(", "))
     }
 
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let py = slf.py();
+        let raw = &slf.get().raw;
+        let columns = PyDict::new(py);
+        for column in &raw.columns {
+            columns.set_item(heading(column), PyArray1::from_slice(py, &column.values))?;
+        }
+        let restore = py.import("hydroid._logs")?.getattr("restored")?;
+        Ok((restore, PyTuple::new(py, [columns.into_any(), raw.path.as_str().into_pyobject(py)?.into_any()])?))
+    }
+
+    fn _repr_html_<'py>(slf: Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("hydroid._html")?.call_method1("of_log", (slf,))
+    }
+
     #[pyo3(signature = (requested_schema=None))]
     fn __arrow_c_stream__<'py>(
         &self,

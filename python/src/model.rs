@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Instant;
 
 use hydroid::model::{self, ModelError};
-use hydroid_core::model::sparse::Jacobian;
+use hydroid_core::model::sparse::{EquationsSession, Jacobian, Shape, Signal};
 use hydroid_core::predict::{Predictor, Workspace};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::exceptions::{PyFileNotFoundError, PyNotImplementedError};
@@ -176,6 +177,130 @@ impl Model {
         Ok((table(py, a, states)?, table(py, b, m)?))
     }
 
+    /// `dy/dt` at the samples of a run, shape `(samples, outputs)`.
+    #[pyo3(signature = (outputs, inputs=None))]
+    fn derivative<'py>(
+        &self,
+        py: Python<'py>,
+        outputs: &Bound<'py, PyAny>,
+        inputs: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let equations = self.named("derivative")?;
+        let equations = equations.equations();
+        let (q, m) = (equations.outputs(), equations.inputs());
+        let (y, [samples, _]) = shaped("outputs", outputs, [None, Some(q)], "samples, outputs")?;
+        let c = commands("inputs", inputs, samples, m)?;
+        let mut session = EquationsSession::new(Arc::clone(equations));
+        let mut slots = vec![0.0; equations.slots()];
+        let mut all = vec![0.0; samples * q];
+        let y = y.as_slice()?;
+        for k in 0..samples {
+            let (y, c) = (&y[k * q..(k + 1) * q], &c[k * m..(k + 1) * m]);
+            session.observe(y);
+            equations.load(session.state(), c, &mut slots);
+            equations.derivative(&mut slots, &mut all[k * q..(k + 1) * q]);
+            session.advance(c);
+        }
+        table(py, all, q)
+    }
+
+    /// The equations as data: for each output its terms, `(coefficient, [(variable, function, parameters)])`, and the
+    /// signals, `(name, kind, source, number)`.
+    fn terms(&self) -> PyResult<(Vec<Vec<Product>>, Vec<(String, &'static str, String, f64)>)> {
+        let named = self.named("terms")?;
+        let equations = named.equations();
+        let names = named.variable_names();
+        let product = |output: usize, j: usize| {
+            let factor = |factor: &hydroid_core::model::sparse::Factor| {
+                let (function, parameters) = function(factor.shape);
+                (names[usize::from(factor.variable)].clone(), function, parameters)
+            };
+            let coefficient = equations.coefficient(output, j);
+            (coefficient, equations.terms()[j].factors().iter().map(factor).collect())
+        };
+        let terms = 0..equations.terms().len();
+        let of_output = |i: usize| {
+            terms.clone().map(|j| product(i, j)).filter(|(coefficient, _)| *coefficient != 0.0).collect()
+        };
+        let first = equations.outputs() + equations.inputs();
+        let signal = |(index, signal): (usize, &Signal)| {
+            let (kind, number) = match *signal {
+                Signal::Lag { time_constant_s, .. } => ("lag", time_constant_s.0),
+                Signal::Past { samples, .. } => ("past", f64::from(samples) * equations.dt()),
+            };
+            (names[first + index].clone(), kind, names[usize::from(signal.source())].clone(), number)
+        };
+        let signals = equations.signals().iter().enumerate().map(signal).collect();
+        Ok(((0..equations.outputs()).map(of_output).collect(), signals))
+    }
+
+    /// The equations as expressions of `SymPy`.
+    fn to_sympy<'py>(slf: Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("hydroid._symbols")?.call_method1("to_sympy", (slf,))
+    }
+
+    fn _repr_html_<'py>(slf: Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("hydroid._html")?.call_method1("of_model", (slf,))
+    }
+
+    /// Predicts the outputs under commands, after the measurements and commands before them.
+    fn predict<'py>(
+        &self,
+        py: Python<'py>,
+        outputs: &Bound<'py, PyAny>,
+        inputs: Option<&Bound<'py, PyAny>>,
+        commands: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let mut session = self.model.session();
+        let (q, m) = (session.outputs(), session.inputs());
+        let (y, [samples, _]) = shaped("outputs", outputs, [None, Some(q)], "samples, outputs")?;
+        if samples == 0 {
+            return Err(unfit("outputs", "at least one measurement", 0));
+        }
+        let before = self::commands("inputs", inputs, samples - 1, m)?;
+        let (c, [steps, _]) = shaped("commands", commands, [None, Some(m)], "horizon, inputs")?;
+        let (y, c) = (y.as_slice()?, c.as_slice()?);
+        let mut predicted = vec![0.0; steps * q];
+        py.detach(|| {
+            session.observe(&y[..q]);
+            for k in 1..samples {
+                session.advance_observe(&before[(k - 1) * m..k * m], &y[k * q..(k + 1) * q]);
+            }
+            session.rollout(c, &mut Workspace::new(), &mut predicted);
+        });
+        table(py, predicted, q)
+    }
+
+    /// Simulates the outputs from `start` under commands; row 0 is `start`, and the last command is not used.
+    #[pyo3(signature = (start, inputs=None, *, samples=None))]
+    fn simulate<'py>(
+        &self,
+        py: Python<'py>,
+        start: &Bound<'py, PyAny>,
+        inputs: Option<&Bound<'py, PyAny>>,
+        samples: Option<usize>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let mut session = self.model.session();
+        let (q, m) = (session.outputs(), session.inputs());
+        let (y, _) = shaped("start", start, [Some(q)], "outputs")?;
+        let samples = match (samples, inputs) {
+            (Some(samples), _) => samples,
+            (None, Some(inputs)) => inputs.len()?,
+            (None, None) => return Err(unfit("samples", "a number of samples, or inputs", "None")),
+        };
+        let c = commands("inputs", inputs, samples, m)?;
+        let mut all = vec![0.0; samples * q];
+        if samples > 0 {
+            let y = y.as_slice()?;
+            all[..q].copy_from_slice(y);
+            py.detach(|| {
+                session.observe(y);
+                session.rollout(&c[..(samples - 1) * m], &mut Workspace::new(), &mut all[q..]);
+            });
+        }
+        table(py, all, q)
+    }
+
     /// The tensors of the model file.
     fn weights<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let bytes = model::encode(&self.model).map_err(value)?;
@@ -255,6 +380,40 @@ impl Model {
             Self::names(&d.outputs).join(", "),
             Self::names(&d.inputs).join(", ")
         )
+    }
+}
+
+/// A coefficient and its factors: variable, function, parameters.
+type Product = (f64, Vec<(String, &'static str, Vec<f64>)>);
+
+fn function(shape: Shape) -> (&'static str, Vec<f64>) {
+    match shape {
+        Shape::Power(n) => ("power", vec![f64::from(n)]),
+        Shape::Abs => ("abs", vec![]),
+        Shape::Sign => ("sign", vec![]),
+        Shape::Sin => ("sin", vec![]),
+        Shape::Cos => ("cos", vec![]),
+        Shape::Reciprocal => ("reciprocal", vec![]),
+        Shape::Log => ("log", vec![]),
+        Shape::Above(gate) => ("above", vec![gate.centre.0, gate.slope.0]),
+        Shape::Below(gate) => ("below", vec![gate.centre.0, gate.slope.0]),
+    }
+}
+
+/// Commands `(samples, inputs)`; they may be left out for a model without inputs.
+fn commands(
+    argument: &str,
+    given: Option<&Bound<'_, PyAny>>,
+    samples: usize,
+    inputs: usize,
+) -> PyResult<Vec<f64>> {
+    match given {
+        Some(given) => {
+            let (c, _) = shaped(argument, given, [Some(samples), Some(inputs)], "samples, inputs")?;
+            Ok(c.as_slice()?.to_vec())
+        }
+        None if inputs == 0 => Ok(Vec::new()),
+        None => Err(unfit(argument, format!("shape (samples = {samples}, inputs = {inputs})"), "None")),
     }
 }
 
@@ -354,6 +513,21 @@ impl Session {
         let mut y = vec![0.0; count * steps * q];
         py.detach(|| session.rollout_batch(count, c, work, &mut y));
         PyArray1::from_vec(py, y).reshape([count, steps, q])
+    }
+
+    /// Shortest time of a batch of rollouts without Python, for the benchmark of the package \[s\].
+    fn _seconds_of_rollout_batch(&mut self, commands: &Bound<'_, PyAny>, repeats: usize) -> PyResult<f64> {
+        let inputs = self.session.inputs();
+        let (c, [count, steps, _]) =
+            shaped("commands", commands, [None, None, Some(inputs)], "sequences, samples, inputs")?;
+        let c = c.as_slice()?;
+        let mut y = vec![0.0; count * steps * self.session.outputs()];
+        let seconds = (0..repeats).map(|_| {
+            let start = Instant::now();
+            self.session.rollout_batch(count, c, &mut self.work, &mut y);
+            start.elapsed().as_secs_f64()
+        });
+        Ok(seconds.fold(f64::INFINITY, f64::min))
     }
 
     fn fork(&self) -> Self {

@@ -58,7 +58,13 @@ fn setting(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
 
 /// Options of a type of the library.
 pub(crate) fn of<T: DeserializeOwned>(options: &Bound<'_, PyDict>) -> PyResult<T> {
-    table(options)?.try_into().map_err(|error: toml::de::Error| value(error.message()))
+    serde_path_to_error::deserialize(table(options)?).map_err(|error| {
+        let message = error.inner().message();
+        match error.path().to_string().as_str() {
+            "." => value(message),
+            path => value(format!("{path}: {message}")),
+        }
+    })
 }
 
 /// A result as dictionaries and lists; undefined numbers are `None`.

@@ -277,7 +277,7 @@ pub struct LogArgs {
     /// Outputs: NAME or NAME=COLUMN, with [unit], offset and scale: u=SOG_kn[kn], r=(gyro - 0.02) * -1 (default: u,v,r)
     #[arg(long, value_name = "LIST")]
     pub outputs: Option<String>,
-    /// Inputs, in the same form: n=rpm[rpm], L=thr_left - 1511, L=(thr_left - 1500) / 400 (default: columns that end in
+    /// Inputs, in the same form: n=rpm[rpm], L=thr_left - 1511, L=(thr_left - 1500) / 400; none: no inputs (default: columns that end in
     /// _cmd or _ang)
     #[arg(long, value_name = "LIST")]
     pub inputs: Option<String>,

@@ -197,7 +197,7 @@ pub enum LogError {
     },
     /// No column looks like a command.
     #[error(
-        "{path}: no column ends in _cmd or _ang to take as a command; name the commands, for example --inputs n=RPM,delta=RUDDER. Its columns are: {columns}"
+        "{path}: no column ends in _cmd or _ang to take as a command; name the commands, for example --inputs n=RPM,delta=RUDDER, or write --inputs none if there are no commands. Its columns are: {columns}"
     )]
     NoInputs {
         /// File.

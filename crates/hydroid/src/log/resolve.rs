@@ -188,6 +188,9 @@ fn inputs_or_default(
     selection: &Selection,
     outputs: &[Source],
 ) -> Result<Vec<ChannelSpec>, LogError> {
+    if selection.has_no_inputs(log) {
+        return Ok(Vec::new());
+    }
     if !selection.inputs.is_empty() {
         return Ok(selection.inputs.clone());
     }

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::csv::name_and_unit;
+use super::csv::{RawLog, name_and_unit};
 use super::error::LogError;
 
 /// A channel and the column it comes from, as written on the command line or in `hydroid.toml`: `NAME`, `NAME=COLUMN`,
@@ -202,7 +202,8 @@ pub struct Selection {
     pub time: Option<String>,
     /// Outputs. If empty: `u`, `v` and `r`, as far as they exist.
     pub outputs: Vec<ChannelSpec>,
-    /// Inputs. If empty: all columns whose names end in `_cmd` or `_ang`.
+    /// Inputs. If empty: all columns whose names end in `_cmd` or `_ang`. The single name `none`, if no column has it,
+    /// states that there are no inputs, as in a decay test.
     pub inputs: Vec<ChannelSpec>,
     /// Wind columns, which give two additional inputs.
     pub wind: Option<Wind>,
@@ -222,5 +223,11 @@ impl Selection {
             inputs: ChannelSpec::parse_list(inputs)?,
             ..Self::default()
         })
+    }
+
+    /// Whether the selection states that there are no inputs.
+    pub(crate) fn has_no_inputs(&self, log: &RawLog) -> bool {
+        let [input] = &self.inputs[..] else { return false };
+        *input == ChannelSpec::named("none") && log.position("none").is_none()
     }
 }

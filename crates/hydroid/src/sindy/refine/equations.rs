@@ -138,8 +138,8 @@ impl ShootingModel for ShootingEquations {
                 [(low, -*inverse, &past[1 + 2 * v]), (high, *inverse, &past[2 + 2 * v])]
             {
                 let mut own = self.started(state, start);
-                for (j, c) in commands.chunks_exact(m).enumerate() {
-                    equations.step(&mut own, c, scratch);
+                for j in 0..y.len() / n - 1 {
+                    equations.step(&mut own, &commands[j * m..(j + 1) * m], scratch);
                     for i in 0..n {
                         jacobian[((j + 1) * n + i) * columns + p + v] += sign * own[i];
                     }

@@ -1,0 +1,585 @@
+"""Estimators with the interface of scikit-learn; runs are given as PySINDy takes them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Union
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _hydroid
+from ._evaluate import Evaluation, evaluate
+from ._hydroid import Log, Model, Run
+from ._identify import Identification, identify
+from ._options import Channels
+
+try:
+    from sklearn.base import BaseEstimator
+    from sklearn.utils.validation import check_array, check_is_fitted
+except ImportError as error:
+    raise ImportError("the estimators need scikit-learn: pip install scikit-learn") from error
+
+Runs = Union[ArrayLike, Log, Run, Sequence[Any]]
+
+#: Parameters that are no options of the method.
+_COMMON = ("dt", "horizon", "outputs", "inputs", "log", "random_state", "n_jobs")
+
+
+class _Dynamics(BaseEstimator):  # type: ignore[misc]
+    """An estimator over `identify` with one method. Its parameters besides the common ones are options of the method."""
+
+    _method: str
+
+    # Set by the constructors of the subclasses.
+    dt: float | None
+    horizon: int | str
+    outputs: Channels | None
+    inputs: Channels | None
+    log: Mapping[str, Any] | None
+    random_state: int
+    n_jobs: int | None
+
+    #: After `fit`.
+    model_: Model
+    identification_: Identification
+
+    def fit(
+        self,
+        x: Runs,
+        y: None = None,
+        *,
+        t: Any = None,
+        u: Any = None,
+        feature_names: Sequence[str] | None = None,
+    ) -> Any:
+        """Identify the dynamics from runs.
+
+        Parameters
+        ----------
+        x : array_like (samples, outputs), Log, Run, path or data frame, or list of these
+            A list has a run for each item.
+        y : None
+            Not used; it exists because scikit-learn passes it.
+        t : float or array_like (samples,), or list of these
+            Sample time, or times of the samples [s]; default: the parameter `dt`. Logs have their own times.
+        u : array_like (samples, inputs) or list of these, optional
+            Commands; row k is held until sample k + 1.
+        feature_names : list of str, optional
+            Names of outputs and inputs; default x0, x1, .. and u0, u1, ..
+
+        Returns
+        -------
+        self
+        """
+        logs, outputs, inputs = self._logs(x, t, u, feature_names, least=3)
+        options = {
+            name: value
+            for name, value in self.get_params(deep=False).items()
+            if name not in _COMMON and value is not None
+        }
+        found = identify(
+            logs,
+            outputs=self.outputs if outputs is None else outputs,
+            inputs=self.inputs if inputs is None else inputs or "none",
+            methods=self._method,
+            horizon=self.horizon,
+            seed=self.random_state,
+            log=self.log,
+            sections={self._section: options} if options else None,
+            threads=self.n_jobs,
+        )
+        if found.best is None:
+            reasons = "; ".join(warning["message"] for warning in found.warnings)
+            raise ValueError(f"no model was found: {reasons or 'every model diverged'}")
+        self.identification_ = found
+        self.model_ = found.best
+        self.n_features_in_ = len(self.model_.output_names)
+        return self
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "model_")
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        # A missing measurement.
+        tags.input_tags.allow_nan = True
+        return tags
+
+    @property
+    def _section(self) -> str:
+        return self._method
+
+    def predict(self, x: Runs, u: Any = None) -> Any:
+        """Predict each sample from those before it.
+
+        Parameters
+        ----------
+        x : as in `fit`
+        u : array_like (samples, inputs) or list of these, optional
+
+        Returns
+        -------
+        ndarray (samples, outputs), or list of these
+            Row k is the output at sample k + 1, predicted from the measurements and commands up to sample k.
+        """
+        return self._each(x, u, _next_outputs)
+
+    def _each(self, x: Runs, u: Any, function: Callable[[Model, Any, Any], NDArray[np.float64]]) -> Any:
+        check_is_fitted(self)
+        model = self.model_
+        if not _is_own(x):
+            items, several = _items(x)
+            commands = _matched("u", u, len(items), several)
+            q, m = len(model.output_names), len(model.input_names)
+            name = type(self).__name__
+            results = [
+                function(model, _table("x", a, q, name), _table("u", b, m, name)) for a, b in zip(items, commands)
+            ]
+        else:
+            several = isinstance(x, (list, tuple))
+            runs = self._prepared(x)
+            results = [function(model, run.outputs, run.inputs) for run in runs]
+        return results if several else results[0]
+
+    def _prepared(self, x: Any) -> list[Run]:
+        given = x if isinstance(x, (list, tuple)) else [x]
+        if all(isinstance(item, Run) for item in given):
+            return list(given)
+        options = {"outputs": self.model_.output_names, "inputs": self.model_.input_names, **(self.log or {})}
+        return _hydroid.prepare(list(given), options)
+
+    def score(self, x: Runs, y: None = None, *, t: Any = None, u: Any = None) -> float:
+        """Mean R² of predictions from origins along runs, over all horizons up to `horizon` and all outputs.
+
+        A model that diverges has the score minus infinity.
+        """
+        judged = self.evaluate(x, t=t, u=u)
+        return float("-inf") if judged.diverged else float(np.nanmean(judged.r2))
+
+    def evaluate(self, x: Runs, *, t: Any = None, u: Any = None, **options: Any) -> Evaluation:
+        """Judge the model on runs; see `hydroid.evaluate`."""
+        check_is_fitted(self)
+        outputs, inputs = self.model_.output_names, self.model_.input_names
+        if inputs and u is None and not _is_own(x):
+            raise ValueError(f"u: expected the commands {', '.join(inputs)}, got None; or give runs as hydroid.Log")
+        logs, _, _ = self._logs(x, t, u, [*outputs, *inputs], width=len(outputs))
+        return evaluate(self.model_, logs, horizon=self.horizon, threads=self.n_jobs, **options)
+
+    def simulate(self, x0: ArrayLike, t: Any, u: Any = None) -> NDArray[np.float64]:
+        """Simulate the outputs from `x0` under commands.
+
+        Parameters
+        ----------
+        x0 : array_like (outputs,)
+        t : array_like (samples,) or int
+            Times with the sample time of the model [s], or the number of samples.
+        u : array_like (samples, inputs), or function of time, optional
+
+        Returns
+        -------
+        ndarray (samples, outputs)
+            Row 0 is `x0`.
+        """
+        check_is_fitted(self)
+        model = self.model_
+        if isinstance(t, (int, np.integer)):
+            times = model.dt * np.arange(int(t))
+        else:
+            times = np.asarray(t, dtype=np.float64)
+            steps = np.diff(times)
+            if times.ndim != 1 or steps.size and not np.allclose(steps, model.dt, rtol=1e-3, atol=0.0):
+                raise ValueError(f"t: expected times with the sample time of the model, {model.dt:g} s, got {t!r}")
+        inputs = np.array([u(time) for time in times]) if callable(u) else u
+        if inputs is not None:
+            inputs = _table("u", inputs, len(model.input_names), type(self).__name__)
+        return model.simulate(x0, inputs, samples=len(times))
+
+    def _logs(
+        self, x: Runs, t: Any, u: Any, feature_names: Sequence[str] | None, least: int = 1, width: int | None = None
+    ) -> tuple[Any, list[str] | None, list[str] | None]:
+        """Logs of runs, and the names of outputs and inputs if the runs are arrays."""
+        if _is_own(x):
+            if u is not None:
+                raise TypeError("u: expected None, since the logs have the commands; name them with inputs=")
+            return x, None, None
+        name = type(self).__name__
+        given, several = _items(x)
+        items = [_table("x", item, width, name, least) for item in given]
+        commands = [
+            _table("u", item, None, name) for item in _matched("u", u, len(items), several)
+        ]
+        times = _matched("t", self.dt if t is None else t, len(items), several and isinstance(t, (list, tuple)))
+        q, m = items[0].shape[1], commands[0].shape[1]
+        if feature_names is None:
+            names = [f"x{i}" for i in range(q)] + [f"u{i}" for i in range(m)]
+        elif len(feature_names) == q + m:
+            names = list(feature_names)
+        else:
+            raise ValueError(
+                f"feature_names: expected {q + m} names for {q} outputs and {m} inputs, got {len(feature_names)}"
+            )
+        logs = []
+        for i, (outputs, inputs, time) in enumerate(zip(items, commands, times)):
+            if (outputs.shape[1], inputs.shape[1]) != (q, m):
+                raise ValueError(
+                    f"x and u: expected {q} outputs and {m} inputs as in run 0, got {outputs.shape[1]} and "
+                    f"{inputs.shape[1]} in run {i}"
+                )
+            if m and len(inputs) != len(outputs):
+                raise ValueError(f"u: expected {len(outputs)} samples as in x, got {len(inputs)} in run {i}")
+            columns = {_TIME: _time(time, len(outputs)), **dict(zip(names, [*outputs.T, *inputs.T]))}
+            logs.append(Log(columns, units={_TIME: "s"}, name=f"run {i}"))
+        return logs, names[:q], names[q:]
+
+
+_TIME = "time"
+
+
+def _is_own(x: Any) -> bool:
+    """Whether runs are logs, runs, paths or data frames, not arrays."""
+    item = x[0] if isinstance(x, (list, tuple)) and x else x
+    return isinstance(item, (Log, Run, str, os.PathLike))
+
+
+def _items(x: Any) -> tuple[list[Any], bool]:
+    """The runs, and whether they are a list of runs. A list of numbers or of rows is one run."""
+    if isinstance(x, (list, tuple)) and x and np.ndim(x[0]) == 2:
+        return list(x), True
+    return [x], False
+
+
+def _matched(argument: str, given: Any, runs: int, several: bool) -> list[Any]:
+    """One value for each run."""
+    if given is None or not several:
+        return [given] * runs
+    if not isinstance(given, (list, tuple)) or len(given) != runs:
+        raise ValueError(f"{argument}: expected a list with an item for each of {runs} runs, got {type(given).__name__}")
+    return list(given)
+
+
+def _table(argument: str, given: Any, columns: int | None, name: str, least: int = 1) -> NDArray[np.float64]:
+    """An array (samples, columns) without infinite values; NaN is missing. A run without commands has no columns."""
+    if given is None:
+        if columns:
+            raise ValueError(f"{argument}: expected {columns} columns of commands, got None")
+        return np.empty((0, 0))
+    values: NDArray[np.float64] = check_array(
+        given,
+        dtype=np.float64,
+        ensure_all_finite="allow-nan",
+        ensure_min_samples=least,
+        input_name=argument,
+        estimator=name,
+    )
+    if columns is not None and values.shape[1] != columns:
+        raise ValueError(f"X has {values.shape[1]} features, but {name} is expecting {columns} features as input: {argument}")
+    return values
+
+
+def _time(given: Any, samples: int) -> NDArray[np.float64]:
+    if given is None:
+        raise ValueError("t: expected the sample time or the times of the samples [s], got None; or set the parameter dt")
+    times = np.asarray(given, dtype=np.float64)
+    if times.ndim == 0:
+        if not (np.isfinite(times) and times > 0.0):
+            raise ValueError(f"t: expected a positive sample time, got {given!r}")
+        return times * np.arange(samples)
+    if times.shape != (samples,):
+        raise ValueError(f"t: expected shape ({samples},), got {times.shape}")
+    return times
+
+
+def _next_outputs(model: Model, outputs: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
+    session = model.session()
+    commands = inputs if inputs.shape[1] else np.empty((len(outputs), 0))
+    predicted = np.empty_like(outputs)
+    for k, (measured, command) in enumerate(zip(outputs, commands)):
+        session.observe(measured)
+        session.advance(command)
+        predicted[k] = session.output
+    return predicted
+
+
+class SINDy(_Dynamics):
+    """Sparse identification of nonlinear dynamics: ``dy/dt = Xi theta(y, c)``.
+
+    Without options, library, regression, thresholds, lags of actuators and a change of mode are selected by the errors
+    of predictions on runs that are left out.
+
+    Parameters
+    ----------
+    library : str, optional
+        Library by name: ``"marine"``, ``"degree 2 + x|x|"``.
+    degree : int, optional
+        Degree of the polynomial library.
+    signed_squares : bool, optional
+        Whether the library has signed squares ``x |x|``.
+    constant : bool, optional
+        Whether the library has the constant 1.
+    terms, constraints : list of str, optional
+        Further terms, ``"u |u|"``; constraints on coefficients, ``"u: u |u| <= 0"``.
+    dissipative : bool, optional
+        Whether the coefficients of ``y`` and ``y |y|`` in the equation of each output ``y`` are not positive.
+    threshold : float, optional
+        Threshold of sequentially thresholded least squares, in standard deviations of the output per second. It is a
+        bound on contributions; that of PySINDy is one on coefficients.
+    ridge : float, optional
+        Ridge penalty for each row, on columns of unit RMS.
+    huber : float, optional
+        Threshold of the Huber loss in standard deviations; default: least squares.
+    window_s, past_s : float, optional
+        Window of the regression, and delay of past values [s].
+    central_differences : bool, optional
+        Central differences instead of the weak form.
+    lag, gate : str or dict, optional
+        ``"auto"``, ``"none"``, or time constants [s] by input, ``{"n": 1.5}``; for a gate
+        ``{"output": "u", "centre": 2.5, "slope": 12}``.
+    refine : bool or "auto", optional
+        Refinement on predictions over the horizon.
+    members : int, optional
+        Members of the ensemble for the uncertainty of the coefficients.
+    for_control : bool, optional
+        Whether the equations are affine in one function of each command.
+    dt : float, optional
+        Sample time [s] of runs that are arrays, where `fit` has no `t`.
+    horizon : int or str
+        Longest horizon: samples, or seconds as ``"10s"``.
+    outputs, inputs : optional
+        Channels of runs that are logs; see `hydroid.prepare`.
+    log : mapping, optional
+        Further options of `hydroid.prepare`.
+    random_state : int
+    n_jobs : int, optional
+        Threads; default: all cores. The result does not depend on it.
+
+    Attributes
+    ----------
+    model_ : hydroid.Model
+    identification_ : hydroid.Identification
+    n_features_in_ : int
+        Number of outputs.
+    """
+
+    _method = "sindy"
+
+    def __init__(
+        self,
+        *,
+        library: str | None = None,
+        degree: int | None = None,
+        signed_squares: bool | None = None,
+        constant: bool | None = None,
+        terms: Sequence[str] | None = None,
+        constraints: Sequence[str] | None = None,
+        dissipative: bool | None = None,
+        threshold: float | None = None,
+        ridge: float | None = None,
+        huber: float | None = None,
+        window_s: float | None = None,
+        past_s: float | None = None,
+        central_differences: bool | None = None,
+        lag: Any = None,
+        gate: Any = None,
+        refine: bool | str | None = None,
+        members: int | None = None,
+        for_control: bool | None = None,
+        dt: float | None = None,
+        horizon: int | str = 100,
+        outputs: Channels | None = None,
+        inputs: Channels | None = None,
+        log: Mapping[str, Any] | None = None,
+        random_state: int = 0,
+        n_jobs: int | None = None,
+    ) -> None:
+        self.library = library
+        self.degree = degree
+        self.signed_squares = signed_squares
+        self.constant = constant
+        self.terms = terms
+        self.constraints = constraints
+        self.dissipative = dissipative
+        self.threshold = threshold
+        self.ridge = ridge
+        self.huber = huber
+        self.window_s = window_s
+        self.past_s = past_s
+        self.central_differences = central_differences
+        self.lag = lag
+        self.gate = gate
+        self.refine = refine
+        self.members = members
+        self.for_control = for_control
+        self.dt = dt
+        self.horizon = horizon
+        self.outputs = outputs
+        self.inputs = inputs
+        self.log = log
+        self.random_state = random_state
+        self.n_jobs = n_jobs
+
+    def predict(self, x: Runs, u: Any = None) -> Any:
+        """The derivatives ``dy/dt`` at the samples, as PySINDy's `predict`.
+
+        Returns
+        -------
+        ndarray (samples, outputs), or list of these
+            NaN until the lags of the actuators have settled.
+        """
+        return self._each(x, u, lambda model, a, b: model.derivative(a, b if b.shape[1] else None))
+
+    def get_feature_names(self) -> list[str]:
+        """Names of the terms with a coefficient other than zero in any equation."""
+        check_is_fitted(self)
+        return list(dict.fromkeys(term for _, term, *_ in self.model_.coefficients()))
+
+    def coefficients(self) -> NDArray[np.float64]:
+        """Coefficients, shape (outputs, terms), in the order of `get_feature_names`."""
+        names = self.get_feature_names()
+        outputs = self.model_.output_names
+        table = np.zeros((len(outputs), len(names)))
+        for output, term, value, *_ in self.model_.coefficients():
+            table[outputs.index(output), names.index(term)] = value
+        return table
+
+    @property
+    def complexity(self) -> int:
+        """Number of coefficients other than zero."""
+        return int(np.count_nonzero(self.coefficients()))
+
+    def equations(self) -> list[str]:
+        """The equations as text."""
+        check_is_fitted(self)
+        return self.model_.equations()
+
+    def print(self) -> None:
+        """Print the equations."""
+        print("\n".join(self.equations()))
+
+
+class Committee(_Dynamics):
+    """Difference equations combined by cross-validation; one run is left out at a time.
+
+    It has no options besides the common parameters of the estimators; see `SINDy`.
+    """
+
+    _method = "committee"
+
+    def __init__(
+        self,
+        *,
+        dt: float | None = None,
+        horizon: int | str = 100,
+        outputs: Channels | None = None,
+        inputs: Channels | None = None,
+        log: Mapping[str, Any] | None = None,
+        random_state: int = 0,
+        n_jobs: int | None = None,
+    ) -> None:
+        self.dt = dt
+        self.horizon = horizon
+        self.outputs = outputs
+        self.inputs = inputs
+        self.log = log
+        self.random_state = random_state
+        self.n_jobs = n_jobs
+
+
+class _Network(_Dynamics):
+    """A network. Options that are None have the defaults of the kind of network.
+
+    Parameters
+    ----------
+    hidden, layers, projection : int, optional
+        Cells of each layer, number of layers, length of the projection of an LSTM.
+    read_out, feedback : bool, optional
+        Whether a linear output layer follows the cell, and whether the outputs are fed back.
+    base : str, optional
+        Base model: ``"nothing"`` or ``"hold"`` (increments).
+    wash_out_s, history_s, window_s : float, optional
+        Wash-out at the start of a window, history of a direct predictor, compared part of a window [s].
+    epochs, batch, restarts, patience : int, optional
+        Largest number of passes, windows of a step, trainings from different weights, and epochs without a lower
+        validation error after which a training ends.
+    learning_rate, weight_decay, clip : float, optional
+        Peak step size, decoupled weight decay, largest norm of the gradient.
+    refit, ensemble : bool, optional
+        Whether the network is refitted on all runs; whether the restarts of a direct predictor form an ensemble.
+    precision : str, optional
+        Precision of the training, ``"single"`` or ``"double"``.
+    dt, horizon, outputs, inputs, log, random_state, n_jobs
+        As in `SINDy`.
+    """
+
+    def __init__(
+        self,
+        *,
+        hidden: int | None = None,
+        layers: int | None = None,
+        projection: int | None = None,
+        read_out: bool | None = None,
+        feedback: bool | None = None,
+        base: str | None = None,
+        wash_out_s: float | None = None,
+        history_s: float | None = None,
+        window_s: float | None = None,
+        epochs: int | None = None,
+        batch: int | None = None,
+        restarts: int | None = None,
+        patience: int | None = None,
+        learning_rate: float | None = None,
+        weight_decay: float | None = None,
+        clip: float | None = None,
+        refit: bool | None = None,
+        ensemble: bool | None = None,
+        precision: str | None = None,
+        dt: float | None = None,
+        horizon: int | str = 100,
+        outputs: Channels | None = None,
+        inputs: Channels | None = None,
+        log: Mapping[str, Any] | None = None,
+        random_state: int = 0,
+        n_jobs: int | None = None,
+    ) -> None:
+        self.hidden = hidden
+        self.layers = layers
+        self.projection = projection
+        self.read_out = read_out
+        self.feedback = feedback
+        self.base = base
+        self.wash_out_s = wash_out_s
+        self.history_s = history_s
+        self.window_s = window_s
+        self.epochs = epochs
+        self.batch = batch
+        self.restarts = restarts
+        self.patience = patience
+        self.learning_rate = learning_rate
+        self.weight_decay = weight_decay
+        self.clip = clip
+        self.refit = refit
+        self.ensemble = ensemble
+        self.precision = precision
+        self.dt = dt
+        self.horizon = horizon
+        self.outputs = outputs
+        self.inputs = inputs
+        self.log = log
+        self.random_state = random_state
+        self.n_jobs = n_jobs
+
+
+class GRU(_Network):
+    __doc__ = f"Gated recurrent unit. {_Network.__doc__}"
+    _method = "gru"
+
+
+class LSTM(_Network):
+    __doc__ = f"Long short-term memory. {_Network.__doc__}"
+    _method = "lstm"
+
+
+class DirectPredictor(_Network):
+    __doc__ = f"A perceptron from recent samples and the next commands to the outputs at all horizons. {_Network.__doc__}"
+    _method = "direct"
