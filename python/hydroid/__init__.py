@@ -20,6 +20,17 @@ from ._evaluate import Evaluation, evaluate
 from ._identify import Identification, Judgement, identify
 from ._options import LogWarning
 from ._logs import prepare, rollouts
+from ._vessels import (
+    ComparedTrack,
+    Comparisons,
+    Track,
+    Trials,
+    compare_manoeuvres,
+    manoeuvres,
+    simulate,
+    vessel_toml,
+    vessels,
+)
 
 __all__ = [
     "Adapter",
@@ -39,4 +50,14 @@ __all__ = [
     "prepare",
     "read_log",
     "rollouts",
+    # Vessels, simulated logs, manoeuvring trials
+    "ComparedTrack",
+    "Comparisons",
+    "Track",
+    "Trials",
+    "compare_manoeuvres",
+    "manoeuvres",
+    "simulate",
+    "vessel_toml",
+    "vessels",
 ]
