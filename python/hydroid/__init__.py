@@ -24,6 +24,17 @@ from ._options import LogWarning
 from ._logs import Rollouts, prepare, rollouts
 from ._plots import plot_horizon, plot_rollouts, plot_track
 from ._sweep import Sweep, Task, fit, fleet, gather, grid, random_search, sweep
+from ._vessels import (
+    ComparedTrack,
+    Comparisons,
+    Track,
+    Trials,
+    compare_manoeuvres,
+    manoeuvres,
+    simulate,
+    vessel_toml,
+    vessels,
+)
 
 if TYPE_CHECKING:
     from ._estimators import GRU, LSTM, Committee, DirectPredictor, SINDy
@@ -32,6 +43,9 @@ __all__ = [
     "__version__",
     "Adapter",
     "Committee",
+    "compare_manoeuvres",
+    "ComparedTrack",
+    "Comparisons",
     "DirectPredictor",
     "evaluate",
     "Evaluation",
@@ -46,6 +60,7 @@ __all__ = [
     "Log",
     "LogWarning",
     "LSTM",
+    "manoeuvres",
     "Model",
     "plot_horizon",
     "plot_rollouts",
@@ -58,11 +73,16 @@ __all__ = [
     "rollouts",
     "Run",
     "Session",
+    "simulate",
     "SINDy",
     "Step",
     "Sweep",
     "sweep",
     "Task",
+    "Track",
+    "Trials",
+    "vessel_toml",
+    "vessels",
 ]
 
 _ESTIMATORS = ("GRU", "LSTM", "Committee", "DirectPredictor", "SINDy")

@@ -47,6 +47,8 @@ class Log:
     def __contains__(self, name: str) -> bool: ...
     def __getitem__(self, name: str) -> Array:
         """The values of a column, shape (rows,)."""
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the log as a CSV file, in its units; `read_log` gives the same values. Missing values are ``NaN``."""
     def __arrow_c_stream__(self, requested_schema: object = None) -> object:
         """The columns for ``pyarrow.table(log)`` or ``polars.DataFrame(log)``."""
 
@@ -94,17 +96,17 @@ def prepare(logs: Any, options: dict[str, Any] | None = None) -> list[Run]: ...
 
 @final
 class Model:
-    """An identified model.
+    """An identified model, or a vessel with given parameters.
 
     A model is immutable and can be pickled. `session` follows a run.
     """
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Model:
-        """Read a model file, or a vessel file (``.toml``)."""
+        """Read a model file, a vessel file (``.toml``), or a built-in vessel by its name (see `hydroid.vessels`)."""
     @staticmethod
     def from_bytes(bytes: bytes) -> Model:
-        """A model from the bytes of its file."""
+        """A model from the bytes of its file, or a vessel from the text of its file (TOML, UTF-8)."""
     def to_bytes(self) -> bytes:
         """The bytes of the file; equal models have equal bytes."""
     def save(self, path: str | os.PathLike[str]) -> None: ...
@@ -351,3 +353,49 @@ def evaluate(
     threads: int | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> dict[str, Any]: ...
+
+# Vessels, simulated logs, manoeuvring trials
+
+TrackArrays = tuple[Array, Array, Array, Array, Array, Array | None]
+
+@final
+class Trials:
+    def document(self) -> dict[str, Any]: ...
+    def inputs(self) -> tuple[list[str], list[str]]: ...
+    def passed(self) -> bool: ...
+    def figures(self) -> list[dict[str, Any]]: ...
+    def tracks(self) -> list[tuple[int, str, TrackArrays]]: ...
+    def report(self, command: str) -> str: ...
+    def save(self, folder: str | os.PathLike[str], command: str) -> None: ...
+
+@final
+class Comparisons:
+    def document(self) -> dict[str, Any]: ...
+    def figures(self) -> list[dict[str, Any]]: ...
+    def tracks(self) -> list[tuple[int, str, TrackArrays, TrackArrays]]: ...
+    def report(self, command: str) -> str: ...
+    def save(self, folder: str | os.PathLike[str], command: str) -> None: ...
+
+def vessels() -> list[str]: ...
+def vessel_toml(vessel: Model | str | os.PathLike[str]) -> str: ...
+def simulate(
+    plant: Model | str | os.PathLike[str],
+    excitation: Any,
+    options: dict[str, Any],
+    name: str | None = None,
+    figure: str | os.PathLike[str] | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Log: ...
+def manoeuvres(
+    model: Model | str | os.PathLike[str],
+    options: dict[str, Any],
+    threads: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Trials: ...
+def compare_manoeuvres(
+    model: Model | str | os.PathLike[str],
+    logs: Any,
+    options: dict[str, Any] | None = None,
+    threads: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Comparisons: ...

@@ -1,7 +1,8 @@
 //! The compiled part of the Python package `hydroid`.
 //!
 //! Order of the modules, bottom to top: `error` (exceptions), `work` (long calls that Python can interrupt), `arrays`
-//! and `settings` (arguments), `log` (logs and runs), `model` (models and their sessions), `evaluate`, `identify`, `adapt`.
+//! and `settings` (arguments), `log` (logs and runs), `model` (models and their sessions), `evaluate`, `identify`, `adapt`,
+//! `vessels` (simulated logs, manoeuvring trials).
 
 mod adapt;
 mod arrays;
@@ -11,6 +12,7 @@ mod identify;
 mod log;
 mod model;
 mod settings;
+mod vessels;
 mod work;
 
 use pyo3::prelude::*;
@@ -30,6 +32,10 @@ mod _hydroid {
     use super::log::{Log, Run, prepare, read_log};
     #[pymodule_export]
     use super::model::{Model, Session};
+    #[pymodule_export]
+    use super::vessels::{
+        Comparisons, Trials, compare_manoeuvres, manoeuvres, simulate, vessel_toml, vessels,
+    };
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

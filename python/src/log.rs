@@ -7,6 +7,7 @@ use arrow_array::cast::AsArray;
 use arrow_array::types::{Float64Type, Int64Type};
 use arrow_array::{Array, Float64Array, RecordBatch, StructArray};
 use arrow_schema::{DataType, Field, Schema, TimeUnit};
+use hydroid::atomic;
 use hydroid::config;
 use hydroid::log::line::{Cell, header_columns, number};
 use hydroid::log::{self, BadCell, LogError, Note, RawColumn, RawLog, Trajectory};
@@ -45,6 +46,12 @@ pub(crate) fn warn(py: Python<'_>, notes: &[Note]) -> PyResult<()> {
 #[pyclass(frozen, module = "hydroid")]
 pub(crate) struct Log {
     raw: Arc<RawLog>,
+}
+
+impl Log {
+    pub(crate) fn of(raw: RawLog) -> Self {
+        Self { raw: Arc::new(raw) }
+    }
 }
 
 #[pymethods]
@@ -98,6 +105,13 @@ impl Log {
             units.set_item(&column.name, column.unit.as_deref())?;
         }
         Ok(units)
+    }
+
+    /// Writes the log as CSV, in its units.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let raw = Arc::clone(&self.raw);
+        work::run(py, None, None, move |_| atomic::write(&path, |out| raw.write_csv(out)))?
+            .map_err(crate::error::os)
     }
 
     fn __len__(&self) -> usize {
@@ -325,6 +339,19 @@ pub(crate) fn logs(py: Python<'_>, argument: &str, given: &Bound<'_, PyAny>) -> 
         }
     }
     Ok(all)
+}
+
+/// A table: a [`Log`], the path of a file, a data frame or a mapping from names to arrays.
+pub(crate) fn table_of(argument: &str, given: &Bound<'_, PyAny>) -> PyResult<RawLog> {
+    if given.hasattr("__arrow_c_stream__")? || given.cast::<PyMapping>().is_ok() {
+        return match given.cast::<Log>() {
+            Ok(log) => Ok(RawLog::clone(&log.get().raw)),
+            Err(_) => Log::new(given, None, argument).map(|log| RawLog::clone(&log.raw)),
+        };
+    }
+    let [log] = <[RawLog; 1]>::try_from(logs(given.py(), argument, given)?)
+        .map_err(|logs| unfit(argument, "one log", logs.len()))?;
+    Ok(log)
 }
 
 /// The items of a list or tuple; any other object is one item.

@@ -4,7 +4,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
+use hydroid::craft::CraftFileError;
 use hydroid::model::{self, ModelError};
+use hydroid::simulate::VesselFileError;
+use hydroid::toml_file::TomlError;
 use hydroid_core::model::sparse::{EquationsSession, Jacobian, Shape, Signal};
 use hydroid_core::predict::{Predictor, Workspace};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
@@ -43,8 +46,20 @@ impl Model {
     }
 }
 
-fn of_model(error: ModelError) -> PyErr {
+/// Whether the file of a vessel does not exist.
+fn is_missing(error: &ModelError) -> bool {
+    let toml = match error {
+        ModelError::Vessel(VesselFileError::File(error)) | ModelError::Craft(CraftFileError::File(error)) => {
+            error
+        }
+        _ => return false,
+    };
+    matches!(toml, TomlError::Read { source, .. } if source.kind() == std::io::ErrorKind::NotFound)
+}
+
+pub(crate) fn of_model(error: ModelError) -> PyErr {
     match error {
+        ref error if is_missing(error) => PyFileNotFoundError::new_err(error.to_string()),
         ModelError::Read { ref source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
             PyFileNotFoundError::new_err(error.to_string())
         }

@@ -48,6 +48,11 @@ def calls(model, run):
         "bytes": lambda x, y: hydroid.Model.from_bytes(x),
         "horizon": lambda x, y: hydroid.evaluate(model, run, horizon=x, stride=y if isinstance(y, int) else 50),
         "function": lambda x, y: hydroid.evaluate(lambda *_: x, run, horizon=5, stride=100),
+        "simulate": lambda x, y: hydroid.simulate(x, y, duration=1.0),
+        "simulate options": lambda x, y: hydroid.simulate(model, duration=1.0, current=x, start=y, noise=x),
+        "trials": lambda x, y: hydroid.manoeuvres(model, "acceleration", steering=x, current=y),
+        "zigzags": lambda x, y: hydroid.manoeuvres(x, "acceleration", zigzag=y, push=x),
+        "compare": lambda x, y: hydroid.compare_manoeuvres(model, x, dt=y),
         "methods": lambda x, y: hydroid.identify(run, methods=x, sections=y),
     }
 

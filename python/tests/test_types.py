@@ -31,6 +31,13 @@ def evaluation() -> None:
     assert_type(hydroid.evaluate(judged, "a.csv", horizon=10), hydroid.Evaluation)
 
 
+def vessels() -> None:
+    assert_type(hydroid.simulate("simple", {"t": [0.0]}, current=(0.1, 0.0))["u"], Array)
+    trials = hydroid.manoeuvres("simple", "zigzag", zigzag=[(10, 10), "20/20"], length=2)
+    assert_type(trials.tracks[0].commands, Array | None)
+    assert_type(hydroid.compare_manoeuvres("simple", "a.csv", heading="psi").tracks[0].predicted.x, Array)
+
+
 def adaptation(model: hydroid.Model) -> None:
     adapter = hydroid.Adapter(model, guard=False)
     assert_type(adapter.step(None, [1.0]).estimate, Array)

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use hydroid::adapt::TrainingRuns;
 use hydroid::log::{self, LogError, Prepared, RawLog, Trajectory};
 use hydroid::model::{Model, Reading};
@@ -52,14 +52,7 @@ pub fn with_current(model: Model, deviation_m_s: Option<f64>, runs: &[Trajectory
         Some(deviation_m_s) => model.with_current(deviation_m_s)?,
         None => model,
     };
-    if let Some(run) = runs.iter().find(|run| run.heading.is_none())
-        && model.description.current.is_some()
-    {
-        bail!(
-            "{}: the estimate of the current needs a heading that changes with the yaw rate r: name its column, as in --heading 'yaw [deg]'",
-            run.name
-        );
-    }
+    model.check_heading(runs)?;
     Ok(model)
 }
 

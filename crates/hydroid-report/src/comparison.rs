@@ -1,15 +1,19 @@
 //! The page of trials in logs beside their predictions.
 
-use hydroid::manoeuvre::{Comparison, RecognisedKind, Track};
+use std::path::Path;
+
+use hydroid::atomic;
+use hydroid::manoeuvre::{Comparison, RecognisedKind, Track, write_comparisons_csv};
 use hydroid::model::Model;
 use maud::{Markup, html};
+use serde_json::Value as Document;
 
-use super::ReportError;
 use super::figure::{Figure, Key, Line, Mark, Panel};
 use super::manoeuvre::{MEMBER, MEMBERS, covered, over_time, position};
 use super::number::text;
 use super::page::{Section, cell, columns, figure, page, readable, table};
 use super::style;
+use super::{FolderError, ReportError};
 
 /// Content of a page of trials in logs.
 #[derive(Clone, Copy, Debug)]
@@ -43,6 +47,21 @@ pub fn comparisons(subject: &ComparisonReport<'_>) -> Result<String, ReportError
     }
     sections.push(definitions(subject));
     Ok(page("Trials in logs", &sections))
+}
+
+impl ComparisonReport<'_> {
+    /// Writes a folder: the document of the comparisons in `comparisons.json`, the tracks in `tracks.csv`, and the page in
+    /// `report.html`.
+    ///
+    /// # Errors
+    /// If a figure or a file cannot be written.
+    pub fn write(&self, folder: &Path, document: &Document) -> Result<(), FolderError> {
+        let page = comparisons(self)?;
+        atomic::write(&folder.join("comparisons.json"), |out| writeln!(out, "{document:#}"))?;
+        atomic::write(&folder.join("tracks.csv"), |out| write_comparisons_csv(self.comparisons, out))?;
+        atomic::write(&folder.join("report.html"), |out| out.write_all(page.as_bytes()))?;
+        Ok(())
+    }
 }
 
 fn summary(subject: &ComparisonReport<'_>) -> Section {

@@ -38,6 +38,7 @@ mod summary;
 
 use equations::Sparse;
 use figure::FigureError;
+use hydroid::atomic::WriteError;
 use hydroid::identify::{Candidate, IdentifyResult};
 use hydroid::log::{Note, Split, Trajectory};
 
@@ -93,6 +94,17 @@ pub enum ReportError {
         /// The run.
         run: String,
     },
+}
+
+/// Errors of writing a report with its data into a folder.
+#[derive(Debug, thiserror::Error)]
+pub enum FolderError {
+    /// The report.
+    #[error(transparent)]
+    Report(#[from] ReportError),
+    /// A file cannot be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
 }
 
 struct Subject<'a> {

@@ -1,20 +1,22 @@
 //! The page of manoeuvring trials.
 
+use std::path::Path;
+
+use hydroid::atomic;
 use hydroid::manoeuvre::{Figure as Value, Outside, Track, Trial, TrialKind, Trials};
 use hydroid::model::Model;
 use maud::{Markup, html};
+use serde_json::Value as Document;
 
-use super::ReportError;
 use super::figure::{Dash, Figure, Key, Line, Mark, Panel, Stroke, envelope};
 use super::number::{self, text};
 use super::page::{Section, cell, columns, figure, page, readable, table};
 use super::style;
+use super::{FolderError, ReportError};
 
 /// Content of a page of trials.
 #[derive(Clone, Copy, Debug)]
 pub struct ManoeuvreReport<'a> {
-    /// Heading of the page.
-    pub title: &'a str,
     /// Command line that reproduces the page.
     pub command: &'a str,
     /// The vessel.
@@ -79,7 +81,27 @@ pub fn manoeuvres(subject: &ManoeuvreReport<'_>) -> Result<String, ReportError> 
         }
     }
     sections.push(definitions(subject));
-    Ok(page(subject.title, &sections))
+    Ok(page(&subject.title(), &sections))
+}
+
+impl ManoeuvreReport<'_> {
+    fn title(&self) -> String {
+        let vessel = self.model.is_vessel().then(|| format!(" of {}", self.model.description.name));
+        format!("Manoeuvring trials{}", vessel.unwrap_or_default())
+    }
+
+    /// Writes a folder: the document of the trials in `trials.json`, their tracks in `tracks.csv`, and the page in
+    /// `report.html`.
+    ///
+    /// # Errors
+    /// If a figure or a file cannot be written.
+    pub fn write(&self, folder: &Path, document: &Document) -> Result<(), FolderError> {
+        let page = manoeuvres(self)?;
+        atomic::write(&folder.join("trials.json"), |out| writeln!(out, "{document:#}"))?;
+        atomic::write(&folder.join("tracks.csv"), |out| self.trials.write_csv(out))?;
+        atomic::write(&folder.join("report.html"), |out| out.write_all(page.as_bytes()))?;
+        Ok(())
+    }
 }
 
 fn title(subject: &ManoeuvreReport<'_>, trial: &Trial) -> String {
@@ -141,7 +163,7 @@ fn summary(subject: &ManoeuvreReport<'_>) -> Section {
     let body = html! {
         header {
             p.kicker { "hydroid · manoeuvring trials" }
-            h1 { (subject.title) }
+            h1 { (subject.title()) }
         }
         div class={ "banner " (class) } role="status" { strong { (heading) } " " (words) (stability) }
         dl.facts {

@@ -1,9 +1,9 @@
 //! Arguments of `hydroid manoeuvre`.
 
 use std::path::PathBuf;
-use std::str::FromStr;
 
 use clap::{Args as ClapArgs, ValueEnum};
+use hydroid::config::{self, ZigzagAngles};
 
 use super::Duration;
 use super::LogArgs;
@@ -26,25 +26,15 @@ pub enum TrialName {
     Stopping,
 }
 
-/// A zigzag: steering and change of heading.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ZigzagAngles {
-    /// In the unit of the steering.
-    pub steering: f64,
-    /// In degrees.
-    pub heading_deg: f64,
-}
-
-impl FromStr for ZigzagAngles {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || format!("'{text}' is not STEERING/HEADING, as in 10/10 or 20/15");
-        let (steering, heading) = text.split_once('/').ok_or_else(wrong)?;
-        let positive = |text: &str| text.trim().parse().ok().filter(|x: &f64| x.is_finite() && *x > 0.0);
-        match (positive(steering), positive(heading)) {
-            (Some(steering), Some(heading_deg)) if heading_deg <= 180.0 => Ok(Self { steering, heading_deg }),
-            _ => Err(wrong()),
+impl From<TrialName> for config::TrialName {
+    fn from(trial: TrialName) -> Self {
+        match trial {
+            TrialName::TurningCircle => Self::TurningCircle,
+            TrialName::Zigzag => Self::Zigzag,
+            TrialName::PullOut => Self::PullOut,
+            TrialName::Spiral => Self::Spiral,
+            TrialName::Acceleration => Self::Acceleration,
+            TrialName::Stopping => Self::Stopping,
         }
     }
 }
@@ -107,4 +97,22 @@ pub struct Manoeuvre {
     pub output: Option<PathBuf>,
     #[command(flatten)]
     pub log: LogArgs,
+}
+
+impl Manoeuvre {
+    /// The settings of the trials.
+    pub fn settings(&self) -> config::Manoeuvre {
+        config::Manoeuvre {
+            trials: self.trial.iter().map(|trial| (*trial).into()).collect(),
+            steering: self.steering,
+            zigzag: self.zigzag.clone(),
+            speed: self.speed,
+            propulsion: self.propulsion,
+            push: self.push.clone(),
+            turn: self.turn.clone(),
+            current: self.current.0,
+            length: self.length,
+            longest: Some(self.longest),
+        }
+    }
 }

@@ -15,6 +15,7 @@ use std::path::PathBuf;
 
 use anyhow::anyhow;
 use clap::{Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand};
+use hydroid::config;
 use hydroid::log::{CommandTiming, InputDelay};
 
 pub use adapt::{Adapt, AnswerArgs, KalmanArgs, Learner, LeastSquaresArgs};
@@ -24,7 +25,7 @@ pub use control::{
 };
 pub use hydroid::config::{Duration, Horizon};
 pub use identify::Identify;
-pub use manoeuvre::{Manoeuvre, TrialName, ZigzagAngles};
+pub use manoeuvre::Manoeuvre;
 pub use study::{GuardStudy, Study};
 pub use thesis::Thesis;
 pub use values::{Against, Method, NamedNumber, NamedRange, Origin};
@@ -199,6 +200,30 @@ pub struct Simulate {
     /// Print the vessel's parameters as TOML and stop
     #[arg(long)]
     pub print_vessel: bool,
+}
+
+impl Simulate {
+    /// The settings of the simulation.
+    pub fn settings(&self) -> config::Simulate {
+        config::Simulate {
+            duration: self.duration,
+            dt: self.dt,
+            step: self.step,
+            seed: self.seed,
+            noise: self.noise,
+            current: self.current.map(|current| current.0),
+            process_noise: self.process_noise,
+            start: self.start,
+            push: self.push.clone(),
+            turn: self.turn.clone(),
+            leg: self.leg,
+            spacing: self.spacing,
+            leg_speeds: self.leg_speeds.clone(),
+            sharp_turns: self.sharp_turns,
+            radius: self.radius,
+            speed: self.speed,
+        }
+    }
 }
 
 /// Show the contents of logs, models and black boxes

@@ -1,17 +1,14 @@
 //! `hydroid manoeuvre`.
 
-use std::path::Path;
-
-use anyhow::{Context as _, bail, ensure};
+use anyhow::{Context as _, bail};
 use hydroid::atomic::{self, Lock};
-use hydroid::manoeuvre::{self, Comparison, Figure, Options, Trial, TrialKind, TrialOptions, Trials};
+use hydroid::manoeuvre::{self, Comparison, Trial, Trials};
 use hydroid::model::{self, Model};
-use hydroid::plant::InputMap;
 use hydroid_report::{ComparisonReport, ManoeuvreReport};
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::Outcome;
-use crate::args::{Global, Manoeuvre, TrialName, ZigzagAngles};
+use crate::args::{Global, Manoeuvre};
 use crate::{logs, ui};
 
 pub fn run(args: &Manoeuvre, global: Global) -> anyhow::Result<Outcome> {
@@ -19,18 +16,19 @@ pub fn run(args: &Manoeuvre, global: Global) -> anyhow::Result<Outcome> {
     if !args.logs.is_empty() {
         return compare(args, &model, global);
     }
-    let map = InputMap::with(&model, &args.push, &args.turn)?;
-    let kinds = kinds(args, &map)?;
-    let options = options(args)?;
+    let plan = args.settings().plan(&model)?;
     let _lock = lock(args)?;
     let bar = ui::Bar::new("trials", global);
-    let Some(trials) = manoeuvre::trials(&model, &map, &kinds, &options, &mut bar.callback())? else {
+    let Some(trials) = plan.run(&model, &mut bar.callback())? else {
         bail!("cancelled");
     };
     drop(bar);
-    let document = document(args, &model, &trials)?;
+    let document = trials.document(&args.plant.display().to_string(), &model, &plan.options);
     if let Some(folder) = &args.output {
-        write(folder, args, &model, &trials, &document)?;
+        let command = ui::command_line();
+        let report =
+            ManoeuvreReport { command: &command, model: &model, trials: &trials, length_m: args.length };
+        report.write(folder, &document)?;
     }
     if global.json {
         super::print_json(&document)?;
@@ -40,9 +38,7 @@ pub fn run(args: &Manoeuvre, global: Global) -> anyhow::Result<Outcome> {
             outln!("{}: trials.json, tracks.csv, report.html", folder.display());
         }
     }
-    let passed = |figure: &Figure| figure.criterion.is_none_or(|criterion| criterion.passed);
-    let sound = trials.trials.iter().flat_map(|trial| &trial.figures).all(passed);
-    Ok(if sound { Outcome::Done } else { Outcome::Missed })
+    Ok(if trials.passed() { Outcome::Done } else { Outcome::Missed })
 }
 
 /// Checks that the folder of -o can be written, and keeps other runs from it.
@@ -58,14 +54,16 @@ fn compare(args: &Manoeuvre, model: &Model, global: Global) -> anyhow::Result<Ou
     let (_, prepared) =
         logs::prepare(&args.logs, &reading).with_context(|| logs::cannot_use(&args.plant, model))?;
     ui::print_notes(&prepared.notes, global);
-    let model = logs::with_step_of(model.clone(), &prepared.runs)?;
-    model.check(&prepared.runs)?;
-    let model = logs::with_current(model, None, &prepared.runs)?;
+    let model = model.clone().for_runs(&prepared.runs)?;
     let _lock = lock(args)?;
-    let all = manoeuvre::compare(&model, &prepared.runs)?;
+    let bar = ui::Bar::new("trials", global);
+    let all = manoeuvre::compare(&model, &prepared.runs, &mut bar.callback())?;
+    drop(bar);
     let document = json!({ "plant": args.plant, "comparisons": all });
     if let Some(folder) = &args.output {
-        write_comparisons(folder, &model, &all, &document)?;
+        let command = ui::command_line();
+        let report = ComparisonReport { command: &command, model: &model, comparisons: &all };
+        report.write(folder, &document)?;
     }
     if global.json {
         super::print_json(&document)?;
@@ -83,22 +81,6 @@ fn compare(args: &Manoeuvre, model: &Model, global: Global) -> anyhow::Result<Ou
         outln!("{}: comparisons.json, tracks.csv, report.html", folder.display());
     }
     Ok(Outcome::Done)
-}
-
-fn write_comparisons(
-    folder: &Path,
-    model: &Model,
-    comparisons: &[Comparison],
-    document: &Value,
-) -> anyhow::Result<()> {
-    let mut text = serde_json::to_string_pretty(document)?;
-    text.push('\n');
-    atomic::write(&folder.join("comparisons.json"), |out| out.write_all(text.as_bytes()))?;
-    atomic::write(&folder.join("tracks.csv"), |out| manoeuvre::write_comparisons_csv(comparisons, out))?;
-    let command = ui::command_line();
-    let page = hydroid_report::comparisons(&ComparisonReport { command: &command, model, comparisons })?;
-    atomic::write(&folder.join("report.html"), |out| out.write_all(page.as_bytes()))?;
-    Ok(())
 }
 
 fn print_comparison(comparison: &Comparison) {
@@ -123,114 +105,6 @@ fn print_comparison(comparison: &Comparison) {
             outln!("{}", line.trim_end());
         }
     }
-}
-
-fn kinds(args: &Manoeuvre, map: &InputMap) -> anyhow::Result<Vec<TrialKind>> {
-    let full = map.steering().full;
-    let unit = map.steering().unit;
-    let relative = |stated: f64, option: &str| -> anyhow::Result<f64> {
-        ensure!(stated > 0.0, "{option} {stated}: the steering must be greater than 0; both sides are tried");
-        ensure!(
-            stated <= full * (1.0 + 1e-9),
-            "{option} {stated}: hard over is {full:.4} {unit} for this vessel: give at most that"
-        );
-        Ok((stated / full).min(1.0))
-    };
-    let usual = if unit == "deg" { full.min(35.0) } else { full };
-    let hard = relative(args.steering.unwrap_or(usual), "--steering")?;
-    let all = [
-        TrialName::TurningCircle,
-        TrialName::Zigzag,
-        TrialName::PullOut,
-        TrialName::Spiral,
-        TrialName::Acceleration,
-        TrialName::Stopping,
-    ];
-    let chosen = if args.trial.is_empty() { &all[..] } else { &args.trial };
-    let mut kinds = Vec::new();
-    for trial in chosen {
-        match trial {
-            TrialName::TurningCircle => {
-                kinds.extend([hard, -hard].map(|steering| TrialKind::TurningCircle { steering }));
-            }
-            TrialName::Zigzag => {
-                let usual = [10.0, 20.0].map(|angle| ZigzagAngles { steering: angle, heading_deg: angle });
-                let usual = usual.into_iter().filter(|angles| angles.steering <= full).collect::<Vec<_>>();
-                ensure!(
-                    !(args.zigzag.is_empty() && usual.is_empty()),
-                    "hard over is {full:.4} {unit} for this vessel, less than a zigzag 10/10 needs: give smaller angles, as in --zigzag 5/5"
-                );
-                for angles in if args.zigzag.is_empty() { &usual } else { &args.zigzag } {
-                    let steering = relative(angles.steering, "--zigzag")?;
-                    let heading_deg = angles.heading_deg;
-                    kinds.extend(
-                        [steering, -steering].map(|steering| TrialKind::Zigzag { steering, heading_deg }),
-                    );
-                }
-            }
-            TrialName::PullOut => kinds.push(TrialKind::PullOut { steering: hard }),
-            TrialName::Spiral => kinds.push(TrialKind::Spiral { steering: hard, steps: 24 }),
-            TrialName::Acceleration => kinds.push(TrialKind::Acceleration),
-            TrialName::Stopping => kinds.push(TrialKind::Stopping),
-        }
-    }
-    Ok(kinds)
-}
-
-fn options(args: &Manoeuvre) -> anyhow::Result<TrialOptions> {
-    let percent = args.propulsion.unwrap_or(85.0);
-    ensure!(
-        percent > 0.0 && percent <= 100.0,
-        "--propulsion {percent}: give percent of full ahead, greater than 0 and at most 100"
-    );
-    if let Some(length) = args.length {
-        ensure!(length.is_finite() && length > 0.0, "--length {length}: give metres, greater than 0");
-    }
-    let [north, east] = args.current.0;
-    ensure!(north.is_finite() && east.is_finite(), "--current: give two velocities in m/s, north and east");
-    Ok(TrialOptions {
-        approach: Options { propulsion: 0.01 * percent, speed_m_s: args.speed },
-        longest_s: args.longest.0,
-        current: args.current.0,
-        length_m: args.length,
-    })
-}
-
-fn document(args: &Manoeuvre, model: &Model, trials: &Trials) -> anyhow::Result<Value> {
-    let mut document = serde_json::to_value(trials)?;
-    document["plant"] = json!(args.plant);
-    document["kind"] = json!(model.kind());
-    document["steering"] = json!(trials.inputs.steering());
-    document["length_m"] = json!(args.length);
-    document["current"] = json!(args.current.0);
-    for (value, trial) in document["trials"].as_array_mut().into_iter().flatten().zip(&trials.trials) {
-        value["title"] = json!(trial.kind.title(&trials.inputs));
-    }
-    Ok(document)
-}
-
-fn write(
-    folder: &Path,
-    args: &Manoeuvre,
-    model: &Model,
-    trials: &Trials,
-    document: &Value,
-) -> anyhow::Result<()> {
-    let mut text = serde_json::to_string_pretty(document)?;
-    text.push('\n');
-    atomic::write(&folder.join("trials.json"), |out| out.write_all(text.as_bytes()))?;
-    atomic::write(&folder.join("tracks.csv"), |out| trials.write_csv(out))?;
-    let vessel = model.is_vessel().then(|| format!(" of {}", model.description.name));
-    let title = format!("Manoeuvring trials{}", vessel.unwrap_or_default());
-    let page = hydroid_report::manoeuvres(&ManoeuvreReport {
-        title: &title,
-        command: &ui::command_line(),
-        model,
-        trials,
-        length_m: args.length,
-    })?;
-    atomic::write(&folder.join("report.html"), |out| out.write_all(page.as_bytes()))?;
-    Ok(())
 }
 
 fn print(model: &Model, trials: &Trials) {

@@ -3,7 +3,7 @@
 use std::io::{self, BufWriter, Write};
 
 use super::run::Run;
-use crate::simulate::Shortest;
+use crate::log::Shortest;
 
 impl Run {
     /// Writes the run as CSV with the columns of a simulated log, so that a model can be identified from it: time,

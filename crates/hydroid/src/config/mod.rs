@@ -1,10 +1,14 @@
-//! Settings of an identification as data, for the command line, its file `hydroid.toml` and other front ends.
+//! Settings as data, for the command line, its file `hydroid.toml` and other front ends.
 //!
 //! [`Config`] has the sections of the file, all optional. [`Config::job`] prepares logs and makes the
-//! [`Job`](crate::identify::Job) of [`identify`](crate::identify::identify).
+//! [`Job`](crate::identify::Job) of [`identify`](crate::identify::identify). [`Simulate`] has the settings of a simulated
+//! log, and [`Manoeuvre`] those of manoeuvring trials.
 
+mod error;
 mod job;
+mod manoeuvre;
 mod quantity;
+mod simulate;
 
 use std::path::{Path, PathBuf};
 
@@ -16,8 +20,11 @@ use crate::log::{ChannelSpec, CommandTiming, InputDelay, PrepareOptions, Selecti
 use crate::model::Reading;
 use crate::toml_file::{self, TomlError};
 
+pub use error::SettingError;
 pub use job::Logs;
+pub use manoeuvre::{Manoeuvre, TrialName, TrialPlan, ZigzagAngles};
 pub use quantity::{Duration, Horizon};
+pub use simulate::{Drive, ModelPlan, Plan, Plant, PlantKind, Simulate, SimulatedLog};
 
 /// Default name of the file.
 pub const FILE: &str = "hydroid.toml";

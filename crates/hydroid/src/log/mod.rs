@@ -32,8 +32,8 @@ mod trajectory;
 pub mod units;
 
 pub use align::{CommandTiming, InputDelay};
-pub(crate) use csv::bytes;
 pub use csv::{RawColumn, RawLog, read, read_from};
+pub(crate) use csv::{Rows, Shortest, bytes};
 pub use error::LogError;
 pub use inspect::{Inspection, inspect, inspect_file};
 pub use note::{Note, Severity};

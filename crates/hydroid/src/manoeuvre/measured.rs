@@ -11,10 +11,10 @@ use super::figure::{Figure, Figures, set_intervals};
 use super::track::Track;
 use super::turning_circle::TurningCircle;
 use super::zigzag::Zigzag;
-use crate::log::Trajectory;
+use crate::log::{Shortest, Trajectory};
 use crate::model::{MOTION, Model};
-use crate::plant::{Simulation, current_before};
-use crate::simulate::Shortest;
+use crate::plant::{PlantError, Simulation, current_before};
+use crate::progress::{Progress, report};
 
 /// A trial in a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -281,15 +281,23 @@ fn line(points: impl Iterator<Item = (f64, f64)> + Clone) -> [f64; 2] {
 /// The trials of runs beside the predictions of a model.
 ///
 /// # Errors
-/// If the model is no plant.
-pub fn compare(model: &Model, runs: &[Trajectory]) -> Result<Vec<Comparison>, ManoeuvreError> {
+/// If the model is no plant, or `progress` cancels.
+pub fn compare(
+    model: &Model,
+    runs: &[Trajectory],
+    progress: Progress<'_>,
+) -> Result<Vec<Comparison>, ManoeuvreError> {
     let mut all = Vec::new();
-    for run in runs {
-        for trial in recognise(run) {
+    for (i, run) in runs.iter().enumerate() {
+        let trials = recognise(run);
+        let count = trials.len() as f64;
+        for (j, trial) in trials.into_iter().enumerate() {
+            report(progress, (i as f64 + j as f64 / count) / runs.len() as f64).map_err(PlantError::from)?;
             let current = current_before(model, run, trial.executes[0]);
             all.extend(comparison(model, run, trial, current)?);
         }
     }
+    report(progress, 1.0).map_err(PlantError::from)?;
     Ok(all)
 }
 
@@ -395,8 +403,7 @@ pub fn write_comparisons_csv(comparisons: &[Comparison], writer: impl Write) -> 
         let [run, title] = [&comparison.run, &comparison.trial.title()].map(|text| text.replace(',', ";"));
         for (source, track) in ["measured", "predicted"].into_iter().zip(&comparison.tracks) {
             for k in 0..track.len() {
-                let t_s = (1e6 * k as f64 * track.dt).round() / 1e6;
-                write!(out, "{number},{run},{title},{source},{}", Shortest(t_s))?;
+                write!(out, "{number},{run},{title},{source},{}", Shortest(track.time_s(k)))?;
                 for value in track.eta[k].iter().chain(&track.nu[k]) {
                     write!(out, ",{}", Shortest(*value))?;
                 }

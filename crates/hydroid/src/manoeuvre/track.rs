@@ -42,6 +42,11 @@ impl Track {
         self.eta.is_empty()
     }
 
+    /// Time of a sample since the execute \[s\], rounded to microseconds.
+    pub fn time_s(&self, sample: usize) -> f64 {
+        (1e6 * (sample as f64 - self.execute as f64) * self.dt).round() / 1e6
+    }
+
     /// Time since the execute at an instant \[s\].
     pub(super) fn time(&self, at: Instant) -> f64 {
         (at.sample as f64 - self.execute as f64 + at.share) * self.dt

@@ -4,6 +4,7 @@ use std::io::{self, BufWriter, Write};
 
 use rayon::prelude::*;
 use serde::Serialize;
+use serde_json::{Value, json};
 
 use super::approach::{Approach, Options};
 use super::error::ManoeuvreError;
@@ -14,10 +15,10 @@ use super::spiral::spiral;
 use super::track::Track;
 use super::turning_circle::turning_circle;
 use super::zigzag::zigzag;
+use crate::log::Shortest;
 use crate::model::Model;
 use crate::plant::{InputMap, PlantError, Simulation};
 use crate::progress::Progress;
-use crate::simulate::Shortest;
 
 /// A trial with its parameters. The steering is 1 hard to starboard and -1 hard to port.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -250,6 +251,30 @@ fn outside(model: &Model, tracks: &[Track]) -> Vec<Outside> {
 }
 
 impl Trials {
+    /// The document `trials.json`: the trials with their titles, the name and kind of the plant, how the steering is stated,
+    /// and the options.
+    pub fn document(&self, plant: &str, model: &Model, options: &TrialOptions) -> Value {
+        let trial = |trial: &Trial| {
+            let mut value = json!(trial);
+            value["title"] = json!(trial.kind.title(&self.inputs));
+            value
+        };
+        let mut document = json!(self);
+        document["trials"] = self.trials.iter().map(trial).collect();
+        document["plant"] = json!(plant);
+        document["kind"] = json!(model.kind());
+        document["steering"] = json!(self.inputs.steering());
+        document["length_m"] = json!(options.length_m);
+        document["current"] = json!(options.current);
+        document
+    }
+
+    /// Whether no criterion was missed.
+    pub fn passed(&self) -> bool {
+        let passed = |figure: &Figure| figure.criterion.is_none_or(|criterion| criterion.passed);
+        self.trials.iter().flat_map(|trial| &trial.figures).all(passed)
+    }
+
     /// Writes the tracks as CSV: number and name of the trial, time since the order, commands, pose and velocities over
     /// ground.
     ///
@@ -268,8 +293,7 @@ impl Trials {
         for (number, (trial, track)) in tracks.enumerate() {
             let title = trial.kind.title(&self.inputs).replace(',', ";");
             for k in 0..track.len() {
-                let t_s = (k as f64 - track.execute as f64) * track.dt;
-                write!(out, "{number},{title},{}", Shortest((1e6 * t_s).round() / 1e6))?;
+                write!(out, "{number},{title},{}", Shortest(track.time_s(k)))?;
                 self.inputs.write_command(track.propulsion, track.steering[k], &mut command);
                 for value in command.iter().chain(&track.eta[k]).chain(&track.nu[k]) {
                     write!(out, ",{}", Shortest(*value))?;

@@ -19,6 +19,7 @@ use std::sync::Arc;
 use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::ExpertMixtureOptions;
 use hydroid_core::current::{Inner, ThroughWater};
+use hydroid_core::model::PlantModelError;
 use hydroid_core::model::recurrent::Scaling;
 use hydroid_core::predict::Predictor;
 use hydroid_core::rate_limit::{RateLimited, RateLimiter};
@@ -300,6 +301,34 @@ impl Model {
         Ok(())
     }
 
+    /// The model for runs: a vessel with their sample time. The runs are checked, with a heading where the model estimates
+    /// the current.
+    ///
+    /// # Errors
+    /// The first difference.
+    pub fn for_runs(self, runs: &[Trajectory]) -> Result<Self, Mismatch> {
+        let model = match runs.first() {
+            Some(run) => self.at_step(run.dt)?,
+            None => self,
+        };
+        model.check(runs)?;
+        model.check_heading(runs)?;
+        Ok(model)
+    }
+
+    /// Checks that runs have a heading if the model estimates the current.
+    ///
+    /// # Errors
+    /// The first run without a heading.
+    pub fn check_heading(&self, runs: &[Trajectory]) -> Result<(), Mismatch> {
+        match runs.iter().find(|run| run.heading.is_none()) {
+            Some(run) if self.description.current.is_some() => {
+                Err(Mismatch::NoHeading { run: run.name.clone() })
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// A warning if runs leave the training range by more than a tenth of its width.
     pub fn outside(&self, runs: &[Trajectory]) -> Option<Note> {
         let beyond = |port: &Port, values: &mut dyn Iterator<Item = f64>| {
@@ -396,6 +425,17 @@ pub enum Mismatch {
         model: String,
         /// Of the run.
         given: String,
+    },
+    /// The sample time is not one of a vessel.
+    #[error(transparent)]
+    Vessel(#[from] PlantModelError),
+    /// A model with an estimate of the current, and a run without a heading.
+    #[error(
+        "{run}: the estimate of the current needs a heading that changes with the yaw rate r: name its column, as in --heading 'yaw [deg]'"
+    )]
+    NoHeading {
+        /// The run.
+        run: String,
     },
     /// Another unit.
     #[error("the model has '{channel}' in {model}, run '{run}' in {given}")]

@@ -2,6 +2,8 @@
 
 use hydroid_core::model::PlantModelError;
 
+use crate::progress::Cancelled;
+
 /// Reason why a model is no plant, or its inputs are unknown.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -83,4 +85,7 @@ pub enum PlantError {
         /// Time since the start \[s\].
         t_s: f64,
     },
+    /// Cancelled by the callback.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }

@@ -1,6 +1,6 @@
 //! Simulated logs of any model.
 
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Write};
 
 use rand_distr::{Distribution as _, StandardNormal};
 
@@ -9,9 +9,9 @@ use super::input_map::InputMap;
 use super::simulation::{Simulation, middle};
 use crate::evaluate::BAND_80;
 use crate::excitation::{Composer, Purpose, stream};
-use crate::log::{Channel, Trajectory};
+use crate::log::{Channel, RawLog, Rows, Trajectory};
 use crate::model::Model;
-use crate::simulate::Shortest;
+use crate::progress::{Progress, report};
 
 /// Commands of a simulation.
 #[derive(Clone, Debug)]
@@ -69,6 +69,9 @@ pub struct Record {
 /// Largest number of samples.
 const MOST_SAMPLES: f64 = 5e7;
 
+/// Samples between two calls of the progress.
+const PROGRESS_EVERY: usize = 64;
+
 /// Past that a start within a run takes into account \[samples\].
 const PAST: usize = 2_000;
 
@@ -80,11 +83,12 @@ const PAST: usize = 2_000;
 /// both ends to a horizon of the prediction bands; a model without bands has none.
 ///
 /// # Errors
-/// If the model is no plant, a number is out of range, or the motion diverges.
+/// If the model is no plant, a number is out of range, the motion diverges, or `progress` cancels.
 pub fn record(
     model: &Model,
     map: Option<&InputMap>,
     options: &RecordOptions<'_>,
+    progress: Progress<'_>,
 ) -> Result<Record, PlantError> {
     for (what, value) in [("the noise", options.noise), ("the process noise", options.process_noise)] {
         if !(value.is_finite() && value >= 0.0) {
@@ -121,7 +125,11 @@ pub fn record(
         measured: Vec::with_capacity(commands.len() / m * n),
         commands,
     };
-    for c in record.commands.chunks_exact(m) {
+    let count = record.commands.len() / m;
+    for (k, c) in record.commands.chunks_exact(m).enumerate() {
+        if k % PROGRESS_EVERY == 0 {
+            report(progress, k as f64 / count as f64)?;
+        }
         let row = simulation.outputs_over_ground();
         let noise = d.outputs.iter().map(|port| options.noise * port.noise.unwrap_or(0.0));
         record.eta.push(simulation.eta());
@@ -134,6 +142,7 @@ pub fn record(
             simulation.shift(&shift);
         }
     }
+    report(progress, 1.0)?;
     Ok(record)
 }
 
@@ -263,23 +272,33 @@ impl Record {
     /// # Errors
     /// If the writer fails.
     pub fn write_csv(&self, writer: impl Write) -> io::Result<()> {
-        let mut out = BufWriter::with_capacity(1 << 16, writer);
-        write!(out, "t [s]")?;
-        self.inputs.iter().try_for_each(|channel| write!(out, ",{}", channel.heading("")))?;
-        write!(out, ",x [m],y [m],psi [rad]")?;
-        for suffix in ["", "_true"] {
-            self.outputs.iter().try_for_each(|channel| write!(out, ",{}", channel.heading(suffix)))?;
-        }
-        writeln!(out)?;
+        self.write(writer)
+    }
+
+    /// The log that is read from the file of [`write_csv`](Self::write_csv).
+    pub fn to_log(&self, name: &str) -> RawLog {
+        self.log(name)
+    }
+}
+
+impl Rows for Record {
+    fn channels(&self) -> Vec<Channel> {
+        let pose = [("x", "m"), ("y", "m"), ("psi", "rad")].map(|(name, unit)| Channel::new(name, unit));
+        let truth = self.outputs.iter().map(|c| Channel::new(format!("{}_true", c.name), c.unit.as_str()));
+        let (inputs, outputs) = (self.inputs.iter().cloned(), self.outputs.iter().cloned());
+        [Channel::new("t", "s")].into_iter().chain(inputs).chain(pose).chain(outputs).chain(truth).collect()
+    }
+
+    fn len(&self) -> usize {
+        self.eta.len()
+    }
+
+    fn row(&self, k: usize, values: &mut Vec<f64>) {
         let (n, m) = (self.outputs.len(), self.inputs.len());
-        for (k, eta) in self.eta.iter().enumerate() {
-            write!(out, "{}", Shortest((1e9 * k as f64 * self.dt).round() / 1e9))?;
-            let rows = self.commands[k * m..][..m].iter().chain(eta);
-            for value in rows.chain(&self.measured[k * n..][..n]).chain(&self.truth[k * n..][..n]) {
-                write!(out, ",{}", Shortest(*value))?;
-            }
-            writeln!(out)?;
-        }
-        out.flush()
+        values.push((1e9 * k as f64 * self.dt).round() / 1e9);
+        values.extend_from_slice(&self.commands[k * m..][..m]);
+        values.extend_from_slice(&self.eta[k]);
+        values.extend_from_slice(&self.measured[k * n..][..n]);
+        values.extend_from_slice(&self.truth[k * n..][..n]);
     }
 }

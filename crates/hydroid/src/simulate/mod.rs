@@ -32,5 +32,4 @@ pub use error::SimulateError;
 pub use options::Options;
 pub use record::Simulated;
 pub use run::simulate;
-pub use vessel_file::{VesselFileError, built_in, load_vessel, parse_vessel, vessel_toml};
-pub(crate) use write::Shortest;
+pub use vessel_file::{BUILT_IN, VesselFileError, built_in, load_vessel, parse_vessel, vessel_toml};

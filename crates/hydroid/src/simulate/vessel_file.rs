@@ -26,7 +26,10 @@ pub enum VesselFileError {
     },
 }
 
-/// A built-in vessel by its name: `simple`, `hydrofoil`, `hydrofoil-low-speed`.
+/// Names of the built-in vessels.
+pub const BUILT_IN: [&str; 3] = ["simple", "hydrofoil", "hydrofoil-low-speed"];
+
+/// A built-in vessel by its name, one of [`BUILT_IN`].
 pub fn built_in(name: &str) -> Option<VesselParams> {
     match name {
         "simple" => Some(VesselParams::simple()),

@@ -1,9 +1,43 @@
-//! CSV file of a simulated record.
+//! Simulated records as CSV files and logs.
 
-use std::fmt;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Write};
 
 use super::record::Simulated;
+use crate::log::{Channel, RawLog, Rows};
+
+/// Measured pose and velocities, true velocities and propeller force.
+const COLUMNS: [(&str, &str); 10] = [
+    ("x", "m"),
+    ("y", "m"),
+    ("psi", "rad"),
+    ("u", "m/s"),
+    ("v", "m/s"),
+    ("r", "rad/s"),
+    ("u_true", "m/s"),
+    ("v_true", "m/s"),
+    ("r_true", "rad/s"),
+    ("P_f_true", "N"),
+];
+
+impl Rows for Simulated {
+    fn channels(&self) -> Vec<Channel> {
+        let commands = self.command_channels().iter().map(|c| Channel::new(c.name.as_str(), c.unit.as_str()));
+        let columns = COLUMNS.map(|(name, unit)| Channel::new(name, unit));
+        let force = self.force_measured().then(|| Channel::new("P_f", "N"));
+        [Channel::new("t", "s")].into_iter().chain(commands).chain(columns).chain(force).collect()
+    }
+
+    fn len(&self) -> usize {
+        self.states().len()
+    }
+
+    fn row(&self, k: usize, values: &mut Vec<f64>) {
+        let (command, state, [u, v, r, p_f]) = (self.commands()[k], self.states()[k], self.measured()[k]);
+        values.extend([self.time(k), command.pp, command.rd, state.x, state.y, state.psi, u, v, r]);
+        values.extend([state.u, state.v, state.r, state.p_f]);
+        values.extend(self.force_measured().then_some(p_f));
+    }
+}
 
 impl Simulated {
     /// Writes the record as CSV: time, commands, measured pose and velocities, true velocities and propeller force,
@@ -12,45 +46,11 @@ impl Simulated {
     /// # Errors
     /// If the writer fails.
     pub fn write_csv(&self, writer: impl Write) -> io::Result<()> {
-        let mut out = BufWriter::with_capacity(1 << 16, writer);
-        let [propeller, rudder] = self.command_channels();
-        write!(
-            out,
-            "t [s],{} [{}],{} [{}],x [m],y [m],psi [rad],u [m/s],v [m/s],r [rad/s],\
-             u_true [m/s],v_true [m/s],r_true [rad/s],P_f_true [N]",
-            propeller.name, propeller.unit, rudder.name, rudder.unit
-        )?;
-        writeln!(out, "{}", if self.force_measured() { ",P_f [N]" } else { "" })?;
-        for (k, ((command, state), measured)) in
-            self.commands().iter().zip(self.states()).zip(self.measured()).enumerate()
-        {
-            write!(out, "{}", Shortest(self.time(k)))?;
-            let [u, v, r, p_f] = *measured;
-            for value in [
-                command.pp, command.rd, state.x, state.y, state.psi, u, v, r, state.u, state.v, state.r,
-                state.p_f,
-            ] {
-                write!(out, ",{}", Shortest(value))?;
-            }
-            if self.force_measured() {
-                write!(out, ",{}", Shortest(p_f))?;
-            }
-            writeln!(out)?;
-        }
-        out.flush()
+        self.write(writer)
     }
-}
 
-/// Shortest decimal that reads back exactly, with an exponent for very small numbers.
-pub(crate) struct Shortest(pub(crate) f64);
-
-impl fmt::Display for Shortest {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let value = self.0;
-        if value == 0.0 || (1e-5..1e16).contains(&value.abs()) {
-            value.fmt(f)
-        } else {
-            fmt::LowerExp::fmt(&value, f)
-        }
+    /// The log that is read from the file of [`write_csv`](Self::write_csv).
+    pub fn to_log(&self, name: &str) -> RawLog {
+        self.log(name)
     }
 }

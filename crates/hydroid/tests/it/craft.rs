@@ -202,7 +202,7 @@ fn trajectory(vessel: &CraftFile, seed: u64, duration_s: f64, dt: f64) -> Trajec
     let model = Model::of_craft(vessel, dt).unwrap();
     let commands = Commands::Mixed { duration_s };
     let options = RecordOptions { commands, seed, noise: 1.0, process_noise: 0.0, current: [0.0; 2] };
-    let record = record(&model, None, &options).unwrap();
+    let record = record(&model, None, &options, &mut silent()).unwrap();
     Trajectory {
         name: format!("run {seed}"),
         t0: 0.0,

@@ -432,7 +432,7 @@ fn trials_in_a_log_are_recognised_and_predicted() {
     assert_eq!((found[1].executes.as_slice(), found[1].end), (&[400][..], 700));
     assert!(found[1].heading_deg < -180.0, "to port: {}", found[1].heading_deg);
 
-    let compared = compare(&twin(), &[run]).unwrap();
+    let compared = compare(&twin(), &[run], &mut silent()).unwrap();
     assert_eq!(compared.len(), 2);
     assert!((compared[0].at_s - 15.0).abs() < 1e-9);
     for comparison in &compared {
@@ -466,7 +466,7 @@ fn process_noise_is_the_growth_of_the_errors() {
             process_noise,
             current: [0.0; 2],
         };
-        record(&model, None, &options).unwrap()
+        record(&model, None, &options, &mut silent()).unwrap()
     };
     let (still, noisy) = (simulated(0.0), simulated(2.0));
     assert_eq!(still.measured, still.truth);

@@ -8,7 +8,7 @@ use hydroid::atomic;
 use hydroid::evaluate::DesignRange;
 use hydroid::log::{Channel, ChannelSpec};
 use hydroid::model::{
-    Body, Description, Members, Model, ModelError, Port, Provenance, Reading, decode, read, write,
+    Body, Description, Members, Model, ModelError, Port, Provenance, Reading, decode, encode, read, write,
 };
 use hydroid_core::model::sparse::{Equations, Factor, Shape, Term};
 use proptest::prelude::*;
@@ -199,6 +199,23 @@ fn sound(model: &Model) {
         member.observe(&vec![0.1; n]);
         member.rollout(&vec![0.1; 3 * m], &mut work, &mut y);
     }
+}
+
+#[test]
+fn the_content_of_a_vessel_file_is_read_back() {
+    let vessels = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../vessels");
+    let paths = ["hydrofoil.toml", "mariner.toml", "otter.toml", "tug.toml"].map(|name| vessels.join(name));
+    for path in paths.iter().map(PathBuf::as_path).chain([Path::new("simple")]) {
+        let vessel = read(path).unwrap();
+        let content = encode(&vessel).unwrap();
+        let again = decode(&content, path).unwrap();
+        assert_eq!((&again, encode(&again).unwrap()), (&vessel, content), "{}", path.display());
+    }
+    assert!(matches!(decoded(b"speed = 3"), Err(ModelError::Vessel(_))));
+    assert!(matches!(decoded(b"[[thruster]]\nname = 3"), Err(ModelError::Craft(_))));
+    // Text that is no TOML, or has no key, is no vessel.
+    not_a_model(b"t,u\n0,1\n");
+    not_a_model(b"# a comment\n");
 }
 
 proptest! {

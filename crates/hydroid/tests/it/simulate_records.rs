@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 
 use hydroid::excitation::{Circle, Excitation, LawnMower, LowSpeed, Turn};
+use hydroid::log;
 use hydroid::simulate::{Options, SimulateError, Simulated, simulate};
 use hydroid_core::vessel::{Command, State, VesselParams};
 
@@ -34,6 +35,18 @@ fn top(record: &Simulated) -> f64 {
 
 fn share_above(record: &Simulated, level: f64) -> f64 {
     speeds(record).filter(|u| *u > level).count() as f64 / record.len() as f64
+}
+
+#[test]
+fn a_record_is_the_log_that_is_read_from_its_file() {
+    for vessel in [VesselParams::hydrofoil(), VesselParams::simple()] {
+        let record = run(&Options { duration_s: 5.0, ..Options::new(vessel, Excitation::Mixed) });
+        let log = record.to_log("run.csv");
+        assert_eq!(log, log::read_from(&csv(&record)[..], "run.csv").unwrap());
+        let mut bytes = Vec::new();
+        log.write_csv(&mut bytes).unwrap();
+        assert_eq!(bytes, csv(&record));
+    }
 }
 
 #[test]

@@ -15,6 +15,7 @@ mod cell;
 mod chunks;
 mod header;
 mod rows;
+mod write;
 
 use std::fs::File;
 use std::io::{ErrorKind, Read};
@@ -26,6 +27,7 @@ use super::summary::{PairSummary, Summary};
 
 pub use cell::{Cell, number};
 pub use header::{delimiter, header_columns, name_the_nameless};
+pub(crate) use write::{Rows, Shortest};
 
 /// The columns of a log file before selection.
 #[derive(Clone, Debug, PartialEq)]

@@ -14,7 +14,7 @@ use hydroid_core::model::PlantModelError;
 use safetensors::tensor::{SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
-use super::kinds::{Encoded, Structure, read_vessel};
+use super::kinds::{Encoded, Structure, parse_vessel, read_vessel};
 use super::{Description, Model};
 use crate::atomic::{self, WriteError};
 use crate::craft::CraftFileError;
@@ -161,11 +161,24 @@ pub fn read(path: &Path) -> Result<Model, ModelError> {
     decode(&std::fs::read(path).map_err(unreadable)?, path)
 }
 
-/// Reads a model from the bytes of a file; `path` is for messages only.
+/// The text of a vessel file: TOML with at least one key. The first eight bytes of a safetensors file are the length of its
+/// header, at most 100 MB, and contain zeros, which no text does.
+fn vessel_text(bytes: &[u8]) -> Option<&str> {
+    if bytes.iter().take(8).any(|byte| *byte == 0) {
+        return None;
+    }
+    let text = std::str::from_utf8(bytes).ok()?;
+    toml::from_str::<toml::Table>(text).is_ok_and(|table| !table.is_empty()).then_some(text)
+}
+
+/// Reads a model from the bytes of a file, or a vessel from the text of its file; `path` is for messages only.
 ///
 /// # Errors
 /// If the bytes are not a model, or are inconsistent.
 pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
+    if let Some(text) = vessel_text(bytes) {
+        return parse_vessel(text, path);
+    }
     let not_a_model = |reason: String| ModelError::NotAModel { path: path.to_owned(), reason };
     let inconsistent = |reason: String| ModelError::Inconsistent { path: path.to_owned(), reason };
     let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| not_a_model(e.to_string()))?;

@@ -29,7 +29,7 @@ use super::file::Tensor;
 use super::inversion::{InvertibleModel, WeightMap};
 use super::{Description, Model, NamedEquations};
 
-pub(super) use vessel::read as read_vessel;
+pub(super) use vessel::{parse as parse_vessel, read as read_vessel};
 
 pub use committee::NamedMember;
 pub use craft::NamedCraft;

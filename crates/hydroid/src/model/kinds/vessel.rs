@@ -158,12 +158,17 @@ fn model(params: &VesselParams, path: &Path) -> Result<Model, ModelError> {
 fn read_file(path: &Path) -> Result<Model, ModelError> {
     let unreadable = |source| TomlError::Read { path: path.to_owned(), source };
     let text = std::fs::read_to_string(path).map_err(|error| ModelError::Vessel(unreadable(error).into()))?;
-    if is_craft(&text) {
-        let file = craft::parse(&text, path)?;
+    parse(&text, path)
+}
+
+/// Reads a vessel from the text of a file; `path` is for messages.
+pub(in crate::model) fn parse(text: &str, path: &Path) -> Result<Model, ModelError> {
+    if is_craft(text) {
+        let file = craft::parse(text, path)?;
         return Model::of_craft(&file, VESSEL_DT_S)
             .map_err(|source| ModelError::Plant { path: path.to_owned(), source });
     }
-    let mut model = model(&parse_vessel(&text, path).map_err(ModelError::Vessel)?, path)?;
+    let mut model = model(&parse_vessel(text, path).map_err(ModelError::Vessel)?, path)?;
     // Comments that are not valid JSON are ignored.
     let history: Vec<serde_json::Value> = text
         .lines()

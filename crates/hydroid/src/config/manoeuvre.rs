@@ -1,0 +1,216 @@
+//! Settings of manoeuvring trials.
+
+use std::str::FromStr;
+
+use serde::{Deserialize, Deserializer};
+
+use super::Duration;
+use super::error::SettingError;
+use crate::manoeuvre::{ManoeuvreError, Options, TrialKind, TrialOptions, Trials, trials};
+use crate::model::Model;
+use crate::plant::InputMap;
+use crate::progress::Progress;
+
+/// Trials of one kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TrialName {
+    /// Turning circles to both sides.
+    TurningCircle,
+    /// Zigzags, first to starboard and first to port.
+    Zigzag,
+    /// Pull-outs from turns to both sides.
+    PullOut,
+    /// Direct spiral.
+    Spiral,
+    /// Acceleration from rest.
+    Acceleration,
+    /// Stopping.
+    Stopping,
+}
+
+impl TrialName {
+    /// All trials.
+    pub const ALL: [Self; 6] =
+        [Self::TurningCircle, Self::Zigzag, Self::PullOut, Self::Spiral, Self::Acceleration, Self::Stopping];
+}
+
+/// A zigzag: steering and change of heading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ZigzagAngles {
+    /// In the unit of the steering.
+    pub steering: f64,
+    /// In degrees.
+    pub heading_deg: f64,
+}
+
+impl FromStr for ZigzagAngles {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || format!("'{text}' is not STEERING/HEADING, as in 10/10 or 20/15");
+        let (steering, heading) = text.split_once('/').ok_or_else(wrong)?;
+        let positive = |text: &str| text.trim().parse().ok().filter(|x: &f64| x.is_finite() && *x > 0.0);
+        match (positive(steering), positive(heading)) {
+            (Some(steering), Some(heading_deg)) if heading_deg <= 180.0 => Ok(Self { steering, heading_deg }),
+            _ => Err(wrong()),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for ZigzagAngles {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(untagged, expecting = "a zigzag STEERING/HEADING (\"10/10\")")]
+        enum Written {
+            Text(String),
+            Pair([f64; 2]),
+        }
+        let text = match Written::deserialize(deserializer)? {
+            Written::Text(text) => text,
+            Written::Pair([steering, heading]) => format!("{steering}/{heading}"),
+        };
+        text.parse().map_err(serde::de::Error::custom)
+    }
+}
+
+/// Settings of manoeuvring trials.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Manoeuvre {
+    /// Trials; empty for all.
+    pub trials: Vec<TrialName>,
+    /// Steering of turning circle, pull-out and spiral, in the unit of the steering; default 35 degrees, or hard over.
+    pub steering: Option<f64>,
+    /// Zigzags; default 10/10 and 20/20, where the steering suffices.
+    pub zigzag: Vec<ZigzagAngles>,
+    /// Speed of the approach through the water \[m/s\]; in place of the propulsion.
+    pub speed: Option<f64>,
+    /// Propulsion of the approach, in percent of full ahead; default 85.
+    pub propulsion: Option<f64>,
+    /// Inputs that push the vessel; `-NAME` pushes astern. Default: found from the model.
+    pub push: Vec<String>,
+    /// Inputs that turn the vessel to starboard; `-NAME` turns to port. Default: found from the model.
+    pub turn: Vec<String>,
+    /// Velocity of the water, north and east \[m/s\].
+    pub current: [f64; 2],
+    /// Length of the ship \[m\], for the criteria of the IMO.
+    pub length: Option<f64>,
+    /// Longest trial; default one hour.
+    pub longest: Option<Duration>,
+}
+
+/// The trials that settings ask for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrialPlan {
+    /// Which inputs push and turn the vessel.
+    pub map: InputMap,
+    /// The trials.
+    pub kinds: Vec<TrialKind>,
+    /// Options.
+    pub options: TrialOptions,
+}
+
+impl TrialPlan {
+    /// Runs the trials; `None` if `progress` cancels.
+    ///
+    /// # Errors
+    /// See [`trials`].
+    pub fn run(&self, model: &Model, progress: Progress<'_>) -> Result<Option<Trials>, ManoeuvreError> {
+        trials(model, &self.map, &self.kinds, &self.options, progress)
+    }
+}
+
+fn wrong<T>(message: String) -> Result<T, SettingError> {
+    Err(SettingError::Option(message))
+}
+
+impl Manoeuvre {
+    /// The trials of a model.
+    ///
+    /// # Errors
+    /// If the inputs of the model cannot be found, or an option is out of range.
+    pub fn plan(&self, model: &Model) -> Result<TrialPlan, SettingError> {
+        let map = InputMap::with(model, &self.push, &self.turn)?;
+        let kinds = self.kinds(&map)?;
+        let options = self.options()?;
+        Ok(TrialPlan { map, kinds, options })
+    }
+
+    fn kinds(&self, map: &InputMap) -> Result<Vec<TrialKind>, SettingError> {
+        let full = map.steering().full;
+        let unit = map.steering().unit;
+        let relative = |stated: f64, option: &str| {
+            if stated.is_nan() || stated <= 0.0 {
+                return wrong(format!(
+                    "{option} {stated}: the steering must be greater than 0; both sides are tried"
+                ));
+            }
+            if stated > full * (1.0 + 1e-9) {
+                return wrong(format!(
+                    "{option} {stated}: hard over is {full:.4} {unit} for this vessel: give at most that"
+                ));
+            }
+            Ok((stated / full).min(1.0))
+        };
+        let usual = if unit == "deg" { full.min(35.0) } else { full };
+        let hard = relative(self.steering.unwrap_or(usual), "--steering")?;
+        let chosen = if self.trials.is_empty() { &TrialName::ALL[..] } else { &self.trials };
+        let mut kinds = Vec::new();
+        for trial in chosen {
+            match trial {
+                TrialName::TurningCircle => {
+                    kinds.extend([hard, -hard].map(|steering| TrialKind::TurningCircle { steering }));
+                }
+                TrialName::Zigzag => {
+                    let usual =
+                        [10.0, 20.0].map(|angle| ZigzagAngles { steering: angle, heading_deg: angle });
+                    let usual = usual.into_iter().filter(|angles| angles.steering <= full).collect();
+                    let zigzags = if self.zigzag.is_empty() { &usual } else { &self.zigzag };
+                    if zigzags.is_empty() {
+                        return wrong(format!(
+                            "hard over is {full:.4} {unit} for this vessel, less than a zigzag 10/10 needs: give smaller angles, as in --zigzag 5/5"
+                        ));
+                    }
+                    for &ZigzagAngles { steering, heading_deg } in zigzags {
+                        let steering = relative(steering, "--zigzag")?;
+                        let zigzag = |steering| TrialKind::Zigzag { steering, heading_deg };
+                        kinds.extend([steering, -steering].map(zigzag));
+                    }
+                }
+                TrialName::PullOut => kinds.push(TrialKind::PullOut { steering: hard }),
+                TrialName::Spiral => kinds.push(TrialKind::Spiral { steering: hard, steps: 24 }),
+                TrialName::Acceleration => kinds.push(TrialKind::Acceleration),
+                TrialName::Stopping => kinds.push(TrialKind::Stopping),
+            }
+        }
+        Ok(kinds)
+    }
+
+    fn options(&self) -> Result<TrialOptions, SettingError> {
+        let default = TrialOptions::default();
+        if self.speed.is_some() && self.propulsion.is_some() {
+            return wrong(String::from("--speed and --propulsion both state the approach: give one of them"));
+        }
+        if let Some(percent) = self.propulsion.filter(|percent| !(*percent > 0.0 && *percent <= 100.0)) {
+            return wrong(format!(
+                "--propulsion {percent}: give percent of full ahead, greater than 0 and at most 100"
+            ));
+        }
+        if let Some(length) = self.length.filter(|length| !(length.is_finite() && *length > 0.0)) {
+            return wrong(format!("--length {length}: give metres, greater than 0"));
+        }
+        if self.current.iter().any(|velocity| !velocity.is_finite()) {
+            return wrong(String::from("--current: give two velocities in m/s, north and east"));
+        }
+        Ok(TrialOptions {
+            approach: Options {
+                propulsion: self.propulsion.map_or(default.approach.propulsion, |percent| 0.01 * percent),
+                speed_m_s: self.speed,
+            },
+            longest_s: self.longest.map_or(default.longest_s, |longest| longest.0),
+            current: self.current,
+            length_m: self.length,
+        })
+    }
+}
