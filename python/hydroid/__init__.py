@@ -22,7 +22,7 @@ from ._evaluate import Evaluation, evaluate
 from ._identify import Identification, Judgement, identify
 from ._options import LogWarning
 from ._logs import Rollouts, prepare, rollouts
-from ._plots import plot_horizon, plot_rollouts, plot_track
+from ._plots import plot_horizon, plot_manoeuvre, plot_rollouts, plot_track
 from ._sweep import Sweep, Task, fit, fleet, gather, grid, random_search, sweep
 from ._vessels import (
     ComparedTrack,
@@ -63,6 +63,7 @@ __all__ = [
     "manoeuvres",
     "Model",
     "plot_horizon",
+    "plot_manoeuvre",
     "plot_rollouts",
     "plot_track",
     "Prediction",

@@ -11,6 +11,7 @@ from ._evaluate import Evaluation
 from ._hydroid import Model, Run
 from ._identify import Identification
 from ._logs import prepare, rollouts
+from ._vessels import Comparisons, Track, Trials
 
 Axes = Any
 
@@ -176,10 +177,9 @@ def plot_track(tracks: Any, *, label: str | None = None, ax: Any = None, **optio
 
     Parameters
     ----------
-    tracks : Run, Log, path, list of these, or mapping with ``x`` and ``y``
+    tracks : Run, Log, path, Track, mapping with ``x`` and ``y``, or list of these
         Runs need the outputs u, v and r; their positions are integrated from the start of the run, with the heading if
-        the run has one. A mapping has arrays of north ``x`` and east ``y`` [m], as tracks of closed loops and
-        manoeuvres have.
+        the run has one. A track, or a mapping, has arrays of north ``x`` and east ``y`` [m].
     label : str, optional
     ax : matplotlib axes, optional
     **options
@@ -191,10 +191,11 @@ def plot_track(tracks: Any, *, label: str | None = None, ax: Any = None, **optio
     """
     if ax is None:
         _, ax = _pyplot().subplots(figsize=(5.0, 5.0), layout="constrained")
-    given = tracks if isinstance(tracks, (list, tuple)) else [tracks]
+    given = [tracks] if isinstance(tracks, Track) or not isinstance(tracks, (list, tuple)) else tracks
     for track in given:
-        if isinstance(track, Mapping):
-            ax.plot(track["y"], track["x"], label=label)
+        if isinstance(track, (Mapping, Track)):
+            x, y = (track["x"], track["y"]) if isinstance(track, Mapping) else (track.x, track.y)
+            ax.plot(y, x, label=label or getattr(track, "title", None))
             continue
         runs = [track] if isinstance(track, Run) else prepare(track, **options)
         for run in runs:
@@ -210,3 +211,60 @@ def plot_track(tracks: Any, *, label: str | None = None, ax: Any = None, **optio
     if ax.get_legend_handles_labels()[0]:
         ax.legend()
     return ax
+
+
+def plot_manoeuvre(
+    trials: Union[Trials, Comparisons, Mapping[str, Union[Trials, Comparisons]]],
+    *,
+    trial: int | Sequence[int] | None = None,
+    axes: Any = None,
+) -> Axes:
+    """Draw trials: the tracks from above, and the heading over time.
+
+    Parameters
+    ----------
+    trials : Trials, Comparisons, or mapping from labels to these
+        Trials of a model, or those of logs, measured and predicted.
+    trial : int or list of int, optional
+        Numbers of the trials; default: all. A spiral has no track.
+    axes : sequence of two matplotlib axes, optional
+
+    Returns
+    -------
+    ndarray of two matplotlib axes
+        The tracks, and the heading [deg] since the order.
+    """
+    labelled = trials if isinstance(trials, Mapping) else {"": trials}
+    wanted = None if trial is None else {trial} if isinstance(trial, int) else set(trial)
+    if axes is None:
+        _, axes = _pyplot().subplots(1, 2, figsize=(9.0, 4.0), layout="constrained")
+    if len(axes) != 2:
+        raise ValueError(f"axes: expected 2 axes, got {len(axes)}")
+    above, heading = axes
+    drawn = 0
+    for i, (label, given) in enumerate(labelled.items()):
+        tracks: list[tuple[str, Track]] = []
+        for track in given.tracks:
+            if isinstance(track, Track):
+                tracks.append(("", track))
+            else:
+                tracks += [("measured", track.measured), ("predicted", track.predicted)]
+        for kind, track in tracks:
+            if wanted is not None and track.trial not in wanted:
+                continue
+            # One colour for a label, else for a track; what is predicted beside a measurement is dashed.
+            colour = f"C{i if label else track.trial if kind else drawn}"
+            line = {"color": colour, "linestyle": "--" if kind == "predicted" else "-"}
+            name = ", ".join(part for part in (label, track.title, kind) if part)
+            above.plot(track.y, track.x, label=name, **line)
+            heading.plot(track.t, np.degrees(track.psi), **line)
+            drawn += 1
+    if not drawn:
+        raise ValueError(f"trial: expected a trial with a track, got {trial!r}")
+    above.set_aspect("equal", adjustable="datalim")
+    above.set_xlabel("east [m]")
+    above.set_ylabel("north [m]")
+    above.legend(fontsize="small")
+    heading.set_xlabel("t [s]")
+    heading.set_ylabel("heading [deg]")
+    return np.asarray(axes, dtype=object)

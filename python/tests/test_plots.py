@@ -57,3 +57,20 @@ def test_a_track_of_a_circle():
     assert given is ax and [text.get_text() for text in ax.get_legend().get_texts()][-1] == "again"
     with pytest.raises(ValueError, match="^tracks: expected runs with the outputs u, v, r"):
         hydroid.plot_track(log, outputs="u,r", inputs="n")
+
+
+def test_trials_and_their_tracks():
+    trials = hydroid.manoeuvres("simple", "turning-circle")
+    axes = hydroid.plot_manoeuvre(trials)
+    lines = axes[0].get_lines()
+    assert len(lines) == len(trials.tracks) == 2
+    for line, track in zip(lines, trials.tracks):
+        np.testing.assert_array_equal(line.get_xdata(), track.y)
+        np.testing.assert_array_equal(line.get_ydata(), track.x)
+    np.testing.assert_allclose(axes[1].get_lines()[0].get_ydata(), np.degrees(trials.tracks[0].psi))
+    one = hydroid.plot_manoeuvre({"a": trials, "b": trials}, trial=trials.tracks[0].trial)
+    assert [text.get_text().split(",")[0] for text in one[0].get_legend().get_texts()] == ["a", "b"]
+    ax = hydroid.plot_track(trials.tracks[0])
+    assert len(ax.get_lines()) == 1 and trials.tracks[0].title in ax.get_legend().get_texts()[0].get_text()
+    with pytest.raises(ValueError, match="^trial: expected a trial with a track, got 99"):
+        hydroid.plot_manoeuvre(trials, trial=99)

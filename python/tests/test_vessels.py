@@ -262,7 +262,7 @@ def test_a_log_is_saved_with_its_values(files, tmp_path):
     assert (again.columns, again.units) == (log.columns, log.units)
     for name in log.columns:
         np.testing.assert_array_equal(again[name], log[name])
-    with pytest.raises(OSError, match="file"):
+    with pytest.raises(OSError, match="run0.csv/below"):
         log.save(files[0] / "below")
 
 
