@@ -29,3 +29,7 @@ pub mod predict;
 pub mod rate_limit;
 pub mod vessel;
 mod visit;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

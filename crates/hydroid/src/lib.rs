@@ -35,7 +35,11 @@ pub mod sindy;
 pub mod toml_file;
 pub mod train;
 
-/// The examples of the page on the Rust API.
+/// The examples of the page on the Rust API, to which the package has a link.
 #[cfg(doctest)]
-#[doc = include_str!("../../../docs/rust-api.md")]
+#[doc = include_str!("../rust-api.md")]
 struct RustApiPage;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

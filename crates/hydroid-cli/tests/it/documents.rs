@@ -45,9 +45,10 @@ fn links(text: &str) -> Vec<(usize, String)> {
 #[test]
 fn links_have_targets() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let mut pages: Vec<PathBuf> = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md"]
-        .map(|name| root.join(name))
-        .into();
+    let mut pages: Vec<PathBuf> =
+        ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "RELEASING.md", "CHANGELOG.md"]
+            .map(|name| root.join(name))
+            .into();
     for entry in fs::read_dir(root.join("docs")).unwrap() {
         let path = entry.unwrap().path();
         pages.extend(path.extension().is_some_and(|e| e == "md").then_some(path));

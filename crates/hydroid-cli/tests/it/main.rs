@@ -24,6 +24,7 @@ mod kills;
 mod low_speed;
 mod manoeuvre;
 mod networks;
+mod packages;
 mod study;
 mod thesis;
 mod vessel_files;

@@ -8,8 +8,29 @@
 //! ```
 //! use hydroid::craft::parse;
 //!
-//! let file = parse(include_str!("../../../../vessels/otter.toml"), "otter.toml".as_ref())?;
+//! let text = r#"
+//! name = "launch"
+//! rigid_body = { mass = 400.0, x_g = 0.1, i_z = 900.0 }         # kg, m, kg m^2
+//! added_mass = { x_udot = -30.0, y_vdot = -250.0, n_rdot = -500.0 }
+//! drag = { linear = [60.0, 300.0, 400.0], quadratic = [20.0, 200.0, 300.0] }
+//! command = [{ name = "throttle", limits = [-1.0, 1.0] }, { name = "steering", limits = [-1.0, 1.0] }]
+//!
+//! [[thruster]]
+//! name = "port"
+//! position = [-2.0, -0.6]                      # m: forward, starboard
+//! order = { throttle = 100.0, steering = 30.0 } # rad/s for a command of 1
+//! forward = 0.02                               # N for an order of 1
+//! reverse = 0.01
+//!
+//! [[thruster]]
+//! name = "starboard"
+//! like = "port"
+//! position = [-2.0, 0.6]
+//! order = { throttle = 100.0, steering = -30.0 }
+//! "#;
+//! let file = parse(text, "launch.toml".as_ref())?;
 //! assert_eq!(file.craft.commands.len(), 2);
+//! assert_eq!(file.craft.thrusters.len(), 2);
 //! # Ok::<(), hydroid::craft::CraftFileError>(())
 //! ```
 
