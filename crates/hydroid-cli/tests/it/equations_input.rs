@@ -186,3 +186,46 @@ fn band_coverage_is_reported_for_ensembles() {
     let document: serde_json::Value = serde_json::from_slice(&evaluate(&["--json"]).stdout).unwrap();
     assert!(document.get("band_coverage").is_none());
 }
+
+/// A decay test: `du/dt = -0.2 u |u|`, `dr/dt = -0.5 r`, without commands.
+fn decay(folder: &TempDir, name: &str, start: [f64; 2]) {
+    let mut lines = vec![String::from("t [s],u [m/s],r [rad/s]")];
+    let [u, r] = start;
+    for k in 0..300 {
+        let t = 0.1 * f64::from(k);
+        lines.push(format!("{t:.1},{:.9},{:.9}", u / (1.0 + 0.2 * u * t), r * (-0.5 * t).exp()));
+    }
+    fs::write(folder.path().join(name), lines.join("\n")).unwrap();
+}
+
+#[test]
+fn a_vessel_without_commands() {
+    let folder = TempDir::new().unwrap();
+    for (name, start) in [("a.csv", [2.0, 0.2]), ("b.csv", [3.0, 0.1]), ("c.csv", [1.5, 0.3])] {
+        decay(&folder, name, start);
+    }
+    let run = |args: &str| hydroid(folder.path(), &args.split(' ').collect::<Vec<_>>());
+    let error = run("identify a.csv b.csv --methods sindy -o out");
+    assert_eq!(error.status.code(), Some(2));
+    let message = String::from_utf8(error.stderr).unwrap();
+    assert!(message.contains("write --inputs none if there are no commands"), "{message}");
+    let options = "--outputs u,r --inputs none --horizon 20 --methods sindy --lag none --gate none";
+    let found = run(&format!("identify a.csv b.csv c.csv {options} -o out -q"));
+    assert_eq!(found.status.code(), Some(0), "{}", String::from_utf8_lossy(&found.stderr));
+    let model = run("inspect out/sindy.safetensors");
+    let text = String::from_utf8(model.stdout).unwrap();
+    assert!(text.contains("-0.2000 u |u|") && text.contains("-0.5000 r"), "{text}");
+    for command in ["evaluate", "adapt"] {
+        let done = run(&format!("{command} out/sindy.safetensors a.csv"));
+        assert_eq!(done.status.code(), Some(0), "{command}: {}", String::from_utf8_lossy(&done.stderr));
+    }
+    let lines = r#"{"t":0.0,"u":2.0,"r":0.1}
+{"t":0.1,"u":1.92,"r":0.095}
+"#;
+    let mut stream = Command::cargo_bin("hydroid").unwrap();
+    stream.current_dir(folder.path()).args(["adapt", "out/sindy.safetensors", "-", "--stream"]);
+    let answer = stream.write_stdin(lines).output().unwrap();
+    let text = String::from_utf8(answer.stdout).unwrap();
+    assert_eq!(text.lines().count(), 2, "{text}{}", String::from_utf8_lossy(&answer.stderr));
+    assert!(text.lines().all(|line| !line.contains("\"error\"")), "{text}");
+}

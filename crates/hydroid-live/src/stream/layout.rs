@@ -198,7 +198,7 @@ fn object(
     let selection = &reading.selection;
     let wind = selection.wind.iter().flat_map(|wind| [&wind.speed, &wind.direction]);
     let outputs: Vec<&ChannelSpec> = selection.outputs.iter().collect();
-    let commands: Vec<&ChannelSpec> = selection.inputs.iter().chain(wind).collect();
+    let commands: Vec<&ChannelSpec> = selection.named_inputs(&log).iter().chain(wind).collect();
     let heading: Vec<&ChannelSpec> = selection.heading.iter().collect();
     // A steered vessel applies the commands of the answers.
     let least = if steered { 0 } else { commands.len() };

@@ -145,8 +145,7 @@ fn resolve_all(
     }
     let mut all = vec![first];
     for log in &logs[1..] {
-        let inputs = if concrete.has_no_inputs(log) { &[] } else { &concrete.inputs[..] };
-        let selected = concrete.outputs.iter().chain(inputs);
+        let selected = concrete.outputs.iter().chain(concrete.named_inputs(log));
         let wind = concrete.wind.iter().flat_map(|w| [&w.speed, &w.direction]);
         for spec in selected.chain(wind) {
             if resolve::locate(log, spec).is_none() {

@@ -225,6 +225,12 @@ impl Selection {
         })
     }
 
+    /// The inputs as they are named; none if the selection states that there are no inputs.
+    #[doc(hidden)]
+    pub fn named_inputs(&self, log: &RawLog) -> &[ChannelSpec] {
+        if self.has_no_inputs(log) { &[] } else { &self.inputs }
+    }
+
     /// Whether the selection states that there are no inputs.
     pub(crate) fn has_no_inputs(&self, log: &RawLog) -> bool {
         let [input] = &self.inputs[..] else { return false };
