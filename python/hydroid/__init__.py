@@ -7,6 +7,7 @@ in SI units and radians. Sample ``k`` is the measurement ``y[k]`` at ``t[k]`` an
 
 from ._hydroid import (
     Adapter,
+    ControlStep,
     Log,
     Model,
     Prediction,
@@ -16,6 +17,7 @@ from ._hydroid import (
     __version__,
     read_log,
 )
+from ._control import ClosedLoop, Controller, Guard, Limits, Plan, Planner, Track, control
 from ._evaluate import Evaluation, evaluate
 from ._identify import Identification, Judgement, identify
 from ._options import LogWarning
@@ -23,17 +25,26 @@ from ._logs import prepare, rollouts
 
 __all__ = [
     "Adapter",
+    "ClosedLoop",
+    "ControlStep",
+    "Controller",
     "Evaluation",
+    "Guard",
     "Identification",
     "Judgement",
+    "Limits",
     "Log",
     "LogWarning",
     "Model",
+    "Plan",
+    "Planner",
     "Prediction",
     "Run",
     "Session",
     "Step",
+    "Track",
     "__version__",
+    "control",
     "evaluate",
     "identify",
     "prepare",

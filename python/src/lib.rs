@@ -1,15 +1,18 @@
 //! The compiled part of the Python package `hydroid`.
 //!
 //! Order of the modules, bottom to top: `error` (exceptions), `work` (long calls that Python can interrupt), `arrays`
-//! and `settings` (arguments), `log` (logs and runs), `model` (models and their sessions), `evaluate`, `identify`, `adapt`.
+//! and `settings` (arguments), `log` (logs and runs), `model` (models and their sessions), `evaluate`, `identify`, `adapt`, `control` (closed loops),
+//! `on_board` (controllers and planner, sample by sample).
 
 mod adapt;
 mod arrays;
+mod control;
 mod error;
 mod evaluate;
 mod identify;
 mod log;
 mod model;
+mod on_board;
 mod settings;
 mod work;
 
@@ -23,6 +26,8 @@ mod _hydroid {
     #[pymodule_export]
     use super::adapt::{Adapter, Prediction, Step};
     #[pymodule_export]
+    use super::control::{ClosedLoop, control};
+    #[pymodule_export]
     use super::evaluate::evaluate;
     #[pymodule_export]
     use super::identify::{Identification, identify};
@@ -30,6 +35,8 @@ mod _hydroid {
     use super::log::{Log, Run, prepare, read_log};
     #[pymodule_export]
     use super::model::{Model, Session};
+    #[pymodule_export]
+    use super::on_board::{ControlStep, Controller, Planner, command_limits};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -42,7 +42,7 @@ impl Model {
     }
 }
 
-fn of_model(error: ModelError) -> PyErr {
+pub(crate) fn of_model(error: ModelError) -> PyErr {
     match error {
         ModelError::Read { ref source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
             PyFileNotFoundError::new_err(error.to_string())
@@ -290,7 +290,7 @@ fn follow(
 /// A session of a model on one run.
 #[pyclass(module = "hydroid")]
 pub(crate) struct Session {
-    session: Box<dyn Predictor>,
+    pub(crate) session: Box<dyn Predictor>,
     work: Workspace,
 }
 

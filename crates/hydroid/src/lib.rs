@@ -5,7 +5,7 @@
 //! `faults` (sensor faults), `simulate` (commands to logs), `craft` (vessel files with any actuators), `model` (identified models and their files),
 //! `plant` (models that run freely), `manoeuvre` (manoeuvring trials), `sindy`
 //! (sparse regression), `grey_box` (numbers of a vessel file from logs), `committee` (difference equations combined by cross-validation), `adapt` (online adaptation along a log), `train` (networks), `closed_loop` (controllers on a
-//! simulated vessel), `identify` (from runs to an evaluated model), `config` (its settings as data).
+//! simulated vessel), `identify` (from runs to an evaluated model), `config` (settings of identification and closed loop as data).
 //!
 //! Items that are hidden in this documentation serve the other crates of the workspace and its tests. They are no part
 //! of the API.

@@ -1,8 +1,10 @@
-//! Settings of an identification as data, for the command line, its file `hydroid.toml` and other front ends.
+//! Settings of an identification, and of a closed loop ([`control`]), as data, for the command line, its file
+//! `hydroid.toml` and other front ends.
 //!
 //! [`Config`] has the sections of the file, all optional. [`Config::job`] prepares logs and makes the
 //! [`Job`](crate::identify::Job) of [`identify`](crate::identify::identify).
 
+pub mod control;
 mod job;
 mod quantity;
 
