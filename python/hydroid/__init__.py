@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ._hydroid import (
     Adapter,
+    ControlStep,
     Log,
     Model,
     Prediction,
@@ -18,12 +19,13 @@ from ._hydroid import (
     __version__,
     read_log,
 )
+from ._control import ClosedLoop, ClosedLoopTrack, Controller, Guard, Limits, Plan, Planner, control
 from ._evaluate import Evaluation, evaluate
 from ._identify import Identification, Judgement, identify
 from ._options import LogWarning
 from ._logs import Rollouts, prepare, rollouts
 from ._plots import plot_horizon, plot_manoeuvre, plot_rollouts, plot_track
-from ._sweep import Sweep, Task, fit, fleet, gather, grid, random_search, sweep
+from ._sweep import Sweep, Task, closed_loop, fit, fleet, gather, grid, random_search, sweep
 from ._vessels import (
     ComparedTrack,
     Comparisons,
@@ -42,10 +44,16 @@ if TYPE_CHECKING:
 __all__ = [
     "__version__",
     "Adapter",
+    "closed_loop",
+    "ClosedLoop",
+    "ClosedLoopTrack",
     "Committee",
     "compare_manoeuvres",
     "ComparedTrack",
     "Comparisons",
+    "control",
+    "Controller",
+    "ControlStep",
     "DirectPredictor",
     "evaluate",
     "Evaluation",
@@ -54,14 +62,18 @@ __all__ = [
     "gather",
     "grid",
     "GRU",
+    "Guard",
     "Identification",
     "identify",
     "Judgement",
+    "Limits",
     "Log",
     "LogWarning",
     "LSTM",
     "manoeuvres",
     "Model",
+    "Plan",
+    "Planner",
     "plot_horizon",
     "plot_manoeuvre",
     "plot_rollouts",

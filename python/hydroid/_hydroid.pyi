@@ -7,6 +7,8 @@ from typing import Any, Union, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._control import Guard
+
 __version__: str
 
 Array = NDArray[np.float64]
@@ -248,16 +250,16 @@ class Adapter:
     Parameters
     ----------
     model : Model
-    guard : bool
-        Whether a guard checks the sensors and bounds the errors by those of the unchanged model.
+    guard : bool or Guard
+        Whether a guard checks the sensors and bounds the errors by those of the unchanged model, or its options.
     noise_logs : Log, path, Run, or list of these, optional
         Logs from which the noise is estimated where the model file does not state it.
     **options
-        Over the defaults of the kind of model: ``method``, ``least_squares``, ``kalman``, ``guard``, ``current_m_s``,
-        for example ``kalman={"weight_variance": 1e-3}``.
+        Over the defaults of the kind of model: ``method``, ``least_squares``, ``kalman``, ``current_m_s``, for example
+        ``kalman={"weight_variance": 1e-3}``.
     """
 
-    def __new__(cls, model: Model, *, guard: bool = True, noise_logs: Any = None, **options: Any) -> Adapter: ...
+    def __new__(cls, model: Model, *, guard: bool | Guard = True, noise_logs: Any = None, **options: Any) -> Adapter: ...
     def step(self, command: ArrayLike | None, output: ArrayLike, heading: float | None = None) -> Step:
         """Advance under the command since the last sample, and learn from the measurement now.
 
@@ -322,6 +324,108 @@ class Step:
     @property
     def predicted_by(self) -> str | None:
         """``adapted`` or ``reference``; None without a guard."""
+
+@final
+class ClosedLoop:
+    def document(self) -> dict[str, Any]: ...
+    def json(self) -> str: ...
+    def metrics(self) -> dict[str, Any]: ...
+    def held(self) -> bool: ...
+    def csv(self) -> str: ...
+    def report(self, command: str) -> str: ...
+    def run(self) -> Run: ...
+    def track(self) -> dict[str, Any]: ...
+
+def control(
+    plant: Model | str | os.PathLike[str],
+    model: Model | str | os.PathLike[str] | None,
+    options: dict[str, Any],
+    guard: bool | Guard,
+    training_log: Any = None,
+    training_time: float = 200.0,
+    threads: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> ClosedLoop: ...
+
+@final
+class ControlStep:
+    """What a controller did with a sample."""
+
+    @property
+    def command(self) -> Array:
+        """The command until the next sample, shape (inputs,)."""
+    @property
+    def status(self) -> str:
+        """``tracking``, ``rate_limited``, ``saturated``, ``lost``, ``singular``, ``blind``, or ``arrived`` at the end of
+        the path, where the commands are at rest."""
+    @property
+    def arrived(self) -> bool: ...
+    @property
+    def pose(self) -> Array:
+        """Measured or predicted pose: north, east [m] and heading [rad]; NaN is unknown."""
+    @property
+    def estimate(self) -> Array:
+        """Estimate of the outputs, shape (outputs,)."""
+    @property
+    def reference(self) -> Array:
+        """North, east [m], course [rad] and speed [m/s] of the reference."""
+    @property
+    def distance(self) -> float:
+        """Distance of the controlled point from the reference [m]."""
+    @property
+    def cross_track(self) -> float:
+        """Cross-track error of the controlled point [m], positive to starboard of the path."""
+
+@final
+class Controller:
+    def __new__(
+        cls,
+        model: Model | str | os.PathLike[str],
+        options: dict[str, Any],
+        guard: bool | Guard,
+        training_log: Any,
+        training_time: float,
+        threads: int | None,
+        progress: Callable[[float], object] | None,
+    ) -> Controller: ...
+    def step(
+        self, pose: ArrayLike, outputs: ArrayLike, samples: int = 1, gap_s: float | None = None
+    ) -> ControlStep: ...
+    def planned(self, samples: int) -> Array: ...
+    @property
+    def weights(self) -> Array: ...
+    @property
+    def dt(self) -> float: ...
+    @property
+    def output_names(self) -> list[str]: ...
+    @property
+    def input_names(self) -> list[str]: ...
+    @property
+    def limits(self) -> dict[str, tuple[float, float, float, float]]: ...
+    @property
+    def state(self) -> bytes: ...
+    @state.setter
+    def state(self, state: bytes) -> None: ...
+
+@final
+class Planner:
+    def __new__(
+        cls,
+        model: Model,
+        limits: list[tuple[float, ...]],
+        counts: list[int],
+        weights: list[float],
+        effort: list[float],
+        rate: list[float],
+        distances: list[float],
+        seed: int,
+    ) -> Planner: ...
+    def plan(
+        self, session: Session, pose: ArrayLike, reference: ArrayLike
+    ) -> tuple[Array, Array, Array, float, int, str]: ...
+    def reset(self) -> None: ...
+
+def command_limits(model: Model) -> list[tuple[float, float, float, float]]: ...
 
 @final
 class Identification:

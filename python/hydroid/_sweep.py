@@ -24,6 +24,7 @@ from typing import Any, NamedTuple, Protocol, Union
 import numpy as np
 
 from . import _hydroid
+from ._control import control
 from ._hydroid import Log, Model
 from ._identify import identify
 from ._options import Bar
@@ -91,6 +92,34 @@ def fit(
         record[f"grade_{output}"] = grades.get(output)
     record["warnings"] = len(found.warnings)
     return best.to_bytes(), record
+
+
+def closed_loop(
+    plant: Any,
+    model: Any = None,
+    options: Mapping[str, Any] | None = None,
+    seed: int = 0,
+) -> tuple[None, dict[str, Any]]:
+    """Simulate a closed loop on one thread: the task of a Monte Carlo sweep over conditions and controllers.
+
+    Parameters
+    ----------
+    plant, model : Model, path or name
+        As in `control`.
+    options : mapping, optional
+        Further options of `control`.
+    seed : int
+
+    Returns
+    -------
+    None
+        There is no file.
+    record : dict
+        The metrics of the run besides computing times: ``rms_position`` [m], ``rms_cross_track`` [m], ``rms_speed`` [m/s],
+        ``max_cross_track`` [m], ``settled_after`` [s], ``saturated``, ``held``, ``diverged``, ``violations`` and others.
+    """
+    metrics = control(plant, model, seed=seed, threads=1, **(options or {})).metrics
+    return None, {name: value for name, value in metrics.items() if not isinstance(value, Mapping)}
 
 
 @dataclass(frozen=True)

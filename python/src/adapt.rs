@@ -7,12 +7,12 @@ use hydroid::fingerprint::Fingerprint;
 use hydroid::model;
 use hydroid_core::adapt::{Adapter as Learns, Outcome, Rejection};
 use hydroid_core::predict::Workspace;
-use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
+use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
-use crate::arrays::{shaped, table};
-use crate::error::{internal, unfit, value};
+use crate::arrays::{row, shaped, table};
+use crate::error::{expected, internal, unfit, value};
 use crate::log::{reading, runs};
 use crate::model::Model;
 use crate::{settings, work};
@@ -30,14 +30,51 @@ pub(crate) struct Adapter {
     estimate: Vec<f64>,
 }
 
+/// The argument `guard`.
+pub(crate) enum Guarding {
+    Default,
+    None,
+    /// Options over the defaults.
+    Options(toml::Value),
+}
+
+impl Guarding {
+    pub(crate) fn of(given: &Bound<'_, PyAny>) -> PyResult<Self> {
+        if let Ok(wanted) = given.extract::<bool>() {
+            return Ok(if wanted { Self::Default } else { Self::None });
+        }
+        let py = given.py();
+        if !given.is_instance(&py.import("hydroid")?.getattr("Guard")?)? {
+            return Err(expected("guard", "True, False or a Guard", given.get_type().name()?));
+        }
+        let fields = py.import("dataclasses")?.call_method1("asdict", (given,))?;
+        settings::table(fields.cast::<PyDict>()?).map(Self::Options)
+    }
+}
+
+/// Options with those of a guard.
+pub(crate) fn with_guard(options: Options, guarding: &Guarding) -> PyResult<Options> {
+    let Guarding::Options(given) = guarding else { return Ok(options) };
+    merged(&options, toml::Table::from_iter([("guard".to_owned(), given.clone())]).into())
+}
+
 /// Options over the defaults of a model.
-fn options(model: &model::Model, guard: bool, given: Option<&Bound<'_, PyDict>>) -> PyResult<Options> {
+fn options(
+    model: &model::Model,
+    guarding: &Guarding,
+    given: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Options> {
     let options = Options::of(model);
-    let options = if guard { options.guarded(model) } else { options };
+    let options = if matches!(guarding, Guarding::None) { options } else { options.guarded(model) };
+    let options = with_guard(options, guarding)?;
     let Some(given) = given else { return Ok(options) };
+    merged(&options, settings::table(given)?)
+}
+
+fn merged(options: &Options, given: toml::Value) -> PyResult<Options> {
     // TOML has infinite numbers, and leaves out what is not set.
-    let mut all = toml::Value::try_from(&options).map_err(internal)?;
-    merge(&mut all, settings::table(given)?);
+    let mut all = toml::Value::try_from(options).map_err(internal)?;
+    merge(&mut all, given);
     all.try_into().map_err(|error: toml::de::Error| value(error.message()))
 }
 
@@ -68,16 +105,17 @@ impl Adapter {
 #[pymethods]
 impl Adapter {
     #[new]
-    #[pyo3(signature = (model, *, guard=true, noise_logs=None, **options))]
+    #[pyo3(signature = (model, *, guard=None, noise_logs=None, **options))]
     fn new(
         py: Python<'_>,
         model: PyRef<'_, Model>,
-        guard: bool,
+        guard: Option<&Bound<'_, PyAny>>,
         noise_logs: Option<&Bound<'_, PyAny>>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let model = Arc::clone(&model.model);
-        let options = self::options(&model, guard, options)?;
+        let guarding = guard.map_or(Ok(Guarding::Default), Guarding::of)?;
+        let options = self::options(&model, &guarding, options)?;
         let given = match noise_logs {
             Some(logs) => runs(py, "noise_logs", logs, &reading(Some(&model.description.reading), None)?)?,
             None => Vec::new(),
@@ -202,20 +240,6 @@ impl Adapter {
     fn __repr__(&self) -> String {
         format!("Adapter of {}", self.model.description.name)
     }
-}
-
-/// A row of numbers; an array of doubles is read in place.
-fn row(argument: &str, given: &Bound<'_, PyAny>, width: usize, with: impl FnOnce(&[f64])) -> PyResult<()> {
-    if let Ok(array) = given.extract::<PyReadonlyArray1<'_, f64>>()
-        && let Ok(slice) = array.as_slice()
-        && slice.len() == width
-    {
-        with(slice);
-        return Ok(());
-    }
-    let (array, _) = shaped(argument, given, [Some(width)], "channels")?;
-    with(array.as_slice()?);
-    Ok(())
 }
 
 /// Predicted outputs at horizons.

@@ -1,6 +1,8 @@
 //! Arguments that are arrays.
 
-use numpy::{PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::{
+    PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods,
+};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -63,6 +65,25 @@ pub(crate) fn shaped<'py, const N: usize>(
             Err(unfit(argument, format!("shape ({})", want.join(", ")), format!("{:?}", array.shape())))
         }
     }
+}
+
+/// A row of numbers; an array of doubles is read in place.
+pub(crate) fn row(
+    argument: &str,
+    given: &Bound<'_, PyAny>,
+    width: usize,
+    with: impl FnOnce(&[f64]),
+) -> PyResult<()> {
+    if let Ok(array) = given.extract::<PyReadonlyArray1<'_, f64>>()
+        && let Ok(slice) = array.as_slice()
+        && slice.len() == width
+    {
+        with(slice);
+        return Ok(());
+    }
+    let (array, _) = shaped(argument, given, [Some(width)], "channels")?;
+    with(array.as_slice()?);
+    Ok(())
 }
 
 /// A new array of two dimensions.

@@ -10,6 +10,21 @@ pub(crate) fn value(error: impl Display) -> PyErr {
     PyValueError::new_err(as_keywords(&error.to_string()))
 }
 
+/// As [`value`], with the causes of the error.
+pub(crate) fn chain(error: &dyn std::error::Error) -> PyErr {
+    let mut text = error.to_string();
+    let mut next = error.source();
+    while let Some(cause) = next {
+        let words = cause.to_string();
+        // Many messages contain that of their cause.
+        if !text.contains(&words) {
+            text = format!("{text}: {words}");
+        }
+        next = cause.source();
+    }
+    value(text)
+}
+
 pub(crate) fn os(error: impl Display) -> PyErr {
     PyOSError::new_err(error.to_string())
 }

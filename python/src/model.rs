@@ -464,7 +464,7 @@ fn follow(
 /// A session of a model on one run.
 #[pyclass(module = "hydroid")]
 pub(crate) struct Session {
-    session: Box<dyn Predictor>,
+    pub(crate) session: Box<dyn Predictor>,
     work: Workspace,
 }
 

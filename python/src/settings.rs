@@ -37,6 +37,10 @@ fn setting(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
     if let Ok(items) = given.cast::<PyTuple>() {
         return list(items.iter().collect());
     }
+    // Arrays, and numbers of NumPy.
+    if given.hasattr("tolist")? {
+        return setting(name, &given.call_method0("tolist")?);
+    }
     if given.is_instance_of::<PyBool>() {
         return Ok(Some(Value::Boolean(given.extract()?)));
     }

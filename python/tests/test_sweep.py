@@ -274,6 +274,18 @@ def test_a_fleet_from_a_table(files, tmp_path):
         hydroid.fleet([{"vessel": "a", "log": "x", "role": "test"}])
 
 
+def test_monte_carlo_of_closed_loops(tmp_path):
+    options = {"controller": "fl", "radius": 10.0, "duration": 60.0, "speed": 1.0, "evaluate_from": 30.0}
+    arguments = {"plant": "simple", "model": "simple", "options": options}
+    tasks = hydroid.grid(hydroid.closed_loop, arguments, {"options.mass": [1.0, 1.2], "seed": [0, 1]})
+    sweep = hydroid.sweep(tasks, tmp_path, backend="serial")
+    assert not sweep.failed and [record["options.mass"] for record in sweep.records] == [1.0, 1.0, 1.2, 1.2]
+    whole = hydroid.control("simple", "simple", seed=1, mass=1.2, **options)
+    assert sweep.records[3]["rms_position"] == whole.metrics["rms_position"]
+    assert len({record["rms_position"] for record in sweep.records}) == 4
+    assert all("file" not in record for record in sweep.records)
+
+
 def test_errors_name_the_argument(tmp_path):
     with pytest.raises(ValueError, match="^backend: expected one of serial"):
         hydroid.sweep(squares(1), tmp_path, backend="slurm")

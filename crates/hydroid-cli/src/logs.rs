@@ -84,16 +84,8 @@ pub fn training_logs(
             prepare(std::slice::from_ref(file), reading).with_context(|| cannot_use(path, model))?;
         ui::print_notes(&prepared.notes, global);
         model.check(&prepared.runs)?;
-        let mut left = seconds;
-        for run in prepared.runs {
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-            // a number of samples, rounded; a cast saturates
-            let samples = (left / run.dt).round() as usize;
-            let samples = samples.min(run.len());
-            training.replayed.extend((samples > 0).then(|| run.slice(0, samples)));
-            left -= samples as f64 * run.dt;
-            training.rehearsed.push(run);
-        }
+        training.replayed.extend(log::beginning(&prepared.runs, seconds));
+        training.rehearsed.extend(prepared.runs);
     }
     Ok(training)
 }

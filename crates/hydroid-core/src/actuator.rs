@@ -164,7 +164,10 @@ impl Limits {
 }
 
 /// Clamps a command sequence (one row for each sample of `dt` seconds) to its limits and, from `last` on, rate limits.
-pub(crate) fn clamp_to_limits(sequence: &mut [f64], last: &[f64], limits: &[Limits], dt: f64) {
+///
+/// # Panics
+/// If `last` is shorter than `limits`, not finite, or not within them.
+pub fn clamp_to_limits(sequence: &mut [f64], last: &[f64], limits: &[Limits], dt: f64) {
     let inputs = limits.len();
     for (i, limits) in limits.iter().enumerate() {
         let (mut before, change) = (last[i], limits.rate * dt);

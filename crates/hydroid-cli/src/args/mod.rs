@@ -19,10 +19,7 @@ use hydroid::config;
 use hydroid::log::{CommandTiming, InputDelay};
 
 pub use adapt::{Adapt, AnswerArgs, KalmanArgs, Learner, LeastSquaresArgs};
-pub use control::{
-    AdaptationArgs, Control, ControllerArgs, ControllerKind, DisturbanceArgs, MonteCarloArgs, TaskArgs,
-    TaskKind, TimingKind,
-};
+pub use control::{Control, ControllerKind, TaskKind, TimingKind};
 pub use hydroid::config::{Duration, Horizon};
 pub use identify::Identify;
 pub use manoeuvre::Manoeuvre;

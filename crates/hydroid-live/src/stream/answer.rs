@@ -5,10 +5,9 @@ use std::io::Write as _;
 use hydroid_core::adapt::Outcome;
 use hydroid_core::predict::Current;
 
-use super::pilot::Pilot;
 use super::session::Session;
 use hydroid::adapt::{BAND_80, BAND_95};
-use hydroid::closed_loop::Guided;
+use hydroid::closed_loop::{Guided, Pilot};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Status {

@@ -27,7 +27,6 @@ mod layout;
 mod line;
 mod lines;
 mod persistence;
-mod pilot;
 mod session;
 mod state;
 mod summary;
@@ -46,6 +45,7 @@ use commands::Commands;
 use hydroid::adapt::Coverage;
 use hydroid::adapt::events::{EventText, names};
 use hydroid::atomic::WriteError;
+use hydroid::closed_loop::longest_gap;
 use hydroid::evaluate::DesignRange;
 use hydroid::fingerprint::Fingerprint;
 use hydroid::log::{CommandTiming, LogError, Note};
@@ -56,9 +56,9 @@ use line::Sample;
 use persistence::{SAVE_INTERVAL_S, StateFile};
 use session::{Session, Transition};
 
+pub use hydroid::closed_loop::Pilot;
 pub use layout::Position;
 pub use lines::{LONGEST_LINE, Line, Lines};
-pub use pilot::Pilot;
 pub use state::State;
 pub(crate) use state::differences;
 pub use summary::{LineCounts, Summary};
@@ -79,11 +79,6 @@ fn bounds(port: &Port) -> [f64; 2] {
     let trained = port.training_range.map_or(0.0, |range| range.high - range.low);
     let scale = [high - low, trained, low.abs(), high.abs(), 1.0].into_iter().fold(0.0, f64::max);
     [low - MOST_WIDTHS * scale, high + MOST_WIDTHS * scale]
-}
-
-/// Default of the longest gap of a run \[s\].
-fn longest_gap(dt: f64) -> f64 {
-    (10.0 * dt).max(1.0)
 }
 
 /// Options of a stream.

@@ -5,10 +5,9 @@ use hydroid_core::predict::{Predictor as _, Workspace};
 
 use super::commands::Commands;
 use super::line::Sample;
-use super::pilot::{Elapsed, Pilot, Seen};
 use crate::black_box::{BlackBoxError, Recorder, RecordingAdapter};
 use hydroid::adapt::{BAND_80, BAND_95};
-use hydroid::closed_loop::ModelSession;
+use hydroid::closed_loop::{Elapsed, ModelSession, Pilot, Seen};
 use hydroid::log::Note;
 
 /// The adapter along a stream. It does not allocate after the first sample.

@@ -52,6 +52,7 @@ pub use {
 pub enum Method {
     /// Recursive least squares on increments of the measured state.
     #[default]
+    #[serde(alias = "least-squares")]
     LeastSquares,
     /// Extended Kalman filter over coefficients and outputs.
     Kalman,

@@ -42,7 +42,7 @@ pub struct Observation<'a> {
 }
 
 /// Maps the observation of each sample to a command.
-pub trait ClosedLoopController: Send {
+pub trait ClosedLoopController: Send + Sync {
     /// Distance of the controlled point ahead of the vessel's origin \[m\].
     fn lead(&self) -> f64;
 
@@ -89,7 +89,7 @@ pub struct ControlLaw<C> {
     pub actuators: Vec<Option<usize>>,
 }
 
-impl<C: Controller + Send> ClosedLoopController for ControlLaw<C> {
+impl<C: Controller + Send + Sync> ClosedLoopController for ControlLaw<C> {
     fn lead(&self) -> f64 {
         self.lead
     }

@@ -97,7 +97,7 @@ impl<L: InvertingLaw> InvertingController<L> {
     }
 }
 
-impl<L: InvertingLaw + Send> ClosedLoopController for InvertingController<L> {
+impl<L: InvertingLaw + Send + Sync> ClosedLoopController for InvertingController<L> {
     fn lead(&self) -> f64 {
         self.lead
     }

@@ -9,7 +9,7 @@ use hydroid_core::control::{
     AdaptiveAugmentation, AdaptiveAugmentationOptions, Backstepping, BacksteppingOptions,
     FeedbackLinearization, FeedbackLinearizationOptions,
 };
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::autopilot::{AutopilotController, AutopilotGains};
 use super::channel_map::ChannelMap;
@@ -36,7 +36,7 @@ const BANDWIDTH: [f64; 2] = [1.5, 0.7];
 const RATE_PER_S: f64 = 1.0;
 
 /// Control method.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ControlMethod {
     /// [`FeedbackLinearization`].
     #[serde(rename = "fl")]
@@ -281,7 +281,7 @@ impl ControllerOptions {
         }
     }
 
-    fn inverted<L: InvertingLaw + Send + 'static>(
+    fn inverted<L: InvertingLaw + Send + Sync + 'static>(
         &self,
         law: L,
         channels: ChannelMap,

@@ -111,8 +111,8 @@ impl TruePlant {
     }
 }
 
-/// Limits of the inputs of a model.
-pub(super) fn limits_of(model: &Model) -> Vec<Limits> {
+/// Limits of the inputs of a model: their ranges, and the limits of the rates that the model states.
+pub fn limits_of(model: &Model) -> Vec<Limits> {
     let limits = |port: &crate::model::Port| {
         let range = [port.range.low, port.range.high];
         let limits = Limits::between(range).with_rest(crate::plant::neutral(range));

@@ -1,15 +1,16 @@
 //! Generation of the reference and of its preview.
 
 use hydroid_core::guidance::{PathReference, Reference, TimedReference};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::track::Track;
 
 /// Parameter that moves the reference along its path.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Timing {
-    /// Time: trajectory tracking.
+    /// Time: trajectory tracking. As an option it is `time`.
+    #[serde(rename(deserialize = "time"))]
     Clock,
     /// Projection of the vessel on the path: path following at the speed of the profile.
     Path,

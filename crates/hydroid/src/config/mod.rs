@@ -2,8 +2,9 @@
 //!
 //! [`Config`] has the sections of the file, all optional. [`Config::job`] prepares logs and makes the
 //! [`Job`](crate::identify::Job) of [`identify`](crate::identify::identify). [`Simulate`] has the settings of a simulated
-//! log, and [`Manoeuvre`] those of manoeuvring trials.
+//! log, [`Manoeuvre`] those of manoeuvring trials, and [`control`] those of a closed loop.
 
+pub mod control;
 mod error;
 mod job;
 mod manoeuvre;

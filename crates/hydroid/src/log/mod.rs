@@ -40,7 +40,7 @@ pub use note::{Note, Severity};
 pub use prepare::{PrepareOptions, Prepared, prepare};
 pub use selection::{ChannelSpec, Selection, Wind};
 pub(crate) use split::validation_run;
-pub use split::{Split, split_named, split_runs};
+pub use split::{Split, beginning, split_named, split_runs};
 pub use trajectory::{Channel, Table, Trajectory};
 #[doc(hidden)]
 pub use {

@@ -21,6 +21,19 @@ pub struct Split {
     pub notes: Vec<Note>,
 }
 
+/// The first `seconds` of the runs of a log.
+pub fn beginning(runs: &[Trajectory], seconds: f64) -> Vec<Trajectory> {
+    let (mut left, mut begun) = (seconds, Vec::new());
+    for run in runs {
+        // A number of samples, rounded; a cast saturates.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let samples = ((left / run.dt).round() as usize).min(run.len());
+        begun.extend((samples > 0).then(|| run.slice(0, samples)));
+        left -= samples as f64 * run.dt;
+    }
+    begun
+}
+
 /// Ends of the training and the validation block of a single run, as shares of its length.
 const BLOCKS: [f64; 2] = [0.6, 0.8];
 /// Smallest and largest share of all samples in a run for validation or test.

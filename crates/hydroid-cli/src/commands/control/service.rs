@@ -3,13 +3,11 @@
 use std::path::Path;
 
 use anyhow::{Context, ensure};
-use hydroid::adapt;
 use hydroid::atomic::Lock;
-use hydroid::closed_loop::{ControllerOptions, Scenario};
-use hydroid::model::Model;
+use hydroid::config::control::{ClosedLoopOptions, Setup};
 use hydroid_live::black_box::{Recorder, Source};
-use hydroid_live::stream::{Options, Pilot, Position, Stream};
-use serde_json::{Value, json};
+use hydroid_live::stream::{Options, Position, Stream};
+use serde_json::json;
 
 use super::super::Outcome;
 use super::super::adapt::{blackbox, stream};
@@ -17,7 +15,7 @@ use crate::args::{Control, Global};
 use crate::{logs, outputs};
 
 /// Refuses options that only a simulation has.
-pub(super) fn check_options(args: &Control) -> anyhow::Result<()> {
+pub(super) fn check_options(args: &Control, options: &ClosedLoopOptions) -> anyhow::Result<()> {
     if args.stream.is_none() {
         let given = &args.service;
         ensure!(
@@ -26,42 +24,22 @@ pub(super) fn check_options(args: &Control) -> anyhow::Result<()> {
         );
         return Ok(());
     }
-    let unknown = &args.disturbances;
-    let refused = [
-        ("--plant", args.plant.is_some()),
-        ("--output", args.output.is_some()),
-        ("--runs", args.monte_carlo.runs != 1),
-        ("--duration", args.task.duration.is_some()),
-        ("--start", args.task.start.is_some()),
-        ("--evaluate-from", args.controller.evaluate_from.is_some()),
-        ("--noise", unknown.noise != 1.0),
-        ("--process-noise", unknown.process_noise != 0.0),
-        ("--current", unknown.current.0 != [0.0; 2]),
-        ("--wind", unknown.wind.0 != [0.0; 2]),
-        ("--gusts", unknown.gusts.0[0] != 0.0),
-        ("--mass", unknown.mass != 1.0),
-        ("--delay", unknown.delay != 0.0),
-        ("--onset", unknown.onset.is_some()),
-    ];
-    for (option, is_given) in refused {
+    for (option, is_given) in [("--plant", args.plant.is_some()), ("--output", args.output.is_some())] {
         ensure!(!is_given, "{option} belongs to a simulated run: leave it out with a live stream");
     }
-    Ok(())
+    Ok(options.check_on_board()?)
 }
 
 pub(super) struct Steered<'a> {
     pub(super) stream: &'a Path,
     pub(super) file: &'a Path,
-    pub(super) model: &'a Model,
-    pub(super) scene: &'a Scenario,
-    pub(super) steering: &'a ControllerOptions,
-    pub(super) controller: &'a Value,
-    pub(super) task: &'a Value,
-    pub(super) origin_deg: Option<[f64; 2]>,
+    pub(super) setup: &'a Setup,
 }
 
 pub(super) fn run(args: &Control, global: Global, steered: &Steered<'_>) -> anyhow::Result<Outcome> {
-    let Steered { model, scene, steering, .. } = *steered;
+    let setup = steered.setup;
+    let Setup { model, scenario, controller, origin_deg, .. } = setup;
+    let model = &**model;
     let written = [
         ("--state", args.service.answers.state.as_deref()),
         ("--black-box", args.service.black_box.as_deref()),
@@ -72,25 +50,21 @@ pub(super) fn run(args: &Control, global: Global, steered: &Steered<'_>) -> anyh
     let locks = written.into_iter().flatten().map(|path| Lock::new(path)).collect::<Result<_, _>>()?;
     let source = stream::Lined::of(steered.stream);
     let reading = &model.description.reading;
-    let learning = steering.adapt.clone().unwrap_or_else(|| adapt::Options::of(model));
-    let (mut adapter, used) = adapt::adapter(model, &learning, &[])
+    let learning = setup.learning();
+    let (mut adapter, used) = setup
+        .adapter()
         .context("the service follows the vessel with a model that can be adapted, and this one cannot")?;
-    let weights = if steering.adapt.is_some() {
+    if controller.adapt.is_some() {
         let files = &args.adaptation.training_log;
         let of = (steered.file, model);
         logs::training_logs(files, args.adaptation.training_time.0, of, reading, global)?
             .remember(adapter.as_mut());
-        Some(adapter.guard().map_or_else(|| adapter.weights(), |guard| guard.active_weights()).len())
-    } else {
-        adapter.freeze(true);
-        None
-    };
-    let pilot = Pilot::new(steering, scene.track.clone(), args.disturbances.seed, weights)
-        .context("this controller cannot be used with this model")?;
+    }
+    let pilot = setup.pilot(adapter.as_ref()).context("this controller cannot be used with this model")?;
     let given = &args.service;
     let recorder = match &given.black_box {
         Some(path) => {
-            ensure!(steering.adapt.is_some(), "--black-box records what a model learns: add --adapt");
+            ensure!(controller.adapt.is_some(), "--black-box records what a model learns: add --adapt");
             let settings = blackbox::recording(path, given.black_box_minutes, steered.file)?;
             let described = json!({ "learning": used, "reading": reading });
             let source = Source::Stream(&source.name);
@@ -105,13 +79,20 @@ pub(super) fn run(args: &Control, global: Global, steered: &Steered<'_>) -> anyh
         timing: given.answers.timing,
     };
     let mut live = Stream::new(model, adapter, options)?;
-    live.steer(pilot, Position { origin_deg: steered.origin_deg })?;
+    live.steer(pilot, Position { origin_deg: *origin_deg })?;
     if let Some(path) = &given.answers.state {
         let settings = json!({
             "adaptation": used,
             "guard": learning.guard,
-            "controller": steered.controller,
-            "task": steered.task,
+            "controller": setup.description(),
+            "task": {
+                "path": setup.task,
+                "pace": setup.pace,
+                "dt_s": scenario.dt_s,
+                "tolerance_m": scenario.tolerance,
+                "limits": format!("{:?}", scenario.limits),
+                "origin_deg": origin_deg,
+            },
             "seed": args.disturbances.seed,
         });
         let fingerprint = stream::model_fingerprint(steered.file, model)?;

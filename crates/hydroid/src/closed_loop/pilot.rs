@@ -1,10 +1,13 @@
-//! Steering along a live stream: from each sample to a command.
+//! Steering on board: from each sample to a command.
 
-use hydroid::closed_loop::{
-    ClosedLoopController, ClosedLoopError, ControllerOptions, Guidance, Guided, Measured, ModelSession, Track,
-};
 use hydroid_core::actuator::Limits;
 use hydroid_core::control::Status;
+
+use super::controller::{ClosedLoopController, ModelSession};
+use super::error::ClosedLoopError;
+use super::guidance::{Guidance, Guided, Measured};
+use super::options::ControllerOptions;
+use super::track::Track;
 
 /// A controller on its track. It keeps the pose: a missing position or heading is predicted from the velocities for the
 /// longest gap of the stream; without it the controller is blind.
@@ -31,9 +34,14 @@ pub struct Pilot {
     guided: Option<Guided>,
 }
 
+/// Default of the longest gap of a run with samples of `dt` seconds \[s\].
+pub fn longest_gap(dt: f64) -> f64 {
+    (10.0 * dt).max(1.0)
+}
+
 /// The way from the last sample to the present one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Elapsed {
+pub enum Elapsed {
     /// The first sample of a stream.
     Start,
     /// Steps of the model.
@@ -43,13 +51,18 @@ pub(super) enum Elapsed {
 }
 
 /// A sample with the state of the model.
-pub(super) struct Seen<'a> {
-    pub(super) pose: [f64; 3],
-    pub(super) outputs: &'a [f64],
-    pub(super) estimate: &'a [f64],
-    pub(super) session: ModelSession<'a>,
+#[derive(Clone, Copy, Debug)]
+pub struct Seen<'a> {
+    /// Pose `[x, y, psi]` in north, east \[m\] and clockwise from north \[rad\]; NaN is missing.
+    pub pose: [f64; 3],
+    /// Measured outputs of the model; NaN is missing.
+    pub outputs: &'a [f64],
+    /// Estimate of the outputs.
+    pub estimate: &'a [f64],
+    /// Session of the model after this measurement.
+    pub session: ModelSession<'a>,
     /// Longest gap \[s\].
-    pub(super) max_gap_s: f64,
+    pub max_gap_s: f64,
 }
 
 impl Pilot {
@@ -92,34 +105,38 @@ impl Pilot {
         })
     }
 
-    pub(super) fn adapts(&self) -> bool {
+    /// Whether the weights of the model change.
+    pub fn adapts(&self) -> bool {
         self.adapts
     }
 
     /// Limits of the actuators.
-    pub(super) fn limits(&self) -> &[Limits] {
+    pub fn limits(&self) -> &[Limits] {
         &self.limits
     }
 
     /// The command in force.
-    pub(super) fn command(&self) -> &[f64] {
+    pub fn command(&self) -> &[f64] {
         &self.command
     }
 
-    pub(super) fn guided(&self) -> Option<&Guided> {
+    /// Reference, errors and status of the last sample; `None` before the first one and at rest.
+    pub fn guided(&self) -> Option<&Guided> {
         self.guided.as_ref()
     }
 
-    pub(super) fn eta(&self) -> [f64; 3] {
+    /// The pose, measured or predicted; NaN is unknown.
+    pub fn eta(&self) -> [f64; 3] {
         self.eta
     }
 
-    pub(super) fn motion(&self) -> [usize; 3] {
+    /// Places of `u`, `v` and `r` among the outputs of the model.
+    pub fn motion(&self) -> [usize; 3] {
         self.motion
     }
 
     /// Status of the command.
-    pub(super) fn status(&self) -> &'static str {
+    pub fn status(&self) -> &'static str {
         if self.arrived {
             "arrived"
         } else {
@@ -128,12 +145,12 @@ impl Pilot {
     }
 
     /// The planned command of a later sample; the command in force without a plan.
-    pub(super) fn planned(&self, later: usize) -> &[f64] {
+    pub fn planned(&self, later: usize) -> &[f64] {
         if self.arrived { &self.rest } else { self.law.planned(later).unwrap_or(&self.command) }
     }
 
     /// Computes the command of a sample.
-    pub(super) fn steer(&mut self, elapsed: Elapsed, seen: &Seen<'_>) {
+    pub fn steer(&mut self, elapsed: Elapsed, seen: &Seen<'_>) {
         let elapsed_s = match elapsed {
             Elapsed::Start => f64::INFINITY,
             Elapsed::Steps(steps) => steps as f64 * self.dt_s,
@@ -177,7 +194,7 @@ impl Pilot {
     }
 
     /// Brings the command to rest until the next sample.
-    pub(super) fn rest(&mut self) {
+    pub fn rest(&mut self) {
         self.command.copy_from_slice(&self.rest);
         self.guided = None;
     }
@@ -206,7 +223,7 @@ impl Pilot {
     }
 
     /// Visits all numbers from which the pilot continues.
-    pub(super) fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+    pub fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
         self.law.visit_state(visit);
         self.guidance.visit_state(visit);
         for number in self.eta.iter_mut().chain(&mut self.nu).chain(&mut self.unmeasured_s) {

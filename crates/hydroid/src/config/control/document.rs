@@ -1,0 +1,188 @@
+//! Simulations, and their documents.
+
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::options::ClosedLoopOptions;
+use super::setup::Setup;
+use crate::closed_loop::{
+    self, ClosedLoopController, ClosedLoopError, Conditions, ControlMethod, Metrics, MonteCarlo, Run,
+    TruePlant, TunedAutopilot,
+};
+use crate::progress::Progress;
+
+/// A simulated closed loop.
+#[derive(Clone, Debug)]
+pub struct Simulated {
+    /// The run; the first one of Monte Carlo trials.
+    pub run: Run,
+    /// Metrics of the run.
+    pub metrics: Metrics,
+    /// Monte Carlo trials, if there is more than one run.
+    pub trials: Option<MonteCarlo>,
+}
+
+impl Simulated {
+    /// Whether the vessel stayed on track and no command was beyond a limit, in all trials.
+    pub fn is_sound(&self) -> bool {
+        match &self.trials {
+            Some(trials) => trials.held == trials.runs && trials.violations == 0,
+            None => self.metrics.held && self.metrics.violations == 0,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, Serialize)]
+#[serde(untagged)]
+enum Outcome<'a> {
+    Run(&'a Metrics),
+    Trials(&'a MonteCarlo),
+}
+
+/// The document of `hydroid control --json`.
+#[derive(Clone, Debug, Serialize)]
+pub struct Document<'a> {
+    #[serde(flatten)]
+    outcome: Outcome<'a>,
+    controller: Value,
+    tuning: Option<&'a TunedAutopilot>,
+    plant: &'a str,
+    task: Value,
+    conditions: &'a Conditions,
+}
+
+impl Setup {
+    /// Monte Carlo trials; `None` if the options have a single run.
+    ///
+    /// # Errors
+    /// As [`monte_carlo`](closed_loop::monte_carlo()).
+    pub fn trials(&self, progress: Progress<'_>) -> Result<Option<MonteCarlo>, ClosedLoopError> {
+        let ClosedLoopOptions { runs, .. } = self.options;
+        if runs == 1 {
+            return Ok(None);
+        }
+        let dispersion = self.options.dispersion(&self.scenario.plant);
+        let Self { controller, scenario, conditions, from_s, .. } = self;
+        closed_loop::monte_carlo(controller, scenario, conditions, &dispersion, runs, *from_s, progress)
+            .map(Some)
+    }
+
+    /// Simulates the run, or the first one of trials.
+    ///
+    /// # Errors
+    /// As [`run`](closed_loop::run()).
+    pub fn simulate(
+        &self,
+        controller: &mut dyn ClosedLoopController,
+        trials: Option<MonteCarlo>,
+        progress: Progress<'_>,
+    ) -> Result<Simulated, ClosedLoopError> {
+        let first = trials.as_ref().and_then(|trials| trials.trials.first());
+        let conditions = first.map_or(self.conditions, |trial| trial.conditions);
+        let run = closed_loop::run(&self.scenario, &conditions, controller, progress)?;
+        let metrics = Metrics::of(&run, self.from_s);
+        Ok(Simulated { run, metrics, trials })
+    }
+
+    /// The document of a simulation.
+    pub fn document<'a>(
+        &'a self,
+        simulated: &'a Simulated,
+        tuned: Option<&'a TunedAutopilot>,
+    ) -> Document<'a> {
+        let Self { scenario, task, pace, scale, response, .. } = self;
+        Document {
+            outcome: simulated.trials.as_ref().map_or(Outcome::Run(&simulated.metrics), Outcome::Trials),
+            controller: self.description(),
+            tuning: tuned,
+            plant: scenario.plant.name(),
+            task: json!({
+                "path": task,
+                "pace": pace,
+                "duration_s": scenario.duration_s,
+                "dt_s": scenario.dt_s,
+                "tolerance_m": scenario.tolerance,
+                "scale": scale,
+                "response": response,
+            }),
+            conditions: &self.conditions,
+        }
+    }
+
+    /// The controller in documents.
+    pub fn description(&self) -> Value {
+        let controller = &self.controller;
+        let mut description = json!({
+            "kind": controller.method,
+            "model": self.model_name,
+            "lead_m": controller.lead,
+            "reference": controller.timing,
+            "adapt": controller.adapt.is_some(),
+        });
+        match controller.method {
+            ControlMethod::FeedbackLinearization => {
+                description["bandwidth"] = json!(controller.bandwidth);
+                description["integral"] = json!(controller.integral);
+                description["adaptive_augmentation"] = json!(controller.learned.is_some());
+            }
+            ControlMethod::Backstepping => description["rate_per_s"] = json!(controller.rate),
+            ControlMethod::CrossEntropy => {
+                let (p, cost) = (&controller.planner, &controller.cost);
+                description["horizon"] = json!(p.horizon);
+                description["hold"] = json!(p.hold);
+                description["candidates"] = json!(p.candidates);
+                description["iterations"] = json!(p.iterations);
+                description["gauss_newton_steps"] = json!(p.gauss_newton_steps);
+                description["cost_weights"] = json!([cost.position, cost.heading, cost.speed]);
+            }
+            ControlMethod::Autopilot => {}
+        }
+        description
+    }
+
+    /// Heading of the report.
+    pub fn title(&self) -> String {
+        format!("Closed loop of {}: {}", self.scenario.plant.name(), self.controller.method.name())
+    }
+
+    /// Settings in the report: name and value.
+    pub fn facts(&self) -> Vec<(String, String)> {
+        let Self { options, controller, scenario, .. } = self;
+        let words = match controller.method {
+            ControlMethod::FeedbackLinearization if controller.learned.is_some() => {
+                "feedback linearization of a point ahead of the vessel, with adaptive augmentation"
+            }
+            ControlMethod::FeedbackLinearization => "feedback linearization of a point ahead of the vessel",
+            ControlMethod::Backstepping => "backstepping of a point ahead of the vessel",
+            ControlMethod::CrossEntropy => "model predictive control by the cross-entropy method",
+            ControlMethod::Autopilot => "line of sight, PID on the heading, PI on the speed",
+        };
+        let mut facts: Vec<(String, String)> = Vec::new();
+        let mut add = |name: &str, value: String| facts.push((name.to_owned(), value));
+        add("Controller", words.to_owned());
+        if let (Some(model), Some(name)) = (&controller.model, &self.model_name) {
+            let adapted = if controller.adapt.is_some() { ", adapted online" } else { "" };
+            add("Model", format!("{name} ({}){adapted}", model.kind()));
+        }
+        let kind = match &scenario.plant {
+            TruePlant::Vessel(_) => String::new(),
+            TruePlant::Model(model) => format!(" ({}, {})", model.kind(), self.plant_name),
+        };
+        add("Plant", format!("{}{kind}", scenario.plant.name()));
+        let turn = options.turn_speed.map(|turn| format!(", {turn} m/s in turns")).unwrap_or_default();
+        let track = &scenario.track;
+        let speed = if track.is_station { String::new() } else { format!(", {:.3} m/s{turn}", track.cruise) };
+        add("Task", format!("{}{speed}", options.task.name()));
+        let ClosedLoopOptions { noise, mass, delay, seed, .. } = options;
+        let [[north, east], [to_north, to_east], [gust, gust_s]] =
+            [options.current, options.wind, options.gusts];
+        let onset = options.onset.map(|onset| format!(" (from {} s on)", onset.0)).unwrap_or_default();
+        add(
+            "Conditions",
+            format!(
+                "noise × {noise}, current {north}, {east} m/s, wind {to_north}, {to_east} N, gusts {gust} N ({gust_s} s), mass × {mass}{onset}, delay {delay} s, seed {seed}"
+            ),
+        );
+        facts
+    }
+}

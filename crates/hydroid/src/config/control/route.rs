@@ -1,0 +1,81 @@
+//! Reference path and speed of a task.
+
+use super::error::{SetupError, ensure};
+use super::options::{ClosedLoopOptions, TaskKind};
+use crate::closed_loop::{Scale, SpeedOptions, Task, Waypoints};
+use crate::manoeuvre::Response;
+
+/// Path, speed, and origin of way-points that are latitudes and longitudes \[deg\].
+pub(super) struct Route {
+    pub(super) task: Task,
+    pub(super) pace: SpeedOptions,
+    pub(super) origin_deg: Option<[f64; 2]>,
+}
+
+impl Route {
+    pub(super) fn of(
+        given: &ClosedLoopOptions,
+        scale: Scale,
+        response: Option<&Response>,
+    ) -> Result<Self, SetupError> {
+        let radius = given.radius.unwrap_or(15.0 * scale.radius);
+        let cruise = given.speed.or(response.map(|response| response.speed_m_s)).unwrap_or(1.5);
+        if let Some(Response { turning_radius_m, speed_m_s, .. }) =
+            response.filter(|_| given.task != TaskKind::Station)
+        {
+            ensure(
+                radius > *turning_radius_m || given.turn_speed.is_some_and(|turn| turn < *speed_m_s),
+                || {
+                    format!(
+                        "--radius {radius}: at {speed_m_s:.2} m/s, the model turns with a radius of {turning_radius_m:.1} m with the steering hard over: give a larger --radius, or a --turn-speed below {speed_m_s:.2}"
+                    )
+                },
+            )?;
+        }
+        let mut origin_deg = None;
+        let mut points = || match (&given.points, &given.waypoints) {
+            (Some(points), _) => Ok(points.clone()),
+            (None, Some(file)) => {
+                let waypoints = Waypoints::read(file)?;
+                origin_deg = waypoints.origin_deg;
+                Ok(waypoints.points)
+            }
+            (None, None) => Err(SetupError::option(
+                "waypoints are missing: give them as --points '0,0;60,0;60,40' (north,east in metres), or as a CSV or GPX file with --waypoints",
+            )),
+        };
+        let task = match given.task {
+            TaskKind::Circle => Task::Circle { radius },
+            TaskKind::LawnMower => Task::LawnMower {
+                leg: given.leg.unwrap_or(60.0 * scale.radius),
+                spacing: given.spacing.unwrap_or(2.0 * radius),
+                legs: given.legs.unwrap_or(4),
+                radius,
+            },
+            TaskKind::Waypoints => Task::Waypoints { points: points()?, radius: Some(radius) },
+            TaskKind::Legs => Task::Waypoints { points: points()?, radius: None },
+            TaskKind::Station => station(given)?,
+        };
+        let acceleration = given.acceleration.unwrap_or_else(|| match response {
+            // A tenth of the acceleration at full ahead.
+            Some(response) => 0.1 * response.surge_gain_m_s / response.surge_time_s,
+            None => 0.2,
+        });
+        let pace = SpeedOptions { cruise, turn: given.turn_speed, acceleration };
+        Ok(Self { task, pace, origin_deg })
+    }
+}
+
+fn station(given: &ClosedLoopOptions) -> Result<Task, SetupError> {
+    let position = match given.points.as_deref() {
+        None => [0.0; 2],
+        Some([point]) => *point,
+        Some(points) => {
+            return Err(SetupError::option(format!(
+                "--points has {} points: a station is one point, as in --points 20,-5 (north,east in metres)",
+                points.len()
+            )));
+        }
+    };
+    Ok(Task::Station { position, heading: given.heading.unwrap_or(0.0).to_radians() })
+}
