@@ -73,6 +73,8 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
         -------
         self
         """
+        if np.isscalar(y):
+            raise TypeError(f"y: expected None, since y is not used; write t={y!r} for the sample time")
         logs, outputs, inputs = self._logs(x, t, u, feature_names, least=3)
         options = {
             name: value
@@ -165,6 +167,12 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
         if inputs and u is None and not _is_own(x):
             raise ValueError(f"u: expected the commands {', '.join(inputs)}, got None; or give runs as hydroid.Log")
         logs, _, _ = self._logs(x, t, u, [*outputs, *inputs], width=len(outputs))
+        for log in [] if _is_own(x) else logs:
+            steps = np.diff(log[_TIME])
+            if steps.size and not np.isclose(np.median(steps), self.model_.dt, rtol=1e-3, atol=0.0):
+                raise ValueError(
+                    f"t: expected the sample time of the model, {self.model_.dt:g} s, got {np.median(steps):g} s"
+                )
         return evaluate(self.model_, logs, horizon=self.horizon, threads=self.n_jobs, **options)
 
     def simulate(self, x0: ArrayLike, t: Any, u: Any = None) -> NDArray[np.float64]:
@@ -190,7 +198,8 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
             times = np.asarray(t, dtype=np.float64)
             steps = np.diff(times)
             if times.ndim != 1 or steps.size and not np.allclose(steps, model.dt, rtol=1e-3, atol=0.0):
-                raise ValueError(f"t: expected times with the sample time of the model, {model.dt:g} s, got {t!r}")
+                found = f"steps of {np.median(steps):g} s" if steps.size else f"shape {times.shape}"
+                raise ValueError(f"t: expected times with the sample time of the model, {model.dt:g} s, got {found}")
         inputs = np.array([u(time) for time in times]) if callable(u) else u
         if inputs is not None:
             inputs = _table("u", inputs, len(model.input_names), type(self).__name__)
@@ -228,7 +237,10 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
                     f"{inputs.shape[1]} in run {i}"
                 )
             if m and len(inputs) != len(outputs):
-                raise ValueError(f"u: expected {len(outputs)} samples as in x, got {len(inputs)} in run {i}")
+                raise ValueError(
+                    f"u: expected {len(outputs)} samples as in x, got {len(inputs)} in run {i}; rows are samples: is an "
+                    "array transposed?"
+                )
             columns = {_TIME: _time(time, len(outputs)), **dict(zip(names, [*outputs.T, *inputs.T]))}
             logs.append(Log(columns, units={_TIME: "s"}, name=f"run {i}"))
         return logs, names[:q], names[q:]
@@ -281,7 +293,10 @@ def _table(argument: str, given: Any, columns: int | None, name: str, least: int
 def _time(given: Any, samples: int) -> NDArray[np.float64]:
     if given is None:
         raise ValueError("t: expected the sample time or the times of the samples [s], got None; or set the parameter dt")
-    times = np.asarray(given, dtype=np.float64)
+    times = np.asarray(given)
+    if times.dtype.kind not in "iuf":
+        raise TypeError(f"t: expected numbers [s], got {type(given).__name__}")
+    times = times.astype(np.float64)
     if times.ndim == 0:
         if not (np.isfinite(times) and times > 0.0):
             raise ValueError(f"t: expected a positive sample time, got {given!r}")

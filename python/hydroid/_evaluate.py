@@ -94,13 +94,17 @@ class Evaluation:
         head = ("horizon", *(f"{name} [{unit}]" for name, unit in zip(self.outputs, self.units)))
         rows = [head]
         for h in places:
-            cells = (f"{self.rmse[h, c]:.4g} (NRMSE {self.nrmse[h, c]:.3f})" for c in range(len(self.outputs)))
+            persistence = self.persistence["nrmse"]
+            cells = (
+                f"{self.rmse[h, c]:.4g} (NRMSE {self.nrmse[h, c]:.3f}, persistence {persistence[h, c]:.3f})"
+                for c in range(len(self.outputs))
+            )
             rows.append((f"{self.horizons[h] * self.dt:.4g} s", *cells))
         return rows
 
     def __repr__(self) -> str:
         lines = [f"Evaluation of {self.model}: {self.windows} windows, {self.diverged} diverged; RMSE"]
-        lines += ["  " + "  ".join(f"{cell:>24}" for cell in row) for row in self._rows()]
+        lines += ["  " + "  ".join(f"{cell:>42}" for cell in row) for row in self._rows()]
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
@@ -129,12 +133,13 @@ def evaluate(
 ) -> Evaluation:
     """Judge a model, or any function, by its predictions from origins along runs.
 
-    All predictors have the same origins: from every origin past the warm-up, what was measured up to it and commanded
-    before it is known, and the outputs are predicted under the commands of the run.
+    From every origin past the warm-up, what was measured up to it and commanded before it is known, and the outputs are
+    predicted under the commands of the run. Predictors with the same warm-up have the same origins; a model has one of
+    its own (`Model.warm_up`), and the longer one counts.
 
     Parameters
     ----------
-    predictor : Model or callable
+    predictor : Model, fitted estimator, or callable
         A callable has the arguments ``outputs`` (k + 1, outputs), ``inputs`` (k, inputs) and ``commands``
         (horizon, inputs), and returns the predictions (horizon, outputs). Missing measurements are NaN.
     logs : Log, path, Run, or list of these
@@ -160,6 +165,8 @@ def evaluate(
     Evaluation
     """
     section = log_section(**options) if options else None
+    # A fitted estimator has its model.
+    predictor = getattr(predictor, "model_", predictor)
     with Bar(progress, "evaluating") as bar:
         document = _hydroid.evaluate(
             predictor, logs, horizon, stride, section, name, warm_up, origin, against, threads, bar.callback

@@ -13,6 +13,10 @@ from ._hydroid import Model
 from ._options import Bar, Channels, log_section, names, tables
 
 
+#: Further keys of the section ``[identify]``.
+_OPTIONS = ("motion", "rate_limit", "origin_stride", "budget")
+
+
 class Judgement(NamedTuple):
     """The errors of a model on runs that took no part in its fit.
 
@@ -86,7 +90,8 @@ class Identification:
     def __repr__(self) -> str:
         best = "none" if self.best is None else self.best.name
         grades = ", ".join(f"{verdict['channel']}: {verdict['grade']}" for verdict in self.verdicts)
-        return f"Identification(models {', '.join(self.models)}; best {best}; {grades})"
+        models = ", ".join(f"{name} (mean NRMSE {of.judged.score:.3f})" for name, of in self.judgement.items())
+        return f"Identification(models {models}; best {best}; its grades {grades})"
 
     def _repr_html_(self) -> str:
         from html import escape
@@ -160,6 +165,12 @@ def identify(
     Identification
     """
     config: dict[str, Any] = tables("sections", sections)
+    for name in options:
+        if name not in _OPTIONS:
+            raise TypeError(
+                f"identify() got an unexpected option '{name}': expected {', '.join(_OPTIONS)}; an option of a method is "
+                f"given as sections={{'sindy': {{'{name}': ..}}}}, one of the reading as log={{'{name}': ..}}"
+            )
     config["log"] = {**config.get("log", {}), **log_section(outputs, inputs, heading, wind, time, **(log or {}))}
     config["identify"] = {**config.get("identify", {}), "seed": seed, **options}
     if horizon is not None:

@@ -50,6 +50,16 @@ def restored(columns: dict[str, Any], name: str) -> Log:
     return Log(columns, name=name)
 
 
+def samples(model: Model, horizon: int | str) -> int:
+    """A horizon in samples of a model."""
+    if isinstance(horizon, str):
+        try:
+            return max(round(float(horizon.removesuffix("s")) / model.dt), 1)
+        except ValueError:
+            raise ValueError(f"horizon: expected samples (100) or seconds ('10s'), got {horizon!r}") from None
+    return horizon
+
+
 class Rollouts(NamedTuple):
     """Predictions from origins along a run."""
 
@@ -60,7 +70,7 @@ class Rollouts(NamedTuple):
     outputs: NDArray[np.float64]
 
 
-def rollouts(model: Model, logs: Any, horizon: int, *, stride: int = 1, **options: Any) -> list[Rollouts]:
+def rollouts(model: Model, logs: Any, horizon: int | str, *, stride: int = 1, **options: Any) -> list[Rollouts]:
     """Predict from origins along runs, under the commands of the runs.
 
     Parameters
@@ -68,8 +78,8 @@ def rollouts(model: Model, logs: Any, horizon: int, *, stride: int = 1, **option
     model : Model
     logs : Log, path, Run, or list of these
         Logs are read as those of the training of the model.
-    horizon : int
-        Samples.
+    horizon : int or str
+        Samples, or seconds as ``"5s"``.
     stride : int
         Samples between two origins.
     **options
@@ -81,5 +91,5 @@ def rollouts(model: Model, logs: Any, horizon: int, *, stride: int = 1, **option
         One for each run.
     """
     section = log_section(**options) if options else None
-    rolled = model.rollouts(logs, horizon, stride, section)
+    rolled = model.rollouts(logs, samples(model, horizon), stride, section)
     return [Rollouts(run, origins.astype(np.intp), outputs) for run, origins, outputs in rolled]

@@ -10,7 +10,7 @@ import numpy as np
 from ._evaluate import Evaluation
 from ._hydroid import Model, Run
 from ._identify import Identification
-from ._logs import prepare, rollouts
+from ._logs import prepare, rollouts, samples
 from ._vessels import Comparisons, Track, Trials
 
 Axes = Any
@@ -99,7 +99,7 @@ def plot_horizon(
 def plot_rollouts(
     models: Union[Model, Sequence[Model], Mapping[str, Model]],
     logs: Any,
-    horizon: int,
+    horizon: int | str,
     *,
     stride: int | None = None,
     run: int = 0,
@@ -112,8 +112,8 @@ def plot_rollouts(
     ----------
     models : Model, list, or mapping from labels to models
     logs : Log, path, Run, or list of these
-    horizon : int
-        Samples.
+    horizon : int or str
+        Samples, or seconds as ``"5s"``.
     stride : int, optional
         Samples between two origins; default: the horizon.
     run : int
@@ -129,11 +129,17 @@ def plot_rollouts(
     """
     if isinstance(models, Model):
         models = [models]
-    labelled = list(models.items()) if isinstance(models, Mapping) else [(model.name, model) for model in models]
+    labelled = list(models.items()) if isinstance(models, Mapping) else [
+        (getattr(model, "name", ""), model) for model in models
+    ]
     if not labelled:
         raise ValueError("models: expected at least one, got none")
+    for label, model in labelled:
+        if not isinstance(model, Model):
+            raise TypeError(f"models: expected hydroid.Model objects, got {type(model).__name__}")
     axes = _columns(axes, len(labelled[0][1].output_names), rows=True)
     for i, (label, model) in enumerate(labelled):
+        horizon = samples(model, horizon)
         found = rollouts(model, logs, horizon, stride=horizon if stride is None else stride, **options)
         if not 0 <= run < len(found):
             raise ValueError(f"run: expected an index below {len(found)}, the number of runs, got {run}")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+import inspect
 import itertools
 import json
 import os
@@ -60,8 +61,9 @@ def fit(
     bytes
         The file of the best model.
     record : dict
-        ``model``, ``kind``, ``size``, ``score`` (mean NRMSE, judged on the test logs, else in the cross-validation),
-        and for each output ``nrmse_u``, ``rmse_u`` (at the longest horizon), ``persistence_nrmse_u`` and ``grade_u``.
+        ``model``, ``kind``, ``size``, ``score`` (mean NRMSE over outputs and horizons, judged on the test logs, else in
+        the cross-validation), and for each output at the longest horizon ``nrmse_u``, ``rmse_u``, ``persistence_nrmse_u``
+        and ``grade_u``.
 
     Raises
     ------
@@ -86,9 +88,9 @@ def fit(
     }
     grades = {verdict["channel"]: verdict["grade"] for verdict in found.verdicts}
     for c, output in enumerate(judged.outputs):
-        record[f"nrmse_{output}"] = float(np.nanmean(judged.nrmse[:, c]))
+        record[f"nrmse_{output}"] = float(judged.nrmse[-1, c])
         record[f"rmse_{output}"] = float(judged.rmse[-1, c])
-        record[f"persistence_nrmse_{output}"] = float(np.nanmean(judged.persistence["nrmse"][:, c]))
+        record[f"persistence_nrmse_{output}"] = float(judged.persistence["nrmse"][-1, c])
         record[f"grade_{output}"] = grades.get(output)
     record["warnings"] = len(found.warnings)
     return best.to_bytes(), record
@@ -207,6 +209,8 @@ def _placed(arguments: Mapping[str, Any], key: str, value: Any) -> dict[str, Any
     """A copy of nested mappings with the value at a dotted key."""
     head, _, rest = key.partition(".")
     copy = dict(arguments)
+    if rest and not isinstance(copy.get(head) or {}, Mapping):
+        raise ValueError(f"axes: expected a mapping at '{head}' of the argument, got {copy[head]!r}")
     copy[head] = _placed(copy.get(head) or {}, rest, value) if rest else value
     return copy
 
@@ -231,6 +235,9 @@ def grid(
     **options
         Further fields of `Task`.
     """
+    for key, values in axes.items():
+        if isinstance(values, str) or not isinstance(values, Iterable):
+            raise TypeError(f"axes: expected a list of values at {key!r}, got {values!r}")
     combinations = itertools.product(*([(key, value) for value in values] for key, values in axes.items()))
     return [_varied(function, arguments, combination, options) for combination in combinations]
 
@@ -264,11 +271,19 @@ def random_search(
 def _varied(
     function: Function,
     arguments: Mapping[str, Any],
-    values: Iterable[tuple[str, Any]],
+    values: Sequence[tuple[str, Any]],
     options: Mapping[str, Any],
 ) -> Task:
     labels = dict(options.get("labels", {}))
     varied: dict[str, Any] = dict(arguments)
+    parameters = inspect.signature(function).parameters.values()
+    if not any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
+        names = [parameter.name for parameter in parameters]
+        for name in (*arguments, *(key.partition(".")[0] for key, _ in values)):
+            if name not in names:
+                raise ValueError(
+                    f"arguments and axes: expected arguments of {function.__qualname__} ({', '.join(names)}), got {name!r}"
+                )
     for key, value in values:
         varied = _placed(varied, key, value)
         scalar = value.item() if isinstance(value, np.generic) else value
@@ -711,8 +726,9 @@ class Sweep:
         return pandas.DataFrame(self.records)
 
     def __repr__(self) -> str:
-        failed = len(self.failed)
-        return f"Sweep({self.folder!r}: {len(self.records) - failed} tasks done, {failed} failed)"
+        failed = self.failed
+        reason = f"; the first: {failed[0]['error'].splitlines()[0]}" if failed else ""
+        return f"Sweep({self.folder!r}: {len(self.records) - len(failed)} tasks done, {len(failed)} failed{reason})"
 
 
 def sweep(

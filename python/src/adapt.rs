@@ -75,7 +75,7 @@ fn merged(options: &Options, given: toml::Value) -> PyResult<Options> {
     // TOML has infinite numbers, and leaves out what is not set.
     let mut all = toml::Value::try_from(options).map_err(internal)?;
     merge(&mut all, given);
-    all.try_into().map_err(|error: toml::de::Error| value(error.message()))
+    settings::read(all)
 }
 
 fn merge(into: &mut toml::Value, from: toml::Value) {

@@ -62,7 +62,12 @@ fn setting(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
 
 /// Options of a type of the library.
 pub(crate) fn of<T: DeserializeOwned>(options: &Bound<'_, PyDict>) -> PyResult<T> {
-    serde_path_to_error::deserialize(table(options)?).map_err(|error| {
+    read(table(options)?)
+}
+
+/// A type of the library from its table; an error names the key.
+pub(crate) fn read<T: DeserializeOwned>(table: Value) -> PyResult<T> {
+    serde_path_to_error::deserialize(table).map_err(|error| {
         let message = error.inner().message();
         match error.path().to_string().as_str() {
             "." => value(message),

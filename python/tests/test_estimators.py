@@ -168,6 +168,14 @@ def test_errors_name_the_argument(ship):
         fitted.predict(x[1])
     with pytest.raises(ValueError, match="^t: expected times with the sample time of the model, 0.1 s"):
         fitted.simulate(x[0][0], [0.0, 0.2, 0.4], u[0][:3])
+    with pytest.raises(ValueError, match="^t: expected the sample time of the model, 0.1 s, got 0.2 s"):
+        fitted.score(x[1], t=0.2, u=u[1])
+    with pytest.raises(TypeError, match="^y: expected None.*write t=0.1"):
+        model.fit(x[0], 0.1, u=u[0])
+    with pytest.raises(TypeError, match="^t: expected numbers"):
+        model.fit(x[0], t="0.1", u=u[0])
+    with pytest.raises(ValueError, match="is an array transposed"):
+        model.fit(x[0].T, t=DT, u=u[0])
     from sklearn.exceptions import NotFittedError
 
     with pytest.raises(NotFittedError):

@@ -107,7 +107,7 @@ def test_failures_are_retried_and_recorded(tmp_path):
     assert failed["status"] == "failed" and failed["attempts"] == 2
     assert failed["error"].startswith("ValueError: the value 1 cannot be used\n") and "in fails" in failed["error"]
     assert sweep.records[1]["status"] == "done"
-    assert "1 tasks done, 1 failed" in repr(sweep)
+    assert repr(sweep).endswith("1 tasks done, 1 failed; the first: ValueError: the value 1 cannot be used)")
     with pytest.raises(ValueError, match="expected a task with a file"):
         sweep.read(failed)
     # A recorded failure stays, unless it is to run again.
@@ -293,5 +293,9 @@ def test_errors_name_the_argument(tmp_path):
         hydroid.sweep(squares(1), tmp_path, backend=3)
     with pytest.raises(TypeError, match="^tasks: expected hydroid.Task"):
         hydroid.sweep([1], tmp_path)
+    with pytest.raises(ValueError, match=r"^arguments and axes: expected arguments of fit \(logs, config.*got 'confg'"):
+        hydroid.grid(hydroid.fit, {"logs": "a.csv"}, {"confg.sindy.degree": [1]})
+    with pytest.raises(TypeError, match="^axes: expected a list of values at 'seed', got 3"):
+        hydroid.grid(hydroid.fit, {"logs": "a.csv"}, {"seed": 3})
     with pytest.raises(ValueError, match="^retries"):
         hydroid.sweep([], tmp_path, retries=-1)
