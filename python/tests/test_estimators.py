@@ -175,6 +175,8 @@ def test_errors_name_the_argument(ship):
     with pytest.raises(TypeError, match="^t: expected numbers"):
         model.fit(x[0], t="0.1", u=u[0])
     with pytest.raises(ValueError, match="is an array transposed"):
+        model.fit(x[0], t=DT, u=u[0][:5])
+    with pytest.raises(ValueError, match="Found array with 2 sample"):
         model.fit(x[0].T, t=DT, u=u[0])
     from sklearn.exceptions import NotFittedError
 
