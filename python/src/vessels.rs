@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use hydroid::atomic::{self, Lock};
-use hydroid::config::{self, Drive, Plan, Plant, SettingError, SimulatedLog};
+use hydroid::config::{self, Drive, Plan, Plant, SettingError};
 use hydroid::manoeuvre::{self, Comparison, Figure, ManoeuvreError, Track};
 use hydroid::model as library;
 use hydroid::plant::{InputMap, member_tracks};
@@ -115,27 +115,32 @@ pub(crate) fn simulate(
         return Err(unfit("figure", "an identified model", format!("the vessel '{}'", plant.name)));
     }
     let done = work::run(py, None, progress, move |control| -> Result<_, SettingError> {
-        let plan = settings.plan(&plant, &drive)?;
-        let simulated = plan.run(&mut |fraction| control.report(fraction))?;
-        let mut drawn = None;
-        let (default, notes) = match (plan, &simulated) {
-            (Plan::Vessel { options, label }, _) => (format!("{}-{label}", options.vessel.name), Vec::new()),
-            (Plan::Model(plan), SimulatedLog::Model(record)) => {
-                if figure.is_some() {
-                    let members = member_tracks(&plan.model, &plan.options(), &record.commands)?;
-                    let measured = plan.measured();
-                    let measured = measured.as_ref().map(|track| track.eta.as_slice());
-                    drawn = Some(hydroid_report::simulated_track(&record.eta, &members, measured));
-                }
-                (format!("{}-simulated", plan.model.description.name), plan.notes)
+        let progress = &mut |fraction| control.report(fraction);
+        let log_name = |default: String| name.unwrap_or_else(|| format!("{default}-seed{}", settings.seed));
+        Ok(match settings.plan(&plant, &drive)? {
+            Plan::Vessel { options, label } => {
+                let simulated = hydroid::simulate::simulate(&options, progress)?;
+                let name = log_name(format!("{}-{label}", options.vessel.name));
+                (simulated.to_log(&name), Vec::new(), None)
             }
-            (Plan::Model(plan), SimulatedLog::Vessel(_)) => (plan.model.description.name.clone(), plan.notes),
-        };
-        let name = name.unwrap_or_else(|| format!("{default}-seed{}", settings.seed));
-        Ok((simulated.to_log(&name), notes, figure.zip(drawn)))
+            Plan::Model(plan) => {
+                let record = plan.run(progress)?;
+                let drawn = match figure {
+                    Some(path) => {
+                        let members = member_tracks(&plan.model, &plan.options(), &record.commands)?;
+                        let measured = plan.measured();
+                        let measured = measured.as_ref().map(|track| track.eta.as_slice());
+                        Some((path, hydroid_report::simulated_track(&record.eta, &members, measured)))
+                    }
+                    None => None,
+                };
+                let name = log_name(format!("{}-simulated", plan.model.description.name));
+                (record.to_log(&name), plan.notes, drawn)
+            }
+        })
     })?;
-    let (log, notes, figure) = done.map_err(of_setting)?;
-    if let Some((path, figure)) = figure {
+    let (log, notes, drawn) = done.map_err(of_setting)?;
+    if let Some((path, figure)) = drawn {
         let figure = figure.map_err(internal)?;
         atomic::write(&path, |out| out.write_all(figure.as_bytes())).map_err(os)?;
     }

@@ -199,7 +199,7 @@ def test_options_of_trials_are_those_of_the_command(tmp_path):
     for options in (
         {"steering": 40, "speed": 1.5, "current": (0.1, 0.2)},
         {"zigzag": "10/10,5/20", "propulsion": 60, "longest": "10m"},
-        {"push": "PP_cmd", "turn": "-RD_cmd", "steering": 50},
+        {"push": "PP_cmd", "turn": "RD_cmd", "steering": 50},
     ):
         given = dict(options, zigzag=[(10, 10), (5, 20)]) if "zigzag" in options else options
         trials = hydroid.manoeuvres("simple", ["turning-circle", "zigzag"], **given)

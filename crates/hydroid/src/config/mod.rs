@@ -25,7 +25,7 @@ pub use error::SettingError;
 pub use job::Logs;
 pub use manoeuvre::{Manoeuvre, TrialName, TrialPlan, ZigzagAngles};
 pub use quantity::{Duration, Horizon};
-pub use simulate::{Drive, ModelPlan, Plan, Plant, PlantKind, Simulate, SimulatedLog};
+pub use simulate::{Drive, ModelPlan, Plan, Plant, PlantKind, Simulate};
 
 /// Default name of the file.
 pub const FILE: &str = "hydroid.toml";

@@ -16,7 +16,7 @@ use drive::commands_of;
 use plan::GivenCommands;
 
 pub use drive::Drive;
-pub use plan::{ModelPlan, Plan, SimulatedLog};
+pub use plan::{ModelPlan, Plan};
 pub use plant::{Plant, PlantKind};
 
 /// Settings of a simulated log.

@@ -1,15 +1,12 @@
 //! Simulations that are ready to run.
 
-use std::io::{self, Write};
-
 use super::{DURATION_S, Simulate};
-use crate::config::SettingError;
-use crate::log::{Note, RawLog, Trajectory};
+use crate::log::{Note, Trajectory};
 use crate::manoeuvre::Track;
 use crate::model::Model;
 use crate::plant::{Commands, InputMap, PlantError, Record, RecordOptions, record};
 use crate::progress::Progress;
-use crate::simulate::{self, Options, Simulated};
+use crate::simulate::Options;
 
 /// A simulation that settings ask for.
 #[derive(Clone, Debug)]
@@ -50,49 +47,6 @@ pub(super) enum GivenCommands {
         run: Trajectory,
         from: usize,
     },
-}
-
-/// A simulated log.
-#[derive(Clone, Debug)]
-pub enum SimulatedLog {
-    /// Of a vessel with one propeller and one rudder.
-    Vessel(Simulated),
-    /// Of a model.
-    Model(Record),
-}
-
-impl SimulatedLog {
-    /// Writes the log as CSV.
-    ///
-    /// # Errors
-    /// If the writer fails.
-    pub fn write_csv(&self, writer: impl Write) -> io::Result<()> {
-        match self {
-            Self::Vessel(simulated) => simulated.write_csv(writer),
-            Self::Model(record) => record.write_csv(writer),
-        }
-    }
-
-    /// The log that is read from the file of [`write_csv`](Self::write_csv).
-    pub fn to_log(&self, name: &str) -> RawLog {
-        match self {
-            Self::Vessel(simulated) => simulated.to_log(name),
-            Self::Model(record) => record.to_log(name),
-        }
-    }
-}
-
-impl Plan {
-    /// Simulates.
-    ///
-    /// # Errors
-    /// If the simulation fails, or `progress` cancels.
-    pub fn run(&self, progress: Progress<'_>) -> Result<SimulatedLog, SettingError> {
-        Ok(match self {
-            Self::Vessel { options, .. } => SimulatedLog::Vessel(simulate::simulate(options, progress)?),
-            Self::Model(plan) => SimulatedLog::Model(plan.run(progress)?),
-        })
-    }
 }
 
 impl ModelPlan {
