@@ -142,7 +142,10 @@ impl Log {
             columns.set_item(heading(column), PyArray1::from_slice(py, &column.values))?;
         }
         let restore = py.import("hydroid._logs")?.getattr("restored")?;
-        Ok((restore, PyTuple::new(py, [columns.into_any(), raw.path.as_str().into_pyobject(py)?.into_any()])?))
+        Ok((
+            restore,
+            PyTuple::new(py, [columns.into_any(), raw.path.as_str().into_pyobject(py)?.into_any()])?,
+        ))
     }
 
     fn _repr_html_<'py>(slf: Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
