@@ -148,7 +148,7 @@ impl Log {
         ))
     }
 
-    fn _repr_html_<'py>(slf: Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+    fn _repr_html_(slf: Bound<'_, Self>) -> PyResult<Bound<'_, PyAny>> {
         slf.py().import("hydroid._html")?.call_method1("of_log", (slf,))
     }
 

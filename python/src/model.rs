@@ -48,11 +48,10 @@ impl Model {
 
 /// Whether the file of a vessel does not exist.
 fn is_missing(error: &ModelError) -> bool {
-    let toml = match error {
-        ModelError::Vessel(VesselFileError::File(error)) | ModelError::Craft(CraftFileError::File(error)) => {
-            error
-        }
-        _ => return false,
+    let (ModelError::Vessel(VesselFileError::File(toml)) | ModelError::Craft(CraftFileError::File(toml))) =
+        error
+    else {
+        return false;
     };
     matches!(toml, TomlError::Read { source, .. } if source.kind() == std::io::ErrorKind::NotFound)
 }
@@ -250,11 +249,11 @@ impl Model {
     }
 
     /// The equations as expressions of `SymPy`.
-    fn to_sympy<'py>(slf: Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+    fn to_sympy(slf: Bound<'_, Self>) -> PyResult<Bound<'_, PyAny>> {
         slf.py().import("hydroid._symbols")?.call_method1("to_sympy", (slf,))
     }
 
-    fn _repr_html_<'py>(slf: Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+    fn _repr_html_(slf: Bound<'_, Self>) -> PyResult<Bound<'_, PyAny>> {
         slf.py().import("hydroid._html")?.call_method1("of_model", (slf,))
     }
 

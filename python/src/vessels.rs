@@ -49,13 +49,11 @@ impl Given {
         if let Ok(model) = given.cast::<Model>() {
             return Ok(Self::Model(Arc::clone(&model.get().model)));
         }
-        match given.extract::<PathBuf>() {
-            Ok(path) => Ok(Self::Name(path.display().to_string())),
-            Err(_) => {
-                let wanted = "a Model, the name of a built-in vessel or the path of a file";
-                Err(expected(argument, wanted, given.get_type().name()?))
-            }
+        if let Ok(path) = given.extract::<PathBuf>() {
+            return Ok(Self::Name(path.display().to_string()));
         }
+        let wanted = "a Model, the name of a built-in vessel or the path of a file";
+        Err(expected(argument, wanted, given.get_type().name()?))
     }
 
     fn plant(self) -> Result<Plant, SettingError> {
@@ -106,7 +104,7 @@ pub(crate) fn simulate(
 ) -> PyResult<Log> {
     let settings: config::Simulate = settings::of(options)?;
     let plant = Given::new("plant", plant)?.plant().map_err(of_setting)?;
-    let named = excitation.cast::<PyString>().ok().map(|text| text.to_string());
+    let named = excitation.cast::<PyString>().ok().map(ToString::to_string);
     let drive = match named.filter(|text| Path::new(text).extension().is_none()) {
         Some(kind) => Drive::Kind(kind),
         None => Drive::Log(table_of("excitation", excitation)?),
@@ -190,7 +188,7 @@ fn save(
     })?;
     written.map_err(|error| match error {
         FolderError::Write(error) => os(error),
-        error => internal(error),
+        error @ FolderError::Report(_) => internal(error),
     })
 }
 
