@@ -440,6 +440,7 @@ class _Call(NamedTuple):
         started = time.perf_counter()
         try:
             content, result = task.function(**task.arguments)
+            _json(result)
         except Exception as error:
             lines = traceback.format_exception(error)
             return fingerprint, f"{type(error).__name__}: {error}\n{''.join(lines[-8:])}"

@@ -113,6 +113,9 @@ def test_failures_are_retried_and_recorded(tmp_path):
     # A recorded failure stays, unless it is to run again.
     assert hydroid.sweep(tasks, tmp_path, backend="serial").records[0]["attempts"] == 2
     assert hydroid.sweep(tasks, tmp_path, backend="serial", retries=0, rerun_failed=True).records[0]["attempts"] == 1
+    # A record that cannot be stored is a failure of its task.
+    wrong = hydroid.sweep([hydroid.Task(sweep_tasks.no_record, {})], tmp_path / "wrong", backend="serial").records[0]
+    assert wrong["status"] == "failed" and wrong["error"].startswith("TypeError: record: expected numbers")
     marks = tmp_path / "marks"
     marks.mkdir()
     once = hydroid.Task(sweep_tasks.fails_once, {"x": 1, "folder": str(marks)})
