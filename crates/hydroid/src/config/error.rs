@@ -30,7 +30,7 @@ pub enum SettingError {
         /// Needed columns.
         needed: String,
         /// Reason.
-        source: LogError,
+        source: Box<LogError>,
     },
     /// The commands cannot be read.
     #[error(transparent)]

@@ -99,7 +99,7 @@ impl Simulate {
         let rows = log::rows(log, &selection).map_err(|source| SettingError::Commands {
             file: log.path.clone(),
             needed: format!("the inputs of the model, {}", names.join(", ")),
-            source,
+            source: Box::new(source),
         })?;
         let (Some(first), Some(last)) = (rows.first(), rows.last()) else {
             return wrong(format!("{}: no rows", log.path));
@@ -146,7 +146,7 @@ pub(super) fn commands_of(log: &RawLog, vessel: &VesselParams) -> Result<Vec<(f6
     let table = log::rows(log, &selection).map_err(|source| SettingError::Commands {
         file: log.path.clone(),
         needed: format!("the commands '{}' and '{}'", propeller.name, rudder.name),
-        source,
+        source: Box::new(source),
     })?;
     Ok(table.into_iter().map(|(t, row)| (t, Command { pp: row[0], rd: row[1] })).collect())
 }
