@@ -62,7 +62,7 @@ fn measure(set: &Set, data: &Path, methods: &[Method]) -> anyhow::Result<()> {
         let job = set.job(&runs, &reading, left_out, methods, MotionOption::Auto, None)?;
         let identified = identify(&job, &mut silent())?;
         let best = &identified.candidates[identified.best.unwrap_or(0)].model;
-        comparisons.extend(compare(best, test)?);
+        comparisons.extend(compare(best, test, &mut silent())?);
     }
     let cells: Vec<String> = COLUMNS.into_iter().map(|column| cell(&comparisons, column)).collect();
     println!("| {} | {} |", set.name, cells.join(" | "));
