@@ -108,7 +108,7 @@ fn polynomials_are_refused_lost_or_ten_times_as_far_from_the_reference() {
 fn circle(
     vessel: &VesselParams,
     task: Task,
-    controller: &mut (dyn Controller + Send),
+    controller: &mut (dyn Controller + Send + Sync),
     measured: bool,
     (noise, seed): (f64, u64),
 ) -> Outcome {
@@ -129,7 +129,7 @@ fn circle(
 fn both(
     vessel: &VesselParams,
     task: Task,
-    controller: &mut (dyn Controller + Send),
+    controller: &mut (dyn Controller + Send + Sync),
     measured: bool,
 ) -> [Outcome; 2] {
     let clean = circle(vessel, task, controller, measured, (0.0, 0));

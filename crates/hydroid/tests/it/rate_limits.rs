@@ -107,7 +107,7 @@ fn first_overshoot(model: &Model, run: &Trajectory) -> f64 {
     let of = |figures: &[Figure]| {
         figures.iter().find(|figure| figure.name == "first_overshoot_deg").unwrap().value.unwrap()
     };
-    let zigzag = compare(model, std::slice::from_ref(run)).unwrap().remove(0);
+    let zigzag = compare(model, std::slice::from_ref(run), &mut silent()).unwrap().remove(0);
     (of(&zigzag.predicted) - of(&zigzag.measured)).abs()
 }
 
