@@ -234,7 +234,7 @@ fn options_of_a_simulated_run_are_refused() {
         let said = text(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{option}: {said}");
         assert!(said.contains(option.split('=').next().unwrap()), "{said}");
-        assert!(said.contains("leave it out with a live stream"), "{said}");
+        assert!(said.contains("leave it out for a controller on board"), "{said}");
     }
 }
 

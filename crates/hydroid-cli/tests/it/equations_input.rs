@@ -218,7 +218,12 @@ fn a_vessel_without_commands() {
     assert!(text.contains("-0.5000 r") || text.contains("-0.4999 r"), "{text}");
     for command in ["evaluate", "adapt"] {
         let done = run(&format!("{command} out/sindy.safetensors a.csv"));
-        assert_eq!(done.status.code(), Some(0), "{command}: {}", String::from_utf8_lossy(&done.stderr));
+        // The equations are exact: an adapted model may be worse, which is status 1.
+        assert!(
+            matches!(done.status.code(), Some(0 | 1)),
+            "{command}: {}",
+            String::from_utf8_lossy(&done.stderr)
+        );
     }
     let lines = r#"{"t":0.0,"u":2.0,"r":0.1}
 {"t":0.1,"u":1.92,"r":0.095}
