@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import csv
 import inspect
 import io
 import os
@@ -132,7 +133,11 @@ class ClosedLoop:
         """The track as a pandas data frame with the columns of ``track.csv``."""
         import pandas
 
-        return pandas.read_csv(io.StringIO(self._inner.csv()), float_precision="round_trip")
+        names, *rows = csv.reader(io.StringIO(self._inner.csv()))
+        texts = dict(zip(names, zip(*rows)))
+        status = texts.pop("status")
+        columns = {name: [float(text) if text else np.nan for text in column] for name, column in texts.items()}
+        return pandas.DataFrame({**columns, "status": status})
 
     def report(self) -> str:
         """The report as an HTML page."""

@@ -38,6 +38,14 @@ def vessels() -> None:
     assert_type(hydroid.compare_manoeuvres("simple", "a.csv", heading="psi").tracks[0].predicted.x, Array)
 
 
+def control(model: hydroid.Model) -> None:
+    assert_type(hydroid.control("simple", model, points=[(0, 0), (9, 0)], task="legs").track.pose, Array)
+    controller = hydroid.Controller(model, speed=2.0, guard=hydroid.Guard(window=600), adapt=True)
+    assert_type(controller.step([0.0, 0.0, 0.0], [1.0, 0.0, 0.0]).command, Array)
+    planner = hydroid.Planner(model, limit={"n": (0.0, 9.0)})
+    assert_type(planner.plan(model.session(), [0.0, 0.0, 0.0], np.zeros((20, 4))).cost, float)
+
+
 def adaptation(model: hydroid.Model) -> None:
     adapter = hydroid.Adapter(model, guard=False)
     assert_type(adapter.step(None, [1.0]).estimate, Array)
