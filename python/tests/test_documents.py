@@ -1,6 +1,7 @@
 """The Python examples of the documents and the notebooks run as they are printed."""
 
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -23,15 +24,17 @@ def test_the_examples_of_a_page(page, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook(path, monkeypatch):
+def test_a_notebook(path, tmp_path, monkeypatch):
     nbformat = pytest.importorskip("nbformat")
     nbclient = pytest.importorskip("nbclient")
     pytest.importorskip("ipykernel")
     notebook = nbformat.read(path, as_version=4)
     if any("import torch" in cell.source for cell in notebook.cells):
         pytest.importorskip("torch")
+    # A notebook writes beside itself, and finds the vessel files above.
+    shutil.copytree(ROOT / "vessels", tmp_path / "vessels")
     monkeypatch.setenv("MPLBACKEND", "module://matplotlib_inline.backend_inline")
-    nbclient.NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(path.parent)}}).execute()
+    nbclient.NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(tmp_path)}}).execute()
     # Figures and tables are there.
     shown = [kind for cell in notebook.cells for output in cell.get("outputs", []) for kind in output.get("data", {})]
     assert "image/png" in shown and "text/html" in shown
