@@ -374,24 +374,7 @@ pub(crate) fn reading(base: Option<&Reading>, options: Option<&Bound<'_, PyDict>
         Some(options) => settings::of(options)?,
         None => config::Log::default(),
     };
-    let Some(base) = base else { return Ok(given.reading()) };
-    let given = given.reading();
-    let mut reading = base.clone();
-    let (into, from) = (&mut reading.selection, given.selection);
-    into.time = from.time.or(into.time.take());
-    into.heading = from.heading.or(into.heading.take());
-    into.wind = from.wind.or(into.wind.take());
-    if !from.outputs.is_empty() {
-        into.outputs = from.outputs;
-    }
-    if !from.inputs.is_empty() {
-        into.inputs = from.inputs;
-    }
-    let (into, from) = (&mut reading.options, given.options);
-    into.dt = from.dt.or(into.dt);
-    into.max_gap_s = from.max_gap_s.or(into.max_gap_s);
-    into.keep_towed |= from.keep_towed;
-    Ok(reading)
+    Ok(given.over(base.cloned().unwrap_or_default()))
 }
 
 /// Runs of logs; runs are taken as they are.

@@ -74,3 +74,11 @@ def test_a_wrong_channel_is_named(files):
 
 def test_repr_names_the_columns(files):
     assert "u [m/s]" in repr(hydroid.read_log(files[0]))
+
+
+def test_options_replace_those_of_a_model(model, files):
+    own, late = (hydroid.rollouts(model, files[0], 10, **options)[0].run for options in ({}, {"input_delay": 3}))
+    assert late.t[0] == pytest.approx(3 * DT) and len(late) == len(own) - 3
+    # The command of a row acts three samples later, when the outputs of that time are measured.
+    np.testing.assert_array_equal(late.inputs, own.inputs[:-3])
+    np.testing.assert_array_equal(late.outputs, own.outputs[3:])

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use hydroid::adapt::TrainingRuns;
+use hydroid::config;
 use hydroid::log::{self, LogError, Prepared, RawLog, Trajectory};
 use hydroid::model::{Model, Reading};
 
@@ -12,30 +13,20 @@ use crate::ui;
 
 /// Reading options: `base` (defaults, configuration file or model), overridden by the command line.
 pub fn reading(base: Reading, args: &LogArgs) -> Result<Reading, LogError> {
-    let mut reading = base;
-    let selection = &mut reading.selection;
-    if let Some(time) = &args.time {
-        selection.time = Some(time.clone());
-    }
-    if let Some(outputs) = &args.outputs {
-        selection.outputs = log::ChannelSpec::parse_list(outputs)?;
-    }
-    if let Some(inputs) = &args.inputs {
-        selection.inputs = log::ChannelSpec::parse_list(inputs)?;
-    }
-    if let Some(heading) = &args.heading {
-        selection.heading = Some(heading.parse()?);
-    }
-    if let Some(wind) = &args.wind {
-        selection.wind = Some(wind.parse()?);
-    }
-    let options = &mut reading.options;
-    options.dt = args.dt.or(options.dt);
-    options.max_gap_s = args.max_gap.or(options.max_gap_s);
-    options.command_timing = args.command_timing.unwrap_or(options.command_timing);
-    options.input_delay = args.input_delay.unwrap_or(options.input_delay);
-    options.keep_towed |= args.keep_towed;
-    Ok(reading)
+    let channels = |list: &Option<String>| list.as_deref().map(log::ChannelSpec::parse_list).transpose();
+    let given = config::Log {
+        time: args.time.clone(),
+        outputs: channels(&args.outputs)?.unwrap_or_default(),
+        inputs: channels(&args.inputs)?.unwrap_or_default(),
+        wind: args.wind.as_deref().map(str::parse).transpose()?,
+        heading: args.heading.as_deref().map(str::parse).transpose()?,
+        dt: args.dt,
+        max_gap_s: args.max_gap,
+        command_timing: args.command_timing,
+        input_delay: args.input_delay.map(config::Delay::Text),
+        keep_towed: args.keep_towed,
+    };
+    Ok(given.over(base))
 }
 
 /// The model with the sample time of the runs, which only vessels can change.

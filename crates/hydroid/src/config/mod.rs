@@ -62,31 +62,41 @@ pub struct Log {
     pub heading: Option<ChannelSpec>,
     pub dt: Option<f64>,
     pub max_gap_s: Option<f64>,
-    pub command_timing: CommandTiming,
-    pub input_delay: Delay,
+    pub command_timing: Option<CommandTiming>,
+    pub input_delay: Option<Delay>,
     pub keep_towed: bool,
 }
 
 impl Log {
     /// The options of the preparation.
     pub fn reading(self) -> Reading {
+        self.over(Reading::default())
+    }
+
+    /// These options, and those of `base` where they are not given.
+    #[must_use]
+    pub fn over(self, base: Reading) -> Reading {
+        let Reading { selection, options } = base;
+        let or =
+            |given: Vec<ChannelSpec>, base: Vec<ChannelSpec>| if given.is_empty() { base } else { given };
+        let delay = self.input_delay.map(|delay| match delay {
+            Delay::Samples(n) => InputDelay::Samples(n),
+            Delay::Text(delay) => delay,
+        });
         Reading {
             selection: Selection {
-                time: self.time,
-                outputs: self.outputs,
-                inputs: self.inputs,
-                wind: self.wind,
-                heading: self.heading,
+                time: self.time.or(selection.time),
+                outputs: or(self.outputs, selection.outputs),
+                inputs: or(self.inputs, selection.inputs),
+                wind: self.wind.or(selection.wind),
+                heading: self.heading.or(selection.heading),
             },
             options: PrepareOptions {
-                dt: self.dt,
-                max_gap_s: self.max_gap_s,
-                command_timing: self.command_timing,
-                input_delay: match self.input_delay {
-                    Delay::Samples(n) => InputDelay::Samples(n),
-                    Delay::Text(delay) => delay,
-                },
-                keep_towed: self.keep_towed,
+                dt: self.dt.or(options.dt),
+                max_gap_s: self.max_gap_s.or(options.max_gap_s),
+                command_timing: self.command_timing.unwrap_or(options.command_timing),
+                input_delay: delay.unwrap_or(options.input_delay),
+                keep_towed: self.keep_towed || options.keep_towed,
             },
         }
     }
@@ -100,12 +110,6 @@ pub enum Delay {
     Samples(i64),
     /// `"3"` samples or `"0.3s"`.
     Text(InputDelay),
-}
-
-impl Default for Delay {
-    fn default() -> Self {
-        Self::Samples(0)
-    }
 }
 
 /// Files of training, validation and test; in a file, paths are relative to it.
