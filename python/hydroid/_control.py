@@ -304,7 +304,7 @@ def control(
         ``least-squares`` or ``kalman``.
     guard : bool or Guard
         Guard of the adaptation.
-    training_log : Log, path, Run, or list of these, optional
+    training_log : Log, path, data frame, mapping, Run, or list of these, optional
         Logs of the training of the model: the filter runs over the first `training_time` seconds of each first.
     training_time : float
         [s]

@@ -104,7 +104,7 @@ class Evaluation:
 
     def __repr__(self) -> str:
         lines = [f"Evaluation of {self.model}: {self.windows} windows, {self.diverged} diverged; RMSE"]
-        lines += ["  " + "  ".join(f"{cell:>42}" for cell in row) for row in self._rows()]
+        lines += [f"  {horizon:>8}" + "".join(f"  {cell:>42}" for cell in cells) for horizon, *cells in self._rows()]
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
@@ -142,7 +142,7 @@ def evaluate(
     predictor : Model, fitted estimator, or callable
         A callable has the arguments ``outputs`` (k + 1, outputs), ``inputs`` (k, inputs) and ``commands``
         (horizon, inputs), and returns the predictions (horizon, outputs). Missing measurements are NaN.
-    logs : Log, path, Run, or list of these
+    logs : Log, path, data frame, mapping, Run, or list of these
     horizon : int or str
         Longest horizon: samples, or seconds as ``"10s"``.
     stride : int

@@ -134,9 +134,9 @@ def identify(
 
     Parameters
     ----------
-    logs : Log, path, or list of these
+    logs : Log, path, data frame, mapping, or list of these
         Logs to learn from. Without `validate`, each run is left out once by methods that can be cross-validated.
-    validate, test : Log, path, or list of these
+    validate, test : Log, path, data frame, mapping, or list of these
         Logs that choose models, and logs that judge them.
     outputs, inputs, heading, wind, time
         Columns; see `prepare`.

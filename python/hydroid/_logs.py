@@ -24,7 +24,7 @@ def prepare(
 
     Parameters
     ----------
-    logs : Log, path, or list of these
+    logs : Log, path, data frame, mapping, or list of these
     outputs, inputs : str, list of str, or mapping
         Channels: ``"u,v,r"``, ``["u", "v"]``, or ``{"u": "speed [kn]"}`` from names to columns. By default they are
         found by their names.
@@ -76,7 +76,7 @@ def rollouts(model: Model, logs: Any, horizon: int | str, *, stride: int = 1, **
     Parameters
     ----------
     model : Model
-    logs : Log, path, Run, or list of these
+    logs : Log, path, data frame, mapping, Run, or list of these
         Logs are read as those of the training of the model.
     horizon : int or str
         Samples, or seconds as ``"5s"``.

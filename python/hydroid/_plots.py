@@ -111,7 +111,7 @@ def plot_rollouts(
     Parameters
     ----------
     models : Model, list, or mapping from labels to models
-    logs : Log, path, Run, or list of these
+    logs : Log, path, data frame, mapping, Run, or list of these
     horizon : int or str
         Samples, or seconds as ``"5s"``.
     stride : int, optional

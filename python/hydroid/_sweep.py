@@ -48,7 +48,7 @@ def fit(
 
     Parameters
     ----------
-    logs, validate, test : Log, path, or list of these
+    logs, validate, test : Log, path, data frame, mapping, or list of these
     config : mapping, optional
         Sections of ``hydroid.toml``: ``{"log": {"outputs": ["u", "v", "r"]}, "identify": {"horizon": "10s"},
         "sindy": {"degree": 2}}``.

@@ -389,7 +389,7 @@ def compare_manoeuvres(
     Parameters
     ----------
     model : Model, str or path
-    logs : Log, path, Run, or list of these
+    logs : Log, path, data frame, mapping, Run, or list of these
         Logs are read as those of the training of the model.
     threads : int, optional
         Default: all cores. The result does not depend on it.

@@ -97,9 +97,9 @@ pub(crate) fn identify(
     let config: Config = settings::of(options)?;
     let methods: Vec<Method> = methods.iter().map(|name| method(name)).collect::<PyResult<_>>()?;
     let given = Logs {
-        train: logs(py, "logs", train)?,
-        validate: logs(py, "validate", validate)?,
-        test: logs(py, "test", test)?,
+        train: logs("logs", train)?,
+        validate: logs("validate", validate)?,
+        test: logs("test", test)?,
     };
     let vessel = match vessel {
         Some(path) => {

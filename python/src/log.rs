@@ -327,34 +327,27 @@ pub(crate) fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Log> {
     Ok(Log { raw: Arc::new(raw) })
 }
 
-/// One log or several, each a [`Log`] or the path of a file.
-pub(crate) fn logs(py: Python<'_>, argument: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<RawLog>> {
-    let mut all = Vec::new();
-    for item in items(given)? {
-        if let Ok(log) = item.cast::<Log>() {
-            all.push(RawLog::clone(&log.get().raw));
-        } else if let Ok(path) = item.extract::<PathBuf>() {
-            let raw = work::run(py, None, None, move |_| log::read(&path))?.map_err(of_log)?;
-            all.push(raw);
-        } else {
-            let given = item.get_type().name()?;
-            return Err(expected(argument, "Log objects or paths of files", given));
-        }
-    }
-    Ok(all)
+/// One log or several; see [`table_of`].
+pub(crate) fn logs(argument: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<RawLog>> {
+    let given = items(given)?;
+    let name = |i: usize| if given.len() == 1 { argument.to_owned() } else { format!("{argument}[{i}]") };
+    given.iter().enumerate().map(|(i, item)| table_of(&name(i), item)).collect()
 }
 
-/// A table: a [`Log`], the path of a file, a data frame or a mapping from names to arrays.
+/// A table: a [`Log`], the path of a file, a data frame or a mapping from names to arrays. The argument names a log that
+/// has no file.
 pub(crate) fn table_of(argument: &str, given: &Bound<'_, PyAny>) -> PyResult<RawLog> {
-    if given.hasattr("__arrow_c_stream__")? || given.cast::<PyMapping>().is_ok() {
-        return match given.cast::<Log>() {
-            Ok(log) => Ok(RawLog::clone(&log.get().raw)),
-            Err(_) => Log::new(given, None, argument).map(|log| RawLog::clone(&log.raw)),
-        };
+    if let Ok(log) = given.cast::<Log>() {
+        return Ok(RawLog::clone(&log.get().raw));
     }
-    let [log] = <[RawLog; 1]>::try_from(logs(given.py(), argument, given)?)
-        .map_err(|logs| unfit(argument, "one log", logs.len()))?;
-    Ok(log)
+    if let Ok(path) = given.extract::<PathBuf>() {
+        return work::run(given.py(), None, None, move |_| log::read(&path))?.map_err(of_log);
+    }
+    if given.hasattr("__arrow_c_stream__")? || given.cast::<PyMapping>().is_ok() {
+        return Log::new(given, None, argument).map(|log| RawLog::clone(&log.raw));
+    }
+    let wanted = "Log objects or paths of files, data frames or mappings from names to arrays";
+    Err(expected(argument, wanted, given.get_type().name()?))
 }
 
 /// The items of a list or tuple; any other object is one item.
@@ -391,7 +384,7 @@ pub(crate) fn runs(
             .map(|item| Ok(Trajectory::clone(&item.cast::<Run>()?.get().trajectory)))
             .collect();
     }
-    let raw = logs(py, argument, PyList::new(py, given)?.as_any())?;
+    let raw = logs(argument, PyList::new(py, given)?.as_any())?;
     let reading = reading.clone();
     let prepared =
         work::run(py, None, None, move |_| log::prepare(&raw, &reading.selection, &reading.options))?;

@@ -82,3 +82,13 @@ def test_options_replace_those_of_a_model(model, files):
     # The command of a row acts three samples later, when the outputs of that time are measured.
     np.testing.assert_array_equal(late.inputs, own.inputs[:-3])
     np.testing.assert_array_equal(late.outputs, own.outputs[3:])
+
+
+def test_data_frames_and_mappings_are_logs(files, voyages):
+    pandas = pytest.importorskip("pandas")
+    [read] = hydroid.prepare(files[0], **CHANNELS)
+    for given in (pandas.DataFrame(voyages[0]), voyages[0]):
+        [run] = hydroid.prepare(given, **CHANNELS)
+        assert run.name == "logs"
+        np.testing.assert_array_equal(run.outputs, read.outputs)
+    assert [run.name for run in hydroid.prepare([files[0], voyages[1]], **CHANNELS)] == ["run0.csv", "logs[1]"]
