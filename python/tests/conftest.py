@@ -1,5 +1,9 @@
 """Logs of a small boat, integrated here: du/dt = -0.2 u |u| + 0.01 n, dr/dt = -0.8 r + 0.5 u delta."""
 
+import os
+import signal
+import threading
+
 import numpy as np
 import pytest
 
@@ -28,6 +32,18 @@ def write(path, columns):
     table = np.column_stack(list(columns.values()))
     path.write_text(",".join(columns) + "\n" + "\n".join(",".join(repr(float(x)) for x in row) for row in table) + "\n")
     return path
+
+
+@pytest.fixture
+def ctrl_c():
+    """An interrupt of this process in half a second, also where its parent ignores interrupts (a job in the background)."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    timer = threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT))
+    timer.start()
+    yield
+    timer.cancel()
+    timer.join()
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(scope="session")

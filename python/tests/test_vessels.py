@@ -3,10 +3,7 @@
 import json
 import os
 import pickle
-import signal
 import subprocess
-import threading
-import time
 from pathlib import Path
 
 import numpy as np
@@ -274,13 +271,9 @@ def test_a_log_is_saved_with_its_values(files, tmp_path):
         lambda **options: hydroid.manoeuvres(VESSELS / "mariner.toml", ["turning-circle"] * 300, **options),
     ],
 )
-def test_ctrl_c_and_exceptions_end_a_call(call):
-    interrupt = threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT))
-    interrupt.start()
-    start = time.monotonic()
+def test_ctrl_c_and_exceptions_end_a_call(call, ctrl_c):
     with pytest.raises(KeyboardInterrupt):
         call()
-    assert time.monotonic() - start < 1.5
     told = []
 
     def progress(fraction):
