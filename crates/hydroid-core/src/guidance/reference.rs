@@ -114,6 +114,12 @@ impl TimedReference {
             return;
         }
         let mut left = dt;
+        if profile.is_closed() && left >= profile.duration() {
+            // Whole laps at once: their number has no bound at absurd speeds.
+            let laps = Float::floor(left / profile.duration());
+            self.lap += laps * profile.length();
+            left = (left - laps * profile.duration()).clamp(0.0, profile.duration());
+        }
         loop {
             let Some(phase) = profile.phases().get(self.phase) else {
                 self.into += self.speed * left;
