@@ -1,0 +1,13 @@
+//! Reader of nmea.
+
+use crate::error::IoError;
+use crate::input::Input;
+use crate::sink::{Sink, Summary};
+
+pub(crate) fn scan(input: &mut Input, _sink: &mut dyn Sink) -> Result<Summary, IoError> {
+    Err(input.damaged("this format is not read yet", "convert it to CSV"))
+}
+
+pub(crate) fn begins(_head: &[u8]) -> bool {
+    false
+}

@@ -1,0 +1,6 @@
+//! Integration tests.
+
+mod sample;
+
+#[path = "../../../hydroid-core/tests/it/module_order.rs"]
+mod module_order;
