@@ -3,8 +3,11 @@
 pub(crate) mod dataflash;
 pub(crate) mod mcap;
 pub(crate) mod nmea;
+mod number;
 pub(crate) mod parquet;
 pub(crate) mod ros1_bag;
 pub(crate) mod ros2_sqlite;
+mod stream;
+mod time;
 pub(crate) mod ulog;
 pub(crate) mod xlsx;

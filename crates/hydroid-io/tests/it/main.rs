@@ -1,5 +1,7 @@
 //! Integration tests.
 
+mod dataflash;
+mod recorder;
 mod sample;
 
 #[path = "../../../hydroid-core/tests/it/module_order.rs"]
