@@ -3,6 +3,7 @@
 mod dataflash;
 mod recorder;
 mod sample;
+mod ulog;
 
 #[path = "../../../hydroid-core/tests/it/module_order.rs"]
 mod module_order;
