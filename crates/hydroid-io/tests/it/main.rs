@@ -1,6 +1,7 @@
 //! Integration tests.
 
 mod dataflash;
+mod nmea;
 mod recorder;
 mod sample;
 mod ulog;
