@@ -358,13 +358,8 @@ fn lines_that_are_damaged_are_lost() {
     for bad in bad {
         let text = format!("{good}\n{good}\n{bad}\n{good}\n\n");
         let log = Recorder::of_bytes(text.as_bytes()).unwrap_or_else(|error| panic!("{error}"));
-        assert_eq!(log.column("HDT", "heading"), [1.5; 3], "{:.60}", bad);
-        assert_eq!(
-            (log.summary.lost_parts, log.summary.lost_bytes),
-            (1, bad.len() as u64 + 1),
-            "{:.60}",
-            bad
-        );
+        assert_eq!(log.column("HDT", "heading"), [1.5; 3], "{bad:.60}");
+        assert_eq!((log.summary.lost_parts, log.summary.lost_bytes), (1, bad.len() as u64 + 1), "{bad:.60}");
     }
 }
 

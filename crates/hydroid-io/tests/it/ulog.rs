@@ -30,7 +30,7 @@ fn sample_has_what_its_description_says() {
         assert!(log.topic(topic).fields.iter().all(|field| !field.name.contains("padding")));
     }
     let first = |topic: &str, field: &str| log.column(topic, field)[0];
-    let single = |value: f64| f64::from(value as f32);
+    let single = |value: f32| f64::from(value);
     assert_eq!(log.stamps("sensor_combined")[0], 42_000_000_000);
     assert_eq!(log.stamps("sensor_gps")[0], 42_769_000_000);
     assert_eq!(first("sensor_combined", "gyro_rad[2]"), single(0.00255));

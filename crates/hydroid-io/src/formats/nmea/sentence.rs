@@ -37,27 +37,27 @@ pub(super) struct Sentence {
 use Get::{Mode, Number, Position, Signed, Speed, Status, Time};
 
 const fn sentence(
-    formatter: &[u8; 3],
+    formatter: [u8; 3],
     least: usize,
     variant: &'static [usize],
     columns: &'static [(&'static str, &'static str, Get)],
 ) -> Sentence {
-    Sentence { formatter: *formatter, least, variant, columns }
+    Sentence { formatter, least, variant, columns }
 }
 
 const SENTENCES: [Sentence; 19] = [
-    sentence(b"HDT", 2, &[], &[("heading", "deg", Number(0))]),
-    sentence(b"HDM", 2, &[], &[("heading", "deg", Number(0))]),
+    sentence(*b"HDT", 2, &[], &[("heading", "deg", Number(0))]),
+    sentence(*b"HDM", 2, &[], &[("heading", "deg", Number(0))]),
     sentence(
-        b"HDG",
+        *b"HDG",
         5,
         &[],
         &[("heading", "deg", Number(0)), ("deviation", "deg", Signed(1)), ("variation", "deg", Signed(3))],
     ),
-    sentence(b"THS", 2, &[], &[("heading", "deg", Number(0)), ("valid", "", Mode(1))]),
-    sentence(b"ROT", 2, &[], &[("rate", "deg/min", Number(0)), ("valid", "", Status(1))]),
+    sentence(*b"THS", 2, &[], &[("heading", "deg", Number(0)), ("valid", "", Mode(1))]),
+    sentence(*b"ROT", 2, &[], &[("rate", "deg/min", Number(0)), ("valid", "", Status(1))]),
     sentence(
-        b"RSA",
+        *b"RSA",
         4,
         &[],
         &[
@@ -68,7 +68,7 @@ const SENTENCES: [Sentence; 19] = [
         ],
     ),
     sentence(
-        b"RPM",
+        *b"RPM",
         5,
         &[0, 1],
         &[
@@ -79,7 +79,7 @@ const SENTENCES: [Sentence; 19] = [
         ],
     ),
     sentence(
-        b"GGA",
+        *b"GGA",
         14,
         &[],
         &[
@@ -95,7 +95,7 @@ const SENTENCES: [Sentence; 19] = [
         ],
     ),
     sentence(
-        b"RMC",
+        *b"RMC",
         11,
         &[],
         &[
@@ -109,7 +109,7 @@ const SENTENCES: [Sentence; 19] = [
         ],
     ),
     sentence(
-        b"VTG",
+        *b"VTG",
         8,
         &[],
         &[
@@ -120,7 +120,7 @@ const SENTENCES: [Sentence; 19] = [
         ],
     ),
     sentence(
-        b"GLL",
+        *b"GLL",
         4,
         &[],
         &[
@@ -131,13 +131,13 @@ const SENTENCES: [Sentence; 19] = [
         ],
     ),
     sentence(
-        b"ZDA",
+        *b"ZDA",
         4,
         &[],
         &[("utc_s", "s", Time(0)), ("day", "", Number(1)), ("month", "", Number(2)), ("year", "", Number(3))],
     ),
     sentence(
-        b"GNS",
+        *b"GNS",
         12,
         &[],
         &[
@@ -152,7 +152,7 @@ const SENTENCES: [Sentence; 19] = [
         ],
     ),
     sentence(
-        b"GST",
+        *b"GST",
         8,
         &[],
         &[
@@ -167,7 +167,7 @@ const SENTENCES: [Sentence; 19] = [
         ],
     ),
     sentence(
-        b"VHW",
+        *b"VHW",
         8,
         &[],
         &[
@@ -178,7 +178,7 @@ const SENTENCES: [Sentence; 19] = [
         ],
     ),
     sentence(
-        b"VBW",
+        *b"VBW",
         6,
         &[],
         &[
@@ -195,14 +195,14 @@ const SENTENCES: [Sentence; 19] = [
         ],
     ),
     sentence(
-        b"MWV",
+        *b"MWV",
         5,
         &[1],
         &[("angle", "deg", Number(0)), ("speed", "m/s", Speed(2)), ("valid", "", Status(4))],
     ),
-    sentence(b"DBT", 4, &[], &[("depth", "m", Number(2))]),
+    sentence(*b"DBT", 4, &[], &[("depth", "m", Number(2))]),
     sentence(
-        b"DPT",
+        *b"DPT",
         2,
         &[],
         &[("depth", "m", Number(0)), ("offset", "m", Number(1)), ("range", "m", Number(2))],

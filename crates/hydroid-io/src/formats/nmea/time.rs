@@ -140,7 +140,7 @@ impl Times {
                 summary.note("sentences without a time of arrival have that of the one before");
             }
             Source::Midnight => {
-                summary.note("no sentence at the beginning has a date; stamps are from midnight")
+                summary.note("no sentence at the beginning has a date; stamps are from midnight");
             }
             Source::Number => summary.note("no sentence at the beginning has a time; sentences are numbered"),
             Source::Arrival | Source::Dated => {}

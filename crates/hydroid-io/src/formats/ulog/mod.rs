@@ -6,8 +6,6 @@
 
 mod format;
 
-use std::collections::HashMap;
-
 use self::format::{Formats, Plan, number};
 use super::number::chunk;
 use super::stream::{Block, blocks};
@@ -30,8 +28,11 @@ const MARGIN: usize = 3 * (1 << 16);
 /// Longest name, with what precedes it.
 const LONGEST_NAME: usize = 300;
 
-/// Longest message of an unknown type that is taken for one.
-const LONGEST_UNKNOWN: usize = 10_000;
+/// Longest message of an unknown type or topic, and longest text, that is taken for one.
+const LONGEST_UNKNOWN: usize = 4096;
+
+/// Types of messages.
+const TYPES: &[u8] = b"BFIMPQARDLCSO";
 
 /// Limits for damaged files.
 const MOST_TOPICS: usize = 4096;
@@ -102,7 +103,8 @@ fn end_of(bytes: &[u8], at: usize) -> usize {
 #[derive(Default)]
 struct Reader {
     formats: Formats,
-    subscriptions: HashMap<u16, Subscription>,
+    /// By their numbers.
+    subscriptions: Vec<Option<Subscription>>,
     known: Vec<Known>,
     /// Places in the file where data have been appended, perhaps within a message.
     appended: Vec<u64>,
@@ -135,6 +137,11 @@ impl Reader {
                 self.gap = Some((here, if cut { ENDS } else { NO_MESSAGE }));
             }
             at += 1;
+            // Only a known type ends a gap; the type is the third byte.
+            let end = if block.last { bytes.len() } else { bytes.len() - MARGIN };
+            while at + 2 < end && !TYPES.contains(&bytes[at + 2]) {
+                at += 1;
+            }
         }
         if block.last {
             self.close_gap(block.place(at));
@@ -191,6 +198,10 @@ impl Reader {
         })
     }
 
+    fn subscription(&self, id: u16) -> Option<&Subscription> {
+        self.subscriptions.get(usize::from(id))?.as_ref()
+    }
+
     /// Whether the header and data here can be those of a message.
     fn possible(&self, bytes: &[u8], at: usize) -> Possible {
         let Some([low, high, kind]) = chunk(bytes, at) else { return Possible::No };
@@ -200,11 +211,22 @@ impl Reader {
         let key = |skip: usize| {
             let size = data.get(skip).copied().map_or(0, usize::from);
             let key = data.get(skip + 1..skip + 1 + size).unwrap_or_default();
-            key.contains(&b' ') && key.iter().all(|byte| byte.is_ascii_graphic() || *byte == b' ')
+            size > 5
+                && length <= LONGEST_UNKNOWN
+                && key.contains(&b' ')
+                && key.iter().all(|byte| byte.is_ascii_graphic() || *byte == b' ')
         };
-        let level = || data.first().is_some_and(|level| (b'0'..=b'7').contains(level));
+        // A text behind its level and, at `time`, the microseconds since the start, which do not fill 64 bits.
+        let logged = |time: usize| {
+            let text = data.iter().skip(time + 8).take(40);
+            length >= time + 8
+                && length <= LONGEST_UNKNOWN
+                && data.first().is_some_and(|level| (b'0'..=b'7').contains(level))
+                && data.get(time + 7).is_none_or(|&byte| byte == 0)
+                && text.clone().all(|&byte| byte >= b' ' || matches!(byte, b'\n' | b'\r' | b'\t' | 0x1b | 0))
+        };
         let possible = match kind {
-            b'D' => match chunk(data, 0).and_then(|id| self.subscriptions.get(&u16::from_le_bytes(id))) {
+            b'D' => match chunk(data, 0).and_then(|id| self.subscription(u16::from_le_bytes(id))) {
                 Some(Subscription::To(index)) => {
                     let plan = &self.known[*index].plan;
                     // Longer data may have fields that the format lacks.
@@ -217,16 +239,18 @@ impl Reader {
                 _ if (3..=LONGEST_UNKNOWN).contains(&length) => return Possible::Unknown,
                 _ => false,
             },
-            b'B' => (40..=LONGEST_UNKNOWN).contains(&length),
-            b'F' => data.first().is_some_and(u8::is_ascii_alphanumeric) && data.contains(&b':'),
+            b'B' => (40..=LONGEST_NAME).contains(&length),
+            b'F' => memchr::memchr(b':', data).is_some_and(|size| {
+                size > 0 && data[..size].iter().all(|byte| byte.is_ascii_alphanumeric() || *byte == b'_')
+            }),
             b'I' | b'P' => key(0),
             b'M' | b'Q' => key(1),
             b'A' => (4..LONGEST_NAME).contains(&length) && data.iter().skip(3).all(u8::is_ascii_graphic),
             b'R' | b'O' => length == 2,
-            b'L' => length >= 9 && level(),
-            b'C' => length >= 11 && level(),
+            b'L' => logged(1),
+            b'C' => logged(3),
             b'S' => length == SYNC.len() && SYNC.starts_with(data),
-            _ if kind.is_ascii_alphabetic() && (1..=LONGEST_UNKNOWN).contains(&length) => {
+            _ if kind.is_ascii_uppercase() && (1..=LONGEST_UNKNOWN).contains(&length) => {
                 return Possible::Unknown;
             }
             _ => false,
@@ -307,7 +331,11 @@ impl Reader {
                 }
             },
         };
-        self.subscriptions.insert(id, subscription);
+        let id = usize::from(id);
+        if self.subscriptions.len() <= id {
+            self.subscriptions.resize(id + 1, None);
+        }
+        self.subscriptions[id] = Some(subscription);
     }
 
     fn plan(&mut self, name: &str) -> Result<Plan, String> {
@@ -326,7 +354,7 @@ impl Reader {
             return;
         };
         let length = (data.len() + 2 + HEADER) as u64;
-        let known = match self.subscriptions.get(&id) {
+        let known = match self.subscriptions.get(usize::from(id)).and_then(Option::as_ref) {
             Some(Subscription::To(index)) => &mut self.known[*index],
             Some(Subscription::Unreadable(reason)) => return self.summary.lose(place, length, reason),
             None => {
