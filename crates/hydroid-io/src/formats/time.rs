@@ -27,25 +27,10 @@ pub(crate) fn days(year: i64, month: i64, day: i64) -> Option<i64> {
 }
 
 /// Dates from which GPS time is one second more ahead of UTC (IERS Bulletin C).
+#[rustfmt::skip]
 const LEAP_SECONDS: [(i64, i64); 18] = [
-    (1981, 7),
-    (1982, 7),
-    (1983, 7),
-    (1985, 7),
-    (1988, 1),
-    (1990, 1),
-    (1991, 1),
-    (1992, 7),
-    (1993, 7),
-    (1994, 7),
-    (1996, 1),
-    (1997, 7),
-    (1999, 1),
-    (2006, 1),
-    (2009, 1),
-    (2012, 7),
-    (2015, 7),
-    (2017, 1),
+    (1981, 7), (1982, 7), (1983, 7), (1985, 7), (1988, 1), (1990, 1), (1991, 1), (1992, 7), (1993, 7),
+    (1994, 7), (1996, 1), (1997, 7), (1999, 1), (2006, 1), (2009, 1), (2012, 7), (2015, 7), (2017, 1),
 ];
 
 /// UTC \[ns since 1970\] of a GPS week (since 1980-01-06) and millisecond of the week; `None` if they cannot be.
@@ -66,8 +51,8 @@ pub(crate) fn gps_utc_ns(week: i64, millisecond: i64) -> Option<i64> {
     Some((gps_ms - leap_s * 1000) * 1_000_000)
 }
 
-/// Median of the differences between two clocks, in bounded memory: every second of the kept ones is dropped when they
-/// become too many, and from then on only every second is added.
+/// Median of the differences between two clocks, in bounded memory: every second of the kept ones is dropped when
+/// they become too many, and from then on only every second is added.
 #[derive(Debug)]
 pub(crate) struct Offsets {
     kept: Vec<i64>,

@@ -67,7 +67,8 @@ fn sample_has_what_its_description_says() {
     }
 }
 
-/// `expected.json` has what pymavlink reads: it leaves the factors of MULT to the reader, who finds them in the unit.
+/// `expected.json` has what pymavlink reads: it leaves the factors of MULT to the reader, who finds them in the
+/// unit.
 #[test]
 fn first_rows_of_the_sample_are_those_of_pymavlink() {
     let (Some(path), Some(expected)) = (sample::file("otter.BIN"), sample::file("expected.json")) else {

@@ -78,6 +78,12 @@ fn sample_has_what_its_description_says() {
         assert!(read == value || read.is_nan() && value.is_nan(), "{topic}.{field}: {read}");
         assert_eq!(log.unit(topic, field), unit, "{topic}.{field}");
     }
+    for topic in ["GGA", "RMC"] {
+        for (stamp, time) in log.stamps(topic).iter().zip(log.column(topic, "utc_s")) {
+            let arrival = (stamp - MIDNIGHT_NS) as f64 / 1e9;
+            assert!((arrival - time).abs() <= 0.010_001, "{topic}: {time} s arrives at {arrival} s");
+        }
+    }
     // Lines 2132, 2985 and 7476, with CR LF.
     let reasons: Vec<&str> = log.summary.losses.iter().map(|loss| &loss.reason[..]).collect();
     assert_eq!(

@@ -114,7 +114,8 @@ impl Recorder {
     }
 }
 
-/// Reads what is left of a file that is cut after each `step` bytes: its rows are the first rows of the whole file.
+/// Reads what is left of a file that is cut after each `step` bytes: its rows are the first rows of the whole
+/// file.
 #[allow(dead_code, reason = "used by the tests of each format")]
 pub(crate) fn truncated(bytes: &[u8], step: usize) {
     let whole = Recorder::of_bytes(bytes).expect("a whole file");

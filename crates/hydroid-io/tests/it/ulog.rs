@@ -304,6 +304,23 @@ fn reading_goes_on_after_damage() {
     assert_eq!((log.summary.lost_parts, log.summary.lost_bytes), (2, 12 + 11), "{:?}", log.summary);
 }
 
+/// Random bytes have few of the signs of a message.
+#[test]
+fn noise_is_lost() {
+    let mut writer = Writer::counter();
+    writer.count(1);
+    let before = writer.bytes.len();
+    let mut state = 1u64;
+    for _ in 0..1_000_000 {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        writer.bytes.push((state >> 56) as u8);
+    }
+    writer.count(2).count(3);
+    let log = writer.read();
+    assert_eq!(log.column("count", "n"), [1.0, 2.0, 3.0]);
+    assert_eq!((log.summary.losses[0].offset, log.summary.lost_bytes), (before as u64, 1_000_000));
+}
+
 #[test]
 fn data_without_topic_or_format_are_stated() {
     let mut writer = Writer::counter();

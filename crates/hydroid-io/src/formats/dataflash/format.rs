@@ -204,8 +204,8 @@ pub(super) struct Plan {
 }
 
 impl Plan {
-    /// A factor of a MULT message does not apply to a letter that implies one: such a letter states the same scale again
-    /// (`c` in 0.01 with a factor of 0.01 is to be scaled once).
+    /// A factor of a MULT message does not apply to a letter that implies one: such a letter states the same scale
+    /// again (`c` in 0.01 with a factor of 0.01 is to be scaled once).
     pub(super) fn new(definition: &Definition, letters: &UnitLetters, tables: &Tables) -> Self {
         let mut plan = Self {
             fields: Vec::new(),

@@ -1,10 +1,10 @@
-//! Reader of ArduPilot DataFlash logs (`.BIN`; ArduPilot, `libraries/AP_Logger`, and its developer documentation, "Adding
-//! a new log message").
+//! Reader of ArduPilot DataFlash logs (`.BIN`; ArduPilot, `libraries/AP_Logger`, and its developer documentation,
+//! "Adding a new log message").
 //!
-//! A message is A3 95, a type, and the fields that the FMT message of the type lists. `TimeUS` is the stamp and no field.
-//! Factors are applied: a field `GMS` in milliseconds has seconds if its unit is `s` with the factor 0.001.
-//! Units and instances of a type are those known at its first message. Instance 0 of GPS is the topic `GPS`, instance 1
-//! is `GPS[1]`. PARM gives parameters and no topic.
+//! A message is A3 95, a type, and the fields that the FMT message of the type lists. `TimeUS` is the stamp and no
+//! field. Factors are applied: a field `GMS` in milliseconds has seconds if its unit is `s` with the factor 0.001.
+//! Units and instances of a type are those known at its first message. Instance 0 of GPS is the topic `GPS`,
+//! instance 1 is `GPS[1]`. PARM gives parameters and no topic.
 
 mod format;
 
@@ -50,7 +50,8 @@ impl Reason {
     }
 }
 
-/// Whether a file is a DataFlash log: it begins with the header of a message, or its beginning has a whole FMT message.
+/// Whether a file is a DataFlash log: it begins with the header of a message, or its beginning has a whole FMT
+/// message.
 pub(crate) fn begins(head: &[u8]) -> bool {
     head.starts_with(&[MAGIC[0], MAGIC[1], FMT])
         || memchr::memmem::find_iter(head, &[MAGIC[0], MAGIC[1], FMT]).any(|at| {
@@ -198,8 +199,8 @@ impl Reader {
         }
     }
 
-    /// Whether the message at a header is one. After another message it is, unless a message begins within it. After a
-    /// gap a header must follow it, because A3 95 also occurs in data.
+    /// Whether the message at a header is one. After another message it is, unless a message begins within it.
+    /// After a gap a header must follow it, because A3 95 also occurs in data.
     fn plausible(&self, block: &Block<'_>, at: usize, length: usize) -> bool {
         let bytes = block.bytes;
         if at + length > bytes.len() {

@@ -1,4 +1,5 @@
-//! The time of arrival in front of a sentence: ISO 8601, Unix time, or a tag block (NMEA 0183, section 7, "TAG block").
+//! The time of arrival in front of a sentence: ISO 8601, Unix time, or a tag block (NMEA 0183, section 7, "TAG
+//! block").
 
 use super::sentence::{digits, fraction_ns};
 use crate::formats::time::{DAY, SECOND, days};
@@ -44,7 +45,8 @@ fn unix(text: &[u8]) -> Option<Arrival> {
     Some(Arrival { utc_ns, zone: true })
 }
 
-/// `2026-04-16T07:44:00.000Z`, with a space for the T, a comma for the point, a zone of `+02:00`, `+0200`, `+02`, or none.
+/// `2026-04-16T07:44:00.000Z`, with a space for the T, a comma for the point, a zone of `+02:00`, `+0200`, `+02`,
+/// or none.
 fn iso(text: &[u8]) -> Option<Arrival> {
     let fixed = text.get(..19)?;
     let separators = [fixed[4], fixed[7], fixed[13], fixed[16]];

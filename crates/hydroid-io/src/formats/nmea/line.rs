@@ -76,8 +76,8 @@ fn hex(text: &[u8]) -> Option<u8> {
     Some(digit(high)? << 4 | digit(low)?)
 }
 
-/// Whether a line has a sentence: `$` or `!`, an address of five characters or more, and a comma; a proprietary address
-/// may be shorter.
+/// Whether a line has a sentence: `$` or `!`, an address of five characters or more, and a comma; a proprietary
+/// address may be shorter.
 pub(super) fn has_sentence(line: &[u8]) -> bool {
     memchr::memchr2(b'$', b'!', line).is_some_and(|start| {
         let sentence = &line[start + 1..];

@@ -1,12 +1,12 @@
 //! Reader of NMEA 0183 sentences, one a line (IEC 61162-1).
 //!
-//! The topic of a sentence is its formatter: `HDT`. The same sentence of a second talker is the topic `HDT[GP]`, of a
-//! second shaft `RPM[S2]`, of the true wind behind the apparent one `MWV[T]`: what differs from the first one is in the
-//! brackets. Empty fields are NaN. `valid` is 1 for A and 0 for V.
+//! The topic of a sentence is its formatter: `HDT`. The same sentence of a second talker is the topic `HDT[GP]`,
+//! of a second shaft `RPM[S2]`, of the true wind behind the apparent one `MWV[T]`: what differs from the first one
+//! is in the brackets. Empty fields are NaN. `valid` is 1 for A and 0 for V.
 //!
-//! Stamps are the times of arrival in front of the sentences (ISO 8601, Unix time, or the tag `c`); then `utc_s` alone has
-//! the time in a sentence. Without, a sentence has the time of the last one that states a time, with the date of RMC or ZDA,
-//! or from midnight if the first MB has no date. Without any time the sentences are numbered.
+//! Stamps are the times of arrival in front of the sentences (ISO 8601, Unix time, or the tag `c`); then `utc_s`
+//! alone has the time in a sentence. Without, a sentence has the time of the last one that states a time, with the
+//! date of RMC or ZDA, or from midnight if the first MB has no date. Without any time the sentences are numbered.
 
 mod arrival;
 mod line;

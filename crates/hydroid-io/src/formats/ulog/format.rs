@@ -234,8 +234,8 @@ pub(super) fn number(type_name: &str) -> Option<Number> {
     })
 }
 
-/// Unit by the end of a name, as the names of PX4's messages have it; the longest first. A single `_s` is left out:
-/// it also ends names in the plural or of a side.
+/// Unit by the end of a name, as the names of PX4's messages have it; the longest first. A single `_s` is left
+/// out: it also ends names in the plural or of a side.
 const UNITS: [(&str, &str); 14] = [
     ("_m_s2", "m/s2"),
     ("_m_s", "m/s"),

@@ -22,7 +22,8 @@ const HEADER: usize = 3;
 
 const SYNC: [u8; 8] = [0x2f, 0x73, 0x13, 0x20, 0x25, 0x0c, 0xbb, 0x12];
 
-/// Bytes that must follow in a block so that a message and those after it that [`Reader::follows`] looks at can be seen.
+/// Bytes that must follow in a block so that a message and those after it that [`Reader::follows`] looks at can be
+/// seen.
 const MARGIN: usize = 3 * (1 << 16);
 
 /// Longest name, with what precedes it.
@@ -155,8 +156,9 @@ impl Reader {
         }
     }
 
-    /// Whether a message is here. After another message it must be possible and no message may begin within it, which
-    /// would show that it is cut. After a gap another message must follow, because short headers also occur in data.
+    /// Whether a message is here. After another message it must be possible and no message may begin within it,
+    /// which would show that it is cut. After a gap another message must follow, because short headers also occur
+    /// in data.
     fn accepts(&self, block: &Block<'_>, at: usize, end: usize) -> bool {
         let bytes = block.bytes;
         let (from, to) = (block.place(at), block.place(end));
