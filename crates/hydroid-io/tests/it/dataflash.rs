@@ -446,7 +446,10 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn any_bytes_are_survived(rubbish in prop::collection::vec(any::<u8>(), 0..4000), at in any::<prop::sample::Index>()) {
+    fn any_bytes_are_survived(
+        rubbish in prop::collection::vec(any::<u8>(), 0..4000),
+        at in any::<prop::sample::Index>(),
+    ) {
         let mut writer = Writer::counter();
         writer.count(1).count(2);
         let at = at.index(writer.bytes.len());
@@ -456,7 +459,9 @@ proptest! {
     }
 
     #[test]
-    fn flipped_bytes_cost_little(flips in prop::collection::vec((any::<prop::sample::Index>(), 1u8..=255), 1..20)) {
+    fn flipped_bytes_cost_little(
+        flips in prop::collection::vec((any::<prop::sample::Index>(), 1u8..=255), 1..20),
+    ) {
         let Some(path) = sample::file("otter.BIN") else { return Ok(()) };
         let mut bytes = fs::read(path).expect("a file");
         // Without the formats, which are in the first 4 kB.

@@ -406,7 +406,10 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn any_bytes_are_survived(rubbish in prop::collection::vec(any::<u8>(), 0..4000), at in any::<prop::sample::Index>()) {
+    fn any_bytes_are_survived(
+        rubbish in prop::collection::vec(any::<u8>(), 0..4000),
+        at in any::<prop::sample::Index>(),
+    ) {
         let text = ["HEHDT,1,T", "GPGLL,0111.5,N,10354.0,E,235959,A"].map(sentence).join("\n").repeat(50);
         let at = at.index(text.len());
         survives(&[&text.as_bytes()[..at], &rubbish, &text.as_bytes()[at..]].concat());
@@ -425,7 +428,9 @@ proptest! {
     }
 
     #[test]
-    fn flipped_bytes_cost_little(flips in prop::collection::vec((any::<prop::sample::Index>(), 1u8..=255), 1..20)) {
+    fn flipped_bytes_cost_little(
+        flips in prop::collection::vec((any::<prop::sample::Index>(), 1u8..=255), 1..20),
+    ) {
         let Some(path) = sample::file("tanker.nmea") else { return Ok(()) };
         let mut bytes = fs::read(path).expect("a file");
         for (at, flip) in flips {

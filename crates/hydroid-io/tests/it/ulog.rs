@@ -145,7 +145,11 @@ impl Writer {
 #[test]
 fn nested_formats_and_all_types_are_read() {
     let mut writer = Writer::new();
-    writer.format("all:uint64_t timestamp;int8_t a;uint8_t b;bool c;char d;int16_t e;uint16_t f;int32_t g;uint32_t h;int64_t i;uint64_t j;float k;double l;char[6] name;outer[2] o;uint8_t[3] _padding0;");
+    writer.format(
+        "all:uint64_t timestamp;int8_t a;uint8_t b;bool c;char d;int16_t e;\
+         uint16_t f;int32_t g;uint32_t h;int64_t i;uint64_t j;float k;double l;\
+         char[6] name;outer[2] o;uint8_t[3] _padding0;",
+    );
     writer.format("inner:uint16_t x;uint8_t[2] _padding0;float[2] speed_m_s;");
     writer.format("outer:inner in;uint8_t last;uint8_t[1] _padding0;");
     writer.subscribe(0, 9, "all");
@@ -380,7 +384,10 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn any_bytes_are_survived(rubbish in prop::collection::vec(any::<u8>(), 0..4000), at in any::<prop::sample::Index>()) {
+    fn any_bytes_are_survived(
+        rubbish in prop::collection::vec(any::<u8>(), 0..4000),
+        at in any::<prop::sample::Index>(),
+    ) {
         let mut writer = Writer::counter();
         writer.count(1).count(2);
         let at = 16 + at.index(writer.bytes.len() - 16);
@@ -389,7 +396,9 @@ proptest! {
     }
 
     #[test]
-    fn flipped_bytes_cost_little(flips in prop::collection::vec((any::<prop::sample::Index>(), 1u8..=255), 1..20)) {
+    fn flipped_bytes_cost_little(
+        flips in prop::collection::vec((any::<prop::sample::Index>(), 1u8..=255), 1..20),
+    ) {
         let Some(path) = sample::file("otter.ulg") else { return Ok(()) };
         let mut bytes = fs::read(path).expect("a file");
         // Without the formats, which are in the first 2 kB.

@@ -60,7 +60,8 @@ const SENTENCES: [Sentence; 19] = [
         ("port", "deg", Number(2)), ("port_valid", "", Status(3)),
     ]),
     sentence(*b"RPM", 5, &[0, 1], &[
-        ("number", "", Number(1)), ("speed", "rpm", Number(2)), ("pitch", "%", Number(3)), ("valid", "", Status(4)),
+        ("number", "", Number(1)), ("speed", "rpm", Number(2)),
+        ("pitch", "%", Number(3)), ("valid", "", Status(4)),
     ]),
     sentence(*b"GGA", 14, &[], &[
         ("utc_s", "s", Time(0)), ("latitude", "deg", Position(1)), ("longitude", "deg", Position(3)),
@@ -103,7 +104,9 @@ const SENTENCES: [Sentence; 19] = [
         ("water_starboard_stern", "kn", Number(6)), ("water_stern_valid", "", Status(7)),
         ("ground_starboard_stern", "kn", Number(8)), ("ground_stern_valid", "", Status(9)),
     ]),
-    sentence(*b"MWV", 5, &[1], &[("angle", "deg", Number(0)), ("speed", "m/s", Speed(2)), ("valid", "", Status(4))]),
+    sentence(*b"MWV", 5, &[1], &[
+        ("angle", "deg", Number(0)), ("speed", "m/s", Speed(2)), ("valid", "", Status(4)),
+    ]),
     sentence(*b"DBT", 4, &[], &[("depth", "m", Number(2))]),
     sentence(*b"DPT", 2, &[], &[("depth", "m", Number(0)), ("offset", "m", Number(1)), ("range", "m", Number(2))]),
 ];
