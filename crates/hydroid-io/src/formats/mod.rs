@@ -2,9 +2,11 @@
 
 pub(crate) mod dataflash;
 pub(crate) mod mcap;
+mod message;
 pub(crate) mod nmea;
 pub(crate) mod parquet;
 pub(crate) mod ros1_bag;
 pub(crate) mod ros2_sqlite;
 pub(crate) mod ulog;
+mod unpack;
 pub(crate) mod xlsx;

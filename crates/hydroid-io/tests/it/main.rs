@@ -1,5 +1,7 @@
 //! Integration tests.
 
+mod mcap;
+mod ros;
 mod sample;
 
 #[path = "../../../hydroid-core/tests/it/module_order.rs"]
