@@ -2,6 +2,7 @@
 
 mod mcap;
 mod ros;
+mod ros1_bag;
 mod sample;
 
 #[path = "../../../hydroid-core/tests/it/module_order.rs"]

@@ -109,7 +109,8 @@ pub(crate) fn assert_sample(all: &All, expected: &str, stamp_of_reception: bool)
         let rows = all.get(topic);
         for (i, message) in messages.as_array().expect("messages").iter().enumerate() {
             let stamp = &message["message"]["header"]["stamp"];
-            let stamp = stamp["sec"].as_i64().expect("s") * 1_000_000_000 + stamp["nanosec"].as_i64().expect("ns");
+            let stamp =
+                stamp["sec"].as_i64().expect("s") * 1_000_000_000 + stamp["nanosec"].as_i64().expect("ns");
             assert_eq!(rows.rows[i].0, stamp, "{topic}");
             if stamp_of_reception {
                 assert_eq!(rows.rows[i].1, message["log_time"].as_i64(), "{topic}");
@@ -121,7 +122,10 @@ pub(crate) fn assert_sample(all: &All, expected: &str, stamp_of_reception: bool)
                 if let Some(text) = leaf.as_str() {
                     if i == 0 && !text.is_empty() {
                         let texts = &rows.topic.texts;
-                        assert!(texts.contains(&(name.clone(), text.to_owned())), "{topic} {name}: {texts:?}");
+                        assert!(
+                            texts.contains(&(name.clone(), text.to_owned())),
+                            "{topic} {name}: {texts:?}"
+                        );
                     }
                 } else if !name.starts_with("header.stamp") {
                     let value = leaf.as_f64().unwrap_or_else(|| f64::from(u8::from(leaf == true)));
@@ -147,7 +151,11 @@ pub(crate) fn assert_sample(all: &All, expected: &str, stamp_of_reception: bool)
     }
 }
 
-fn flatten<'a>(value: &'a serde_json::Value, path: String, leaves: &mut Vec<(String, &'a serde_json::Value)>) {
+fn flatten<'a>(
+    value: &'a serde_json::Value,
+    path: String,
+    leaves: &mut Vec<(String, &'a serde_json::Value)>,
+) {
     if let Some(members) = value.as_object() {
         for (name, member) in members {
             let mut inner = path.clone();
