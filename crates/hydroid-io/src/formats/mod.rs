@@ -7,6 +7,7 @@ pub(crate) mod nmea;
 pub(crate) mod parquet;
 pub(crate) mod ros1_bag;
 pub(crate) mod ros2_sqlite;
+mod sqlite;
 pub(crate) mod ulog;
 mod unpack;
 pub(crate) mod xlsx;

@@ -139,8 +139,20 @@ impl Topics {
         Some(self.entries.len() - 1)
     }
 
+    /// Whether the messages of a topic are to be decoded: its rows are wanted, or it may get more fields.
+    pub(crate) fn needs(&self, index: usize) -> bool {
+        self.entries.get(index).is_some_and(|entry| match &entry.plan {
+            State::New => true,
+            State::Undecodable => false,
+            State::Ready(plan) => entry.stated.is_none_or(|(_, wanted)| wanted) || plan.grows(),
+        })
+    }
+
     /// Decodes a message of a topic, states the topic if it is new or has grown, and gives the row if it is wanted.
     pub(crate) fn message(&mut self, index: usize, data: &[u8], envelope: Envelope, output: &mut Output) {
+        if !self.needs(index) {
+            return;
+        }
         let Some(entry) = self.entries.get_mut(index) else { return };
         if let State::New = entry.plan {
             entry.plan = match prepare(&entry.channel, &self.budget) {
@@ -153,9 +165,6 @@ impl Topics {
             };
         }
         let State::Ready(plan) = &mut entry.plan else { return };
-        if entry.stated.is_some_and(|(_, wanted)| !wanted) && !plan.grows() {
-            return;
-        }
         let row = &mut self.row;
         row.changed = false;
         row.texts.clear();

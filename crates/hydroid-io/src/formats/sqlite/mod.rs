@@ -1,0 +1,418 @@
+//! Tables of SQLite files (SQLite documentation, "Database File Format"), read without a change to the file. Rows come
+//! in the order of their numbers; pages that are damaged are left out.
+
+mod wal;
+
+use self::wal::Wal;
+use crate::error::IoError;
+use crate::input::{Input, LARGEST_PART};
+use crate::sink::Summary;
+
+/// Length of the header of the file (section 1.3).
+const HEADER: usize = 100;
+
+const INTERIOR: u8 = 0x05;
+const LEAF: u8 = 0x0d;
+
+/// A file with what its write-ahead log adds.
+pub(crate) struct Database<'a> {
+    input: &'a mut Input,
+    wal: Option<Wal>,
+    page_size: usize,
+    /// Bytes of a page without the reserved ones at its end.
+    usable: usize,
+    pages: u64,
+    /// A bit for each page that belongs to a table that has been read.
+    seen: Vec<u64>,
+}
+
+/// A table: the page of its root and the names of its columns.
+#[derive(Debug)]
+pub(crate) struct Table {
+    root: u64,
+    columns: Vec<String>,
+}
+
+impl Table {
+    pub(crate) fn column(&self, name: &str) -> Option<usize> {
+        self.columns.iter().position(|column| column.eq_ignore_ascii_case(name))
+    }
+}
+
+/// Where the reading of a table is.
+pub(crate) struct Rows {
+    /// Pages to read, the next one at the end.
+    stack: Vec<u64>,
+    page: Vec<u8>,
+    number: u64,
+    cell: usize,
+    cells: usize,
+    /// For a search of lost rows: the next page.
+    salvage: Option<u64>,
+    /// Whether a page of the table was damaged.
+    pub(crate) damaged: bool,
+}
+
+/// A row: its number, and where its content is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cell {
+    pub(crate) rowid: i64,
+    /// Bytes of the content.
+    size: usize,
+    from: usize,
+    to: usize,
+    /// Page with the rest of the content.
+    overflow: u64,
+}
+
+impl<'a> Database<'a> {
+    /// Opens a file. A part of it that is missing, and a transaction that was not finished, are stated.
+    pub(crate) fn open(input: &'a mut Input, summary: &mut Summary) -> Result<Self, IoError> {
+        let remedy = "copy the file again, or recover it with 'sqlite3 FILE .recover'";
+        let Some(header) = input.window(HEADER)?.first_chunk::<HEADER>().copied() else {
+            return Err(input.damaged("the file ends in its header", remedy));
+        };
+        let number = |at: usize| u64::from(big(&header[at..]).unwrap_or(0));
+        let page_size = match usize::from(u16::from_be_bytes([header[16], header[17]])) {
+            1 => 1 << 16,
+            size => size,
+        };
+        let usable = page_size.saturating_sub(usize::from(header[20]));
+        if !page_size.is_power_of_two() || page_size < 512 || usable < 480 {
+            return Err(input.damaged("the header has an impossible size of pages", remedy));
+        }
+        if number(56) > 1 {
+            return Err(
+                input.damaged("texts in UTF-16 are not supported", "convert the file with ros2 bag convert")
+            );
+        }
+        let wal = Wal::open(input.path(), page_size, summary)?;
+        let stored = input.length() / page_size as u64;
+        let stated = wal.as_ref().map_or(number(28), Wal::pages);
+        // The stated number holds if the change counters agree (section 1.3.7).
+        let valid = wal.is_some() || header[24..28] == header[92..96];
+        if valid && stated > stored && wal.is_none() {
+            let bytes = (stated * page_size as u64).saturating_sub(input.length());
+            summary.lose(input.length(), bytes, "the file is shorter than it states");
+        }
+        let journal = format!("{}-journal", input.path());
+        if std::fs::metadata(&journal).is_ok_and(|journal| journal.len() > 512) {
+            summary.note(format!(
+                "{journal} has a change that was not finished and is not undone here; open the bag once with sqlite3"
+            ));
+        }
+        let pages = stored.max(wal.as_ref().map_or(0, Wal::pages)).min(u64::from(u32::MAX));
+        Ok(Self { input, wal, page_size, usable, pages, seen: Vec::new() })
+    }
+
+    pub(crate) fn input(&mut self) -> &mut Input {
+        self.input
+    }
+
+    /// Place of a page in the file.
+    fn offset(&self, page: u64) -> u64 {
+        page.saturating_sub(1) * self.page_size as u64
+    }
+
+    /// A table of the file by its name.
+    pub(crate) fn table(&mut self, name: &str, summary: &mut Summary) -> Result<Option<Table>, IoError> {
+        let mut rows = Rows::of(1);
+        let mut content = Vec::new();
+        // The table of tables is read for each of them.
+        let seen = std::mem::take(&mut self.seen);
+        let mut table = None;
+        while let Some(cell) = self.next(&mut rows, summary)? {
+            if !self.content(&rows, &cell, &mut content)? {
+                continue;
+            }
+            // Columns: type, name, tbl_name, rootpage, sql (section 2.6).
+            let values = values(&content, 5);
+            if let [Value::Text(b"table"), Value::Text(found), _, Value::Integer(root), Value::Text(sql)] =
+                values[..]
+                && found.eq_ignore_ascii_case(name.as_bytes())
+            {
+                let columns = columns(&String::from_utf8_lossy(sql));
+                table = u64::try_from(root).ok().map(|root| Table { root, columns });
+                break;
+            }
+        }
+        self.seen = seen;
+        Ok(table)
+    }
+
+    /// Moves to the next row of a table.
+    pub(crate) fn next(&mut self, rows: &mut Rows, summary: &mut Summary) -> Result<Option<Cell>, IoError> {
+        loop {
+            while rows.cell < rows.cells {
+                let cell = self.cell(rows);
+                rows.cell += 1;
+                match cell {
+                    Some(cell) => return Ok(Some(cell)),
+                    None if rows.salvage.is_none() => {
+                        rows.damaged = true;
+                        summary.lose(self.offset(rows.number), 0, "a row of the table is damaged");
+                    }
+                    None => {}
+                }
+            }
+            let Some(number) = self.next_page(rows) else { return Ok(None) };
+            rows.number = number;
+            (rows.cell, rows.cells) = (0, 0);
+            let whole = self.page(number, &mut rows.page)?;
+            let head = if number == 1 { HEADER } else { 0 };
+            let count = rows
+                .page
+                .get(head + 3..head + 5)
+                .map_or(0, |b| usize::from(u16::from_be_bytes([b[0], b[1]])));
+            match rows.page.get(head) {
+                Some(&LEAF) => rows.cells = count,
+                Some(&INTERIOR) if rows.salvage.is_none() => self.children(rows, head, count),
+                _ if rows.salvage.is_some() => {}
+                _ => {
+                    rows.damaged = true;
+                    if whole {
+                        let size = self.page_size as u64;
+                        summary.lose(self.offset(number), size, "a page of the table is damaged");
+                    }
+                }
+            }
+        }
+    }
+
+    fn next_page(&mut self, rows: &mut Rows) -> Option<u64> {
+        let Some(next) = &mut rows.salvage else {
+            let page = rows.stack.pop()?;
+            mark(&mut self.seen, page);
+            return Some(page);
+        };
+        while *next <= self.pages {
+            let page = *next;
+            *next += 1;
+            if mark(&mut self.seen, page) {
+                return Some(page);
+            }
+        }
+        None
+    }
+
+    /// Puts the pages below an interior page on the stack (section 1.6). A page is read once, so a circle ends.
+    fn children(&mut self, rows: &mut Rows, head: usize, count: usize) {
+        let pointers = rows.page.get(head + 12..).unwrap_or_default();
+        let right = big(rows.page.get(head + 8..).unwrap_or_default());
+        let cells = pointers.as_chunks::<2>().0.iter().take(count);
+        let left = cells.filter_map(|at| big(rows.page.get(usize::from(u16::from_be_bytes(*at))..)?));
+        let first = rows.stack.len();
+        for page in left.chain(right).map(u64::from) {
+            if page > 0 && page <= self.pages && mark(&mut self.seen, page) {
+                rows.stack.push(page);
+            } else {
+                rows.damaged = true;
+            }
+        }
+        rows.stack[first..].reverse();
+    }
+
+    /// A cell of a leaf page.
+    fn cell(&self, rows: &Rows) -> Option<Cell> {
+        let head = if rows.number == 1 { HEADER } else { 0 };
+        let at = rows.page.get(head + 8 + 2 * rows.cell..)?.first_chunk()?;
+        let at = usize::from(u16::from_be_bytes(*at));
+        let mut rest = rows.page.get(at..self.usable)?;
+        let size = usize::try_from(varint(&mut rest)?).ok()?;
+        let rowid = varint(&mut rest)?.cast_signed();
+        let from = self.usable - rest.len();
+        let most = self.usable - 35;
+        let local = if size <= most {
+            size
+        } else {
+            let least = (self.usable - 12) * 32 / 255 - 23;
+            let fitting = least + (size - least) % (self.usable - 4);
+            if fitting <= most { fitting } else { least }
+        };
+        let behind = rest.get(local..)?;
+        let overflow = if local < size { u64::from(big(behind)?) } else { 0 };
+        Some(Cell { rowid, size, from, to: from + local, overflow })
+    }
+
+    /// The first bytes of a row, which are in its page.
+    pub(crate) fn beginning<'b>(&self, rows: &'b Rows, cell: &Cell) -> &'b [u8] {
+        rows.page.get(cell.from..cell.to).unwrap_or_default()
+    }
+
+    /// The content of a row with its overflow pages; the answer is whether all of it is there.
+    pub(crate) fn content(
+        &mut self,
+        rows: &Rows,
+        cell: &Cell,
+        content: &mut Vec<u8>,
+    ) -> Result<bool, IoError> {
+        content.clear();
+        content.extend_from_slice(self.beginning(rows, cell));
+        if cell.size > LARGEST_PART / 2 {
+            return Ok(false);
+        }
+        let mut page = Vec::new();
+        let mut next = cell.overflow;
+        while content.len() < cell.size {
+            if next == 0 || next > self.pages || !self.page(next, &mut page)? {
+                return Ok(false);
+            }
+            mark(&mut self.seen, next);
+            next = big(&page).map_or(0, u64::from);
+            let part = page.get(4..self.usable).unwrap_or_default();
+            content.extend_from_slice(&part[..part.len().min(cell.size - content.len())]);
+        }
+        Ok(true)
+    }
+
+    /// Reads a page; the answer is whether it is there.
+    fn page(&mut self, number: u64, page: &mut Vec<u8>) -> Result<bool, IoError> {
+        page.clear();
+        let offset = self.offset(number);
+        let logged = self.wal.as_mut().and_then(|wal| wal.find(number));
+        let (input, offset) = match logged {
+            Some((input, offset)) => (input, offset),
+            None => (&mut *self.input, offset),
+        };
+        input.seek(offset)?;
+        if let Some(bytes) = input.window(self.page_size)?.get(..self.page_size) {
+            page.extend_from_slice(bytes);
+        }
+        Ok(!page.is_empty())
+    }
+}
+
+impl Rows {
+    fn of(root: u64) -> Self {
+        let (stack, page) = (vec![root], Vec::new());
+        Self { stack, page, number: 0, cell: 0, cells: 0, salvage: None, damaged: false }
+    }
+
+    /// The rows of a table.
+    pub(crate) fn new(table: &Table) -> Self {
+        Self::of(table.root)
+    }
+
+    /// The rows in all pages that belong to no table that has been read.
+    pub(crate) fn lost() -> Self {
+        Self { stack: Vec::new(), salvage: Some(2), ..Self::of(0) }
+    }
+
+    /// Whether these are lost rows, which may be those of other tables.
+    pub(crate) fn are_lost(&self) -> bool {
+        self.salvage.is_some()
+    }
+
+    /// Place of the page in the file, for the statement of a loss.
+    pub(crate) fn offset(&self, database: &Database) -> u64 {
+        database.offset(self.number)
+    }
+}
+
+/// Sets the bit of a page; the answer is whether it was not set.
+fn mark(seen: &mut Vec<u64>, page: u64) -> bool {
+    let Ok(word) = usize::try_from(page / 64) else { return false };
+    if seen.len() <= word {
+        seen.resize(word + 1, 0);
+    }
+    let bit = 1 << (page % 64);
+    let new = seen[word] & bit == 0;
+    seen[word] |= bit;
+    new
+}
+
+/// A value of a row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Value<'a> {
+    Null,
+    Integer(i64),
+    Real,
+    Text(&'a [u8]),
+    Blob(&'a [u8]),
+}
+
+/// The first columns of a row (section 2.1). Values that are not whole are missing.
+pub(crate) fn values(content: &[u8], most: usize) -> Vec<Value<'_>> {
+    let mut found = Vec::new();
+    let mut header = content;
+    let Some(length) = varint(&mut header).and_then(|length| usize::try_from(length).ok()) else {
+        return found;
+    };
+    let Some(mut body) = content.get(length..) else { return found };
+    let size = content.len() - header.len();
+    let mut header = header.get(..length.saturating_sub(size)).unwrap_or_default();
+    while found.len() < most {
+        let Some(serial) = varint(&mut header) else { break };
+        let size = match serial {
+            0 | 8 | 9 => 0,
+            1..=4 => serial,
+            5 => 6,
+            6 | 7 => 8,
+            _ => serial.saturating_sub(12) / 2,
+        };
+        let Some((bytes, rest)) = usize::try_from(size).ok().and_then(|size| body.split_at_checked(size))
+        else {
+            break;
+        };
+        body = rest;
+        found.push(match serial {
+            0 | 10 | 11 => Value::Null,
+            8 | 9 => Value::Integer(i64::from(serial == 9)),
+            7 => Value::Real,
+            1..=6 => {
+                let sign = if bytes[0] & 0x80 == 0 { 0 } else { -1 };
+                Value::Integer(bytes.iter().fold(sign, |sum, &byte| sum << 8 | i64::from(byte)))
+            }
+            _ if serial % 2 == 0 => Value::Blob(bytes),
+            _ => Value::Text(bytes),
+        });
+    }
+    found
+}
+
+/// A number of one to nine bytes (section 1.6).
+fn varint(bytes: &mut &[u8]) -> Option<u64> {
+    let mut sum = 0;
+    for i in 0..9 {
+        let (&byte, rest) = bytes.split_first()?;
+        *bytes = rest;
+        if i == 8 {
+            return Some(sum << 8 | u64::from(byte));
+        }
+        sum = sum << 7 | u64::from(byte & 0x7f);
+        if byte & 0x80 == 0 {
+            return Some(sum);
+        }
+    }
+    None
+}
+
+fn big(bytes: &[u8]) -> Option<u32> {
+    bytes.first_chunk().map(|bytes| u32::from_be_bytes(*bytes))
+}
+
+/// Names of the columns in a statement `CREATE TABLE name(column type, ...)`.
+fn columns(sql: &str) -> Vec<String> {
+    let mut names = Vec::new();
+    let mut depth = 0;
+    let mut quote = None;
+    let mut definition = String::new();
+    for c in sql.chars() {
+        match (c, quote) {
+            (_, Some(end)) => quote = if c == end { None } else { quote },
+            ('"' | '`' | '\'', None) => quote = Some(c),
+            ('[', None) => quote = Some(']'),
+            ('(', None) => depth += 1,
+            (')', None) => depth -= 1,
+            _ => {}
+        }
+        if depth == 0 && c == ')' || depth == 1 && c == ',' && quote.is_none() {
+            let name = definition.trim_start_matches('(').split_whitespace().next().unwrap_or_default();
+            names.push(name.trim_matches(['"', '`', '\'', '[', ']']).to_owned());
+            definition.clear();
+        } else if depth > 0 {
+            definition.push(c);
+        }
+    }
+    names
+}
