@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 
 use super::message::{Channel, Envelope, Output, Topics};
-use super::unpack::{Codec, unpack};
+use super::unpack::{Codec, Unpacker};
 use crate::error::IoError;
 use crate::input::{Input, LARGEST_PART};
 use crate::sink::{Sink, Summary};
@@ -39,6 +39,7 @@ pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, Io
         schemas: HashMap::new(),
         channels: Vec::new(),
         buffer: Vec::new(),
+        unpacker: Unpacker::default(),
         records: 0,
         closed: false,
         more_chunks: true,
@@ -67,10 +68,11 @@ struct SchemaRecord {
 struct Reader<'a> {
     topics: Topics,
     schemas: HashMap<u16, SchemaRecord>,
-    /// Topic of each channel; `None` for one that is left out.
-    channels: Vec<Option<ChannelRecord>>,
+    /// Topic of each channel.
+    channels: Vec<Option<usize>>,
     /// Records of a chunk, unpacked.
     buffer: Vec<u8>,
+    unpacker: Unpacker,
     /// Number of records that have been read.
     records: u64,
     /// Whether the footer has been seen.
@@ -78,11 +80,6 @@ struct Reader<'a> {
     /// Whether a search may find another chunk.
     more_chunks: bool,
     output: Output<'a>,
-}
-
-#[derive(Clone, Copy)]
-struct ChannelRecord {
-    topic: Option<usize>,
 }
 
 /// Beginning of a chunk.
@@ -163,10 +160,7 @@ impl Reader<'_> {
                 let window = input.window(HEAD + usize::try_from(length).unwrap_or(LARGEST_PART))?;
                 let end = window.len().min(usize::try_from(whole).unwrap_or(LARGEST_PART));
                 let packed = window.get(HEAD + chunk.head..end).unwrap_or_default();
-                match self.unpack(&chunk, packed) {
-                    Ok(()) => String::new(),
-                    Err(reason) => reason,
-                }
+                self.unpack(&chunk, packed).err().unwrap_or_default()
             }
             None => "the chunk has no beginning".to_owned(),
         };
@@ -185,7 +179,9 @@ impl Reader<'_> {
                 self.buffer.clear();
                 self.buffer.extend_from_slice(packed);
             }
-            Compression::Codec(codec) => unpack(codec, packed, &mut self.buffer, LARGEST_PART)
+            Compression::Codec(codec) => self
+                .unpacker
+                .unpack(codec, packed, &mut self.buffer, LARGEST_PART)
                 .map_err(|reason| format!("the chunk {reason}"))?,
             Compression::Unknown => return Err("the compression of the chunk is not supported".to_owned()),
         }
@@ -231,13 +227,11 @@ impl Reader<'_> {
     fn message(&mut self, body: &[u8], offset: u64) -> Option<()> {
         let (head, data) = body.split_at_checked(MESSAGE_HEAD)?;
         let mut fields = Fields(head);
-        let channel = (*self.channels.get(usize::from(fields.u16()?))?)?;
+        let topic = (*self.channels.get(usize::from(fields.u16()?))?)?;
         fields.u32()?;
         let received_ns = nanoseconds(fields.u64()?);
         let sent_ns = Some(nanoseconds(fields.u64()?));
-        if let Some(topic) = channel.topic {
-            self.topics.message(topic, data, Envelope { received_ns, sent_ns, offset }, &mut self.output);
-        }
+        self.topics.message(topic, data, Envelope { received_ns, sent_ns, offset }, &mut self.output);
         Some(())
     }
 
@@ -287,7 +281,7 @@ impl Reader<'_> {
         if self.channels.len() <= id {
             self.channels.resize(id + 1, None);
         }
-        self.channels[id] = Some(ChannelRecord { topic });
+        self.channels[id] = Some(topic);
         Some(())
     }
 
@@ -325,7 +319,7 @@ impl Reader<'_> {
         if let Compression::Codec(codec) = chunk.compression {
             let packed = input.window(LARGEST_PART / 2)?;
             // The end is missing, so an error is expected; the buffer has what comes before it.
-            let unpacked = unpack(codec, packed, &mut self.buffer, LARGEST_PART);
+            let unpacked = self.unpacker.unpack(codec, packed, &mut self.buffer, LARGEST_PART);
             if !self.walk(start) || unpacked.is_err() {
                 let reason = "the file ends in the middle of a chunk; messages before its end have been read";
                 self.output.summary.lose(start, rest, reason);

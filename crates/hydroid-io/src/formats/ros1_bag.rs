@@ -2,7 +2,7 @@
 //! needed, so bags that were not closed are read too.
 
 use super::message::{Channel, Envelope, Output, Topics};
-use super::unpack::{Codec, unpack};
+use super::unpack::{Codec, Unpacker};
 use crate::error::IoError;
 use crate::input::{Input, LARGEST_PART};
 use crate::sink::{Sink, Summary};
@@ -30,8 +30,14 @@ const CUT: &str = "the file ends in the middle of a record: it was cut or is sti
 
 pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, IoError> {
     let output = Output { sink, summary: Summary::default() };
-    let mut reader =
-        Reader { topics: Topics::new(), connections: Vec::new(), buffer: Vec::new(), records: 0, output };
+    let mut reader = Reader {
+        topics: Topics::new(),
+        connections: Vec::new(),
+        buffer: Vec::new(),
+        unpacker: Unpacker::default(),
+        records: 0,
+        output,
+    };
     reader.file(input)?;
     let Reader { output: Output { summary, .. }, records, .. } = reader;
     if records == 0 {
@@ -44,10 +50,11 @@ pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, Io
 
 struct Reader<'a> {
     topics: Topics,
-    /// Topic of each connection; `None` for one that is left out.
-    connections: Vec<Option<Option<usize>>>,
+    /// Topic of each connection.
+    connections: Vec<Option<usize>>,
     /// Records of a chunk, unpacked.
     buffer: Vec<u8>,
+    unpacker: Unpacker,
     /// Number of records that have been read.
     records: u64,
     output: Output<'a>,
@@ -117,8 +124,10 @@ impl Reader<'_> {
             Some(b"lz4") => Some(Codec::Lz4),
             Some(b"bz2") => Some(Codec::Bzip2),
             _ => {
-                self.output.summary.lose(start, rest, "the compression of the chunk is not supported");
-                return input.skip(before as u64 + u64::from(data));
+                let whole = before as u64 + u64::from(data);
+                let reason = "the compression of the chunk is not supported";
+                self.output.summary.lose(start, whole.min(rest), reason);
+                return input.skip(whole);
             }
         };
         let (stated, data) = (header.size, u64::from(data));
@@ -142,7 +151,7 @@ impl Reader<'_> {
         let end = usize::try_from(whole.min(rest)).unwrap_or(LARGEST_PART);
         let packed = input.window(end)?.get(before..end).unwrap_or_default();
         let mut buffer = std::mem::take(&mut self.buffer);
-        let unpacked = unpack(codec, packed, &mut buffer, LARGEST_PART);
+        let unpacked = self.unpacker.unpack(codec, packed, &mut buffer, LARGEST_PART);
         let read = self.records(&buffer, start);
         if whole > rest {
             let reason = "the file ends in the middle of a chunk; messages before its end have been read";
@@ -177,18 +186,11 @@ impl Reader<'_> {
     }
 
     fn message(&mut self, header: &Header, data: &[u8], offset: u64) -> Option<()> {
-        let connection = (*self.connections.get(header.connection? as usize)?)?;
+        let topic = (*self.connections.get(header.connection? as usize)?)?;
         let [s0, s1, s2, s3, n0, n1, n2, n3] = header.time?;
         let seconds = i64::from(u32::from_le_bytes([s0, s1, s2, s3]));
         let received_ns = seconds * 1_000_000_000 + i64::from(u32::from_le_bytes([n0, n1, n2, n3]));
-        if let Some(topic) = connection {
-            self.topics.message(
-                topic,
-                data,
-                Envelope { received_ns, sent_ns: None, offset },
-                &mut self.output,
-            );
-        }
+        self.topics.message(topic, data, Envelope { received_ns, sent_ns: None, offset }, &mut self.output);
         Some(())
     }
 

@@ -38,20 +38,18 @@ pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, Io
 }
 
 fn table(database: &mut Database, name: &str, summary: &mut Summary) -> Result<Table, IoError> {
-    match database.table(name, summary)? {
-        Some(table) => Ok(table),
-        None => {
-            database.input().seek(0)?;
-            let reason = format!("no table '{name}' is found: the file is damaged or no bag of ROS 2");
-            Err(database.input().damaged(reason, REMEDY))
-        }
+    if let Some(table) = database.table(name, summary)? {
+        return Ok(table);
     }
+    database.input().seek(0)?;
+    let reason = format!("no table '{name}' is found: the file is damaged or no bag of ROS 2");
+    Err(database.input().damaged(reason, REMEDY))
 }
 
 struct Bag {
     topics: Topics,
-    /// Topic of each number; `None` for one that is left out.
-    by_id: HashMap<i64, Option<usize>>,
+    /// Topic of each number.
+    by_id: HashMap<i64, usize>,
     content: Vec<u8>,
 }
 
@@ -128,15 +126,17 @@ impl Bag {
         while let Some(cell) = database.next(rows, &mut output.summary)? {
             database.input().tell(output.sink)?;
             let offset = rows.offset(database);
-            let first = values(database.beginning(rows, &cell), MOST_COLUMNS);
+            let first = values(rows.beginning(&cell), MOST_COLUMNS);
             let Some(Value::Integer(topic)) = first.get(topic) else { continue };
-            let Some(&known) = self.by_id.get(topic) else {
+            let Some(&topic) = self.by_id.get(topic) else {
                 if !rows.are_lost() {
                     output.summary.lose(offset, 0, "a message of an unknown topic");
                 }
                 continue;
             };
-            let Some(topic) = known.filter(|&topic| self.topics.needs(topic)) else { continue };
+            if !self.topics.needs(topic) {
+                continue;
+            }
             if !database.content(rows, &cell, &mut self.content)? {
                 output.summary.lose(offset, 0, "a message is not whole");
                 continue;

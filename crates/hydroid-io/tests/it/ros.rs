@@ -175,3 +175,8 @@ pub(crate) fn expected() -> Option<String> {
     let path = crate::sample::file("expected.json")?;
     Some(std::fs::read_to_string(path).expect("expected.json"))
 }
+
+/// A message in little-endian CDR, from parts that are aligned by the caller.
+pub(crate) fn cdr(parts: &[&[u8]]) -> Vec<u8> {
+    [&[0, 1, 0, 0][..], &parts.concat()].concat()
+}

@@ -88,7 +88,10 @@ pub(super) fn definitions() -> Schema {
         // Writing to a string cannot fail.
         let _ = write!(text, "MSG: {name}\n{}\n", members.replace(", ", "\n"));
     }
-    Schema::parse_ros("", &text, false).expect("the table is tested")
+    let mut schema = Schema::parse_ros("", &text, false).expect("the table is tested");
+    // The message before the first type has no name.
+    schema.types.remove("");
+    schema
 }
 
 /// A type of the table with its parts.

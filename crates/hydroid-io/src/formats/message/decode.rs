@@ -88,14 +88,14 @@ impl<'a> Cursor<'a> {
     fn numbers(&mut self, kind: Kind, out: &mut [f64]) -> Result<(), Fault> {
         let bytes = self.take(kind.size(), out.len())?;
         macro_rules! read {
-            ($number:ty) => {
+            ($number:ty, $convert:expr) => {
                 for (value, bytes) in out.iter_mut().zip(bytes.as_chunks().0) {
                     let number = if self.big {
                         <$number>::from_be_bytes(*bytes)
                     } else {
                         <$number>::from_le_bytes(*bytes)
                     };
-                    *value = number as f64;
+                    *value = $convert(number);
                 }
             };
         }
@@ -105,16 +105,16 @@ impl<'a> Cursor<'a> {
                     *value = f64::from(u8::from(byte != 0));
                 }
             }
-            Kind::I8 => read!(i8),
-            Kind::U8 => read!(u8),
-            Kind::I16 => read!(i16),
-            Kind::U16 => read!(u16),
-            Kind::I32 => read!(i32),
-            Kind::U32 => read!(u32),
-            Kind::I64 => read!(i64),
-            Kind::U64 => read!(u64),
-            Kind::F32 => read!(f32),
-            Kind::F64 => read!(f64),
+            Kind::I8 => read!(i8, f64::from),
+            Kind::U8 => read!(u8, f64::from),
+            Kind::I16 => read!(i16, f64::from),
+            Kind::U16 => read!(u16, f64::from),
+            Kind::I32 => read!(i32, f64::from),
+            Kind::U32 => read!(u32, f64::from),
+            Kind::I64 => read!(i64, |number| number as f64),
+            Kind::U64 => read!(u64, |number| number as f64),
+            Kind::F32 => read!(f32, f64::from),
+            Kind::F64 => read!(f64, f64::from),
         }
         Ok(())
     }

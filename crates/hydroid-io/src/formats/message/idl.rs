@@ -259,13 +259,14 @@ impl<'a> Reader<'a> {
             }
             "wchar" | "any" | "map" | "fixed" => return Ok(Type::Unreadable(word.to_owned())),
             "sequence" => return Err("sequences of sequences are not supported".to_owned()),
-            other => match Kind::of_ros(other, false) {
-                Some(kind) => kind,
-                None => {
+            other => {
+                if let Some(kind) = Kind::of_ros(other, false) {
+                    kind
+                } else {
                     check_name(other)?;
                     return Ok(Type::Named(other.to_owned()));
                 }
-            },
+            }
         }))
     }
 }

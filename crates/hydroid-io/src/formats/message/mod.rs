@@ -16,7 +16,7 @@ use std::rc::Rc;
 use self::decode::{Cursor, Fault, Row};
 use self::plan::{Budget, Plan};
 use self::schema::{LONGEST_DEFINITION, Schema};
-use super::unpack::{self, Codec};
+use super::unpack::{Codec, Unpacker, ZSTD_MAGIC};
 use crate::input::LARGEST_PART;
 use crate::sink::{Clock, Sink, Summary, Topic};
 
@@ -25,6 +25,9 @@ const BUDGET: usize = 128 << 20;
 
 /// Topics of a file.
 const MOST_TOPICS: usize = 10_000;
+
+/// Index of a topic that is left out.
+const LEFT_OUT: usize = usize::MAX;
 
 /// Bytes behind a message that are padding.
 const PADDING: usize = 8;
@@ -81,6 +84,7 @@ pub(crate) struct Topics {
     budget: Budget,
     stated: usize,
     row: Row,
+    unpacker: Unpacker,
     unpacked: Vec<u8>,
 }
 
@@ -93,6 +97,7 @@ impl Topics {
             budget: Rc::new(Cell::new(BUDGET)),
             stated: 0,
             row: Row::default(),
+            unpacker: Unpacker::default(),
             unpacked: Vec::new(),
         }
     }
@@ -102,10 +107,10 @@ impl Topics {
         plan::spend(&self.budget, bytes)
     }
 
-    /// Index of the topic of a channel; `None`, with a note, if there are too many.
-    pub(crate) fn add(&mut self, channel: Channel, summary: &mut Summary) -> Option<usize> {
+    /// Index of the topic of a channel; [`LEFT_OUT`], with a note, if there are too many.
+    pub(crate) fn add(&mut self, channel: Channel, summary: &mut Summary) -> usize {
         if let Some(&index) = self.known.get(&channel) {
-            return Some(index);
+            return index;
         }
         let texts = [&channel.topic, &channel.type_name, &channel.definition];
         let size = texts.map(String::len).into_iter().fold(size_of::<Entry>(), usize::saturating_add);
@@ -113,7 +118,7 @@ impl Topics {
         if self.entries.len() >= MOST_TOPICS || !fits || self.spend(size.saturating_mul(2)).is_err() {
             let name: String = channel.topic.chars().take(60).collect();
             summary.note(format!("{name} is left out: the definitions of the file are too big"));
-            return None;
+            return LEFT_OUT;
         }
         let mut name = channel.topic.clone();
         if self.names.contains(&name) {
@@ -136,7 +141,7 @@ impl Topics {
             texts: Vec::new(),
         };
         self.entries.push(Entry { topic, channel, plan: State::New, stated: None, longer: false });
-        Some(self.entries.len() - 1)
+        self.entries.len() - 1
     }
 
     /// Whether the messages of a topic are to be decoded: its rows are wanted, or it may get more fields.
@@ -168,7 +173,7 @@ impl Topics {
         let row = &mut self.row;
         row.changed = false;
         row.texts.clear();
-        let decoded = decode(plan, &entry.channel, data, row, &mut self.unpacked);
+        let decoded = decode(plan, &entry.channel, data, row, (&mut self.unpacker, &mut self.unpacked));
         for note in plan.notes.drain(..) {
             output.summary.note(format!("{}: {note}", entry.topic.name));
         }
@@ -240,14 +245,14 @@ fn decode<'a>(
     channel: &Channel,
     mut data: &'a [u8],
     row: &mut Row,
-    unpacked: &'a mut Vec<u8>,
+    (unpacker, unpacked): (&mut Unpacker, &'a mut Vec<u8>),
 ) -> Result<bool, String> {
     let mut cursor = if channel.encoding == "ros1" {
         Cursor::ros1(data)
     } else {
-        if data.starts_with(&unpack::ZSTD_MAGIC) {
+        if data.starts_with(&ZSTD_MAGIC) {
             // A bag may compress each message (rosbag2, `compression_mode: MESSAGE`).
-            unpack::unpack(Codec::Zstd, data, unpacked, LARGEST_PART)?;
+            unpacker.unpack(Codec::Zstd, data, unpacked, LARGEST_PART)?;
             data = unpacked;
         }
         Cursor::cdr(data).map_err(reason)?

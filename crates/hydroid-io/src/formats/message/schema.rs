@@ -195,13 +195,14 @@ fn member_of_line(line: &str, ros1: bool) -> Result<Option<Member>, String> {
     let of = match element.split("<=").next().unwrap_or_default() {
         "string" => Type::Text,
         "wstring" => Type::Unreadable("wstring".to_owned()),
-        name => match Kind::of_ros(name, ros1) {
-            Some(kind) => Type::Number(kind),
-            None => {
+        name => {
+            if let Some(kind) = Kind::of_ros(name, ros1) {
+                Type::Number(kind)
+            } else {
                 check_name(name)?;
                 Type::Named(name.to_owned())
             }
-        },
+        }
     };
     Ok(Some(Member { name: name.to_owned(), of, count }))
 }

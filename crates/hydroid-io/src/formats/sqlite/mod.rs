@@ -234,11 +234,6 @@ impl<'a> Database<'a> {
         Some(Cell { rowid, size, from, to: from + local, overflow })
     }
 
-    /// The first bytes of a row, which are in its page.
-    pub(crate) fn beginning<'b>(&self, rows: &'b Rows, cell: &Cell) -> &'b [u8] {
-        rows.page.get(cell.from..cell.to).unwrap_or_default()
-    }
-
     /// The content of a row with its overflow pages; the answer is whether all of it is there.
     pub(crate) fn content(
         &mut self,
@@ -247,7 +242,7 @@ impl<'a> Database<'a> {
         content: &mut Vec<u8>,
     ) -> Result<bool, IoError> {
         content.clear();
-        content.extend_from_slice(self.beginning(rows, cell));
+        content.extend_from_slice(rows.beginning(cell));
         if cell.size > LARGEST_PART / 2 {
             return Ok(false);
         }
@@ -296,6 +291,11 @@ impl Rows {
     /// The rows in all pages that belong to no table that has been read.
     pub(crate) fn lost() -> Self {
         Self { stack: Vec::new(), salvage: Some(2), ..Self::of(0) }
+    }
+
+    /// The first bytes of a row, which are in its page.
+    pub(crate) fn beginning(&self, cell: &Cell) -> &[u8] {
+        self.page.get(cell.from..cell.to).unwrap_or_default()
     }
 
     /// Whether these are lost rows, which may be those of other tables.
