@@ -5,7 +5,7 @@ use std::io::Write;
 use hydroid_io::{IoError, scan};
 use proptest::prelude::*;
 
-use crate::ros::{All, Scratch, assert_part_of, assert_sample, cdr, expected, read_all};
+use crate::ros::{All, Scratch, assert_part_of, assert_sample, cdr, expected, numbers, read_all};
 use crate::sample;
 
 const MAGIC: &[u8] = b"\x89MCAP0\r\n";
@@ -71,12 +71,6 @@ fn counting(compression: &str, chunks: u64) -> Vec<Vec<u8>> {
         chunk(compression, &[head, numbers.collect()].concat())
     };
     (0..chunks).map(chunk_of).collect()
-}
-
-fn numbers(all: &All) -> Vec<u64> {
-    all.topics
-        .first()
-        .map_or(Vec::new(), |rows| rows.rows.iter().map(|row| f64::from_bits(row.2[0]) as u64).collect())
 }
 
 #[test]
@@ -149,18 +143,18 @@ fn kinds_arrays_and_texts_are_read_from_the_definition() {
     let mut other = body.clone();
     body.extend(0u32.to_le_bytes());
     body.extend([7; 65]);
-    while (body.len() - 4) % 8 != 0 {
+    while !(body.len() - 4).is_multiple_of(8) {
         body.push(0);
     }
     body.extend(u64::MAX.to_le_bytes());
     // The second message has an element of `f`.
     other.extend(1u32.to_le_bytes());
-    while (other.len() - 4) % 8 != 0 {
+    while !(other.len() - 4).is_multiple_of(8) {
         other.push(0);
     }
     other.extend(inner(3.5, &[]));
     other.extend([7; 65]);
-    while (other.len() - 4) % 8 != 0 {
+    while !(other.len() - 4).is_multiple_of(8) {
         other.push(0);
     }
     other.extend(8u64.to_le_bytes());
@@ -208,11 +202,7 @@ fn kinds_arrays_and_texts_are_read_from_the_definition() {
 #[test]
 fn sequences_grow_the_fields_and_too_long_ones_are_left_out() {
     let sequence = |n: u32| {
-        cdr(&[
-            &n.to_le_bytes(),
-            &(0..n).flat_map(|i| i.to_le_bytes()).collect::<Vec<_>>(),
-            &9u32.to_le_bytes(),
-        ])
+        cdr(&[&n.to_le_bytes(), &(0..n).flat_map(u32::to_le_bytes).collect::<Vec<_>>(), &9u32.to_le_bytes()])
     };
     let mut records =
         vec![schema(1, "p/msg/S", "ros2msg", "uint32[] s\nuint32 z"), channel(1, 1, "/s", "cdr")];
@@ -488,13 +478,16 @@ fn packed_bombs_do_not_fill_the_memory() {
 #[test]
 fn definitions_that_explode_are_refused() {
     // Each type has 64 of the next one.
+    use std::fmt::Write as _;
     let separator = "=".repeat(80);
     let mut definition = "T0[64] a\nT0[64] b".to_owned();
     for i in 0..40 {
-        definition += &format!("\n{separator}\nMSG: p/T{i}\nT{}[64] a\nT{}[] b", i + 1, i + 1);
+        let _ = write!(definition, "\n{separator}\nMSG: p/T{i}\nT{}[64] a\nT{}[] b", i + 1, i + 1);
     }
-    definition +=
-        &format!("\n{separator}\nMSG: p/T40\nfloat64 x\nR r\n{separator}\nMSG: p/R\nR[] r\nfloat64 y");
+    let _ = write!(
+        definition,
+        "\n{separator}\nMSG: p/T40\nfloat64 x\nR r\n{separator}\nMSG: p/R\nR[] r\nfloat64 y"
+    );
     for (name, definition) in [
         ("p/msg/T", definition.as_str()),
         ("p/msg/R", "R[] r\nfloat64 y"),

@@ -180,3 +180,14 @@ pub(crate) fn expected() -> Option<String> {
 pub(crate) fn cdr(parts: &[&[u8]]) -> Vec<u8> {
     [&[0, 1, 0, 0][..], &parts.concat()].concat()
 }
+
+/// The only field of the first topic, as whole numbers.
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "the tests write small whole numbers"
+)]
+pub(crate) fn numbers(all: &All) -> Vec<u64> {
+    let rows = all.topics.first().map_or(&[][..], |rows| &rows.rows);
+    rows.iter().map(|row| f64::from_bits(row.2[0]) as u64).collect()
+}

@@ -5,7 +5,7 @@ use std::io::Write;
 use hydroid_io::{IoError, Summary};
 use proptest::prelude::*;
 
-use crate::ros::{All, Scratch, assert_part_of, assert_sample, expected, read_all};
+use crate::ros::{All, Scratch, assert_part_of, assert_sample, expected, numbers, read_all};
 use crate::sample;
 
 const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
@@ -65,11 +65,6 @@ fn counting(compression: &str, chunks: u32) -> Vec<Vec<u8>> {
     (0..chunks).map(chunk_of).collect()
 }
 
-fn numbers(all: &All) -> Vec<u64> {
-    let rows = all.topics.first().map_or(&[][..], |rows| &rows.rows);
-    rows.iter().map(|row| f64::from_bits(row.2[0]) as u64).collect()
-}
-
 #[test]
 fn sample_has_the_stated_messages() {
     let Some(expected) = expected() else { return };
@@ -112,7 +107,7 @@ fn messages_are_packed_and_have_times() {
         [
             &7u32.to_le_bytes()[..],
             &seconds.to_le_bytes(),
-            &9u32.to_le_bytes(),
+            &if seconds == 0 { 0 } else { 9u32 }.to_le_bytes(),
             &1u32.to_le_bytes(),
             b"f",
             &[0xff, 0xfe],
@@ -135,7 +130,7 @@ fn messages_are_packed_and_have_times() {
         [connection(3, "/t", "p/T", definition), message(3, 100, &body(50)), message(3, 101, &body(0))];
     for compression in ["none", "lz4", "bz2"] {
         let (all, summary) = read(&[chunk(compression, &records.concat())]);
-        assert_eq!((summary.losses.len(), summary.notes.len()), (0, 1 - 1), "{summary:?}");
+        assert_eq!((summary.losses.len(), summary.notes.len()), (0, 0), "{summary:?}");
         let rows = all.get("/t");
         let expected = [
             ("header.seq", 7.0),
@@ -250,7 +245,8 @@ proptest! {
                 bytes[place] ^= byte;
             }
             let result = Scratch::new("a.bag").read(&bytes);
-            prop_assert!(matches!(result, Ok(_) | Err(IoError::Damaged { .. })));
+            let fine = matches!(result, Ok(_) | Err(IoError::Damaged { .. }));
+            prop_assert!(fine);
         }
     }
 }

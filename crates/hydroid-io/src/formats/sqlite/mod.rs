@@ -111,7 +111,7 @@ impl<'a> Database<'a> {
 
     /// Place of a page in the file.
     fn offset(&self, page: u64) -> u64 {
-        page.saturating_sub(1) * self.page_size as u64
+        page.saturating_sub(1).saturating_mul(self.page_size as u64)
     }
 
     /// A table of the file by its name.
@@ -182,6 +182,11 @@ impl<'a> Database<'a> {
     fn next_page(&mut self, rows: &mut Rows) -> Option<u64> {
         let Some(next) = &mut rows.salvage else {
             let page = rows.stack.pop()?;
+            // The root is as the table of tables says, which may be wrong.
+            if page > self.pages {
+                rows.damaged = true;
+                return None;
+            }
             mark(&mut self.seen, page);
             return Some(page);
         };
@@ -309,7 +314,7 @@ impl Rows {
     }
 }
 
-/// Sets the bit of a page; the answer is whether it was not set.
+/// Sets the bit of a page of the file; the answer is whether it was not set.
 fn mark(seen: &mut Vec<u64>, page: u64) -> bool {
     let Ok(word) = usize::try_from(page / 64) else { return false };
     if seen.len() <= word {
