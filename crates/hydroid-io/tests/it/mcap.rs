@@ -544,8 +544,10 @@ proptest! {
     }
 
     #[test]
-    fn flipped_bytes_of_a_sample_are_survived(places in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..20)) {
-        if let Some(path) = sample::file("otter_lz4.mcap") {
+    fn flipped_bytes_of_a_sample_are_survived(
+        places in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..20), zstd: bool,
+    ) {
+        if let Some(path) = sample::file(if zstd { "otter_zstd.mcap" } else { "otter_lz4.mcap" }) {
             let mut bytes = std::fs::read(path).expect("a sample");
             for (place, byte) in &places {
                 let place = place.index(bytes.len() - 8) + 8;

@@ -13,6 +13,9 @@ const MOST_FIELDS: usize = 4096;
 /// Types within types.
 const DEEPEST: usize = 32;
 
+/// Memory of a member of a type with its name, about.
+const MEMBER: usize = size_of::<Member>() + 64;
+
 /// Memory of all definitions and plans of a file, in bytes: it falls with each part, and what does not fit is left out.
 pub(crate) type Budget = Rc<Cell<usize>>;
 
@@ -91,6 +94,9 @@ pub(super) struct Plan {
 
 impl Plan {
     pub(super) fn new(schema: Schema, budget: Budget) -> Result<Self, String> {
+        for (name, members) in &schema.types {
+            spend(&budget, name.len() + members.len() * MEMBER)?;
+        }
         let mut plan = Self {
             schema: Rc::new(schema),
             budget,

@@ -1,18 +1,18 @@
 //! Reader of MCAP files (MCAP format specification, version 0). The records are read forward; the summary and the
 //! indexes behind them are not needed.
 
+mod record;
+
 use std::collections::HashMap;
 
+use self::record::{Chunk, Compression, Fields, HEAD, chunk, head, is_chunk};
 use super::message::{Channel, Envelope, Output, Topics};
-use super::unpack::{Codec, Unpacker};
+use super::unpack::Unpacker;
 use crate::error::IoError;
 use crate::input::{Input, LARGEST_PART};
 use crate::sink::{Sink, Summary};
 
 const MAGIC: &[u8] = b"\x89MCAP0\r\n";
-
-/// Opcode and length before each record.
-const HEAD: usize = 9;
 
 const FOOTER: u8 = 0x02;
 const SCHEMA: u8 = 0x03;
@@ -80,23 +80,6 @@ struct Reader<'a> {
     /// Whether a search may find another chunk.
     more_chunks: bool,
     output: Output<'a>,
-}
-
-/// Beginning of a chunk.
-struct Chunk {
-    /// Bytes of its fields before the records.
-    head: usize,
-    unpacked: u64,
-    crc: u32,
-    compression: Compression,
-    /// Bytes of its records as they are stored.
-    records: u64,
-}
-
-enum Compression {
-    None,
-    Codec(Codec),
-    Unknown,
 }
 
 impl Reader<'_> {
@@ -367,70 +350,7 @@ impl Reader<'_> {
     }
 }
 
-/// Whether a chunk of a known compression begins here whose two lengths agree.
-fn is_chunk(window: &[u8]) -> bool {
-    let (Some((_, length)), Some(chunk)) = (head(window), chunk(window)) else { return false };
-    !matches!(chunk.compression, Compression::Unknown)
-        && (chunk.head as u64).checked_add(chunk.records) == Some(length)
-}
-
-/// Opcode and length of a record.
-fn head(window: &[u8]) -> Option<(u8, u64)> {
-    let (&opcode, rest) = window.split_first()?;
-    Some((opcode, Fields(rest).u64()?))
-}
-
-/// Fields of a chunk, from its opcode.
-fn chunk(window: &[u8]) -> Option<Chunk> {
-    let body = window.get(HEAD..)?;
-    let mut fields = Fields(body);
-    let (from, to) = (fields.u64()?, fields.u64()?);
-    let unpacked = fields.u64()?;
-    let crc = fields.u32()?;
-    let compression = match fields.text()? {
-        b"" => Compression::None,
-        b"zstd" => Compression::Codec(Codec::Zstd),
-        b"lz4" => Compression::Codec(Codec::Lz4),
-        _ => Compression::Unknown,
-    };
-    let records = fields.u64()?;
-    // A chunk that was not closed has no times.
-    let ordered = from <= to || to == 0;
-    ordered.then(|| Chunk { head: body.len() - fields.0.len(), unpacked, crc, compression, records })
-}
-
 /// A stamp; those beyond the year 2262 are cut.
 fn nanoseconds(stamp: u64) -> i64 {
     i64::try_from(stamp).unwrap_or(i64::MAX)
-}
-
-/// Fields of a record, taken from its beginning.
-struct Fields<'a>(&'a [u8]);
-
-impl<'a> Fields<'a> {
-    fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
-        let (first, rest) = self.0.split_first_chunk()?;
-        self.0 = rest;
-        Some(*first)
-    }
-
-    fn u16(&mut self) -> Option<u16> {
-        self.array().map(u16::from_le_bytes)
-    }
-
-    fn u32(&mut self) -> Option<u32> {
-        self.array().map(u32::from_le_bytes)
-    }
-
-    fn u64(&mut self) -> Option<u64> {
-        self.array().map(u64::from_le_bytes)
-    }
-
-    /// Bytes with their length before them.
-    fn text(&mut self) -> Option<&'a [u8]> {
-        let length = usize::try_from(self.u32()?).ok()?;
-        let (text, rest) = self.0.split_at_checked(length)?;
-        self.0 = rest;
-        Some(text)
-    }
 }
