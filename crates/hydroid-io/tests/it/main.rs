@@ -3,6 +3,10 @@
 mod dataflash;
 mod nmea;
 mod recorder;
+mod mcap;
+mod ros;
+mod ros1_bag;
+mod ros2_sqlite;
 mod sample;
 mod ulog;
 
