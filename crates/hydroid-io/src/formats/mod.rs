@@ -6,5 +6,6 @@ pub(crate) mod nmea;
 pub(crate) mod parquet;
 pub(crate) mod ros1_bag;
 pub(crate) mod ros2_sqlite;
+mod time;
 pub(crate) mod ulog;
 pub(crate) mod xlsx;

@@ -1,6 +1,8 @@
 //! Integration tests.
 
+mod parquet;
 mod sample;
+mod tables;
 
 #[path = "../../../hydroid-core/tests/it/module_order.rs"]
 mod module_order;
