@@ -1,6 +1,7 @@
 //! Parquet: samples and golden files of pyarrow, files written here, and damaged ones.
 
 use std::fs;
+use std::io::Read;
 use std::sync::LazyLock;
 
 use hydroid_io::{Clock, IoError};
@@ -337,6 +338,21 @@ fn a_size_is_not_taken_for_granted() {
         [0.0, 1.0, 2.0, 3.0, 4.0, 5.0].iter().flat_map(|value: &f64| value.to_le_bytes()).collect();
     let has = TestColumn { dictionary: Some((6, six)), ..index };
     assert_eq!(written(&[has], 3).values(0, "u"), [5.0; 3]);
+}
+
+#[test]
+fn a_page_is_not_unpacked_beyond_its_size() {
+    let honest = TestColumn::doubles("u", &[1.0, 2.0, 3.0]);
+    let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
+    std::io::copy(&mut std::io::repeat(0).take(300 << 20), &mut gzip).expect("zeros");
+    let page = gzip.finish().expect("a page");
+    for (unpacked, reason) in [(24, "size that it states"), (300 << 20, "larger than 256 MiB")] {
+        let bomb = TestColumn { name: "v", codec: 2, unpacked, page: page.clone(), ..honest.clone() };
+        let tables = written(&[honest.clone(), bomb], 3);
+        assert_eq!(tables.values(0, "u"), [1.0, 2.0, 3.0]);
+        assert!(tables.values(0, "v").iter().all(|value| value.is_nan()));
+        assert!(tables.summary.losses[0].reason.contains(reason), "{:?}", tables.summary);
+    }
 }
 
 #[test]
