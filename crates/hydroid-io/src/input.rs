@@ -97,6 +97,20 @@ impl Input {
         Ok(())
     }
 
+    /// Appends up to `size` bytes from a place in the file to a buffer; fewer at its end. The window stays where it is:
+    /// columns that are read in step have places of their own. `size` is at most [`LARGEST_PART`].
+    pub(crate) fn read_at(&mut self, from: u64, size: usize, into: &mut Vec<u8>) -> Result<(), IoError> {
+        let size = (size.min(LARGEST_PART) as u64).min(self.length.saturating_sub(from));
+        let after = self.start + self.buffer.len() as u64;
+        let mut read = || {
+            self.file.seek(SeekFrom::Start(from))?;
+            (&mut self.file).take(size).read_to_end(into)?;
+            self.file.seek(SeekFrom::Start(after))
+        };
+        read().map_err(|source| IoError::Read { path: self.path.clone(), source })?;
+        Ok(())
+    }
+
     /// Reports the progress after each MB.
     pub(crate) fn tell(&mut self, sink: &mut dyn Sink) -> Result<(), IoError> {
         let done = self.offset();

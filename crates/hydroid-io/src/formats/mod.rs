@@ -1,5 +1,6 @@
 //! A reader for each format: `scan(input, sink)` reads the file once.
 
+mod columns;
 pub(crate) mod dataflash;
 pub(crate) mod mcap;
 mod message;
