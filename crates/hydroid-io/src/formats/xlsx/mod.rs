@@ -1,0 +1,134 @@
+//! Reader of workbooks: Office Open XML, ECMA-376 part 1 (`SpreadsheetML`) in a package of part 2.
+//!
+//! A sheet with a row of names and numbers below is a topic. Rows are read one by one.
+
+mod book;
+mod rows;
+mod table;
+mod xml;
+
+use std::cell::Cell as Shared;
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::rc::Rc;
+
+use zip::ZipArchive;
+
+use self::book::{Sheet, limit};
+use self::rows::{Row, Rows};
+use self::table::Table;
+use self::xml::{Stop, Xml};
+use crate::error::IoError;
+use crate::input::Input;
+use crate::sink::{Sink, Summary};
+
+/// Longest directory of the package: a workbook has a few hundred parts.
+const LONGEST_DIRECTORY: u32 = 16 << 20;
+
+const AGAIN: &str = "save it again as a workbook (.xlsx), or as CSV";
+
+/// A file that counts what is read of it.
+struct Counted {
+    file: File,
+    read: Rc<Shared<u64>>,
+}
+
+impl Read for Counted {
+    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        let size = self.file.read(into)?;
+        self.read.set(self.read.get().saturating_add(size as u64));
+        Ok(size)
+    }
+}
+
+impl Seek for Counted {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.file.seek(to)
+    }
+}
+
+pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, IoError> {
+    check_directory(input)?;
+    let file =
+        File::open(input.path()).map_err(|source| IoError::Read { path: input.path().to_owned(), source })?;
+    let read = Rc::new(Shared::new(0));
+    let counted = Counted { file, read: Rc::clone(&read) };
+    let mut zip = ZipArchive::new(BufReader::new(counted))
+        .map_err(|_| input.damaged("the directory of the package is damaged", AGAIN))?;
+    let book = match book::load(&mut zip) {
+        Ok(Some(book)) => book,
+        Ok(None) => return Err(input.damaged("this is a ZIP file that holds no workbook", AGAIN)),
+        Err(Stop::Damaged) => return Err(input.damaged("the list of the sheets or styles is damaged", AGAIN)),
+        Err(Stop::Bomb) => return Err(bomb(input)),
+    };
+    let mut summary = Summary::default();
+    if book.strings.cut {
+        summary.note("texts behind the first 64 MiB are left out");
+    }
+    let mut topics = 0;
+    for Sheet { name, part } in &book.sheets {
+        let Ok(content) = zip.by_name(part) else {
+            summary.lose(0, 0, &format!("sheet '{name}' is not in the package, or packed in an unknown way"));
+            continue;
+        };
+        let (start, size) = (content.data_start().unwrap_or(0), content.compressed_size());
+        let mut rows = Rows::new(Xml::new(content, limit(size)), &book);
+        let mut table = Table::new(name, topics);
+        let mut row = Row::default();
+        let end = loop {
+            match rows.next(&mut row) {
+                Ok(true) => {}
+                Ok(false) => break table.finish(&mut rows, sink),
+                Err(stop) => {
+                    table.start(sink);
+                    break Err(stop);
+                }
+            }
+            if !table.add(&mut row, sink) {
+                break Ok(());
+            }
+            if table.lines().is_multiple_of(1024)
+                && !sink.proceed(read.get().min(input.length()), input.length())
+            {
+                return Err(IoError::Interrupted);
+            }
+        };
+        topics += usize::from(table.is_stated());
+        match end {
+            Err(Stop::Bomb) => return Err(bomb(input)),
+            Err(Stop::Damaged) => {
+                summary.lose(start, size, &format!("sheet '{name}' is damaged behind row {}", table.lines()));
+            }
+            Ok(()) => {}
+        }
+        table.note(&mut summary);
+    }
+    Ok(summary)
+}
+
+fn bomb(input: &Input) -> IoError {
+    input.damaged("a part of the package unpacks to far more than a sheet; it is not read", AGAIN)
+}
+
+/// The directory is at the end of the file (PKWARE APPNOTE, section 4.3.16). Its size limits what is held in memory.
+fn check_directory(input: &mut Input) -> Result<(), IoError> {
+    let length = input.length();
+    let mut tail = Vec::new();
+    let start = length.saturating_sub(22 + 65_535);
+    input.read_at(start, 22 + 65_535, &mut tail)?;
+    input.seek(length)?;
+    let Some(at) = memchr::memmem::rfind(&tail, b"PK\x05\x06") else {
+        return Err(input.damaged(
+            "the file does not end with the directory of a package; it is not whole",
+            "copy or save it again",
+        ));
+    };
+    let size = tail
+        .get(at + 12..)
+        .and_then(|rest| rest.first_chunk())
+        .map_or(u32::MAX, |size| u32::from_le_bytes(*size));
+    if size > LONGEST_DIRECTORY {
+        return Err(input.damaged("the package has more parts than a workbook", AGAIN));
+    }
+    Ok(())
+}

@@ -1,0 +1,17 @@
+//! Integration tests.
+
+mod dataflash;
+mod mcap;
+mod nmea;
+mod parquet;
+mod recorder;
+mod ros;
+mod ros1_bag;
+mod ros2_sqlite;
+mod sample;
+mod tables;
+mod ulog;
+mod xlsx;
+
+#[path = "../../../hydroid-core/tests/it/module_order.rs"]
+mod module_order;
