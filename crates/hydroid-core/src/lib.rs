@@ -4,7 +4,7 @@
 //! Order of the modules, each of which imports only those before it: `math` (vector kernels), `visit` (numbers of a state), `actuator` (lags, command
 //! maps, limits), `vessel` (the parametric plant), `craft` (vessels with any actuators), `predict` (the prediction session), `model` (equations, networks,
 //! plants over samples), `adapt` (online adaptation and its guard), `current`
-//! (predictions over ground in a current), `rate_limit` (steering gears in front of a model), `guidance` (paths and references), `control`
+//! (predictions over ground in a current), `rate_limit` (steering gears in front of a model), `navigation` (pose and velocities from raw sensors), `guidance` (paths and references), `control`
 //! (control laws and planning).
 //!
 //! Conventions: body velocities `nu = (u, v, r)`, surge and sway in m/s (forward, starboard), yaw rate in rad/s
@@ -25,6 +25,7 @@ pub mod current;
 pub mod guidance;
 pub mod math;
 pub mod model;
+pub mod navigation;
 pub mod predict;
 pub mod rate_limit;
 pub mod vessel;

@@ -25,6 +25,7 @@ mod last_layer;
 mod least_squares;
 mod math;
 mod module_order;
+mod navigation;
 mod networks;
 mod plant_golden;
 mod plant_params;

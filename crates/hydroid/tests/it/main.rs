@@ -26,6 +26,7 @@ mod lorenz;
 mod manoeuvre;
 mod methods;
 mod model_file;
+mod navigate;
 mod network_file;
 mod peer_pysindy;
 mod peer_torch;

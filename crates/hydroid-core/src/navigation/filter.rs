@@ -1,0 +1,151 @@
+//! The extended Kalman filter.
+
+use num_traits::Float as _;
+
+use super::motion::{Noise, Transition};
+use super::sensor::{Measurement, Scalar};
+use super::state::{Estimate, Prior, STATES, State};
+
+/// Extended Kalman filter over the states, with scalar updates in the order of time.
+///
+/// A scalar whose squared normalized innovation exceeds the gate is not used (chi-squared test with one degree of
+/// freedom).
+#[derive(Clone, Debug)]
+pub struct Filter {
+    noise: Noise,
+    gate: f64,
+    estimate: Estimate,
+}
+
+/// Outcome of a scalar: the innovation, its variance, and whether it was used.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Innovation {
+    /// Measured minus predicted value.
+    pub value: f64,
+    /// Its variance `S`.
+    pub variance: f64,
+    /// Whether it passed the gate.
+    pub used: bool,
+}
+
+impl Innovation {
+    /// Squared normalized innovation.
+    pub fn nis(&self) -> f64 {
+        self.value * self.value / self.variance
+    }
+}
+
+/// What a smoother needs of a scalar update.
+#[derive(Clone, Debug)]
+pub struct Update {
+    /// The innovation and its variance.
+    pub innovation: Innovation,
+    /// Derivatives of the predicted value by the states.
+    pub gradient: [f64; STATES],
+    /// Kalman gain.
+    pub gain: [f64; STATES],
+}
+
+impl Filter {
+    /// Squared normalized innovation that a normal one exceeds once in 10,000 cases.
+    pub const GATE: f64 = 15.137;
+
+    /// Starts from a prior. An infinite `gate` uses every measurement.
+    pub fn new(noise: Noise, prior: &Prior, gate: f64) -> Self {
+        let mut covariance = [[0.0; STATES]; STATES];
+        for (i, deviation) in prior.deviation.iter().enumerate() {
+            covariance[i][i] = deviation * deviation;
+        }
+        let mut filter = Self { noise, gate, estimate: Estimate { mean: prior.mean, covariance } };
+        filter.start_stationary();
+        filter
+    }
+
+    /// The states whose statistics are stationary begin with them.
+    fn start_stationary(&mut self) {
+        let n = self.noise;
+        for (state, deviation) in [
+            (State::SurgeRate, n.surge_acceleration),
+            (State::Sway, n.sway),
+            (State::SwayRate, n.sway * n.sway_rate),
+            (State::YawRate, n.yaw),
+            (State::YawAcceleration, n.yaw * n.yaw_rate),
+            (State::CompassError, n.compass),
+            (State::GnssNorth, n.gnss),
+            (State::GnssEast, n.gnss),
+            (State::WaveForwardIntegral, n.wave_forward / n.wave_frequency),
+            (State::WaveForward, n.wave_forward),
+            (State::WaveStarboardIntegral, n.wave_starboard / n.wave_frequency),
+            (State::WaveStarboard, n.wave_starboard),
+        ] {
+            self.estimate.covariance[state as usize][state as usize] = deviation * deviation;
+        }
+    }
+
+    /// The present estimate.
+    pub fn estimate(&self) -> &Estimate {
+        &self.estimate
+    }
+
+    /// Starts another run: the sensors and the vessel are the same, place and motion are those of the prior.
+    /// `kept` states keep their joint distribution.
+    pub fn restart(&mut self, prior: &Prior, kept: &[State]) {
+        let before = self.estimate.clone();
+        *self = Self::new(self.noise, prior, self.gate);
+        for &i in kept {
+            self.estimate.mean[i as usize] = before.mean[i as usize];
+            for &j in kept {
+                self.estimate.covariance[i as usize][j as usize] = before.covariance[i as usize][j as usize];
+            }
+        }
+    }
+
+    /// Prediction over a time \[s\].
+    pub fn predict(&mut self, dt: f64) -> Transition {
+        let transition = Transition::new(&self.noise, &mut self.estimate.mean, dt);
+        transition.propagate(&mut self.estimate.covariance);
+        transition
+    }
+
+    /// Update by a measurement at the present time. `visit` sees each scalar.
+    pub fn update(&mut self, measurement: &Measurement, mut visit: impl FnMut(&Update)) {
+        // All scalars of a measurement are linearized at the same state; the second sees the first through the shift.
+        let before = self.estimate.mean;
+        for mut scalar in measurement.scalars(&before) {
+            for ((h, now), then) in scalar.gradient.iter().zip(&self.estimate.mean).zip(&before) {
+                scalar.residual -= h * (now - then);
+            }
+            visit(&self.apply(&scalar));
+        }
+    }
+
+    fn apply(&mut self, scalar: &Scalar) -> Update {
+        let covariance = &mut self.estimate.covariance;
+        let mut product = [0.0; STATES];
+        for (line, h) in covariance.iter().zip(&scalar.gradient).filter(|(_, h)| **h != 0.0) {
+            for (p, x) in product.iter_mut().zip(line) {
+                *p += h * x;
+            }
+        }
+        let spread: f64 = product.iter().zip(&scalar.gradient).map(|(p, h)| p * h).sum();
+        let variance = spread + scalar.variance;
+        let mut innovation = Innovation { value: scalar.residual, variance, used: true };
+        innovation.used = innovation.nis() <= self.gate;
+        let mut gain = [0.0; STATES];
+        if innovation.used {
+            for (k, p) in gain.iter_mut().zip(&product) {
+                *k = p / variance;
+            }
+            for ((line, k), m) in covariance.iter_mut().zip(&gain).zip(&mut self.estimate.mean) {
+                *m += k * scalar.residual;
+                for (x, p) in line.iter_mut().zip(&product) {
+                    *x -= k * p;
+                }
+            }
+            for i in 0..STATES {
+                covariance[i][i] = covariance[i][i].max(0.0);
+            }
+        }
+        Update { innovation, gradient: scalar.gradient, gain }
+    }
+}

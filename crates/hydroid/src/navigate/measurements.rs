@@ -1,0 +1,183 @@
+//! Measurements of runs, and the statistics of their sensors.
+
+use hydroid_core::navigation::{Filter, Measurement, Mounting, Noise, Prior, State};
+
+/// Quantity of a sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Position of the GNSS antenna north and east of a point \[m\].
+    Position,
+    /// Velocity of the GNSS antenna to the north and east \[m/s\].
+    Velocity,
+    /// Heading \[rad\].
+    Heading,
+    /// Yaw rate \[rad/s\].
+    YawRate,
+    /// Specific force forward and to starboard \[m/s²\].
+    SpecificForce,
+    /// Body velocities over ground \[m/s\].
+    OverGround,
+    /// Body velocities through the water \[m/s\].
+    ThroughWater,
+}
+
+/// A sensor. Measurements of another quality (a GNSS receiver without fixed ambiguities) are those of another sensor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sensor {
+    /// Quantity.
+    pub kind: Kind,
+    /// Place.
+    pub mounting: Mounting,
+    /// First guess of the standard deviation of the white noise of its values.
+    pub deviation: [f64; 2],
+}
+
+/// A measurement of a sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Event {
+    /// Time \[s\].
+    pub t: f64,
+    /// Index of the sensor.
+    pub sensor: usize,
+    /// Values; the second is 0 for a sensor of one value.
+    pub value: [f64; 2],
+}
+
+/// Measurements of a run in the order of time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Run {
+    /// Measurements.
+    pub events: Vec<Event>,
+    /// State before the first measurement.
+    pub prior: Prior,
+}
+
+/// Runs of one vessel with the same sensors.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Runs {
+    /// Sensors.
+    pub sensors: Vec<Sensor>,
+    /// Runs.
+    pub runs: Vec<Run>,
+}
+
+/// States that all runs of a vessel share.
+pub(super) const SHARED: [State; 4] = [State::Misalignment, State::Pivot, State::Heel, State::Delay];
+
+/// Statistics of motion and sensors.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Statistics {
+    /// Motion, waves, biases, correlated errors.
+    pub noise: Noise,
+    /// Standard deviations of the white noise of each sensor.
+    pub deviations: Vec<[f64; 2]>,
+}
+
+impl Statistics {
+    /// The measurement of an event.
+    pub(super) fn measurement(&self, sensors: &[Sensor], event: &Event) -> Measurement {
+        let (value, sensor) = (event.value, &sensors[event.sensor]);
+        let (mounting, both) = (sensor.mounting, self.deviations[event.sensor]);
+        let deviation = both[0];
+        match sensor.kind {
+            Kind::Position => Measurement::Position { value, deviation, mounting },
+            Kind::Velocity => Measurement::Velocity { value, deviation, mounting },
+            Kind::Heading => Measurement::Heading { value: value[0], deviation },
+            Kind::YawRate => Measurement::YawRate { value: value[0], deviation },
+            Kind::SpecificForce => Measurement::SpecificForce { value, deviation: both, mounting },
+            Kind::OverGround => Measurement::OverGround { value, deviation, mounting },
+            Kind::ThroughWater => Measurement::ThroughWater { value, deviation, mounting },
+        }
+    }
+
+    /// Logarithms of the numbers that the likelihood estimates.
+    pub(super) fn numbers(&self, sensors: &[Sensor]) -> Vec<f64> {
+        let mut copy = self.clone();
+        let mut out = Vec::new();
+        copy.visit(sensors, |x| out.push(x.ln()));
+        out
+    }
+
+    pub(super) fn with_numbers(&self, sensors: &[Sensor], numbers: &[f64]) -> Self {
+        let mut copy = self.clone();
+        let mut from = numbers.iter();
+        copy.visit(sensors, |x| *x = from.next().expect("one number for each place").exp());
+        copy
+    }
+
+    fn visit(&mut self, sensors: &[Sensor], mut see: impl FnMut(&mut f64)) {
+        let n = &mut self.noise;
+        let has = |kind| sensors.iter().any(|sensor| sensor.kind == kind);
+        for x in [
+            &mut n.surge_rate,
+            &mut n.surge_acceleration,
+            &mut n.sway_rate,
+            &mut n.sway,
+            &mut n.yaw_rate,
+            &mut n.yaw,
+        ] {
+            see(x);
+        }
+        if has(Kind::Position) {
+            see(&mut n.gnss_rate);
+            see(&mut n.gnss);
+        }
+        if has(Kind::Heading) {
+            see(&mut n.compass_rate);
+            see(&mut n.compass);
+        }
+        if has(Kind::SpecificForce) {
+            for x in [
+                &mut n.wave_frequency,
+                &mut n.wave_damping,
+                &mut n.wave_forward,
+                &mut n.wave_starboard,
+                &mut n.accelerometer_walk,
+            ] {
+                see(x);
+            }
+        }
+        if has(Kind::YawRate) {
+            see(&mut n.gyro_walk);
+        }
+        for (sensor, deviation) in sensors.iter().zip(&mut self.deviations) {
+            see(&mut deviation[0]);
+            if sensor.kind == Kind::SpecificForce {
+                see(&mut deviation[1]);
+            }
+        }
+    }
+}
+
+impl Runs {
+    /// Logarithm of the likelihood of the innovations, without its constant.
+    pub(super) fn log_likelihood(&self, statistics: &Statistics) -> f64 {
+        let mut sum = 0.0;
+        let mut filter: Option<Filter> = None;
+        for run in &self.runs {
+            let filter = match &mut filter {
+                Some(filter) => {
+                    filter.restart(&run.prior, &SHARED);
+                    filter
+                }
+                none => none.insert(Filter::new(statistics.noise, &run.prior, f64::INFINITY)),
+            };
+            let mut t = run.events.first().map_or(0.0, |event| event.t);
+            for event in &run.events {
+                if event.t > t {
+                    filter.predict(event.t - t);
+                    t = event.t;
+                }
+                filter.update(&statistics.measurement(&self.sensors, event), |update| {
+                    let i = update.innovation;
+                    // The log-density of an outlier is that of the gate, so that it does not widen the noise.
+                    sum -= 0.5 * (i.nis().min(OUTLIER) + i.variance.ln());
+                });
+            }
+        }
+        if sum.is_finite() { sum } else { f64::NEG_INFINITY }
+    }
+}
+
+/// Squared normalized innovation above which a measurement counts as an outlier in the likelihood.
+const OUTLIER: f64 = Filter::GATE;

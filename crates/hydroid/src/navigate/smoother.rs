@@ -1,0 +1,291 @@
+//! Fixed-interval smoother: the modified Bryson-Frazier method (Bierman, Factorization Methods for Discrete Sequential
+//! Estimation, 1977, section X.2), which inverts no covariance.
+//!
+//! The forward pass is repeated between checkpoints during the backward pass, so the memory does not grow with the
+//! number of measurements but with that of the checkpoints.
+
+use hydroid_core::navigation::{Estimate, Filter, Innovation, STATES, State, Transition, Update};
+
+use super::measurements::{Runs, SHARED, Statistics};
+
+/// Smoothed pose and velocities at a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// Time \[s\].
+    pub t: f64,
+    /// North, east \[m\], heading \[rad\].
+    pub pose: [f64; 3],
+    /// Surge, sway \[m/s\] and yaw rate \[rad/s\] over ground.
+    pub ground: [f64; 3],
+    /// Standard deviations of `ground`.
+    pub ground_deviation: [f64; 3],
+    /// Surge and sway through the water \[m/s\].
+    pub water: [f64; 2],
+    /// Standard deviations of `water`.
+    pub water_deviation: [f64; 2],
+}
+
+/// A smoothed run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Smoothed {
+    /// Rows at the chosen times.
+    pub rows: Vec<Row>,
+    /// Means and standard deviations of all states at the end of the run.
+    pub end: [(f64, f64); STATES],
+    /// Mean squared normalized innovation of each sensor.
+    pub nis: Vec<f64>,
+    /// Share of rejected values of each sensor.
+    pub rejected: Vec<f64>,
+}
+
+enum Step {
+    Predict(Box<Transition>),
+    Update(Box<Update>),
+    Output(usize, Box<Estimate>),
+    Restart,
+}
+
+/// Measurements between checkpoints.
+const SEGMENT: usize = 2_000;
+
+/// One place in the sequence of all runs.
+#[derive(Clone, Copy)]
+enum Item {
+    Restart(usize),
+    Event(usize, usize),
+    Output(usize, usize),
+}
+
+/// Smooths all runs at the times `outputs` of each \[s\].
+pub fn smooth(runs: &Runs, statistics: &Statistics, outputs: &[Vec<f64>]) -> Vec<Smoothed> {
+    let items = sequence(runs, outputs);
+    let Some(first) = runs.runs.first() else { return Vec::new() };
+    let start = Filter::new(statistics.noise, &first.prior, Filter::GATE);
+    let mut forward = Forward { runs, statistics, outputs, filter: start, t: 0.0 };
+
+    let mut checkpoints = Vec::new();
+    let mut counts = vec![vec![[0.0; 3]; runs.sensors.len()]; runs.runs.len()];
+    for part in items.chunks(SEGMENT) {
+        checkpoints.push((forward.filter.clone(), forward.t));
+        for item in part {
+            forward.step(*item, |step| {
+                if let (Item::Event(run, event), Step::Update(update)) = (*item, step) {
+                    let count = &mut counts[run][runs.runs[run].events[event].sensor];
+                    count[0] += 1.0;
+                    if update.innovation.used {
+                        count[1] += update.innovation.nis();
+                    } else {
+                        count[2] += 1.0;
+                    }
+                }
+            });
+        }
+    }
+
+    let mut smoothed: Vec<Smoothed> = counts
+        .iter()
+        .map(|counts| Smoothed {
+            rows: Vec::new(),
+            end: [(0.0, 0.0); STATES],
+            nis: counts.iter().map(|c| c[1] / (c[0] - c[2]).max(1.0)).collect(),
+            rejected: counts.iter().map(|c| c[2] / c[0].max(1.0)).collect(),
+        })
+        .collect();
+    let mut adjoint = Adjoint { vector: [0.0; STATES], matrix: [[0.0; STATES]; STATES] };
+    for (part, (filter, t)) in items.chunks(SEGMENT).zip(checkpoints).rev() {
+        forward.filter = filter;
+        forward.t = t;
+        let mut steps = Vec::with_capacity(3 * part.len());
+        for item in part {
+            forward.step(*item, |step| steps.push((*item, step)));
+        }
+        for (item, step) in steps.iter().rev() {
+            match step {
+                Step::Predict(transition) => {
+                    transition.transpose(&mut adjoint.vector);
+                    transition.transpose_both(&mut adjoint.matrix);
+                }
+                Step::Update(update) => adjoint.update(update),
+                Step::Restart => adjoint.restart(),
+                Step::Output(run, estimate) => {
+                    let Item::Output(_, index) = *item else { continue };
+                    let out = &mut smoothed[*run];
+                    if out.rows.is_empty() {
+                        out.end = std::array::from_fn(|i| {
+                            let mut unit = [0.0; STATES];
+                            unit[i] = 1.0;
+                            let (shift, variance) = adjoint.functional(estimate, &unit);
+                            (estimate.mean[i] + shift, variance.max(0.0).sqrt())
+                        });
+                    }
+                    out.rows.push(adjoint.row(outputs[*run][index], estimate));
+                }
+            }
+        }
+    }
+    for run in &mut smoothed {
+        run.rows.reverse();
+    }
+    smoothed
+}
+
+/// All measurements and outputs in the order of time.
+fn sequence(runs: &Runs, outputs: &[Vec<f64>]) -> Vec<Item> {
+    let mut items = Vec::new();
+    for (r, (run, times)) in runs.runs.iter().zip(outputs).enumerate() {
+        items.push(Item::Restart(r));
+        let mut next = 0;
+        for (e, event) in run.events.iter().enumerate() {
+            while next < times.len() && times[next] < event.t {
+                items.push(Item::Output(r, next));
+                next += 1;
+            }
+            items.push(Item::Event(r, e));
+        }
+        items.extend((next..times.len()).map(|index| Item::Output(r, index)));
+    }
+    items
+}
+
+struct Forward<'a> {
+    runs: &'a Runs,
+    statistics: &'a Statistics,
+    outputs: &'a [Vec<f64>],
+    filter: Filter,
+    t: f64,
+}
+
+impl Forward<'_> {
+    fn step(&mut self, item: Item, mut see: impl FnMut(Step)) {
+        let to = match item {
+            Item::Restart(run) => {
+                let run_ = &self.runs.runs[run];
+                if run > 0 {
+                    self.filter.restart(&run_.prior, &SHARED);
+                }
+                let first = run_.events.first().map(|event| event.t);
+                let first = first.into_iter().chain(self.outputs[run].first().copied());
+                self.t = first.fold(f64::INFINITY, f64::min);
+                see(Step::Restart);
+                return;
+            }
+            Item::Event(run, event) => self.runs.runs[run].events[event].t,
+            Item::Output(run, index) => self.outputs[run][index],
+        };
+        if to > self.t {
+            see(Step::Predict(Box::new(self.filter.predict(to - self.t))));
+            self.t = to;
+        }
+        match item {
+            Item::Event(run, event) => {
+                let event = &self.runs.runs[run].events[event];
+                let measurement = self.statistics.measurement(&self.runs.sensors, event);
+                self.filter.update(&measurement, |update| see(Step::Update(Box::new(update.clone()))));
+            }
+            Item::Output(run, _) => see(Step::Output(run, Box::new(self.filter.estimate().clone()))),
+            Item::Restart(_) => {}
+        }
+    }
+}
+
+/// Adjoint variables: the smoothed mean is `x - P l`, its covariance `P - P L P`.
+struct Adjoint {
+    vector: [f64; STATES],
+    matrix: [[f64; STATES]; STATES],
+}
+
+impl Adjoint {
+    fn update(&mut self, update: &Update) {
+        let Innovation { value, variance, used } = update.innovation;
+        if !used {
+            return;
+        }
+        let (h, k) = (&update.gradient, &update.gain);
+        let dot = |a: &[f64; STATES], b: &[f64; STATES]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+        let along = dot(k, &self.vector) + value / variance;
+        let product: [f64; STATES] = std::array::from_fn(|i| dot(&self.matrix[i], k));
+        let square = dot(&product, k) + 1.0 / variance;
+        for i in 0..STATES {
+            self.vector[i] -= h[i] * along;
+            for j in 0..STATES {
+                self.matrix[i][j] += square * h[i] * h[j] - h[i] * product[j] - product[i] * h[j];
+            }
+        }
+    }
+
+    fn restart(&mut self) {
+        let kept = |i: usize| SHARED.iter().any(|state| *state as usize == i);
+        for i in 0..STATES {
+            if !kept(i) {
+                self.vector[i] = 0.0;
+            }
+            for j in 0..STATES {
+                if !kept(i) || !kept(j) {
+                    self.matrix[i][j] = 0.0;
+                }
+            }
+        }
+    }
+
+    /// Shift of the mean of a linear functional of the state, and its smoothed variance.
+    fn functional(&self, estimate: &Estimate, g: &[f64; STATES]) -> (f64, f64) {
+        let mut p = [0.0; STATES];
+        for (line, g) in estimate.covariance.iter().zip(g).filter(|(_, g)| **g != 0.0) {
+            for (p, x) in p.iter_mut().zip(line) {
+                *p += g * x;
+            }
+        }
+        let dot = |a: &[f64; STATES], b: &[f64; STATES]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+        let shift = -dot(&p, &self.vector);
+        let gained: f64 = p.iter().zip(&self.matrix).map(|(x, line)| x * dot(line, &p)).sum();
+        (shift, dot(&p, g) - gained)
+    }
+
+    fn row(&self, t: f64, estimate: &Estimate) -> Row {
+        let functional = |entries: &[(State, f64)]| {
+            let mut g = [0.0; STATES];
+            for (state, value) in entries {
+                g[*state as usize] = *value;
+            }
+            let (shift, variance) = self.functional(estimate, &g);
+            (shift, variance.max(0.0).sqrt())
+        };
+        let value = |state: State| {
+            let (shift, deviation) = functional(&[(state, 1.0)]);
+            (estimate.get(state) + shift, deviation)
+        };
+        let (surge, surge_deviation) = value(State::Surge);
+        let (yaw, yaw_deviation) = value(State::YawRate);
+        let pivot = value(State::Pivot).0;
+        let sway = value(State::Sway).0 - pivot * yaw;
+        let of_sway = [(State::Sway, 1.0), (State::YawRate, -pivot), (State::Pivot, -yaw)];
+        let sway_deviation = functional(&of_sway).1;
+        let (north, east) = (value(State::CurrentNorth).0, value(State::CurrentEast).0);
+        let heading = value(State::Heading).0;
+        let (sine, cosine) = heading.sin_cos();
+        let current = [cosine * north + sine * east, -sine * north + cosine * east];
+        let [at_pivot, by_yaw, by_pivot] = of_sway;
+        let surge_ground = [
+            (State::Surge, 1.0),
+            (State::CurrentNorth, cosine),
+            (State::CurrentEast, sine),
+            (State::Heading, current[1]),
+        ];
+        let sway_ground = [
+            at_pivot,
+            by_yaw,
+            by_pivot,
+            (State::CurrentNorth, -sine),
+            (State::CurrentEast, cosine),
+            (State::Heading, -current[0]),
+        ];
+        Row {
+            t,
+            pose: [value(State::North).0, value(State::East).0, heading],
+            ground: [surge + current[0], sway + current[1], yaw],
+            ground_deviation: [functional(&surge_ground).1, functional(&sway_ground).1, yaw_deviation],
+            water: [surge, sway],
+            water_deviation: [surge_deviation, sway_deviation],
+        }
+    }
+}
