@@ -114,11 +114,13 @@ impl TimedReference {
             return;
         }
         let mut left = dt;
-        if profile.is_closed() && left >= profile.duration() {
-            // Whole laps at once: their number has no bound at absurd speeds.
-            let laps = Float::floor(left / profile.duration());
+        let lap_time = profile.duration();
+        if profile.is_closed() && !(lap_time > left) {
+            // Whole laps at once: their number has no bound at absurd speeds. Where a lap takes no time, the reference is
+            // not finite.
+            let laps = Float::floor(left / lap_time);
             self.lap += laps * profile.length();
-            left = (left - laps * profile.duration()).clamp(0.0, profile.duration());
+            left = (left - laps * lap_time).max(0.0).min(lap_time);
         }
         loop {
             let Some(phase) = profile.phases().get(self.phase) else {
@@ -142,6 +144,10 @@ impl TimedReference {
             if profile.is_closed() && self.phase == profile.phases().len() {
                 self.phase = 0;
                 self.lap += profile.length();
+                if !(left > 0.0) {
+                    self.speed = profile.phases()[0].speed;
+                    return;
+                }
             }
             self.speed = profile.phases().get(self.phase).map_or(phase.end, |next| next.speed);
         }

@@ -1,6 +1,6 @@
 //! The extended Kalman filter.
 
-use num_traits::Float as _;
+use num_traits::Float;
 
 use super::motion::{Noise, Transition};
 use super::sensor::{Measurement, Scalar};
@@ -8,12 +8,14 @@ use super::state::{Estimate, Prior, STATES, State};
 
 /// Extended Kalman filter over the states, with scalar updates in the order of time.
 ///
-/// A scalar whose squared normalized innovation exceeds the gate is not used (chi-squared test with one degree of
-/// freedom).
+/// The influence of an outlier is bounded: where the squared normalized innovation `d^2 = e^2 / S` exceeds the threshold
+/// `c^2`, its weight is `w = c / d`, and `S / w` takes the place of `S`, so that the correction is that of an innovation
+/// of `c` standard deviations (Huber's function; Masreliez and Martin, IEEE Trans. AC 22 (1977) 361). No value is without
+/// influence, so the filter cannot lose the vessel for ever.
 #[derive(Clone, Debug)]
 pub struct Filter {
     noise: Noise,
-    gate: f64,
+    threshold: f64,
     estimate: Estimate,
 }
 
@@ -24,14 +26,19 @@ pub struct Innovation {
     pub value: f64,
     /// Its variance `S`.
     pub variance: f64,
-    /// Whether it passed the gate.
-    pub used: bool,
+    /// Weight `w`: 1, or less for an outlier.
+    pub weight: f64,
 }
 
 impl Innovation {
     /// Squared normalized innovation.
     pub fn nis(&self) -> f64 {
         self.value * self.value / self.variance
+    }
+
+    /// Whether the normalized innovation exceeds the threshold.
+    pub fn is_outlier(&self) -> bool {
+        self.weight < 1.0
     }
 }
 
@@ -48,15 +55,15 @@ pub struct Update {
 
 impl Filter {
     /// Squared normalized innovation that a normal one exceeds once in 10,000 cases.
-    pub const GATE: f64 = 15.137;
+    pub const OUTLIER: f64 = 15.137;
 
-    /// Starts from a prior. An infinite `gate` uses every measurement.
-    pub fn new(noise: Noise, prior: &Prior, gate: f64) -> Self {
+    /// Starts from a prior; the states whose statistics are stationary start with these. `threshold` is `c^2`.
+    pub fn new(noise: Noise, prior: &Prior, threshold: f64) -> Self {
         let mut covariance = [[0.0; STATES]; STATES];
         for (i, deviation) in prior.deviation.iter().enumerate() {
             covariance[i][i] = deviation * deviation;
         }
-        let mut filter = Self { noise, gate, estimate: Estimate { mean: prior.mean, covariance } };
+        let mut filter = Self { noise, threshold, estimate: Estimate { mean: prior.mean, covariance } };
         filter.start_stationary();
         filter
     }
@@ -91,7 +98,7 @@ impl Filter {
     /// `kept` states keep their joint distribution.
     pub fn restart(&mut self, prior: &Prior, kept: &[State]) {
         let before = self.estimate.clone();
-        *self = Self::new(self.noise, prior, self.gate);
+        *self = Self::new(self.noise, prior, self.threshold);
         for &i in kept {
             self.estimate.mean[i as usize] = before.mean[i as usize];
             for &j in kept {
@@ -128,23 +135,20 @@ impl Filter {
             }
         }
         let spread: f64 = product.iter().zip(&scalar.gradient).map(|(p, h)| p * h).sum();
-        let variance = spread + scalar.variance;
-        let mut innovation = Innovation { value: scalar.residual, variance, used: true };
-        innovation.used = innovation.nis() <= self.gate;
-        let mut gain = [0.0; STATES];
-        if innovation.used {
-            for (k, p) in gain.iter_mut().zip(&product) {
-                *k = p / variance;
+        let mut innovation =
+            Innovation { value: scalar.residual, variance: spread + scalar.variance, weight: 1.0 };
+        if innovation.nis() > self.threshold {
+            innovation.weight = Float::sqrt(self.threshold / innovation.nis());
+        }
+        let gain = product.map(|p| p * innovation.weight / innovation.variance);
+        for ((line, k), m) in covariance.iter_mut().zip(&gain).zip(&mut self.estimate.mean) {
+            *m += k * scalar.residual;
+            for (x, p) in line.iter_mut().zip(&product) {
+                *x -= k * p;
             }
-            for ((line, k), m) in covariance.iter_mut().zip(&gain).zip(&mut self.estimate.mean) {
-                *m += k * scalar.residual;
-                for (x, p) in line.iter_mut().zip(&product) {
-                    *x -= k * p;
-                }
-            }
-            for i in 0..STATES {
-                covariance[i][i] = covariance[i][i].max(0.0);
-            }
+        }
+        for i in 0..STATES {
+            covariance[i][i] = covariance[i][i].max(0.0);
         }
         Update { innovation, gradient: scalar.gradient, gain }
     }

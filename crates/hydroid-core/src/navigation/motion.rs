@@ -1,6 +1,6 @@
 //! Transition of the states over a time, and its noise.
 
-use num_traits::Float as _;
+use num_traits::Float;
 
 use super::state::{STATES, State};
 
@@ -80,16 +80,16 @@ impl Row {
 
 /// Transition of a Matérn process of smoothness 3/2 and its derivative.
 fn matern(rate: f64, dt: f64) -> [f64; 4] {
-    let decay = (-rate * dt).exp();
+    let decay = Float::exp(-rate * dt);
     [decay * (1.0 + rate * dt), decay * dt, -decay * rate * rate * dt, decay * (1.0 - rate * dt)]
 }
 
 /// Transition of a damped oscillator and its derivative.
 fn oscillator(frequency: f64, damping: f64, dt: f64) -> [f64; 4] {
     let damping = damping.min(0.99);
-    let damped = frequency * (1.0 - damping * damping).sqrt();
-    let decay = (-damping * frequency * dt).exp();
-    let (sine, cosine) = (damped * dt).sin_cos();
+    let damped = frequency * Float::sqrt(1.0 - damping * damping);
+    let decay = Float::exp(-damping * frequency * dt);
+    let (sine, cosine) = Float::sin_cos(damped * dt);
     let sine = sine / damped;
     [
         decay * (cosine + damping * frequency * sine),
@@ -114,7 +114,7 @@ impl Transition {
     pub fn new(noise: &Noise, mean: &mut [f64; STATES], dt: f64) -> Self {
         use State as S;
         let at = |state: State| mean[state as usize];
-        let (sine, cosine) = (at(S::Heading) + 0.5 * dt * at(S::YawRate)).sin_cos();
+        let (sine, cosine) = Float::sin_cos(at(S::Heading) + 0.5 * dt * at(S::YawRate));
         let surge = at(S::Surge) + 0.5 * dt * at(S::SurgeRate);
         let turn = at(S::YawRate) + 0.5 * dt * at(S::YawAcceleration);
         let pivot = at(S::Pivot);
@@ -122,13 +122,13 @@ impl Transition {
         let (along, across) = (cosine * surge - sine * sway, sine * surge + cosine * sway);
         let half = 0.5 * dt * dt;
 
-        let decay = (-noise.surge_rate * dt).exp();
+        let decay = Float::exp(-noise.surge_rate * dt);
         let reach = (1.0 - decay) / noise.surge_rate;
         let sway_step = matern(noise.sway_rate, dt);
         let yaw_step = matern(noise.yaw_rate, dt);
         let wave = oscillator(noise.wave_frequency, noise.wave_damping, dt);
-        let gnss = (-noise.gnss_rate * dt).exp();
-        let compass = (-noise.compass_rate * dt).exp();
+        let gnss = Float::exp(-noise.gnss_rate * dt);
+        let compass = Float::exp(-noise.compass_rate * dt);
 
         let pair = |first: State, second: State, a: [f64; 4]| {
             [

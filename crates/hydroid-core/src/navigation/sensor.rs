@@ -2,7 +2,7 @@
 
 use core::f64::consts::PI;
 
-use num_traits::Float as _;
+use num_traits::Float;
 
 use super::state::{STATES, State};
 
@@ -99,7 +99,7 @@ impl Scalar {
 
 /// An angle in (-pi, pi].
 pub(super) fn wrapped(angle: f64) -> f64 {
-    angle - 2.0 * PI * (angle / (2.0 * PI)).round()
+    angle - 2.0 * PI * Float::round(angle / (2.0 * PI))
 }
 
 /// Velocity and acceleration of a point of the body, with their derivatives by surge, sway, yaw rate and their rates.
@@ -173,7 +173,7 @@ fn both(pair: [Scalar; 2]) -> [Option<Scalar>; 2] {
 
 /// Derivatives of a velocity of a point, rotated by the first row of a rotation `(c, s)`: `c a + s b`.
 fn position(mean: &[f64; STATES], value: [f64; 2], deviation: f64, place: Mounting) -> [Scalar; 2] {
-    let (sine, cosine) = mean[State::Heading as usize].sin_cos();
+    let (sine, cosine) = Float::sin_cos(mean[State::Heading as usize]);
     let point = Point::new(mean, place);
     let delay = mean[State::Delay as usize];
     let half = 0.5 * delay * delay;
@@ -218,7 +218,7 @@ fn position(mean: &[f64; STATES], value: [f64; 2], deviation: f64, place: Mounti
 }
 
 fn velocity(mean: &[f64; STATES], value: [f64; 2], deviation: f64, place: Mounting) -> [Scalar; 2] {
-    let (sine, cosine) = mean[State::Heading as usize].sin_cos();
+    let (sine, cosine) = Float::sin_cos(mean[State::Heading as usize]);
     let point = Point::new(mean, place);
     let delay = mean[State::Delay as usize];
     let axis = |c: f64, s: f64, current, value: f64| {
@@ -298,7 +298,7 @@ fn specific_force(
 fn body(mean: &[f64; STATES], value: [f64; 2], deviation: f64, place: Mounting, ground: bool) -> [Scalar; 2] {
     let at = |state: State| mean[state as usize];
     let point = Point::new(mean, place);
-    let (sine, cosine) = at(State::Heading).sin_cos();
+    let (sine, cosine) = Float::sin_cos(at(State::Heading));
     let (north, east) = (at(State::CurrentNorth), at(State::CurrentEast));
     let share = if ground { 1.0 } else { 0.0 };
     let current = [cosine * north + sine * east, -sine * north + cosine * east];

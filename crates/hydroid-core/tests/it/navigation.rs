@@ -261,15 +261,18 @@ fn a_prior_variance_of_zero_fixes_a_state() {
 }
 
 #[test]
-fn an_outlier_changes_nothing_and_is_reported() {
-    let mut filter = Filter::new(noise(), &prior(turning()), Filter::GATE);
-    let before = filter.estimate().clone();
-    let mut used = Vec::new();
-    filter.update(&Measurement::YawRate { value: 7.0, deviation: 0.001 }, |update| {
-        used.push(update.innovation.used)
-    });
-    assert_eq!(used, [false]);
-    assert_eq!(*filter.estimate(), before);
+fn the_influence_of_an_outlier_is_bounded() {
+    let shift = |value: f64| {
+        let mut filter = Filter::new(noise(), &prior(turning()), Filter::OUTLIER);
+        let before = filter.estimate().get(State::YawRate);
+        let mut weight = 0.0;
+        let measurement = Measurement::YawRate { value, deviation: 0.001 };
+        filter.update(&measurement, |update| weight = update.innovation.weight);
+        (filter.estimate().get(State::YawRate) - before, weight)
+    };
+    let ((near, _), (far, wild), (farther, _)) = (shift(0.1), shift(50.0), shift(5e6));
+    assert!(wild < 0.1, "{wild}");
+    assert!(near > 0.0 && (far - farther).abs() < 1e-9, "{near} {far} {farther}");
 }
 
 #[test]

@@ -170,8 +170,11 @@ impl Runs {
                 }
                 filter.update(&statistics.measurement(&self.sensors, event), |update| {
                     let i = update.innovation;
-                    // The log-density of an outlier is that of the gate, so that it does not widen the noise.
-                    sum -= 0.5 * (i.nis().min(OUTLIER) + i.variance.ln());
+                    // An outlier counts by its distance and not by its square (Huber, Ann. Math. Stat. 35 (1964) 73), so
+                    // that it does not widen the noise.
+                    let (d, c) = (i.nis().sqrt(), OUTLIER.sqrt());
+                    let loss = if d > c { c * (2.0 * d - c) } else { d * d };
+                    sum -= 0.5 * (loss + i.variance.ln());
                 });
             }
         }
@@ -180,4 +183,4 @@ impl Runs {
 }
 
 /// Squared normalized innovation above which a measurement counts as an outlier in the likelihood.
-const OUTLIER: f64 = Filter::GATE;
+const OUTLIER: f64 = Filter::OUTLIER;

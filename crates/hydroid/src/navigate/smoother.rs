@@ -32,10 +32,10 @@ pub struct Smoothed {
     pub rows: Vec<Row>,
     /// Means and standard deviations of all states at the end of the run.
     pub end: [(f64, f64); STATES],
-    /// Mean squared normalized innovation of each sensor.
+    /// Mean squared normalized innovation of each sensor, without outliers.
     pub nis: Vec<f64>,
-    /// Share of rejected values of each sensor.
-    pub rejected: Vec<f64>,
+    /// Share of outliers of each sensor.
+    pub outliers: Vec<f64>,
 }
 
 enum Step {
@@ -60,7 +60,7 @@ enum Item {
 pub fn smooth(runs: &Runs, statistics: &Statistics, outputs: &[Vec<f64>]) -> Vec<Smoothed> {
     let items = sequence(runs, outputs);
     let Some(first) = runs.runs.first() else { return Vec::new() };
-    let start = Filter::new(statistics.noise, &first.prior, Filter::GATE);
+    let start = Filter::new(statistics.noise, &first.prior, Filter::OUTLIER);
     let mut forward = Forward { runs, statistics, outputs, filter: start, t: 0.0 };
 
     let mut checkpoints = Vec::new();
@@ -72,10 +72,10 @@ pub fn smooth(runs: &Runs, statistics: &Statistics, outputs: &[Vec<f64>]) -> Vec
                 if let (Item::Event(run, event), Step::Update(update)) = (*item, step) {
                     let count = &mut counts[run][runs.runs[run].events[event].sensor];
                     count[0] += 1.0;
-                    if update.innovation.used {
-                        count[1] += update.innovation.nis();
-                    } else {
+                    if update.innovation.is_outlier() {
                         count[2] += 1.0;
+                    } else {
+                        count[1] += update.innovation.nis();
                     }
                 }
             });
@@ -88,7 +88,7 @@ pub fn smooth(runs: &Runs, statistics: &Statistics, outputs: &[Vec<f64>]) -> Vec
             rows: Vec::new(),
             end: [(0.0, 0.0); STATES],
             nis: counts.iter().map(|c| c[1] / (c[0] - c[2]).max(1.0)).collect(),
-            rejected: counts.iter().map(|c| c[2] / c[0].max(1.0)).collect(),
+            outliers: counts.iter().map(|c| c[2] / c[0].max(1.0)).collect(),
         })
         .collect();
     let mut adjoint = Adjoint { vector: [0.0; STATES], matrix: [[0.0; STATES]; STATES] };
@@ -196,10 +196,8 @@ struct Adjoint {
 
 impl Adjoint {
     fn update(&mut self, update: &Update) {
-        let Innovation { value, variance, used } = update.innovation;
-        if !used {
-            return;
-        }
+        let Innovation { value, variance, weight } = update.innovation;
+        let variance = variance / weight;
         let (h, k) = (&update.gradient, &update.gain);
         let dot = |a: &[f64; STATES], b: &[f64; STATES]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
         let along = dot(k, &self.vector) + value / variance;

@@ -88,7 +88,7 @@ fn the_smoother_equals_that_of_rauch_tung_and_striebel() {
     let runs = Runs { sensors, runs: vec![Run { events: events.clone(), prior: prior.clone() }] };
     let smoothed = &smooth(&runs, &statistics, std::slice::from_ref(&times))[0];
 
-    let mut filter = Filter::new(statistics.noise, &prior, Filter::GATE);
+    let mut filter = Filter::new(statistics.noise, &prior, Filter::OUTLIER);
     let mut predicted = Vec::new();
     let mut filtered = Vec::new();
     let mut transitions: Vec<Matrix> = Vec::new();
@@ -255,7 +255,7 @@ fn velocities_delay_and_misalignment_of_a_simulated_boat() {
         assert!((mean - LATE).abs() < 0.05, "delay {mean} +- {deviation}");
         let (mean, deviation) = run.end[State::Misalignment as usize];
         assert!((mean - TURNED).abs() < 0.5 * DEGREE, "misalignment {mean} +- {deviation}");
-        assert!(run.rejected[0] > 0.001 && run.rejected[0] < 0.05, "{:?}", run.rejected);
+        assert!(run.outliers[0] > 0.001 && run.outliers[0] < 0.05, "{:?}", run.outliers);
         for (i, bound) in [(0, 0.03), (1, 0.06), (2, 0.002)] {
             let (error, held) = errors(run, 20.0, i, |t| truth[(t / 0.02).round() as usize][3 + i]);
             assert!(error < bound, "velocity {i}: {error}");
