@@ -115,7 +115,7 @@ impl TimedReference {
         }
         let mut left = dt;
         let lap_time = profile.duration();
-        if profile.is_closed() && !(lap_time > left) {
+        if profile.is_closed() && (lap_time <= left || lap_time.is_nan()) {
             // Whole laps at once: their number has no bound at absurd speeds. Where a lap takes no time, the reference is
             // not finite.
             let laps = Float::floor(left / lap_time);
@@ -144,7 +144,7 @@ impl TimedReference {
             if profile.is_closed() && self.phase == profile.phases().len() {
                 self.phase = 0;
                 self.lap += profile.length();
-                if !(left > 0.0) {
+                if left <= 0.0 {
                     self.speed = profile.phases()[0].speed;
                     return;
                 }

@@ -180,7 +180,7 @@ impl Transition {
         let (l, s2) = (noise.surge_rate, noise.surge_acceleration * noise.surge_acceleration);
         let surge_noise = if l * dt < 1e-2 {
             let q = 2.0 * l * s2;
-            [q * dt * dt * dt / 3.0, q * half, q * dt]
+            [q * dt * dt * dt / 3.0, q * half, s2 * (1.0 - decay * decay)]
         } else {
             [
                 s2 / (l * l) * (2.0 * l * dt - 3.0 + 4.0 * decay - decay * decay),
