@@ -109,6 +109,78 @@ fn stationary(a: [f64; 4], variance: f64, ratio: f64) -> [f64; 3] {
     ]
 }
 
+/// Transitions of the processes over a time.
+#[derive(Clone, Copy, Debug)]
+struct Steps {
+    /// Of the surge acceleration.
+    decay: f64,
+    sway: [f64; 4],
+    yaw: [f64; 4],
+    wave: [f64; 4],
+    gnss: f64,
+    compass: f64,
+}
+
+impl Steps {
+    fn new(noise: &Noise, dt: f64) -> Self {
+        Self {
+            decay: Float::exp(-noise.surge_rate * dt),
+            sway: matern(noise.sway_rate, dt),
+            yaw: matern(noise.yaw_rate, dt),
+            wave: oscillator(noise.wave_frequency, noise.wave_damping, dt),
+            gnss: Float::exp(-noise.gnss_rate * dt),
+            compass: Float::exp(-noise.compass_rate * dt),
+        }
+    }
+
+    /// Blocks of the covariance of the noise.
+    fn noise(&self, of: &Noise, dt: f64) -> [(usize, usize, [f64; 3]); NOISY] {
+        use State as S;
+        let Self { decay, sway: sway_step, yaw: yaw_step, wave, gnss, compass } = *self;
+        let half = 0.5 * dt * dt;
+        // Ornstein-Uhlenbeck process and its integral (Singer 1970, eq. 9).
+        let (l, s2) = (of.surge_rate, of.surge_acceleration * of.surge_acceleration);
+        let surge_noise = if l * dt < 1e-2 {
+            let q = 2.0 * l * s2;
+            [q * dt * dt * dt / 3.0, q * half, s2 * (1.0 - decay * decay)]
+        } else {
+            [
+                s2 / (l * l) * (2.0 * l * dt - 3.0 + 4.0 * decay - decay * decay),
+                s2 / l * (1.0 - decay) * (1.0 - decay),
+                s2 * (1.0 - decay * decay),
+            ]
+        };
+        let square = |x: f64| x * x;
+        let ratio = |rate: f64| rate * rate;
+        let single = |state: State, variance: f64| (state as usize, state as usize, [variance, 0.0, 0.0]);
+        let double = |first: State, second: State, block: [f64; 3]| (first as usize, second as usize, block);
+        let gnss_noise = square(of.gnss) * (1.0 - gnss * gnss);
+        [
+            double(S::Surge, S::SurgeRate, surge_noise),
+            double(S::Sway, S::SwayRate, stationary(sway_step, square(of.sway), ratio(of.sway_rate))),
+            double(S::YawRate, S::YawAcceleration, stationary(yaw_step, square(of.yaw), ratio(of.yaw_rate))),
+            double(
+                S::WaveForwardIntegral,
+                S::WaveForward,
+                stationary(wave, square(of.wave_forward / of.wave_frequency), ratio(of.wave_frequency)),
+            ),
+            double(
+                S::WaveStarboardIntegral,
+                S::WaveStarboard,
+                stationary(wave, square(of.wave_starboard / of.wave_frequency), ratio(of.wave_frequency)),
+            ),
+            single(S::GyroBias, square(of.gyro_walk) * dt),
+            single(S::ForwardBias, square(of.accelerometer_walk) * dt),
+            single(S::StarboardBias, square(of.accelerometer_walk) * dt),
+            single(S::CompassError, square(of.compass) * (1.0 - compass * compass)),
+            single(S::GnssNorth, gnss_noise),
+            single(S::GnssEast, gnss_noise),
+            single(S::CurrentNorth, square(of.current_walk) * dt),
+            single(S::CurrentEast, square(of.current_walk) * dt),
+        ]
+    }
+}
+
 impl Transition {
     /// The state after a time, and the linearized transition.
     pub fn new(noise: &Noise, mean: &mut [f64; STATES], dt: f64) -> Self {
@@ -122,13 +194,9 @@ impl Transition {
         let (along, across) = (cosine * surge - sine * sway, sine * surge + cosine * sway);
         let half = 0.5 * dt * dt;
 
-        let decay = Float::exp(-noise.surge_rate * dt);
+        let steps = Steps::new(noise, dt);
+        let Steps { decay, sway: sway_step, yaw: yaw_step, wave, gnss, compass } = steps;
         let reach = (1.0 - decay) / noise.surge_rate;
-        let sway_step = matern(noise.sway_rate, dt);
-        let yaw_step = matern(noise.yaw_rate, dt);
-        let wave = oscillator(noise.wave_frequency, noise.wave_damping, dt);
-        let gnss = Float::exp(-noise.gnss_rate * dt);
-        let compass = Float::exp(-noise.compass_rate * dt);
 
         let pair = |first: State, second: State, a: [f64; 4]| {
             [
@@ -176,58 +244,7 @@ impl Transition {
             starboard_row,
         ];
 
-        // Ornstein-Uhlenbeck process and its integral (Singer 1970, eq. 9).
-        let (l, s2) = (noise.surge_rate, noise.surge_acceleration * noise.surge_acceleration);
-        let surge_noise = if l * dt < 1e-2 {
-            let q = 2.0 * l * s2;
-            [q * dt * dt * dt / 3.0, q * half, s2 * (1.0 - decay * decay)]
-        } else {
-            [
-                s2 / (l * l) * (2.0 * l * dt - 3.0 + 4.0 * decay - decay * decay),
-                s2 / l * (1.0 - decay) * (1.0 - decay),
-                s2 * (1.0 - decay * decay),
-            ]
-        };
-        let square = |x: f64| x * x;
-        let ratio = |rate: f64| rate * rate;
-        let single = |state: State, variance: f64| (state as usize, state as usize, [variance, 0.0, 0.0]);
-        let double = |first: State, second: State, block: [f64; 3]| (first as usize, second as usize, block);
-        let gnss_noise = square(noise.gnss) * (1.0 - gnss * gnss);
-        let noise = [
-            double(S::Surge, S::SurgeRate, surge_noise),
-            double(S::Sway, S::SwayRate, stationary(sway_step, square(noise.sway), ratio(noise.sway_rate))),
-            double(
-                S::YawRate,
-                S::YawAcceleration,
-                stationary(yaw_step, square(noise.yaw), ratio(noise.yaw_rate)),
-            ),
-            double(
-                S::WaveForwardIntegral,
-                S::WaveForward,
-                stationary(
-                    wave,
-                    square(noise.wave_forward / noise.wave_frequency),
-                    ratio(noise.wave_frequency),
-                ),
-            ),
-            double(
-                S::WaveStarboardIntegral,
-                S::WaveStarboard,
-                stationary(
-                    wave,
-                    square(noise.wave_starboard / noise.wave_frequency),
-                    ratio(noise.wave_frequency),
-                ),
-            ),
-            single(S::GyroBias, square(noise.gyro_walk) * dt),
-            single(S::ForwardBias, square(noise.accelerometer_walk) * dt),
-            single(S::StarboardBias, square(noise.accelerometer_walk) * dt),
-            single(S::CompassError, square(noise.compass) * (1.0 - compass * compass)),
-            single(S::GnssNorth, gnss_noise),
-            single(S::GnssEast, gnss_noise),
-            single(S::CurrentNorth, square(noise.current_walk) * dt),
-            single(S::CurrentEast, square(noise.current_walk) * dt),
-        ];
+        let noise = steps.noise(noise, dt);
 
         let before = *mean;
         for row in &rows {

@@ -88,12 +88,13 @@ pub(super) struct Scalar {
 }
 
 impl Scalar {
-    fn new(residual: f64, deviation: f64, entries: &[(State, f64)]) -> Self {
+    /// A scalar; none if the measurement is not finite.
+    fn new(residual: f64, deviation: f64, entries: &[(State, f64)]) -> Option<Self> {
         let mut gradient = [0.0; STATES];
         for (state, value) in entries {
             gradient[*state as usize] += value;
         }
-        Self { residual, gradient, variance: deviation * deviation }
+        residual.is_finite().then_some(Self { residual, gradient, variance: deviation * deviation })
     }
 }
 
@@ -140,39 +141,32 @@ impl Measurement {
     /// The scalars of the measurement in this state; only finite values count.
     pub(super) fn scalars(&self, mean: &[f64; STATES]) -> impl Iterator<Item = Scalar> {
         let pair = match *self {
-            Self::Position { value, deviation, mounting } => both(position(mean, value, deviation, mounting)),
-            Self::Velocity { value, deviation, mounting } => both(velocity(mean, value, deviation, mounting)),
+            Self::Position { value, deviation, mounting } => position(mean, value, deviation, mounting),
+            Self::Velocity { value, deviation, mounting } => velocity(mean, value, deviation, mounting),
             Self::Heading { value, deviation } => {
                 let states = [State::Heading, State::Misalignment, State::CompassError];
                 let predicted: f64 = states.iter().map(|state| mean[*state as usize]).sum();
                 let entries = states.map(|state| (state, 1.0));
-                [Some(Scalar::new(wrapped(value - predicted), deviation, &entries)), None]
+                [Scalar::new(wrapped(value - predicted), deviation, &entries), None]
             }
             Self::YawRate { value, deviation } => {
                 let predicted = mean[State::YawRate as usize] + mean[State::GyroBias as usize];
                 let entries = [(State::YawRate, 1.0), (State::GyroBias, 1.0)];
-                [Some(Scalar::new(value - predicted, deviation, &entries)), None]
+                [Scalar::new(value - predicted, deviation, &entries), None]
             }
             Self::SpecificForce { value, deviation, mounting } => {
-                both(specific_force(mean, value, deviation, mounting))
+                specific_force(mean, value, deviation, mounting)
             }
-            Self::OverGround { value, deviation, mounting } => {
-                both(body(mean, value, deviation, mounting, true))
-            }
+            Self::OverGround { value, deviation, mounting } => body(mean, value, deviation, mounting, true),
             Self::ThroughWater { value, deviation, mounting } => {
-                both(body(mean, value, deviation, mounting, false))
+                body(mean, value, deviation, mounting, false)
             }
         };
-        pair.into_iter().flatten().filter(|scalar| scalar.residual.is_finite())
+        pair.into_iter().flatten()
     }
 }
 
-fn both(pair: [Scalar; 2]) -> [Option<Scalar>; 2] {
-    pair.map(Some)
-}
-
-/// Derivatives of a velocity of a point, rotated by the first row of a rotation `(c, s)`: `c a + s b`.
-fn position(mean: &[f64; STATES], value: [f64; 2], deviation: f64, place: Mounting) -> [Scalar; 2] {
+fn position(mean: &[f64; STATES], value: [f64; 2], deviation: f64, place: Mounting) -> [Option<Scalar>; 2] {
     let (sine, cosine) = Float::sin_cos(mean[State::Heading as usize]);
     let point = Point::new(mean, place);
     let delay = mean[State::Delay as usize];
@@ -217,7 +211,7 @@ fn position(mean: &[f64; STATES], value: [f64; 2], deviation: f64, place: Mounti
     ]
 }
 
-fn velocity(mean: &[f64; STATES], value: [f64; 2], deviation: f64, place: Mounting) -> [Scalar; 2] {
+fn velocity(mean: &[f64; STATES], value: [f64; 2], deviation: f64, place: Mounting) -> [Option<Scalar>; 2] {
     let (sine, cosine) = Float::sin_cos(mean[State::Heading as usize]);
     let point = Point::new(mean, place);
     let delay = mean[State::Delay as usize];
@@ -253,7 +247,7 @@ fn specific_force(
     value: [f64; 2],
     deviation: [f64; 2],
     place: Mounting,
-) -> [Scalar; 2] {
+) -> [Option<Scalar>; 2] {
     let at = |state: State| mean[state as usize];
     let point = Point::new(mean, place);
     let [x, y] = point.lever;
@@ -295,7 +289,13 @@ fn specific_force(
     ]
 }
 
-fn body(mean: &[f64; STATES], value: [f64; 2], deviation: f64, place: Mounting, ground: bool) -> [Scalar; 2] {
+fn body(
+    mean: &[f64; STATES],
+    value: [f64; 2],
+    deviation: f64,
+    place: Mounting,
+    ground: bool,
+) -> [Option<Scalar>; 2] {
     let at = |state: State| mean[state as usize];
     let point = Point::new(mean, place);
     let (sine, cosine) = Float::sin_cos(at(State::Heading));
