@@ -166,7 +166,7 @@ const TURNED: f64 = 2.0 * DEGREE;
 /// Pose and body velocities of a boat in zigzags, at 0.02 s, integrated here.
 fn zigzags(seconds: f64) -> Vec<[f64; 6]> {
     let dt = 0.02;
-    let mut state = [0.0, 0.0, 0.4, 3.0, 0.0, 0.0];
+    let mut state: [f64; 6] = [0.0, 0.0, 0.4, 3.0, 0.0, 0.0];
     let mut rows = Vec::new();
     for k in 0..(seconds / dt) as usize {
         rows.push(state);
@@ -232,38 +232,85 @@ fn instruments(truth: &[[f64; 6]], seed: u64) -> (Vec<Sensor>, Vec<Event>) {
     (sensors, events)
 }
 
-#[test]
-fn velocities_delay_and_misalignment_of_a_simulated_boat() {
-    let truth = zigzags(240.0);
+/// Two runs of the boat.
+fn voyages(truth: &[[f64; 6]]) -> Runs {
     let mut runs = Runs { sensors: Vec::new(), runs: Vec::new() };
     for seed in [1, 2] {
-        let (sensors, events) = instruments(&truth, seed);
+        let (sensors, events) = instruments(truth, seed);
         runs.sensors = sensors;
         let prior = Prior::default().with(State::Heading, 0.4, 0.2).with(State::Surge, 3.0, 1.0);
         runs.runs.push(Run { events, prior });
     }
+    runs
+}
+
+/// Times of the outputs \[s\], after the first fix.
+fn times() -> Vec<f64> {
+    (10..2000).map(|k| 0.1 * f64::from(k)).collect()
+}
+
+#[test]
+fn velocities_of_a_simulated_boat_with_guessed_statistics() {
+    let truth = zigzags(210.0);
+    let runs = voyages(&truth);
+    let smoothed = smooth(&runs, &guess(&runs.sensors), &[times(), times()]);
+    for run in &smoothed {
+        assert!(run.outliers[0] > 0.001 && run.outliers[0] < 0.05, "{:?}", run.outliers);
+        for (i, bound) in [(0, 0.1), (1, 0.2), (2, 0.004)] {
+            let (error, _) = errors(run, 20.0, i, |t| truth[(t / 0.02).round() as usize][3 + i]);
+            assert!(error < bound, "velocity {i}: {error}");
+        }
+    }
+}
+
+#[test]
+#[ignore = "slow tier: .ci/run runs it"]
+fn velocities_delay_and_misalignment_of_a_simulated_boat() {
+    let truth = zigzags(210.0);
+    let runs = voyages(&truth);
     let fitted = fit(&runs, &guess(&runs.sensors), || true);
     let deviation = |sensor: usize| fitted.statistics.deviations[sensor][0];
     for (sensor, expected) in [(1, 0.05), (2, 0.5 * DEGREE), (3, 0.002), (4, 0.03)] {
         let ratio = deviation(sensor) / expected;
         assert!((0.8..1.25).contains(&ratio), "sensor {sensor}: {} instead of {expected}", deviation(sensor));
     }
-    let times: Vec<f64> = (1..2000).map(|k| 0.1 * f64::from(k)).collect();
-    let smoothed = smooth(&runs, &fitted.statistics, &[times.clone(), times]);
-    for run in &smoothed {
+    for run in &smooth(&runs, &fitted.statistics, &[times(), times()]) {
         let (mean, deviation) = run.end[State::Delay as usize];
         assert!((mean - LATE).abs() < 0.05, "delay {mean} +- {deviation}");
         let (mean, deviation) = run.end[State::Misalignment as usize];
         assert!((mean - TURNED).abs() < 0.5 * DEGREE, "misalignment {mean} +- {deviation}");
-        assert!(run.outliers[0] > 0.001 && run.outliers[0] < 0.05, "{:?}", run.outliers);
         for (i, bound) in [(0, 0.03), (1, 0.06), (2, 0.002)] {
             let (error, held) = errors(run, 20.0, i, |t| truth[(t / 0.02).round() as usize][3 + i]);
+            println!("velocity {i}: RMSE {error:.4}, {held:.2} within the band of 90 %");
             assert!(error < bound, "velocity {i}: {error}");
             assert!(held > 0.7, "velocity {i}: {held} within the band of 90 %");
         }
     }
-    // The same numbers again.
-    assert_eq!(fit(&runs, &guess(&runs.sensors), || true).statistics, fitted.statistics);
+}
+
+/// The statistics do not depend on the number of threads.
+#[test]
+fn the_same_runs_give_the_same_statistics() {
+    let sensors = vec![
+        sensor(Kind::Heading, Mounting::default(), 0.02),
+        sensor(Kind::YawRate, Mounting::default(), 0.01),
+    ];
+    let mut normal = Normal(3);
+    let events = (0..400).map(|k| {
+        let t = 0.1 * f64::from(k);
+        let value =
+            if k % 2 == 0 { -0.2 * t.cos() + normal.draw(0.01) } else { 0.2 * t.sin() + normal.draw(0.002) };
+        Event { t, sensor: k as usize % 2, value: [value, 0.0] }
+    });
+    let runs = Runs { runs: vec![Run { events: events.collect(), prior: Prior::default() }], sensors };
+    let start = guess(&runs.sensors);
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| fit(&runs, &start, || true))
+    };
+    let (one, two) = (on(1), on(2));
+    assert_eq!(one.statistics, two.statistics);
+    assert!((one.statistics.deviations[1][0] / 0.002 - 1.0).abs() < 0.3, "{:?}", one.statistics.deviations);
 }
 
 /// RMSE of a velocity over ground after a time, and the share within the band of 90 %.
