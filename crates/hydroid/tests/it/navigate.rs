@@ -1,5 +1,7 @@
 //! The smoother against a Rauch-Tung-Striebel smoother with dense matrices, on a simulated boat, and on the field logs.
 
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times are positive, and few")]
+
 use std::path::PathBuf;
 
 use hydroid::log::{RawLog, read};
