@@ -99,7 +99,9 @@ fn the_smoother_equals_that_of_rauch_tung_and_striebel() {
         if k > 0 {
             let transition = filter.predict(event.t - events[k - 1].t);
             // The rows of F are F' e_i.
-            f.iter_mut().for_each(|row| transition.transpose(row));
+            for row in &mut f {
+                transition.transpose(row);
+            }
         }
         transitions.push(f);
         predicted.push(filter.estimate().clone());
@@ -173,8 +175,8 @@ fn zigzags(seconds: f64) -> Vec<[f64; 6]> {
     for k in 0..(seconds / dt) as usize {
         rows.push(state);
         let t = k as f64 * dt;
-        let rudder = if (t / 14.0) as usize % 2 == 0 { 0.06 } else { -0.06 };
-        let throttle = if (t / 45.0) as usize % 2 == 0 { 3.4 } else { 2.4 };
+        let rudder = if ((t / 14.0) as usize).is_multiple_of(2) { 0.06 } else { -0.06 };
+        let throttle = if ((t / 45.0) as usize).is_multiple_of(2) { 3.4 } else { 2.4 };
         let [_, _, psi, u, v, r] = state;
         let (sine, cosine) = psi.sin_cos();
         let rates = [
