@@ -466,7 +466,7 @@ def test_a_planner_keeps_its_limits_and_refuses_wrong_arguments(hydrofoil, model
         hydroid.Planner(hydrofoil, horizon=0)
 
 
-@settings(max_examples=600, deadline=None, suppress_health_check=list(HealthCheck), database=None, derandomize=True)
+@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck), database=None, derandomize=True)
 @given(data=st.data())
 def test_no_argument_crashes_the_interpreter(hydrofoil, steered, data):
     controller, planner, session, state = steered

@@ -65,7 +65,7 @@ def entries(model, files):
     return calls(model, run)
 
 
-@settings(max_examples=10_000, deadline=None, suppress_health_check=list(HealthCheck), database=None, derandomize=True)
+@settings(max_examples=1_000, deadline=None, suppress_health_check=list(HealthCheck), database=None, derandomize=True)
 @given(data=st.data())
 def test_no_argument_crashes_the_interpreter(entries, data):
     name = data.draw(st.sampled_from(sorted(entries)))
