@@ -32,6 +32,10 @@
 //! misalignment, a Gauss-Markov process and white noise. A fix is older than its stamp by
 //! the delay `d`: position and velocity at `t - d` follow from a Taylor series of the motion.
 //!
+//! Limits: the standard deviation of the delay is too small where the yaw acceleration jumps, because the model takes the
+//! motion as smooth; a current that is estimated together with the heel is too small where the heel follows the speed
+//! over ground.
+//!
 //! Units: SI and radians. Frames: north-east-down, body forward-starboard-down.
 
 mod filter;
