@@ -3,9 +3,15 @@
 import os
 import signal
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
+
+# Processes of the backends of sweeps import the tasks of the tests.
+os.environ["PYTHONPATH"] = os.pathsep.join(
+    filter(None, [str(Path(__file__).resolve().parent), os.environ.get("PYTHONPATH")])
+)
 
 DT = 0.1
 
