@@ -1,4 +1,4 @@
-//! Writes the seeds that contain numbers of this version: `cargo run --release --no-default-features --example seeds`.
+//! Writes the seeds that contain numbers of this version: `cargo run --release -p hydroid-fuzz --example seeds`.
 
 use std::path::Path;
 

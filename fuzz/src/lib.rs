@@ -26,6 +26,7 @@ pub use targets::config::config;
 pub use targets::csv_log::csv_log;
 pub use targets::expression::expression;
 pub use targets::model_file::model_file;
+pub use targets::recording::recording;
 pub use targets::stream::stream;
 pub use targets::stream_state::stream_state;
 pub use targets::vessel_file::vessel_file;
@@ -35,13 +36,14 @@ pub use targets::waypoints::waypoints;
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 10] = [
+pub const TARGETS: [(&str, Target); 11] = [
     ("blackbox", blackbox),
     ("checkpoint", checkpoint),
     ("config", config),
     ("csv_log", csv_log),
     ("expression", expression),
     ("model_file", model_file),
+    ("recording", recording),
     ("stream", stream),
     ("stream_state", stream_state),
     ("vessel_file", vessel_file),

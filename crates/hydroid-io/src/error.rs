@@ -40,16 +40,6 @@ pub enum IoError {
         /// What can be done.
         remedy: String,
     },
-    /// A field that was asked for is not in the file.
-    #[error("{path} has no field '{field}'; it has {available}")]
-    NoField {
-        /// File.
-        path: String,
-        /// The field, `topic.field`.
-        field: String,
-        /// The nearest names.
-        available: String,
-    },
     /// The caller stopped the reading.
     #[error("interrupted")]
     Interrupted,

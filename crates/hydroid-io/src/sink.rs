@@ -47,7 +47,7 @@ pub trait Sink {
     /// has none. `stamp_ns` is that of the sender (`header.stamp`) where there is one.
     fn row(&mut self, id: usize, stamp_ns: i64, received_ns: Option<i64>, values: &[f64]);
 
-    /// Called at least after each MB. Reading stops with [`IoError::Interrupted`](crate::IoError) if the answer is false.
+    /// Called after each MB, where a format has larger parts after each of them. Reading stops with [`IoError::Interrupted`](crate::IoError) if the answer is false.
     fn proceed(&mut self, _done: u64, _total: u64) -> bool {
         true
     }
@@ -67,7 +67,7 @@ pub struct Loss {
 /// What is known after reading.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Summary {
-    /// Parts that could not be read, at most [`Summary::LISTED`] of them, in the order of the file.
+    /// Parts that could not be read, at most [`Summary::LISTED`] of them, in the order of reading.
     pub losses: Vec<Loss>,
     /// Number of all losses.
     pub lost_parts: u64,

@@ -48,8 +48,8 @@ pub struct Noise {
 /// covariance of the noise, whose blocks have at most two states.
 #[derive(Clone, Debug)]
 pub struct Transition {
-    pub(super) rows: [Row; CHANGED],
-    pub(super) noise: [(usize, usize, [f64; 3]); NOISY],
+    rows: [Row; CHANGED],
+    noise: [(usize, usize, [f64; 3]); NOISY],
 }
 
 const CHANGED: usize = 16;
@@ -58,10 +58,10 @@ const WIDEST: usize = 10;
 
 /// A row of `F`: its index and its non-zero entries.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Row {
-    pub(super) index: usize,
-    pub(super) entries: [(usize, f64); WIDEST],
-    pub(super) length: usize,
+struct Row {
+    index: usize,
+    entries: [(usize, f64); WIDEST],
+    length: usize,
 }
 
 impl Row {
@@ -73,7 +73,7 @@ impl Row {
         row
     }
 
-    pub(super) fn entries(&self) -> &[(usize, f64)] {
+    fn entries(&self) -> &[(usize, f64)] {
         &self.entries[..self.length]
     }
 }

@@ -55,8 +55,7 @@ impl Number {
             Self::I64 => Some(i64::from_le_bytes(chunk(record, at)?)),
             Self::U64 => i64::try_from(u64::from_le_bytes(chunk(record, at)?)).ok(),
             Self::F16 | Self::F32 | Self::F64 => None,
-            // Up to 32 bits: exact in f64.
-            #[allow(clippy::cast_possible_truncation)]
+            #[allow(clippy::cast_possible_truncation, reason = "up to 32 bits: exact in f64")]
             _ => Some(self.try_read(record, at)? as i64),
         }
     }

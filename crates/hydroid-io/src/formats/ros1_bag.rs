@@ -1,7 +1,7 @@
 //! Reader of ROS 1 bags (ROS 1 wiki, "Bags/Format/2.0"). The chunks are read forward; the index behind them is not
 //! needed, so bags that were not closed are read too.
 
-use super::message::{Channel, Envelope, Output, Topics};
+use super::message::{Channel, Envelope, LONGEST_DEFINITION, LONGEST_TOPIC, Output, Topics, text};
 use super::unpack::{Codec, Unpacker};
 use crate::error::IoError;
 use crate::input::{Input, LARGEST_PART};
@@ -201,13 +201,12 @@ impl Reader<'_> {
             return Some(());
         }
         let inner = fields(data)?;
-        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
         let channel = Channel {
-            topic: text(header.topic?),
-            type_name: text(inner.type_name?),
+            topic: text(header.topic?, LONGEST_TOPIC),
+            type_name: text(inner.type_name?, LONGEST_TOPIC),
             encoding: "ros1".to_owned(),
             definition_encoding: "ros1msg".to_owned(),
-            definition: text(inner.definition?),
+            definition: text(inner.definition?, LONGEST_DEFINITION),
         };
         if id >= MOST_CONNECTIONS {
             self.output.summary.note("connections with numbers above 100,000 are left out");

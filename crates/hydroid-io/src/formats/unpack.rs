@@ -17,9 +17,24 @@ pub(crate) enum Codec {
 }
 
 /// Decompression whose memory is used again.
-#[derive(Default)]
 pub(crate) struct Unpacker {
     zstd: FrameDecoder,
+}
+
+/// Largest window of a frame of Zstandard, which the decoder has in memory.
+const LARGEST_WINDOW: u64 = 64 << 20;
+
+/// A decoder of Zstandard with a limited window.
+pub(crate) fn zstd() -> FrameDecoder {
+    let mut decoder = FrameDecoder::new();
+    decoder.set_max_window_size(LARGEST_WINDOW);
+    decoder
+}
+
+impl Default for Unpacker {
+    fn default() -> Self {
+        Self { zstd: zstd() }
+    }
 }
 
 impl Unpacker {
@@ -50,8 +65,13 @@ fn read_all(from: impl Read, out: &mut Vec<u8>, most: usize) -> io::Result<()> {
     Ok(())
 }
 
-/// Decompresses frames of Zstandard that follow each other.
-fn unzstd(decoder: &mut FrameDecoder, mut packed: &[u8], out: &mut Vec<u8>, most: usize) -> io::Result<()> {
+/// Appends the content of frames of Zstandard that follow each other to `out`, until it has more than `most` bytes.
+pub(crate) fn unzstd(
+    decoder: &mut FrameDecoder,
+    mut packed: &[u8],
+    out: &mut Vec<u8>,
+    most: usize,
+) -> io::Result<()> {
     const STEP: usize = 1 << 20;
     /// A last block without content (RFC 8878, section 3.1.1.2), and room for a checksum.
     const END: &[u8] = &[1, 0, 0, 0, 0, 0, 0];

@@ -50,7 +50,6 @@ impl Sink for Recorder {
     }
 }
 
-#[allow(dead_code, reason = "used by the tests of each format")]
 impl Recorder {
     pub(crate) fn of(path: &str) -> Result<Self, IoError> {
         Self::without(path, &[])
@@ -116,7 +115,6 @@ impl Recorder {
 
 /// Reads what is left of a file that is cut after each `step` bytes: its rows are the first rows of the whole
 /// file.
-#[allow(dead_code, reason = "used by the tests of each format")]
 pub(crate) fn truncated(bytes: &[u8], step: usize) {
     let whole = Recorder::of_bytes(bytes).expect("a whole file");
     let mut seen = 0;
@@ -139,7 +137,6 @@ pub(crate) fn truncated(bytes: &[u8], step: usize) {
 }
 
 /// Reads a file that may be damaged in any way.
-#[allow(dead_code, reason = "used by the tests of each format")]
 pub(crate) fn survives(bytes: &[u8]) -> Option<Recorder> {
     match Recorder::of_bytes(bytes) {
         Ok(read) => {

@@ -221,6 +221,17 @@ fn files_without_content_are_errors_with_a_place() {
     }
 }
 
+/// 2^32 elements without bytes in a message without bytes: a loop over them would take years.
+#[test]
+fn arrays_of_empty_structs_end() {
+    let line = "=".repeat(80);
+    let definition = format!("O[4294967295] f\n{line}\nMSG: p/O\nE[2] e\n{line}\nMSG: p/E\n");
+    let records = [connection(1, "/empty", "p/Root", &definition), message(1, 1, &[])].concat();
+    let (all, summary) = read(&[chunk("none", &records)]);
+    assert!(all.topics.iter().all(|topic| topic.rows.is_empty()));
+    assert!(summary.lost_parts > 0 || !summary.notes.is_empty(), "{summary:?}");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
 

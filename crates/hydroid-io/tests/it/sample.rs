@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 /// A file of `fleet/formats`; `None`, with a message, if there is no data folder.
-#[allow(dead_code, reason = "used by the tests of each format")]
 pub(crate) fn file(name: &str) -> Option<String> {
     let Ok(data) = std::env::var("HYDROID_DATA") else {
         println!("skipped: no HYDROID_DATA");

@@ -37,7 +37,7 @@ pub struct Sensor {
 pub struct Event {
     /// Time \[s\].
     pub t: f64,
-    /// Index of the sensor.
+    /// Index of the sensor in [`Runs::sensors`].
     pub sensor: usize,
     /// Values; the second is 0 for a sensor of one value.
     pub value: [f64; 2],
@@ -172,7 +172,7 @@ impl Runs {
                     let i = update.innovation;
                     // An outlier counts by its distance and not by its square (Huber, Ann. Math. Stat. 35 (1964) 73), so
                     // that it does not widen the noise.
-                    let (d, c) = (i.nis().sqrt(), OUTLIER.sqrt());
+                    let (d, c) = (i.nis().sqrt(), Filter::OUTLIER.sqrt());
                     let loss = if d > c { c * (2.0 * d - c) } else { d * d };
                     sum -= 0.5 * (loss + i.variance.ln());
                 });
@@ -181,6 +181,3 @@ impl Runs {
         if sum.is_finite() { sum } else { f64::NEG_INFINITY }
     }
 }
-
-/// Squared normalized innovation above which a measurement counts as an outlier in the likelihood.
-const OUTLIER: f64 = Filter::OUTLIER;

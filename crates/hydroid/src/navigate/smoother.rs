@@ -1,8 +1,8 @@
 //! Fixed-interval smoother: the modified Bryson-Frazier method (Bierman, Factorization Methods for Discrete Sequential
 //! Estimation, 1977, section X.2), which inverts no covariance.
 //!
-//! The forward pass is repeated between checkpoints during the backward pass, so the memory does not grow with the
-//! number of measurements but with that of the checkpoints.
+//! The forward pass is repeated between checkpoints during the backward pass: the memory contains what the backward pass
+//! needs of 2,000 measurements, and one estimate for each 2,000 of them.
 
 use hydroid_core::navigation::{Estimate, Filter, Innovation, STATES, State, Transition, Update};
 

@@ -279,7 +279,8 @@ impl Reader {
             return;
         }
         let used = place.as_ref().is_some_and(|known| known.plan.is_some() || known.role == Role::Format);
-        if let Some(known) = place.as_ref().filter(|_| !used) {
+        // A type that is left out has not the name.
+        if let Some(known) = place.as_ref().filter(|known| !used && known.role != Role::Refused) {
             self.names.remove(&known.definition.name);
         }
         // Another type may have the name.
@@ -363,6 +364,6 @@ fn follows(block: &Block<'_>, at: usize) -> bool {
 
 fn byte(number: f64) -> Option<u8> {
     // A letter is a signed character in the file.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the range is checked")]
     (-128.0..256.0).contains(&number).then_some(number as i16 as u8)
 }

@@ -6,7 +6,7 @@ mod record;
 use std::collections::HashMap;
 
 use self::record::{Chunk, Compression, Fields, HEAD, chunk, head, is_chunk};
-use super::message::{Channel, Envelope, Output, Topics};
+use super::message::{Channel, Envelope, LONGEST_TOPIC, Output, Topics, text};
 use super::unpack::Unpacker;
 use crate::error::IoError;
 use crate::input::{Input, LARGEST_PART};
@@ -243,7 +243,7 @@ impl Reader<'_> {
         if self.channels.get(id).is_some_and(Option::is_some) {
             return Some(());
         }
-        let [topic, encoding] = [topic, encoding].map(|text| String::from_utf8_lossy(text).into_owned());
+        let [topic, encoding] = [topic, encoding].map(|bytes| text(bytes, LONGEST_TOPIC));
         let channel = match self.schemas.get(&schema) {
             Some(SchemaRecord { name, encoding: definition_encoding, text }) => Channel {
                 topic,

@@ -8,6 +8,9 @@ use crate::LONGEST_ARRAY;
 /// Longest first value of a text that is kept, in bytes.
 const LONGEST_TEXT: usize = 200;
 
+/// Elements without bytes in a message.
+const MOST_EMPTY: usize = 1 << 16;
+
 /// Reason why a message ends before its plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fault {
@@ -124,6 +127,8 @@ impl Plan {
     /// Decodes a message into a row; the answer is whether all of the definition could be read. The plan and the row
     /// grow with the sequences of the message.
     pub(super) fn decode(&mut self, cursor: &mut Cursor, row: &mut Row) -> Result<bool, Fault> {
+        // An element of an empty struct has no bytes that would end the loop over it.
+        self.elements = cursor.rest().saturating_add(MOST_EMPTY);
         row.stamp_ns = None;
         row.values.clear();
         row.values.resize(self.fields.len(), f64::NAN);
@@ -178,9 +183,9 @@ impl Plan {
         cursor: &mut Cursor,
         row: &mut Row,
     ) -> Result<(), Fault> {
-        // Each step of a block that has steps moves forward, so the end of the message ends the loop.
         if !self.blocks[block].is_empty() {
             for _ in 0..count {
+                self.elements = self.elements.checked_sub(1).ok_or(Fault::Short)?;
                 self.run(block, cursor, row)?;
             }
         }

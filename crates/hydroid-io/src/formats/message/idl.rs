@@ -10,6 +10,7 @@ const DEEPEST: usize = 16;
 
 /// Reads IDL files, which follow each other behind lines of `=` and `IDL: name`.
 pub(crate) fn parse(type_name: &str, text: &str) -> Result<Schema, String> {
+    check_name(type_name.trim())?;
     let schema = Schema { root: short(type_name), ros1: false, types: HashMap::new() };
     let mut reader =
         Reader { tokens: tokens(text), at: 0, scope: Vec::new(), constants: HashMap::new(), schema };

@@ -15,7 +15,8 @@ use std::rc::Rc;
 
 use self::decode::{Cursor, Fault, Row};
 use self::plan::{Budget, Plan};
-use self::schema::{LONGEST_DEFINITION, Schema};
+pub(crate) use self::schema::LONGEST_DEFINITION;
+use self::schema::Schema;
 use super::unpack::{Codec, Unpacker, ZSTD_MAGIC};
 use crate::input::LARGEST_PART;
 use crate::sink::{Clock, Sink, Summary, Topic};
@@ -215,7 +216,7 @@ impl Topics {
 }
 
 /// Longest name of a topic, in bytes.
-const LONGEST_TOPIC: usize = 4096;
+pub(crate) const LONGEST_TOPIC: usize = 4096;
 
 fn prepare(channel: &Channel, budget: &Budget) -> Result<Plan, String> {
     let Channel { type_name, encoding, definition_encoding, definition, .. } = channel;
@@ -237,6 +238,11 @@ fn complete(mut schema: Schema) -> Schema {
         schema.types.entry(name).or_insert(members);
     }
     schema
+}
+
+/// The beginning of a text, as long as a longest one and a byte that shows that it is too long.
+pub(crate) fn text(bytes: &[u8], longest: usize) -> String {
+    String::from_utf8_lossy(&bytes[..bytes.len().min(longest + 1)]).into_owned()
 }
 
 /// Decodes a message; the answer is whether it has more bytes than its definition.

@@ -88,6 +88,8 @@ pub(super) struct Plan {
     pub(super) fields: Vec<Field>,
     pub(super) slots: Vec<Slot>,
     pub(super) has_stamp: bool,
+    /// Elements of arrays and sequences that the message may still have.
+    pub(super) elements: usize,
     /// What is left out, since the last look.
     pub(super) notes: Vec<String>,
 }
@@ -105,6 +107,7 @@ impl Plan {
             fields: Vec::new(),
             slots: Vec::new(),
             has_stamp: false,
+            elements: 0,
             notes: Vec::new(),
         };
         let root = plan.schema.root.clone();

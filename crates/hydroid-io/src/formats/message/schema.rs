@@ -106,6 +106,9 @@ pub(crate) fn short(name: &str) -> String {
 impl Schema {
     /// Reads a ROS message file and those of its parts, which follow behind lines of `=` and `MSG: name`.
     pub(crate) fn parse_ros(type_name: &str, text: &str, ros1: bool) -> Result<Self, String> {
+        if !type_name.is_empty() {
+            check_name(type_name.trim())?;
+        }
         let mut schema = Self { root: short(type_name), ros1, types: HashMap::new() };
         let mut current = schema.root.clone();
         let mut members = Vec::new();
@@ -115,6 +118,7 @@ impl Schema {
             }
             if let Some(name) = line.strip_prefix("MSG:") {
                 schema.define(&current, std::mem::take(&mut members));
+                check_name(name.trim())?;
                 current = short(name);
             } else if let Some(member) = member_of_line(line, ros1)? {
                 members.push(member);

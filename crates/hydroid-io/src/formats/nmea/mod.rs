@@ -30,7 +30,7 @@ const LONGEST_LINE: usize = 4096;
 const MOST_TOPICS: usize = 1000;
 const MOST_OTHERS: usize = 50;
 
-/// Whether a text is NMEA 0183: most of its lines have a sentence, and at least one of five characters or more.
+/// Whether a text is NMEA 0183: most of its lines have a sentence.
 pub(crate) fn begins(head: &[u8]) -> bool {
     let whole = if head.len() < 64 << 10 { head.len() } else { memchr::memrchr(b'\n', head).unwrap_or(0) };
     let (mut lines, mut sentences) = (0, 0);

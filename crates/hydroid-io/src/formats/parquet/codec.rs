@@ -2,12 +2,10 @@
 
 use std::io::Read;
 
-use ruzstd::decoding::{FrameDecoder, StreamingDecoder};
+use ruzstd::decoding::FrameDecoder;
 
+use super::super::unpack::{unzstd, zstd};
 use super::thrift::Part;
-
-/// Largest window of a frame of Zstandard, which the decoder holds in memory.
-const LARGEST_WINDOW: u64 = 64 << 20;
 
 /// Decoders that are used again for each page.
 pub(super) struct Codecs {
@@ -17,9 +15,7 @@ pub(super) struct Codecs {
 
 impl Codecs {
     pub(super) fn new() -> Self {
-        let mut zstd = FrameDecoder::new();
-        zstd.set_max_window_size(LARGEST_WINDOW);
-        Self { zstd, snappy: snap::raw::Decoder::new() }
+        Self { zstd: zstd(), snappy: snap::raw::Decoder::new() }
     }
 
     /// Appends the content of `packed`, of `size` bytes, to `out`.
@@ -41,7 +37,7 @@ impl Codecs {
                 let content = flate2::read::MultiGzDecoder::new(packed);
                 content.take(size as u64 + 1).read_to_end(out).map_err(|_| WRONG)?;
             }
-            6 => unzstd(&mut self.zstd, packed, size, out).map_err(|()| WRONG)?,
+            6 => unzstd(&mut self.zstd, packed, out, start + size).map_err(|_| WRONG)?,
             // Each byte of LZ4 gives at most 255.
             7 if size / 256 > packed.len() => return Err(WRONG),
             7 => {
@@ -61,20 +57,4 @@ impl Codecs {
         }
         if out.len() - start == size { Ok(()) } else { Err("a page has not the size that it states") }
     }
-}
-
-/// Appends the content of the frames of Zstandard (RFC 8878) to `out`; an error if it is longer than `cap`.
-fn unzstd(decoder: &mut FrameDecoder, mut packed: &[u8], cap: usize, out: &mut Vec<u8>) -> Result<(), ()> {
-    let start = out.len();
-    while !packed.is_empty() {
-        let left = cap.checked_sub(out.len() - start).ok_or(())?;
-        let mut frame = StreamingDecoder::new_with_decoder(packed, &mut *decoder).map_err(drop)?;
-        // The buffer grows with the content.
-        frame.by_ref().take(left as u64 + 1).read_to_end(out).map_err(drop)?;
-        packed = frame.into_inner();
-        if out.len() - start > cap {
-            return Err(());
-        }
-    }
-    Ok(())
 }

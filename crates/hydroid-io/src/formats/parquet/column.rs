@@ -12,6 +12,9 @@ use crate::sink::Summary;
 /// Longest header of a page; its statistics may hold texts.
 const LONGEST_HEADER: usize = 1 << 20;
 
+/// Times that the bytes of the file are read, where columns lie upon each other.
+const MOST_READ: u64 = 4;
+
 /// What the columns share.
 pub(super) struct Shared<'a> {
     pub(super) input: &'a mut Input,
@@ -182,11 +185,14 @@ impl Column {
                 PageKind::Dictionary | PageKind::Other => 0,
             };
             self.left -= self.page_left;
-            self.need(shared, size)?;
-            let read = if self.raw.len() - self.raw_at < size {
-                Err("a page ends behind the end of the file")
-            } else if header.unpacked.saturating_add(header.packed) > shared.memory {
+            let fits = header.unpacked.saturating_add(header.packed) <= shared.memory;
+            if fits {
+                self.need(shared, size)?;
+            }
+            let read = if !fits {
                 Err("the page is too large to be read together with those of the other columns")
+            } else if self.raw.len() - self.raw_at < size {
+                Err("a page ends behind the end of the file")
             } else {
                 let memory = shared.memory;
                 self.unpack(&mut shared.codecs, &header, memory)
@@ -196,6 +202,10 @@ impl Column {
             }
             self.advance(size);
             shared.done = shared.done.saturating_add(size as u64);
+            if shared.done > shared.input.length().saturating_mul(MOST_READ) {
+                self.lose_page(shared, "the columns lie upon each other");
+                self.left = 0;
+            }
             if self.page_left > 0 {
                 return Ok(true);
             }

@@ -8,6 +8,8 @@ use crate::input::Input;
 const LONGEST: u64 = 64 << 20;
 /// Elements of a schema that are read.
 const MOST_ELEMENTS: u64 = 1 << 16;
+/// Longest name of a column; messages repeat it.
+const LONGEST_NAME: usize = 1024;
 
 const AGAIN: &str = "write it again; the footer of a Parquet file is its last part, which is missing if the \
                      writer was stopped before it closed the file";
@@ -156,6 +158,9 @@ impl<'a> Footer<'a> {
         let mut id = 0;
         while let Some(kind) = thrift.member(&mut id)? {
             match id {
+                2 if footer.columns > 0 || !footer.left_out.is_empty() => {
+                    return Err("the footer has two schemas");
+                }
                 2 => footer.schema(&mut thrift, kind)?,
                 4 => {
                     footer.group_count = thrift.structures(kind)?;
@@ -264,6 +269,9 @@ fn group(thrift: &mut Thrift<'_>, columns: usize) -> Part<Group> {
             _ => thrift.skip(kind)?,
         }
     }
+    if group.chunks.len() != columns {
+        return Err("it has not the columns of the schema");
+    }
     Ok(group)
 }
 
@@ -336,7 +344,10 @@ impl<'a> Element<'a> {
             match id {
                 1 => element.physical = Some(thrift.integer(kind)?),
                 3 => element.repetition = thrift.integer(kind)?,
-                4 => element.name = thrift.binary(kind)?,
+                4 => {
+                    let name = thrift.binary(kind)?;
+                    element.name = &name[..name.len().min(LONGEST_NAME)];
+                }
                 5 => element.children = thrift.count(kind)?,
                 6 => element.converted = Some(thrift.integer(kind)?),
                 10 if kind == STRUCT => element.logical = logical(thrift)?,
@@ -348,7 +359,7 @@ impl<'a> Element<'a> {
 
     fn meaning(&self) -> (Meaning, Option<&'static str>) {
         const SCALES: [(i64, &str); 3] = [(1_000_000, "ms"), (1_000, "us"), (1, "ns")];
-        let scale = |unit: i16| SCALES.get(usize::try_from(unit - 1).unwrap_or(3)).copied();
+        let scale = |unit: i16| SCALES.get(usize::try_from(unit.checked_sub(1)?).ok()?).copied();
         match (self.physical, self.logical, self.converted) {
             (Some(3), ..) => (Meaning::Stamp { ns: 1, utc: true }, None),
             (_, Some(Logical { number: 8, unit, flag: utc }), _) => {

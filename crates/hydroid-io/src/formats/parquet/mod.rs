@@ -10,6 +10,7 @@ mod footer;
 mod page;
 mod thrift;
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use self::codec::Codecs;
@@ -65,7 +66,8 @@ pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, Io
     }
     shared.block = ((128 << 20) / columns.len().max(1)).clamp(8 << 10, shared.block);
 
-    let units = footer.arrow.map(arrow::units).unwrap_or_default();
+    let units: HashMap<String, String> =
+        footer.arrow.map(arrow::units).unwrap_or_default().into_iter().rev().collect();
     let mut fields: Vec<Field> = columns.iter().map(|leaf| field(leaf, &units)).collect();
     let (time, clock) = find_time(&mut shared, &footer, &columns, &fields)?;
     if let Time::Stamps { column, .. } = time {
@@ -76,9 +78,8 @@ pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, Io
     }
     let mut topic =
         Topic { name: name.unwrap_or_default(), type_name: String::new(), clock, fields, texts: Vec::new() };
-    for leaf in &texts {
-        let first =
-            if topic.texts.len() < MOST_TEXTS { first_text(&mut shared, &footer, leaf)? } else { None };
+    for (i, leaf) in texts.iter().enumerate() {
+        let first = if i < MOST_TEXTS { first_text(&mut shared, &footer, leaf)? } else { None };
         topic.texts.extend(first.map(|text| (leaf.name.clone(), text)));
         shared.summary.note(format!("column '{}' is left out: it holds texts", leaf.name));
     }
@@ -89,9 +90,9 @@ pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, Io
 }
 
 /// Name and unit of a column: that of the metadata, of the name, or of the type.
-fn field(leaf: &Leaf, units: &[(String, String)]) -> Field {
+fn field(leaf: &Leaf, units: &HashMap<String, String>) -> Field {
     let (name, in_name) = split_unit(&leaf.name);
-    let stated = units.iter().find(|(name, _)| *name == leaf.name).map(|(_, unit)| unit.clone());
+    let stated = units.get(&leaf.name).cloned();
     let of_type = match leaf.meaning {
         Meaning::Stamp { .. } => Some("s"),
         _ => leaf.unit,
@@ -226,7 +227,7 @@ impl Table<'_, '_> {
     fn group(&mut self, group: &Group) -> Result<(), IoError> {
         let mut columns = Vec::with_capacity(self.columns.len());
         for leaf in self.columns {
-            // The group has a chunk of each column of the schema, if it has any.
+            // The group has a chunk of each column of the schema.
             let chunk = group.chunks.get(leaf.index).copied().unwrap_or_default();
             let column = Column::new(leaf, chunk, self.shared.input);
             if let Err(reason) = &column {

@@ -91,10 +91,10 @@ impl<'a> Database<'a> {
         }
         let wal = Wal::open(input.path(), page_size, summary)?;
         let stored = input.length() / page_size as u64;
-        let stated = wal.as_ref().map_or(number(28), Wal::pages);
-        // The stated number holds if the change counters agree (section 1.3.7).
-        let valid = wal.is_some() || header[24..28] == header[92..96];
-        if valid && stated > stored && wal.is_none() {
+        let stated = number(28);
+        // The stated number holds if the change counters agree (section 1.3.7), and there is no log.
+        let valid = wal.is_none() && header[24..28] == header[92..96];
+        if valid && stated > stored {
             let bytes = (stated * page_size as u64).saturating_sub(input.length());
             summary.lose(input.length(), bytes, "the file is shorter than it states");
         }
@@ -104,7 +104,9 @@ impl<'a> Database<'a> {
                 "{journal} has a change that was not finished and is not undone here; open the bag once with sqlite3"
             ));
         }
-        let pages = stored.max(wal.as_ref().map_or(0, Wal::pages)).min(u64::from(u32::MAX));
+        // The log may state more pages than there are.
+        let all = wal.as_ref().map_or(0, |wal| wal.pages().min(stored.saturating_add(wal.stored())));
+        let pages = stored.max(all).min(u64::from(u32::MAX));
         Ok(Self { input, wal, page_size, usable, pages, seen: Vec::new() })
     }
 

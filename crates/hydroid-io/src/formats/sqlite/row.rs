@@ -66,6 +66,9 @@ pub(super) fn varint(bytes: &mut &[u8]) -> Option<u64> {
     None
 }
 
+/// Columns of a table ("Limits in SQLite": 2,000 by default).
+const MOST_COLUMNS: usize = 2_000;
+
 /// Names of the columns in a statement `CREATE TABLE name(column type, ...)`.
 pub(super) fn columns(sql: &str) -> Vec<String> {
     let mut names = Vec::new();
@@ -85,6 +88,9 @@ pub(super) fn columns(sql: &str) -> Vec<String> {
             let name = definition.trim_start_matches('(').split_whitespace().next().unwrap_or_default();
             names.push(name.trim_matches(['"', '`', '\'', '[', ']']).to_owned());
             definition.clear();
+            if names.len() == MOST_COLUMNS {
+                break;
+            }
         } else if depth > 0 {
             definition.push(c);
         }

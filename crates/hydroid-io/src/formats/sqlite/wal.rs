@@ -59,9 +59,14 @@ impl Wal {
         Ok((wal.pages > 0).then_some(wal))
     }
 
-    /// Pages of the file after the last transaction.
+    /// Pages of the file after the last transaction, as the log states them.
     pub(super) fn pages(&self) -> u64 {
         self.pages
+    }
+
+    /// Pages that are in the log.
+    pub(super) fn stored(&self) -> u64 {
+        self.places.len() as u64
     }
 
     /// Where the newest version of a page is, if it is in the log.

@@ -5,7 +5,7 @@ use std::io::{Read, Seek};
 
 use zip::ZipArchive;
 
-use super::xml::{Step, Stop, Xml, attribute};
+use super::xml::{LONGEST_ATTRIBUTE, Step, Stop, Xml, attribute};
 
 /// Size of a part that is small in any workbook.
 const SMALL: u64 = 16 << 20;
@@ -80,7 +80,9 @@ pub(super) fn load<F: Read + Seek>(zip: &mut ZipArchive<F>) -> Result<Option<Boo
                 "sheet" if sheets.len() < MOST_SHEETS => {
                     // Two attributes are named `id`: the one with a prefix refers to the part.
                     let id = tag.attributes().with_checks(false).flatten().find(|known| {
-                        known.key.prefix().is_some() && known.key.local_name().as_ref() == "id"
+                        known.key.prefix().is_some()
+                            && known.key.local_name().as_ref() == "id"
+                            && known.value.len() <= LONGEST_ATTRIBUTE
                     });
                     sheets.push((
                         attribute(tag, "name").unwrap_or_default(),
@@ -94,11 +96,17 @@ pub(super) fn load<F: Read + Seek>(zip: &mut ZipArchive<F>) -> Result<Option<Boo
     if !found || !is_workbook {
         return Ok(None);
     }
-    let links = relations(zip, &format!("{folder}/_rels/{file}.rels"))?;
+    let links = relations(zip, &resolve(folder, &format!("_rels/{file}.rels")))?;
     for (name, id) in sheets {
-        let link =
-            links.iter().find(|link| Some(&link.id) == id.as_ref() && link.kind.ends_with("/worksheet"));
-        book.sheets.extend(link.map(|link| Sheet { name, part: resolve(folder, &link.target) }));
+        match links.iter().find(|link| Some(&link.id) == id.as_ref()) {
+            Some(link) if link.kind.ends_with("/worksheet") => {
+                book.sheets.push(Sheet { name, part: resolve(folder, &link.target) });
+            }
+            // A sheet of another kind, such as a chart.
+            Some(_) => {}
+            // No part has this name: the sheet is stated as lost.
+            None => book.sheets.push(Sheet { name, part: String::new() }),
+        }
     }
     let part = |kind: &str, usual: &str| {
         let link = links.iter().find(|link| link.kind.ends_with(kind));

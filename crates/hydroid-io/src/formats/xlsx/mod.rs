@@ -110,25 +110,36 @@ fn bomb(input: &Input) -> IoError {
     input.damaged("a part of the package unpacks to far more than a sheet; it is not read", AGAIN)
 }
 
-/// The directory is at the end of the file (PKWARE APPNOTE, section 4.3.16). Its size limits what is held in memory.
+/// The directory is at the end of the file (PKWARE APPNOTE, section 4.3.16). Its size and the number of its entries limit
+/// what is held in memory. Each place that may be its end is tested, because a reader may take an earlier one.
 fn check_directory(input: &mut Input) -> Result<(), IoError> {
     let length = input.length();
     let mut tail = Vec::new();
     let start = length.saturating_sub(22 + 65_535);
     input.read_at(start, 22 + 65_535, &mut tail)?;
     input.seek(length)?;
-    let Some(at) = memchr::memmem::rfind(&tail, b"PK\x05\x06") else {
+    let mut found = false;
+    for at in memchr::memmem::find_iter(&tail, b"PK\x05\x06") {
+        let Some(end) = tail[at..].first_chunk::<22>() else { continue };
+        found = true;
+        let entries = u16::from_le_bytes([end[10], end[11]]);
+        let size = u32::from_le_bytes([end[12], end[13], end[14], end[15]]);
+        let offset = u32::from_le_bytes([end[16], end[17], end[18], end[19]]);
+        let before = (start + at as u64).saturating_sub(u64::from(offset));
+        // The largest numbers stand for a directory of the 64-bit format.
+        if entries == u16::MAX
+            || offset == u32::MAX
+            || size > LONGEST_DIRECTORY
+            || before > u64::from(LONGEST_DIRECTORY)
+        {
+            return Err(input.damaged("the package has more parts than a workbook", AGAIN));
+        }
+    }
+    if !found {
         return Err(input.damaged(
             "the file does not end with the directory of a package; it is not whole",
             "copy or save it again",
         ));
-    };
-    let size = tail
-        .get(at + 12..)
-        .and_then(|rest| rest.first_chunk())
-        .map_or(u32::MAX, |size| u32::from_le_bytes(*size));
-    if size > LONGEST_DIRECTORY {
-        return Err(input.damaged("the package has more parts than a workbook", AGAIN));
     }
     Ok(())
 }

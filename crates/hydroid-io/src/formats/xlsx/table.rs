@@ -153,7 +153,9 @@ impl<'a> Table<'a> {
         let date = times.iter().chain(&named).copied().find(|column| is_date(*column) && changes(*column));
         if let Some(column) = date {
             (self.time, found) = (Time::Dates(column), Clock::Utc);
-        } else if let Some(column) = times.first().copied() {
+        } else if let Some(column) =
+            times.iter().copied().find(|column| cells(*column).any(|cell| number(cell).is_some()))
+        {
             let first = cells(column).find_map(number);
             let of_type = matches!(cells(column).next(), Some(Cell::Time(_))).then_some(1_000_000_000);
             let stated =

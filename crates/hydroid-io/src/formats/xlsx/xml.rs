@@ -72,13 +72,17 @@ impl<R: Read> Xml<R> {
     }
 }
 
-/// Value of an attribute of a tag.
+/// Longest attribute that is kept: the longest text of a cell.
+pub(super) const LONGEST_ATTRIBUTE: usize = 32_767;
+
+/// Value of an attribute of a tag; none if it is too long.
 pub(super) fn attribute(tag: &BytesStart<'_>, name: &str) -> Option<String> {
     let found = tag
         .attributes()
         .with_checks(false)
         .flatten()
-        .find(|known| known.key.local_name().as_ref() == name)?;
+        .find(|known| known.key.local_name().as_ref() == name)
+        .filter(|known| known.value.len() <= LONGEST_ATTRIBUTE)?;
     Some(found.normalized_value(XmlVersion::Implicit1_0).ok()?.into_owned())
 }
 
