@@ -10,8 +10,9 @@ use arrow_schema::{DataType, Field, Schema, TimeUnit};
 use hydroid::atomic;
 use hydroid::config;
 use hydroid::log::line::{Cell, header_columns, number};
-use hydroid::log::{self, BadCell, LogError, Note, RawColumn, RawLog, Trajectory};
+use hydroid::log::{self, BadCell, LogError, Note, RawColumn, RawLog, Selection, Trajectory};
 use hydroid::model::Reading;
+use hydroid::recording;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::{PyFileNotFoundError, PyKeyError};
 use pyo3::prelude::*;
@@ -320,11 +321,32 @@ fn filled(headings: &[String], values: Vec<Column>, name: &str) -> PyResult<Vec<
     Ok(columns)
 }
 
-/// Reads a log from a file.
+/// Reads a log from a file. With a configuration file, its section `[log]` selects columns and sensors of a recording, and
+/// the log has the channels of the selection in SI units.
 #[pyfunction]
-pub(crate) fn read_log(py: Python<'_>, path: PathBuf) -> PyResult<Log> {
-    let raw = work::run(py, None, None, move |_| log::read(&path))?.map_err(of_log)?;
+#[pyo3(signature = (path, config=None))]
+pub(crate) fn read_log(py: Python<'_>, path: PathBuf, config: Option<PathBuf>) -> PyResult<Log> {
+    let Some(file) = config else {
+        return Ok(Log { raw: Arc::new(of_path(py, path)?) });
+    };
+    let config = config::read(&file).map_err(|error| value(error.to_string()))?;
+    let reading = config.log.reading();
+    let read = move || -> Result<_, LogError> {
+        let (raw, mut notes) = recording::read_logs(&[path], &reading.selection, reading.options.dt)?;
+        let log = recording::converted(&raw[0], &reading.selection, &mut notes)?;
+        Ok((log, notes))
+    };
+    let (raw, notes) = work::run(py, None, None, move |_| read())?.map_err(of_log)?;
+    warn(py, &notes)?;
     Ok(Log { raw: Arc::new(raw) })
+}
+
+/// The table in a file of any format.
+fn of_path(py: Python<'_>, path: PathBuf) -> PyResult<RawLog> {
+    let read = move || recording::read_logs(&[path], &Selection::default(), None);
+    let (mut logs, notes) = work::run(py, None, None, move |_| read())?.map_err(of_log)?;
+    warn(py, &notes)?;
+    logs.pop().ok_or_else(|| internal("one file has one log"))
 }
 
 /// One log or several; see [`table_of`].
@@ -341,7 +363,7 @@ pub(crate) fn table_of(argument: &str, given: &Bound<'_, PyAny>) -> PyResult<Raw
         return Ok(RawLog::clone(&log.get().raw));
     }
     if let Ok(path) = given.extract::<PathBuf>() {
-        return work::run(given.py(), None, None, move |_| log::read(&path))?.map_err(of_log);
+        return of_path(given.py(), path);
     }
     if given.hasattr("__arrow_c_stream__")? || given.cast::<PyMapping>().is_ok() {
         return Log::new(given, None, argument).map(|log| RawLog::clone(&log.raw));

@@ -92,3 +92,26 @@ def test_data_frames_and_mappings_are_logs(files, voyages):
         assert run.name == "logs"
         np.testing.assert_array_equal(run.outputs, read.outputs)
     assert [run.name for run in hydroid.prepare([files[0], voyages[1]], **CHANNELS)] == ["run0.csv", "logs[1]"]
+
+
+def test_recording_with_a_configuration_file(tmp_path):
+    """A folder of topics: outputs of one, held commands of another."""
+    folder = tmp_path / "boat"
+    folder.mkdir()
+    rows = [f"{1.77e9 + 0.1 * k:.1f},{0.5 * k},{-0.01 * k}" for k in range(50)]
+    (folder / "motion.csv").write_text("t [s],speed [kn],rate [deg/s]\n" + "\n".join(rows) + "\n")
+    (folder / "cmd.csv").write_text("t [s],rudder [deg]\n1770000000.0,5\n1770000002.0,-5\n")
+    config = tmp_path / "hydroid.toml"
+    config.write_text(
+        '[log]\noutputs = ["u=motion.speed", "r=motion.rate * -1"]\ninputs = ["rudder=cmd.rudder"]\n'
+    )
+    log = hydroid.read_log(folder, config=config)
+    assert log.columns == ["t", "u", "r", "rudder"]
+    np.testing.assert_allclose(log["u"], 0.5 * np.arange(50) * 1852 / 3600, rtol=1e-12)
+    np.testing.assert_allclose(log["r"], np.radians(0.01 * np.arange(50)), rtol=1e-12)
+    np.testing.assert_allclose(log["rudder"][[0, 19, 20]], np.radians([5, 5, -5]), rtol=1e-12)
+    with pytest.raises(ValueError, match="no output is named"):
+        hydroid.read_log(folder)
+    config.write_text('[log]\noutputs = ["u=motion.sped"]\ninputs = ["cmd.rudder"]\n')
+    with pytest.raises(ValueError, match="did you mean `motion.speed`"):
+        hydroid.read_log(folder, config=config)

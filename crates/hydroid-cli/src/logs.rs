@@ -7,6 +7,7 @@ use hydroid::adapt::TrainingRuns;
 use hydroid::config;
 use hydroid::log::{self, LogError, Prepared, RawLog, Trajectory};
 use hydroid::model::{Model, Reading};
+use hydroid::recording;
 
 use crate::args::{Global, LogArgs};
 use crate::ui;
@@ -20,6 +21,7 @@ pub fn reading(base: Reading, args: &LogArgs) -> Result<Reading, LogError> {
         inputs: channels(&args.inputs)?.unwrap_or_default(),
         wind: args.wind.as_deref().map(str::parse).transpose()?,
         heading: args.heading.as_deref().map(str::parse).transpose()?,
+        sensors: None,
         dt: args.dt,
         max_gap_s: args.max_gap,
         command_timing: args.command_timing,
@@ -56,8 +58,9 @@ pub fn cannot_use(path: &Path, model: &Model) -> String {
 }
 
 pub fn prepare(files: &[PathBuf], reading: &Reading) -> Result<(Vec<RawLog>, Prepared), LogError> {
-    let raw = files.iter().map(|file| log::read(file)).collect::<Result<Vec<_>, _>>()?;
-    let prepared = log::prepare(&raw, &reading.selection, &reading.options)?;
+    let (raw, notes) = recording::read_logs(files, &reading.selection, reading.options.dt)?;
+    let mut prepared = log::prepare(&raw, &reading.selection, &reading.options)?;
+    prepared.notes.splice(0..0, notes);
     Ok((raw, prepared))
 }
 

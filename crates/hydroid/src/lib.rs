@@ -2,7 +2,7 @@
 //!
 //! Order of the modules, bottom to top; each imports only modules before it: `log` (runs and their files), `excitation`
 //! (command sequences), `progress`, `toml_file`, `atomic`, `fingerprint`, `evaluate` (multi-step errors of any model),
-//! `navigate` (pose and velocities from raw sensors), `faults` (sensor faults), `simulate` (commands to logs), `craft` (vessel files with any actuators), `model` (identified models and their files),
+//! `navigate` (pose and velocities from raw sensors), `recording` (files of topics), `faults` (sensor faults), `simulate` (commands to logs), `craft` (vessel files with any actuators), `model` (identified models and their files),
 //! `plant` (models that run freely), `manoeuvre` (manoeuvring trials), `sindy`
 //! (sparse regression), `grey_box` (numbers of a vessel file from logs), `committee` (difference equations combined by cross-validation), `adapt` (online adaptation along a log), `train` (networks), `closed_loop` (controllers on a
 //! simulated vessel), `identify` (from runs to an evaluated model), `config` (settings as data).
@@ -30,6 +30,7 @@ pub mod model;
 pub mod navigate;
 pub mod plant;
 pub mod progress;
+pub mod recording;
 pub mod simulate;
 pub mod sindy;
 #[doc(hidden)]

@@ -111,6 +111,7 @@ pub struct Global {
 pub enum Command {
     Simulate(Box<Simulate>),
     Inspect(Inspect),
+    Convert(Convert),
     Identify(Box<Identify>),
     Evaluate(Evaluate),
     Adapt(Box<Adapt>),
@@ -235,14 +236,44 @@ impl Simulate {
   hydroid inspect out/sindy.safetensors
   hydroid inspect out/sindy.safetensors --latex > equations.tex   needs the package amsmath
   hydroid inspect out/sindy.safetensors --json                    with the entries of the Jacobian
-  hydroid inspect boat.box                                        events of the last minutes")]
+  hydroid inspect boat.box                                        events of the last minutes
+  hydroid inspect flight.BIN                                      topics and fields, and a proposal of sensors and commands
+  hydroid inspect run1/ --write-config                            the proposal as hydroid.toml, for convert and identify")]
 pub struct Inspect {
-    /// Logs (CSV), models (.safetensors; vessels: .toml), black boxes
+    /// Logs (CSV, Parquet, XLSX), recordings (MCAP, ROS bags, ArduPilot .BIN, PX4 .ulg, NMEA 0183, a folder of CSV files with
+    /// a topic each), models (.safetensors; vessels: .toml), black boxes
     #[arg(required = true, value_name = "LOG|MODEL|BOX")]
     pub files: Vec<PathBuf>,
+    /// Write which columns look like sensors and commands to a new file (default: hydroid.toml)
+    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = config::FILE)]
+    pub write_config: Option<PathBuf>,
     /// Print only the equations of models, with standard errors of the coefficients, in LaTeX
     #[arg(long)]
     pub latex: bool,
+    #[command(flatten)]
+    pub log: LogArgs,
+}
+
+/// Convert recordings to runs: tables of pose, velocities and commands
+///
+/// Velocities are computed from position, heading, yaw rate and accelerations if the file hydroid.toml has a section
+/// [log.sensors], with standard deviations; the delay of the GNSS and the misalignment of the compass are estimated.
+/// `hydroid inspect RECORDING --write-config` proposes the file. Other commands read recordings in the same way.
+#[derive(Debug, ClapArgs)]
+#[command(after_help = "Examples:
+  hydroid convert flight.BIN -o run.csv                           with the hydroid.toml of the current folder
+  hydroid convert runs/run1 runs/run2 --config boat.toml -o out/  folders of CSV files with a topic each
+  hydroid convert drive.mcap --outputs 'u=/odom.twist.twist.linear.x [m/s]' --inputs '/actuators.pwm_us[0]' -o run.csv")]
+pub struct Convert {
+    /// Recordings and logs. Those of one vessel together: delay and misalignment are the same in all
+    #[arg(required = true, value_name = "RECORDING")]
+    pub logs: Vec<PathBuf>,
+    /// File of the run (.csv), or a folder for several
+    #[arg(long, short, required = true, value_name = "FILE|FOLDER")]
+    pub output: PathBuf,
+    /// Configuration file with the section [log] (default: hydroid.toml in the current folder)
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
     #[command(flatten)]
     pub log: LogArgs,
 }

@@ -10,7 +10,7 @@ use hydroid::adapt::{self, InnovationGate, Method, Options, Rehearse, Report, Re
 use hydroid::atomic::Lock;
 use hydroid::faults::Faults;
 use hydroid::identify::{Grade, verdicts};
-use hydroid::log::{self, Note};
+use hydroid::log::Note;
 use hydroid::model::{self, Model};
 use hydroid_live::black_box::adapt_recorded;
 
@@ -52,8 +52,7 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
         !args.stream.answers.is_given(),
         "--horizons, --state and --timing apply to a live stream: add --stream, or give - for standard input"
     );
-    let raw = log::read(given_log)?;
-    let mut prepared = log::prepare(&[raw], &reading.selection, &reading.options)
+    let (_, mut prepared) = logs::prepare(std::slice::from_ref(&given_log.to_path_buf()), &reading)
         .with_context(|| logs::cannot_use(&args.model, &model))?;
     ui::print_notes(&prepared.notes, global);
     let model = logs::with_step_of(model, &prepared.runs)?;

@@ -11,8 +11,9 @@ use hydroid::grey_box::GreyBox;
 use hydroid::identify::{
     self, Candidate, EnsembleSize, IdentifyResult, Job, RefineOption, SindyOptions, Training,
 };
-use hydroid::log::{self, Note};
+use hydroid::log::Note;
 use hydroid::model;
+use hydroid::recording;
 use hydroid::simulate::Options;
 use hydroid_core::vessel::VesselParams;
 use hydroid_report::Context;
@@ -94,9 +95,13 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
     let vessel = args.vessel.as_deref().map(vessel).transpose()?;
     let reading = logs::reading(config.log.clone().reading(), &args.log)?;
     let methods = args.methods.iter().map(|&method| method.into()).collect();
-    let raw = files.logs.try_map(|file| log::read(file))?;
+    let all: Vec<&PathBuf> = files.logs.all().collect();
+    let (raw, read) = recording::read_logs(&all, &reading.selection, reading.options.dt)?;
+    let mut raw = raw.into_iter();
+    let raw = files.logs.map(|_| raw.next().expect("one log for each file"));
     let (mut job, mut notes) = config.job(reading, &raw, methods, vessel)?;
     drop(raw);
+    notes.splice(0..0, read);
     notes.splice(0..0, files.note.clone());
     ui::print_notes(&notes, global);
     job.networks.checkpoints = Some(args.output.clone());

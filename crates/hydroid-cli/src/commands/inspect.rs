@@ -1,6 +1,7 @@
 //! `hydroid inspect`.
 
 mod black_box;
+mod recording;
 
 use std::fs::File;
 use std::io::Read;
@@ -11,6 +12,7 @@ use hydroid::log::inspect::{Confidence, DelayEstimate};
 use hydroid::log::{self, Inspection, Trajectory};
 use hydroid::manoeuvre::{Recognised, recognise};
 use hydroid::model::{self, Description, Model, NamedEquations, Port, Reading};
+use hydroid::recording::{is_recording, read_logs, survey};
 use hydroid_core::craft::CraftParameter;
 use hydroid_core::model::recurrent::{BaseModel, Scaling, Tensor};
 use hydroid_live::black_box::{BlackBox, is_black_box};
@@ -51,7 +53,34 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
             if args.latex {
                 bail!("{} is a log: --latex prints the equations of models", file.display());
             }
-            let (inspection, runs) = log::inspect_file(file, &reading.selection, &reading.options)?;
+            let is_recording = is_recording(file)?;
+            if is_recording || args.write_config.is_some() {
+                let survey = survey(file)?;
+                let proposal = survey.proposal();
+                if let Some(path) = &args.write_config {
+                    recording::write_config(path, &survey, &proposal)?;
+                }
+                if global.json {
+                    documents.push(recording::json(&survey, &proposal)?);
+                } else {
+                    recording::show(&survey, &proposal, global);
+                    if let Some(path) = &args.write_config {
+                        outln!("written to {}", path.display());
+                    }
+                }
+                if args.write_config.is_some()
+                    || (reading.selection.outputs.is_empty() && survey.topics.len() != 1)
+                {
+                    continue;
+                }
+            }
+            let ((inspection, runs), mut notes) = if is_recording {
+                let (mut read, notes) = read_logs(&[file], &reading.selection, reading.options.dt)?;
+                (log::inspect_owned(read.remove(0), &reading.selection, &reading.options)?, notes)
+            } else {
+                (log::inspect_file(file, &reading.selection, &reading.options)?, Vec::new())
+            };
+            notes.extend(inspection.notes.iter().cloned());
             let trials = trials(&runs);
             if global.json {
                 let mut document = serde_json::to_value(&inspection)?;
@@ -60,7 +89,7 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
             } else {
                 show_log(&inspection);
                 show_trials(&trials);
-                ui::print_notes(&inspection.notes, global);
+                ui::print_notes(&notes, global);
             }
         }
     }

@@ -2,6 +2,7 @@
 
 mod adapt;
 mod control;
+mod convert;
 mod evaluate;
 mod identify;
 mod inspect;
@@ -46,6 +47,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     match args.command {
         Command::Simulate(simulate) => simulate::run(&simulate, args.global),
         Command::Inspect(inspect) => inspect::run(&inspect, args.global),
+        Command::Convert(convert) => convert::run(&convert, args.global),
         Command::Identify(identify) => identify::run(&identify, args.global),
         Command::Evaluate(evaluate) => evaluate::run(&evaluate, args.global),
         Command::Adapt(adapt) => adapt::run(&adapt, args.global),

@@ -25,6 +25,7 @@ mod low_speed;
 mod manoeuvre;
 mod networks;
 mod packages;
+mod recordings;
 mod study;
 mod thesis;
 mod vessel_files;

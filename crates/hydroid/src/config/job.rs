@@ -31,13 +31,11 @@ impl<T> Logs<T> {
         self.train.iter().chain(&self.validate).chain(&self.test)
     }
 
-    /// Logs made from these.
-    ///
-    /// # Errors
-    /// The first error of `make`.
-    pub fn try_map<U, E>(&self, mut make: impl FnMut(&T) -> Result<U, E>) -> Result<Logs<U>, E> {
-        let mut each = |logs: &[T]| logs.iter().map(&mut make).collect::<Result<Vec<U>, E>>();
-        Ok(Logs { train: each(&self.train)?, validate: each(&self.validate)?, test: each(&self.test)? })
+    /// Logs made from these, in the order of [`all`](Self::all).
+    #[must_use]
+    pub fn map<U>(&self, mut make: impl FnMut(&T) -> U) -> Logs<U> {
+        let mut each = |logs: &[T]| logs.iter().map(&mut make).collect();
+        Logs { train: each(&self.train), validate: each(&self.validate), test: each(&self.test) }
     }
 }
 

@@ -17,7 +17,7 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 
 use crate::identify::{GivenRanges, MotionOption, NetworkOptions, RateLimitOption, SindyOptions};
-use crate::log::{ChannelSpec, CommandTiming, InputDelay, PrepareOptions, Selection, Wind};
+use crate::log::{ChannelSpec, CommandTiming, InputDelay, PrepareOptions, Selection, Sensors, Wind};
 use crate::model::Reading;
 use crate::toml_file::{self, TomlError};
 
@@ -60,6 +60,7 @@ pub struct Log {
     pub inputs: Vec<ChannelSpec>,
     pub wind: Option<Wind>,
     pub heading: Option<ChannelSpec>,
+    pub sensors: Option<Sensors>,
     pub dt: Option<f64>,
     pub max_gap_s: Option<f64>,
     pub command_timing: Option<CommandTiming>,
@@ -90,6 +91,7 @@ impl Log {
                 inputs: or(self.inputs, selection.inputs),
                 wind: self.wind.or(selection.wind),
                 heading: self.heading.or(selection.heading),
+                sensors: self.sensors.or(selection.sensors),
             },
             options: PrepareOptions {
                 dt: self.dt.or(options.dt),

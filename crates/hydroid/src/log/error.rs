@@ -29,6 +29,22 @@ pub enum LogError {
         /// Error of the operating system.
         source: io::Error,
     },
+    /// A recording that cannot be read.
+    #[error(transparent)]
+    Recording(#[from] hydroid_io::IoError),
+    /// A recording without what is needed from it.
+    #[error("{path}: {reason}; {remedy}")]
+    Unusable {
+        /// File.
+        path: String,
+        /// What is missing.
+        reason: String,
+        /// Remedy.
+        remedy: String,
+    },
+    /// The caller stopped the reading.
+    #[error("interrupted")]
+    Interrupted,
     /// The file has no content.
     #[error("{path} is empty; was the recording stopped before anything was written?")]
     Empty {

@@ -372,6 +372,11 @@ fn sources(
     specs.iter().map(|spec| source(log, spec, role, notes)).collect()
 }
 
+/// The column that a specification names, as a channel.
+pub(crate) fn channel(log: &RawLog, spec: &ChannelSpec, notes: &mut Vec<Note>) -> Result<Source, LogError> {
+    source(log, spec, Role::Output, notes)
+}
+
 fn source(log: &RawLog, spec: &ChannelSpec, role: Role, notes: &mut Vec<Note>) -> Result<Source, LogError> {
     let (column, spec) = locate(log, spec).ok_or_else(|| unknown(log, &spec.column))?;
     let spec = spec.as_ref();

@@ -101,6 +101,7 @@ const TABLE: &[Known] = &[
     known(Quantity::Speed, "m/s", 0.001, &["mm/s", "mmps"]),
     known(Quantity::Speed, "m/s", 0.3048, &["ft/s", "fps"]),
     known(Quantity::Acceleration, "m/s^2", 1.0, &["m/s2", "m/s/s", "ms-2"]),
+    known(Quantity::Acceleration, "m/s^2", 9.806_65, &["g"]),
     known(Quantity::Rotation, "rad/s", 1.0, &["rad/s", "radps", "rads-1", "radian/s", "radians/s"]),
     known(
         Quantity::Rotation,

@@ -1,5 +1,6 @@
 //! Measurements of runs, and the statistics of their sensors.
 
+use super::fit::CONSTANTS;
 use hydroid_core::navigation::{Filter, Measurement, Mounting, Noise, Prior, State};
 
 /// Quantity of a sensor.
@@ -150,17 +151,20 @@ impl Statistics {
 }
 
 impl Runs {
-    /// Logarithm of the likelihood of the innovations, without its constant.
-    pub(super) fn log_likelihood(&self, statistics: &Statistics) -> f64 {
+    /// Logarithm of the likelihood of the innovations, without its constant, for fixed values of [`CONSTANTS`].
+    pub(super) fn log_likelihood(&self, statistics: &Statistics, constants: &[f64; CONSTANTS.len()]) -> f64 {
         let mut sum = 0.0;
         let mut filter: Option<Filter> = None;
         for run in &self.runs {
+            let states = CONSTANTS.iter().zip(constants);
+            let prior =
+                states.fold(run.prior.clone(), |prior, (state, value)| prior.with(*state, *value, 0.0));
             let filter = match &mut filter {
                 Some(filter) => {
-                    filter.restart(&run.prior, &SHARED);
+                    filter.restart(&prior, &SHARED);
                     filter
                 }
-                none => none.insert(Filter::new(statistics.noise, &run.prior, f64::INFINITY)),
+                none => none.insert(Filter::new(statistics.noise, &prior, f64::INFINITY)),
             };
             let mut t = run.events.first().map_or(0.0, |event| event.t);
             for event in &run.events {

@@ -8,6 +8,6 @@ mod fit;
 mod measurements;
 mod smoother;
 
-pub use fit::{Fitted, fit};
+pub use fit::{CONSTANTS, Fitted, fit};
 pub use measurements::{Event, Kind, Run, Runs, Sensor, Statistics};
 pub use smoother::{Row, Smoothed, smooth};

@@ -33,6 +33,7 @@ mod peer_torch;
 mod qr;
 mod rate_limits;
 mod real_ships;
+mod recording;
 mod refine;
 mod search_parts;
 mod simulate_input;

@@ -2,9 +2,6 @@
 
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times are positive, and few")]
 
-use std::path::PathBuf;
-
-use hydroid::log::{RawLog, read};
 use hydroid::navigate::{Event, Kind, Run, Runs, Sensor, Smoothed, Statistics, fit, smooth};
 use hydroid_core::navigation::{Filter, Measurement, Mounting, Noise, Prior, STATES, State};
 
@@ -271,8 +268,9 @@ fn velocities_of_a_simulated_boat_with_guessed_statistics() {
 #[ignore = "slow tier: .ci/run runs it"]
 fn velocities_and_misalignment_of_a_simulated_boat() {
     let truth = zigzags(210.0);
-    let runs = voyages(&truth);
+    let mut runs = voyages(&truth);
     let fitted = fit(&runs, &guess(&runs.sensors), || true);
+    runs.runs.iter_mut().for_each(|run| run.prior = fitted.prior(&run.prior));
     let deviation = |sensor: usize| fitted.statistics.deviations[sensor][0];
     for (sensor, expected) in [(1, 0.05), (2, 0.5 * DEGREE), (3, 0.002), (4, 0.03)] {
         let ratio = deviation(sensor) / expected;
@@ -344,85 +342,4 @@ fn a_run_without_measurements_is_as_wide_as_its_prior() {
         "{deviation:?}"
     );
     assert!(smooth(&Runs { sensors: Vec::new(), runs: Vec::new() }, &statistics, &[]).is_empty());
-}
-
-/// A column of a log by name, times a factor.
-fn column(log: &RawLog, name: &str, factor: f64) -> Vec<f64> {
-    let at = log.position(name).unwrap_or_else(|| panic!("{} has no column {name}", log.path));
-    log.columns[at].values.iter().map(|x| x * factor).collect()
-}
-
-/// A coaster with standalone GNSS, from the files of its instruments.
-#[test]
-#[ignore = "slow tier: .ci/run runs it"]
-fn the_field_logs_of_a_coaster_give_its_velocities() {
-    let Some(data) = std::env::var_os("HYDROID_DATA") else {
-        println!("skipped: no HYDROID_DATA");
-        return;
-    };
-    let folder = PathBuf::from(data).join("fleet/clarke83");
-    let antenna = Mounting { forward: -16.0, starboard: 0.0 };
-    let none = Mounting::default();
-    let sensors = vec![
-        sensor(Kind::Position, antenna, 0.3),
-        sensor(Kind::Velocity, antenna, 0.1),
-        sensor(Kind::Heading, none, DEGREE),
-        sensor(Kind::YawRate, none, 0.002),
-        sensor(Kind::SpecificForce, none, 0.05),
-    ];
-    let mut runs = Runs { sensors, runs: Vec::new() };
-    let mut truths = Vec::new();
-    for run in [2, 4] {
-        let file = |name: &str| read(&folder.join(format!("field/run{run}/{name}.csv"))).unwrap();
-        let (gnss, compass, imu) = (file("gnss"), file("compass"), file("imu"));
-        let start = column(&imu, "time", 1.0)[0];
-        let times =
-            |log: &RawLog| column(log, "time", 1.0).into_iter().map(|t| t - start).collect::<Vec<_>>();
-        let mut events = Vec::new();
-        let (lat, lon) = (column(&gnss, "lat", DEGREE), column(&gnss, "lon", DEGREE));
-        let (speed, course) = (column(&gnss, "sog", 1852.0 / 3600.0), column(&gnss, "cog", DEGREE));
-        // Radii of the meridian and of the parallel (WGS 84).
-        let (a, e2) = (6_378_137.0, 6.694_379_990_14e-3);
-        let w = (1.0 - e2 * lat[0].sin().powi(2)).sqrt();
-        let (meridian, parallel) = (a * (1.0 - e2) / w.powi(3), a / w * lat[0].cos());
-        for (k, t) in times(&gnss).into_iter().enumerate() {
-            let value = [(lat[k] - lat[0]) * meridian, (lon[k] - lon[0]) * parallel];
-            events.push(Event { t, sensor: 0, value });
-            let value = [speed[k] * course[k].cos(), speed[k] * course[k].sin()];
-            events.push(Event { t, sensor: 1, value });
-        }
-        let heading = column(&compass, "heading", DEGREE);
-        let compass = times(&compass).into_iter().zip(&heading);
-        events.extend(compass.map(|(t, value)| Event { t, sensor: 2, value: [*value, 0.0] }));
-        let gyro = column(&imu, "gyro_z", DEGREE);
-        let (forward, starboard) = (column(&imu, "acc_x", 1.0), column(&imu, "acc_y", 1.0));
-        for (k, t) in times(&imu).into_iter().enumerate() {
-            events.push(Event { t, sensor: 3, value: [gyro[k], 0.0] });
-            events.push(Event { t, sensor: 4, value: [forward[k], starboard[k]] });
-        }
-        events.sort_by(|a, b| a.t.total_cmp(&b.t));
-        let (sine, cosine) = heading[0].sin_cos();
-        let prior = Prior::default()
-            .with(State::Heading, heading[0], 0.1)
-            .with(State::Surge, speed[0], 2.0)
-            .with(State::North, -cosine * antenna.forward, 10.0)
-            .with(State::East, -sine * antenna.forward, 10.0);
-        runs.runs.push(Run { events, prior });
-        let truth = read(&folder.join(format!("truth/run{run}.csv"))).unwrap();
-        let at: Vec<f64> = column(&truth, "time", 1.0).into_iter().map(|t| t - start).collect();
-        truths.push((at, ["u", "v", "r"].map(|name| column(&truth, name, 1.0))));
-    }
-    let fitted = fit(&runs, &guess(&runs.sensors), || true);
-    let times: Vec<Vec<f64>> = truths.iter().map(|(at, _)| at.clone()).collect();
-    for (run, (at, truth)) in smooth(&runs, &fitted.statistics, &times).iter().zip(&truths) {
-        let deviations =
-            [State::Delay, State::Misalignment, State::Heel].map(|state| run.end[state as usize]);
-        println!("delay, misalignment, heel: {deviations:?}");
-        for (i, bound) in [(0, 0.08), (1, 0.12), (2, 0.002)] {
-            let nearest = |t: f64| at.iter().position(|x| *x == t).map_or(f64::NAN, |k| truth[i][k]);
-            let (error, held) = errors(run, 20.0, i, nearest);
-            println!("velocity {i}: RMSE {error:.4}, {held:.2} within the band of 90 %");
-            assert!(error < bound, "velocity {i}: {error}");
-        }
-    }
 }

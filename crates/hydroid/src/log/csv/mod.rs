@@ -162,6 +162,11 @@ impl RawColumn {
         Self { name: name.to_owned(), ..Self::default() }
     }
 
+    /// A column of values.
+    pub(crate) fn of(name: &str, unit: Option<&str>, values: Vec<f64>) -> Self {
+        Self { name: name.to_owned(), unit: unit.map(str::to_owned), values, ..Self::default() }
+    }
+
     /// Whether the values were left out.
     pub(super) fn is_left_out(&self) -> bool {
         self.left_out.is_some()

@@ -93,6 +93,18 @@ pub fn inspect_file(
     inspect_log(Cow::Owned(log), selection, options)
 }
 
+/// Inspects a log as [`inspect_file`].
+///
+/// # Errors
+/// As [`inspect()`].
+pub fn inspect_owned(
+    log: RawLog,
+    selection: &Selection,
+    options: &PrepareOptions,
+) -> Result<(Inspection, Vec<Trajectory>), LogError> {
+    inspect_log(Cow::Owned(log), selection, options)
+}
+
 /// The columns whose values an inspection needs. They are known by their names: all columns are kept if the selection
 /// cannot be applied to the header alone.
 fn plan(header: &RawLog, selection: &Selection, options: &PrepareOptions) -> Option<Plan> {

@@ -1,0 +1,112 @@
+//! Recordings on the command line: topics, proposal, configuration file, conversion.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::common::{done, run, text};
+
+/// A boat on a weaving course, as a folder of topics.
+fn boat(folder: &Path) {
+    std::fs::create_dir(folder).unwrap();
+    let stamp = |t: f64| format!("2026-05-01T10:00:{t:06.3}Z");
+    let small = |k: u32| f64::sin(f64::from(k * k) * 12.9898);
+    let mut gnss = "time,lat [deg],lon [deg],sog [kn],cog [deg]\n".to_owned();
+    let mut compass = "time,heading [deg]\n".to_owned();
+    let mut gyro = "time,yaw_rate [deg/s]\n".to_owned();
+    let mut cmd = "time,rudder [deg]\n".to_owned();
+    let (mut north, mut east) = (0.0, 0.0);
+    for k in 0..300 {
+        let t = 0.1 * f64::from(k);
+        let psi = 40.0 + 30.0 * (0.5 * t).sin();
+        if k % 2 == 0 {
+            let (latitude, longitude) = (60.0 + north / 111_412.0, 5.0 + east / 55_800.0);
+            let (speed, course) = (4.0 + 0.03 * small(k), psi + 0.4 * small(k + 1));
+            let _ = writeln!(gnss, "{},{latitude:.9},{longitude:.9},{speed:.4},{course:.3}", stamp(t));
+        }
+        let _ = writeln!(compass, "{},{:.3}", stamp(t), psi + 0.3 * small(k + 2));
+        let _ = writeln!(gyro, "{},{:.4}", stamp(t), 15.0 * (0.5 * t).cos() + 0.1 * small(k + 3));
+        if k % 30 == 0 {
+            let _ = writeln!(cmd, "{},{}", stamp(t), k % 50);
+        }
+        let speed = 4.0 * 1852.0 / 3600.0;
+        let middle = (40.0 + 30.0 * (0.5 * t + 0.025).sin()).to_radians();
+        north += 0.1 * speed * middle.cos();
+        east += 0.1 * speed * middle.sin();
+    }
+    for (name, rows) in [("gnss", gnss), ("compass", compass), ("gyro", gyro), ("cmd", cmd)] {
+        std::fs::write(folder.join(format!("{name}.csv")), rows).unwrap();
+    }
+}
+
+#[test]
+fn from_topics_to_a_run() {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    boat(&folder.join("boat"));
+
+    let shown = text(&done(folder, "inspect boat --write-config").stdout);
+    for expected in [
+        "boat: folder, 4 topics",
+        "gyro: 300 rows, from 2026-05-01T10:00:00.000Z, duration 29.900 s, usual step 0.100 s",
+        "gnss.sog                   kn",
+        "heading: compass.heading",
+        "command rudder: cmd.rudder",
+        "written to hydroid.toml",
+    ] {
+        assert!(shown.contains(expected), "{expected} is missing in\n{shown}");
+    }
+    let again = run(folder, "inspect boat --write-config");
+    assert!(!again.status.success());
+    assert!(
+        text(&again.stderr).contains("hydroid.toml exists: --write-config writes a new file"),
+        "{}",
+        text(&again.stderr)
+    );
+    let json: Value = serde_json::from_slice(&done(folder, "inspect boat --json").stdout).unwrap();
+    assert_eq!(json["topics"].as_array().map(Vec::len), Some(4));
+    assert_eq!(json["proposal"]["selection"]["sensors"]["yaw_rate"], "gyro.yaw_rate");
+    assert_eq!(
+        json["config"].as_str(),
+        Some(std::fs::read_to_string(folder.join("hydroid.toml")).unwrap().as_str())
+    );
+
+    let output = done(folder, "convert boat -o run.csv");
+    assert!(
+        text(&output.stdout).contains("rows of t, u, v, r, rudder, psi, x, y, u_deviation"),
+        "{}",
+        text(&output.stdout)
+    );
+    assert!(text(&output.stderr).contains("t = 0 is 2026-05-01T10:00:00.000Z"), "{}", text(&output.stderr));
+    std::fs::remove_file(folder.join("hydroid.toml")).unwrap();
+    let report: Value =
+        serde_json::from_slice(&done(folder, "inspect run.csv --inputs rudder --json").stdout).unwrap();
+    let mean = |name: &str| {
+        let columns = report["columns"].as_array().unwrap();
+        columns.iter().find(|column| column["name"] == name).unwrap()["mean"].as_f64().unwrap()
+    };
+    assert!((mean("u") - 2.06).abs() < 0.05, "{}", mean("u"));
+    assert!(mean("r").abs() < 0.05, "{}", mean("r"));
+}
+
+#[test]
+fn outputs_of_convert_are_checked() {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    boat(&folder.join("boat"));
+    boat(&folder.join("other"));
+    for (args, expected) in [
+        ("convert boat -o run.dat", "give -o a name that ends in .csv"),
+        ("convert boat other -o run.csv", "is one file for 2 logs; give -o a folder"),
+        ("convert boat boat -o out", "two of the logs would be written to out/boat.csv"),
+        ("convert boat -o run.csv", "gnss.lat"),
+        ("convert boat/gnss.csv -o boat/gnss.csv", "would overwrite it"),
+        ("convert missing.BIN -o run.csv", "missing.BIN: there is no such file"),
+    ] {
+        let output = run(folder, args);
+        assert!(!output.status.success(), "{args}");
+        assert!(text(&output.stderr).contains(expected), "{args}: {}", text(&output.stderr));
+    }
+}

@@ -1,0 +1,661 @@
+//! Tables of pose and velocities from sensors.
+
+use std::f64::consts::{PI, TAU};
+
+use hydroid_core::navigation::{Mounting, Noise, Prior, State};
+use hydroid_io::Clock;
+
+use super::open::Recording;
+use super::table::{self, start};
+use crate::log::{self, ChannelSpec, LogError, Note, RawColumn, RawLog, Selection, Sensors};
+use crate::navigate::{self, Event, Kind, Run, Runs, Sensor, Smoothed, Statistics};
+
+/// Mean earth axes of WGS 84: semi-major axis \[m\] and squared eccentricity.
+const SEMI_MAJOR_M: f64 = 6_378_137.0;
+const ECCENTRICITY_2: f64 = 6.694_379_990_14e-3;
+
+/// Kinds of position fixes with a noise of their own.
+const QUALITIES: usize = 6;
+/// Inertial measurements are averaged over this time \[s\]: a vessel moves less than that, and a filter step costs the same
+/// for each.
+const AVERAGED_S: f64 = 0.05;
+/// Shortest step of a table \[s\], unless it is given.
+const SHORTEST_S: f64 = 0.1;
+/// Measurements from which the statistics are estimated: more of them change little.
+const ENOUGH: usize = 40_000;
+/// Standard deviation of the components of the current before the first measurement \[m/s\].
+const CURRENT_M_S: f64 = 0.5;
+
+/// A sensor channel in SI units.
+struct Series {
+    t: Vec<f64>,
+    values: Vec<f64>,
+}
+
+impl Series {
+    fn pairs(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+        self.t.iter().copied().zip(self.values.iter().copied()).filter(|(_, x)| !x.is_nan())
+    }
+
+    fn len(&self) -> usize {
+        self.pairs().count()
+    }
+
+    fn step(&self) -> Option<f64> {
+        let t: Vec<f64> = self.pairs().map(|(t, _)| t).collect();
+        let mut steps: Vec<f64> = t.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let middle = steps.len() / 2;
+        (!steps.is_empty()).then(|| *steps.select_nth_unstable_by(middle, f64::total_cmp).1)
+    }
+
+    /// Means over steps of [`AVERAGED_S`] of a faster sensor.
+    fn averaged(&self) -> Self {
+        if self.step().is_none_or(|step| step > 0.75 * AVERAGED_S) {
+            return Self { t: self.t.clone(), values: self.values.clone() };
+        }
+        let mut out = Self { t: Vec::new(), values: Vec::new() };
+        let (mut bin, mut sum_t, mut sum, mut n) = (f64::NAN, 0.0, 0.0, 0.0);
+        for (t, x) in self.pairs().chain([(f64::INFINITY, 0.0)]) {
+            let of = (t / AVERAGED_S).floor();
+            if of != bin {
+                if n > 0.0 {
+                    // Sums of stamps since 1970 lose digits: the offset from the step is summed.
+                    out.t.push(bin * AVERAGED_S + sum_t / n);
+                    out.values.push(sum / n);
+                }
+                (bin, sum_t, sum, n) = (of, 0.0, 0.0, 0.0);
+            }
+            sum_t += t - bin * AVERAGED_S;
+            sum += x;
+            n += 1.0;
+        }
+        out
+    }
+}
+
+/// The sensors of one recording in SI units, with all times from `origin`.
+struct Instruments {
+    path: String,
+    /// Time \[s\] of the first measurement.
+    origin: f64,
+    position: Option<[Series; 2]>,
+    quality: Option<Series>,
+    velocity: Option<[Series; 2]>,
+    heading: Option<Series>,
+    yaw_rate: Option<Series>,
+    force: Option<[Series; 2]>,
+}
+
+/// Quantities of sensors, as the unit of their SI values.
+const UNITS: [(&str, &str); 13] = [
+    ("latitude", "rad"),
+    ("longitude", "rad"),
+    ("north", "m"),
+    ("east", "m"),
+    ("quality", ""),
+    ("speed", "m/s"),
+    ("course", "rad"),
+    ("velocity_north", "m/s"),
+    ("velocity_east", "m/s"),
+    ("heading", "rad"),
+    ("yaw_rate", "rad/s"),
+    ("acceleration_forward", "m/s^2"),
+    ("acceleration_starboard", "m/s^2"),
+];
+
+/// A sensor in SI units.
+fn series(
+    recording: &Recording,
+    (name, spec): (&str, &ChannelSpec),
+    notes: &mut Vec<Note>,
+) -> Result<Series, LogError> {
+    let at = recording.position(spec)?;
+    let source = log::channel(&recording.header, spec, notes)?;
+    let (t, values) = recording.series(at);
+    let si = UNITS.iter().find(|(of, _)| *of == name).map_or("", |(_, unit)| unit);
+    let found = &source.channel.unit;
+    let mut factor = 1.0;
+    if found.is_empty() && (name == "latitude" || name == "longitude") {
+        factor = PI / 180.0;
+    } else if found.is_empty() && si == "rad" && values.iter().any(|x| x.abs() > TAU + 0.1) {
+        factor = PI / 180.0;
+        notes.push(
+            Note::info(format!(
+                "{}: `{}` has no unit and is above 2 pi: it is taken as degrees",
+                recording.header.path, spec.column
+            ))
+            .with_remedy(format!("state its unit: {name} = \"{} [deg]\"", spec.column)),
+        );
+    } else if found == "rps" && si == "rad/s" {
+        factor = TAU;
+    } else if !found.is_empty() && !si.is_empty() && found != si {
+        return Err(LogError::Unusable {
+            path: recording.header.path.clone(),
+            reason: format!("the {name} `{}` is in {found}, which is not a unit of {si}", spec.column),
+            remedy: format!("name another column, or state the unit: {name} = \"{} [{si}]\"", spec.column),
+        });
+    }
+    Ok(Series { t: t.to_vec(), values: values.iter().map(|x| factor * source.si(*x)).collect() })
+}
+
+impl Instruments {
+    fn new(recording: &Recording, sensors: &Sensors, notes: &mut Vec<Note>) -> Result<Self, LogError> {
+        let path = recording.header.path.clone();
+        let mut found = Vec::new();
+        let mut get = |name: &'static str, spec: &Option<ChannelSpec>| {
+            spec.as_ref().map(|spec| series(recording, (name, spec), &mut found)).transpose()
+        };
+        let latitude = get("latitude", &sensors.latitude)?;
+        let longitude = get("longitude", &sensors.longitude)?;
+        let north = get("north", &sensors.north)?;
+        let east = get("east", &sensors.east)?;
+        let quality = get("quality", &sensors.quality)?;
+        let speed = get("speed", &sensors.speed)?;
+        let course = get("course", &sensors.course)?;
+        let velocity_north = get("velocity_north", &sensors.velocity_north)?;
+        let velocity_east = get("velocity_east", &sensors.velocity_east)?;
+        let heading = get("heading", &sensors.heading)?;
+        let yaw_rate = get("yaw_rate", &sensors.yaw_rate)?;
+        let forward = get("acceleration_forward", &sensors.acceleration_forward)?;
+        let starboard = get("acceleration_starboard", &sensors.acceleration_starboard)?;
+        // Conversions of units are many, and expected.
+        notes.extend(found.into_iter().filter(|note| note.is_warning() || note.remedy.is_some()));
+        let both = |a: Option<Series>, b: Option<Series>, names: &str| match (a, b) {
+            (Some(a), Some(b)) if a.t == b.t => Ok(Some([a, b])),
+            (None, None) => Ok(None),
+            _ => Err(LogError::Unusable {
+                path: path.clone(),
+                reason: format!("{names} are needed together, from one topic"),
+                remedy: "name both in the section [log.sensors], or neither".to_owned(),
+            }),
+        };
+        let position = match both(latitude, longitude, "latitude and longitude")? {
+            Some([latitude, longitude]) => Some(local(latitude, longitude)),
+            None => both(north, east, "north and east")?,
+        };
+        let velocity = match both(speed, course, "speed and course")? {
+            Some([mut speed, mut course]) => {
+                for (v, angle) in speed.values.iter_mut().zip(&mut course.values) {
+                    (*v, *angle) = (*v * angle.cos(), *v * angle.sin());
+                }
+                Some([speed, course])
+            }
+            None => both(velocity_north, velocity_east, "velocity_north and velocity_east")?,
+        };
+        let force = both(forward, starboard, "acceleration_forward and acceleration_starboard")?;
+        let used = |series: &Option<[Series; 2]>| series.as_ref().is_some_and(|s| s[0].len() > 1);
+        if !used(&position) && !used(&velocity) {
+            return Err(LogError::Unusable {
+                path,
+                reason: "there is neither a position nor a velocity".to_owned(),
+                remedy: "name the columns of the GNSS in the section [log.sensors], such as latitude and longitude; `hydroid inspect` lists the columns".to_owned(),
+            });
+        }
+        if heading.as_ref().is_none_or(|s| s.len() < 2) && yaw_rate.as_ref().is_none_or(|s| s.len() < 2) {
+            return Err(LogError::Unusable {
+                path,
+                reason:
+                    "there is neither a heading nor a yaw rate: the sway velocity cannot be told from a drift"
+                        .to_owned(),
+                remedy: "name the column of the compass or the gyro in the section [log.sensors]".to_owned(),
+            });
+        }
+        let clock = sensors.columns().next().map(|(_, spec)| recording.position(spec)).transpose()?;
+        let clock = clock.map_or(Clock::None, |at| recording.topics[recording.topic_of[at]].clock);
+        if clock == Clock::None {
+            return Err(LogError::Unusable {
+                path,
+                reason: "the rows have no time".to_owned(),
+                remedy: "a column of the time is needed: t [s], or time with ISO 8601 stamps".to_owned(),
+            });
+        }
+        let mut all = Self { path, origin: 0.0, position, quality, velocity, heading, yaw_rate, force };
+        all.yaw_rate = all.yaw_rate.map(|s| s.averaged());
+        all.force = all.force.map(|s| s.map(|s| s.averaged()));
+        all.origin =
+            all.series().filter_map(|s| s.pairs().next()).map(|(t, _)| t).fold(f64::INFINITY, f64::min);
+        let origin = all.origin;
+        all.series_mut().for_each(|s| s.t.iter_mut().for_each(|t| *t -= origin));
+        Ok(all)
+    }
+
+    fn series(&self) -> impl Iterator<Item = &Series> {
+        let pairs = self.position.iter().chain(&self.velocity).chain(&self.force).flatten();
+        pairs.chain(&self.quality).chain(&self.heading).chain(&self.yaw_rate)
+    }
+
+    fn series_mut(&mut self) -> impl Iterator<Item = &mut Series> {
+        let pairs = self.position.iter_mut().chain(&mut self.velocity).chain(&mut self.force).flatten();
+        pairs.chain(&mut self.quality).chain(&mut self.heading).chain(&mut self.yaw_rate)
+    }
+
+    /// Turns the axes of an inertial unit with axes forward, port, up, whose yaw rate has the opposite sign of the
+    /// change of the heading.
+    fn turn_axes(&mut self, notes: &mut Vec<Note>) {
+        let (Some(heading), Some(yaw_rate)) = (&self.heading, &mut self.yaw_rate) else { return };
+        let Some(slope) = slope(heading, yaw_rate) else { return };
+        if slope < 0.0 {
+            yaw_rate.values.iter_mut().for_each(|x| *x = -*x);
+            let mut turned =
+                "the yaw rate has the opposite sign of the change of the heading: its sign is changed"
+                    .to_owned();
+            if let Some([_, starboard]) = &mut self.force {
+                starboard.values.iter_mut().for_each(|x| *x = -*x);
+                turned += ", and that of acceleration_starboard (axes forward, port, up)";
+            }
+            notes.push(
+                Note::info(format!("{}: {turned}", self.path))
+                    .with_remedy("state the signs in the section [log.sensors]: yaw_rate = \"COLUMN * -1\""),
+            );
+        }
+        if !(0.7..1.4).contains(&slope.abs()) {
+            notes.push(
+                Note::warning(format!(
+                    "{}: the heading changes {:.3} times as fast as the yaw rate states",
+                    self.path,
+                    slope.abs()
+                ))
+                .with_remedy("check the units of heading and yaw rate"),
+            );
+        }
+    }
+
+    /// Measurements in the order of time, and the prior. Kinds of position fixes come first among the sensors.
+    fn run(&self, sensors: &Sensors, qualities: &[f64]) -> Run {
+        let mut events = Vec::new();
+        let places = qualities.len().max(1);
+        if let Some([north, east]) = &self.position {
+            for (k, (&t, (&x, &y))) in north.t.iter().zip(north.values.iter().zip(&east.values)).enumerate() {
+                let sensor = self.quality.as_ref().map_or(0, |quality| {
+                    let value = if quality.t == north.t { quality.values[k] } else { quality.at(t) };
+                    qualities.iter().position(|q| *q == value).unwrap_or(0)
+                });
+                events.push(Event { t, sensor, value: [x, y] });
+            }
+        }
+        let mut pairs = |series: &Option<[Series; 2]>, sensor: usize| {
+            for [a, b] in series.iter() {
+                events.extend((0..a.t.len()).map(|k| Event {
+                    t: a.t[k],
+                    sensor,
+                    value: [a.values[k], b.values[k]],
+                }));
+            }
+        };
+        pairs(&self.velocity, places);
+        pairs(&self.force, places + 3);
+        for (series, sensor) in [(&self.heading, places + 1), (&self.yaw_rate, places + 2)] {
+            for (t, x) in series.iter().flat_map(|s| s.pairs()) {
+                events.push(Event { t, sensor, value: [x, 0.0] });
+            }
+        }
+        events.retain(|event| event.value.iter().all(|x| x.is_finite()) && event.t.is_finite());
+        events.sort_by(|a, b| a.t.total_cmp(&b.t));
+        let first = |sensor: std::ops::Range<usize>| events.iter().find(|e| sensor.contains(&e.sensor));
+        let velocities = || events.iter().filter(|e| e.sensor == places).take(5);
+        let speed = velocities().map(|e| e.value[0].hypot(e.value[1])).sum::<f64>()
+            / velocities().count().max(1) as f64;
+        let course = velocities().next().map_or(0.0, |e| e.value[1].atan2(e.value[0]));
+        let (heading, deviation) =
+            first(places + 1..places + 2).map_or((course, 0.5), |event| (event.value[0], 0.1));
+        let (sine, cosine) = heading.sin_cos();
+        let [forward, starboard, _] = sensors.antenna_m;
+        let [north, east] = first(0..places).map_or([0.0; 2], |event| event.value);
+        let prior = Prior::default()
+            .with(State::Heading, heading, deviation)
+            .with(State::Surge, speed, 2.0)
+            .with(State::North, north - (cosine * forward - sine * starboard), 10.0)
+            .with(State::East, east - (sine * forward + cosine * starboard), 10.0)
+            .with(State::CurrentNorth, 0.0, CURRENT_M_S)
+            .with(State::CurrentEast, 0.0, CURRENT_M_S);
+        Run { events, prior }
+    }
+
+    /// Times of the table: from the first time at which position and heading are known.
+    fn times(&self, dt: Option<f64>) -> Result<Vec<f64>, LogError> {
+        let step = dt.or_else(|| {
+            let heading = self.heading.as_ref().and_then(Series::step);
+            let pair = |s: &Option<[Series; 2]>| s.as_ref().and_then(|s| s[0].step());
+            let usual = heading.or_else(|| pair(&self.position)).or_else(|| pair(&self.velocity));
+            usual.map(|usual| rounded(usual).max(SHORTEST_S))
+        });
+        let step = step.filter(|step| *step > 0.0 && step.is_finite()).unwrap_or(SHORTEST_S);
+        let ends = |of: &dyn Fn(&Series) -> Option<f64>, fold: fn(f64, f64) -> f64, from: f64| {
+            self.series().filter_map(of).fold(from, fold)
+        };
+        let from = ends(&|s| s.pairs().next().map(|(t, _)| t), f64::max, 0.0);
+        let to = ends(&|s| s.pairs().last().map(|(t, _)| t), f64::max, 0.0);
+        let rows = ((to - from) / step).floor();
+        if !(1.0..1e8).contains(&rows) {
+            return Err(LogError::Unusable {
+                path: self.path.clone(),
+                reason: format!("position and heading overlap for {:.1} s", to - from),
+                remedy: "check the stamps of the topics with `hydroid inspect`".to_owned(),
+            });
+        }
+        Ok((0..=rows as usize).map(|k| from + k as f64 * step).collect())
+    }
+}
+
+impl Series {
+    /// The last value at or before a time.
+    fn at(&self, t: f64) -> f64 {
+        let next = self.t.partition_point(|of| *of <= t);
+        next.checked_sub(1).map_or(f64::NAN, |k| self.values[k])
+    }
+}
+
+/// A step without the noise of stamps: two digits.
+fn rounded(step: f64) -> f64 {
+    format!("{step:.1e}").parse().unwrap_or(step)
+}
+
+/// Positions north and east of the first fix \[m\]. Increments are added, with the radii of curvature at each latitude, so
+/// that the axes are north and east at each place.
+fn local(mut latitude: Series, mut longitude: Series) -> [Series; 2] {
+    let mut last: Option<(f64, f64)> = None;
+    let (mut north, mut east) = (0.0, 0.0);
+    for (phi, lambda) in latitude.values.iter_mut().zip(&mut longitude.values) {
+        // Receivers without a fix write zeros.
+        let is_fix = phi.abs() <= PI / 2.0 && lambda.abs() <= TAU && (*phi != 0.0 || *lambda != 0.0);
+        if !is_fix {
+            (*phi, *lambda) = (f64::NAN, f64::NAN);
+            continue;
+        }
+        if let Some((phi0, lambda0)) = last {
+            let sine = (0.5 * (*phi + phi0)).sin();
+            let w = 1.0 - ECCENTRICITY_2 * sine * sine;
+            let meridian = SEMI_MAJOR_M * (1.0 - ECCENTRICITY_2) / (w * w.sqrt());
+            let parallel = SEMI_MAJOR_M / w.sqrt() * (0.5 * (*phi + phi0)).cos();
+            let turn = *lambda - lambda0;
+            north += (*phi - phi0) * meridian;
+            east += (turn - TAU * (turn / TAU).round()) * parallel;
+        }
+        last = Some((*phi, *lambda));
+        (*phi, *lambda) = (north, east);
+    }
+    [latitude, longitude]
+}
+
+/// Slope of the change of the heading over that of the integrated yaw rate, in parts of some seconds, where they are
+/// clearly related.
+fn slope(heading: &Series, yaw_rate: &Series) -> Option<f64> {
+    const PART_S: f64 = 5.0;
+    /// With five parts or more, chance exceeds this less than once in fifty times; with fifty, in twenty thousand.
+    const SIGNIFICANT: f64 = 20.0;
+    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+    let turns: Vec<(f64, f64)> = heading.pairs().collect();
+    let rates: Vec<(f64, f64)> = yaw_rate.pairs().collect();
+    let mut from = 0;
+    let mut changes = Vec::new();
+    for k in 1..turns.len() {
+        if turns[k].0 - turns[from].0 < PART_S {
+            continue;
+        }
+        let turn: f64 = turns[from..=k]
+            .windows(2)
+            .map(|pair| {
+                let d = pair[1].1 - pair[0].1;
+                d - TAU * (d / TAU).round()
+            })
+            .sum();
+        let part = |t: f64| rates.partition_point(|rate| rate.0 < t);
+        let within = &rates[part(turns[from].0)..part(turns[k].0)];
+        if within.len() > 1 {
+            let mean = within.iter().map(|rate| rate.1).sum::<f64>() / within.len() as f64;
+            changes.push((mean, turn / (turns[k].0 - turns[from].0)));
+        }
+        from = k;
+    }
+    // Without the means, so that a bias of the gyro does not matter.
+    let n = changes.len().max(1) as f64;
+    let mean = changes.iter().fold((0.0, 0.0), |sum, c| (sum.0 + c.0 / n, sum.1 + c.1 / n));
+    for (x, y) in changes.iter().map(|c| (c.0 - mean.0, c.1 - mean.1)) {
+        xx += x * x;
+        xy += x * y;
+        yy += y * y;
+    }
+    // The F statistic of the regression.
+    (xy * xy * (n - 2.0) > SIGNIFICANT * (xx * yy - xy * xy)).then(|| xy / xx)
+}
+
+/// First guesses of the statistics, for fast motion and poor sensors: a filter that trusts too little does not diverge. The
+/// likelihood decides.
+fn guess(sensors: &[Sensor]) -> Statistics {
+    let degree = PI / 180.0;
+    let noise = Noise {
+        surge_rate: 0.1,
+        surge_acceleration: 0.2,
+        sway_rate: 0.1,
+        sway: 0.3,
+        yaw_rate: 0.5,
+        yaw: 0.2,
+        wave_frequency: 1.0,
+        wave_damping: 0.1,
+        wave_forward: 0.1,
+        wave_starboard: 0.1,
+        gnss_rate: 1.0 / 60.0,
+        gnss: 1.0,
+        compass_rate: 0.1,
+        compass: 0.3 * degree,
+        gyro_walk: 1e-5,
+        accelerometer_walk: 1e-4,
+        current_walk: 1e-4,
+    };
+    Statistics { noise, deviations: sensors.iter().map(|sensor| sensor.deviation).collect() }
+}
+
+/// Computes the tables of the recordings of one vessel, whose sensors have the same statistics.
+pub(super) fn tables(
+    recordings: Vec<Recording>,
+    sensors: &Sensors,
+    selection: &Selection,
+    dt: Option<f64>,
+    notes: &mut Vec<Note>,
+) -> Result<Vec<RawLog>, LogError> {
+    let mut instruments = recordings
+        .iter()
+        .map(|recording| Instruments::new(recording, sensors, notes))
+        .collect::<Result<Vec<_>, _>>()?;
+    instruments.iter_mut().for_each(|one| one.turn_axes(notes));
+    let qualities = qualities(&instruments);
+    let of = |kind, mounting, deviation| Sensor { kind, mounting, deviation };
+    let place = |m: [f64; 3]| Mounting { forward: m[0], starboard: m[1] };
+    let (antenna, imu) = (place(sensors.antenna_m), place(sensors.imu_m));
+    let mut channels = vec![of(Kind::Position, antenna, [0.3; 2]); qualities.len().max(1)];
+    channels.push(of(Kind::Velocity, antenna, [0.1; 2]));
+    channels.push(of(Kind::Heading, Mounting::default(), [0.5 * PI / 180.0, 0.0]));
+    channels.push(of(Kind::YawRate, Mounting::default(), [5e-3, 0.0]));
+    channels.push(of(Kind::SpecificForce, imu, [0.1; 2]));
+    let mut runs = Runs {
+        sensors: channels,
+        runs: instruments.iter().map(|one| one.run(sensors, &qualities)).collect(),
+    };
+    retain_used(&mut runs);
+    let times = instruments.iter().map(|one| one.times(dt)).collect::<Result<Vec<_>, _>>()?;
+    let fitted = navigate::fit(&sample(&runs), &guess(&runs.sensors), || true);
+    for run in &mut runs.runs {
+        run.prior = fitted.prior(&run.prior);
+    }
+    let statistics = fitted.statistics;
+    let smoothed = navigate::smooth(&runs, &statistics, &times);
+    let mut tables = Vec::with_capacity(recordings.len());
+    for ((recording, one), (smoothed, t)) in
+        recordings.iter().zip(&instruments).zip(smoothed.iter().zip(&times))
+    {
+        tables.push(one.table(recording, selection, smoothed, t, notes)?);
+    }
+    if let (Some(one), Some(smoothed)) = (instruments.first(), smoothed.last()) {
+        let path =
+            if instruments.len() == 1 { one.path.clone() } else { format!("the {} logs", instruments.len()) };
+        states(&path, one, smoothed, notes);
+    }
+    for (one, smoothed) in instruments.iter().zip(&smoothed) {
+        outliers(&one.path, &runs.sensors, smoothed, notes);
+    }
+    Ok(tables)
+}
+
+/// The kinds of position fixes, the most frequent first.
+fn qualities(instruments: &[Instruments]) -> Vec<f64> {
+    let mut counts: Vec<(f64, usize)> = Vec::new();
+    let all = instruments.iter().filter(|one| one.position.is_some()).flat_map(|one| &one.quality);
+    for value in all.flat_map(|series| series.pairs().map(|(_, value)| value)) {
+        if let Some(count) = counts.iter_mut().find(|count| count.0 == value) {
+            count.1 += 1;
+        } else if counts.len() <= QUALITIES {
+            counts.push((value, 1));
+        }
+    }
+    // A quality of many values is no kind.
+    if counts.len() > QUALITIES {
+        return Vec::new();
+    }
+    counts.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.total_cmp(&b.0)));
+    counts.into_iter().map(|(value, _)| value).collect()
+}
+
+/// Leaves out sensors without measurements.
+fn retain_used(runs: &mut Runs) {
+    let used: Vec<bool> = (0..runs.sensors.len())
+        .map(|sensor| runs.runs.iter().any(|run| run.events.iter().any(|event| event.sensor == sensor)))
+        .collect();
+    let place = |sensor: usize| used[..sensor].iter().filter(|used| **used).count();
+    runs.runs.iter_mut().flat_map(|run| &mut run.events).for_each(|event| event.sensor = place(event.sensor));
+    let mut kept = used.iter();
+    runs.sensors.retain(|_| kept.next().is_some_and(|kept| *kept));
+}
+
+/// The beginnings of runs from which the statistics are estimated: of all of them, since they differ in heading and
+/// manoeuvres, but of eight at most, so that each is long enough.
+fn sample(runs: &Runs) -> Runs {
+    let mut left = ENOUGH;
+    let share = ENOUGH / runs.runs.len().clamp(1, 8);
+    let mut sample = Runs { sensors: runs.sensors.clone(), runs: Vec::new() };
+    for run in &runs.runs {
+        let take = run.events.len().min(share).min(left);
+        if take > 0 {
+            sample.runs.push(Run { events: run.events[..take].to_vec(), prior: run.prior.clone() });
+            left -= take;
+        }
+    }
+    sample
+}
+
+impl Instruments {
+    fn table(
+        &self,
+        recording: &Recording,
+        selection: &Selection,
+        smoothed: &Smoothed,
+        t: &[f64],
+        notes: &mut Vec<Note>,
+    ) -> Result<RawLog, LogError> {
+        let absolute: Vec<f64> = t.iter().map(|t| t + self.origin).collect();
+        let column = |name: &str, unit: &str, of: &dyn Fn(&navigate::Row) -> f64| {
+            RawColumn::of(name, Some(unit), smoothed.rows.iter().map(of).collect())
+        };
+        let mut columns = vec![
+            table::time(t),
+            column("x", "m", &|row| row.pose[0]),
+            column("y", "m", &|row| row.pose[1]),
+            column("psi", "rad", &|row| row.pose[2]),
+            column("u", "m/s", &|row| row.ground[0]),
+            column("v", "m/s", &|row| row.ground[1]),
+            column("r", "rad/s", &|row| row.ground[2]),
+            column("u_deviation", "m/s", &|row| row.ground_deviation[0]),
+            column("v_deviation", "m/s", &|row| row.ground_deviation[1]),
+            column("r_deviation", "rad/s", &|row| row.ground_deviation[2]),
+        ];
+        let wind = selection.wind.iter().flat_map(|wind| [&wind.speed, &wind.direction]);
+        for (spec, held) in
+            selection.inputs.iter().map(|spec| (spec, true)).chain(wind.map(|spec| (spec, false)))
+        {
+            if spec.column == "none" && selection.inputs.len() == 1 {
+                continue;
+            }
+            let at = recording.position(spec)?;
+            let name = &recording.header.columns[at].name;
+            if columns.iter().any(|column| column.name == *name) {
+                continue;
+            }
+            let values = if held {
+                recording.held(at, &absolute)
+            } else {
+                recording.interpolated(at, &absolute, None)
+            };
+            columns.push(recording.column(at, values));
+        }
+        notes.push(start(&self.path, absolute[0]));
+        RawLog::from_columns(&self.path, columns)
+    }
+}
+
+/// Notes on what was found of the sensors.
+fn states(path: &str, one: &Instruments, smoothed: &Smoothed, notes: &mut Vec<Note>) {
+    let degree = PI / 180.0;
+    let prior = Prior::default();
+    let of = |state: State| smoothed.end[state as usize];
+    let open = |state: State| of(state).1 > 0.5 * prior.deviation[state as usize];
+    let mut found = Vec::new();
+    if one.position.is_some() || one.velocity.is_some() {
+        let (delay, deviation) = of(State::Delay);
+        if open(State::Delay) {
+            notes.push(
+                Note::warning(format!(
+                    "{path}: the delay of the GNSS cannot be observed; {delay:.2} ± {deviation:.2} s is assumed"
+                ))
+                .with_remedy("record changes of speed or course"),
+            );
+        } else {
+            found.push(format!("the GNSS is {delay:.3} ± {deviation:.3} s late"));
+        }
+    }
+    if one.heading.is_some() {
+        let (angle, deviation) = of(State::Misalignment);
+        if open(State::Misalignment) {
+            notes.push(
+                Note::warning(format!(
+                    "{path}: the misalignment of the compass cannot be told from a drift to the side: {:.1} ± {:.1} deg; v has a constant error in proportion to u",
+                    angle / degree,
+                    deviation / degree
+                ))
+                .with_remedy("record straight courses in several directions"),
+            );
+        } else {
+            found.push(format!(
+                "the compass shows {:.2} ± {:.2} deg too much",
+                angle / degree,
+                deviation / degree
+            ));
+        }
+    }
+    if one.yaw_rate.is_some() {
+        let (bias, deviation) = of(State::GyroBias);
+        found.push(format!("the bias of the gyro is {bias:.5} ± {deviation:.5} rad/s at the end"));
+    }
+    if !found.is_empty() {
+        notes.push(Note::info(format!("{path}: {}; this is corrected", found.join(", "))));
+    }
+}
+
+/// A note on outliers.
+fn outliers(path: &str, sensors: &[Sensor], smoothed: &Smoothed, notes: &mut Vec<Note>) {
+    for (sensor, share) in sensors.iter().zip(&smoothed.outliers) {
+        // One in thousands is expected.
+        if *share > 0.02 {
+            let name = match sensor.kind {
+                Kind::Position => "positions",
+                Kind::Velocity => "GNSS velocities",
+                Kind::Heading => "headings",
+                Kind::YawRate => "yaw rates",
+                Kind::SpecificForce => "accelerations",
+                Kind::OverGround | Kind::ThroughWater => "velocities",
+            };
+            notes.push(Note::info(format!(
+                "{path}: {:.1} % of the {name} are outliers, and count less",
+                100.0 * share
+            )));
+        }
+    }
+}

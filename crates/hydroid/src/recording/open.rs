@@ -1,0 +1,385 @@
+//! Reading of recordings into memory.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use hydroid_io::{Clock, Field, IoError, Sink, Summary, Topic};
+
+use crate::log::line::Time;
+use crate::log::{self, ChannelSpec, LogError, Note, RawColumn, RawLog, Selection};
+
+/// Seconds since 1970 before which a stamp of the sender is none: 2001-09-09.
+const PLAUSIBLE_S: f64 = 1e9;
+/// Rows that are further apart than this \[s\] belong to different days: stamps from before the clock was set.
+const DAY_S: f64 = 86_400.0;
+
+/// The chosen columns of a recording.
+#[derive(Clone, Debug)]
+pub(super) struct Recording {
+    /// All columns of all topics, without values.
+    pub(super) header: RawLog,
+    /// Topic of each column.
+    pub(super) topic_of: Vec<usize>,
+    /// Values of the chosen columns, by the index of the column.
+    pub(super) values: BTreeMap<usize, Vec<f64>>,
+    /// Topics.
+    pub(super) topics: Vec<Times>,
+}
+
+/// Stamps of a topic.
+#[derive(Clone, Debug)]
+pub(super) struct Times {
+    pub(super) clock: Clock,
+    /// Increasing stamps \[s\].
+    pub(super) t: Vec<f64>,
+}
+
+/// Whether a path is a recording: a folder, or a file of another format than CSV.
+///
+/// # Errors
+/// If the file cannot be read.
+pub fn is_recording(path: &Path) -> Result<bool, LogError> {
+    if path.is_dir() {
+        return Ok(true);
+    }
+    // A pipe can be read only once.
+    if !path.metadata().is_ok_and(|m| m.is_file()) {
+        return Ok(false);
+    }
+    match hydroid_io::detect(&path.display().to_string()) {
+        Ok(format) => Ok(format.is_some()),
+        // The reader of CSV has its own message.
+        Err(IoError::Empty { .. }) => Ok(false),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// Gives the rows of a recording, of a CSV file or of all files of a folder to a sink. A CSV file is a topic.
+pub(super) fn scan(path: &Path, sink: &mut dyn Sink, notes: &mut Vec<Note>) -> Result<Summary, LogError> {
+    let files = if path.is_dir() { files(path)? } else { vec![path.to_owned()] };
+    let mut summary = Summary::default();
+    let mut joined = Joined { sink, names: Vec::new(), ids: Vec::new(), offset_ns: None };
+    for file in files {
+        joined.ids.clear();
+        if is_recording(&file)? {
+            let part = hydroid_io::scan(&file.display().to_string(), &mut joined)?;
+            merge(&mut summary, part);
+        } else {
+            csv(&file, &mut joined, notes)?;
+        }
+    }
+    Ok(summary)
+}
+
+/// Files of a folder that are read together: those of a ROS 2 bag, else all CSV files.
+fn files(folder: &Path) -> Result<Vec<PathBuf>, LogError> {
+    let failed = |source| LogError::Read { path: folder.display().to_string(), source };
+    let mut all = std::fs::read_dir(folder)
+        .and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect::<Result<Vec<_>, _>>())
+        .map_err(failed)?;
+    all.sort();
+    for extensions in [&["db3", "mcap", "bag"][..], &["csv", "parquet"]] {
+        let of_kind = |path: &&PathBuf| {
+            path.extension().is_some_and(|e| extensions.iter().any(|of| e.eq_ignore_ascii_case(of)))
+        };
+        let found: Vec<PathBuf> = all.iter().filter(of_kind).cloned().collect();
+        if !found.is_empty() {
+            return Ok(found);
+        }
+    }
+    Err(LogError::Unusable {
+        path: folder.display().to_string(),
+        reason: "the folder has neither a ROS 2 bag (.db3, .mcap) nor CSV or Parquet files".to_owned(),
+        remedy: "name the log itself".to_owned(),
+    })
+}
+
+fn merge(all: &mut Summary, part: Summary) {
+    let Summary { losses, lost_parts, lost_bytes, utc_offset_ns, parameters, notes } = part;
+    let room = Summary::LISTED.saturating_sub(all.losses.len());
+    all.losses.extend(losses.into_iter().take(room));
+    all.lost_parts += lost_parts;
+    all.lost_bytes = all.lost_bytes.saturating_add(lost_bytes);
+    all.utc_offset_ns = all.utc_offset_ns.or(utc_offset_ns);
+    all.parameters.extend(parameters);
+    notes.into_iter().for_each(|note| all.note(note));
+}
+
+/// Topics of several files: those of the same name are one.
+struct Joined<'a> {
+    sink: &'a mut dyn Sink,
+    names: Vec<String>,
+    /// Topic of each topic of the file at hand.
+    ids: Vec<usize>,
+    offset_ns: Option<i64>,
+}
+
+impl Sink for Joined<'_> {
+    fn topic(&mut self, id: usize, topic: &Topic) -> bool {
+        if id == self.ids.len() {
+            // Topics of the same name within a file stay apart.
+            let known = self.names.iter().enumerate();
+            let known = known.filter(|(at, name)| **name == topic.name && !self.ids.contains(at));
+            let at = known.map(|(at, _)| at).next().unwrap_or(self.names.len());
+            if at == self.names.len() {
+                self.names.push(topic.name.clone());
+            }
+            self.ids.push(at);
+        }
+        self.sink.topic(self.ids[id], topic)
+    }
+
+    fn row(&mut self, id: usize, stamp_ns: i64, received_ns: Option<i64>, values: &[f64]) {
+        let stamp_ns = self.offset_ns.map_or(stamp_ns, |offset| stamp_ns.saturating_add(offset));
+        self.sink.row(self.ids[id], stamp_ns, received_ns, values);
+    }
+
+    fn proceed(&mut self, done: u64, total: u64) -> bool {
+        self.sink.proceed(done, total)
+    }
+}
+
+/// A CSV file as a topic with its name.
+fn csv(path: &Path, sink: &mut dyn Sink, notes: &mut Vec<Note>) -> Result<(), LogError> {
+    let log = match log::read(path) {
+        // A topic without messages.
+        Err(LogError::HeaderOnly { .. }) => return Ok(()),
+        log => log?,
+    };
+    let time = log::time(&log, &Selection::default(), None, notes);
+    let source = match &time {
+        Ok(Time::Column { source, .. }) => Some(source),
+        _ => None,
+    };
+    let clock = match source {
+        Some(source) if log.columns[source.column].stamps.is_some() => Clock::Utc,
+        Some(_) => Clock::Boot,
+        None => Clock::None,
+    };
+    let kept: Vec<&RawColumn> = log
+        .columns
+        .iter()
+        .enumerate()
+        .filter(|(i, column)| source.is_none_or(|s| s.column != *i) && column.bad.is_none())
+        .map(|(_, column)| column)
+        .collect();
+    let fields = kept.iter().map(|c| Field { name: c.name.clone(), unit: c.unit.clone() }).collect();
+    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let topic = Topic { name, type_name: String::new(), clock, fields, texts: Vec::new() };
+    if !sink.topic(0, &topic) {
+        return Ok(());
+    }
+    let mut values = vec![0.0; kept.len()];
+    for k in 0..log.rows() {
+        let t = source.map_or(k as f64, |source| source.si(log.columns[source.column].values[k]));
+        if t.is_nan() {
+            continue;
+        }
+        for (value, column) in values.iter_mut().zip(&kept) {
+            *value = column.values[k];
+        }
+        sink.row(0, (t * 1e9).round() as i64, None, &values);
+    }
+    Ok(())
+}
+
+/// Name of a column.
+pub(super) fn qualified(topic: &str, field: &str) -> String {
+    format!("{topic}.{field}")
+}
+
+/// The quaternion of a yaw angle: its name, and those of its components x, y, z, w.
+pub(super) fn quaternion(column: &str) -> Option<[[String; 4]; 2]> {
+    let stem = column.strip_suffix(".yaw")?;
+    let letters = ["x", "y", "z", "w"].map(|c| format!("{stem}.{c}"));
+    let indices = [1, 2, 3, 0].map(|i| format!("{stem}[{i}]"));
+    Some([letters, indices])
+}
+
+/// The rotation about the third axis (z of the frame) of a quaternion x, y, z, w.
+fn yaw([x, y, z, w]: [f64; 4]) -> f64 {
+    (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z))
+}
+
+/// Names that a specification may mean.
+pub(super) fn names(spec: &ChannelSpec) -> impl Iterator<Item = String> + '_ {
+    spec.as_names().map(|spec| spec.column).chain([spec.column.clone()])
+}
+
+struct Collector {
+    names: Vec<String>,
+    all: bool,
+    topics: Vec<Collected>,
+}
+
+struct Collected {
+    topic: Topic,
+    stamps: Vec<i64>,
+    received: Vec<i64>,
+    /// Values by field.
+    columns: BTreeMap<usize, Vec<f64>>,
+}
+
+impl Sink for Collector {
+    fn topic(&mut self, id: usize, topic: &Topic) -> bool {
+        if id == self.topics.len() {
+            self.topics.push(Collected {
+                topic: Topic { fields: Vec::new(), ..topic.clone() },
+                stamps: Vec::new(),
+                received: Vec::new(),
+                columns: BTreeMap::new(),
+            });
+        }
+        let kept = &mut self.topics[id];
+        for (i, field) in topic.fields.iter().enumerate().skip(kept.topic.fields.len()) {
+            let name = qualified(&topic.name, &field.name);
+            if self.all || self.names.contains(&name) || self.names.contains(&field.name) {
+                kept.columns.insert(i, vec![f64::NAN; kept.stamps.len()]);
+            }
+        }
+        kept.topic = topic.clone();
+        !kept.columns.is_empty()
+    }
+
+    fn row(&mut self, id: usize, stamp_ns: i64, received_ns: Option<i64>, values: &[f64]) {
+        let kept = &mut self.topics[id];
+        kept.stamps.push(stamp_ns);
+        kept.received.extend(received_ns);
+        for (field, column) in &mut kept.columns {
+            column.push(values.get(*field).copied().unwrap_or(f64::NAN));
+        }
+    }
+}
+
+/// Specifications of a selection.
+fn specs(selection: &Selection) -> impl Iterator<Item = &ChannelSpec> {
+    let wind = selection.wind.iter().flat_map(|wind| [&wind.speed, &wind.direction]);
+    let sensors = selection.sensors.iter().flat_map(|sensors| sensors.columns().map(|(_, spec)| spec));
+    selection.outputs.iter().chain(&selection.inputs).chain(wind).chain(&selection.heading).chain(sensors)
+}
+
+/// Reads the columns of a selection. Without named outputs or inputs, all columns are read.
+pub(super) fn read(path: &Path, selection: &Selection, notes: &mut Vec<Note>) -> Result<Recording, LogError> {
+    let mut wanted: Vec<String> = specs(selection).flat_map(names).collect();
+    let components: Vec<String> =
+        wanted.iter().filter_map(|name| quaternion(name)).flatten().flatten().collect();
+    wanted.extend(components);
+    let all = selection.sensors.is_none() && (selection.outputs.is_empty() || selection.inputs.is_empty());
+    let mut collector = Collector { names: wanted.clone(), all, topics: Vec::new() };
+    let summary = scan(path, &mut collector, notes)?;
+    let shown = path.display().to_string();
+    note_losses(&shown, &summary, notes);
+    let single = collector.topics.len() == 1;
+    let mut recording = Recording {
+        header: RawLog::without_rows(&shown, Vec::new()),
+        topic_of: Vec::new(),
+        values: BTreeMap::new(),
+        topics: Vec::new(),
+    };
+    for collected in collector.topics {
+        recording.add(collected, &summary, single, notes);
+    }
+    for name in &wanted {
+        recording.add_yaw(name);
+    }
+    Ok(recording)
+}
+
+/// A note on parts of a file that could not be read, and those of its reader.
+pub(super) fn note_losses(path: &str, summary: &Summary, notes: &mut Vec<Note>) {
+    notes.extend(summary.notes.iter().map(|note| Note::info(format!("{path}: {note}"))));
+    let Some(first) = summary.losses.first() else { return };
+    let others = match summary.lost_parts {
+        1 => String::new(),
+        2 => ", and one more part".to_owned(),
+        n => format!(", and {} more parts", n - 1),
+    };
+    notes.push(Note::warning(format!(
+        "{path}: {} bytes could not be read: at byte {}, {}{others}; the rest is used",
+        summary.lost_bytes, first.offset, first.reason
+    )));
+}
+
+impl Recording {
+    fn add(&mut self, collected: Collected, summary: &Summary, single: bool, notes: &mut Vec<Note>) {
+        let Collected { topic, stamps, received, columns } = collected;
+        let seconds = |ns: &i64| *ns as f64 / 1e9;
+        let mut t: Vec<f64> = match (topic.clock, summary.utc_offset_ns) {
+            (Clock::Boot, Some(offset)) => {
+                stamps.iter().map(|ns| seconds(&ns.saturating_add(offset))).collect()
+            }
+            _ => stamps.iter().map(seconds).collect(),
+        };
+        // Some senders leave their stamp zero.
+        if received.len() == t.len()
+            && t.iter().all(|t| *t < PLAUSIBLE_S)
+            && received.iter().any(|ns| seconds(ns) >= PLAUSIBLE_S)
+        {
+            t = received.iter().map(seconds).collect();
+            notes.push(Note::info(format!(
+                "{}: the messages of `{}` have no stamp of their sender: the time of reception is used",
+                self.header.path, topic.name
+            )));
+        }
+        let order = ordered(&t);
+        let left_out = t.len() - order.len();
+        if left_out > 0 {
+            notes.push(Note::warning(format!(
+                "{}: {left_out} of {} rows of `{}` have the stamp of another row or one of another day, and are left out",
+                self.header.path,
+                t.len(),
+                topic.name
+            )));
+        }
+        let index = self.topics.len();
+        for (i, field) in topic.fields.iter().enumerate() {
+            let name = if single { field.name.clone() } else { qualified(&topic.name, &field.name) };
+            if let Some(values) = columns.get(&i) {
+                let values =
+                    order.iter().map(|&k| values[k]).map(|x| if x.is_finite() { x } else { f64::NAN });
+                self.values.insert(self.header.columns.len(), values.collect());
+            }
+            self.header.columns.push(RawColumn::of(&name, field.unit.as_deref(), Vec::new()));
+            self.topic_of.push(index);
+        }
+        let t = order.iter().map(|&k| t[k]).collect();
+        self.topics.push(Times { clock: topic.clock, t });
+    }
+
+    /// Adds the yaw angle of a quaternion as a column.
+    fn add_yaw(&mut self, name: &str) {
+        if self.header.position(name).is_some() {
+            return;
+        }
+        for components in quaternion(name).into_iter().flatten() {
+            let found = components.map(|component| self.header.position(&component));
+            let [Some(x), Some(y), Some(z), Some(w)] = found else { continue };
+            let place = [x, y, z, w].map(|i| self.values.get(&i));
+            let [Some(x), Some(y), Some(z), Some(w)] = place else { continue };
+            let values = (0..x.len()).map(|k| yaw([x[k], y[k], z[k], w[k]])).collect();
+            let topic = self.topic_of[found[0].unwrap_or_default()];
+            self.values.insert(self.header.columns.len(), values);
+            self.header.columns.push(RawColumn::of(name, Some("rad"), Vec::new()));
+            self.topic_of.push(topic);
+            return;
+        }
+    }
+}
+
+/// Rows in the order of their stamps, without repeated stamps; those of the day with the most rows.
+fn ordered(t: &[f64]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..t.len()).collect();
+    order.sort_by(|&a, &b| t[a].total_cmp(&t[b]));
+    order.dedup_by(|a, b| t[*a] == t[*b]);
+    let mut longest = 0..0;
+    let mut from = 0;
+    for k in 1..=order.len() {
+        if k == order.len() || t[order[k]] - t[order[k - 1]] > DAY_S {
+            if k - from > longest.len() {
+                longest = from..k;
+            }
+            from = k;
+        }
+    }
+    order[longest].to_vec()
+}

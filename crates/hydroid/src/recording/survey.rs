@@ -1,0 +1,223 @@
+//! Content of a recording.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use hydroid_io::{Clock, Format, Sink, Summary, Topic};
+
+use super::open::{self, qualified};
+use crate::log::{LogError, Note};
+
+/// Content of a recording.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Survey {
+    /// The file or folder.
+    pub path: String,
+    /// Its format.
+    pub format: String,
+    /// Topics with rows, in the order of the file.
+    pub topics: Vec<TopicSurvey>,
+    /// Parameters of the device.
+    pub parameters: BTreeMap<String, f64>,
+    /// Losses, and notes of the reader.
+    pub notes: Vec<Note>,
+}
+
+/// A topic of a recording.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct TopicSurvey {
+    /// Name.
+    pub name: String,
+    /// Type of its messages as the file names it.
+    pub type_name: String,
+    /// Number of rows.
+    pub rows: u64,
+    /// Time of the first row: UTC in seconds since 1970, or on the clock of the device; `None` for rows without a time.
+    pub start_s: Option<f64>,
+    /// Time from the first row to the last \[s\].
+    pub duration_s: Option<f64>,
+    /// Usual step \[s\].
+    pub step_s: Option<f64>,
+    /// Longest step \[s\].
+    pub longest_s: Option<f64>,
+    /// First values of the fields that are texts, with their names.
+    pub texts: Vec<(String, String)>,
+    /// Fields.
+    pub fields: Vec<FieldSurvey>,
+}
+
+/// A field of a topic.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct FieldSurvey {
+    /// Name of the column for a selection.
+    pub column: String,
+    /// Unit, as the file writes it.
+    pub unit: Option<String>,
+    /// Smallest value.
+    pub low: Option<f64>,
+    /// Largest value.
+    pub high: Option<f64>,
+    /// Mean.
+    pub mean: Option<f64>,
+    /// Rows without a value.
+    pub missing: u64,
+}
+
+impl FieldSurvey {
+    /// Whether the field has different values.
+    pub fn varies(&self) -> bool {
+        self.low < self.high
+    }
+}
+
+/// Steps between rows: number and sum in classes of 5 % width. The usual step is the mean of those up to twice the median:
+/// stamps may jitter, and longer steps are gaps.
+#[derive(Clone, Debug, Default)]
+struct Steps {
+    classes: BTreeMap<i32, (u64, f64)>,
+    longest_ns: i64,
+}
+
+impl Steps {
+    const WIDTH: f64 = 1.05;
+
+    fn add(&mut self, step_ns: i64) {
+        if step_ns > 0 {
+            let class = (step_ns as f64).log(Self::WIDTH).round() as i32;
+            let (count, sum) = self.classes.entry(class).or_default();
+            *count += 1;
+            *sum += step_ns as f64;
+            self.longest_ns = self.longest_ns.max(step_ns);
+        }
+    }
+
+    fn usual_s(&self) -> Option<f64> {
+        let all: u64 = self.classes.values().map(|class| class.0).sum();
+        let mut below = 0;
+        let (median, _) = self.classes.iter().find(|(_, class)| {
+            below += class.0;
+            2 * below >= all
+        })?;
+        let longest = median + 2.0_f64.log(Self::WIDTH) as i32;
+        let usual = self.classes.range(..=longest).map(|(_, class)| *class);
+        let (count, sum) = usual.fold((0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+        Some(sum / count as f64 / 1e9)
+    }
+}
+
+struct Statistics {
+    topic: Topic,
+    rows: u64,
+    first_ns: i64,
+    last_ns: i64,
+    highest_ns: i64,
+    lowest_ns: i64,
+    steps: Steps,
+    fields: Vec<FieldStatistics>,
+}
+
+#[derive(Clone, Debug)]
+struct FieldStatistics {
+    low: f64,
+    high: f64,
+    sum: f64,
+    found: u64,
+}
+
+#[derive(Default)]
+struct Surveyor {
+    topics: Vec<Statistics>,
+}
+
+impl Sink for Surveyor {
+    fn topic(&mut self, id: usize, topic: &Topic) -> bool {
+        if id == self.topics.len() {
+            self.topics.push(Statistics {
+                topic: topic.clone(),
+                rows: 0,
+                first_ns: 0,
+                last_ns: 0,
+                highest_ns: i64::MIN,
+                lowest_ns: i64::MAX,
+                steps: Steps::default(),
+                fields: Vec::new(),
+            });
+        }
+        let known = &mut self.topics[id];
+        known.topic = topic.clone();
+        let empty = FieldStatistics { low: f64::INFINITY, high: f64::NEG_INFINITY, sum: 0.0, found: 0 };
+        known.fields.resize(topic.fields.len(), empty);
+        true
+    }
+
+    fn row(&mut self, id: usize, stamp_ns: i64, _received_ns: Option<i64>, values: &[f64]) {
+        let topic = &mut self.topics[id];
+        if topic.rows == 0 {
+            topic.first_ns = stamp_ns;
+        } else {
+            topic.steps.add(stamp_ns.saturating_sub(topic.last_ns));
+        }
+        topic.rows += 1;
+        topic.last_ns = stamp_ns;
+        topic.lowest_ns = topic.lowest_ns.min(stamp_ns);
+        topic.highest_ns = topic.highest_ns.max(stamp_ns);
+        for (field, &x) in topic.fields.iter_mut().zip(values) {
+            if x.is_finite() {
+                field.low = field.low.min(x);
+                field.high = field.high.max(x);
+                field.sum += x;
+                field.found += 1;
+            }
+        }
+    }
+}
+
+/// Reads a recording once and states its content, in memory that does not grow with the file.
+///
+/// # Errors
+/// If nothing of it can be read.
+pub fn survey(path: &Path) -> Result<Survey, LogError> {
+    let shown = path.display().to_string();
+    let mut notes = Vec::new();
+    let mut surveyor = Surveyor::default();
+    let summary = open::scan(path, &mut surveyor, &mut notes)?;
+    open::note_losses(&shown, &summary, &mut notes);
+    let format = if path.is_dir() {
+        "folder".to_owned()
+    } else {
+        hydroid_io::detect(&shown)?.map_or("CSV", Format::name).to_owned()
+    };
+    let with_rows = surveyor.topics.into_iter().filter(|topic| topic.rows > 0);
+    let topics: Vec<Statistics> = with_rows.collect();
+    let single = topics.len() == 1;
+    let topics = topics.into_iter().map(|topic| topic.survey(&summary, single)).collect();
+    Ok(Survey { path: shown, format, topics, parameters: summary.parameters, notes })
+}
+
+impl Statistics {
+    fn survey(self, summary: &Summary, single: bool) -> TopicSurvey {
+        let timed = self.topic.clock != Clock::None;
+        let offset = if self.topic.clock == Clock::Boot { summary.utc_offset_ns.unwrap_or(0) } else { 0 };
+        let seconds = |ns: i64| ns as f64 / 1e9;
+        let rows = self.rows;
+        let field = |(field, of): (&hydroid_io::Field, &FieldStatistics)| FieldSurvey {
+            column: if single { field.name.clone() } else { qualified(&self.topic.name, &field.name) },
+            unit: field.unit.clone(),
+            low: (of.found > 0).then_some(of.low),
+            high: (of.found > 0).then_some(of.high),
+            mean: (of.found > 0).then(|| of.sum / of.found as f64),
+            missing: rows - of.found,
+        };
+        TopicSurvey {
+            rows,
+            start_s: timed.then(|| seconds(self.lowest_ns.saturating_add(offset))),
+            duration_s: timed.then(|| seconds(self.highest_ns.saturating_sub(self.lowest_ns))),
+            step_s: self.steps.usual_s().filter(|_| timed),
+            longest_s: timed.then(|| seconds(self.steps.longest_ns)),
+            fields: self.topic.fields.iter().zip(&self.fields).map(field).collect(),
+            texts: self.topic.texts.clone(),
+            name: self.topic.name.clone(),
+            type_name: self.topic.type_name.clone(),
+        }
+    }
+}

@@ -1,0 +1,226 @@
+//! Topics at different rates as one table.
+
+use std::f64::consts::TAU;
+
+use hydroid_io::Clock;
+
+use super::open::{Recording, names};
+use crate::log::line::{Resolved, Source, Time};
+use crate::log::{ChannelSpec, LogError, Note, RawColumn, RawLog, Selection, unknown_column};
+
+/// Longest time \[s\] over which a measurement of another topic is interpolated, in its usual steps.
+const STEPS: f64 = 5.0;
+
+impl Recording {
+    /// The column that a specification names.
+    pub(super) fn position(&self, spec: &ChannelSpec) -> Result<usize, LogError> {
+        let found = names(spec).find_map(|name| self.header.position(&name));
+        found.ok_or_else(|| unknown_column(&self.header, &spec.column))
+    }
+
+    /// Stamps and values of a column.
+    pub(super) fn series(&self, column: usize) -> (&[f64], &[f64]) {
+        let values = self.values.get(&column).map_or(&[][..], Vec::as_slice);
+        (&self.topics[self.topic_of[column]].t, values)
+    }
+
+    /// Mean over each step of a command that is held until it changes; NaN before its first value.
+    pub(super) fn held(&self, column: usize, t: &[f64]) -> Vec<f64> {
+        let (stamps, values) = self.series(column);
+        let events: Vec<(f64, f64)> =
+            stamps.iter().copied().zip(values.iter().copied()).filter(|e| !e.1.is_nan()).collect();
+        let last_step = if t.len() > 1 { t[t.len() - 1] - t[t.len() - 2] } else { 0.0 };
+        let mut next = 0;
+        let mut means = Vec::with_capacity(t.len());
+        for (k, &from) in t.iter().enumerate() {
+            let to = t.get(k + 1).copied().unwrap_or(from + last_step);
+            // A stamp that differs from that of the row by rounding is at the row.
+            let at = from + 1e-6;
+            while next < events.len() && events[next].0 <= at {
+                next += 1;
+            }
+            let Some(&(_, held)) = next.checked_sub(1).and_then(|i| events.get(i)) else {
+                means.push(f64::NAN);
+                continue;
+            };
+            // Deviations from the held value are summed, so that the mean of a constant is exact.
+            let (mut sum, mut value, mut since) = (0.0, held, from);
+            for &(time, x) in events[next..].iter().take_while(|e| e.0 < to) {
+                sum += (value - held) * (time - since);
+                (value, since) = (x, time);
+            }
+            sum += (value - held) * (to - since);
+            means.push(if to > from { held + sum / (to - from) } else { held });
+        }
+        means
+    }
+
+    /// Values of a column at other times, interpolated over short gaps.
+    pub(super) fn interpolated(&self, column: usize, t: &[f64], period: Option<f64>) -> Vec<f64> {
+        let (stamps, values) = self.series(column);
+        let valid: Vec<(f64, f64)> =
+            stamps.iter().copied().zip(values.iter().copied()).filter(|e| !e.1.is_nan()).collect();
+        let mut steps: Vec<f64> = valid.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
+        let middle = steps.len() / 2;
+        let usual =
+            if steps.is_empty() { 0.0 } else { *steps.select_nth_unstable_by(middle, f64::total_cmp).1 };
+        let mut next = 0;
+        t.iter()
+            .map(|&t| {
+                while next < valid.len() && valid[next].0 <= t {
+                    next += 1;
+                }
+                let before = next.checked_sub(1).map(|i| valid[i]);
+                match (before, valid.get(next)) {
+                    (Some((at, value)), _) if at == t => value,
+                    (Some((ta, a)), Some(&(tb, b))) if tb - ta <= STEPS * usual => {
+                        let mut difference = b - a;
+                        if let Some(period) = period {
+                            difference -= period * (difference / period).round();
+                        }
+                        a + difference * (t - ta) / (tb - ta)
+                    }
+                    _ => f64::NAN,
+                }
+            })
+            .collect()
+    }
+
+    /// A column of a table with the name and unit of one of the recording.
+    pub(super) fn column(&self, column: usize, values: Vec<f64>) -> RawColumn {
+        let RawColumn { name, unit, .. } = &self.header.columns[column];
+        RawColumn::of(name, unit.as_deref(), values)
+    }
+
+    /// Names of all columns.
+    fn all_names(&self) -> String {
+        let names: Vec<&str> = self.header.columns.iter().map(|c| c.name.as_str()).collect();
+        names.join(", ")
+    }
+}
+
+/// A table on the stamps of the topic of the first output. Other outputs are interpolated, inputs are the mean over each
+/// step of the held command. A recording of one topic is a table as it is.
+pub(super) fn of_outputs(
+    recording: Recording,
+    selection: &Selection,
+    notes: &mut Vec<Note>,
+) -> Result<RawLog, LogError> {
+    let path = recording.header.path.clone();
+    if recording.topics.len() == 1 {
+        let mut columns: Vec<RawColumn> = Vec::new();
+        let topic = &recording.topics[0];
+        if topic.clock != Clock::None {
+            columns.push(time(&topic.t));
+        }
+        columns.extend(
+            recording.values.iter().map(|(column, values)| recording.column(*column, values.clone())),
+        );
+        // A column `t` of the file is the same time, or none.
+        let taken = topic.clock != Clock::None;
+        let mut first = true;
+        columns.retain(|c| !taken || c.name != "t" || std::mem::take(&mut first));
+        return RawLog::from_columns(&path, columns);
+    }
+    let Some(first) = selection.outputs.first() else {
+        return Err(LogError::Unusable {
+            reason: format!("it has {} topics, and no output is named", recording.topics.len()),
+            remedy: format!(
+                "`hydroid inspect {path} --write-config` proposes outputs or sensors, and inputs. Its columns are: {}",
+                recording.all_names()
+            ),
+            path,
+        });
+    };
+    let base = recording.topic_of[recording.position(first)?];
+    let t = &recording.topics[base].t;
+    if t.is_empty() {
+        return Err(LogError::HeaderOnly { path });
+    }
+    let mut columns = vec![time(t)];
+    let mut add = |spec: &ChannelSpec, held: bool, angle: bool| -> Result<(), LogError> {
+        let at = recording.position(spec)?;
+        let name = &recording.header.columns[at].name;
+        if columns.iter().any(|c| c.name == *name) {
+            return Ok(());
+        }
+        let values = if recording.topic_of[at] == base {
+            recording.values[&at].clone()
+        } else if held {
+            recording.held(at, t)
+        } else {
+            let unit = spec.unit.as_deref().or(recording.header.columns[at].unit.as_deref());
+            let degrees = unit.is_some_and(|unit| unit.starts_with("deg") || unit.starts_with('°'));
+            recording.interpolated(at, t, angle.then_some(if degrees { 360.0 } else { TAU }))
+        };
+        columns.push(recording.column(at, values));
+        Ok(())
+    };
+    for spec in &selection.outputs {
+        add(spec, false, false)?;
+    }
+    for spec in &selection.inputs {
+        if spec.column != "none" {
+            add(spec, true, false)?;
+        }
+    }
+    for spec in selection.wind.iter().flat_map(|wind| [&wind.speed, &wind.direction]) {
+        add(spec, false, false)?;
+    }
+    if let Some(heading) = &selection.heading {
+        add(heading, false, true)?;
+    }
+    notes.push(start(&path, t[0]));
+    RawLog::from_columns(&path, columns)
+}
+
+/// The column of the time \[s\] from the first row.
+pub(super) fn time(t: &[f64]) -> RawColumn {
+    let start = t.first().copied().unwrap_or(0.0);
+    // Stamps since 1970 have a resolution of 0.2 microseconds.
+    let values = t.iter().map(|t| ((t - start) * 1e6).round() / 1e6).collect();
+    RawColumn::of("t", Some("s"), values)
+}
+
+/// A time as text: UTC if it counts from 1970.
+#[doc(hidden)]
+pub fn time_text(t: f64) -> String {
+    match jiff::Timestamp::from_microsecond((t * 1e6) as i64) {
+        Ok(stamp) if t >= 1e9 => format!("{stamp:.3}"),
+        _ => format!("{t:.3} s on the clock of the file"),
+    }
+}
+
+/// A note on the first time of a table.
+pub(super) fn start(path: &str, t: f64) -> Note {
+    Note::info(format!("{path}: t = 0 is {}", time_text(t)))
+}
+
+/// A table with the channels of a selection under their names in SI units, and with the other columns that are computed
+/// from sensors. Every command reads it with the names of the channels.
+///
+/// # Errors
+/// If a channel cannot be resolved.
+pub fn converted(log: &RawLog, selection: &Selection, notes: &mut Vec<Note>) -> Result<RawLog, LogError> {
+    let resolved = Resolved::new(log, selection, None, notes)?;
+    let mut columns = Vec::new();
+    let add = |source: &Source, name: &str, columns: &mut Vec<RawColumn>| {
+        let unit = &source.channel.unit;
+        let values = log.columns[source.column].values.iter().map(|x| source.si(*x)).collect();
+        columns.push(RawColumn::of(name, Some(unit.as_str()).filter(|unit| !unit.is_empty()), values));
+    };
+    if let Time::Column { source, .. } = &resolved.time {
+        add(source, "t", &mut columns);
+    }
+    for source in resolved.outputs.iter().chain(&resolved.inputs).chain(resolved.wind.iter().flatten()) {
+        add(source, &source.channel.name, &mut columns);
+    }
+    if let Some((source, _)) = &resolved.heading {
+        add(source, "psi", &mut columns);
+    }
+    if selection.sensors.is_some() {
+        let computed = ["x", "y", "u_deviation", "v_deviation", "r_deviation"];
+        columns.extend(log.columns.iter().filter(|c| computed.contains(&c.name.as_str())).cloned());
+    }
+    RawLog::from_columns(&log.path, columns)
+}

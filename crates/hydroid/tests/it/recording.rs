@@ -1,0 +1,401 @@
+//! Recordings: files of topics, proposals, tables, and velocities from sensors.
+//!
+//! Real files are found through `HYDROID_DATA`; without it those tests pass with a message.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use hydroid::log::{ChannelSpec, LogError, Note, RawLog, Selection, Sensors, read};
+use hydroid::recording::{converted, is_recording, read_logs, survey};
+use tempfile::TempDir;
+
+fn fleet() -> Option<PathBuf> {
+    let data = std::env::var_os("HYDROID_DATA");
+    if data.is_none() {
+        println!("skipped: no HYDROID_DATA");
+    }
+    data.map(|data| PathBuf::from(data).join("fleet"))
+}
+
+fn spec(text: &str) -> Option<ChannelSpec> {
+    Some(text.parse().unwrap())
+}
+
+fn column<'a>(log: &'a RawLog, name: &str) -> &'a [f64] {
+    let at = log.position(name).unwrap_or_else(|| panic!("{} has no column {name}", log.path));
+    &log.columns[at].values
+}
+
+fn rms(errors: impl Iterator<Item = f64>) -> f64 {
+    let (n, sum) = errors.fold((0.0, 0.0), |(n, sum), e| (n + 1.0, sum + e * e));
+    f64::sqrt(sum / n)
+}
+
+/// Deterministic numbers with mean 0 and standard deviation 1.
+struct Noise(u64);
+
+impl Noise {
+    fn draw(&mut self) -> f64 {
+        let mut sum = 0.0;
+        for _ in 0..12 {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            sum += (self.0 >> 11) as f64 / (1_u64 << 53) as f64;
+        }
+        sum - 6.0
+    }
+}
+
+/// Speed of the boat [m/s], and its heading and yaw rate at a time.
+const SPEED: f64 = 2.0;
+fn heading(t: f64) -> f64 {
+    1.0 + 0.6 * (0.5 * t).sin()
+}
+fn yaw_rate(t: f64) -> f64 {
+    0.3 * (0.5 * t).cos()
+}
+
+/// A boat without drift, as a folder of topics. Axes of the inertial unit are forward, port, up.
+fn boat(seconds: f64) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    let mut noise = Noise(5);
+    let stamp = |t: f64| format!("2026-05-01T10:00:{t:06.3}Z");
+    let mut gnss = "time,lat [deg],lon [deg],sog [kn],cog [deg],quality\n".to_owned();
+    let mut compass = "time,heading [deg]\n".to_owned();
+    let mut imu = "time,wz [rad/s],acc_x [m/s2],acc_y [m/s2]\n".to_owned();
+    let mut servo = "time,rudder [deg]\n".to_owned();
+    let (mut north, mut east) = (0.0, 0.0);
+    for k in 0..(seconds / 0.01) as u32 {
+        let t = f64::from(k) * 0.01;
+        let psi = heading(t + 0.005);
+        north += 0.01 * SPEED * psi.cos();
+        east += 0.01 * SPEED * psi.sin();
+        if k % 20 == 0 {
+            let latitude = 60.0 + (north + 0.02 * noise.draw()) / 111_412.0;
+            let longitude = 5.0 + (east + 0.02 * noise.draw()) / 55_800.0;
+            let course = heading(t).to_degrees() + 0.5 * noise.draw();
+            let speed = (SPEED + 0.02 * noise.draw()) * 3600.0 / 1852.0;
+            let _ = writeln!(gnss, "{},{latitude:.9},{longitude:.9},{speed:.4},{course:.3},4", stamp(t));
+        }
+        if k % 10 == 0 {
+            let _ = writeln!(compass, "{},{:.3}", stamp(t), heading(t).to_degrees() + 0.3 * noise.draw());
+            let _ = writeln!(
+                imu,
+                "{},{:.6},{:.5},{:.5}",
+                stamp(t),
+                -yaw_rate(t) + 0.002 * noise.draw(),
+                0.02 * noise.draw(),
+                -SPEED * yaw_rate(t) + 0.02 * noise.draw()
+            );
+        }
+        if k % 300 == 5 {
+            let _ = writeln!(servo, "{},{}", stamp(t), k / 100);
+        }
+    }
+    for (name, text) in [("gnss", gnss), ("compass", compass), ("imu", imu), ("servo", servo)] {
+        std::fs::write(folder.path().join(format!("{name}.csv")), text).unwrap();
+    }
+    folder
+}
+
+fn with_sensors(sensors: Sensors, inputs: &str) -> Selection {
+    Selection {
+        inputs: ChannelSpec::parse_list(inputs).unwrap(),
+        sensors: Some(sensors),
+        ..Selection::default()
+    }
+}
+
+fn one(path: &Path, selection: &Selection) -> Result<(RawLog, Vec<Note>), LogError> {
+    let (mut logs, notes) = read_logs(&[path], selection, None)?;
+    assert_eq!(logs.len(), 1);
+    Ok((logs.remove(0), notes))
+}
+
+fn error_of(path: &Path, selection: &Selection) -> String {
+    read_logs(&[path], selection, None).unwrap_err().to_string()
+}
+
+#[test]
+fn a_folder_of_topics_gives_velocities() {
+    let folder = boat(40.0);
+    assert!(is_recording(folder.path()).unwrap());
+    let proposal = survey(folder.path()).unwrap().proposal();
+    let sensors = proposal.selection.sensors.clone().unwrap();
+    let named: Vec<String> =
+        sensors.columns().map(|(name, spec)| format!("{name}={}", spec.column)).collect();
+    let expected = [
+        "latitude=gnss.lat",
+        "longitude=gnss.lon",
+        "quality=gnss.quality",
+        "speed=gnss.sog",
+        "course=gnss.cog",
+        "heading=compass.heading",
+        "yaw_rate=imu.wz",
+        "acceleration_forward=imu.acc_x",
+        "acceleration_starboard=imu.acc_y",
+    ];
+    assert_eq!(named, expected);
+    assert_eq!(proposal.selection.inputs, ChannelSpec::parse_list("rudder=servo.rudder").unwrap());
+
+    let (log, notes) = one(folder.path(), &proposal.selection).unwrap();
+    let said = |text: &str| notes.iter().any(|note| note.message.contains(text));
+    assert!(said("the yaw rate has the opposite sign"), "{notes:?}");
+    assert!(said("t = 0 is 2026-05-01T10:00:00.000Z"), "{notes:?}");
+    let t = column(&log, "t");
+    assert!((t[1] - t[0] - 0.1).abs() < 1e-9, "step {}", t[1] - t[0]);
+    let after = |name: &str, truth: &dyn Fn(f64) -> f64| {
+        let values = column(&log, name).iter().zip(t).filter(|(_, t)| **t > 5.0);
+        rms(values.map(|(x, t)| x - truth(*t)))
+    };
+    let errors = [("u", after("u", &|_| SPEED)), ("v", after("v", &|_| 0.0)), ("r", after("r", &yaw_rate))];
+    for ((name, error), bound) in errors.iter().zip([0.03, 0.06, 0.01]) {
+        assert!(*error < bound, "{name}: {error}");
+    }
+    assert!(after("psi", &heading) < 0.03, "psi: {}", after("psi", &heading));
+    // The command of 3.05 s is held: the step at 3.0 s has the mean.
+    let rudder = column(&log, "servo.rudder");
+    assert!(rudder[0].is_nan() && rudder[29] == 0.0, "{:?}", &rudder[..32]);
+    assert!((rudder[30] - 1.5).abs() < 1e-6 && rudder[31] == 3.0, "{:?}", &rudder[29..33]);
+    // The file that `hydroid inspect` writes has the same selection.
+    let file = folder.path().join("hydroid.toml");
+    std::fs::write(&file, proposal.to_toml("boat")).unwrap();
+    assert_eq!(hydroid::config::read(&file).unwrap().log.reading().selection, proposal.selection);
+    // The run has the channels of the selection in SI units.
+    let run = converted(&log, &proposal.selection, &mut Vec::new()).unwrap();
+    assert!((column(&run, "rudder")[31] - 3.0_f64.to_radians()).abs() < 1e-12);
+    assert_eq!(run.columns[run.position("u_deviation").unwrap()].unit.as_deref(), Some("m/s"));
+}
+
+#[test]
+fn what_is_missing_is_named() {
+    let folder = boat(2.0);
+    let position = Sensors { latitude: spec("gnss.lat"), longitude: spec("gnss.lon"), ..Sensors::default() };
+    for (sensors, inputs, expected) in [
+        (
+            Sensors::default(),
+            "servo.rudder",
+            "there is neither a position nor a velocity; name the columns of the GNSS",
+        ),
+        (position.clone(), "servo.rudder", "there is neither a heading nor a yaw rate"),
+        (
+            Sensors { longitude: None, ..position.clone() },
+            "servo.rudder",
+            "latitude and longitude are needed together",
+        ),
+        (
+            Sensors { heading: spec("compass.headin"), ..position.clone() },
+            "servo.rudder",
+            "did you mean `compass.heading`",
+        ),
+        (
+            Sensors { heading: spec("gnss.sog"), ..position.clone() },
+            "servo.rudder",
+            "the heading `gnss.sog` is in m/s",
+        ),
+        (
+            Sensors { heading: spec("compass.heading"), ..position },
+            "servo.ruder",
+            "did you mean `servo.rudder`",
+        ),
+    ] {
+        let error = error_of(folder.path(), &with_sensors(sensors, inputs));
+        assert!(error.contains(expected), "{error}");
+    }
+    let error = error_of(folder.path(), &Selection::of("u,v,r", "servo.rudder").unwrap());
+    assert!(error.contains("u"), "{error}");
+    let error = error_of(folder.path(), &Selection::default());
+    assert!(error.contains("gnss.lat"), "{error}");
+    let empty = TempDir::new().unwrap();
+    let error = error_of(empty.path(), &Selection::default());
+    assert!(error.contains("has neither a ROS 2 bag"), "{error}");
+}
+
+/// Rows whose stamps are wrong are left out and stated.
+#[test]
+fn stamps_of_another_day_and_repeated_stamps_are_left_out() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("motion.csv");
+    let rows =
+        ["0,0", "1770000000.0,1", "1770000000.1,2", "1770000000.1,3", "1770000000.3,5", "1770000000.2,4"];
+    std::fs::write(&path, format!("t [s],u [m/s]\n{}\n", rows.join("\n"))).unwrap();
+    std::fs::write(folder.path().join("cmd.csv"), "t [s],n_cmd\n1770000000.0,7\n").unwrap();
+    let selection = Selection::of("u=motion.u", "n=cmd.n_cmd").unwrap();
+    let (log, notes) = one(folder.path(), &selection).unwrap();
+    assert_eq!(column(&log, "motion.u"), [1.0, 2.0, 4.0, 5.0]);
+    assert_eq!(column(&log, "t"), [0.0, 0.1, 0.2, 0.3]);
+    assert!(notes.iter().any(|note| note.message.contains("2 of 6 rows of `motion`")), "{notes:?}");
+}
+
+/// A table with velocities needs no sensors; an element of an array is no unit.
+#[test]
+fn names_of_columns() {
+    let element: ChannelSpec = "left=/actuators.pwm_us[0] [us]".parse().unwrap();
+    assert_eq!((element.column.as_str(), element.unit.as_deref()), ("/actuators.pwm_us[0]", Some("us")));
+    let element: ChannelSpec = "left=(q[3] - 1.5) * -1".parse().unwrap();
+    assert_eq!((element.column.as_str(), element.offset, element.scale), ("q[3]", 1.5, -1.0));
+    assert_eq!(element.to_string().parse::<ChannelSpec>().unwrap(), element);
+    let unit: ChannelSpec = "slip [1]".parse().unwrap();
+    assert_eq!((unit.column.as_str(), unit.unit.as_deref()), ("slip", Some("1")));
+}
+
+#[test]
+fn proposals_for_the_formats_of_the_trade() {
+    let Some(fleet) = fleet() else { return };
+    let odometry = "heading=/imu/data.orientation.yaw";
+    for (file, sensors, inputs) in [
+        ("otter.BIN", "heading=ATT.Yaw", "throttle_left=RCOU.C1,throttle_right=RCOU.C3"),
+        (
+            "otter.ulg",
+            "heading=vehicle_attitude.q.yaw",
+            "output_0=actuator_outputs.output[0],output_1=actuator_outputs.output[1]",
+        ),
+        ("otter_zstd.mcap", odometry, "left=/actuators.pwm_us[0],right=/actuators.pwm_us[1]"),
+        ("otter_ros1.bag", odometry, "left=/actuators.pwm_us[0],right=/actuators.pwm_us[1]"),
+        ("otter_ros2_sqlite", odometry, "left=/actuators.pwm_us[0],right=/actuators.pwm_us[1]"),
+        ("tanker.nmea", "heading=HDT.heading", "rudder=RSA.starboard,shaft_speed=RPM.speed"),
+    ] {
+        let proposal = survey(&fleet.join("formats").join(file)).unwrap().proposal();
+        let found = proposal.selection.sensors.unwrap_or_default();
+        let named: Vec<String> =
+            found.columns().map(|(name, spec)| format!("{name}={}", spec.column)).collect();
+        assert!(named.contains(&sensors.to_owned()), "{file}: {named:?}");
+        assert!(found.latitude.is_some() && found.quality.is_some(), "{file}: {named:?}");
+        assert_eq!(proposal.selection.inputs, ChannelSpec::parse_list(inputs).unwrap(), "{file}");
+    }
+}
+
+/// The estimate on board is truth with white noise.
+#[test]
+fn velocities_of_an_estimator_on_board() {
+    let Some(fleet) = fleet() else { return };
+    let (left, right) = ("left=/actuators.pwm_us[0]", "right=/actuators.pwm_us[1]");
+    let outputs = "u=/odom.twist.twist.linear.x [m/s],v=/odom.twist.twist.linear.y [m/s] * -1,r=/odom.twist.twist.angular.z [rad/s] * -1";
+    let selection = Selection::of(outputs, &format!("{left},{right}")).unwrap();
+    let truth = read(&fleet.join("otter/truth/run2.csv")).unwrap();
+    let mut first: Option<RawLog> = None;
+    for file in ["otter_lz4.mcap", "otter_zstd.mcap", "otter_ros1.bag", "otter_ros2_sqlite"] {
+        let (log, _) = one(&fleet.join("formats").join(file), &selection).unwrap();
+        let run = converted(&log, &selection, &mut Vec::new()).unwrap();
+        assert_eq!(run.rows(), 600, "{file}");
+        for (name, noise) in [("u", 0.02), ("v", 0.02), ("r", 0.005)] {
+            let error = rms(column(&run, name).iter().zip(column(&truth, name)).map(|(x, of)| x - of));
+            assert!((0.8..1.2).contains(&(error / noise)), "{file}: {name} has an error of {error}");
+        }
+        assert_eq!(column(&run, "left")[1..3], [1884.0, 1884.0], "{file}");
+        match &first {
+            None => first = Some(run),
+            Some(first) => {
+                for (a, b) in first.columns.iter().zip(&run.columns) {
+                    let bits = |values: &[f64]| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+                    assert!(a.name == b.name && bits(&a.values) == bits(&b.values), "{file}: {}", b.name);
+                }
+            }
+        }
+    }
+}
+
+fn proposed(path: &Path) -> Selection {
+    survey(path).unwrap().proposal().selection
+}
+
+/// Places from the file of the vessel.
+fn placed(mut selection: Selection, vessel: &Path) -> Selection {
+    let vessel: toml::Table = std::fs::read_to_string(vessel).unwrap().parse().unwrap();
+    let place = |section: &str, key: &str| {
+        let numbers = vessel[section][key].as_array().unwrap();
+        std::array::from_fn(|i| numbers[i].as_float().unwrap())
+    };
+    let sensors = selection.sensors.as_mut().unwrap();
+    sensors.antenna_m = place("gnss", "antenna_m");
+    sensors.imu_m = place("imu", "position_m");
+    selection
+}
+
+/// The first 120 s of a field run.
+fn beginning(folder: &Path) -> TempDir {
+    let cut = TempDir::new().unwrap();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let text = std::fs::read_to_string(&path).unwrap();
+        let kept: Vec<&str> = text
+            .lines()
+            .take_while(|line| *line < "2026-04-07T07:46:00.000Z" || line.starts_with("time"))
+            .collect();
+        std::fs::write(cut.path().join(path.file_name().unwrap()), kept.join("\n")).unwrap();
+    }
+    cut
+}
+
+/// The measurements are the same in all of these files, to the precision of the formats.
+#[test]
+#[ignore = "slow tier: .ci/run runs it"]
+fn the_same_run_from_all_formats() {
+    let Some(fleet) = fleet() else { return };
+    let formats = fleet.join("formats");
+    let vessel = fleet.join("otter/vessel.toml");
+    let csv = beginning(&fleet.join("otter/field/run2"));
+    let parquet = TempDir::new().unwrap();
+    for topic in ["gnss", "compass", "imu", "servo"] {
+        let name = format!("otter_{topic}_zstd.parquet");
+        std::fs::copy(formats.join("parquet").join(name), parquet.path().join(format!("{topic}.parquet")))
+            .unwrap();
+    }
+    let (reference, _) = one(csv.path(), &placed(proposed(csv.path()), &vessel)).unwrap();
+    // In the messages of ROS, the last heading of the compass is held at the rate of the inertial unit. The heading of ULog
+    // and DataFlash is that of an estimator on board instead of the compass.
+    let same = [1e-6; 3];
+    let held = [0.02, 0.04, 0.01];
+    let other = [0.05, 0.1, 0.01];
+    for (path, bounds) in [
+        (parquet.path().to_owned(), same),
+        (formats.join("otter_zstd.mcap"), held),
+        (formats.join("otter_ros1.bag"), held),
+        (formats.join("otter_ros2_sqlite"), held),
+        (formats.join("otter.ulg"), other),
+        (formats.join("otter.BIN"), other),
+    ] {
+        let (log, _) = one(&path, &placed(proposed(&path), &vessel)).unwrap();
+        for (name, bound) in ["u", "v", "r"].into_iter().zip(bounds) {
+            let pairs = column(&log, name).iter().zip(column(&reference, name)).skip(200);
+            let error = rms(pairs.map(|(a, b)| a - b));
+            println!("{}: {name} differs by {error:.5}", path.display());
+            assert!(error < bound, "{}: {name} differs by {error}", path.display());
+        }
+    }
+}
+
+/// Velocities of all field runs of two vessels, from nothing but the files of the instruments and their places.
+#[test]
+#[ignore = "slow tier: .ci/run runs it"]
+fn the_field_runs_give_the_velocities() {
+    let Some(fleet) = fleet() else { return };
+    for (name, bounds) in [("otter", [0.045, 0.04, 0.003]), ("clarke83", [0.08, 0.12, 0.002])] {
+        let folder = fleet.join(name);
+        let runs: Vec<PathBuf> = (1..=6).map(|run| folder.join(format!("field/run{run}"))).collect();
+        let selection = placed(proposed(&runs[0]), &folder.join("vessel.toml"));
+        let (logs, notes) = read_logs(&runs, &selection, None).unwrap();
+        for note in &notes {
+            println!("{}", note.message);
+        }
+        for (run, (log, path)) in logs.iter().zip(&runs).enumerate() {
+            let truth = read(&folder.join(format!("truth/run{}.csv", run + 1))).unwrap();
+            let marker = format!("{}: t = 0 is ", path.display());
+            let start = notes.iter().find_map(|note| note.message.strip_prefix(&marker)).unwrap();
+            let start = hydroid::log::stamp::parse(start).unwrap().seconds;
+            let clock: Vec<f64> = truth.columns[0].values.iter().map(|t| t - start).collect();
+            for (channel, bound) in ["u", "v", "r"].into_iter().zip(bounds) {
+                let of = column(&truth, channel);
+                let at = |t: f64| {
+                    let k = clock.partition_point(|x| *x < t).clamp(1, clock.len() - 1);
+                    let w = (t - clock[k - 1]) / (clock[k] - clock[k - 1]);
+                    of[k - 1] + w * (of[k] - of[k - 1])
+                };
+                let rows = column(log, "t").iter().zip(column(log, channel));
+                let rows = rows.filter(|(t, _)| **t > 20.0 && **t < clock[clock.len() - 1]);
+                let error = rms(rows.map(|(t, x)| x - at(*t)));
+                println!("{name}, run {}: RMSE of {channel} {error:.5}", run + 1);
+                assert!(error < bound, "{name}, run {}: RMSE of {channel} {error}", run + 1);
+            }
+        }
+    }
+}
