@@ -1,7 +1,7 @@
 //! Recordings: files with topics at different rates, as autopilots, ROS and instruments write them, and folders of CSV
 //! files with a topic each.
 //!
-//! [`read_logs`] reads recordings and CSV logs as tables, with the columns that a [`Selection`](crate::log::Selection)
+//! [`read_logs`] reads recordings and CSV logs as tables, with the columns that a [`Selection`]
 //! names. If the selection names [`Sensors`](crate::log::Sensors), the table contains pose and velocities that are
 //! computed from them. [`survey`] states the content of a recording, and [`Survey::proposal`] which of its fields look
 //! like sensors and commands.
@@ -41,12 +41,12 @@ pub fn read_logs<P: AsRef<Path>>(
             .iter()
             .map(|path| open::read(path.as_ref(), selection, &mut notes))
             .collect::<Result<Vec<_>, _>>()?;
-        return Ok((motion::tables(recordings, sensors, selection, dt, &mut notes)?, notes));
+        return Ok((motion::tables(&recordings, sensors, selection, dt, &mut notes)?, notes));
     }
     let each = |path: &P| {
         let path = path.as_ref();
         if is_recording(path)? {
-            table::of_outputs(open::read(path, selection, &mut notes)?, selection, &mut notes)
+            table::of_outputs(&open::read(path, selection, &mut notes)?, selection, &mut notes)
         } else {
             log::read(path)
         }

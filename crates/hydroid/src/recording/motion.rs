@@ -274,7 +274,7 @@ impl Instruments {
             }
         }
         let mut pairs = |series: &Option<[Series; 2]>, sensor: usize| {
-            for [a, b] in series.iter() {
+            if let Some([a, b]) = series {
                 events.extend((0..a.t.len()).map(|k| Event {
                     t: a.t[k],
                     sensor,
@@ -285,7 +285,7 @@ impl Instruments {
         pairs(&self.velocity, places);
         pairs(&self.force, places + 3);
         for (series, sensor) in [(&self.heading, places + 1), (&self.yaw_rate, places + 2)] {
-            for (t, x) in series.iter().flat_map(|s| s.pairs()) {
+            for (t, x) in series.iter().flat_map(Series::pairs) {
                 events.push(Event { t, sensor, value: [x, 0.0] });
             }
         }
@@ -333,7 +333,9 @@ impl Instruments {
                 remedy: "check the stamps of the topics with `hydroid inspect`".to_owned(),
             });
         }
-        Ok((0..=rows as usize).map(|k| from + k as f64 * step).collect())
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in the range above")]
+        let rows = rows as usize;
+        Ok((0..=rows).map(|k| from + k as f64 * step).collect())
     }
 }
 
@@ -447,7 +449,7 @@ fn guess(sensors: &[Sensor]) -> Statistics {
 
 /// Computes the tables of the recordings of one vessel, whose sensors have the same statistics.
 pub(super) fn tables(
-    recordings: Vec<Recording>,
+    recordings: &[Recording],
     sensors: &Sensors,
     selection: &Selection,
     dt: Option<f64>,
@@ -457,7 +459,9 @@ pub(super) fn tables(
         .iter()
         .map(|recording| Instruments::new(recording, sensors, notes))
         .collect::<Result<Vec<_>, _>>()?;
-    instruments.iter_mut().for_each(|one| one.turn_axes(notes));
+    for one in &mut instruments {
+        one.turn_axes(notes);
+    }
     let qualities = qualities(&instruments);
     let of = |kind, mounting, deviation| Sensor { kind, mounting, deviation };
     let place = |m: [f64; 3]| Mounting { forward: m[0], starboard: m[1] };
@@ -521,7 +525,9 @@ fn retain_used(runs: &mut Runs) {
         .map(|sensor| runs.runs.iter().any(|run| run.events.iter().any(|event| event.sensor == sensor)))
         .collect();
     let place = |sensor: usize| used[..sensor].iter().filter(|used| **used).count();
-    runs.runs.iter_mut().flat_map(|run| &mut run.events).for_each(|event| event.sensor = place(event.sensor));
+    for event in runs.runs.iter_mut().flat_map(|run| &mut run.events) {
+        event.sensor = place(event.sensor);
+    }
     let mut kept = used.iter();
     runs.sensors.retain(|_| kept.next().is_some_and(|kept| *kept));
 }

@@ -102,7 +102,9 @@ fn merge(all: &mut Summary, part: Summary) {
     all.lost_bytes = all.lost_bytes.saturating_add(lost_bytes);
     all.utc_offset_ns = all.utc_offset_ns.or(utc_offset_ns);
     all.parameters.extend(parameters);
-    notes.into_iter().for_each(|note| all.note(note));
+    for note in notes {
+        all.note(note);
+    }
 }
 
 /// Topics of several files: those of the same name are one.
@@ -178,7 +180,9 @@ fn csv(path: &Path, sink: &mut dyn Sink, notes: &mut Vec<Note>) -> Result<(), Lo
         for (value, column) in values.iter_mut().zip(&kept) {
             *value = column.values[k];
         }
-        sink.row(0, (t * 1e9).round() as i64, None, &values);
+        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+        let stamp_ns = (t * 1e9).round() as i64;
+        sink.row(0, stamp_ns, None, &values);
     }
     Ok(())
 }

@@ -151,10 +151,7 @@ fn with_unit(field: &FieldSurvey, unit: &str) -> String {
 }
 
 /// The best of the topics by a score; those without a score are none.
-fn best<'a>(
-    topics: &'a [TopicSurvey],
-    score: impl Fn(&TopicSurvey) -> Option<u32>,
-) -> Option<&'a TopicSurvey> {
+fn best(topics: &[TopicSurvey], score: impl Fn(&TopicSurvey) -> Option<u32>) -> Option<&TopicSurvey> {
     let scored = topics.iter().filter_map(|topic| Some((score(topic)?, topic)));
     // The first of equal ones.
     scored.rev().max_by_key(|(score, _)| *score).map(|(_, topic)| topic)
@@ -378,12 +375,10 @@ impl Survey {
         if let Some(channel) = local.strip_prefix('C').filter(|_| topic.name.starts_with("RCO"))
             && let Some(function) = self.parameters.get(&format!("SERVO{channel}_FUNCTION"))
         {
-            match *function as i64 {
-                26 => return "steering".to_owned(),
-                70 => return "throttle".to_owned(),
-                73 => return "throttle_left".to_owned(),
-                74 => return "throttle_right".to_owned(),
-                _ => {}
+            let functions =
+                [(26.0, "steering"), (70.0, "throttle"), (73.0, "throttle_left"), (74.0, "throttle_right")];
+            if let Some((_, name)) = functions.iter().find(|(number, _)| number == function) {
+                return (*name).to_owned();
             }
         }
         // Names in the message itself, in an array beside that of the values.

@@ -81,9 +81,14 @@ struct Steps {
 impl Steps {
     const WIDTH: f64 = 1.05;
 
+    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+    fn class(ratio: f64) -> i32 {
+        ratio.log(Self::WIDTH).round() as i32
+    }
+
     fn add(&mut self, step_ns: i64) {
         if step_ns > 0 {
-            let class = (step_ns as f64).log(Self::WIDTH).round() as i32;
+            let class = Self::class(step_ns as f64);
             let (count, sum) = self.classes.entry(class).or_default();
             *count += 1;
             *sum += step_ns as f64;
@@ -98,7 +103,7 @@ impl Steps {
             below += class.0;
             2 * below >= all
         })?;
-        let longest = median + 2.0_f64.log(Self::WIDTH) as i32;
+        let longest = median + Self::class(2.0);
         let usual = self.classes.range(..=longest).map(|(_, class)| *class);
         let (count, sum) = usual.fold((0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
         Some(sum / count as f64 / 1e9)

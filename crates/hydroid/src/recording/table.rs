@@ -102,7 +102,7 @@ impl Recording {
 /// A table on the stamps of the topic of the first output. Other outputs are interpolated, inputs are the mean over each
 /// step of the held command. A recording of one topic is a table as it is.
 pub(super) fn of_outputs(
-    recording: Recording,
+    recording: &Recording,
     selection: &Selection,
     notes: &mut Vec<Note>,
 ) -> Result<RawLog, LogError> {
@@ -185,7 +185,9 @@ pub(super) fn time(t: &[f64]) -> RawColumn {
 /// A time as text: UTC if it counts from 1970.
 #[doc(hidden)]
 pub fn time_text(t: f64) -> String {
-    match jiff::Timestamp::from_microsecond((t * 1e6) as i64) {
+    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+    let microseconds = (t * 1e6) as i64;
+    match jiff::Timestamp::from_microsecond(microseconds) {
         Ok(stamp) if t >= 1e9 => format!("{stamp:.3}"),
         _ => format!("{t:.3} s on the clock of the file"),
     }

@@ -17,8 +17,8 @@ fn fleet() -> Option<PathBuf> {
     data.map(|data| PathBuf::from(data).join("fleet"))
 }
 
-fn spec(text: &str) -> Option<ChannelSpec> {
-    Some(text.parse().unwrap())
+fn spec(text: &str) -> ChannelSpec {
+    text.parse().unwrap()
 }
 
 fn column<'a>(log: &'a RawLog, name: &str) -> &'a [f64] {
@@ -55,7 +55,7 @@ fn yaw_rate(t: f64) -> f64 {
 }
 
 /// A boat without drift, as a folder of topics. Axes of the inertial unit are forward, port, up.
-fn boat(seconds: f64) -> TempDir {
+fn boat(seconds: u32) -> TempDir {
     let folder = TempDir::new().unwrap();
     let mut noise = Noise(5);
     let stamp = |t: f64| format!("2026-05-01T10:00:{t:06.3}Z");
@@ -64,7 +64,7 @@ fn boat(seconds: f64) -> TempDir {
     let mut imu = "time,wz [rad/s],acc_x [m/s2],acc_y [m/s2]\n".to_owned();
     let mut servo = "time,rudder [deg]\n".to_owned();
     let (mut north, mut east) = (0.0, 0.0);
-    for k in 0..(seconds / 0.01) as u32 {
+    for k in 0..100 * seconds {
         let t = f64::from(k) * 0.01;
         let psi = heading(t + 0.005);
         north += 0.01 * SPEED * psi.cos();
@@ -117,7 +117,7 @@ fn error_of(path: &Path, selection: &Selection) -> String {
 
 #[test]
 fn a_folder_of_topics_gives_velocities() {
-    let folder = boat(40.0);
+    let folder = boat(40);
     assert!(is_recording(folder.path()).unwrap());
     let proposal = survey(folder.path()).unwrap().proposal();
     let sensors = proposal.selection.sensors.clone().unwrap();
@@ -168,8 +168,9 @@ fn a_folder_of_topics_gives_velocities() {
 
 #[test]
 fn what_is_missing_is_named() {
-    let folder = boat(2.0);
-    let position = Sensors { latitude: spec("gnss.lat"), longitude: spec("gnss.lon"), ..Sensors::default() };
+    let folder = boat(2);
+    let position =
+        Sensors { latitude: Some(spec("gnss.lat")), longitude: Some(spec("gnss.lon")), ..Sensors::default() };
     for (sensors, inputs, expected) in [
         (
             Sensors::default(),
@@ -183,17 +184,17 @@ fn what_is_missing_is_named() {
             "latitude and longitude are needed together",
         ),
         (
-            Sensors { heading: spec("compass.headin"), ..position.clone() },
+            Sensors { heading: Some(spec("compass.headin")), ..position.clone() },
             "servo.rudder",
             "did you mean `compass.heading`",
         ),
         (
-            Sensors { heading: spec("gnss.sog"), ..position.clone() },
+            Sensors { heading: Some(spec("gnss.sog")), ..position.clone() },
             "servo.rudder",
             "the heading `gnss.sog` is in m/s",
         ),
         (
-            Sensors { heading: spec("compass.heading"), ..position },
+            Sensors { heading: Some(spec("compass.heading")), ..position },
             "servo.ruder",
             "did you mean `servo.rudder`",
         ),
@@ -202,7 +203,7 @@ fn what_is_missing_is_named() {
         assert!(error.contains(expected), "{error}");
     }
     let error = error_of(folder.path(), &Selection::of("u,v,r", "servo.rudder").unwrap());
-    assert!(error.contains("u"), "{error}");
+    assert!(error.contains("has no column `u`"), "{error}");
     let error = error_of(folder.path(), &Selection::default());
     assert!(error.contains("gnss.lat"), "{error}");
     let empty = TempDir::new().unwrap();
