@@ -80,7 +80,8 @@ pub struct Identify {
     /// cross-validation those that reduce its error significantly). The models contain them
     #[arg(long, value_name = "auto|none|LIST")]
     pub rate_limit: Option<RateLimitOption>,
-    /// Longest prediction horizon: samples (100) or seconds (10s) (default: 100 samples)
+    /// Longest prediction horizon: samples (100) or seconds (10s) (default: 100 samples, or
+    /// half of a block of a short log)
     #[arg(long, value_name = "N|Ns")]
     pub horizon: Option<Horizon>,
     /// Distance between the origins of the final evaluation [samples] (default: 1; about 10,000 origins in a cross-validation)

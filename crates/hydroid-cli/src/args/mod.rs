@@ -272,7 +272,7 @@ pub struct Convert {
     #[arg(long, short, required = true, value_name = "FILE|FOLDER")]
     pub output: PathBuf,
     /// Configuration file with the section [log] (default: hydroid.toml in the current folder)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, short, value_name = "FILE")]
     pub config: Option<PathBuf>,
     #[command(flatten)]
     pub log: LogArgs,

@@ -75,7 +75,7 @@ fn from_topics_to_a_run() {
 
     let output = done(folder, "convert boat -o run.csv");
     assert!(
-        text(&output.stdout).contains("rows of t, u, v, r, rudder, psi, x, y, u_deviation"),
+        text(&output.stdout).contains("rows of t, u, v, r, rudder, psi, x, y, deviation_u"),
         "{}",
         text(&output.stdout)
     );

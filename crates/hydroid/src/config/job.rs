@@ -1,8 +1,8 @@
 //! From logs and settings to the job of an identification.
 
-use super::{Config, Horizon};
+use super::Config;
 use crate::craft::CraftFile;
-use crate::identify::{Job, Method, NetworkTrainingOptions};
+use crate::identify::{CrossValidation, Job, Method, NetworkTrainingOptions};
 use crate::log::{
     self, ChannelSpec, InputDelay, LogError, Note, PrepareOptions, RawLog, Split, Trajectory, split_named,
 };
@@ -61,12 +61,16 @@ impl Config {
         let (split, reading, notes) = split(logs, &reading, cross_validated)?;
         let Self { identify, sindy, network, lstm, gru, rnn, direct, affine, ranges, .. } = self;
         let dt = split.train.first().map_or(1.0, |run| run.dt);
+        let horizon = match identify.horizon {
+            Some(horizon) => horizon.samples(dt),
+            None => default_horizon(&split, cross_validated),
+        };
         let job = Job {
             methods,
             origin_stride: identify.origin_stride.unwrap_or_else(|| origin_stride(&split, cross_validated)),
             split,
             reading,
-            horizon: identify.horizon.unwrap_or(Horizon::Samples(HORIZON)).samples(dt),
+            horizon,
             seed: identify.seed.unwrap_or(0),
             ranges,
             motion: identify.motion,
@@ -98,6 +102,16 @@ fn select(vessel: &CraftFile, reading: &mut Reading) {
     if selection.inputs.is_empty() {
         selection.inputs = vessel.craft.commands.iter().map(|c| ChannelSpec::named(&c.name)).collect();
     }
+}
+
+/// Default longest horizon \[samples\]: 100, or half of a block where the folds are blocks of a log that is too short for that.
+fn default_horizon(split: &Split, cross_validated: bool) -> usize {
+    if !cross_validated {
+        return HORIZON;
+    }
+    let folds = CrossValidation::new(&split.train);
+    let longest = folds.runs(&split.train).into_iter().map(|(_, run)| run.len()).max().unwrap_or(0);
+    if longest > HORIZON || !folds.has_blocks() { HORIZON } else { (longest / 2).max(1) }
 }
 
 /// Every sample is an origin of the evaluation on test runs; in a cross-validation, the origins are spread over all runs.

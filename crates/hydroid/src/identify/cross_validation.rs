@@ -39,7 +39,7 @@ struct Quarter {
 }
 
 impl CrossValidation {
-    pub(super) fn new(runs: &[Trajectory]) -> Self {
+    pub(crate) fn new(runs: &[Trajectory]) -> Self {
         let all: Vec<&Trajectory> = runs.iter().collect();
         let folds = folds(&all, 0);
         let part = |fold: usize, segment: &Segment<'_>| {

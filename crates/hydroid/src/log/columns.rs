@@ -327,7 +327,7 @@ fn check_direction(
 }
 
 /// The column of a source, if all its cells are numbers or blank.
-fn checked<'a>(log: &'a RawLog, source: &Source) -> Result<&'a RawColumn, LogError> {
+pub(crate) fn checked<'a>(log: &'a RawLog, source: &Source) -> Result<&'a RawColumn, LogError> {
     let column = &log.columns[source.column];
     match (&column.bad, &column.stamps) {
         (bad, Some(stamp)) if bad.as_ref().is_none_or(|bad| bad.line > stamp.line) => {

@@ -33,6 +33,7 @@ mod trajectory;
 pub mod units;
 
 pub use align::{CommandTiming, InputDelay};
+pub(crate) use columns::checked;
 pub use csv::{RawColumn, RawLog, read, read_from};
 pub(crate) use csv::{Rows, Shortest, bytes};
 pub use error::LogError;

@@ -569,9 +569,9 @@ impl Instruments {
             column("u", "m/s", &|row| row.ground[0]),
             column("v", "m/s", &|row| row.ground[1]),
             column("r", "rad/s", &|row| row.ground[2]),
-            column("u_deviation", "m/s", &|row| row.ground_deviation[0]),
-            column("v_deviation", "m/s", &|row| row.ground_deviation[1]),
-            column("r_deviation", "rad/s", &|row| row.ground_deviation[2]),
+            column("deviation_u", "m/s", &|row| row.ground_deviation[0]),
+            column("deviation_v", "m/s", &|row| row.ground_deviation[1]),
+            column("deviation_r", "rad/s", &|row| row.ground_deviation[2]),
         ];
         let wind = selection.wind.iter().flat_map(|wind| [&wind.speed, &wind.direction]);
         for (spec, held) in

@@ -58,7 +58,7 @@ pub fn is_recording(path: &Path) -> Result<bool, LogError> {
 pub(super) fn scan(path: &Path, sink: &mut dyn Sink, notes: &mut Vec<Note>) -> Result<Summary, LogError> {
     let files = if path.is_dir() { files(path)? } else { vec![path.to_owned()] };
     let mut summary = Summary::default();
-    let mut joined = Joined { sink, names: Vec::new(), ids: Vec::new(), offset_ns: None };
+    let mut joined = Joined { sink, names: Vec::new(), ids: Vec::new() };
     for file in files {
         joined.ids.clear();
         if is_recording(&file)? {
@@ -113,7 +113,6 @@ struct Joined<'a> {
     names: Vec<String>,
     /// Topic of each topic of the file at hand.
     ids: Vec<usize>,
-    offset_ns: Option<i64>,
 }
 
 impl Sink for Joined<'_> {
@@ -132,7 +131,6 @@ impl Sink for Joined<'_> {
     }
 
     fn row(&mut self, id: usize, stamp_ns: i64, received_ns: Option<i64>, values: &[f64]) {
-        let stamp_ns = self.offset_ns.map_or(stamp_ns, |offset| stamp_ns.saturating_add(offset));
         self.sink.row(self.ids[id], stamp_ns, received_ns, values);
     }
 
@@ -162,9 +160,15 @@ fn csv(path: &Path, sink: &mut dyn Sink, notes: &mut Vec<Note>) -> Result<(), Lo
         .columns
         .iter()
         .enumerate()
-        .filter(|(i, column)| source.is_none_or(|s| s.column != *i) && column.bad.is_none())
+        .filter(|(i, column)| source.is_none_or(|s| s.column != *i) && column.has_values())
         .map(|(_, column)| column)
         .collect();
+    for column in kept.iter().filter(|column| column.bad_cells > 0) {
+        notes.push(Note::warning(format!(
+            "{}: {} cells of `{}` are no numbers, and are missing",
+            log.path, column.bad_cells, column.name
+        )));
+    }
     let fields = kept.iter().map(|c| Field { name: c.name.clone(), unit: c.unit.clone() }).collect();
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let topic = Topic { name, type_name: String::new(), clock, fields, texts: Vec::new() };

@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use hydroid_io::Clock;
 
 use super::open::{Recording, names};
-use crate::log::line::{Resolved, Source, Time};
-use crate::log::{ChannelSpec, LogError, Note, RawColumn, RawLog, Selection, unknown_column};
+use crate::log::line::{Resolved, Time};
+use crate::log::{ChannelSpec, LogError, Note, RawColumn, RawLog, Selection, checked, unknown_column};
 
 /// Longest time \[s\] over which a measurement of another topic is interpolated, in its usual steps.
 const STEPS: f64 = 5.0;
@@ -206,22 +206,24 @@ pub(super) fn start(path: &str, t: f64) -> Note {
 pub fn converted(log: &RawLog, selection: &Selection, notes: &mut Vec<Note>) -> Result<RawLog, LogError> {
     let resolved = Resolved::new(log, selection, None, notes)?;
     let mut columns = Vec::new();
-    let add = |source: &Source, name: &str, columns: &mut Vec<RawColumn>| {
-        let unit = &source.channel.unit;
-        let values = log.columns[source.column].values.iter().map(|x| source.si(*x)).collect();
-        columns.push(RawColumn::of(name, Some(unit.as_str()).filter(|unit| !unit.is_empty()), values));
+    let time = match &resolved.time {
+        Time::Column { source, .. } => Some((source, "t")),
+        Time::Even(_) => None,
     };
-    if let Time::Column { source, .. } = &resolved.time {
-        add(source, "t", &mut columns);
-    }
-    for source in resolved.outputs.iter().chain(&resolved.inputs).chain(resolved.wind.iter().flatten()) {
-        add(source, &source.channel.name, &mut columns);
-    }
-    if let Some((source, _)) = &resolved.heading {
-        add(source, "psi", &mut columns);
+    let channels = resolved.outputs.iter().chain(&resolved.inputs).chain(resolved.wind.iter().flatten());
+    let channels = channels.map(|source| (source, source.channel.name.as_str()));
+    let heading = resolved.heading.iter().map(|(source, _)| (source, "psi"));
+    for (source, name) in time.into_iter().chain(channels).chain(heading) {
+        let unit = Some(source.channel.unit.as_str()).filter(|unit| !unit.is_empty());
+        let values = if name == "t" && log.columns[source.column].stamps.is_some() {
+            log.columns[source.column].values.clone()
+        } else {
+            checked(log, source)?.values.iter().map(|x| source.si(*x)).collect()
+        };
+        columns.push(RawColumn::of(name, unit, values));
     }
     if selection.sensors.is_some() {
-        let computed = ["x", "y", "u_deviation", "v_deviation", "r_deviation"];
+        let computed = ["x", "y", "deviation_u", "deviation_v", "deviation_r"];
         columns.extend(log.columns.iter().filter(|c| computed.contains(&c.name.as_str())).cloned());
     }
     RawLog::from_columns(&log.path, columns)

@@ -163,7 +163,7 @@ fn a_folder_of_topics_gives_velocities() {
     // The run has the channels of the selection in SI units.
     let run = converted(&log, &proposal.selection, &mut Vec::new()).unwrap();
     assert!((column(&run, "rudder")[31] - 3.0_f64.to_radians()).abs() < 1e-12);
-    assert_eq!(run.columns[run.position("u_deviation").unwrap()].unit.as_deref(), Some("m/s"));
+    assert_eq!(run.columns[run.position("deviation_u").unwrap()].unit.as_deref(), Some("m/s"));
 }
 
 #[test]

@@ -172,7 +172,7 @@ impl RawColumn {
         self.left_out.is_some()
     }
 
-    pub(super) fn has_values(&self) -> bool {
+    pub(crate) fn has_values(&self) -> bool {
         match &self.left_out {
             Some(summary) => summary.first.is_some(),
             None => self.values.iter().any(|x| !x.is_nan()),
