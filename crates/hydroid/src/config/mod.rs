@@ -80,6 +80,8 @@ impl Log {
         let Reading { selection, options } = base;
         let or =
             |given: Vec<ChannelSpec>, base: Vec<ChannelSpec>| if given.is_empty() { base } else { given };
+        // Velocities of the log replace those that would be computed.
+        let sensors = selection.sensors.filter(|_| self.outputs.is_empty());
         let delay = self.input_delay.map(|delay| match delay {
             Delay::Samples(n) => InputDelay::Samples(n),
             Delay::Text(delay) => delay,
@@ -91,7 +93,7 @@ impl Log {
                 inputs: or(self.inputs, selection.inputs),
                 wind: self.wind.or(selection.wind),
                 heading: self.heading.or(selection.heading),
-                sensors: self.sensors.or(selection.sensors),
+                sensors: self.sensors.or(sensors),
             },
             options: PrepareOptions {
                 dt: self.dt.or(options.dt),
