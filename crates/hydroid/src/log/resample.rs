@@ -165,7 +165,7 @@ impl Resampling {
 }
 
 /// Mean over `from..to` of a command that is `held` at `from` and changes at the later events.
-fn mean(events: &[(f64, f64)], held: f64, from: f64, to: f64) -> f64 {
+pub(crate) fn mean(events: &[(f64, f64)], held: f64, from: f64, to: f64) -> f64 {
     // Deviations from the first value are summed, so that the mean of a constant command is exact.
     let (mut sum, mut value, mut since) = (0.0, held, from);
     for &(time, x) in events.iter().take_while(|e| e.0 < to) {

@@ -2,8 +2,8 @@
 
 use super::selection::ChannelSpec;
 
-/// Columns of the sensors of a vessel, and their places. Each is optional; a position and a heading, or a position, a
-/// velocity and a yaw rate, are needed. A column is written as that of a channel: `gnss.lat [deg]`, `imu.gyro_z * -1`.
+/// Columns of the sensors of a vessel, and their places. Each is optional; a position or a velocity is needed, and a
+/// heading or a yaw rate. A column is written as that of a channel: `gnss.lat [deg]`, `imu.gyro_z * -1`.
 ///
 /// Axes are forward, starboard, down (FRD): yaw rate and heading are positive to starboard, the heading is clockwise from
 /// north. For axes forward, port, up (FLU), yaw rate and starboard acceleration have the factor -1.

@@ -42,10 +42,7 @@ impl Series {
     }
 
     fn step(&self) -> Option<f64> {
-        let t: Vec<f64> = self.pairs().map(|(t, _)| t).collect();
-        let mut steps: Vec<f64> = t.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        let middle = steps.len() / 2;
-        (!steps.is_empty()).then(|| *steps.select_nth_unstable_by(middle, f64::total_cmp).1)
+        log::Clock::usual_step(&self.pairs().map(|(t, _)| t).collect::<Vec<_>>())
     }
 
     /// Means over steps of [`AVERAGED_S`] of a faster sensor.
@@ -211,7 +208,16 @@ impl Instruments {
         }
         let mut all = Self { path, origin: 0.0, position, quality, velocity, heading, yaw_rate, force };
         all.yaw_rate = all.yaw_rate.map(|s| s.averaged());
-        all.force = all.force.map(|s| s.map(|s| s.averaged()));
+        all.force = all.force.map(|mut both| {
+            // A row without one of them has none, so that both have the same averages.
+            let [a, b] = &mut both;
+            for (a, b) in a.values.iter_mut().zip(&mut b.values) {
+                if a.is_nan() || b.is_nan() {
+                    (*a, *b) = (f64::NAN, f64::NAN);
+                }
+            }
+            both.map(|s| s.averaged())
+        });
         all.origin =
             all.series().filter_map(|s| s.pairs().next()).map(|(t, _)| t).fold(f64::INFINITY, f64::min);
         let origin = all.origin;
@@ -597,7 +603,7 @@ impl Instruments {
     }
 }
 
-/// Notes on what was found of the sensors.
+/// Notes on delay, misalignment and bias.
 fn states(path: &str, one: &Instruments, smoothed: &Smoothed, notes: &mut Vec<Note>) {
     let degree = PI / 180.0;
     let prior = Prior::default();

@@ -362,10 +362,13 @@ impl Recording {
         for components in quaternion(name).into_iter().flatten() {
             let found = components.map(|component| self.header.position(&component));
             let [Some(x), Some(y), Some(z), Some(w)] = found else { continue };
+            let topic = self.topic_of[x];
+            if [y, z, w].iter().any(|i| self.topic_of[*i] != topic) {
+                continue;
+            }
             let place = [x, y, z, w].map(|i| self.values.get(&i));
             let [Some(x), Some(y), Some(z), Some(w)] = place else { continue };
             let values = (0..x.len()).map(|k| yaw([x[k], y[k], z[k], w[k]])).collect();
-            let topic = self.topic_of[found[0].unwrap_or_default()];
             self.values.insert(self.header.columns.len(), values);
             self.header.columns.push(RawColumn::of(name, Some("rad"), Vec::new()));
             self.topic_of.push(topic);

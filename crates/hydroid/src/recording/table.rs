@@ -6,7 +6,7 @@ use hydroid_io::Clock;
 
 use super::open::{Recording, names};
 use crate::log::line::{Resolved, Time};
-use crate::log::{ChannelSpec, LogError, Note, RawColumn, RawLog, Selection, checked, unknown_column};
+use crate::log::{self, ChannelSpec, LogError, Note, RawColumn, RawLog, Selection, checked, unknown_column};
 
 /// Longest time \[s\] over which a measurement of another topic is interpolated, in its usual steps.
 const STEPS: f64 = 5.0;
@@ -43,14 +43,7 @@ impl Recording {
                 means.push(f64::NAN);
                 continue;
             };
-            // Deviations from the held value are summed, so that the mean of a constant is exact.
-            let (mut sum, mut value, mut since) = (0.0, held, from);
-            for &(time, x) in events[next..].iter().take_while(|e| e.0 < to) {
-                sum += (value - held) * (time - since);
-                (value, since) = (x, time);
-            }
-            sum += (value - held) * (to - since);
-            means.push(if to > from { held + sum / (to - from) } else { held });
+            means.push(if to > from { log::mean(&events[next..], held, from, to) } else { held });
         }
         means
     }
@@ -60,10 +53,8 @@ impl Recording {
         let (stamps, values) = self.series(column);
         let valid: Vec<(f64, f64)> =
             stamps.iter().copied().zip(values.iter().copied()).filter(|e| !e.1.is_nan()).collect();
-        let mut steps: Vec<f64> = valid.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
-        let middle = steps.len() / 2;
-        let usual =
-            if steps.is_empty() { 0.0 } else { *steps.select_nth_unstable_by(middle, f64::total_cmp).1 };
+        let times: Vec<f64> = valid.iter().map(|(t, _)| *t).collect();
+        let usual = log::Clock::usual_step(&times).unwrap_or(0.0);
         let mut next = 0;
         t.iter()
             .map(|&t| {
@@ -145,7 +136,7 @@ pub(super) fn of_outputs(
             return Ok(());
         }
         let values = if recording.topic_of[at] == base {
-            recording.values[&at].clone()
+            recording.series(at).1.to_vec()
         } else if held {
             recording.held(at, t)
         } else {
