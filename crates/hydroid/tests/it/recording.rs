@@ -211,6 +211,26 @@ fn what_is_missing_is_named() {
     assert!(error.contains("has neither a ROS 2 bag"), "{error}");
 }
 
+/// A fast accelerometer with one axis missing for a while.
+#[test]
+fn cells_may_be_missing_in_one_axis() {
+    let folder = boat(4);
+    let mut imu = "time,wz [rad/s],acc_x [m/s2],acc_y [m/s2]\n".to_owned();
+    for k in 0..400 {
+        let forward =
+            if (100..120).contains(&k) { String::new() } else { format!("{:.3}", 0.01 * f64::from(k % 7)) };
+        let _ = writeln!(
+            imu,
+            "2026-05-01T10:00:{:06.3}Z,{},{forward},0.1",
+            0.01 * f64::from(k),
+            0.001 * f64::from(k % 5)
+        );
+    }
+    std::fs::write(folder.path().join("imu.csv"), imu).unwrap();
+    let (log, _) = one(folder.path(), &proposed(folder.path())).unwrap();
+    assert!(log.rows() > 30 && column(&log, "u").iter().all(|u| u.is_finite()));
+}
+
 /// Rows whose stamps are wrong are left out and stated.
 #[test]
 fn stamps_of_another_day_and_repeated_stamps_are_left_out() {
