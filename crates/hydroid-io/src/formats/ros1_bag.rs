@@ -235,17 +235,18 @@ fn find_chunk(input: &mut Input, from: u64, sink: &mut dyn Sink) -> Result<Optio
     /// A name that the header of a chunk has, and the length of a header with the other names before it.
     const NAME: &[u8] = b"compression=";
     const BEFORE: usize = 64;
+    /// Longest header with the length of its data. Only that much is parsed at each place, or hostile lengths would
+    /// make the search quadratic.
+    const HEADER: usize = 2 * BEFORE;
     input.seek(from)?;
     loop {
         input.tell(sink)?;
         let (offset, rest) = (input.offset(), input.rest());
-        let window = input.window(SEARCH + 2 * BEFORE)?;
+        let window = input.window(SEARCH + HEADER)?;
         for at in memchr::memmem::find_iter(window, NAME) {
             for begin in at.saturating_sub(BEFORE)..at {
-                let chunk = frame(&window[begin..]);
-                if chunk.is_some_and(|chunk| {
-                    chunk.header.op == Some(CHUNK) && chunk.header.size.is_some() && chunk.before < 2 * BEFORE
-                }) {
+                let chunk = frame(&window[begin..window.len().min(begin + HEADER)]);
+                if chunk.is_some_and(|chunk| chunk.header.op == Some(CHUNK) && chunk.header.size.is_some()) {
                     return Ok(Some(offset + begin as u64));
                 }
             }

@@ -211,6 +211,20 @@ fn packed_bombs_do_not_fill_the_memory() {
     assert!(summary.losses.iter().any(|loss| loss.reason.contains("too big")), "{summary:?}");
 }
 
+/// Headers that are as long as they may be, where the search for a chunk looks for one: 4 MB that took minutes when
+/// each of them was parsed.
+#[test]
+fn search_for_a_chunk_is_linear() {
+    // Each field ends with the length of a header, which consists of the fields behind it.
+    let field = [&[16, 0, 0, 0][..], b"compression=", &(1u32 << 20).to_le_bytes()].concat();
+    let hostile = [&[0xff; 4][..], &field.repeat((4 << 20) / field.len())].concat();
+    let mut records = counting("lz4", 2);
+    records.insert(1, hostile);
+    let (all, summary) = read(&records);
+    assert_eq!(numbers(&all).len(), 20);
+    assert_eq!(summary.lost_parts, 1, "{summary:?}");
+}
+
 #[test]
 fn files_without_content_are_errors_with_a_place() {
     let scratch = Scratch::new("a.bag");
