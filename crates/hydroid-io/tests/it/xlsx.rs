@@ -147,6 +147,29 @@ fn formats_tell_dates_from_numbers() {
 }
 
 #[test]
+fn texts_are_dates_only_if_the_day_exists() {
+    for (day, date) in [
+        ("2026-02-28", true),
+        ("2024-02-29", true),
+        ("2026-02-29", false),
+        ("2026-02-30", false),
+        ("2026-02-31", false),
+        ("2026-04-31", false),
+        ("2026-13-01", false),
+    ] {
+        for (time, valid) in
+            [("", true), ("T07:44:00Z", true), (" 24:00", true), ("T24:01", false), ("T07:44x", false)]
+        {
+            let rows = texts(&["time", "u"])
+                + &format!(r#"<row><c t="str"><v>{day}{time}</v></c><c><v>1</v></c></row>"#)
+                + r#"<row><c t="str"><v>2026-05-01</v></c><c><v>2</v></c></row>"#;
+            let clock = one(&workbook(&rows, "", &[])).topics[0].clock;
+            assert_eq!(clock == Clock::Utc, date && valid, "{day}{time}");
+        }
+    }
+}
+
+#[test]
 fn shared_strings_may_be_rich() {
     let strings = "<sst uniqueCount=\"18446744073709551615\"><si><t>t</t></si><si/>\
                    <si><r><t>u</t></r><r><t> [m/s]</t></r><rPh><t>no</t></rPh></si></sst>";

@@ -1,5 +1,6 @@
 //! Fields of NMEA 0183 sentences (IEC 61162-1, section "Approved sentences"; NMEA 0183, section 6).
 
+use crate::formats::time::{digits, fraction_ns};
 use crate::sink::Field;
 
 /// Fields of a sentence that are looked at.
@@ -174,21 +175,6 @@ impl Sentence {
             },
         }));
     }
-}
-
-/// A whole number without sign; `None` if it has more than 18 digits.
-pub(super) fn digits(text: &[u8]) -> Option<i64> {
-    if text.is_empty() || text.len() > 18 {
-        return None;
-    }
-    text.iter().try_fold(0, |sum, byte| byte.is_ascii_digit().then(|| sum * 10 + i64::from(byte - b'0')))
-}
-
-/// Nanoseconds from the digits behind a decimal point; digits from the tenth on are left out.
-pub(super) fn fraction_ns(text: &[u8]) -> Option<i64> {
-    let kept = &text[..text.len().min(9)];
-    let missing = u32::try_from(9 - kept.len()).ok()?;
-    if kept.is_empty() { Some(0) } else { digits(kept).map(|sum| sum * 10i64.pow(missing)) }
 }
 
 const POWERS: [f64; 16] =

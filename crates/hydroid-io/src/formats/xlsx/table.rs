@@ -4,7 +4,8 @@ use std::io::Read;
 
 use super::rows::{Cell, Row, Rows};
 use super::xml::Stop;
-use crate::formats::columns::{clock, iso_stamp, looks_like_unit, split_unit, stamp, time_name, unit_ns};
+use crate::formats::columns::{clock, looks_like_unit, split_unit, stamp, time_name, unit_ns};
+use crate::formats::time::iso_stamp;
 use crate::sink::{Clock, Field, Sink, Summary, Topic};
 
 /// Rows that decide which columns hold numbers.
