@@ -342,6 +342,20 @@ fn a_header_in_data_does_not_mislead() {
 }
 
 #[test]
+fn stamps_beyond_2_to_the_63_are_lost_and_do_not_wrap() {
+    let mut writer = Writer::counter();
+    writer.count(1);
+    for time in [i64::MAX.cast_unsigned() / 1000 + 1, 1 << 63, u64::MAX] {
+        writer.message(1, &[&time.to_le_bytes(), &[2]]);
+    }
+    writer.count(3);
+    let log = writer.read();
+    assert_eq!((log.column("CNT", "N"), log.stamps("CNT")), (vec![1.0, 3.0], vec![1_000_000, 3_000_000]));
+    assert_eq!(log.summary.lost_bytes, 3 * 12, "{:?}", log.summary);
+    assert!(log.summary.losses[0].reason.contains("2^63 ns"));
+}
+
+#[test]
 fn messages_without_format_are_stated() {
     let mut writer = Writer::counter();
     for n in 1..5 {

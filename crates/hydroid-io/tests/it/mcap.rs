@@ -244,6 +244,24 @@ fn header_stamp_is_the_stamp_unless_it_is_zero() {
     assert_eq!(rows.topic.texts, [("header.frame_id".to_owned(), "a".to_owned())]);
 }
 
+/// Stamps are unsigned in the file.
+#[test]
+fn stamps_beyond_2_to_the_63_are_lost_and_do_not_wrap() {
+    let value = cdr(&[&1f64.to_le_bytes()]);
+    let largest = i64::MAX.cast_unsigned();
+    let (all, summary) = read(&[
+        schema(1, "p/msg/X", "ros2msg", "float64 x"),
+        channel(1, 1, "/x", "cdr"),
+        message(1, 5, u64::MAX, &value),
+        message(1, 1 << 63, 7, &value),
+        message(1, largest, largest, &value),
+    ]);
+    let stamps: Vec<_> = all.get("/x").rows.iter().map(|row| (row.0, row.1)).collect();
+    assert_eq!(stamps, [(5, Some(5)), (i64::MAX, Some(i64::MAX))]);
+    assert_eq!(summary.lost_parts, 1);
+    assert!(summary.losses[0].reason.contains("2^63 ns"), "{summary:?}");
+}
+
 #[test]
 fn idl_is_read() {
     let definition = r#"================================================================================

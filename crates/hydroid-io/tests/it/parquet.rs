@@ -149,6 +149,8 @@ struct Writer {
 struct TestColumn {
     name: &'static str,
     physical: u64,
+    /// `ConvertedType`.
+    converted: Option<u64>,
     codec: u64,
     encoding: u64,
     unpacked: u64,
@@ -163,7 +165,17 @@ impl TestColumn {
     fn doubles(name: &'static str, values: &[f64]) -> Self {
         let page: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
         let (unpacked, values) = (page.len() as u64, values.len() as u64);
-        Self { name, physical: 5, codec: 0, encoding: 0, unpacked, values, page, dictionary: None }
+        Self {
+            name,
+            physical: 5,
+            converted: None,
+            codec: 0,
+            encoding: 0,
+            unpacked,
+            values,
+            page,
+            dictionary: None,
+        }
     }
 }
 
@@ -236,6 +248,9 @@ impl Writer {
             writer.integer(1, column.physical);
             writer.integer(2, 0);
             writer.text(1, column.name);
+            if let Some(converted) = column.converted {
+                writer.integer(2, converted);
+            }
             writer.close();
         }
         writer.integer(1, rows);
@@ -299,6 +314,26 @@ fn numbers_named_as_the_time_are_the_time() {
     let tables = written(&[values, TestColumn::doubles("t", &[1.0, f64::NAN])], 2);
     assert_eq!(tables.rows[0].len(), 1);
     assert!(tables.summary.notes.iter().any(|note| note.contains("1 rows have no time")));
+}
+
+/// Unsigned integers of 64 bits, which a double would round to 256 ns.
+#[test]
+fn stamps_beyond_2_to_the_63_are_left_out_and_do_not_wrap() {
+    let stamps: [u64; 4] = [1_775_547_840_250_000_001, 1 << 63, u64::MAX, i64::MAX.cast_unsigned()];
+    let page: Vec<u8> = stamps.iter().flat_map(|stamp| stamp.to_le_bytes()).collect();
+    let time =
+        TestColumn { physical: 2, converted: Some(14), page, ..TestColumn::doubles("time_ns", &[0.0; 4]) };
+    let tables = written(&[time, TestColumn::doubles("u", &[1.0, 2.0, 3.0, 4.0])], 4);
+    assert_eq!(
+        tables.rows[0].iter().map(|row| row.0).collect::<Vec<_>>(),
+        [1_775_547_840_250_000_001, i64::MAX]
+    );
+    assert_eq!(tables.values(0, "u"), [1.0, 4.0]);
+    assert!(
+        tables.summary.notes.iter().any(|note| note.contains("2 rows have no time")),
+        "{:?}",
+        tables.summary
+    );
 }
 
 #[test]

@@ -308,6 +308,20 @@ fn reading_goes_on_after_damage() {
     assert_eq!((log.summary.lost_parts, log.summary.lost_bytes), (2, 12 + 11), "{:?}", log.summary);
 }
 
+#[test]
+fn stamps_beyond_2_to_the_63_are_lost_and_do_not_wrap() {
+    let mut writer = Writer::counter();
+    let largest = i64::MAX.cast_unsigned() / 1000;
+    for (n, time) in [(0u32, 1), (1, largest), (2, largest + 1), (3, 1 << 63), (4, u64::MAX), (5, 9)] {
+        writer.data(3, time, &[&n.to_le_bytes()]);
+    }
+    let log = writer.read();
+    assert_eq!(log.column("count", "n"), [0.0, 1.0, 5.0]);
+    assert_eq!(log.stamps("count"), [1000, i64::MAX / 1000 * 1000, 9000]);
+    assert_eq!(log.summary.lost_bytes, 3 * (3 + 2 + 8 + 4), "{:?}", log.summary);
+    assert!(log.summary.losses[0].reason.contains("2^63 ns"));
+}
+
 /// Random bytes have few of the signs of a message.
 #[test]
 fn noise_is_lost() {

@@ -259,10 +259,10 @@ impl Plan {
         self.time.is_some()
     }
 
-    /// Time of a message since the start of the device \[ns\].
+    /// Time of a message since the start of the device \[ns\]; `None` if there is none, or if it exceeds `i64`.
     pub(super) fn time(&self, body: &[u8]) -> Option<i64> {
         let (at, number, unit) = self.time?;
-        Some(number.integer(body, at)?.saturating_mul(unit))
+        number.integer(body, at)?.checked_mul(unit)
     }
 
     /// The bytes that tell the instances of a type apart.

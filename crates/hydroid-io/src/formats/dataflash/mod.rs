@@ -12,7 +12,7 @@ use std::collections::HashSet;
 
 use self::format::{Definition, FMT_LENGTH, HEADER, Key, Plan, Tables, UnitLetters};
 use super::stream::{Block, blocks};
-use super::time::{Offsets, gps_utc_ns};
+use super::time::{Offsets, STAMP_TOO_LARGE, gps_utc_ns};
 use crate::error::IoError;
 use crate::input::Input;
 use crate::sink::{Clock, Sink, Summary, Topic};
@@ -148,7 +148,8 @@ impl Reader {
             let reason = match self.length(bytes, at) {
                 Ok(length) if self.plausible(&block, at, length) => {
                     self.close_gap(block.place(at));
-                    self.message(bytes[at + 2], &bytes[at + HEADER..at + length], sink);
+                    let place = block.place(at);
+                    self.message(bytes[at + 2], &bytes[at + HEADER..at + length], place, sink);
                     at += length;
                     continue;
                 }
@@ -217,11 +218,11 @@ impl Reader {
             })
     }
 
-    fn message(&mut self, kind: u8, body: &[u8], sink: &mut dyn Sink) {
+    fn message(&mut self, kind: u8, body: &[u8], place: u64, sink: &mut dyn Sink) {
         self.messages += 1;
         let Some(known) = self.kinds[usize::from(kind)].as_deref_mut() else { return };
         match known.role {
-            Role::Rows => self.row(kind, body, sink),
+            Role::Rows => self.row(kind, body, place, sink),
             Role::Format => self.define(body),
             Role::Refused => {}
             Role::Unit => {
@@ -307,7 +308,7 @@ impl Reader {
             Some(Box::new(Kind { definition, role, letters, plan: None, instances: Vec::new(), rows: 0 }));
     }
 
-    fn row(&mut self, kind: u8, body: &[u8], sink: &mut dyn Sink) {
+    fn row(&mut self, kind: u8, body: &[u8], place: u64, sink: &mut dyn Sink) {
         let Some(known) = self.kinds[usize::from(kind)].as_deref_mut() else { return };
         let plan =
             known.plan.get_or_insert_with(|| Plan::new(&known.definition, &known.letters, &self.tables));
@@ -342,8 +343,13 @@ impl Reader {
         match topic {
             None => self.summary.note("the file has more topics than are read; the last ones are left out"),
             Some(topic) if wanted => {
-                plan.read(body, &mut self.values);
-                sink.row(topic, time.unwrap_or(known.rows), None, &self.values);
+                let stamp = if plan.has_time() { time } else { Some(known.rows) };
+                if let Some(stamp) = stamp {
+                    plan.read(body, &mut self.values);
+                    sink.row(topic, stamp, None, &self.values);
+                } else {
+                    self.summary.lose(place, (HEADER + body.len()) as u64, STAMP_TOO_LARGE);
+                }
             }
             Some(_) => {}
         }

@@ -7,6 +7,7 @@ use std::collections::HashMap;
 
 use self::record::{Chunk, Compression, Fields, HEAD, chunk, head, is_chunk};
 use super::message::{Channel, Envelope, LONGEST_TOPIC, Output, Topics, text};
+use super::time::STAMP_TOO_LARGE;
 use super::unpack::Unpacker;
 use crate::error::IoError;
 use crate::input::{Input, LARGEST_PART};
@@ -212,8 +213,12 @@ impl Reader<'_> {
         let mut fields = Fields(head);
         let topic = (*self.channels.get(usize::from(fields.u16()?))?)?;
         fields.u32()?;
-        let received_ns = nanoseconds(fields.u64()?);
-        let sent_ns = Some(nanoseconds(fields.u64()?));
+        let Ok(received_ns) = i64::try_from(fields.u64()?) else {
+            self.output.summary.lose(offset, 0, STAMP_TOO_LARGE);
+            return Some(());
+        };
+        // A stamp of 0 stands for none.
+        let sent_ns = Some(i64::try_from(fields.u64()?).unwrap_or(0));
         self.topics.message(topic, data, Envelope { received_ns, sent_ns, offset }, &mut self.output);
         Some(())
     }
@@ -348,9 +353,4 @@ impl Reader<'_> {
             None => end == rest,
         }
     }
-}
-
-/// A stamp; those beyond the year 2262 are cut.
-fn nanoseconds(stamp: u64) -> i64 {
-    i64::try_from(stamp).unwrap_or(i64::MAX)
 }

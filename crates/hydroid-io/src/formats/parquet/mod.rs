@@ -181,6 +181,19 @@ fn number(cells: &Cells, row: usize, leaf: &Leaf) -> f64 {
     }
 }
 
+/// Value of a cell of integers, without rounding; `None` if it is absent or exceeds `i64`.
+fn integer(cells: &Cells, row: usize, leaf: &Leaf) -> Option<i64> {
+    let bits = cells.bits[row];
+    match (leaf.physical, leaf.meaning) {
+        _ if !cells.present[row] => None,
+        (Physical::Int32, Meaning::Unsigned) => i64::try_from(bits & 0xffff_ffff).ok(),
+        (_, Meaning::Unsigned) => i64::try_from(bits).ok(),
+        // A day of INT96 that is beyond the stamps becomes the first or the last of them.
+        (Physical::Int96, _) => Some(bits.cast_signed()).filter(|ns| !matches!(*ns, i64::MIN | i64::MAX)),
+        _ => Some(bits.cast_signed()),
+    }
+}
+
 /// Rows of the file.
 struct Table<'a, 'b> {
     shared: &'a mut Shared<'b>,
@@ -280,11 +293,8 @@ impl Table<'_, '_> {
                 Time::Stamps { column, ns } | Time::Numbers { column, ns } => {
                     let (leaf, cells) = (&self.columns[column], &columns[column].1);
                     match leaf.physical {
-                        _ if !cells.present[row] => None,
-                        Physical::Int32 | Physical::Int64 | Physical::Int96
-                            if leaf.meaning != Meaning::Unsigned =>
-                        {
-                            cells.bits[row].cast_signed().checked_mul(ns)
+                        Physical::Int32 | Physical::Int64 | Physical::Int96 => {
+                            integer(cells, row, leaf).and_then(|number| number.checked_mul(ns))
                         }
                         _ => stamp(number(cells, row, leaf), ns),
                     }

@@ -117,10 +117,10 @@ impl Plan {
         self.time.is_some()
     }
 
-    /// Time since the start of the device \[ns\].
+    /// Time since the start of the device \[ns\]; `None` if there is none, or if it exceeds `i64`.
     pub(super) fn time(&self, data: &[u8]) -> Option<i64> {
         let (at, number) = self.time?;
-        Some(number.integer(data, at)?.saturating_mul(1000))
+        number.integer(data, at)?.checked_mul(1000)
     }
 
     /// UTC \[ns\] that a GNSS receiver states; `None` as long as it has none.

@@ -9,7 +9,7 @@ mod format;
 use self::format::{Formats, Plan, number};
 use super::number::chunk;
 use super::stream::{Block, blocks};
-use super::time::Offsets;
+use super::time::{Offsets, STAMP_TOO_LARGE};
 use crate::error::IoError;
 use crate::input::Input;
 use crate::sink::{Clock, Sink, Summary, Topic};
@@ -387,8 +387,13 @@ impl Reader {
             (self.topics - 1, sink.topic(self.topics - 1, &topic))
         });
         if wanted {
-            plan.read(data, &mut self.values);
-            sink.row(topic, time.unwrap_or(known.rows), None, &self.values);
+            let stamp = if plan.has_time() { time } else { Some(known.rows) };
+            if let Some(stamp) = stamp {
+                plan.read(data, &mut self.values);
+                sink.row(topic, stamp, None, &self.values);
+            } else {
+                self.summary.lose(place, length, STAMP_TOO_LARGE);
+            }
         }
         known.rows += 1;
     }
