@@ -102,9 +102,9 @@ if __name__ == "__main__":
                 for encoding, options in ENCODINGS.items():
                     write(folder, f"{codec}_v{version[0]}_{encoding}", compression=codec, data_page_version=version,
                           write_page_checksum=codec == "gzip", **options)
-        write(folder, "int96", use_deprecated_int96_timestamps=True)
     else:
         for codec, version, encoding in [("gzip", "1.0", "plain"), ("lz4", "2.0", "dictionary"),
                                          ("zstd", "2.0", "delta"), ("snappy", "1.0", "split")]:
             write(folder, f"{codec}_v{version[0]}_{encoding}", compression=codec, data_page_version=version,
                   write_page_checksum=codec == "gzip", **ENCODINGS[encoding])
+    write(folder, "zstd_v1_int96", compression="zstd", use_deprecated_int96_timestamps=True)

@@ -12,7 +12,8 @@ use serde_json::Value;
 use crate::sample;
 use crate::tables::{Tables, golden, read, read_bytes, same, survives};
 
-const GOLDEN: [&str; 4] = ["gzip_v1_plain", "lz4_v2_dictionary", "zstd_v2_delta", "snappy_v1_split"];
+const GOLDEN: [&str; 5] =
+    ["gzip_v1_plain", "lz4_v2_dictionary", "zstd_v2_delta", "snappy_v1_split", "zstd_v1_int96"];
 
 #[test]
 fn samples_have_the_rows_of_the_log() {
@@ -316,6 +317,23 @@ fn numbers_named_as_the_time_are_the_time() {
     assert!(tables.summary.notes.iter().any(|note| note.contains("1 rows have no time")));
 }
 
+/// Nanoseconds of the day behind a Julian day; that of 1970-01-01 is 2,440,588.
+#[test]
+fn stamps_of_96_bits_may_be_before_1970_but_not_beyond_2262() {
+    let day = 86_400_000_000_000_i64;
+    let stamps = [(2_440_588_u32, 5), (2_440_587, day - 1), (2_440_588 + 106_751, 7), (u32::MAX, 0), (0, 0)];
+    let page: Vec<u8> =
+        stamps.iter().flat_map(|(day, ns)| [&ns.to_le_bytes()[..], &day.to_le_bytes()].concat()).collect();
+    let time = TestColumn { physical: 3, unpacked: 60, page, ..TestColumn::doubles("time", &[0.0; 5]) };
+    let tables = written(&[time, TestColumn::doubles("u", &[1.0, 2.0, 3.0, 4.0, 5.0])], 5);
+    assert_eq!(tables.rows[0].iter().map(|row| row.0).collect::<Vec<_>>(), [5, -1, 106_751 * day + 7]);
+    assert!(
+        tables.summary.notes.iter().any(|note| note.contains("2 rows have no time")),
+        "{:?}",
+        tables.summary
+    );
+}
+
 /// Unsigned integers of 64 bits, which a double would round to 256 ns.
 #[test]
 fn stamps_beyond_2_to_the_63_are_left_out_and_do_not_wrap() {
@@ -418,7 +436,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn damaged_files_do_not_panic(file in 0..4_usize, flips in prop::collection::vec((any::<Index>(), 0..8_u8), 1..8)) {
+    fn damaged_files_do_not_panic(file in 0..GOLDEN.len(), flips in prop::collection::vec((any::<Index>(), 0..8_u8), 1..8)) {
         let mut bytes = FILES[file].clone();
         for (place, bit) in flips {
             let at = place.index(bytes.len());
@@ -428,7 +446,7 @@ proptest! {
     }
 
     #[test]
-    fn damaged_footers_do_not_panic(file in 0..4_usize, flips in prop::collection::vec((any::<Index>(), any::<u8>()), 1..4)) {
+    fn damaged_footers_do_not_panic(file in 0..GOLDEN.len(), flips in prop::collection::vec((any::<Index>(), any::<u8>()), 1..4)) {
         let mut bytes = FILES[file].clone();
         let size = u32::from_le_bytes(*bytes[..bytes.len() - 4].last_chunk().unwrap()) as usize;
         for (place, byte) in flips {
