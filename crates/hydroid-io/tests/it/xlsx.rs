@@ -204,6 +204,13 @@ fn bombs_are_refused() {
     // A text without end, a tag without end.
     refused(&workbook(&(row.clone() + &"x".repeat(2 << 20)), "", &[]), "unpacks to far more");
     refused(&workbook(&format!("{row}<c r=\"{}\"/>", "x".repeat(2 << 20)), "", &[]), "unpacks to far more");
+    // Sheets with the same part, none of which is long for itself.
+    let name = |i: usize| format!(r#"<sheet name="{i}" r:id="a"/>"#);
+    let book = format!("<workbook><sheets>{}</sheets></workbook>", (0..64).map(name).collect::<String>());
+    let rows = row.clone() + "<row><c><v>1</v></c></row>" + &"<row></row>".repeat(1 << 15);
+    let sheet = format!("<worksheet><sheetData>{rows}</sheetData></worksheet>");
+    let parts = [("xl/workbook.xml", &*book), ("xl/_rels/workbook.xml.rels", LINKS), ("xl/s.xml", &sheet)];
+    refused(&package(&parts), "unpacks to far more");
     let strings = format!("<sst>{}</sst>", "<si><t>mode</t></si>".repeat(2 << 20));
     refused(&workbook(&row, "", &[("xl/sharedStrings.xml", &strings)]), "unpacks to far more");
 }
@@ -238,6 +245,32 @@ fn a_damaged_sheet_is_a_loss() {
     let tables = one(&bytes);
     assert_eq!(tables.rows[0].len(), 60);
     assert_eq!(tables.summary.lost_parts, 1, "{:?}", tables.summary);
+}
+
+/// A part may be cut before it is packed, so that its checksum is right.
+#[test]
+fn parts_that_are_cut_are_stated() {
+    let rows = texts(&["t", "u"]) + &"<row><c><v>1</v></c><c><v>2</v></c></row>".repeat(60);
+    let whole = format!("<worksheet><sheetData>{rows}</sheetData></worksheet>");
+    for end in ["</row></sheetData></worksheet>", "</sheetData></worksheet>", "</worksheet>"] {
+        let cut = &whole[..whole.len() - end.len()];
+        let book = r#"<workbook><sheets><sheet name="log" r:id="a"/></sheets></workbook>"#;
+        let bytes =
+            package(&[("xl/workbook.xml", book), ("xl/_rels/workbook.xml.rels", LINKS), ("xl/s.xml", cut)]);
+        let tables = one(&bytes);
+        assert!(tables.rows[0].len() >= 59, "{end}");
+        assert_eq!(tables.summary.lost_parts, 1, "{end}");
+        assert!(
+            tables.summary.losses[0].reason.contains("'log' is damaged behind row"),
+            "{:?}",
+            tables.summary
+        );
+    }
+    // A sheet without rows is whole.
+    let empty = read_bytes("book.xlsx", &workbook("", "", &[])).expect("a workbook");
+    assert_eq!((empty.topics.len(), empty.summary.lost_parts), (0, 0));
+    refused(&workbook(&rows, "", &[("xl/sharedStrings.xml", "<sst><si><t>a</t></si>")]), "is damaged");
+    refused(&workbook(&rows, "", &[("xl/styles.xml", "<styleSheet><cellXfs>")]), "is damaged");
 }
 
 proptest! {

@@ -1,7 +1,9 @@
 //! Parts that the sheets refer to: ECMA-376 part 1, sections 18.2 (workbook), 18.4 (shared strings), 18.8 (styles).
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::io::{Read, Seek};
+use std::rc::Rc;
 
 use zip::ZipArchive;
 
@@ -57,20 +59,37 @@ impl Strings {
     }
 }
 
-/// Bytes of XML that a part may hold. Sheets of equal rows pack 12 to 1, bombs up to 1000 to 1.
-pub(super) fn limit(packed: u64) -> u64 {
-    packed.saturating_mul(100).saturating_add(SMALL)
+/// The package, and the bytes of XML that its parts may hold together.
+pub(super) struct Package<F> {
+    zip: ZipArchive<F>,
+    left: Rc<Cell<u64>>,
+}
+
+impl<F: Read + Seek> Package<F> {
+    /// Of a file of this length. Sheets of equal rows pack 12 to 1, bombs up to 1000 to 1. Parts may have the same place
+    /// in the file, so the limit is that of the file.
+    pub(super) fn new(zip: ZipArchive<F>, length: u64) -> Self {
+        Self { zip, left: Rc::new(Cell::new(length.saturating_mul(100).saturating_add(SMALL))) }
+    }
+
+    /// A part, with its place in the file and its length there.
+    pub(super) fn part(&mut self, name: &str) -> Option<(Xml<impl Read + use<'_, F>>, u64, u64)> {
+        let content = self.zip.by_name(name).ok()?;
+        let (start, size) = (content.data_start().unwrap_or(0), content.compressed_size());
+        Some((Xml::new(content, Rc::clone(&self.left)), start, size))
+    }
 }
 
 /// Parses the parts. `None` if the file is no workbook.
-pub(super) fn load<F: Read + Seek>(zip: &mut ZipArchive<F>) -> Result<Option<Book>, Stop> {
-    let root = relations(zip, "_rels/.rels")?.into_iter().find(|link| link.kind.ends_with("/officeDocument"));
+pub(super) fn load<F: Read + Seek>(package: &mut Package<F>) -> Result<Option<Book>, Stop> {
+    let root =
+        relations(package, "_rels/.rels")?.into_iter().find(|link| link.kind.ends_with("/officeDocument"));
     let path = root.map_or("xl/workbook.xml".to_owned(), |link| resolve("", &link.target));
     let (folder, file) = path.rsplit_once('/').unwrap_or(("", &path));
     let mut book = Book::default();
     let mut sheets = Vec::new();
     let mut is_workbook = false;
-    let found = each(zip, &path, |step| {
+    let found = each(package, &path, |step| {
         if let Step::Open(tag, _) = step {
             match tag.local_name().as_ref() {
                 "workbook" => is_workbook = true,
@@ -96,7 +115,7 @@ pub(super) fn load<F: Read + Seek>(zip: &mut ZipArchive<F>) -> Result<Option<Boo
     if !found || !is_workbook {
         return Ok(None);
     }
-    let links = relations(zip, &resolve(folder, &format!("_rels/{file}.rels")))?;
+    let links = relations(package, &resolve(folder, &format!("_rels/{file}.rels")))?;
     for (name, id) in sheets {
         match links.iter().find(|link| Some(&link.id) == id.as_ref()) {
             Some(link) if link.kind.ends_with("/worksheet") => {
@@ -112,20 +131,18 @@ pub(super) fn load<F: Read + Seek>(zip: &mut ZipArchive<F>) -> Result<Option<Boo
         let link = links.iter().find(|link| link.kind.ends_with(kind));
         resolve(folder, link.map_or(usual, |link| &link.target))
     };
-    book.styles = styles(zip, &part("/styles", "styles.xml"))?;
-    book.strings = strings(zip, &part("/sharedStrings", "sharedStrings.xml"))?;
+    book.styles = styles(package, &part("/styles", "styles.xml"))?;
+    book.strings = strings(package, &part("/sharedStrings", "sharedStrings.xml"))?;
     Ok(Some(book))
 }
 
 /// Gives the steps of a part; false if there is no such part.
 fn each<F: Read + Seek>(
-    zip: &mut ZipArchive<F>,
+    package: &mut Package<F>,
     part: &str,
     mut take: impl FnMut(&Step<'_>),
 ) -> Result<bool, Stop> {
-    let Ok(content) = zip.by_name(part) else { return Ok(false) };
-    let size = limit(content.compressed_size());
-    let mut xml = Xml::new(content, size);
+    let Some((mut xml, ..)) = package.part(part) else { return Ok(false) };
     loop {
         let end = xml.next(|step| {
             take(&step);
@@ -144,9 +161,9 @@ struct Link {
     target: String,
 }
 
-fn relations<F: Read + Seek>(zip: &mut ZipArchive<F>, part: &str) -> Result<Vec<Link>, Stop> {
+fn relations<F: Read + Seek>(package: &mut Package<F>, part: &str) -> Result<Vec<Link>, Stop> {
     let mut links = Vec::new();
-    each(zip, part, |step| {
+    each(package, part, |step| {
         if let Step::Open(tag, _) = step
             && tag.local_name().as_ref() == "Relationship"
             && links.len() < 2 * MOST_SHEETS
@@ -175,11 +192,11 @@ fn resolve(folder: &str, target: &str) -> String {
     path.join("/")
 }
 
-fn styles<F: Read + Seek>(zip: &mut ZipArchive<F>, part: &str) -> Result<Vec<Style>, Stop> {
+fn styles<F: Read + Seek>(package: &mut Package<F>, part: &str) -> Result<Vec<Style>, Stop> {
     let mut custom = BTreeMap::new();
     let mut styles = Vec::new();
     let mut in_cells = false;
-    each(zip, part, |step| match step {
+    each(package, part, |step| match step {
         Step::Open(tag, _) => match tag.local_name().as_ref() {
             "cellXfs" => in_cells = true,
             "numFmt" if custom.len() < MOST_STYLES => {
@@ -237,10 +254,10 @@ fn format(code: &str) -> Style {
     }
 }
 
-fn strings<F: Read + Seek>(zip: &mut ZipArchive<F>, part: &str) -> Result<Strings, Stop> {
+fn strings<F: Read + Seek>(package: &mut Package<F>, part: &str) -> Result<Strings, Stop> {
     let mut strings = Strings::default();
     let (mut in_text, mut in_phonetic) = (false, false);
-    each(zip, part, |step| match step {
+    each(package, part, |step| match step {
         Step::Open(tag, closed) => match tag.local_name().as_ref() {
             "t" => in_text = !closed,
             "rPh" => in_phonetic = !closed,

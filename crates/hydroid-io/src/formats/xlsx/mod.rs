@@ -14,10 +14,10 @@ use std::rc::Rc;
 
 use zip::ZipArchive;
 
-use self::book::{Sheet, limit};
+use self::book::{Package, Sheet};
 use self::rows::{Row, Rows};
 use self::table::Table;
-use self::xml::{Stop, Xml};
+use self::xml::Stop;
 use crate::error::IoError;
 use crate::input::Input;
 use crate::sink::{Sink, Summary};
@@ -53,9 +53,10 @@ pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, Io
         File::open(input.path()).map_err(|source| IoError::Read { path: input.path().to_owned(), source })?;
     let read = Rc::new(Shared::new(0));
     let counted = Counted { file, read: Rc::clone(&read) };
-    let mut zip = ZipArchive::new(BufReader::new(counted))
+    let zip = ZipArchive::new(BufReader::new(counted))
         .map_err(|_| input.damaged("the directory of the package is damaged", AGAIN))?;
-    let book = match book::load(&mut zip) {
+    let mut package = Package::new(zip, input.length());
+    let book = match book::load(&mut package) {
         Ok(Some(book)) => book,
         Ok(None) => return Err(input.damaged("this is a ZIP file that holds no workbook", AGAIN)),
         Err(Stop::Damaged) => return Err(input.damaged("the list of the sheets or styles is damaged", AGAIN)),
@@ -67,12 +68,11 @@ pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, Io
     }
     let mut topics = 0;
     for Sheet { name, part } in &book.sheets {
-        let Ok(content) = zip.by_name(part) else {
+        let Some((xml, start, size)) = package.part(part) else {
             summary.lose(0, 0, &format!("sheet '{name}' is not in the package, or packed in an unknown way"));
             continue;
         };
-        let (start, size) = (content.data_start().unwrap_or(0), content.compressed_size());
-        let mut rows = Rows::new(Xml::new(content, limit(size)), &book);
+        let mut rows = Rows::new(xml, &book);
         let mut table = Table::new(name, topics);
         let mut row = Row::default();
         let end = loop {

@@ -1,6 +1,8 @@
 //! Parts of a package as XML with limits: a part of a few kilobytes can hold gigabytes of text.
 
+use std::cell::Cell;
 use std::io::{self, BufRead, BufReader, Read};
+use std::rc::Rc;
 
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
@@ -30,13 +32,15 @@ pub(super) enum Step<'a> {
 pub(super) struct Xml<R: Read> {
     reader: Reader<Limited<BufReader<R>>>,
     buffer: Vec<u8>,
+    /// Tags that are open. A part that ends before they are closed is cut.
+    open: usize,
 }
 
 impl<R: Read> Xml<R> {
-    /// A part of at most `size` bytes.
-    pub(super) fn new(content: R, size: u64) -> Self {
-        let limited = Limited { content: BufReader::new(content), event: 0, part: size, over: false };
-        Self { reader: Reader::from_reader(limited), buffer: Vec::new() }
+    /// A part, with the bytes that are left for all parts.
+    pub(super) fn new(content: R, left: Rc<Cell<u64>>) -> Self {
+        let limited = Limited { content: BufReader::new(content), event: 0, left, over: false };
+        Self { reader: Reader::from_reader(limited), buffer: Vec::new(), open: 0 }
     }
 
     /// The next step.
@@ -48,9 +52,16 @@ impl<R: Read> Xml<R> {
                 return Err(if self.reader.get_mut().over { Stop::Bomb } else { Stop::Damaged });
             };
             let step = match &event {
-                Event::Start(tag) => Step::Open(tag, false),
+                Event::Start(tag) => {
+                    self.open += 1;
+                    Step::Open(tag, false)
+                }
                 Event::Empty(tag) => Step::Open(tag, true),
-                Event::End(tag) => return Ok(take(Step::Close(tag.local_name().as_ref().as_bytes()))),
+                Event::End(tag) => {
+                    // The reader refuses an end without a beginning.
+                    self.open = self.open.saturating_sub(1);
+                    return Ok(take(Step::Close(tag.local_name().as_ref().as_bytes())));
+                }
                 Event::Text(text) => return Ok(take(Step::Text(&text.xml10_content()))),
                 Event::CData(text) => return Ok(take(Step::Text(&text.xml10_content()))),
                 Event::GeneralRef(name) => {
@@ -64,6 +75,7 @@ impl<R: Read> Xml<R> {
                     };
                     return Ok(take(Step::Text(letter.unwrap_or('?').encode_utf8(&mut [0; 4]))));
                 }
+                Event::Eof if self.open > 0 => return Err(Stop::Damaged),
                 Event::Eof => Step::End,
                 _ => continue,
             };
@@ -86,11 +98,11 @@ pub(super) fn attribute(tag: &BytesStart<'_>, name: &str) -> Option<String> {
     Some(found.normalized_value(XmlVersion::Implicit1_0).ok()?.into_owned())
 }
 
-/// Bytes with a limit for the part and for each event.
+/// Bytes with a limit for all parts and for each event.
 struct Limited<B> {
     content: B,
     event: usize,
-    part: u64,
+    left: Rc<Cell<u64>>,
     over: bool,
 }
 
@@ -104,16 +116,16 @@ impl<B: BufRead> Read for Limited<B> {
 
 impl<B: BufRead> BufRead for Limited<B> {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
-        if self.event == 0 || self.part == 0 {
+        if self.event == 0 || self.left.get() == 0 {
             self.over = true;
-            return Err(io::Error::other("the part is longer than its limit"));
+            return Err(io::Error::other("the part is longer than the limit"));
         }
         self.content.fill_buf()
     }
 
     fn consume(&mut self, size: usize) {
         self.event = self.event.saturating_sub(size);
-        self.part = self.part.saturating_sub(size as u64);
+        self.left.set(self.left.get().saturating_sub(size as u64));
         self.content.consume(size);
     }
 }
