@@ -295,6 +295,123 @@ fn damaged_pages_are_stated_and_lost_pages_found() {
     assert_eq!(numbers(&read(&circle).0), (0..50).collect::<Vec<u64>>());
 }
 
+/// A page with rows that refer to the same overflow pages, repeated: work that was the product of their numbers.
+#[test]
+fn overflow_pages_belong_to_one_row() {
+    let mut writer = Writer(vec![Vec::new()]);
+    let topics = writer.leaf(&[(1, topic("/x", "std_msgs/msg/UInt8MultiArray", "cdr"))]);
+    let n = 4 << 20;
+    let data = cdr(&[&0u32.to_le_bytes(), &7u32.to_le_bytes(), &(n as u32).to_le_bytes(), &vec![9; n]]);
+    let first = writer.leaf(&[(1, message(1, 1, &data))]);
+    let page = writer.0[first as usize - 1].clone();
+    let cell = page[usize::from(u16::from_be_bytes([page[8], page[9]]))..].to_vec();
+    let count = (PAGE - 8) / (cell.len() + 2);
+    let mut full = vec![0; PAGE];
+    full[0] = 0x0d;
+    full[4] = count as u8;
+    for i in 0..count {
+        let at = PAGE - (i + 1) * cell.len();
+        full[at..at + cell.len()].copy_from_slice(&cell);
+        full[8 + 2 * i..10 + 2 * i].copy_from_slice(&(at as u16).to_be_bytes());
+    }
+    let leaves: Vec<u32> = (0..1000)
+        .map(|_| {
+            writer.0.push(full.clone());
+            writer.0.len() as u32
+        })
+        .collect();
+    let roots: Vec<u32> = leaves.chunks(50).map(|leaves| writer.interior(leaves)).collect();
+    let root = writer.interior(&roots);
+    let bytes = writer.bytes(topics, root);
+    let (all, summary) = read(&bytes);
+    assert_eq!(all.topics[0].rows.len(), 1);
+    assert_eq!(summary.lost_parts, 1000 * count as u64 - 1);
+    assert_eq!(summary.losses[0].reason, "a message is not whole");
+    // A page that refers to itself has the content of no row.
+    let mut circle = bytes;
+    let second = first as usize * PAGE;
+    circle[second..second + 4].copy_from_slice(&(first + 1).to_be_bytes());
+    let (all, summary) = read(&circle);
+    assert!(all.topics.is_empty() && summary.lost_parts == 1000 * count as u64, "{}", summary.lost_parts);
+}
+
+/// Rows that lie upon each other in a page: 64 kB of them gave 2 GB.
+#[test]
+fn rows_that_lie_upon_each_other_are_lost() {
+    let (mut bytes, first) = counting(1);
+    for i in 1..200 {
+        bytes.copy_within(first + 8..first + 10, first + 8 + 2 * i);
+    }
+    bytes[first + 4] = 200;
+    let (all, summary) = read(&bytes);
+    let whole = message(1, 0, &cdr(&[&[0; 8]])).len();
+    assert_eq!(all.topics[0].rows.len(), PAGE / whole);
+    assert_eq!((summary.lost_parts, summary.losses[0].offset), (1, first as u64), "{summary:?}");
+    assert!(summary.losses[0].reason.contains("a row of the table is damaged"));
+}
+
+#[test]
+fn rows_without_their_columns_are_stated() {
+    let value = cdr(&[&[0; 8]]);
+    let mut writer = Writer(vec![Vec::new()]);
+    let topics = writer.leaf(&[
+        (1, topic("/x", "std_msgs/msg/Float64", "cdr")),
+        (2, row(&[V::Null, V::Text("/y"), V::Null, V::Text("cdr")])),
+        (3, row(&[V::Null, V::Text("/z")])),
+    ]);
+    let messages = writer.leaf(&[
+        (1, message(1, 1, &value)),
+        (2, row(&[V::Null, V::Int(1), V::Null, V::Int(2)])),
+        (3, row(&[V::Null, V::Int(1), V::Null, V::Text("2"), V::Blob(&value)])),
+        (4, row(&[V::Null])),
+        (5, row(&[])),
+        (6, message(2, 1, &value)),
+    ]);
+    let (all, summary) = read(&writer.bytes(topics, messages));
+    assert_eq!((all.topics.len(), all.get("/x").rows.len()), (1, 1));
+    let reasons: Vec<&str> = summary.losses.iter().map(|loss| loss.reason.as_str()).collect();
+    let [text, body, topic, unknown] = [
+        "a row of the table lacks a text",
+        "a message lacks its stamp or its data",
+        "a message lacks its topic",
+        "a message of an unknown topic",
+    ];
+    // Losses of one place and one reason are one.
+    assert_eq!(reasons, [text, body, topic, unknown]);
+}
+
+#[test]
+fn wrong_references_to_pages_are_stated() {
+    let (bytes, first) = counting(5);
+    let interior = first + 5 * PAGE;
+    let pointer = interior + usize::from(u16::from_be_bytes([bytes[interior + 12], bytes[interior + 13]]));
+    let number = |page: usize| (page as u32).to_be_bytes();
+    for (place, value) in [
+        (pointer, number(0)),
+        (pointer, number(999)),
+        (pointer, number(interior / PAGE + 1)),
+        (interior + 8, number(u32::MAX as usize)),
+        (interior + 12, [0xff; 4]),
+    ] {
+        let mut wrong = bytes.clone();
+        wrong[place..place + 4].copy_from_slice(&value);
+        let (all, summary) = read(&wrong);
+        let mut found = numbers(&all);
+        found.sort_unstable();
+        assert_eq!(found, (0..50).collect::<Vec<u64>>());
+        assert_eq!(summary.losses[0].offset, interior as u64);
+        assert!(summary.losses[0].reason.contains("refers to pages"), "{summary:?}");
+        assert!(summary.notes[0].contains("messages were found"), "{summary:?}");
+    }
+    let mut writer = Writer(vec![Vec::new()]);
+    let topics = writer.leaf(&[(1, topic("/x", "std_msgs/msg/Float64", "cdr"))]);
+    for root in [0, 999] {
+        let pages = Writer(writer.0.clone());
+        let (_, summary) = read(&pages.bytes(topics, root));
+        assert!(summary.losses[0].reason.contains("first page of a table"), "{summary:?}");
+    }
+}
+
 #[test]
 fn write_ahead_log_is_applied() {
     let (bytes, first) = counting(2);

@@ -27,6 +27,9 @@ pub(crate) struct Database<'a> {
     pages: u64,
     /// A bit for each page that belongs to a table that has been read.
     seen: Vec<u64>,
+    /// A bit for each page that has been read as the rest of a row. Each is that of one row, so rows whose pages are
+    /// linked in a circle or to each other end, and the work is bounded by the length of the file.
+    chained: Vec<u64>,
 }
 
 /// A table: the page of its root and the names of its columns.
@@ -50,6 +53,8 @@ pub(crate) struct Rows {
     number: u64,
     cell: usize,
     cells: usize,
+    /// Bytes of the page that its next rows may have. Rows lie beside each other, so all of them fit into the page.
+    room: usize,
     /// For a search of lost rows: the next page.
     salvage: Option<u64>,
     /// Whether a page of the table was damaged.
@@ -107,7 +112,7 @@ impl<'a> Database<'a> {
         // The log may state more pages than there are.
         let all = wal.as_ref().map_or(0, |wal| wal.pages().min(stored.saturating_add(wal.stored())));
         let pages = stored.max(all).min(u64::from(u32::MAX));
-        Ok(Self { input, wal, page_size, usable, pages, seen: Vec::new() })
+        Ok(Self { input, wal, page_size, usable, pages, seen: Vec::new(), chained: Vec::new() })
     }
 
     pub(crate) fn input(&mut self) -> &mut Input {
@@ -119,40 +124,46 @@ impl<'a> Database<'a> {
         page.saturating_sub(1).saturating_mul(self.page_size as u64)
     }
 
-    /// A table of the file by its name.
-    pub(crate) fn table(&mut self, name: &str, summary: &mut Summary) -> Result<Option<Table>, IoError> {
+    /// The tables of these names, where the file has them.
+    pub(crate) fn tables<const N: usize>(
+        &mut self,
+        names: [&str; N],
+        summary: &mut Summary,
+    ) -> Result<[Option<Table>; N], IoError> {
         let mut rows = Rows::of(1);
         let mut content = Vec::new();
-        // The table of tables is read for each of them.
-        let seen = std::mem::take(&mut self.seen);
-        let mut table = None;
+        let mut tables = [const { None }; N];
         while let Some(cell) = self.next(&mut rows, summary)? {
-            if !self.content(&rows, &cell, &mut content)? {
-                continue;
-            }
+            let whole = self.content(&rows, &cell, &mut content)?;
             // Columns: type, name, tbl_name, rootpage, sql (section 2.6).
-            let values = values(&content, 5);
-            if let [Value::Text(b"table"), Value::Text(found), _, Value::Integer(root), Value::Text(sql)] =
-                values[..]
-                && found.eq_ignore_ascii_case(name.as_bytes())
+            let values = if whole { values(&content, 5) } else { Vec::new() };
+            let [kind, found, _, root, sql] = values[..] else {
+                summary.lose(rows.offset(self), 0, "a row of the table of all tables is not whole");
+                continue;
+            };
+            if let (Value::Text(b"table"), Value::Text(found), Value::Integer(root), Value::Text(sql)) =
+                (kind, found, root, sql)
+                && let Some(at) = names.iter().position(|name| found.eq_ignore_ascii_case(name.as_bytes()))
+                && let Ok(root) = u64::try_from(root)
+                && tables[at].is_none()
             {
-                let columns = columns(&String::from_utf8_lossy(sql));
-                table = u64::try_from(root).ok().map(|root| Table { root, columns });
-                break;
+                tables[at] = Some(Table { root, columns: columns(&String::from_utf8_lossy(sql)) });
             }
         }
-        self.seen = seen;
-        Ok(table)
+        Ok(tables)
     }
 
     /// Moves to the next row of a table.
     pub(crate) fn next(&mut self, rows: &mut Rows, summary: &mut Summary) -> Result<Option<Cell>, IoError> {
         loop {
             while rows.cell < rows.cells {
-                let cell = self.cell(rows);
+                let cell = self.cell(rows).filter(|cell| cell.to - cell.from <= rows.room);
                 rows.cell += 1;
                 match cell {
-                    Some(cell) => return Ok(Some(cell)),
+                    Some(cell) => {
+                        rows.room -= cell.to - cell.from;
+                        return Ok(Some(cell));
+                    }
                     None if rows.salvage.is_none() => {
                         rows.damaged = true;
                         summary.lose(self.offset(rows.number), 0, "a row of the table is damaged");
@@ -160,10 +171,11 @@ impl<'a> Database<'a> {
                     None => {}
                 }
             }
-            let Some(number) = self.next_page(rows) else { return Ok(None) };
+            let Some(number) = self.next_page(rows, summary) else { return Ok(None) };
             rows.number = number;
             (rows.cell, rows.cells) = (0, 0);
             let whole = self.page(number, &mut rows.page)?;
+            rows.room = rows.page.len();
             let head = if number == 1 { HEADER } else { 0 };
             let count = rows
                 .page
@@ -171,7 +183,7 @@ impl<'a> Database<'a> {
                 .map_or(0, |b| usize::from(u16::from_be_bytes([b[0], b[1]])));
             match rows.page.get(head) {
                 Some(&LEAF) => rows.cells = count,
-                Some(&INTERIOR) if rows.salvage.is_none() => self.children(rows, head, count),
+                Some(&INTERIOR) if rows.salvage.is_none() => self.children(rows, head, count, summary),
                 _ if rows.salvage.is_some() => {}
                 _ => {
                     rows.damaged = true;
@@ -184,12 +196,13 @@ impl<'a> Database<'a> {
         }
     }
 
-    fn next_page(&mut self, rows: &mut Rows) -> Option<u64> {
+    fn next_page(&mut self, rows: &mut Rows, summary: &mut Summary) -> Option<u64> {
         let Some(next) = &mut rows.salvage else {
             let page = rows.stack.pop()?;
             // The root is as the table of tables says, which may be wrong.
-            if page > self.pages {
+            if !(1..=self.pages).contains(&page) {
                 rows.damaged = true;
+                summary.lose(self.input.length(), 0, "the first page of a table is outside of the file");
                 return None;
             }
             mark(&mut self.seen, page);
@@ -206,7 +219,7 @@ impl<'a> Database<'a> {
     }
 
     /// Puts the pages below an interior page on the stack (section 1.6). A page is read once, so a circle ends.
-    fn children(&mut self, rows: &mut Rows, head: usize, count: usize) {
+    fn children(&mut self, rows: &mut Rows, head: usize, count: usize, summary: &mut Summary) {
         let pointers = rows.page.get(head + 12..).unwrap_or_default();
         let right = big(rows.page.get(head + 8..).unwrap_or_default());
         let cells = pointers.as_chunks::<2>().0.iter().take(count);
@@ -215,9 +228,13 @@ impl<'a> Database<'a> {
         for page in left.chain(right).map(u64::from) {
             if page > 0 && page <= self.pages && mark(&mut self.seen, page) {
                 rows.stack.push(page);
-            } else {
-                rows.damaged = true;
             }
+        }
+        if rows.stack.len() - first <= count {
+            rows.damaged = true;
+            let reason =
+                "a page of the table refers to pages outside of the file, or to pages that have been read";
+            summary.lose(self.offset(rows.number), 0, reason);
         }
         rows.stack[first..].reverse();
     }
@@ -253,7 +270,7 @@ impl<'a> Database<'a> {
     ) -> Result<bool, IoError> {
         content.clear();
         content.extend_from_slice(rows.beginning(cell));
-        // A row is not longer than the file: pages that point to each other end there.
+        // A row is not longer than the file.
         let most = (LARGEST_PART as u64 / 2).min(self.pages.saturating_mul(self.page_size as u64));
         if cell.size as u64 > most {
             return Ok(false);
@@ -261,7 +278,10 @@ impl<'a> Database<'a> {
         let mut page = Vec::new();
         let mut next = cell.overflow;
         while content.len() < cell.size {
-            if next == 0 || next > self.pages || !self.page(next, &mut page)? {
+            if !(1..=self.pages).contains(&next)
+                || !mark(&mut self.chained, next)
+                || !self.page(next, &mut page)?
+            {
                 return Ok(false);
             }
             mark(&mut self.seen, next);
@@ -281,18 +301,21 @@ impl<'a> Database<'a> {
             Some((input, offset)) => (input, offset),
             None => (&mut *self.input, offset),
         };
-        input.seek(offset)?;
-        if let Some(bytes) = input.window(self.page_size)?.get(..self.page_size) {
-            page.extend_from_slice(bytes);
+        // Pages may come in any order, so nothing beyond the page is read.
+        input.read_at(offset, self.page_size, page)?;
+        if page.len() < self.page_size {
+            page.clear();
+            return Ok(false);
         }
-        Ok(!page.is_empty())
+        input.seek(offset + self.page_size as u64)?;
+        Ok(true)
     }
 }
 
 impl Rows {
     fn of(root: u64) -> Self {
         let (stack, page) = (vec![root], Vec::new());
-        Self { stack, page, number: 0, cell: 0, cells: 0, salvage: None, damaged: false }
+        Self { stack, page, number: 0, cell: 0, cells: 0, room: 0, salvage: None, damaged: false }
     }
 
     /// The rows of a table.
