@@ -67,6 +67,8 @@ impl Input {
                 if wanted == 0 {
                     break;
                 }
+                // The buffer has the memory of the longest window, and no more.
+                self.buffer.reserve_exact(wanted);
                 let read = (&mut self.file).take(wanted as u64).read_to_end(&mut self.buffer);
                 if read.map_err(|source| IoError::Read { path: self.path.clone(), source })? == 0 {
                     self.length = self.start + self.buffer.len() as u64;

@@ -2,7 +2,7 @@
 //! needed, so bags that were not closed are read too.
 
 use super::message::{Channel, Envelope, LONGEST_DEFINITION, LONGEST_TOPIC, Output, Topics, text};
-use super::unpack::{Codec, Unpacker};
+use super::unpack::Codec;
 use crate::error::IoError;
 use crate::input::{Input, LARGEST_PART};
 use crate::sink::{Sink, Summary};
@@ -31,10 +31,9 @@ const CUT: &str = "the file ends in the middle of a record: it was cut or is sti
 pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, IoError> {
     let output = Output { sink, summary: Summary::default() };
     let mut reader = Reader {
-        topics: Topics::new(),
+        topics: Topics::new(input.length()),
         connections: Vec::new(),
         buffer: Vec::new(),
-        unpacker: Unpacker::default(),
         records: 0,
         output,
     };
@@ -54,7 +53,6 @@ struct Reader<'a> {
     connections: Vec<Option<usize>>,
     /// Records of a chunk, unpacked.
     buffer: Vec<u8>,
-    unpacker: Unpacker,
     /// Number of records that have been read.
     records: u64,
     output: Output<'a>,
@@ -151,7 +149,7 @@ impl Reader<'_> {
         let end = usize::try_from(whole.min(rest)).unwrap_or(LARGEST_PART);
         let packed = input.window(end)?.get(before..end).unwrap_or_default();
         let mut buffer = std::mem::take(&mut self.buffer);
-        let unpacked = self.unpacker.unpack(codec, packed, &mut buffer, LARGEST_PART);
+        let unpacked = self.topics.unpacker.unpack(codec, packed, &mut buffer);
         let read = self.records(&buffer, start);
         if whole > rest {
             let reason = "the file ends in the middle of a chunk; messages before its end have been read";

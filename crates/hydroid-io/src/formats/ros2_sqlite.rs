@@ -13,8 +13,9 @@ const REMEDY: &str = "recover the file with 'sqlite3 FILE .recover', or copy it 
 
 pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, IoError> {
     let mut output = Output { sink, summary: Summary::default() };
+    let length = input.length();
     let mut database = Database::open(input, &mut output.summary)?;
-    let mut bag = Bag { topics: Topics::new(), by_id: HashMap::new(), content: Vec::new() };
+    let mut bag = Bag { topics: Topics::new(length), by_id: HashMap::new(), content: Vec::new() };
     let names = ["topics", "messages", "message_definitions"];
     let [topics, messages, definitions] = database.tables(names, &mut output.summary)?;
     let topics = needed(&mut database, "topics", topics)?;

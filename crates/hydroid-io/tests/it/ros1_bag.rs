@@ -211,6 +211,40 @@ fn packed_bombs_do_not_fill_the_memory() {
     assert!(summary.losses.iter().any(|loss| loss.reason.contains("too big")), "{summary:?}");
 }
 
+/// Blocks of LZ4 are 64 KiB: some of these ends are between two of them.
+#[test]
+fn a_packed_chunk_that_is_cut_is_stated() {
+    let head = connection(0, "/x", "p/X", "float64 x");
+    let messages = (0..4000).flat_map(|n| message(0, n, &f64::from(n).to_le_bytes()));
+    let records = [head, messages.collect()].concat();
+    let frame = lz4_flex::frame::FrameInfo::new().block_size(lz4_flex::frame::BlockSize::Max64KB);
+    let mut lz4 = lz4_flex::frame::FrameEncoder::with_frame_info(frame, Vec::new());
+    lz4.write_all(&records).expect("packed");
+    let lz4 = lz4.finish().expect("packed");
+    // Behind the header of 7 bytes, each block has its length in front; the highest bit is set if it is not packed.
+    let mut ends = vec![7];
+    while let Some(length) = lz4[ends[ends.len() - 1]..].first_chunk() {
+        ends.push(ends[ends.len() - 1] + 4 + (u32::from_le_bytes(*length) & (u32::MAX >> 1)) as usize);
+    }
+    assert!(ends.len() > 3 && ends.pop() == Some(lz4.len()), "{ends:?}");
+    let mut bz2 = bzip2::write::BzEncoder::new(Vec::new(), bzip2::Compression::fast());
+    bz2.write_all(&records).expect("packed");
+    for (compression, packed) in [("lz4", lz4), ("bz2", bz2.finish().expect("packed"))] {
+        // The header does not state the size of the content, which would show that it is cut.
+        let bag = |packed: &[u8]| {
+            let header: [(&str, &[u8]); 2] = [("op", &[5]), ("compression", compression.as_bytes())];
+            let (all, summary) = read(&[record(&header, packed)]);
+            (numbers(&all).len(), summary.lost_parts)
+        };
+        assert_eq!(bag(&packed), (4000, 0), "{compression}");
+        assert_eq!(bag(&packed.repeat(2)), (8000, 0), "frames of {compression} may follow each other");
+        let some = (1..packed.len()).step_by(packed.len() / 50);
+        for length in some.chain(ends.iter().copied().filter(|&end| end < packed.len())) {
+            assert!(bag(&packed[..length]).1 > 0, "{compression}, {length} of {} bytes", packed.len());
+        }
+    }
+}
+
 /// Headers that are as long as they may be, where the search for a chunk looks for one: 4 MB that took minutes when
 /// each of them was parsed.
 #[test]

@@ -6,9 +6,8 @@ mod record;
 use std::collections::HashMap;
 
 use self::record::{Chunk, Compression, Fields, HEAD, chunk, head, is_chunk};
-use super::message::{Channel, Envelope, LONGEST_TOPIC, Output, Topics, text};
+use super::message::{Channel, Envelope, LONGEST_DEFINITION, LONGEST_TOPIC, Output, Topics, text};
 use super::time::STAMP_TOO_LARGE;
-use super::unpack::Unpacker;
 use crate::error::IoError;
 use crate::input::{Input, LARGEST_PART};
 use crate::sink::{Sink, Summary};
@@ -36,11 +35,10 @@ const CUT: &str = "the file ends in the middle of a record: it was cut or is sti
 pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, IoError> {
     let output = Output { sink, summary: Summary::default() };
     let mut reader = Reader {
-        topics: Topics::new(),
+        topics: Topics::new(input.length()),
         schemas: HashMap::new(),
         channels: Vec::new(),
         buffer: Vec::new(),
-        unpacker: Unpacker::default(),
         records: 0,
         closed: false,
         more_chunks: true,
@@ -73,7 +71,6 @@ struct Reader<'a> {
     channels: Vec<Option<usize>>,
     /// Records of a chunk, unpacked.
     buffer: Vec<u8>,
-    unpacker: Unpacker,
     /// Number of records that have been read.
     records: u64,
     /// Whether the footer has been seen.
@@ -164,8 +161,9 @@ impl Reader<'_> {
                 self.buffer.extend_from_slice(packed);
             }
             Compression::Codec(codec) => self
+                .topics
                 .unpacker
-                .unpack(codec, packed, &mut self.buffer, LARGEST_PART)
+                .unpack(codec, packed, &mut self.buffer)
                 .map_err(|reason| format!("the chunk {reason}"))?,
             Compression::Unknown => return Err("the compression of the chunk is not supported".to_owned()),
         }
@@ -226,16 +224,18 @@ impl Reader<'_> {
     fn schema(&mut self, body: &[u8]) -> Option<()> {
         let mut fields = Fields(body);
         let id = fields.u16()?;
-        let [name, encoding, text] = [fields.text()?, fields.text()?, fields.text()?];
+        let [name, encoding, definition] = [fields.text()?, fields.text()?, fields.text()?];
         // Schemas are repeated; the first one holds.
         if !self.schemas.contains_key(&id) {
-            if self.topics.spend(body.len().saturating_mul(3)).is_err() {
+            let size = size_of::<SchemaRecord>().saturating_add(body.len());
+            if self.topics.spend(size.saturating_mul(3)).is_err() {
                 self.output.summary.note("schemas are left out: the definitions of the file are too big");
                 return Some(());
             }
-            let [name, encoding, text] =
-                [name, encoding, text].map(|text| String::from_utf8_lossy(text).into_owned());
-            self.schemas.insert(id, SchemaRecord { name, encoding, text });
+            // Each channel has a copy.
+            let [name, encoding] = [name, encoding].map(|name| text(name, LONGEST_TOPIC));
+            let definition = text(definition, LONGEST_DEFINITION);
+            self.schemas.insert(id, SchemaRecord { name, encoding, text: definition });
         }
         Some(())
     }
@@ -307,7 +307,7 @@ impl Reader<'_> {
         if let Compression::Codec(codec) = chunk.compression {
             let packed = input.window(LARGEST_PART / 2)?;
             // The end is missing, so an error is expected; the buffer has what comes before it.
-            let unpacked = self.unpacker.unpack(codec, packed, &mut self.buffer, LARGEST_PART);
+            let unpacked = self.topics.unpacker.unpack(codec, packed, &mut self.buffer);
             if !self.walk(start) || unpacked.is_err() {
                 let reason = "the file ends in the middle of a chunk; messages before its end have been read";
                 self.output.summary.lose(start, rest, reason);

@@ -18,13 +18,13 @@ use self::plan::{Budget, Plan};
 pub(crate) use self::schema::LONGEST_DEFINITION;
 use self::schema::Schema;
 use super::unpack::{Codec, Unpacker, ZSTD_MAGIC};
-use crate::input::LARGEST_PART;
 use crate::sink::{Clock, Sink, Summary, Topic};
 
 /// Memory of all definitions and plans, in bytes.
 const BUDGET: usize = 128 << 20;
 
-/// Topics of a file.
+/// Topics of a file, and channels, several of which may be one topic. The definition of each channel is compared with
+/// the known ones.
 const MOST_TOPICS: usize = 10_000;
 
 /// Index of a topic that is left out.
@@ -83,22 +83,27 @@ pub(crate) struct Topics {
     known: HashMap<Rc<Channel>, usize>,
     names: HashSet<String>,
     budget: Budget,
+    /// Number of channels.
+    channels: usize,
     stated: usize,
     row: Row,
-    unpacker: Unpacker,
+    /// Also for the chunks of the file: what it unpacks is limited as a whole.
+    pub(crate) unpacker: Unpacker,
     unpacked: Vec<u8>,
 }
 
 impl Topics {
-    pub(crate) fn new() -> Self {
+    /// Those of a file of this length.
+    pub(crate) fn new(length: u64) -> Self {
         Self {
             entries: Vec::new(),
             known: HashMap::new(),
             names: HashSet::new(),
             budget: Rc::new(Cell::new(BUDGET)),
+            channels: 0,
             stated: 0,
             row: Row::default(),
-            unpacker: Unpacker::default(),
+            unpacker: Unpacker::new(length),
             unpacked: Vec::new(),
         }
     }
@@ -110,13 +115,16 @@ impl Topics {
 
     /// Index of the topic of a channel; [`LEFT_OUT`], with a note, if there are too many.
     pub(crate) fn add(&mut self, channel: Channel, summary: &mut Summary) -> usize {
-        if let Some(&index) = self.known.get(&channel) {
+        self.channels += 1;
+        let known = if self.channels > MOST_TOPICS { None } else { self.known.get(&channel) };
+        if let Some(&index) = known {
             return index;
         }
-        let texts = [&channel.topic, &channel.type_name, &channel.definition];
+        let Channel { topic, type_name, encoding, definition_encoding, definition } = &channel;
+        let texts = [topic, type_name, encoding, definition_encoding, definition];
         let size = texts.map(String::len).into_iter().fold(size_of::<Entry>(), usize::saturating_add);
         let fits = channel.definition.len() <= LONGEST_DEFINITION && channel.topic.len() <= LONGEST_TOPIC;
-        if self.entries.len() >= MOST_TOPICS || !fits || self.spend(size.saturating_mul(2)).is_err() {
+        if self.channels > MOST_TOPICS || !fits || self.spend(size.saturating_mul(2)).is_err() {
             let name: String = channel.topic.chars().take(60).collect();
             summary.note(format!("{name} is left out: the definitions of the file are too big"));
             return LEFT_OUT;
@@ -258,7 +266,7 @@ fn decode<'a>(
     } else {
         if data.starts_with(&ZSTD_MAGIC) {
             // A bag may compress each message (rosbag2, `compression_mode: MESSAGE`).
-            unpacker.unpack(Codec::Zstd, data, unpacked, LARGEST_PART)?;
+            unpacker.unpack(Codec::Zstd, data, unpacked)?;
             data = unpacked;
         }
         Cursor::cdr(data).map_err(reason)?

@@ -46,8 +46,8 @@ pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, Io
     })?;
     let name = Path::new(input.path()).file_stem().map(|stem| stem.to_string_lossy().into_owned());
     let mut shared = Shared {
+        codecs: Codecs::new(input.length()),
         input,
-        codecs: Codecs::new(),
         summary: Summary::default(),
         block: 256 << 10,
         memory: MEMORY,
