@@ -1,26 +1,24 @@
 //! Readers of logs: files of any format as topics of numbers with time stamps.
 //!
-//! [`scan`] reads a file once and gives each row to a [`Sink`]; [`read`] collects chosen fields in memory.
-//! A file is recognised by its content. Damaged parts are left out and stated in [`Summary::losses`].
+//! [`scan`] reads a file once and gives each row to a [`Sink`]. A file is recognised by its content. Damaged parts are
+//! left out and stated in [`Summary::losses`].
 //!
 //! A topic is a kind of message (`/odom`, `GPS`, `vehicle_attitude`, a sheet). Its fields are numbers; nested fields are
 //! joined with dots, elements of arrays have brackets: `pose.pose.position.x`, `pwm_us[0]`. Truth values are 0 and 1.
 //! Values are those of the file times the scale that the file states; the unit is that of the scaled value.
 //!
 //! Limits: 1 GB of memory whatever a file claims; [`LONGEST_ARRAY`] elements of an array; longer arrays (images, point
-//! clouds) are left out.
+//! clouds) are left out. A part of a file is unpacked by itself, up to 256 MiB. All parts together may unpack to 256 MiB
+//! and 1,000 bytes for each byte of the file, so the time is bounded by its length; what is beyond is stated as lost.
 //!
-//! Order of the modules, each of which imports only modules before it: `error`, `sink`, `input`, `formats`, `open`,
-//! `collect`.
+//! Order of the modules, each of which imports only modules before it: `error`, `sink`, `input`, `formats`, `open`.
 
-mod collect;
 mod error;
 mod formats;
 mod input;
 mod open;
 mod sink;
 
-pub use collect::{Column, Recording, TopicColumns, read};
 pub use error::IoError;
 pub use open::{Format, detect, scan};
 pub use sink::{Clock, Field, Loss, Sink, Summary, Topic};

@@ -1,28 +1,43 @@
 //! Logs of other programs: every format of `hydroid-io`.
 
-use std::cell::Cell;
+use hydroid_io::{Sink, Topic};
 
 use crate::scratch;
 
-/// A recording has a value for each row, and its losses lie in the file.
+/// Number of fields of each topic, and whether its rows have a stamp of reception.
+#[derive(Default)]
+struct Checked(Vec<(usize, Option<bool>)>);
+
+impl Sink for Checked {
+    fn topic(&mut self, id: usize, topic: &Topic) -> bool {
+        assert!(id <= self.0.len(), "topics are numbered in order");
+        if id == self.0.len() {
+            self.0.push((0, None));
+        }
+        assert!(topic.fields.len() >= self.0[id].0, "{}: fields are added", topic.name);
+        self.0[id].0 = topic.fields.len();
+        true
+    }
+
+    fn row(&mut self, id: usize, _: i64, received_ns: Option<i64>, values: &[f64]) {
+        let (fields, received) = &mut self.0[id];
+        assert_eq!(values.len(), *fields, "a value for each field");
+        let first = received.get_or_insert(received_ns.is_some());
+        assert_eq!(*first, received_ns.is_some(), "a stamp of reception for each row or for none");
+    }
+
+    fn proceed(&mut self, done: u64, total: u64) -> bool {
+        assert!(done <= total, "{done} of {total} bytes");
+        true
+    }
+}
+
+/// A recording has a value for each field of a row, and its losses lie in the file.
 pub fn recording(bytes: &[u8]) {
     let path = scratch::path("recording");
     std::fs::write(&path, bytes).expect("the scratch file can be written");
-    let path = path.to_string_lossy();
-    let calls = Cell::new(0_u64);
-    let proceed = |done: u64, total: u64| {
-        assert!(done <= total, "{done} of {total} bytes");
-        calls.set(calls.get() + 1);
-        true
-    };
-    let Ok(found) = hydroid_io::read(&path, &|_, _| true, &proceed) else { return };
-    for topic in &found.topics {
-        let rows = topic.stamps_ns.len();
-        assert!(rows > 0 && [0, rows].contains(&topic.received_ns.len()), "{}", topic.topic.name);
-        assert!(topic.columns.iter().all(|column| column.values.len() == rows), "{}", topic.topic.name);
-        assert_eq!(topic.columns.len(), topic.topic.fields.len(), "{}", topic.topic.name);
-    }
-    let losses = &found.summary.losses;
-    assert!(losses.len() as u64 <= found.summary.lost_parts);
+    let Ok(summary) = hydroid_io::scan(&path.to_string_lossy(), &mut Checked::default()) else { return };
+    let losses = &summary.losses;
+    assert!(losses.len() as u64 <= summary.lost_parts);
     assert!(losses.iter().all(|loss| loss.offset <= bytes.len() as u64), "{losses:?}");
 }
