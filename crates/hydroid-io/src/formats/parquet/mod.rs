@@ -245,7 +245,10 @@ impl Table<'_, '_> {
             let column = Column::new(leaf, chunk, self.shared.input);
             if let Err(reason) = &column {
                 let reason = format!("column '{}': {reason}", leaf.name);
-                self.shared.summary.lose(chunk.start, chunk.length, &reason);
+                // The place is as the footer says, which may be outside of the file.
+                let length = self.shared.input.length();
+                let start = chunk.start.min(length);
+                self.shared.summary.lose(start, chunk.length.min(length - start), &reason);
             }
             columns.push((column.ok(), Cells::default()));
         }

@@ -124,6 +124,11 @@ impl<'a> Database<'a> {
         page.saturating_sub(1).saturating_mul(self.page_size as u64)
     }
 
+    /// Place of a page for the statement of a loss: a page may be in the log alone.
+    fn stated(&self, page: u64) -> u64 {
+        self.offset(page).min(self.input.length())
+    }
+
     /// The tables of these names, where the file has them.
     pub(crate) fn tables<const N: usize>(
         &mut self,
@@ -166,7 +171,7 @@ impl<'a> Database<'a> {
                     }
                     None if rows.salvage.is_none() => {
                         rows.damaged = true;
-                        summary.lose(self.offset(rows.number), 0, "a row of the table is damaged");
+                        summary.lose(self.stated(rows.number), 0, "a row of the table is damaged");
                     }
                     None => {}
                 }
@@ -189,7 +194,7 @@ impl<'a> Database<'a> {
                     rows.damaged = true;
                     if whole {
                         let size = self.page_size as u64;
-                        summary.lose(self.offset(number), size, "a page of the table is damaged");
+                        summary.lose(self.stated(number), size, "a page of the table is damaged");
                     }
                 }
             }
@@ -234,7 +239,7 @@ impl<'a> Database<'a> {
             rows.damaged = true;
             let reason =
                 "a page of the table refers to pages outside of the file, or to pages that have been read";
-            summary.lose(self.offset(rows.number), 0, reason);
+            summary.lose(self.stated(rows.number), 0, reason);
         }
         rows.stack[first..].reverse();
     }
@@ -340,7 +345,7 @@ impl Rows {
 
     /// Place of the page in the file, for the statement of a loss.
     pub(crate) fn offset(&self, database: &Database) -> u64 {
-        database.offset(self.number)
+        database.stated(self.number)
     }
 }
 

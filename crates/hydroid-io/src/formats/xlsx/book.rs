@@ -72,7 +72,7 @@ impl<F: Read + Seek> Package<F> {
         Self { zip, left: Rc::new(Cell::new(length.saturating_mul(100).saturating_add(SMALL))) }
     }
 
-    /// A part, with its place in the file and its length there.
+    /// A part, with its place in the file and its length there, as the directory says.
     pub(super) fn part(&mut self, name: &str) -> Option<(Xml<impl Read + use<'_, F>>, u64, u64)> {
         let content = self.zip.by_name(name).ok()?;
         let (start, size) = (content.data_start().unwrap_or(0), content.compressed_size());

@@ -97,6 +97,9 @@ pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, Io
         match end {
             Err(Stop::Bomb) => return Err(bomb(input)),
             Err(Stop::Damaged) => {
+                // The directory may say places outside of the file.
+                let start = start.min(input.length());
+                let size = size.min(input.length() - start);
                 summary.lose(start, size, &format!("sheet '{name}' is damaged behind row {}", table.lines()));
             }
             Ok(()) => {}
