@@ -1,6 +1,8 @@
 //! Integration tests.
 
 mod dataflash;
+mod golden;
+mod hostile;
 mod mcap;
 mod nmea;
 mod parquet;
@@ -9,7 +11,6 @@ mod ros;
 mod ros1_bag;
 mod ros2_sqlite;
 mod sample;
-mod tables;
 mod ulog;
 mod xlsx;
 

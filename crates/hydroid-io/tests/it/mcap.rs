@@ -2,10 +2,11 @@
 
 use std::io::Write;
 
-use hydroid_io::{IoError, scan};
+use hydroid_io::IoError;
 use proptest::prelude::*;
 
-use crate::ros::{All, Scratch, assert_part_of, assert_sample, cdr, expected, numbers, read_all};
+use crate::recorder::Recorder;
+use crate::ros::{Scratch, assert_part_of, assert_sample, cdr, expected, numbers, read_all};
 use crate::sample;
 
 const MAGIC: &[u8] = b"\x89MCAP0\r\n";
@@ -54,7 +55,7 @@ fn file(records: &[Vec<u8>]) -> Vec<u8> {
     [MAGIC, &records.concat(), &record(0x0f, &[0; 4]), &record(2, &[0; 20]), MAGIC].concat()
 }
 
-fn read(records: &[Vec<u8>]) -> (All, hydroid_io::Summary) {
+fn read(records: &[Vec<u8>]) -> (Recorder, hydroid_io::Summary) {
     Scratch::new("a.mcap").read(&file(records)).expect("read")
 }
 
@@ -406,11 +407,10 @@ fn channels_of_one_name_are_one_topic_if_their_definitions_are_equal() {
 #[test]
 fn unwanted_rows_are_not_given() {
     let Some(path) = sample::file("otter_zstd.mcap") else { return };
-    let mut sink = All { refused: vec!["/imu/data", "/actuators"], ..All::default() };
-    scan(&path, &mut sink).expect("read");
-    assert_eq!(sink.topics.len(), 5);
-    assert_eq!(sink.get("/fix").rows.len(), 556);
-    assert!(sink.get("/actuators").topic.fields.iter().any(|field| field.name == "pwm_us[1]"));
+    let log = Recorder::without(&path, &["/imu/data", "/actuators"]).expect("read");
+    assert_eq!(log.topics.len(), 5);
+    assert_eq!((log.count("/fix"), log.count("/actuators")), (556, 0));
+    assert!(log.get("/actuators").topic.fields.iter().any(|field| field.name == "pwm_us[1]"));
 }
 
 #[test]
@@ -544,7 +544,7 @@ fn files_without_content_are_errors_with_a_place() {
     let scratch = Scratch::new("a.mcap");
     assert!(matches!(scratch.read(b""), Err(IoError::Empty { .. })));
     for bytes in [MAGIC.to_vec(), [MAGIC, &[0; 100]].concat(), [MAGIC, &[5, 1, 2]].concat()] {
-        let error = scratch.read(&bytes).err().expect("an error");
+        let error = scratch.read(&bytes).expect_err("an error");
         assert!(matches!(error, IoError::Damaged { offset: 8, .. }), "{error}");
     }
     let (all, summary) = scratch.read(&file(&[])).expect("an empty recording");

@@ -9,8 +9,9 @@ use proptest::prelude::*;
 use proptest::sample::Index;
 use serde_json::Value;
 
+use crate::golden::{golden, same};
+use crate::recorder::{Recorder, survives};
 use crate::sample;
-use crate::tables::{Tables, golden, read, read_bytes, same, survives};
 
 const GOLDEN: [&str; 5] =
     ["gzip_v1_plain", "lz4_v2_dictionary", "zstd_v2_delta", "snappy_v1_split", "zstd_v1_int96"];
@@ -27,34 +28,45 @@ fn samples_have_the_rows_of_the_log() {
     ] {
         let [zstd, snappy] = ["zstd", "snappy"].map(|codec| {
             let name = format!("otter_{topic}_{codec}");
-            let tables =
-                read(&sample::file(&format!("parquet/{name}.parquet")).expect("a sample")).expect(&name);
-            assert_eq!(tables.topics[0].name, name);
-            assert_eq!((tables.topics[0].type_name.as_str(), tables.topics[0].clock), ("", Clock::Utc));
+            let tables = Recorder::of(&sample::file(&format!("parquet/{name}.parquet")).expect("a sample"))
+                .expect(&name);
+            assert_eq!(tables.topics[0].topic.name, name);
+            assert_eq!(
+                (tables.topics[0].topic.type_name.as_str(), tables.topics[0].topic.clock),
+                ("", Clock::Utc)
+            );
             assert_eq!(tables.summary.lost_parts, 0, "{:?}", tables.summary);
             assert_eq!(
-                tables.rows[0].len() as u64,
+                tables.topics[0].rows.len() as u64,
                 expected["counts"]["parquet rows"][topic].as_u64().unwrap()
             );
             for (field, unit) in &units {
-                assert_eq!(tables.unit(0, field), Some(*unit), "{name} {field}");
+                assert_eq!(tables.topics[0].unit(field), Some(*unit), "{name} {field}");
             }
             for (row, first) in expected["first_rows"][topic].as_array().expect("rows").iter().enumerate() {
                 for (field, value) in first.as_object().expect("a row") {
                     if field == "t" {
-                        assert_eq!(tables.rows[0][row].0, value.as_i64().unwrap());
+                        assert_eq!(tables.topics[0].table()[row].0, value.as_i64().unwrap());
                     } else {
-                        assert_eq!(tables.values(0, field)[row], value.as_f64().unwrap(), "{name} {field}");
+                        assert_eq!(
+                            tables.topics[0].column(field)[row],
+                            value.as_f64().unwrap(),
+                            "{name} {field}"
+                        );
                     }
                 }
             }
             tables
         });
-        assert!(equal(&zstd.rows[0], &snappy.rows[0]), "{topic}");
+        assert!(equal(&zstd.topics[0].table(), &snappy.topics[0].table()), "{topic}");
     }
-    let gnss = read(&sample::file("parquet/otter_gnss_zstd.parquet").expect("a sample")).expect("gnss");
-    assert_eq!(gnss.unit(0, "quality"), None);
-    assert!(gnss.values(0, "cog").iter().all(|cog| cog.is_finite()), "no course is empty in these 120 s");
+    let gnss =
+        Recorder::of(&sample::file("parquet/otter_gnss_zstd.parquet").expect("a sample")).expect("gnss");
+    assert_eq!(gnss.topics[0].unit("quality"), None);
+    assert!(
+        gnss.topics[0].column("cog").iter().all(|cog| cog.is_finite()),
+        "no course is empty in these 120 s"
+    );
 }
 
 fn equal(a: &[(i64, Vec<f64>)], b: &[(i64, Vec<f64>)]) -> bool {
@@ -80,15 +92,15 @@ fn golden_rows() -> (Vec<String>, Vec<(i64, Vec<f64>)>) {
 fn codecs_encodings_and_types_are_those_of_pyarrow() {
     let (names, rows) = golden_rows();
     for name in GOLDEN {
-        let tables = read(&golden(&format!("{name}.parquet"))).expect(name);
-        let topic = &tables.topics[0];
+        let tables = Recorder::of(&golden(&format!("{name}.parquet"))).expect(name);
+        let topic = &tables.topics[0].topic;
         assert_eq!(topic.fields.iter().map(|field| field.name.clone()).collect::<Vec<_>>(), names, "{name}");
         assert_eq!(topic.texts, [("text".to_owned(), "mode0".to_owned())]);
         assert_eq!(tables.summary.losses, [], "{name}");
-        assert!(equal(&tables.rows[0], &rows), "{name}");
+        assert!(equal(&tables.topics[0].table(), &rows), "{name}");
         for (field, unit) in [("f64", "m/s"), ("later", "m"), ("day", "d"), ("stamp_ms", "s"), ("lag", "us")]
         {
-            assert_eq!(tables.unit(0, field), Some(unit), "{name} {field}");
+            assert_eq!(tables.topics[0].unit(field), Some(unit), "{name} {field}");
         }
         for left_out in ["'price'", "'list'", "'pose'", "'text'"] {
             assert!(tables.summary.notes.iter().any(|note| note.contains(left_out)), "{left_out}");
@@ -103,14 +115,14 @@ fn a_damaged_page_costs_its_values_only() {
     // The columns follow each other in the first row group: the damage is in a page of numbers behind the time.
     let at = bytes.len() / 8;
     bytes[at] ^= 1;
-    let tables = read_bytes("damaged.parquet", &bytes).expect("tables");
+    let tables = Recorder::of_bytes(&bytes).expect("tables");
     assert_eq!(tables.summary.lost_parts, 1, "{:?}", tables.summary);
     let loss = &tables.summary.losses[0];
     assert!(loss.reason.contains("checksum"), "{loss:?}");
     assert!((loss.offset..loss.offset + loss.bytes).contains(&(at as u64)), "{loss:?}");
-    assert_eq!(tables.rows[0].len(), rows.len());
+    assert_eq!(tables.topics[0].rows.len(), rows.len());
     let mut lost = vec![0; names.len()];
-    for (row, whole) in tables.rows[0].iter().zip(&rows) {
+    for (row, whole) in tables.topics[0].table().iter().zip(&rows) {
         assert_eq!(row.0, whole.0);
         for (field, (value, whole)) in row.1.iter().zip(&whole.1).enumerate() {
             if !same(*value, *whole) {
@@ -128,15 +140,14 @@ fn a_file_that_is_cut_has_no_footer() {
     let Some(path) = sample::file("parquet/otter_gnss_snappy.parquet") else { return };
     let bytes = fs::read(path).expect("a sample");
     for size in (1000..bytes.len()).step_by(1000).chain([4, 5, 11, 12, bytes.len() - 1]) {
-        let error = read_bytes("cut.parquet", &bytes[..size]).expect_err("no footer");
+        let error = Recorder::of_bytes(&bytes[..size]).expect_err("no footer");
         assert!(matches!(error, IoError::Damaged { .. }), "{error}");
         assert!(error.to_string().contains("write it again"), "{error}");
     }
-    assert!(matches!(read_bytes("empty.parquet", b""), Err(IoError::Empty { .. })));
-    let error = read_bytes("short.parquet", b"PAR1").expect_err("a header alone");
+    assert!(matches!(Recorder::of_bytes(b""), Err(IoError::Empty { .. })));
+    let error = Recorder::of_bytes(b"PAR1").expect_err("a header alone");
     assert!(error.to_string().contains("footer"), "{error}");
-    let error =
-        read_bytes("long.parquet", b"PAR1\0\0\0\0\0\0\xff\xff\xff\xffPAR1").expect_err("a wrong length");
+    let error = Recorder::of_bytes(b"PAR1\0\0\0\0\0\0\xff\xff\xff\xffPAR1").expect_err("a wrong length");
     assert!(error.to_string().contains("4294967295 bytes"), "{error}");
 }
 
@@ -278,8 +289,8 @@ impl Writer {
     }
 }
 
-fn written(columns: &[TestColumn], rows: u64) -> Tables {
-    read_bytes("log.parquet", &Writer::file(columns, rows)).expect("tables")
+fn written(columns: &[TestColumn], rows: u64) -> Recorder {
+    Recorder::of_bytes(&Writer::file(columns, rows)).expect("tables")
 }
 
 #[test]
@@ -304,16 +315,16 @@ fn numbers_named_as_the_time_are_the_time() {
         ("torque", [0.5, 1.5], [0, 1], Clock::None),
     ] {
         let tables = written(&[values.clone(), TestColumn::doubles(name, &times)], 2);
-        assert_eq!(tables.topics[0].clock, clock, "{name}");
-        assert_eq!(tables.rows[0].iter().map(|row| row.0).collect::<Vec<_>>(), stamps, "{name}");
-        assert_eq!(tables.values(0, "u"), [1.0, 2.0]);
-        assert_eq!(tables.unit(0, "u"), Some("m/s"));
+        assert_eq!(tables.topics[0].topic.clock, clock, "{name}");
+        assert_eq!(tables.topics[0].table().iter().map(|row| row.0).collect::<Vec<_>>(), stamps, "{name}");
+        assert_eq!(tables.topics[0].column("u"), [1.0, 2.0]);
+        assert_eq!(tables.topics[0].unit("u"), Some("m/s"));
         // The time stays a field.
-        assert_eq!(tables.topics[0].fields.len(), 2);
+        assert_eq!(tables.topics[0].topic.fields.len(), 2);
         assert_eq!(tables.summary.losses, []);
     }
     let tables = written(&[values, TestColumn::doubles("t", &[1.0, f64::NAN])], 2);
-    assert_eq!(tables.rows[0].len(), 1);
+    assert_eq!(tables.topics[0].rows.len(), 1);
     assert!(tables.summary.notes.iter().any(|note| note.contains("1 rows have no time")));
 }
 
@@ -326,7 +337,10 @@ fn stamps_of_96_bits_may_be_before_1970_but_not_beyond_2262() {
         stamps.iter().flat_map(|(day, ns)| [&ns.to_le_bytes()[..], &day.to_le_bytes()].concat()).collect();
     let time = TestColumn { physical: 3, unpacked: 60, page, ..TestColumn::doubles("time", &[0.0; 5]) };
     let tables = written(&[time, TestColumn::doubles("u", &[1.0, 2.0, 3.0, 4.0, 5.0])], 5);
-    assert_eq!(tables.rows[0].iter().map(|row| row.0).collect::<Vec<_>>(), [5, -1, 106_751 * day + 7]);
+    assert_eq!(
+        tables.topics[0].table().iter().map(|row| row.0).collect::<Vec<_>>(),
+        [5, -1, 106_751 * day + 7]
+    );
     assert!(
         tables.summary.notes.iter().any(|note| note.contains("2 rows have no time")),
         "{:?}",
@@ -343,10 +357,10 @@ fn stamps_beyond_2_to_the_63_are_left_out_and_do_not_wrap() {
         TestColumn { physical: 2, converted: Some(14), page, ..TestColumn::doubles("time_ns", &[0.0; 4]) };
     let tables = written(&[time, TestColumn::doubles("u", &[1.0, 2.0, 3.0, 4.0])], 4);
     assert_eq!(
-        tables.rows[0].iter().map(|row| row.0).collect::<Vec<_>>(),
+        tables.topics[0].table().iter().map(|row| row.0).collect::<Vec<_>>(),
         [1_775_547_840_250_000_001, i64::MAX]
     );
-    assert_eq!(tables.values(0, "u"), [1.0, 4.0]);
+    assert_eq!(tables.topics[0].column("u"), [1.0, 4.0]);
     assert!(
         tables.summary.notes.iter().any(|note| note.contains("2 rows have no time")),
         "{:?}",
@@ -362,19 +376,17 @@ fn a_size_is_not_taken_for_granted() {
         for unpacked in [250 << 20, (1 << 31) - 1, 1 << 40] {
             let bomb = TestColumn { codec, unpacked, ..honest.clone() };
             let tables = written(&[honest.clone(), bomb], 3);
-            assert_eq!(tables.rows[0].len(), 3);
-            assert!(tables.rows[0].iter().all(|(_, values)| values[1].is_nan()), "{codec}");
+            assert_eq!(tables.topics[0].rows.len(), 3);
+            assert!(tables.topics[0].table().iter().all(|(_, values)| values[1].is_nan()), "{codec}");
             assert!(tables.summary.lost_parts >= 1);
         }
     }
     // More values than there are.
     for values in [4, (1 << 31) - 1, (1 << 62) - 1] {
         let tables = written(&[TestColumn { values, ..honest.clone() }], 3);
-        assert_eq!(tables.values(0, "u"), [1.0, 2.0, 3.0]);
-        if let Some(tables) =
-            survives("a.parquet", &Writer::file(&[TestColumn { values, ..honest.clone() }], values))
-        {
-            assert!(tables.rows[0].iter().all(|(_, values)| values[0].is_nan()));
+        assert_eq!(tables.topics[0].column("u"), [1.0, 2.0, 3.0]);
+        if let Some(tables) = survives(&Writer::file(&[TestColumn { values, ..honest.clone() }], values)) {
+            assert!(tables.topics[0].table().iter().all(|(_, values)| values[0].is_nan()));
             assert_eq!(tables.summary.lost_parts, 1);
         }
     }
@@ -383,14 +395,14 @@ fn a_size_is_not_taken_for_granted() {
     let lacks = TestColumn { dictionary: Some((3, [0; 24].to_vec())), ..index.clone() };
     for column in [index.clone(), lacks] {
         let tables = written(&[honest.clone(), TestColumn { name: "v", ..column }], 3);
-        assert!(tables.values(0, "v").iter().all(|value| value.is_nan()));
-        assert_eq!(tables.values(0, "u"), [1.0, 2.0, 3.0]);
+        assert!(tables.topics[0].column("v").iter().all(|value| value.is_nan()));
+        assert_eq!(tables.topics[0].column("u"), [1.0, 2.0, 3.0]);
         assert_eq!(tables.summary.lost_parts, 1);
     }
     let six: Vec<u8> =
         [0.0, 1.0, 2.0, 3.0, 4.0, 5.0].iter().flat_map(|value: &f64| value.to_le_bytes()).collect();
     let has = TestColumn { dictionary: Some((6, six)), ..index };
-    assert_eq!(written(&[has], 3).values(0, "u"), [5.0; 3]);
+    assert_eq!(written(&[has], 3).topics[0].column("u"), [5.0; 3]);
 }
 
 #[test]
@@ -402,8 +414,8 @@ fn a_page_is_not_unpacked_beyond_its_size() {
     for (unpacked, reason) in [(24, "size that it states"), (300 << 20, "larger than 256 MiB")] {
         let bomb = TestColumn { name: "v", codec: 2, unpacked, page: page.clone(), ..honest.clone() };
         let tables = written(&[honest.clone(), bomb], 3);
-        assert_eq!(tables.values(0, "u"), [1.0, 2.0, 3.0]);
-        assert!(tables.values(0, "v").iter().all(|value| value.is_nan()));
+        assert_eq!(tables.topics[0].column("u"), [1.0, 2.0, 3.0]);
+        assert!(tables.topics[0].column("v").iter().all(|value| value.is_nan()));
         assert!(tables.summary.losses[0].reason.contains(reason), "{:?}", tables.summary);
     }
 }
@@ -416,15 +428,15 @@ fn a_run_cannot_give_rows_without_end() {
     let run =
         TestColumn { physical: 0, encoding: 3, unpacked: 10, values, page, ..TestColumn::doubles("on", &[]) };
     let bytes = Writer::file(std::slice::from_ref(&run), 3);
-    assert_eq!(read_bytes("run.parquet", &bytes).expect("tables").values(0, "on"), [1.0; 3]);
+    assert_eq!(Recorder::of_bytes(&bytes).expect("tables").topics[0].column("on"), [1.0; 3]);
     // The sink stops the reading.
-    let stopped = read_bytes("run.parquet", &Writer::file(&[run], values));
+    let stopped = Recorder::of_bytes(&Writer::file(&[run], values));
     assert!(matches!(stopped, Err(IoError::Interrupted)));
 }
 
 #[test]
 fn a_file_with_an_encrypted_footer_says_so() {
-    let error = read_bytes("secret.parquet", b"PAR1\0\0\0\0\0\0\0\0PARE").expect_err("no key");
+    let error = Recorder::of_bytes(b"PAR1\0\0\0\0\0\0\0\0PARE").expect_err("no key");
     assert!(error.to_string().contains("encrypt"), "{error}");
 }
 
@@ -442,7 +454,7 @@ proptest! {
             let at = place.index(bytes.len());
             bytes[at] ^= 1 << bit;
         }
-        survives("flipped.parquet", &bytes);
+        survives(&bytes);
     }
 
     #[test]
@@ -453,7 +465,7 @@ proptest! {
             let at = bytes.len() - 8 - size + place.index(size);
             bytes[at] = byte;
         }
-        survives("flipped.parquet", &bytes);
+        survives(&bytes);
     }
 
     #[test]
@@ -462,6 +474,6 @@ proptest! {
         bytes.extend(&middle);
         bytes.extend(footer.min(u32::try_from(middle.len()).unwrap()).to_le_bytes());
         bytes.extend(b"PAR1");
-        survives("random.parquet", &bytes);
+        survives(&bytes);
     }
 }

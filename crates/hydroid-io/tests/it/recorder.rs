@@ -4,18 +4,51 @@ use std::fs;
 
 use hydroid_io::{IoError, Sink, Summary, Topic, scan};
 
+/// Stamp, stamp of reception, and values as bits, because NaN is not equal to itself.
+pub(crate) type Row = (i64, Option<i64>, Vec<u64>);
+
+/// A topic with all its rows.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Row {
-    pub(crate) stamp_ns: i64,
-    pub(crate) received_ns: Option<i64>,
-    /// Bits, so that NaN equals NaN.
-    values: Vec<u64>,
+pub(crate) struct Rows {
+    pub(crate) topic: Topic,
+    pub(crate) rows: Vec<Row>,
 }
 
+impl Rows {
+    fn field(&self, field: &str) -> usize {
+        let fields = &self.topic.fields;
+        let at = fields.iter().position(|other| other.name == field);
+        at.unwrap_or_else(|| panic!("{field} is none of {fields:?}"))
+    }
+
+    pub(crate) fn unit(&self, field: &str) -> Option<&str> {
+        self.topic.fields[self.field(field)].unit.as_deref()
+    }
+
+    /// A row may be older than the field.
+    pub(crate) fn value(&self, row: usize, field: &str) -> f64 {
+        self.rows[row].2.get(self.field(field)).map_or(f64::NAN, |&bits| f64::from_bits(bits))
+    }
+
+    pub(crate) fn column(&self, field: &str) -> Vec<f64> {
+        (0..self.rows.len()).map(|row| self.value(row, field)).collect()
+    }
+
+    pub(crate) fn stamps(&self) -> Vec<i64> {
+        self.rows.iter().map(|row| row.0).collect()
+    }
+
+    /// Stamps and values.
+    pub(crate) fn table(&self) -> Vec<(i64, Vec<f64>)> {
+        let values = |row: &Row| row.2.iter().map(|&bits| f64::from_bits(bits)).collect();
+        self.rows.iter().map(|row| (row.0, values(row))).collect()
+    }
+}
+
+/// All topics of a file.
 #[derive(Debug, Default)]
 pub(crate) struct Recorder {
-    pub(crate) topics: Vec<Topic>,
-    pub(crate) rows: Vec<Vec<Row>>,
+    pub(crate) topics: Vec<Rows>,
     pub(crate) summary: Summary,
     /// Topics that are not wanted.
     unwanted: Vec<String>,
@@ -25,28 +58,27 @@ impl Sink for Recorder {
     fn topic(&mut self, id: usize, topic: &Topic) -> bool {
         assert!(id <= self.topics.len(), "topics are numbered in order");
         if id == self.topics.len() {
-            assert!(self.topics.iter().all(|other| other.name != topic.name), "{} twice", topic.name);
-            self.topics.push(topic.clone());
-            self.rows.push(Vec::new());
-        } else {
-            let before = &self.topics[id];
-            assert_eq!(before.name, topic.name);
-            assert_eq!(before.fields[..], topic.fields[..before.fields.len()], "fields are added at the end");
-            self.topics[id] = topic.clone();
+            assert!(self.topics.iter().all(|other| other.topic.name != topic.name), "{} twice", topic.name);
+            self.topics.push(Rows { topic: topic.clone(), rows: Vec::new() });
         }
+        let known = &mut self.topics[id].topic;
+        assert_eq!(known.name, topic.name);
+        assert!(topic.fields.starts_with(&known.fields), "fields are added at the end");
+        *known = topic.clone();
         !self.unwanted.contains(&topic.name)
     }
 
     fn row(&mut self, id: usize, stamp_ns: i64, received_ns: Option<i64>, values: &[f64]) {
-        assert_eq!(
-            values.len(),
-            self.topics[id].fields.len(),
-            "a value for each field of {}",
-            self.topics[id].name
-        );
-        assert!(!self.unwanted.contains(&self.topics[id].name), "rows of an unwanted topic");
-        let values = values.iter().map(|value| value.to_bits()).collect();
-        self.rows[id].push(Row { stamp_ns, received_ns, values });
+        let Rows { topic, rows } = &mut self.topics[id];
+        assert_eq!(values.len(), topic.fields.len(), "a value for each field of {}", topic.name);
+        assert!(!self.unwanted.contains(&topic.name), "rows of an unwanted topic");
+        rows.push((stamp_ns, received_ns, values.iter().map(|value| value.to_bits()).collect()));
+    }
+
+    fn proceed(&mut self, done: u64, total: u64) -> bool {
+        assert!(done <= total, "{done} of {total} bytes");
+        // No test has that many rows: a file that claims more is left.
+        self.all() < 100_000
     }
 }
 
@@ -65,51 +97,45 @@ impl Recorder {
 
     /// Of a file with these bytes.
     pub(crate) fn of_bytes(bytes: &[u8]) -> Result<Self, IoError> {
-        let file = tempfile::NamedTempFile::new().expect("a file");
+        // In memory where the system has such a folder: the tests write thousands of files.
+        let file = tempfile::NamedTempFile::new_in("/dev/shm");
+        let file = file.or_else(|_| tempfile::NamedTempFile::new()).expect("a file");
         fs::write(file.path(), bytes).expect("a file");
         Self::of(file.path().to_str().expect("a path"))
     }
 
     pub(crate) fn names(&self) -> Vec<&str> {
-        self.topics.iter().map(|topic| topic.name.as_str()).collect()
+        self.topics.iter().map(|rows| rows.topic.name.as_str()).collect()
     }
 
-    pub(crate) fn find(&self, topic: &str) -> usize {
-        let at = self.topics.iter().position(|other| other.name == topic);
-        at.unwrap_or_else(|| panic!("{topic} is none of {:?}", self.names()))
+    pub(crate) fn get(&self, topic: &str) -> &Rows {
+        let found = self.topics.iter().find(|rows| rows.topic.name == topic);
+        found.unwrap_or_else(|| panic!("{topic} is none of {:?}", self.names()))
     }
 
     pub(crate) fn topic(&self, topic: &str) -> &Topic {
-        &self.topics[self.find(topic)]
+        &self.get(topic).topic
     }
 
     pub(crate) fn count(&self, topic: &str) -> usize {
-        self.rows[self.find(topic)].len()
+        self.get(topic).rows.len()
     }
 
+    /// Number of all rows.
     pub(crate) fn all(&self) -> usize {
-        self.rows.iter().map(Vec::len).sum()
+        self.topics.iter().map(|rows| rows.rows.len()).sum()
     }
 
     pub(crate) fn stamps(&self, topic: &str) -> Vec<i64> {
-        self.rows[self.find(topic)].iter().map(|row| row.stamp_ns).collect()
-    }
-
-    fn field(&self, topic: &str, field: &str) -> usize {
-        let fields = &self.topic(topic).fields;
-        let at = fields.iter().position(|other| other.name == field);
-        at.unwrap_or_else(|| panic!("{field} is none of {fields:?}"))
+        self.get(topic).stamps()
     }
 
     pub(crate) fn unit(&self, topic: &str, field: &str) -> Option<&str> {
-        self.topic(topic).fields[self.field(topic, field)].unit.as_deref()
+        self.get(topic).unit(field)
     }
 
     pub(crate) fn column(&self, topic: &str, field: &str) -> Vec<f64> {
-        let at = self.field(topic, field);
-        let rows = &self.rows[self.find(topic)];
-        // A row may be older than the field.
-        rows.iter().map(|row| row.values.get(at).map_or(f64::NAN, |&bits| f64::from_bits(bits))).collect()
+        self.get(topic).column(field)
     }
 }
 
@@ -124,11 +150,7 @@ pub(crate) fn truncated(bytes: &[u8], step: usize) {
             Err(IoError::Damaged { .. }) => continue,
             Err(error) => panic!("{length} bytes: {error}"),
         };
-        for (topic, rows) in part.topics.iter().zip(&part.rows) {
-            let all = &whole.rows[whole.find(&topic.name)];
-            assert!(rows.len() <= all.len(), "{length} bytes: {} rows of {}", rows.len(), topic.name);
-            assert_eq!(rows[..], all[..rows.len()], "{length} bytes: {}", topic.name);
-        }
+        assert_part_of(&part, &whole);
         assert!(part.all() >= seen, "{length} bytes give fewer rows than before");
         assert!(part.summary.lost_bytes <= length as u64);
         seen = part.all();
@@ -136,15 +158,37 @@ pub(crate) fn truncated(bytes: &[u8], step: usize) {
     assert!(seen * 10 > whole.all() * 9, "{seen} of {} rows before the end", whole.all());
 }
 
-/// Reads a file that may be damaged in any way.
+/// Asserts that a damaged file gives the first rows of each topic of the whole file, and nothing else.
+pub(crate) fn assert_part_of(part: &Recorder, whole: &Recorder) {
+    for Rows { topic, rows } in &part.topics {
+        let all = &whole.get(&topic.name).rows;
+        assert!(rows.len() <= all.len(), "{} rows of {}", rows.len(), topic.name);
+        assert_eq!(rows[..], all[..rows.len()], "{}", topic.name);
+    }
+}
+
+/// Reads a file that may be damaged in any way: it has an error that says so, or topics, and losses within the file.
 pub(crate) fn survives(bytes: &[u8]) -> Option<Recorder> {
     match Recorder::of_bytes(bytes) {
         Ok(read) => {
-            assert!(read.summary.lost_bytes <= bytes.len() as u64, "{:?}", read.summary);
-            assert!(read.all() <= bytes.len());
+            assert!(
+                read.summary.losses.iter().all(|loss| loss.offset <= bytes.len() as u64),
+                "{:?}",
+                read.summary
+            );
             Some(read)
         }
-        Err(IoError::Damaged { .. } | IoError::Unknown { .. } | IoError::Empty { .. }) => None,
+        Err(
+            IoError::Damaged { .. } | IoError::Unknown { .. } | IoError::Empty { .. } | IoError::Interrupted,
+        ) => None,
         Err(error) => panic!("{error}"),
     }
+}
+
+/// As [`survives`], of a format whose bytes are read once, one behind the other.
+pub(crate) fn survives_in_order(bytes: &[u8]) -> Option<Recorder> {
+    let read = survives(bytes)?;
+    assert!(read.summary.lost_bytes <= bytes.len() as u64, "{:?}", read.summary);
+    assert!(read.all() <= bytes.len());
+    Some(read)
 }

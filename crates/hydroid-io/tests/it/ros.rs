@@ -1,69 +1,15 @@
 //! What the tests of MCAP and of the bags share: collected rows, and the content of the samples.
 
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use hydroid_io::{IoError, Sink, Summary, Topic, scan};
+use hydroid_io::{IoError, Summary};
 
-/// A topic with all its rows.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Rows {
-    pub(crate) topic: Topic,
-    /// Stamp, stamp of reception, and values as bits, because NaN is not equal to itself.
-    pub(crate) rows: Vec<(i64, Option<i64>, Vec<u64>)>,
-}
+use crate::recorder::{self, Recorder};
 
-impl Rows {
-    pub(crate) fn value(&self, row: usize, field: &str) -> f64 {
-        let column = self.topic.fields.iter().position(|f| f.name == field);
-        let column = column.unwrap_or_else(|| panic!("no field {field} in {:?}", self.topic.fields));
-        self.rows[row].2.get(column).map_or(f64::NAN, |&bits| f64::from_bits(bits))
-    }
-}
-
-/// All topics of a file.
-#[derive(Default)]
-pub(crate) struct All {
-    pub(crate) topics: Vec<Rows>,
-    /// Topics whose rows are refused.
-    pub(crate) refused: Vec<&'static str>,
-}
-
-impl Sink for All {
-    fn topic(&mut self, id: usize, topic: &Topic) -> bool {
-        assert!(id <= self.topics.len(), "topics are numbered in order");
-        if id == self.topics.len() {
-            self.topics.push(Rows { topic: topic.clone(), rows: Vec::new() });
-        }
-        let known = &mut self.topics[id].topic;
-        assert!(topic.fields.starts_with(&known.fields), "fields are added at the end");
-        *known = topic.clone();
-        !self.refused.contains(&topic.name.as_str())
-    }
-
-    fn row(&mut self, id: usize, stamp_ns: i64, received_ns: Option<i64>, values: &[f64]) {
-        let rows = &mut self.topics[id];
-        assert!(!self.refused.contains(&rows.topic.name.as_str()), "a row that is not wanted");
-        assert_eq!(values.len(), rows.topic.fields.len());
-        rows.rows.push((stamp_ns, received_ns, values.iter().map(|value| value.to_bits()).collect()));
-    }
-}
-
-impl All {
-    pub(crate) fn by_name(&self) -> BTreeMap<&str, &Rows> {
-        self.topics.iter().map(|rows| (rows.topic.name.as_str(), rows)).collect()
-    }
-
-    pub(crate) fn get(&self, name: &str) -> &Rows {
-        let by_name = self.by_name();
-        by_name.get(name).copied().unwrap_or_else(|| panic!("no topic {name} in {:?}", by_name.keys()))
-    }
-}
-
-pub(crate) fn read_all(path: &str) -> Result<(All, Summary), IoError> {
-    let mut all = All::default();
-    let summary = scan(path, &mut all)?;
+pub(crate) fn read_all(path: &str) -> Result<(Recorder, Summary), IoError> {
+    let mut all = Recorder::of(path)?;
+    let summary = std::mem::take(&mut all.summary);
     Ok((all, summary))
 }
 
@@ -79,28 +25,22 @@ impl Scratch {
         self.0.path().join(self.1)
     }
 
-    pub(crate) fn read(&self, bytes: &[u8]) -> Result<(All, Summary), IoError> {
+    pub(crate) fn read(&self, bytes: &[u8]) -> Result<(Recorder, Summary), IoError> {
         std::fs::write(self.path(), bytes).expect("written");
         read_all(&self.path().to_string_lossy())
     }
 }
 
-/// Asserts that a damaged file gives a part of the rows of the whole file, and nothing else.
-pub(crate) fn assert_part_of(part: &Result<(All, Summary), IoError>, whole: &All) {
+/// Asserts that a damaged file gives a part of the rows of the whole file, or an error.
+pub(crate) fn assert_part_of(part: &Result<(Recorder, Summary), IoError>, whole: &Recorder) {
     match part {
-        Ok((part, _)) => {
-            for rows in &part.topics {
-                let all = whole.get(&rows.topic.name);
-                assert!(rows.rows.len() <= all.rows.len());
-                assert_eq!(rows.rows[..], all.rows[..rows.rows.len()], "{}", rows.topic.name);
-            }
-        }
+        Ok((part, _)) => recorder::assert_part_of(part, whole),
         Err(error) => assert!(matches!(error, IoError::Damaged { .. } | IoError::Empty { .. }), "{error}"),
     }
 }
 
 /// Asserts what README.md and expected.json of the samples say about the messages.
-pub(crate) fn assert_sample(all: &All, expected: &str, stamp_of_reception: bool) {
+pub(crate) fn assert_sample(all: &Recorder, expected: &str, stamp_of_reception: bool) {
     let expected: serde_json::Value = serde_json::from_str(expected).expect("expected.json");
     for (topic, count) in expected["counts"]["mcap and bags"].as_object().expect("counts") {
         assert_eq!(all.get(topic).rows.len() as u64, count.as_u64().expect("a count"), "{topic}");
@@ -187,7 +127,7 @@ pub(crate) fn cdr(parts: &[&[u8]]) -> Vec<u8> {
     clippy::cast_sign_loss,
     reason = "the tests write small whole numbers"
 )]
-pub(crate) fn numbers(all: &All) -> Vec<u64> {
+pub(crate) fn numbers(all: &Recorder) -> Vec<u64> {
     let rows = all.topics.first().map_or(&[][..], |rows| &rows.rows);
     rows.iter().map(|row| f64::from_bits(row.2[0]) as u64).collect()
 }

@@ -5,7 +5,8 @@ use std::io::Write;
 use hydroid_io::{IoError, Summary};
 use proptest::prelude::*;
 
-use crate::ros::{All, Scratch, assert_part_of, assert_sample, expected, numbers, read_all};
+use crate::recorder::Recorder;
+use crate::ros::{Scratch, assert_part_of, assert_sample, expected, numbers, read_all};
 use crate::sample;
 
 const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
@@ -52,7 +53,7 @@ fn chunk(compression: &str, records: &[u8]) -> Vec<u8> {
     record(&[("op", &[5]), ("compression", compression.as_bytes()), ("size", &size)], &packed)
 }
 
-fn read(records: &[Vec<u8>]) -> (All, Summary) {
+fn read(records: &[Vec<u8>]) -> (Recorder, Summary) {
     Scratch::new("a.bag").read(&[MAGIC, &records.concat()].concat()).expect("read")
 }
 
@@ -264,7 +265,7 @@ fn files_without_content_are_errors_with_a_place() {
     let scratch = Scratch::new("a.bag");
     assert!(matches!(scratch.read(b""), Err(IoError::Empty { .. })));
     for bytes in [MAGIC.to_vec(), [MAGIC, &[0xff; 100]].concat(), [MAGIC, &[1, 2]].concat()] {
-        let error = scratch.read(&bytes).err().expect("an error");
+        let error = scratch.read(&bytes).expect_err("an error");
         assert!(matches!(error, IoError::Damaged { offset: 13, .. }), "{error}");
     }
 }

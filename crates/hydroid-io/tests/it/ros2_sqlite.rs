@@ -6,7 +6,8 @@ use std::collections::HashSet;
 use hydroid_io::{IoError, Summary};
 use proptest::prelude::*;
 
-use crate::ros::{All, Scratch, assert_sample, cdr, expected, numbers, read_all};
+use crate::recorder::Recorder;
+use crate::ros::{Scratch, assert_sample, cdr, expected, numbers, read_all};
 use crate::sample;
 
 const SAMPLE: &str = "otter_ros2_sqlite/otter_ros2_sqlite.db3";
@@ -164,7 +165,7 @@ fn counting(pages: u32) -> (Vec<u8>, usize) {
     (writer.bytes(topics, root), first * PAGE)
 }
 
-fn read(bytes: &[u8]) -> (All, Summary) {
+fn read(bytes: &[u8]) -> (Recorder, Summary) {
     Scratch::new("a.db3").read(bytes).expect("read")
 }
 
@@ -463,7 +464,7 @@ fn files_without_bag_are_errors_with_a_place() {
     for bytes in
         [&b"SQLite format 3\0"[..], &bytes[..100], &[b"SQLite format 3\0", &[0xff; 5000][..]].concat()]
     {
-        let error = scratch.read(bytes).err().expect("an error");
+        let error = scratch.read(bytes).expect_err("an error");
         assert!(matches!(error, IoError::Damaged { .. }), "{error}");
     }
 }

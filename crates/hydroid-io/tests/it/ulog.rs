@@ -5,7 +5,7 @@ use std::fs;
 use hydroid_io::{Clock, Format, IoError, detect};
 use proptest::prelude::*;
 
-use crate::recorder::{Recorder, survives, truncated};
+use crate::recorder::{Recorder, survives_in_order, truncated};
 use crate::sample;
 
 /// 2026-04-07T07:44:00Z, the start of the run, 42 s after that of the device.
@@ -405,8 +405,8 @@ proptest! {
         let mut writer = Writer::counter();
         writer.count(1).count(2);
         let at = 16 + at.index(writer.bytes.len() - 16);
-        survives(&[&writer.bytes[..at], &rubbish, &writer.bytes[at..]].concat());
-        survives(&[&writer.bytes[..16], &rubbish[..]].concat());
+        survives_in_order(&[&writer.bytes[..at], &rubbish, &writer.bytes[at..]].concat());
+        survives_in_order(&[&writer.bytes[..16], &rubbish[..]].concat());
     }
 
     #[test]
@@ -420,7 +420,7 @@ proptest! {
             let at = 2000 + at.index(bytes.len() - 2000);
             bytes[at] ^= flip;
         }
-        let log = survives(&bytes).expect("a log");
+        let log = survives_in_order(&bytes).expect("a log");
         prop_assert!(log.all() + 60 >= 7790 && log.all() <= 7790, "{} rows", log.all());
     }
 }

@@ -9,29 +9,30 @@ use proptest::sample::Index;
 use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
-use crate::tables::{Tables, golden, read, read_bytes, same, survives};
+use crate::golden::{golden, same};
+use crate::recorder::{Recorder, survives};
 
 const START: i64 = 1_775_547_840_000_000_000;
 
 #[test]
 fn a_workbook_of_openpyxl_is_read() {
-    let book = read(&golden("book.xlsx")).expect("a workbook");
-    let names: Vec<&str> = book.topics.iter().map(|topic| topic.name.as_str()).collect();
+    let book = Recorder::of(&golden("book.xlsx")).expect("a workbook");
+    let names: Vec<&str> = book.names();
     assert_eq!(names, ["gnss", "imu & more", "iso", "rows"]);
     assert_eq!(book.summary.losses, []);
     assert!(book.summary.notes.iter().any(|note| note.contains("'notes'")), "{:?}", book.summary.notes);
 
-    assert_eq!(book.topics[0].clock, Clock::Utc);
-    assert_eq!(book.topics[0].texts, [("mode".to_owned(), "auto".to_owned())]);
+    assert_eq!(book.topics[0].topic.clock, Clock::Utc);
+    assert_eq!(book.topics[0].topic.texts, [("mode".to_owned(), "auto".to_owned())]);
     assert_eq!(
-        (book.unit(0, "lat"), book.unit(0, "sog"), book.unit(0, "fix")),
+        (book.topics[0].unit("lat"), book.topics[0].unit("sog"), book.topics[0].unit("fix")),
         (Some("deg"), Some("kn"), None)
     );
-    assert_eq!(book.rows[0].len(), 120);
-    let [lat, sog, fix, quality] = ["lat", "sog", "fix", "quality"].map(|field| book.values(0, field));
+    assert_eq!(book.topics[0].rows.len(), 120);
+    let [lat, sog, fix, quality] = ["lat", "sog", "fix", "quality"].map(|field| book.topics[0].column(field));
     for i in 0..120 {
         let n = i as f64;
-        assert_eq!(book.rows[0][i].0, START + 1_000_000 * (769 + 200 * i64::try_from(i).unwrap()));
+        assert_eq!(book.topics[0].table()[i].0, START + 1_000_000 * (769 + 200 * i64::try_from(i).unwrap()));
         assert!((lat[i] - (63.44 + n * 1e-6)).abs() < 1e-12);
         assert!(same(sog[i], if i % 10 == 9 { f64::NAN } else { 1.25 * n }));
         assert_eq!(fix[i], if i % 2 == 0 { 1.0 } else { 0.0 });
@@ -39,23 +40,26 @@ fn a_workbook_of_openpyxl_is_read() {
         assert!(same(quality[i], if i == 5 { f64::NAN } else { 4.0 }));
     }
 
-    assert_eq!(book.topics[1].clock, Clock::None);
+    assert_eq!(book.topics[1].topic.clock, Clock::None);
     assert_eq!(
-        ["t", "wz", "acc_x", "clock", "day"].map(|field| book.unit(1, field)),
+        ["t", "wz", "acc_x", "clock", "day"].map(|field| book.topics[1].unit(field)),
         [Some("s"), Some("rad/s"), Some("m/s2"), Some("s"), Some("s")]
     );
-    assert_eq!(book.rows[1].len(), 60);
-    for (i, (stamp, values)) in book.rows[1].iter().enumerate() {
+    assert_eq!(book.topics[1].rows.len(), 60);
+    for (i, (stamp, values)) in book.topics[1].table().iter().enumerate() {
         let n = i as f64;
         assert_eq!(*stamp, 20_000_000 * i64::try_from(i).unwrap());
         assert!((values[1] + 0.00255 * n).abs() < 1e-12);
         assert_eq!(values[2..], [-0.402, 7.0 * 3600.0 + 44.0 * 60.0 + n, 1_775_520_000.0]);
     }
 
-    assert_eq!(book.rows[2], [(START + 3_000_000, vec![1824.0]), (START + 111_000_000, vec![1884.0])]);
-    assert_eq!(book.unit(2, "servo"), Some("us"));
-    assert_eq!(book.topics[3].clock, Clock::None);
-    assert_eq!(book.rows[3], [(0, vec![1.0, 2.0]), (1, vec![3.0, 4.0])]);
+    assert_eq!(
+        book.topics[2].table(),
+        [(START + 3_000_000, vec![1824.0]), (START + 111_000_000, vec![1884.0])]
+    );
+    assert_eq!(book.topics[2].unit("servo"), Some("us"));
+    assert_eq!(book.topics[3].topic.clock, Clock::None);
+    assert_eq!(book.topics[3].table(), [(0, vec![1.0, 2.0]), (1, vec![3.0, 4.0])]);
 }
 
 /// A package with these parts.
@@ -84,8 +88,8 @@ fn texts(names: &[&str]) -> String {
     format!("<row>{}</row>", names.iter().map(cell).collect::<String>())
 }
 
-fn one(bytes: &[u8]) -> Tables {
-    let tables = read_bytes("book.xlsx", bytes).expect("a workbook");
+fn one(bytes: &[u8]) -> Recorder {
+    let tables = Recorder::of_bytes(bytes).expect("a workbook");
     assert_eq!(tables.topics.len(), 1, "{:?}", tables.summary);
     tables
 }
@@ -96,11 +100,11 @@ fn cells_without_a_place_count_on_and_entities_are_letters() {
         + "<row><c><v>1</v></c><c><f>A1+1</f><v>2</v></c></row><row/>"
         + r#"<row r="9"><c r="B9"><v>4e-1</v></c></row><row><c t="b"><v>1</v></c><c t="e"><v>#REF!</v></c></row>"#;
     let tables = one(&workbook(&rows, "", &[]));
-    assert_eq!(tables.unit(0, "a <b>"), Some("m/s"));
-    assert_eq!(tables.values(0, "a <b>")[0], 1.0);
-    assert!(tables.values(0, "a <b>")[1].is_nan());
-    assert_eq!(tables.values(0, "a <b>")[2], 1.0);
-    let c = tables.values(0, "c");
+    assert_eq!(tables.topics[0].unit("a <b>"), Some("m/s"));
+    assert_eq!(tables.topics[0].column("a <b>")[0], 1.0);
+    assert!(tables.topics[0].column("a <b>")[1].is_nan());
+    assert_eq!(tables.topics[0].column("a <b>")[2], 1.0);
+    let c = tables.topics[0].column("c");
     assert_eq!(c[..2], [2.0, 0.4]);
     assert!(c[2].is_nan());
 }
@@ -132,18 +136,18 @@ fn formats_tell_dates_from_numbers() {
         ("0", 0, None),
     ] {
         let tables = one(&workbook(&rows(style), "", &[("xl/styles.xml", &styles(code))]));
-        let stamps: Vec<i64> = tables.rows[0].iter().map(|row| row.0).collect();
+        let stamps: Vec<i64> = tables.topics[0].table().iter().map(|row| row.0).collect();
         assert_eq!(stamps, expected.map_or(vec![0, 1], Clone::clone), "{code}");
     }
     // A duration is a number of seconds.
     for (code, style) in [("[h]:mm:ss", 1), ("0", 3)] {
         let tables = one(&workbook(&rows(style), "", &[("xl/styles.xml", &styles(code))]));
-        assert_eq!(tables.values(0, "when"), [46_119.5 * 86_400.0, 46_120.25 * 86_400.0]);
-        assert_eq!(tables.unit(0, "when"), Some("s"));
+        assert_eq!(tables.topics[0].column("when"), [46_119.5 * 86_400.0, 46_120.25 * 86_400.0]);
+        assert_eq!(tables.topics[0].unit("when"), Some("s"));
     }
     let tables =
         one(&workbook(&rows(2), r#"<workbookPr date1904="1"/>"#, &[("xl/styles.xml", &styles("0"))]));
-    assert_eq!(tables.rows[0][0].0, dates[0] + 1462 * day);
+    assert_eq!(tables.topics[0].table()[0].0, dates[0] + 1462 * day);
 }
 
 #[test]
@@ -163,7 +167,7 @@ fn texts_are_dates_only_if_the_day_exists() {
             let rows = texts(&["time", "u"])
                 + &format!(r#"<row><c t="str"><v>{day}{time}</v></c><c><v>1</v></c></row>"#)
                 + r#"<row><c t="str"><v>2026-05-01</v></c><c><v>2</v></c></row>"#;
-            let clock = one(&workbook(&rows, "", &[])).topics[0].clock;
+            let clock = one(&workbook(&rows, "", &[])).topics[0].topic.clock;
             assert_eq!(clock == Clock::Utc, date && valid, "{day}{time}");
         }
     }
@@ -176,21 +180,21 @@ fn shared_strings_may_be_rich() {
     let rows = r#"<row><c t="s"><v>0</v></c><c t="s"><v>2</v></c><c t="s"><v>99</v></c></row>
                   <row><c><v>1.5</v></c><c><v>3</v></c></row>"#;
     let tables = one(&workbook(rows, "", &[("xl/sharedStrings.xml", strings)]));
-    assert_eq!(tables.rows[0], [(1_500_000_000, vec![1.5, 3.0])]);
-    assert_eq!(tables.unit(0, "u"), Some("m/s"));
+    assert_eq!(tables.topics[0].table(), [(1_500_000_000, vec![1.5, 3.0])]);
+    assert_eq!(tables.topics[0].unit("u"), Some("m/s"));
 }
 
 #[test]
 fn places_beyond_the_sheet_are_left_out() {
     let far = r#"<row r="4294967295"><c r="A1"><v>1</v></c><c r="XFE1"><v>2</v></c><c r="ZZZZZZZZ9"><v>3</v></c></row>"#;
     let tables = one(&workbook(&(texts(&["u"]) + far), "", &[]));
-    assert_eq!(tables.rows[0], [(0, vec![1.0])]);
+    assert_eq!(tables.topics[0].table(), [(0, vec![1.0])]);
     let last = r#"<row><c r="A1"><v>1</v></c><c r="XFD1"><v>2</v></c></row>"#.repeat(100);
-    assert_eq!(one(&workbook(&(texts(&["u"]) + &last), "", &[])).rows[0].len(), 100);
+    assert_eq!(one(&workbook(&(texts(&["u"]) + &last), "", &[])).topics[0].rows.len(), 100);
 }
 
 fn refused(bytes: &[u8], reason: &str) {
-    let error = read_bytes("book.xlsx", bytes).expect_err(reason);
+    let error = Recorder::of_bytes(bytes).expect_err(reason);
     assert!(matches!(error, IoError::Damaged { .. }), "{error}");
     assert!(error.to_string().contains(reason), "{error}");
 }
@@ -220,7 +224,7 @@ fn other_files_say_what_they_are() {
     refused(&package(&[("mimetype", "application/vnd.oasis.opendocument.spreadsheet")]), "holds no workbook");
     refused(&package(&[("xl/workbook.xml", "<html/>")]), "holds no workbook");
     refused(b"PK\x03\x04", "not whole");
-    assert!(matches!(read_bytes("book.xlsx", b""), Err(IoError::Empty { .. })));
+    assert!(matches!(Recorder::of_bytes(b""), Err(IoError::Empty { .. })));
     let mut many = workbook(&texts(&["u"]), "", &[]);
     let at = many.len() - 10;
     many[at..at + 4].copy_from_slice(&[255; 4]);
@@ -235,7 +239,7 @@ fn other_files_say_what_they_are() {
 fn a_damaged_sheet_is_a_loss() {
     let rows = texts(&["u"]) + &"<row><c><v>1</v></c></row>".repeat(60);
     let tables = one(&workbook(&(rows.clone() + "<row><c></row>"), "", &[]));
-    assert_eq!(tables.rows[0].len(), 60);
+    assert_eq!(tables.topics[0].rows.len(), 60);
     assert_eq!(tables.summary.lost_parts, 1);
     assert!(tables.summary.losses[0].reason.contains("behind row 61"), "{:?}", tables.summary);
     // The content is another than that of the checksum, which is 16 bytes behind the mark of its directory entry.
@@ -243,7 +247,7 @@ fn a_damaged_sheet_is_a_loss() {
     let name = bytes.windows(8).rposition(|window| window == b"xl/s.xml").expect("the entry of the sheet");
     bytes[name - 46 + 16] ^= 1;
     let tables = one(&bytes);
-    assert_eq!(tables.rows[0].len(), 60);
+    assert_eq!(tables.topics[0].rows.len(), 60);
     assert_eq!(tables.summary.lost_parts, 1, "{:?}", tables.summary);
 }
 
@@ -258,7 +262,7 @@ fn parts_that_are_cut_are_stated() {
         let bytes =
             package(&[("xl/workbook.xml", book), ("xl/_rels/workbook.xml.rels", LINKS), ("xl/s.xml", cut)]);
         let tables = one(&bytes);
-        assert!(tables.rows[0].len() >= 59, "{end}");
+        assert!(tables.topics[0].rows.len() >= 59, "{end}");
         assert_eq!(tables.summary.lost_parts, 1, "{end}");
         assert!(
             tables.summary.losses[0].reason.contains("'log' is damaged behind row"),
@@ -267,7 +271,7 @@ fn parts_that_are_cut_are_stated() {
         );
     }
     // A sheet without rows is whole.
-    let empty = read_bytes("book.xlsx", &workbook("", "", &[])).expect("a workbook");
+    let empty = Recorder::of_bytes(&workbook("", "", &[])).expect("a workbook");
     assert_eq!((empty.topics.len(), empty.summary.lost_parts), (0, 0));
     refused(&workbook(&rows, "", &[("xl/sharedStrings.xml", "<sst><si><t>a</t></si>")]), "is damaged");
     refused(&workbook(&rows, "", &[("xl/styles.xml", "<styleSheet><cellXfs>")]), "is damaged");
@@ -283,7 +287,7 @@ proptest! {
             let at = place.index(bytes.len());
             bytes[at] ^= 1 << bit;
         }
-        survives("flipped.xlsx", &bytes);
+        survives(&bytes);
     }
 
     #[test]
@@ -294,11 +298,11 @@ proptest! {
             let at = place.index(sheet.len());
             sheet[at] = letter;
         }
-        survives("flipped.xlsx", &workbook(&String::from_utf8(sheet).expect("letters"), "", &[]));
+        survives(&workbook(&String::from_utf8(sheet).expect("letters"), "", &[]));
     }
 
     #[test]
     fn random_packages_do_not_panic(content in prop::collection::vec(any::<u8>(), 0..600)) {
-        survives("random.xlsx", &[b"PK\x03\x04", &*content, b"PK\x05\x06", &[0; 18]].concat());
+        survives(&[b"PK\x03\x04", &*content, b"PK\x05\x06", &[0; 18]].concat());
     }
 }
