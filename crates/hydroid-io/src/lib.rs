@@ -8,8 +8,10 @@
 //! Values are those of the file times the scale that the file states; the unit is that of the scaled value.
 //!
 //! Limits: 1 GB of memory whatever a file claims; [`LONGEST_ARRAY`] elements of an array; longer arrays (images, point
-//! clouds) are left out. A part of a file is unpacked by itself, up to 256 MiB. All parts together may unpack to 256 MiB
-//! and 1,000 bytes for each byte of the file, so the time is bounded by its length; what is beyond is stated as lost.
+//! clouds) are left out. A part of a file is unpacked by itself, up to 256 MiB. All parts together may unpack to 256
+//! MiB and 1,000 bytes for each byte of the file, so the time is bounded by its length; what is beyond is stated as
+//! lost. The sheets of a workbook are read as a stream; all of them together are limited to 16 MiB and 100 bytes for
+//! each byte of the file, and a workbook with more is an error.
 //!
 //! Order of the modules, each of which imports only modules before it: `error`, `sink`, `input`, `formats`, `open`.
 

@@ -119,7 +119,7 @@ fn unpacking_needs_less_than_a_gigabyte_and_ends() {
     let message = message();
     let zeros = PART - message.len() - 9;
     let largest = zstd(&[&message[..], &record(0x80, zeros, &[])].concat(), PART);
-    let attachment = record(9, 2 << 20, &[0; 2 << 20]);
+    let attachment = record(9, 2 << 20, &vec![0; 2 << 20]);
     let (rows, summary) = read(&[attachment, chunk("zstd", PART, &largest), chunk("zstd", PART, &largest)]);
     assert_eq!((rows, summary.lost_parts), (2, 0), "{summary:?}");
 

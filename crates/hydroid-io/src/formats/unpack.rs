@@ -19,8 +19,8 @@ pub(crate) enum Codec {
 }
 
 /// What the parts of a file may unpack to, all together: the largest part, and 1,000 bytes for each byte of the file.
-/// DEFLATE packs at most 1,032 to 1, and logs far less. Without the limit, messages that are packed within packed chunks
-/// make terabytes of a few kilobytes.
+/// DEFLATE packs at most 1,032 to 1, and logs far less. Without the limit, messages that are packed within packed
+/// chunks make terabytes of a few kilobytes.
 #[derive(Debug)]
 pub(crate) struct Allowance(u64);
 

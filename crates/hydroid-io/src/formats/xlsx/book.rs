@@ -66,8 +66,8 @@ pub(super) struct Package<F> {
 }
 
 impl<F: Read + Seek> Package<F> {
-    /// Of a file of this length. Sheets of equal rows pack 12 to 1, bombs up to 1000 to 1. Parts may have the same place
-    /// in the file, so the limit is that of the file.
+    /// Of a file of this length. Sheets of equal rows pack 12 to 1, bombs up to 1000 to 1. Parts may have the same
+    /// place in the file, so the limit is that of the file.
     pub(super) fn new(zip: ZipArchive<F>, length: u64) -> Self {
         Self { zip, left: Rc::new(Cell::new(length.saturating_mul(100).saturating_add(SMALL))) }
     }
