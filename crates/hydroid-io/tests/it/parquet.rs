@@ -136,6 +136,23 @@ fn a_damaged_page_costs_its_values_only() {
 }
 
 #[test]
+fn a_column_outside_of_the_file_is_lost() {
+    let honest = TestColumn::doubles("u", &[1.0, 2.0, 3.0]);
+    for shift in [1 << 20, i64::MAX.cast_unsigned() / 2] {
+        let outside = TestColumn { name: "v", shift, ..honest.clone() };
+        let tables = survives(&Writer::file(&[honest.clone(), outside], 3)).expect("tables");
+        assert_eq!(tables.topics[0].column("u"), [1.0, 2.0, 3.0]);
+        assert!(tables.topics[0].column("v").iter().all(|value| value.is_nan()));
+        assert!(
+            tables.summary.losses[0].reason.contains("behind the end of the file"),
+            "{:?}",
+            tables.summary
+        );
+        assert_eq!(tables.summary.lost_parts, 1);
+    }
+}
+
+#[test]
 fn a_file_that_is_cut_has_no_footer() {
     let Some(path) = sample::file("parquet/otter_gnss_snappy.parquet") else { return };
     let bytes = fs::read(path).expect("a sample");
@@ -163,6 +180,8 @@ struct TestColumn {
     physical: u64,
     /// `ConvertedType`.
     converted: Option<u64>,
+    /// Bytes by which its stated place differs from its place.
+    shift: u64,
     codec: u64,
     encoding: u64,
     unpacked: u64,
@@ -181,6 +200,7 @@ impl TestColumn {
             name,
             physical: 5,
             converted: None,
+            shift: 0,
             codec: 0,
             encoding: 0,
             unpacked,
@@ -274,8 +294,8 @@ impl Writer {
             writer.integer(3, column.codec);
             writer.integer(1, rows);
             writer.integer(2, length);
-            writer.integer(2, pages);
-            writer.integer(2, start);
+            writer.integer(2, pages + column.shift);
+            writer.integer(2, start + column.shift);
             writer.close();
             writer.close();
         }

@@ -249,6 +249,11 @@ fn a_damaged_sheet_is_a_loss() {
     let tables = one(&bytes);
     assert_eq!(tables.topics[0].rows.len(), 60);
     assert_eq!(tables.summary.lost_parts, 1, "{:?}", tables.summary);
+    // The length of the name of the part, 26 bytes behind its mark, says that the part is outside of the file.
+    let mut bytes = workbook(&rows, "", &[]);
+    let name = bytes.windows(8).position(|window| window == b"xl/s.xml").expect("the sheet");
+    bytes[name - 30 + 26..name - 30 + 28].fill(0xff);
+    assert_eq!(survives(&bytes).expect("a workbook").summary.lost_parts, 1);
 }
 
 /// A part may be cut before it is packed, so that its checksum is right.
