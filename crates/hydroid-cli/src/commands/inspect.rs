@@ -29,6 +29,8 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
     }
     let reading = logs::reading(Reading::default(), &args.log)?;
     let mut documents = Vec::new();
+    // Recordings of one vessel have one file of configuration, from the first of them.
+    let mut write_config = args.write_config.as_deref();
     for file in &args.files {
         if is_black_box(file) {
             if args.latex {
@@ -57,14 +59,15 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
             if is_recording || args.write_config.is_some() {
                 let survey = survey(file)?;
                 let proposal = survey.proposal();
-                if let Some(path) = &args.write_config {
+                let written = write_config.take();
+                if let Some(path) = written {
                     recording::write_config(path, &survey, &proposal)?;
                 }
                 if global.json {
                     documents.push(recording::json(&survey, &proposal)?);
                 } else {
                     recording::show(&survey, &proposal, global);
-                    if let Some(path) = &args.write_config {
+                    if let Some(path) = written {
                         outln!("written to {}", path.display());
                     }
                 }

@@ -17,6 +17,7 @@ pub struct Filter {
     noise: Noise,
     threshold: f64,
     estimate: Estimate,
+    linearized: [f64; STATES],
 }
 
 /// Outcome of a scalar: the innovation, its variance, and whether it was used.
@@ -53,6 +54,25 @@ pub struct Update {
     pub gain: [f64; STATES],
 }
 
+/// Standard deviations of stationary states, with the power of their rate in them.
+pub(super) fn stationary_start(n: &Noise) -> [(State, f64, f64); 13] {
+    [
+        (State::SurgeRate, n.surge_acceleration, 0.0),
+        (State::Sway, n.sway, 0.0),
+        (State::SwayRate, n.sway * n.sway_rate, 1.0),
+        (State::YawRate, n.yaw, 0.0),
+        (State::LaggedYawRate, n.yaw, 0.0),
+        (State::YawAcceleration, n.yaw * n.yaw_rate, 1.0),
+        (State::CompassError, n.compass, 0.0),
+        (State::GnssNorth, n.gnss, 0.0),
+        (State::GnssEast, n.gnss, 0.0),
+        (State::WaveForwardIntegral, n.wave_forward / n.wave_frequency, -1.0),
+        (State::WaveForward, n.wave_forward, 0.0),
+        (State::WaveStarboardIntegral, n.wave_starboard / n.wave_frequency, -1.0),
+        (State::WaveStarboard, n.wave_starboard, 0.0),
+    ]
+}
+
 impl Filter {
     /// Squared normalized innovation that a normal one exceeds once in 10,000 cases.
     pub const OUTLIER: f64 = 15.137;
@@ -63,28 +83,15 @@ impl Filter {
         for (i, deviation) in prior.deviation.iter().enumerate() {
             covariance[i][i] = deviation * deviation;
         }
-        let mut filter = Self { noise, threshold, estimate: Estimate { mean: prior.mean, covariance } };
+        let estimate = Estimate { mean: prior.mean, covariance };
+        let mut filter = Self { noise, threshold, estimate, linearized: prior.linearized };
         filter.start_stationary();
         filter
     }
 
     /// The states whose statistics are stationary begin with them.
     fn start_stationary(&mut self) {
-        let n = self.noise;
-        for (state, deviation) in [
-            (State::SurgeRate, n.surge_acceleration),
-            (State::Sway, n.sway),
-            (State::SwayRate, n.sway * n.sway_rate),
-            (State::YawRate, n.yaw),
-            (State::YawAcceleration, n.yaw * n.yaw_rate),
-            (State::CompassError, n.compass),
-            (State::GnssNorth, n.gnss),
-            (State::GnssEast, n.gnss),
-            (State::WaveForwardIntegral, n.wave_forward / n.wave_frequency),
-            (State::WaveForward, n.wave_forward),
-            (State::WaveStarboardIntegral, n.wave_starboard / n.wave_frequency),
-            (State::WaveStarboard, n.wave_starboard),
-        ] {
+        for (state, deviation, _) in stationary_start(&self.noise) {
             self.estimate.covariance[state as usize][state as usize] = deviation * deviation;
         }
     }
@@ -109,16 +116,31 @@ impl Filter {
 
     /// Prediction over a time \[s\].
     pub fn predict(&mut self, dt: f64) -> Transition {
-        let transition = Transition::new(&self.noise, &mut self.estimate.mean, dt);
+        let before = self.estimate.mean;
+        let mut mean = self.linearization();
+        let shift: [f64; STATES] = core::array::from_fn(|i| before[i] - mean[i]);
+        let transition = Transition::new(&self.noise, &mut mean, dt);
         transition.propagate(&mut self.estimate.covariance);
+        transition.add_product(&shift, &mut mean);
+        self.estimate.mean = mean;
         transition
+    }
+
+    /// The mean, with the values of constant states at which they are linearized.
+    fn linearization(&self) -> [f64; STATES] {
+        core::array::from_fn(|i| {
+            let fixed = self.linearized[i];
+            if fixed.is_nan() { self.estimate.mean[i] } else { fixed }
+        })
     }
 
     /// Update by a measurement at the present time. `visit` sees each scalar.
     pub fn update(&mut self, measurement: &Measurement, mut visit: impl FnMut(&Update)) {
         // All scalars of a measurement are linearized at the same state; the second sees the first through the shift.
-        let before = self.estimate.mean;
-        for mut scalar in measurement.scalars(&before) {
+        let before = self.linearization();
+        for mut scalar in
+            measurement.scalars(&before, self.noise.pivot_rate).into_iter().filter(Scalar::counts)
+        {
             for ((h, now), then) in scalar.gradient.iter().zip(&self.estimate.mean).zip(&before) {
                 scalar.residual -= h * (now - then);
             }

@@ -6,7 +6,7 @@ use super::state::{STATES, State};
 
 /// Statistics of motion, waves and sensor errors. All are standard deviations, rates or times that a likelihood can
 /// estimate.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Noise {
     /// Rate of the surge acceleration \[1/s\].
     pub surge_rate: f64,
@@ -14,8 +14,10 @@ pub struct Noise {
     pub surge_acceleration: f64,
     /// Rate of the sway velocity \[1/s\].
     pub sway_rate: f64,
-    /// Standard deviation of the sway velocity \[m/s\].
+    /// Standard deviation of the sway velocity that the yaw rate does not cause \[m/s\].
     pub sway: f64,
+    /// Rate at which the pivot point approaches its place in a steady turn \[1/s\].
+    pub pivot_rate: f64,
     /// Rate of the yaw rate \[1/s\].
     pub yaw_rate: f64,
     /// Standard deviation of the yaw rate \[rad/s\].
@@ -44,39 +46,154 @@ pub struct Noise {
     pub current_walk: f64,
 }
 
-/// Linearized transition `x <- F x` over a time: the rows of `F` that differ from those of the identity, and the
-/// covariance of the noise, whose blocks have at most two states.
+impl Noise {
+    /// The rate of the process of a state.
+    pub(super) fn rate(&mut self, state: State) -> Option<&mut f64> {
+        match state {
+            State::Surge | State::SurgeRate => Some(&mut self.surge_rate),
+            State::Sway | State::SwayRate => Some(&mut self.sway_rate),
+            State::YawRate | State::YawAcceleration => Some(&mut self.yaw_rate),
+            State::North | State::East | State::LaggedYawRate => Some(&mut self.pivot_rate),
+            State::CompassError => Some(&mut self.compass_rate),
+            State::GnssNorth | State::GnssEast => Some(&mut self.gnss_rate),
+            _ => self.damping(state).is_some().then_some(&mut self.wave_frequency),
+        }
+    }
+
+    /// The damping of the process of a state.
+    pub(super) fn damping(&mut self, state: State) -> Option<&mut f64> {
+        let wave = matches!(
+            state,
+            State::WaveForwardIntegral
+                | State::WaveForward
+                | State::WaveStarboardIntegral
+                | State::WaveStarboard
+        );
+        wave.then_some(&mut self.wave_damping)
+    }
+
+    /// The standard deviation of the process of a state.
+    pub(super) fn amplitude(&mut self, state: State) -> Option<&mut f64> {
+        Some(match state {
+            State::Surge | State::SurgeRate => &mut self.surge_acceleration,
+            State::Sway | State::SwayRate => &mut self.sway,
+            State::YawRate | State::YawAcceleration | State::LaggedYawRate => &mut self.yaw,
+            State::WaveForwardIntegral | State::WaveForward => &mut self.wave_forward,
+            State::WaveStarboardIntegral | State::WaveStarboard => &mut self.wave_starboard,
+            State::CompassError => &mut self.compass,
+            State::GnssNorth | State::GnssEast => &mut self.gnss,
+            State::GyroBias => &mut self.gyro_walk,
+            State::ForwardBias | State::StarboardBias => &mut self.accelerometer_walk,
+            State::CurrentNorth | State::CurrentEast => &mut self.current_walk,
+            _ => return None,
+        })
+    }
+
+    /// All rates times a factor.
+    pub(super) fn with_rates(&self, factor: f64) -> Self {
+        Self {
+            surge_rate: factor * self.surge_rate,
+            sway_rate: factor * self.sway_rate,
+            pivot_rate: factor * self.pivot_rate,
+            yaw_rate: factor * self.yaw_rate,
+            wave_frequency: factor * self.wave_frequency,
+            gnss_rate: factor * self.gnss_rate,
+            compass_rate: factor * self.compass_rate,
+            ..*self
+        }
+    }
+
+    /// The damping times a factor.
+    pub(super) fn with_damping(&self, factor: f64) -> Self {
+        Self { wave_damping: factor * self.wave_damping, ..*self }
+    }
+}
+
+/// Linearized transition `x <- F x` over a time: the entries of [`ROWS`], and the covariance of the noise, for the states of
+/// [`BLOCKS`].
 #[derive(Clone, Debug)]
 pub struct Transition {
-    rows: [Row; CHANGED],
-    noise: [(usize, usize, [f64; 3]); NOISY],
+    entries: [f64; ENTRIES],
+    noise: [[f64; 3]; BLOCKS.len()],
 }
 
-const CHANGED: usize = 16;
-const NOISY: usize = 13;
-const WIDEST: usize = 10;
-
-/// A row of `F`: its index and its non-zero entries.
-#[derive(Clone, Copy, Debug, Default)]
-struct Row {
-    index: usize,
-    entries: [(usize, f64); WIDEST],
-    length: usize,
-}
-
-impl Row {
-    fn new(state: State, entries: &[(State, f64)]) -> Self {
-        let mut row = Self { index: state as usize, length: entries.len(), ..Self::default() };
-        for (slot, (column, value)) in row.entries.iter_mut().zip(entries) {
-            *slot = (*column as usize, *value);
-        }
-        row
+/// The rows of `F` that differ from those of the identity, with the columns of their entries.
+const ROWS: [(State, &[State]); 17] = {
+    use State as S;
+    const PLACE: [State; 13] = [
+        S::North,
+        S::Heading,
+        S::YawRate,
+        S::YawAcceleration,
+        S::LaggedYawRate,
+        S::Pivot,
+        S::PivotShift,
+        S::PivotSlope,
+        S::Surge,
+        S::SurgeRate,
+        S::Sway,
+        S::SwayRate,
+        S::CurrentNorth,
+    ];
+    const NORTH: [State; 13] = PLACE;
+    const EAST: [State; 13] = {
+        let mut east = PLACE;
+        east[0] = S::East;
+        east[12] = S::CurrentEast;
+        east
+    };
+    [
+        (S::North, &NORTH),
+        (S::East, &EAST),
+        (S::Heading, &[S::Heading, S::YawRate, S::YawAcceleration]),
+        (S::Surge, &[S::Surge, S::SurgeRate]),
+        (S::SurgeRate, &[S::SurgeRate]),
+        (S::Sway, &[S::Sway, S::SwayRate]),
+        (S::SwayRate, &[S::Sway, S::SwayRate]),
+        (S::YawRate, &[S::YawRate, S::YawAcceleration]),
+        (S::YawAcceleration, &[S::YawRate, S::YawAcceleration]),
+        (S::LaggedYawRate, &[S::LaggedYawRate, S::YawRate, S::YawAcceleration]),
+        (S::CompassError, &[S::CompassError]),
+        (S::GnssNorth, &[S::GnssNorth]),
+        (S::GnssEast, &[S::GnssEast]),
+        (S::WaveForwardIntegral, &[S::WaveForwardIntegral, S::WaveForward]),
+        (S::WaveForward, &[S::WaveForwardIntegral, S::WaveForward]),
+        (S::WaveStarboardIntegral, &[S::WaveStarboardIntegral, S::WaveStarboard]),
+        (S::WaveStarboard, &[S::WaveStarboardIntegral, S::WaveStarboard]),
+    ]
+};
+/// The first rows of [`ROWS`], whose entries change with the state.
+pub(super) const CURVED: usize = 2;
+/// Number of rows.
+pub(super) const CHANGED: usize = ROWS.len();
+const ENTRIES: usize = {
+    let (mut sum, mut row) = (0, 0);
+    while row < ROWS.len() {
+        sum += ROWS[row].1.len();
+        row += 1;
     }
+    sum
+};
 
-    fn entries(&self) -> &[(usize, f64)] {
-        &self.entries[..self.length]
-    }
-}
+/// States of the blocks of the covariance of the noise; a block of one state names it twice.
+pub(super) const BLOCKS: [(State, State); 13] = {
+    use State as S;
+    [
+        (S::Surge, S::SurgeRate),
+        (S::Sway, S::SwayRate),
+        (S::YawRate, S::YawAcceleration),
+        (S::WaveForwardIntegral, S::WaveForward),
+        (S::WaveStarboardIntegral, S::WaveStarboard),
+        (S::GyroBias, S::GyroBias),
+        (S::ForwardBias, S::ForwardBias),
+        (S::StarboardBias, S::StarboardBias),
+        (S::CompassError, S::CompassError),
+        (S::GnssNorth, S::GnssNorth),
+        (S::GnssEast, S::GnssEast),
+        (S::CurrentNorth, S::CurrentNorth),
+        (S::CurrentEast, S::CurrentEast),
+    ]
+};
 
 /// Transition of a Matérn process of smoothness 3/2 and its derivative.
 fn matern(rate: f64, dt: f64) -> [f64; 4] {
@@ -119,6 +236,8 @@ struct Steps {
     wave: [f64; 4],
     gnss: f64,
     compass: f64,
+    /// Of the lag of the yaw rate.
+    lag: f64,
 }
 
 impl Steps {
@@ -130,13 +249,13 @@ impl Steps {
             wave: oscillator(noise.wave_frequency, noise.wave_damping, dt),
             gnss: Float::exp(-noise.gnss_rate * dt),
             compass: Float::exp(-noise.compass_rate * dt),
+            lag: Float::exp(-noise.pivot_rate * dt),
         }
     }
 
-    /// Blocks of the covariance of the noise.
-    fn noise(&self, of: &Noise, dt: f64) -> [(usize, usize, [f64; 3]); NOISY] {
-        use State as S;
-        let Self { decay, sway: sway_step, yaw: yaw_step, wave, gnss, compass } = *self;
+    /// Covariance of the noise, for the states of [`BLOCKS`].
+    fn noise(&self, of: &Noise, dt: f64) -> [[f64; 3]; BLOCKS.len()] {
+        let Self { decay, sway: sway_step, yaw: yaw_step, wave, gnss, compass, .. } = *self;
         let half = 0.5 * dt * dt;
         // Ornstein-Uhlenbeck process and its integral (Singer 1970, eq. 9).
         let (l, s2) = (of.surge_rate, of.surge_acceleration * of.surge_acceleration);
@@ -151,32 +270,27 @@ impl Steps {
             ]
         };
         let square = |x: f64| x * x;
-        let ratio = |rate: f64| rate * rate;
-        let single = |state: State, variance: f64| (state as usize, state as usize, [variance, 0.0, 0.0]);
-        let double = |first: State, second: State, block: [f64; 3]| (first as usize, second as usize, block);
-        let gnss_noise = square(of.gnss) * (1.0 - gnss * gnss);
+        let single = |variance: f64| [variance, 0.0, 0.0];
+        let wave_noise = |amplitude: f64| {
+            stationary(wave, square(amplitude / of.wave_frequency), square(of.wave_frequency))
+        };
+        let gnss_noise = single(square(of.gnss) * (1.0 - gnss * gnss));
+        let accelerometer = single(square(of.accelerometer_walk) * dt);
+        let current = single(square(of.current_walk) * dt);
         [
-            double(S::Surge, S::SurgeRate, surge_noise),
-            double(S::Sway, S::SwayRate, stationary(sway_step, square(of.sway), ratio(of.sway_rate))),
-            double(S::YawRate, S::YawAcceleration, stationary(yaw_step, square(of.yaw), ratio(of.yaw_rate))),
-            double(
-                S::WaveForwardIntegral,
-                S::WaveForward,
-                stationary(wave, square(of.wave_forward / of.wave_frequency), ratio(of.wave_frequency)),
-            ),
-            double(
-                S::WaveStarboardIntegral,
-                S::WaveStarboard,
-                stationary(wave, square(of.wave_starboard / of.wave_frequency), ratio(of.wave_frequency)),
-            ),
-            single(S::GyroBias, square(of.gyro_walk) * dt),
-            single(S::ForwardBias, square(of.accelerometer_walk) * dt),
-            single(S::StarboardBias, square(of.accelerometer_walk) * dt),
-            single(S::CompassError, square(of.compass) * (1.0 - compass * compass)),
-            single(S::GnssNorth, gnss_noise),
-            single(S::GnssEast, gnss_noise),
-            single(S::CurrentNorth, square(of.current_walk) * dt),
-            single(S::CurrentEast, square(of.current_walk) * dt),
+            surge_noise,
+            stationary(sway_step, square(of.sway), square(of.sway_rate)),
+            stationary(yaw_step, square(of.yaw), square(of.yaw_rate)),
+            wave_noise(of.wave_forward),
+            wave_noise(of.wave_starboard),
+            single(square(of.gyro_walk) * dt),
+            accelerometer,
+            accelerometer,
+            single(square(of.compass) * (1.0 - compass * compass)),
+            gnss_noise,
+            gnss_noise,
+            current,
+            current,
         ]
     }
 }
@@ -189,114 +303,145 @@ impl Transition {
         let (sine, cosine) = Float::sin_cos(at(S::Heading) + 0.5 * dt * at(S::YawRate));
         let surge = at(S::Surge) + 0.5 * dt * at(S::SurgeRate);
         let turn = at(S::YawRate) + 0.5 * dt * at(S::YawAcceleration);
-        let pivot = at(S::Pivot);
-        let sway = at(S::Sway) + 0.5 * dt * at(S::SwayRate) - pivot * turn;
+        let (pivot, slope) = (at(S::Pivot), at(S::PivotSlope));
+        let shift = at(S::PivotShift) + slope * surge;
+
+        let steps = Steps::new(noise, dt);
+        let Steps { decay, sway: sway_step, yaw: yaw_step, wave, gnss, compass, lag } = steps;
+        let reach = (1.0 - decay) / noise.surge_rate;
+        // The lag follows a yaw rate that changes linearly.
+        let ramp = dt - (1.0 - lag) / noise.pivot_rate;
+        let midway = Float::sqrt(lag);
+        let lagged = midway * at(S::LaggedYawRate) + (1.0 - midway) * at(S::YawRate);
+
+        let sway = at(S::Sway) + 0.5 * dt * at(S::SwayRate) - pivot * turn - shift * lagged;
         let (along, across) = (cosine * surge - sine * sway, sine * surge + cosine * sway);
         let half = 0.5 * dt * dt;
 
-        let steps = Steps::new(noise, dt);
-        let Steps { decay, sway: sway_step, yaw: yaw_step, wave, gnss, compass } = steps;
-        let reach = (1.0 - decay) / noise.surge_rate;
-
-        let pair = |first: State, second: State, a: [f64; 4]| {
+        let place = |by_heading: f64, by_surge: f64, by_sway: f64| {
+            let by_surge = by_surge - by_sway * slope * lagged;
             [
-                Row::new(first, &[(first, a[0]), (second, a[1])]),
-                Row::new(second, &[(first, a[2]), (second, a[3])]),
+                1.0,
+                dt * by_heading,
+                half * by_heading - dt * by_sway * (pivot + shift * (1.0 - midway)),
+                -half * by_sway * pivot,
+                -dt * by_sway * shift * midway,
+                -dt * by_sway * turn,
+                -dt * by_sway * lagged,
+                -dt * by_sway * surge * lagged,
+                dt * by_surge,
+                half * by_surge,
+                dt * by_sway,
+                half * by_sway,
+                dt,
             ]
         };
-        let [sway_row, sway_rate_row] = pair(S::Sway, S::SwayRate, sway_step);
-        let [yaw_row, yaw_rate_row] = pair(S::YawRate, S::YawAcceleration, yaw_step);
-        let [forward_integral_row, forward_row] = pair(S::WaveForwardIntegral, S::WaveForward, wave);
-        let [starboard_integral_row, starboard_row] = pair(S::WaveStarboardIntegral, S::WaveStarboard, wave);
-        let position = |state, current, by_heading: f64, by_surge: f64, by_sway: f64| {
-            Row::new(
-                state,
-                &[
-                    (state, 1.0),
-                    (S::Heading, dt * by_heading),
-                    (S::YawRate, half * by_heading - dt * by_sway * pivot),
-                    (S::YawAcceleration, -half * by_sway * pivot),
-                    (S::Pivot, -dt * by_sway * turn),
-                    (S::Surge, dt * by_surge),
-                    (S::SurgeRate, half * by_surge),
-                    (S::Sway, dt * by_sway),
-                    (S::SwayRate, half * by_sway),
-                    (current, dt),
-                ],
-            )
-        };
-        let rows = [
-            position(S::North, S::CurrentNorth, -across, cosine, -sine),
-            position(S::East, S::CurrentEast, along, sine, cosine),
-            Row::new(S::Heading, &[(S::Heading, 1.0), (S::YawRate, dt), (S::YawAcceleration, half)]),
-            Row::new(S::Surge, &[(S::Surge, 1.0), (S::SurgeRate, reach)]),
-            Row::new(S::SurgeRate, &[(S::SurgeRate, decay)]),
-            sway_row,
-            sway_rate_row,
-            yaw_row,
-            yaw_rate_row,
-            Row::new(S::CompassError, &[(S::CompassError, compass)]),
-            Row::new(S::GnssNorth, &[(S::GnssNorth, gnss)]),
-            Row::new(S::GnssEast, &[(S::GnssEast, gnss)]),
-            forward_integral_row,
-            forward_row,
-            starboard_integral_row,
-            starboard_row,
-        ];
-
-        let noise = steps.noise(noise, dt);
+        let mut entries = [0.0; ENTRIES];
+        let mut filled = 0;
+        for row in [
+            &place(-across, cosine, -sine)[..],
+            &place(along, sine, cosine),
+            &[1.0, dt, half],
+            &[1.0, reach],
+            &[decay],
+            &sway_step,
+            &yaw_step,
+            &[lag, 1.0 - lag, ramp],
+            &[compass, gnss, gnss],
+            &wave,
+            &wave,
+        ] {
+            entries[filled..filled + row.len()].copy_from_slice(row);
+            filled += row.len();
+        }
+        let out = Self { entries, noise: steps.noise(noise, dt) };
 
         let before = *mean;
-        for row in &rows {
-            mean[row.index] = row.entries().iter().map(|(column, value)| value * before[*column]).sum();
+        for (state, columns, values) in out.rows().skip(CURVED) {
+            mean[state as usize] =
+                columns.iter().zip(values).map(|(column, value)| value * before[*column as usize]).sum();
         }
         // The position is not linear in the heading.
         mean[S::North as usize] = before[0] + dt * (along + before[S::CurrentNorth as usize]);
         mean[S::East as usize] = before[1] + dt * (across + before[S::CurrentEast as usize]);
-        Self { rows, noise }
+        out
     }
 
-    /// `F P F' + Q` in place.
-    pub fn propagate(&self, covariance: &mut [[f64; STATES]; STATES]) {
-        let mut product = [[0.0; STATES]; CHANGED];
-        for (out, row) in product.iter_mut().zip(&self.rows) {
-            for (column, value) in row.entries() {
-                for (x, p) in out.iter_mut().zip(&covariance[*column]) {
+    /// State, columns and entries of the rows that differ from those of the identity.
+    pub(super) fn rows(&self) -> impl Iterator<Item = (State, &'static [State], &[f64])> {
+        let mut rest = &self.entries[..];
+        ROWS.iter().map(move |(state, columns)| {
+            let (values, after) = rest.split_at(columns.len());
+            rest = after;
+            (*state, *columns, values)
+        })
+    }
+
+    /// Covariance of the noise, for the states of [`BLOCKS`].
+    pub(super) fn noise(&self) -> &[[f64; 3]; BLOCKS.len()] {
+        &self.noise
+    }
+
+    /// `F P`.
+    pub(super) fn times(&self, covariance: &[[f64; STATES]; STATES], out: &mut [[f64; STATES]; STATES]) {
+        *out = *covariance;
+        for (state, columns, values) in self.rows() {
+            let line = &mut out[state as usize];
+            *line = [0.0; STATES];
+            for (column, value) in columns.iter().zip(values) {
+                for (x, p) in line.iter_mut().zip(&covariance[*column as usize]) {
                     *x += value * p;
                 }
             }
         }
-        for (from, row) in product.iter().zip(&self.rows) {
-            covariance[row.index] = *from;
+    }
+
+    /// Adds `F x`.
+    pub(super) fn add_product(&self, vector: &[f64; STATES], out: &mut [f64; STATES]) {
+        for (state, columns, values) in self.rows() {
+            let product: f64 =
+                columns.iter().zip(values).map(|(column, value)| value * vector[*column as usize]).sum();
+            // The row of the identity is added below.
+            out[state as usize] += product - vector[state as usize];
         }
-        for line in covariance.iter_mut() {
-            let before = *line;
-            for row in &self.rows {
-                line[row.index] = row.entries().iter().map(|(column, value)| value * before[*column]).sum();
+        for (x, y) in out.iter_mut().zip(vector) {
+            *x += y;
+        }
+    }
+
+    /// `F P F' + Q` in place.
+    pub fn propagate(&self, covariance: &mut [[f64; STATES]; STATES]) {
+        let mut product = [[0.0; STATES]; STATES];
+        self.times(covariance, &mut product);
+        *covariance = product;
+        for (line, before) in covariance.iter_mut().zip(&product) {
+            for (state, columns, values) in self.rows() {
+                line[state as usize] =
+                    columns.iter().zip(values).map(|(column, value)| value * before[*column as usize]).sum();
             }
         }
-        for (first, second, block) in &self.noise {
-            covariance[*first][*first] += block[0];
-            if first != second {
-                covariance[*first][*second] += block[1];
-                covariance[*second][*first] += block[1];
-                covariance[*second][*second] += block[2];
+        for ((first, second), block) in BLOCKS.iter().zip(&self.noise) {
+            let (i, j) = (*first as usize, *second as usize);
+            covariance[i][i] += block[0];
+            if i != j {
+                covariance[i][j] += block[1];
+                covariance[j][i] += block[1];
+                covariance[j][j] += block[2];
             }
         }
     }
 
     /// `F' l` in place.
     pub fn transpose(&self, adjoint: &mut [f64; STATES]) {
-        let mut out = *adjoint;
-        for row in &self.rows {
-            out[row.index] = 0.0;
+        let before = *adjoint;
+        for (state, ..) in &ROWS {
+            adjoint[*state as usize] = 0.0;
         }
-        for row in &self.rows {
-            for (column, value) in row.entries() {
-                out[*column] += value * adjoint[row.index];
+        for (state, columns, values) in self.rows() {
+            for (column, value) in columns.iter().zip(values) {
+                adjoint[*column as usize] += value * before[state as usize];
             }
         }
-        *adjoint = out;
     }
 
     /// `F' L F` in place.
@@ -305,12 +450,12 @@ impl Transition {
             self.transpose(line);
         }
         let before = *information;
-        for row in &self.rows {
-            information[row.index] = [0.0; STATES];
+        for (state, ..) in &ROWS {
+            information[*state as usize] = [0.0; STATES];
         }
-        for row in &self.rows {
-            for (column, value) in row.entries() {
-                for (x, p) in information[*column].iter_mut().zip(&before[row.index]) {
+        for (state, columns, values) in self.rows() {
+            for (column, value) in columns.iter().zip(values) {
+                for (x, p) in information[*column as usize].iter_mut().zip(&before[state as usize]) {
                     *x += value * p;
                 }
             }

@@ -88,13 +88,29 @@ pub(super) struct Scalar {
 }
 
 impl Scalar {
-    /// A scalar; none if the measurement is not finite.
-    fn new(residual: f64, deviation: f64, entries: &[(State, f64)]) -> Option<Self> {
-        let mut gradient = [0.0; STATES];
-        for (state, value) in entries {
-            gradient[*state as usize] += value;
-        }
-        residual.is_finite().then_some(Self { residual, gradient, variance: deviation * deviation })
+    fn new(residual: f64, deviation: f64) -> Self {
+        Self { residual, gradient: [0.0; STATES], variance: deviation * deviation }
+    }
+
+    /// No measurement.
+    fn none() -> Self {
+        Self::new(f64::NAN, f64::NAN)
+    }
+
+    /// Whether there is a measurement: its value is finite.
+    pub(super) fn counts(&self) -> bool {
+        self.residual.is_finite()
+    }
+
+    /// Adds a derivative of the predicted value by a state.
+    fn by(mut self, state: State, value: f64) -> Self {
+        self.gradient[state as usize] += value;
+        self
+    }
+
+    /// Adds the derivatives by the states of [`MOTION`].
+    fn by_motion(self, value: impl Fn(usize) -> f64) -> Self {
+        MOTION.iter().enumerate().fold(self, |scalar, (i, state)| scalar.by(*state, value(i)))
     }
 }
 
@@ -103,143 +119,184 @@ pub(super) fn wrapped(angle: f64) -> f64 {
     angle - 2.0 * PI * Float::round(angle / (2.0 * PI))
 }
 
-/// Velocity and acceleration of a point of the body, with their derivatives by surge, sway, yaw rate and their rates.
+/// Velocity and inertial acceleration of a point of the body in body axes, through the water.
 struct Point {
-    /// Body axes, through the water.
     velocity: [f64; 2],
-    /// Inertial acceleration in body axes.
     acceleration: [f64; 2],
-    /// Of the acceleration by u, v, r.
-    by_velocity: [[f64; 3]; 2],
-    /// Lever from the pivot point, forward and to starboard.
-    lever: [f64; 2],
-    /// Of velocity and acceleration by the place of the pivot point.
-    by_pivot: [[f64; 2]; 2],
+    /// Their derivatives by the states of [`MOTION`].
+    by: [[[f64; MOTION.len()]; 2]; 2],
 }
 
+/// States on which the motion of a point of the body depends.
+const MOTION: [State; 10] = [
+    State::Surge,
+    State::Sway,
+    State::YawRate,
+    State::LaggedYawRate,
+    State::SurgeRate,
+    State::SwayRate,
+    State::YawAcceleration,
+    State::Pivot,
+    State::PivotShift,
+    State::PivotSlope,
+];
+
 impl Point {
-    fn new(mean: &[f64; STATES], place: Mounting) -> Self {
-        let at = |state: State| mean[state as usize];
-        let (u, v, r) = (at(State::Surge), at(State::Sway), at(State::YawRate));
-        // The sway velocity is that of the pivot point.
-        let (x, y) = (place.forward - at(State::Pivot), place.starboard);
-        let turn = at(State::YawAcceleration);
+    /// `rate` is that of the lag of the yaw rate \[1/s\].
+    fn new(mean: &[f64; STATES], place: Mounting, rate: f64) -> Self {
+        let [u, s, r, q, u_rate, s_rate, turn, pivot, shift, slope] =
+            MOTION.map(|state| mean[state as usize]);
+        // The pivot point is where the turn itself causes no sway velocity.
+        let (x, y) = (place.forward - pivot, place.starboard);
+        let way = shift + slope * u;
+        let drift = s - way * q;
+        let lag = rate * (r - q);
         Self {
-            velocity: [u - r * y, v + r * x],
+            velocity: [u - r * y, drift + r * x],
             acceleration: [
-                at(State::SurgeRate) - r * v - turn * y - r * r * x,
-                at(State::SwayRate) + r * u + turn * x - r * r * y,
+                u_rate - r * drift - turn * y - r * r * x,
+                s_rate - way * lag - slope * u_rate * q + r * u + turn * x - r * r * y,
             ],
-            by_velocity: [[0.0, -r, -v - 2.0 * r * x], [r, 0.0, u - 2.0 * r * y]],
-            lever: [x, y],
-            by_pivot: [[0.0, -r], [r * r, -turn]],
+            by: [
+                [
+                    [1.0, 0.0, -y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+                    [-slope * q, 1.0, x, -way, 0.0, 0.0, 0.0, -r, -q, -u * q],
+                ],
+                [
+                    [r * slope * q, -r, -drift - 2.0 * r * x, r * way, 1.0, 0.0, -y, r * r, r * q, r * u * q],
+                    [
+                        r - slope * lag,
+                        0.0,
+                        u - 2.0 * r * y - rate * way,
+                        rate * way - slope * u_rate,
+                        -slope * q,
+                        1.0,
+                        x,
+                        -turn,
+                        -lag,
+                        -u * lag - u_rate * q,
+                    ],
+                ],
+            ],
         }
+    }
+
+    fn velocity_by(&self, i: usize) -> [f64; 2] {
+        [self.by[0][0][i], self.by[0][1][i]]
+    }
+
+    fn acceleration_by(&self, i: usize) -> [f64; 2] {
+        [self.by[1][0][i], self.by[1][1][i]]
     }
 }
 
 impl Measurement {
-    /// The scalars of the measurement in this state; only finite values count.
-    pub(super) fn scalars(&self, mean: &[f64; STATES]) -> impl Iterator<Item = Scalar> {
-        let pair = match *self {
-            Self::Position { value, deviation, mounting } => position(mean, value, deviation, mounting),
-            Self::Velocity { value, deviation, mounting } => velocity(mean, value, deviation, mounting),
+    /// The scalars of the measurement in this state. `rate` is that of the lag of the yaw rate.
+    pub(super) fn scalars(&self, mean: &[f64; STATES], rate: f64) -> [Scalar; 2] {
+        match *self {
+            Self::Position { value, deviation, mounting } => position(mean, value, deviation, mounting, rate),
+            Self::Velocity { value, deviation, mounting } => velocity(mean, value, deviation, mounting, rate),
             Self::Heading { value, deviation } => {
                 let states = [State::Heading, State::Misalignment, State::CompassError];
                 let predicted: f64 = states.iter().map(|state| mean[*state as usize]).sum();
-                let entries = states.map(|state| (state, 1.0));
-                [Scalar::new(wrapped(value - predicted), deviation, &entries), None]
+                let scalar = Scalar::new(wrapped(value - predicted), deviation);
+                [states.iter().fold(scalar, |scalar, state| scalar.by(*state, 1.0)), Scalar::none()]
             }
             Self::YawRate { value, deviation } => {
                 let predicted = mean[State::YawRate as usize] + mean[State::GyroBias as usize];
-                let entries = [(State::YawRate, 1.0), (State::GyroBias, 1.0)];
-                [Scalar::new(value - predicted, deviation, &entries), None]
+                let scalar = Scalar::new(value - predicted, deviation);
+                [scalar.by(State::YawRate, 1.0).by(State::GyroBias, 1.0), Scalar::none()]
             }
             Self::SpecificForce { value, deviation, mounting } => {
-                specific_force(mean, value, deviation, mounting)
+                specific_force(mean, value, deviation, mounting, rate)
             }
             Self::OverGround { value, deviation, mounting } => body(mean, value, deviation, mounting, true),
             Self::ThroughWater { value, deviation, mounting } => {
                 body(mean, value, deviation, mounting, false)
             }
-        };
-        pair.into_iter().flatten()
+        }
     }
 }
 
-fn position(mean: &[f64; STATES], value: [f64; 2], deviation: f64, place: Mounting) -> [Option<Scalar>; 2] {
-    let (sine, cosine) = Float::sin_cos(mean[State::Heading as usize]);
-    let point = Point::new(mean, place);
-    let delay = mean[State::Delay as usize];
+/// Component of a vector of the body frame along an axis.
+fn project(axis: [f64; 2], vector: [f64; 2]) -> f64 {
+    axis[0] * vector[0] + axis[1] * vector[1]
+}
+
+fn position(
+    mean: &[f64; STATES],
+    value: [f64; 2],
+    deviation: f64,
+    place: Mounting,
+    rate: f64,
+) -> [Scalar; 2] {
+    let at = |state: State| mean[state as usize];
+    let (sine, cosine) = Float::sin_cos(at(State::Heading));
+    let point = Point::new(mean, place, rate);
+    let delay = at(State::Delay);
     let half = 0.5 * delay * delay;
-    let (x, y) = (place.forward, place.starboard);
-    let axis = |c: f64, s: f64, place_state, error, current, value: f64| {
-        // c and s project body axes on the axis; -s and c are the derivatives of the projection by the heading, negated.
-        let along = |vector: [f64; 2]| c * vector[0] + s * vector[1];
-        let turned = |vector: [f64; 2]| s * vector[0] - c * vector[1];
-        let ground = along(point.velocity) + mean[current as usize];
-        let acceleration = along(point.acceleration);
-        let predicted = mean[place_state as usize] + c * x + s * y - delay * ground
-            + half * acceleration
-            + mean[error as usize];
-        let by = |k: usize| c * point.by_velocity[0][k] + s * point.by_velocity[1][k];
-        let by_turn = s * point.lever[0] - c * point.lever[1];
-        Scalar::new(
-            value - predicted,
-            deviation,
-            &[
-                (place_state, 1.0),
-                (error, 1.0),
-                (
+    let lever = [place.forward, place.starboard];
+    // `axis` projects body axes on north or east, `turned` is its derivative by the heading.
+    let scalar =
+        |axis: [f64; 2], turned: [f64; 2], origin: State, error: State, current: State, value: f64| {
+            let ground = project(axis, point.velocity) + at(current);
+            let acceleration = project(axis, point.acceleration);
+            let predicted =
+                at(origin) + project(axis, lever) - delay * ground + half * acceleration + at(error);
+            Scalar::new(value - predicted, deviation)
+                .by(origin, 1.0)
+                .by(error, 1.0)
+                .by(current, -delay)
+                .by(State::Delay, -ground + delay * acceleration)
+                .by(
                     State::Heading,
-                    turned([x, y]) - delay * turned(point.velocity) + half * turned(point.acceleration),
-                ),
-                (State::Surge, -delay * c + half * by(0)),
-                (State::Sway, -delay * s + half * by(1)),
-                (State::YawRate, -delay * by_turn + half * by(2)),
-                (State::Pivot, -delay * along(point.by_pivot[0]) + half * along(point.by_pivot[1])),
-                (State::SurgeRate, half * c),
-                (State::SwayRate, half * s),
-                (State::YawAcceleration, half * by_turn),
-                (current, -delay),
-                (State::Delay, -ground + delay * acceleration),
-            ],
-        )
-    };
+                    project(turned, lever) - delay * project(turned, point.velocity)
+                        + half * project(turned, point.acceleration),
+                )
+                .by_motion(|i| {
+                    -delay * project(axis, point.velocity_by(i))
+                        + half * project(axis, point.acceleration_by(i))
+                })
+        };
     [
-        axis(cosine, -sine, State::North, State::GnssNorth, State::CurrentNorth, value[0]),
-        axis(sine, cosine, State::East, State::GnssEast, State::CurrentEast, value[1]),
+        scalar(
+            [cosine, -sine],
+            [-sine, -cosine],
+            State::North,
+            State::GnssNorth,
+            State::CurrentNorth,
+            value[0],
+        ),
+        scalar([sine, cosine], [cosine, -sine], State::East, State::GnssEast, State::CurrentEast, value[1]),
     ]
 }
 
-fn velocity(mean: &[f64; STATES], value: [f64; 2], deviation: f64, place: Mounting) -> [Option<Scalar>; 2] {
-    let (sine, cosine) = Float::sin_cos(mean[State::Heading as usize]);
-    let point = Point::new(mean, place);
-    let delay = mean[State::Delay as usize];
-    let axis = |c: f64, s: f64, current, value: f64| {
-        let along = |vector: [f64; 2]| c * vector[0] + s * vector[1];
-        let turned = |vector: [f64; 2]| s * vector[0] - c * vector[1];
-        let acceleration = along(point.acceleration);
-        let predicted = along(point.velocity) + mean[current as usize] - delay * acceleration;
-        let by = |k: usize| c * point.by_velocity[0][k] + s * point.by_velocity[1][k];
-        let by_turn = s * point.lever[0] - c * point.lever[1];
-        Scalar::new(
-            value - predicted,
-            deviation,
-            &[
-                (State::Pivot, along(point.by_pivot[0]) - delay * along(point.by_pivot[1])),
-                (State::Heading, turned(point.velocity) - delay * turned(point.acceleration)),
-                (State::Surge, c - delay * by(0)),
-                (State::Sway, s - delay * by(1)),
-                (State::YawRate, by_turn - delay * by(2)),
-                (State::SurgeRate, -delay * c),
-                (State::SwayRate, -delay * s),
-                (State::YawAcceleration, -delay * by_turn),
-                (current, 1.0),
-                (State::Delay, -acceleration),
-            ],
-        )
+fn velocity(
+    mean: &[f64; STATES],
+    value: [f64; 2],
+    deviation: f64,
+    place: Mounting,
+    rate: f64,
+) -> [Scalar; 2] {
+    let at = |state: State| mean[state as usize];
+    let (sine, cosine) = Float::sin_cos(at(State::Heading));
+    let point = Point::new(mean, place, rate);
+    let delay = at(State::Delay);
+    let scalar = |axis: [f64; 2], turned: [f64; 2], current: State, value: f64| {
+        let acceleration = project(axis, point.acceleration);
+        let predicted = project(axis, point.velocity) + at(current) - delay * acceleration;
+        Scalar::new(value - predicted, deviation)
+            .by(current, 1.0)
+            .by(State::Delay, -acceleration)
+            .by(State::Heading, project(turned, point.velocity) - delay * project(turned, point.acceleration))
+            .by_motion(|i| {
+                project(axis, point.velocity_by(i)) - delay * project(axis, point.acceleration_by(i))
+            })
     };
-    [axis(cosine, -sine, State::CurrentNorth, value[0]), axis(sine, cosine, State::CurrentEast, value[1])]
+    [
+        scalar([cosine, -sine], [-sine, -cosine], State::CurrentNorth, value[0]),
+        scalar([sine, cosine], [cosine, -sine], State::CurrentEast, value[1]),
+    ]
 }
 
 fn specific_force(
@@ -247,84 +304,44 @@ fn specific_force(
     value: [f64; 2],
     deviation: [f64; 2],
     place: Mounting,
-) -> [Option<Scalar>; 2] {
+    rate: f64,
+) -> [Scalar; 2] {
     let at = |state: State| mean[state as usize];
-    let point = Point::new(mean, place);
-    let [x, y] = point.lever;
-    let [a, b] = point.by_velocity;
-    let (u, r, heel) = (at(State::Surge), at(State::YawRate), at(State::Heel));
+    let point = Point::new(mean, place, rate);
+    let origin = Point::new(mean, Mounting::default(), rate);
+    let heel = at(State::Heel);
     let forward = point.acceleration[0] + at(State::ForwardBias) + at(State::WaveForward);
-    let starboard =
-        point.acceleration[1] + heel * u * r + at(State::StarboardBias) + at(State::WaveStarboard);
+    let starboard = point.acceleration[1]
+        + heel * origin.acceleration[1]
+        + at(State::StarboardBias)
+        + at(State::WaveStarboard);
     [
-        Scalar::new(
-            value[0] - forward,
-            deviation[0],
-            &[
-                (State::Surge, a[0]),
-                (State::Sway, a[1]),
-                (State::YawRate, a[2]),
-                (State::SurgeRate, 1.0),
-                (State::YawAcceleration, -y),
-                (State::Pivot, point.by_pivot[1][0]),
-                (State::ForwardBias, 1.0),
-                (State::WaveForward, 1.0),
-            ],
-        ),
-        Scalar::new(
-            value[1] - starboard,
-            deviation[1],
-            &[
-                (State::Surge, b[0] + heel * r),
-                (State::Sway, b[1]),
-                (State::YawRate, b[2] + heel * u),
-                (State::SwayRate, 1.0),
-                (State::YawAcceleration, x),
-                (State::Pivot, point.by_pivot[1][1]),
-                (State::Heel, u * r),
-                (State::StarboardBias, 1.0),
-                (State::WaveStarboard, 1.0),
-            ],
-        ),
+        Scalar::new(value[0] - forward, deviation[0])
+            .by_motion(|i| point.by[1][0][i])
+            .by(State::ForwardBias, 1.0)
+            .by(State::WaveForward, 1.0),
+        Scalar::new(value[1] - starboard, deviation[1])
+            .by_motion(|i| point.by[1][1][i] + heel * origin.by[1][1][i])
+            .by(State::Heel, origin.acceleration[1])
+            .by(State::StarboardBias, 1.0)
+            .by(State::WaveStarboard, 1.0),
     ]
 }
 
-fn body(
-    mean: &[f64; STATES],
-    value: [f64; 2],
-    deviation: f64,
-    place: Mounting,
-    ground: bool,
-) -> [Option<Scalar>; 2] {
+fn body(mean: &[f64; STATES], value: [f64; 2], deviation: f64, place: Mounting, ground: bool) -> [Scalar; 2] {
     let at = |state: State| mean[state as usize];
-    let point = Point::new(mean, place);
+    // The rate concerns accelerations alone.
+    let point = Point::new(mean, place, 0.0);
     let (sine, cosine) = Float::sin_cos(at(State::Heading));
     let (north, east) = (at(State::CurrentNorth), at(State::CurrentEast));
     let share = if ground { 1.0 } else { 0.0 };
     let current = [cosine * north + sine * east, -sine * north + cosine * east];
-    [
-        Scalar::new(
-            value[0] - point.velocity[0] - share * current[0],
-            deviation,
-            &[
-                (State::Surge, 1.0),
-                (State::YawRate, -point.lever[1]),
-                (State::Heading, share * current[1]),
-                (State::CurrentNorth, share * cosine),
-                (State::CurrentEast, share * sine),
-            ],
-        ),
-        Scalar::new(
-            value[1] - point.velocity[1] - share * current[1],
-            deviation,
-            &[
-                (State::Sway, 1.0),
-                (State::YawRate, point.lever[0]),
-                (State::Pivot, point.by_pivot[0][1]),
-                (State::Heading, -share * current[0]),
-                (State::CurrentNorth, -share * sine),
-                (State::CurrentEast, share * cosine),
-            ],
-        ),
-    ]
+    let scalar = |k: usize, turned: f64, axis: [f64; 2]| {
+        Scalar::new(value[k] - point.velocity[k] - share * current[k], deviation)
+            .by_motion(|i| point.by[0][k][i])
+            .by(State::Heading, share * turned)
+            .by(State::CurrentNorth, share * axis[0])
+            .by(State::CurrentEast, share * axis[1])
+    };
+    [scalar(0, current[1], [cosine, sine]), scalar(1, -current[0], [-sine, cosine])]
 }

@@ -1,13 +1,14 @@
 //! States and their prior.
 
 /// Number of states.
-pub const STATES: usize = 25;
+pub const STATES: usize = 28;
 
 /// Index of a state in the estimate.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(usize)]
 pub enum State {
     /// Position north \[m\] of the origin of the body frame.
+    #[default]
     North,
     /// Position east \[m\].
     East,
@@ -15,10 +16,12 @@ pub enum State {
     Heading,
     /// Surge velocity through the water \[m/s\].
     Surge,
-    /// Sway velocity through the water at the pivot point \[m/s\].
+    /// Part of the sway velocity through the water \[m/s\] that the yaw rate does not cause.
     Sway,
     /// Yaw rate \[rad/s\].
     YawRate,
+    /// Yaw rate behind a lag of first order \[rad/s\].
+    LaggedYawRate,
     /// Derivative of the surge velocity \[m/s²\].
     SurgeRate,
     /// Its derivative \[m/s²\].
@@ -35,9 +38,13 @@ pub enum State {
     ForwardBias,
     /// Bias of the starboard accelerometer \[m/s²\].
     StarboardBias,
-    /// Pivot point forward of the origin \[m\]: the point with the sway velocity zero in a steady turn.
+    /// Pivot point at the beginning of a turn, forward of the origin \[m\]: the point without sway velocity.
     Pivot,
-    /// Heel in a turn: the starboard accelerometer sees `k u r`.
+    /// Way of the pivot point to its place in a steady turn, forward, at low speed \[m\].
+    PivotShift,
+    /// Increase of this way with the surge velocity \[s\].
+    PivotSlope,
+    /// Heel: the part of the lateral acceleration of the origin that gravity adds to the starboard accelerometer.
     Heel,
     /// Correlated error of the GNSS position north \[m\].
     GnssNorth,
@@ -87,6 +94,10 @@ pub struct Prior {
     pub mean: [f64; STATES],
     /// Standard deviations.
     pub deviation: [f64; STATES],
+    /// Values of constant states at which motion and measurements are linearized; NaN for the estimate. A filter with wide
+    /// priors of constants that multiply other states is linearized far from them at first, and can converge to wrong
+    /// values.
+    pub linearized: [f64; STATES],
 }
 
 impl Default for Prior {
@@ -103,6 +114,8 @@ impl Default for Prior {
             (State::ForwardBias, 0.5),
             (State::StarboardBias, 0.5),
             (State::Pivot, 100.0),
+            (State::PivotShift, 100.0),
+            (State::PivotSlope, 30.0),
             (State::Heel, 2.0),
             (State::Delay, 0.3),
         ] {
@@ -110,7 +123,7 @@ impl Default for Prior {
         }
         let mut mean = [0.0; STATES];
         mean[State::Delay as usize] = 0.2;
-        Self { mean, deviation }
+        Self { mean, deviation, linearized: [f64::NAN; STATES] }
     }
 }
 
@@ -119,6 +132,13 @@ impl Prior {
     pub fn with(mut self, state: State, mean: f64, deviation: f64) -> Self {
         self.mean[state as usize] = mean;
         self.deviation[state as usize] = deviation;
+        self
+    }
+
+    /// Linearizes at a value of a constant state, which is its mean, too.
+    pub fn linearized_at(mut self, state: State, value: f64) -> Self {
+        self.mean[state as usize] = value;
+        self.linearized[state as usize] = value;
         self
     }
 }

@@ -419,7 +419,12 @@ fn source(log: &RawLog, spec: &ChannelSpec, role: Role, notes: &mut Vec<Note>) -
         return Ok(Source { column, factor: spec.scale, offset: spec.offset, scale: spec.scale, channel });
     };
     note_unit(log, &raw.name, &unit, role, notes);
-    let (factor, channel) = (spec.scale * unit.factor, Channel::new(&spec.name, unit.si));
+    let (factor, si) = match (role, Unit::parse("s")) {
+        // Microseconds of another column are pulse widths, and stay as they are.
+        (Role::Time, Ok(second)) => (unit.to(&second).map_err(failed)?, second.si),
+        _ => (unit.factor, unit.si),
+    };
+    let (factor, channel) = (spec.scale * factor, Channel::new(&spec.name, si));
     Ok(Source { column, factor, offset: spec.offset, scale: spec.scale, channel })
 }
 

@@ -139,7 +139,8 @@ const TABLE: &[Known] = &[
     known(Quantity::Impulse, "N s", 1.0, &["Ns"]),
     known(Quantity::Time, "s", 1.0, &["s", "sec", "second", "seconds"]),
     known(Quantity::Time, "s", 1e-3, &["ms"]),
-    known(Quantity::Time, "s", 1e-6, &["us", "µs", "μs"]),
+    // Pulse widths are not converted; times are.
+    Known { names: &["us", "µs", "μs"], quantity: Quantity::Time, si: "us", base: 1e-6, si_base: 1e-6 },
     known(Quantity::Time, "s", 1e-9, &["ns"]),
     known(Quantity::Time, "s", 60.0, &["min"]),
     known(Quantity::Time, "s", 3600.0, &["h"]),

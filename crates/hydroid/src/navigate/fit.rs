@@ -2,109 +2,219 @@
 
 use hydroid_core::navigation::{Prior, State};
 
-use super::measurements::{Runs, Statistics};
+use super::measurements::{Run, Runs, Statistics};
 
 /// Statistics, constants of the vessel and the GNSS, and their likelihood.
 #[derive(Clone, Debug)]
 pub struct Fitted {
     /// The statistics.
     pub statistics: Statistics,
-    /// Means and standard deviations of the constants, for the states of [`CONSTANTS`].
-    pub constants: [(f64, f64); CONSTANTS.len()],
+    /// Values of the states of [`CONSTANTS`].
+    pub constants: [f64; CONSTANTS.len()],
     /// Logarithm of the likelihood and the prior.
     pub log_likelihood: f64,
-    /// Sweeps over the numbers.
-    pub sweeps: usize,
+    /// Steps of the search.
+    pub steps: usize,
 }
 
 /// States that are constant and multiply others. An extended Kalman filter with wide priors of them can converge to wrong
 /// values; the likelihood of a filter with fixed values has no such error.
-pub const CONSTANTS: [State; 4] = [State::Delay, State::Misalignment, State::Pivot, State::Heel];
-/// First steps of the search for the constants.
-const STEPS: [f64; CONSTANTS.len()] = [0.1, 0.01, 1.0, 0.5];
-
-/// Sweeps at most.
-const SWEEPS: usize = 12;
-/// Gain of the log-likelihood in a sweep below which the search ends.
-const ENOUGH: f64 = 1.0;
+pub const CONSTANTS: [State; 6] =
+    [State::Delay, State::Misalignment, State::Pivot, State::PivotShift, State::PivotSlope, State::Heel];
+/// Steps from each first guess.
+const COARSE: usize = 40;
+/// Steps at most.
+const STEPS: usize = 200;
+/// Gain of the log-likelihood in a step below which the search ends.
+const ENOUGH: f64 = 0.1;
+/// Standard deviation of the logarithm of a statistic about its first guess: a factor of five.
+const WIDE: f64 = 1.6;
+/// Largest change in a step.
+const FARTHEST: f64 = 0.5;
 
 impl Fitted {
-    /// A prior with the constants.
+    /// A prior that is linearized at the constants. Its standard deviations of them remain: the smoother finds those that
+    /// the measurements leave.
     #[must_use]
     pub fn prior(&self, prior: &Prior) -> Prior {
-        let states = CONSTANTS.iter().zip(&self.constants);
-        states.fold(prior.clone(), |prior, (state, (mean, deviation))| prior.with(*state, *mean, *deviation))
+        let states = CONSTANTS.iter().zip(self.constants);
+        states.fold(prior.clone(), |prior, (state, value)| prior.linearized_at(*state, value))
     }
 }
 
-/// Maximizes the likelihood of the innovations over the logarithms of the statistics, and its product with the prior over
-/// the constants, one after the other, by a parabola through three points (coordinate-wise Newton method). The standard
-/// deviation of a constant is that of the curvature.
-pub fn fit(runs: &Runs, start: &Statistics, mut proceed: impl FnMut() -> bool) -> Fitted {
-    let prior = Prior::default();
-    let usual = CONSTANTS.map(|state| prior.mean[state as usize]);
-    let widest = CONSTANTS.map(|state| prior.deviation[state as usize]);
-    let mut numbers = start.numbers(&runs.sensors);
-    let statistics = numbers.len();
-    numbers.extend(usual);
-    let value = |numbers: &[f64]| {
-        let constants: [f64; CONSTANTS.len()] = std::array::from_fn(|i| numbers[statistics + i]);
-        let away = constants.iter().zip(&usual).zip(&widest).map(|((x, mean), width)| (x - mean) / width);
-        let prior: f64 = away.map(|x| -0.5 * x * x).sum();
-        prior + runs.log_likelihood(&start.with_numbers(&runs.sensors, numbers), &constants)
+/// Maximizes the product of the likelihood of the innovations and the prior over the logarithms of the statistics and the
+/// constants. The likelihood has several maxima: the search begins from each of the first guesses with the first quarters
+/// of the runs, and ends with all measurements from the best. `proceed` is asked before each step.
+///
+/// # Panics
+/// Without a first guess.
+pub fn fit(runs: &Runs, guesses: &[Statistics], mut proceed: impl FnMut() -> bool) -> Fitted {
+    let quarter = |run: &Run| Run {
+        events: run.events[..run.events.len().div_ceil(4)].to_vec(),
+        prior: run.prior.clone(),
     };
-    let mut best = value(&numbers);
-    let mut steps = vec![0.4; statistics];
-    steps.extend(STEPS);
-    let mut deviations = widest;
-    let mut sweeps = 0;
-    while sweeps < SWEEPS {
-        let before = best;
-        for i in 0..numbers.len() {
+    let quarters = Runs { sensors: runs.sensors.clone(), runs: runs.runs.iter().map(quarter).collect() };
+    let starts = guesses.iter().map(|guess| {
+        let mut search = Search::new(&quarters, guess);
+        search.run(COARSE, &mut proceed);
+        search
+    });
+    let best = starts.max_by(|a, b| a.value.total_cmp(&b.value)).expect("a first guess");
+    let mut search = Search { runs, ..best };
+    (search.value, search.slope) = search.evaluate(&search.at);
+    search.run(STEPS, &mut proceed);
+    let (statistics, constants) = search.read(&search.at);
+    Fitted { statistics, constants, log_likelihood: search.value, steps: search.steps }
+}
+
+/// Method of Broyden, Fletcher, Goldfarb and Shanno (Nocedal and Wright, *Numerical Optimization*, 2nd ed., section 6.1).
+struct Search<'a> {
+    runs: &'a Runs,
+    start: Statistics,
+    /// Number of statistics; the constants follow.
+    statistics: usize,
+    /// Logarithms of the statistics, and constants over their standard deviations, at the start.
+    from: Vec<f64>,
+    at: Vec<f64>,
+    value: f64,
+    slope: Vec<f64>,
+    inverse: Inverse,
+    steps: usize,
+}
+
+impl<'a> Search<'a> {
+    fn new(runs: &'a Runs, start: &Statistics) -> Self {
+        let prior = Prior::default();
+        let mut from: Vec<f64> = start.numbers(&runs.sensors).into_iter().map(f64::ln).collect();
+        let statistics = from.len();
+        from.extend(CONSTANTS.map(|state| prior.mean[state as usize] / prior.deviation[state as usize]));
+        let mut search = Self {
+            runs,
+            start: start.clone(),
+            statistics,
+            at: from.clone(),
+            inverse: Inverse { rows: Vec::new() },
+            from,
+            value: f64::NEG_INFINITY,
+            slope: Vec::new(),
+            steps: 0,
+        };
+        (search.value, search.slope) = search.evaluate(&search.at);
+        search.inverse = Inverse::of_diagonal(&search.curvatures());
+        search
+    }
+
+    /// Statistics and constants at a place.
+    fn read(&self, at: &[f64]) -> (Statistics, [f64; CONSTANTS.len()]) {
+        let (statistics, constants) = at.split_at(self.statistics);
+        let numbers: Vec<f64> = statistics.iter().map(|x| x.exp()).collect();
+        let widths = Prior::default().deviation;
+        let constants = std::array::from_fn(|i| constants[i] * widths[CONSTANTS[i] as usize]);
+        (self.start.with_numbers(&self.runs.sensors, &numbers), constants)
+    }
+
+    /// Logarithm of the likelihood and the prior, and its gradient.
+    fn evaluate(&self, at: &[f64]) -> (f64, Vec<f64>) {
+        let (statistics, constants) = self.read(at);
+        let (mut value, mut slope) = self.runs.log_likelihood(&statistics, &constants);
+        let widths = Prior::default().deviation;
+        for (i, slope) in slope.iter_mut().enumerate() {
+            let width = match i.checked_sub(self.statistics) {
+                None => WIDE,
+                Some(i) => {
+                    *slope *= widths[CONSTANTS[i] as usize];
+                    1.0
+                }
+            };
+            let away = (at[i] - self.from[i]) / width;
+            value -= 0.5 * away * away;
+            *slope -= away / width;
+        }
+        (value, slope)
+    }
+
+    /// Magnitudes of the second derivatives.
+    fn curvatures(&self) -> Vec<f64> {
+        let step = 1e-3;
+        let of = |i: usize| {
+            let mut at = self.at.clone();
+            at[i] += step;
+            ((self.evaluate(&at).1[i] - self.slope[i]) / step).abs()
+        };
+        (0..self.at.len()).map(of).collect()
+    }
+
+    fn run(&mut self, steps: usize, proceed: &mut dyn FnMut() -> bool) {
+        let mut small = 0;
+        for _ in 0..steps {
             if !proceed() {
                 break;
             }
-            let at = |shift: f64| {
-                let mut moved = numbers.clone();
-                moved[i] += shift;
-                value(&moved)
-            };
-            let step: f64 = steps[i];
-            let (up, down) = rayon::join(|| at(step), || at(-step));
-            let curvature = (up - 2.0 * best + down) / (step * step);
-            let slope = (up - down) / (2.0 * step);
-            let newton = if curvature < 0.0 { -slope / curvature } else { 2.0 * step.copysign(slope) };
-            let newton = newton.clamp(-4.0 * step, 4.0 * step);
-            let candidates = [(at(newton), newton), (up, step), (down, -step)];
-            let mut moved = 0.0;
-            for (value, shift) in candidates {
-                if value > best {
-                    (best, moved) = (value, shift);
-                }
+            self.steps += 1;
+            let before = self.value;
+            let moved = self.step();
+            small = if self.value - before < ENOUGH { small + 1 } else { 0 };
+            if !moved || small == 3 {
+                break;
             }
-            numbers[i] += moved;
-            steps[i] = if moved == 0.0 { 0.5 * step } else { moved.abs() };
-            if i < statistics {
-                steps[i] = steps[i].clamp(0.05, 0.8);
-            } else {
-                let widest = widest[i - statistics];
-                let deviation = if curvature < 0.0 { (-1.0 / curvature).sqrt().min(widest) } else { widest };
-                // A step of one standard deviation shows the curvature.
-                if curvature < 0.0 {
-                    steps[i] = steps[i].max(deviation);
-                }
-                deviations[i - statistics] = deviation;
-            }
-        }
-        sweeps += 1;
-        if best - before < ENOUGH {
-            break;
         }
     }
-    Fitted {
-        statistics: start.with_numbers(&runs.sensors, &numbers),
-        constants: std::array::from_fn(|i| (numbers[statistics + i], deviations[i])),
-        log_likelihood: best,
-        sweeps,
+
+    /// A step along the quasi-Newton direction, shortened until the function increases. Whether it did.
+    fn step(&mut self) -> bool {
+        let direction = self.inverse.times(&self.slope);
+        let largest = direction.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()));
+        let rise = dot(&direction, &self.slope);
+        let mut size = if largest > FARTHEST { FARTHEST / largest } else { 1.0 };
+        while size * rise > 0.01 * ENOUGH {
+            let next: Vec<f64> = self.at.iter().zip(&direction).map(|(x, d)| x + size * d).collect();
+            let (value, slope) = self.evaluate(&next);
+            if value >= self.value + 1e-4 * size * rise {
+                let step: Vec<f64> = direction.iter().map(|d| size * d).collect();
+                let change: Vec<f64> = self.slope.iter().zip(&slope).map(|(a, b)| a - b).collect();
+                self.inverse.update(&step, &change);
+                (self.at, self.value, self.slope) = (next, value, slope);
+                return true;
+            }
+            size *= 0.3;
+        }
+        false
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+/// Estimate of the inverse of the negative Hessian.
+struct Inverse {
+    rows: Vec<Vec<f64>>,
+}
+
+impl Inverse {
+    fn of_diagonal(curvatures: &[f64]) -> Self {
+        let row = |i: usize| {
+            (0..curvatures.len()).map(|j| if i == j { 1.0 / curvatures[i] } else { 0.0 }).collect()
+        };
+        Self { rows: (0..curvatures.len()).map(row).collect() }
+    }
+
+    fn times(&self, vector: &[f64]) -> Vec<f64> {
+        self.rows.iter().map(|row| dot(row, vector)).collect()
+    }
+
+    /// Step and decrease of the gradient. A step along which the function is not concave says nothing.
+    fn update(&mut self, step: &[f64], change: &[f64]) {
+        let curvature = dot(step, change);
+        if curvature <= 0.0 {
+            return;
+        }
+        let product = self.times(change);
+        let factor = (1.0 + dot(change, &product) / curvature) / curvature;
+        for (i, row) in self.rows.iter_mut().enumerate() {
+            for (j, x) in row.iter_mut().enumerate() {
+                *x += factor * step[i] * step[j] - (product[i] * step[j] + step[i] * product[j]) / curvature;
+            }
+        }
     }
 }

@@ -1,7 +1,6 @@
 //! Measurements of runs, and the statistics of their sensors.
 
-use super::fit::CONSTANTS;
-use hydroid_core::navigation::{Filter, Measurement, Mounting, Noise, Prior, State};
+use hydroid_core::navigation::{Measurement, Mounting, Noise, Prior, State};
 
 /// Quantity of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,7 +62,8 @@ pub struct Runs {
 }
 
 /// States that all runs of a vessel share.
-pub(super) const SHARED: [State; 4] = [State::Misalignment, State::Pivot, State::Heel, State::Delay];
+pub(super) const SHARED: [State; 6] =
+    [State::Misalignment, State::Pivot, State::PivotShift, State::PivotSlope, State::Heel, State::Delay];
 
 /// Statistics of motion and sensors.
 #[derive(Clone, Debug, PartialEq)]
@@ -91,19 +91,31 @@ impl Statistics {
         }
     }
 
-    /// Logarithms of the numbers that the likelihood estimates.
+    /// The numbers that the likelihood estimates.
     pub(super) fn numbers(&self, sensors: &[Sensor]) -> Vec<f64> {
         let mut copy = self.clone();
         let mut out = Vec::new();
-        copy.visit(sensors, |x| out.push(x.ln()));
+        copy.visit(sensors, |x| out.push(*x));
         out
     }
 
+    /// These statistics with other numbers.
     pub(super) fn with_numbers(&self, sensors: &[Sensor], numbers: &[f64]) -> Self {
         let mut copy = self.clone();
         let mut from = numbers.iter();
-        copy.visit(sensors, |x| *x = from.next().expect("one number for each place").exp());
+        copy.visit(sensors, |x| *x = *from.next().expect("one number for each place"));
         copy
+    }
+
+    /// Adds derivatives by the logarithms of the standard deviations of the two values of a sensor.
+    pub(super) fn add_deviation(&mut self, sensors: &[Sensor], sensor: usize, by: [f64; 2]) {
+        let own = sensors[sensor].kind == Kind::SpecificForce;
+        let to = &mut self.deviations[sensor];
+        if own {
+            *to = [to[0] + by[0], to[1] + by[1]];
+        } else {
+            to[0] += by[0] + by[1];
+        }
     }
 
     fn visit(&mut self, sensors: &[Sensor], mut see: impl FnMut(&mut f64)) {
@@ -114,6 +126,7 @@ impl Statistics {
             &mut n.surge_acceleration,
             &mut n.sway_rate,
             &mut n.sway,
+            &mut n.pivot_rate,
             &mut n.yaw_rate,
             &mut n.yaw,
         ] {
@@ -147,41 +160,5 @@ impl Statistics {
                 see(&mut deviation[1]);
             }
         }
-    }
-}
-
-impl Runs {
-    /// Logarithm of the likelihood of the innovations, without its constant, for fixed values of [`CONSTANTS`].
-    pub(super) fn log_likelihood(&self, statistics: &Statistics, constants: &[f64; CONSTANTS.len()]) -> f64 {
-        let mut sum = 0.0;
-        let mut filter: Option<Filter> = None;
-        for run in &self.runs {
-            let states = CONSTANTS.iter().zip(constants);
-            let prior =
-                states.fold(run.prior.clone(), |prior, (state, value)| prior.with(*state, *value, 0.0));
-            let filter = match &mut filter {
-                Some(filter) => {
-                    filter.restart(&prior, &SHARED);
-                    filter
-                }
-                none => none.insert(Filter::new(statistics.noise, &prior, f64::INFINITY)),
-            };
-            let mut t = run.events.first().map_or(0.0, |event| event.t);
-            for event in &run.events {
-                if event.t > t {
-                    filter.predict(event.t - t);
-                    t = event.t;
-                }
-                filter.update(&statistics.measurement(&self.sensors, event), |update| {
-                    let i = update.innovation;
-                    // An outlier counts by its distance and not by its square (Huber, Ann. Math. Stat. 35 (1964) 73), so
-                    // that it does not widen the noise.
-                    let (d, c) = (i.nis().sqrt(), Filter::OUTLIER.sqrt());
-                    let loss = if d > c { c * (2.0 * d - c) } else { d * d };
-                    sum -= 0.5 * (loss + i.variance.ln());
-                });
-            }
-        }
-        if sum.is_finite() { sum } else { f64::NEG_INFINITY }
     }
 }

@@ -5,6 +5,7 @@
 //! and its equations are in [`hydroid_core::navigation`].
 
 mod fit;
+mod likelihood;
 mod measurements;
 mod smoother;
 

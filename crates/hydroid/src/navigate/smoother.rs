@@ -254,29 +254,34 @@ impl Adjoint {
         };
         let (surge, surge_deviation) = value(State::Surge);
         let (yaw, yaw_deviation) = value(State::YawRate);
-        let pivot = value(State::Pivot).0;
-        let sway = value(State::Sway).0 - pivot * yaw;
-        let of_sway = [(State::Sway, 1.0), (State::YawRate, -pivot), (State::Pivot, -yaw)];
+        let [pivot, shift, slope, lagged] =
+            [State::Pivot, State::PivotShift, State::PivotSlope, State::LaggedYawRate]
+                .map(|state| value(state).0);
+        let way = shift + slope * surge;
+        let sway = value(State::Sway).0 - pivot * yaw - way * lagged;
+        let of_sway = [
+            (State::Sway, 1.0),
+            (State::YawRate, -pivot),
+            (State::Pivot, -yaw),
+            (State::LaggedYawRate, -way),
+            (State::PivotShift, -lagged),
+            (State::PivotSlope, -surge * lagged),
+            (State::Surge, -slope * lagged),
+        ];
         let sway_deviation = functional(&of_sway).1;
         let (north, east) = (value(State::CurrentNorth).0, value(State::CurrentEast).0);
         let heading = value(State::Heading).0;
         let (sine, cosine) = heading.sin_cos();
         let current = [cosine * north + sine * east, -sine * north + cosine * east];
-        let [at_pivot, by_yaw, by_pivot] = of_sway;
         let surge_ground = [
             (State::Surge, 1.0),
             (State::CurrentNorth, cosine),
             (State::CurrentEast, sine),
             (State::Heading, current[1]),
         ];
-        let sway_ground = [
-            at_pivot,
-            by_yaw,
-            by_pivot,
-            (State::CurrentNorth, -sine),
-            (State::CurrentEast, cosine),
-            (State::Heading, -current[0]),
-        ];
+        let current_in_sway =
+            [(State::CurrentNorth, -sine), (State::CurrentEast, cosine), (State::Heading, -current[0])];
+        let sway_ground: Vec<_> = of_sway.into_iter().chain(current_in_sway).collect();
         Row {
             t,
             pose: [value(State::North).0, value(State::East).0, heading],

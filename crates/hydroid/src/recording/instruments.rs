@@ -265,6 +265,32 @@ impl Instruments {
         }
     }
 
+    /// Warns of velocities of the GNSS that contradict the changes of its positions.
+    pub(super) fn check_gnss(&self, notes: &mut Vec<Note>) {
+        let (Some(position), Some(velocity)) = (&self.position, &self.velocity) else { return };
+        let parts = displacements(position, velocity);
+        let exchanged: Vec<_> = parts.iter().map(|&([a, b], v)| ([b, a], v)).collect();
+        let (Some(gain), swapped) = (gain(&parts), gain(&exchanged)) else { return };
+        let warning = if swapped.is_some_and(|swapped| swapped.unexplained < 0.5 * gain.unexplained) {
+            format!(
+                "{}: positions move to the north as the velocity of the GNSS does to the east: latitude and longitude, or north and east, seem to be exchanged",
+                self.path
+            )
+        } else if (gain.factor - 1.0).abs() > 0.2 || gain.angle.abs() > 0.2 {
+            format!(
+                "{}: positions of the GNSS move {:.2} times as fast as its velocity states, in a direction {:.0} deg to starboard of it",
+                self.path,
+                gain.factor,
+                180.0 / PI * gain.angle
+            )
+        } else {
+            return;
+        };
+        notes.push(Note::warning(warning).with_remedy(
+            "check columns and units of position, speed and course in the section [log.sensors]",
+        ));
+    }
+
     /// Measurements in the order of time, and the prior. Kinds of position fixes come first among the sensors.
     pub(super) fn run(&self, sensors: &Sensors, qualities: &[f64]) -> Run {
         let mut events = Vec::new();
@@ -384,12 +410,68 @@ fn local(mut latitude: Series, mut longitude: Series) -> [Series; 2] {
     [latitude, longitude]
 }
 
+/// A chance relation of parts of a run exceeds this F statistic, with five parts or more, less than once in fifty times;
+/// with fifty, in twenty thousand.
+const SIGNIFICANT: f64 = 20.0;
+/// Duration of the parts \[s\].
+const PART_S: f64 = 5.0;
+
+/// Mean rates of change of positions in parts of some seconds, and the mean velocities in them \[m/s\].
+fn displacements(position: &[Series; 2], velocity: &[Series; 2]) -> Vec<([f64; 2], [f64; 2])> {
+    let whole = |both: &[Series; 2]| -> Vec<(f64, [f64; 2])> {
+        let values = both[0].values.iter().zip(&both[1].values).map(|(a, b)| [*a, *b]);
+        both[0].t.iter().copied().zip(values).filter(|(_, x)| x.iter().all(|x| x.is_finite())).collect()
+    };
+    let (places, speeds) = (whole(position), whole(velocity));
+    let mut parts = Vec::new();
+    let mut from = 0;
+    for k in 1..places.len() {
+        let (start, end) = (places[from], places[k]);
+        let dt = end.0 - start.0;
+        if dt < PART_S {
+            continue;
+        }
+        from = k;
+        let part = |t: f64| speeds.partition_point(|speed| speed.0 < t);
+        let within = &speeds[part(start.0)..part(end.0)];
+        // A gap has no mean.
+        if dt < 2.0 * PART_S && within.len() > 1 {
+            let mean =
+                [0, 1].map(|i| within.iter().map(|speed| speed.1[i]).sum::<f64>() / within.len() as f64);
+            parts.push(([0, 1].map(|i| (end.1[i] - start.1[i]) / dt), mean));
+        }
+    }
+    parts
+}
+
+/// Displacements as multiples of velocities, turned clockwise.
+#[derive(Clone, Copy)]
+struct Gain {
+    factor: f64,
+    /// \[rad\].
+    angle: f64,
+    /// Share of the squares that it does not explain.
+    unexplained: f64,
+}
+
+/// Regression of displacements on velocities, as complex numbers; none if they are not clearly related.
+fn gain(parts: &[([f64; 2], [f64; 2])]) -> Option<Gain> {
+    let n = parts.len() as f64;
+    let sum = |of: &dyn Fn([f64; 2], [f64; 2]) -> f64| parts.iter().map(|(d, v)| of(*d, *v)).sum::<f64>();
+    let along = sum(&|d, v| d[0] * v[0] + d[1] * v[1]);
+    let across = sum(&|d, v| d[1] * v[0] - d[0] * v[1]);
+    let (dd, vv) = (sum(&|d, _| d[0] * d[0] + d[1] * d[1]), sum(&|_, v| v[0] * v[0] + v[1] * v[1]));
+    let explained = (along * along + across * across) / vv;
+    (explained * (n - 2.0) > SIGNIFICANT * (dd - explained)).then(|| Gain {
+        factor: along.hypot(across) / vv,
+        angle: across.atan2(along),
+        unexplained: 1.0 - explained / dd,
+    })
+}
+
 /// Slope of the change of the heading over that of the integrated yaw rate, in parts of some seconds, where they are
 /// clearly related.
 fn slope(heading: &Series, yaw_rate: &Series) -> Option<f64> {
-    const PART_S: f64 = 5.0;
-    /// With five parts or more, chance exceeds this less than once in fifty times; with fifty, in twenty thousand.
-    const SIGNIFICANT: f64 = 20.0;
     let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
     let turns: Vec<(f64, f64)> = heading.pairs().collect();
     let rates: Vec<(f64, f64)> = yaw_rate.pairs().collect();

@@ -15,30 +15,34 @@ const QUALITIES: usize = 6;
 /// Measurements from which the statistics are estimated: more of them change little.
 const ENOUGH: usize = 40_000;
 
-/// First guesses of the statistics, for fast motion and poor sensors: a filter that trusts too little does not diverge. The
-/// likelihood decides.
-fn guess(sensors: &[Sensor]) -> Statistics {
+/// First guesses of the statistics, for ships and boats. Rates of the motion are inversely proportional to the length of a
+/// vessel, frequencies of the waves that move it to the square root. The likelihood decides.
+fn guesses(sensors: &[Sensor]) -> [Statistics; 4] {
     let degree = PI / 180.0;
-    let noise = Noise {
-        surge_rate: 0.1,
-        surge_acceleration: 0.2,
-        sway_rate: 0.1,
-        sway: 0.3,
-        yaw_rate: 0.5,
-        yaw: 0.2,
-        wave_frequency: 1.0,
-        wave_damping: 0.1,
-        wave_forward: 0.1,
-        wave_starboard: 0.1,
-        gnss_rate: 1.0 / 60.0,
-        gnss: 1.0,
-        compass_rate: 0.1,
-        compass: 0.3 * degree,
-        gyro_walk: 1e-5,
-        accelerometer_walk: 1e-4,
-        current_walk: 1e-4,
-    };
-    Statistics { noise, deviations: sensors.iter().map(|sensor| sensor.deviation).collect() }
+    [0.5, 1.0, 2.0, 4.0].map(|frequency: f64| {
+        let rate = 0.06 * frequency * frequency;
+        let noise = Noise {
+            surge_rate: rate,
+            surge_acceleration: rate,
+            sway_rate: rate,
+            sway: 0.1,
+            pivot_rate: rate,
+            yaw_rate: rate,
+            yaw: rate,
+            wave_frequency: frequency,
+            wave_damping: 0.1,
+            wave_forward: 0.1,
+            wave_starboard: 0.1,
+            gnss_rate: 1.0 / 60.0,
+            gnss: 1.0,
+            compass_rate: 0.1,
+            compass: 0.3 * degree,
+            gyro_walk: 1e-5,
+            accelerometer_walk: 1e-4,
+            current_walk: 1e-4,
+        };
+        Statistics { noise, deviations: sensors.iter().map(|sensor| sensor.deviation).collect() }
+    })
 }
 
 /// Computes the tables of the recordings of one vessel, whose sensors have the same statistics.
@@ -55,6 +59,7 @@ pub(super) fn tables(
         .collect::<Result<Vec<_>, _>>()?;
     for one in &mut instruments {
         one.turn_axes(notes);
+        one.check_gnss(notes);
     }
     let qualities = qualities(&instruments);
     let of = |kind, mounting, deviation| Sensor { kind, mounting, deviation };
@@ -71,7 +76,7 @@ pub(super) fn tables(
     };
     retain_used(&mut runs);
     let times = instruments.iter().map(|one| one.times(dt)).collect::<Result<Vec<_>, _>>()?;
-    let fitted = navigate::fit(&sample(&runs), &guess(&runs.sensors), || true);
+    let fitted = navigate::fit(&sample(&runs), &guesses(&runs.sensors), || true);
     for run in &mut runs.runs {
         run.prior = fitted.prior(&run.prior);
     }
@@ -229,6 +234,14 @@ fn states(path: &str, one: &Instruments, smoothed: &Smoothed, notes: &mut Vec<No
                 deviation / degree
             ));
         }
+    }
+    if one.heading.is_none() {
+        notes.push(
+            Note::warning(format!(
+                "{path}: there is no heading: v cannot be told from a current, and its standard deviation does not include that"
+            ))
+            .with_remedy("record a compass or a heading of two antennas"),
+        );
     }
     if one.yaw_rate.is_some() {
         let (bias, deviation) = of(State::GyroBias);

@@ -14,6 +14,7 @@ fn guess(sensors: &[Sensor]) -> Statistics {
         surge_acceleration: 0.05,
         sway_rate: 0.1,
         sway: 0.3,
+        pivot_rate: 0.3,
         yaw_rate: 0.2,
         yaw: 0.05,
         wave_frequency: 1.0,
@@ -74,7 +75,7 @@ fn the_smoother_equals_that_of_rauch_tung_and_striebel() {
     let none = Mounting::default();
     let sensors = vec![sensor(Kind::Heading, none, 0.01), sensor(Kind::YawRate, none, 0.002)];
     let statistics = guess(&sensors);
-    let mut prior = Prior { mean: [0.0; STATES], deviation: [0.3; STATES] };
+    let mut prior = Prior { mean: [0.0; STATES], deviation: [0.3; STATES], ..Prior::default() };
     prior.deviation[State::Delay as usize] = 0.1;
     let events: Vec<Event> = (0..60)
         .map(|k| {
@@ -210,7 +211,8 @@ fn instruments(truth: &[[f64; 6]], seed: u64) -> (Vec<Sensor>, Vec<Event>) {
         if k % 5 == 0 {
             events.push(Event { t, sensor: 3, value: [r + 0.004 + normal.draw(0.002), 0.0] });
             let forward = rate(3) - r * v - r * r * unit.forward;
-            let starboard = rate(4) + r * u + rate(5) * unit.forward - 1.4 * u * r;
+            let lateral = rate(4) + r * u;
+            let starboard = lateral + rate(5) * unit.forward - 1.4 * lateral;
             let value = [forward + 0.05 + normal.draw(0.03), starboard - 0.1 + normal.draw(0.03)];
             events.push(Event { t, sensor: 4, value });
         }
@@ -269,7 +271,7 @@ fn velocities_of_a_simulated_boat_with_guessed_statistics() {
 fn velocities_and_misalignment_of_a_simulated_boat() {
     let truth = zigzags(210.0);
     let mut runs = voyages(&truth);
-    let fitted = fit(&runs, &guess(&runs.sensors), || true);
+    let fitted = fit(&runs, &[guess(&runs.sensors)], || true);
     runs.runs.iter_mut().for_each(|run| run.prior = fitted.prior(&run.prior));
     let deviation = |sensor: usize| fitted.statistics.deviations[sensor][0];
     for (sensor, expected) in [(1, 0.05), (2, 0.5 * DEGREE), (3, 0.002), (4, 0.03)] {
@@ -310,7 +312,7 @@ fn the_same_runs_give_the_same_statistics() {
     let start = guess(&runs.sensors);
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| fit(&runs, &start, || true))
+        pool.install(|| fit(&runs, std::slice::from_ref(&start), || true))
     };
     let (one, two) = (on(1), on(2));
     assert_eq!(one.statistics, two.statistics);

@@ -88,7 +88,7 @@ impl Defect {
         match self {
             Self::NotUtf8 { line, binary } => {
                 let remedy = if binary {
-                    "the file does not seem to be CSV: export the log as CSV"
+                    "the file does not seem to be CSV, and begins like none of the other formats (MCAP, bags of ROS 1 and 2, DataFlash, ULog, NMEA, Parquet, XLSX): check the file, or export the log as CSV"
                 } else {
                     "save the file as `CSV UTF-8` (a degree sign or an umlaut from an old encoding is the usual cause)"
                 };

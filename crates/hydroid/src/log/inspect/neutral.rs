@@ -9,6 +9,8 @@ use super::super::selection::{ChannelSpec, Selection};
 const PULSE_US: std::ops::RangeInclusive<f64> = 800.0..=2200.0;
 /// Range of the usual neutral position, 1500 us, with the trim of a remote control \[us\].
 const NEUTRAL_US: std::ops::RangeInclusive<f64> = 1400.0..=1600.0;
+/// The neutral position of a log without rest \[us\].
+const USUAL_US: f64 = 1500.0;
 /// Smallest share of a log at rest, for a value that is neutral because it is the most common one.
 const AT_REST: f64 = 0.1;
 
@@ -52,7 +54,8 @@ pub(super) fn check(log: &RawLog, resolved: &Resolved, selection: &Selection, no
 }
 
 /// The neutral position of a pulse width: the most common value, if the vessel rests long enough, else the first value,
-/// if it is near the usual neutral position.
+/// if it is near the usual neutral position. If neither is, a column whose unit or name says that it is a pulse width has
+/// the usual one; another may be a rate of revolution.
 fn neutral(log: &RawLog, source: &Source) -> Option<f64> {
     if source.has_offset() {
         return None;
@@ -68,5 +71,9 @@ fn neutral(log: &RawLog, source: &Source) -> Option<f64> {
     if common.len() as f64 >= AT_REST * sorted.len() as f64 && NEUTRAL_US.contains(&common[0]) {
         return Some(common[0]);
     }
-    Some(first).filter(|first| NEUTRAL_US.contains(first))
+    let column = &log.columns[source.column];
+    let name = column.name.to_ascii_lowercase();
+    let stated =
+        column.unit.as_deref() == Some("us") || ["pwm", "_us"].iter().any(|part| name.contains(part));
+    Some(first).filter(|first| NEUTRAL_US.contains(first)).or(stated.then_some(USUAL_US))
 }
