@@ -80,8 +80,10 @@ impl Log {
         let Reading { selection, options } = base;
         let or =
             |given: Vec<ChannelSpec>, base: Vec<ChannelSpec>| if given.is_empty() { base } else { given };
-        // Velocities of the log replace those that would be computed.
-        let sensors = selection.sensors.filter(|_| self.outputs.is_empty());
+        // Velocities of the log replace those that would be computed, and so does its heading.
+        let replaced = selection.sensors.is_some() && !self.outputs.is_empty();
+        let sensors = selection.sensors.filter(|_| !replaced);
+        let heading = selection.heading.filter(|_| !replaced);
         let delay = self.input_delay.map(|delay| match delay {
             Delay::Samples(n) => InputDelay::Samples(n),
             Delay::Text(delay) => delay,
@@ -92,7 +94,7 @@ impl Log {
                 outputs: or(self.outputs, selection.outputs),
                 inputs: or(self.inputs, selection.inputs),
                 wind: self.wind.or(selection.wind),
-                heading: self.heading.or(selection.heading),
+                heading: self.heading.or(heading),
                 sensors: self.sensors.or(sensors),
             },
             options: PrepareOptions {

@@ -270,13 +270,16 @@ impl Instruments {
         let (Some(position), Some(velocity)) = (&self.position, &self.velocity) else { return };
         let parts = displacements(position, velocity);
         let exchanged: Vec<_> = parts.iter().map(|&([a, b], v)| ([b, a], v)).collect();
-        let (Some(gain), swapped) = (gain(&parts), gain(&exchanged)) else { return };
-        let warning = if swapped.is_some_and(|swapped| swapped.unexplained < 0.5 * gain.unexplained) {
+        let (direct, swapped) = (gain(&parts), gain(&exchanged));
+        let unexplained = direct.map_or(1.0, |gain| gain.unexplained);
+        let warning = if swapped.is_some_and(|swapped| swapped.unexplained < 0.5 * unexplained) {
             format!(
                 "{}: positions move to the north as the velocity of the GNSS does to the east: latitude and longitude, or north and east, seem to be exchanged",
                 self.path
             )
-        } else if (gain.factor - 1.0).abs() > 0.2 || gain.angle.abs() > 0.2 {
+        } else if let Some(gain) =
+            direct.filter(|gain| (gain.factor - 1.0).abs() > 0.2 || gain.angle.abs() > 0.2)
+        {
             format!(
                 "{}: positions of the GNSS move {:.2} times as fast as its velocity states, in a direction {:.0} deg to starboard of it",
                 self.path,

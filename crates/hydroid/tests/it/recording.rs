@@ -211,6 +211,78 @@ fn what_is_missing_is_named() {
     assert!(error.contains("has neither a ROS 2 bag"), "{error}");
 }
 
+/// The heading of a table from sensors is in rad; that of another log need not be.
+#[test]
+fn velocities_that_are_named_replace_those_from_sensors_and_their_heading() {
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("hydroid.toml");
+    let selection = Selection { heading: Some(spec("psi [rad]")), ..with_sensors(Sensors::default(), "n") };
+    let over = |text: &str| {
+        std::fs::write(&file, text).unwrap();
+        let base = hydroid::model::Reading { selection: selection.clone(), ..Default::default() };
+        hydroid::config::read(&file).unwrap().log.over(base).selection
+    };
+    let same = over("[log]\ninputs = [\"n\"]\n");
+    assert_eq!(same, selection);
+    let named = over("[log]\noutputs = [\"u\", \"v\"]\n");
+    assert!(named.sensors.is_none() && named.heading.is_none(), "{named:?}");
+    let both = over("[log]\noutputs = [\"u\"]\nheading = \"psi [deg]\"\n");
+    assert_eq!(both.heading, Some(spec("psi [deg]")));
+}
+
+/// A circle: only exchanged axes explain a displacement in the wrong sense.
+#[test]
+fn exchanged_axes_of_the_positions_are_named() {
+    let folder = TempDir::new().unwrap();
+    let mut gnss = "t [s],north [m],east [m],vn [m/s],ve [m/s]\n".to_owned();
+    let mut compass = "t [s],heading [rad]\n".to_owned();
+    for k in 0..400 {
+        let t = 0.5 * f64::from(k);
+        let (sine, cosine) = (0.05 * t).sin_cos();
+        let _ = writeln!(gnss, "{t},{},{},{},{}", 40.0 * sine, -40.0 * cosine, 2.0 * cosine, 2.0 * sine);
+        let _ = writeln!(compass, "{t},{}", 0.05 * t);
+    }
+    std::fs::write(folder.path().join("gnss.csv"), gnss).unwrap();
+    std::fs::write(folder.path().join("compass.csv"), compass).unwrap();
+    for (north, east, expected) in [("gnss.north", "gnss.east", false), ("gnss.east", "gnss.north", true)] {
+        let sensors = Sensors {
+            north: Some(spec(north)),
+            east: Some(spec(east)),
+            velocity_north: Some(spec("gnss.vn")),
+            velocity_east: Some(spec("gnss.ve")),
+            heading: Some(spec("compass.heading")),
+            ..Sensors::default()
+        };
+        let (_, notes) = one(folder.path(), &with_sensors(sensors, "none")).unwrap();
+        let said = notes.iter().any(|note| note.message.contains("seem to be exchanged"));
+        assert_eq!(said, expected, "{notes:?}");
+    }
+}
+
+/// Sensors that contradict each other, and what cannot be observed, are said.
+#[test]
+fn contradictions_of_sensors_are_warned_of() {
+    let folder = boat(20);
+    let sensors = proposed(folder.path()).sensors.unwrap();
+    let warnings = |sensors: Sensors| {
+        let (_, notes) = one(folder.path(), &with_sensors(sensors, "servo.rudder")).unwrap();
+        notes.into_iter().filter(Note::is_warning).map(|note| note.message).collect::<Vec<_>>().join("\n")
+    };
+    let usual = warnings(sensors.clone());
+    assert!(!usual.contains("positions") && !usual.contains("no heading"), "{usual}");
+    let slow = ChannelSpec { scale: 0.5, ..sensors.speed.clone().unwrap() };
+    let halved = warnings(Sensors { speed: Some(slow), ..sensors.clone() });
+    assert!(
+        halved.contains("move 2.0") && halved.contains("times as fast as its velocity states"),
+        "{halved}"
+    );
+    let turned = ChannelSpec { offset: 90.0, ..sensors.course.clone().unwrap() };
+    let turned = warnings(Sensors { course: Some(turned), ..sensors.clone() });
+    assert!(turned.contains("in a direction 90 deg to starboard"), "{turned}");
+    let blind = warnings(Sensors { heading: None, ..sensors });
+    assert!(blind.contains("v cannot be told from a current"), "{blind}");
+}
+
 /// A fast accelerometer with one axis missing for a while.
 #[test]
 fn cells_may_be_missing_in_one_axis() {
@@ -366,9 +438,10 @@ fn the_same_run_from_all_formats() {
         read_logs(&[path], &selection, Some(0.1)).unwrap().0.remove(0)
     };
     let reference = at_step(csv.path());
-    // In the messages of ROS, the last heading of the compass is held at the rate of the inertial unit. The heading of ULog
+    // The search for the statistics ends within a tenth of a unit of the likelihood, from sums in another order. In the
+    // messages of ROS, the last heading of the compass is held at the rate of the inertial unit. The heading of ULog
     // and DataFlash is that of an estimator on board instead of the compass.
-    let same = [1e-6; 3];
+    let same = [2e-3; 3];
     let held = [0.02, 0.04, 0.01];
     let other = [0.05, 0.1, 0.01];
     for (path, bounds) in [
@@ -394,7 +467,7 @@ fn the_same_run_from_all_formats() {
 #[ignore = "slow tier: .ci/run runs it"]
 fn the_field_runs_give_the_velocities() {
     let Some(fleet) = fleet() else { return };
-    for (name, bounds) in [("otter", [0.045, 0.04, 0.003]), ("clarke83", [0.08, 0.12, 0.002])] {
+    for (name, bounds) in [("otter", [0.035, 0.02, 0.003]), ("clarke83", [0.03, 0.02, 0.001])] {
         let folder = fleet.join(name);
         let runs: Vec<PathBuf> = (1..=6).map(|run| folder.join(format!("field/run{run}"))).collect();
         let selection = placed(proposed(&runs[0]), &folder.join("vessel.toml"));
@@ -407,17 +480,19 @@ fn the_field_runs_give_the_velocities() {
             let marker = format!("{}: t = 0 is ", path.display());
             let start = notes.iter().find_map(|note| note.message.strip_prefix(&marker)).unwrap();
             let start = hydroid::log::stamp::parse(start).unwrap().seconds;
-            let clock: Vec<f64> = truth.columns[0].values.iter().map(|t| t - start).collect();
+            // The truth has steps of 0.2 s, the log of 0.1 s: the log is interpolated.
+            let t = column(log, "t");
             for (channel, bound) in ["u", "v", "r"].into_iter().zip(bounds) {
-                let of = column(&truth, channel);
-                let at = |t: f64| {
-                    let k = clock.partition_point(|x| *x < t).clamp(1, clock.len() - 1);
-                    let w = (t - clock[k - 1]) / (clock[k] - clock[k - 1]);
+                let of = column(log, channel);
+                let at = |time: f64| {
+                    let k = t.partition_point(|x| *x < time).clamp(1, t.len() - 1);
+                    let w = (time - t[k - 1]) / (t[k] - t[k - 1]);
                     of[k - 1] + w * (of[k] - of[k - 1])
                 };
-                let rows = column(log, "t").iter().zip(column(log, channel));
-                let rows = rows.filter(|(t, _)| **t > 20.0 && **t < clock[clock.len() - 1]);
-                let error = rms(rows.map(|(t, x)| x - at(*t)));
+                let rows = truth.columns[0].values.iter().zip(column(&truth, channel));
+                let rows = rows.map(|(time, x)| (time - start, x));
+                let rows = rows.filter(|(time, _)| *time > 20.0 && *time < t[t.len() - 1]);
+                let error = rms(rows.map(|(time, x)| at(time) - x));
                 println!("{name}, run {}: RMSE of {channel} {error:.5}", run + 1);
                 assert!(error < bound, "{name}, run {}: RMSE of {channel} {error}", run + 1);
             }

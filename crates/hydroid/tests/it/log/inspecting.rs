@@ -254,6 +254,23 @@ fn a_pulse_width_without_an_offset_is_noted_with_its_neutral_position() {
     assert_eq!(noted(&|k| [1.0, 0.1, 0.01 * k.sin(), 1800.0 + (300.0 * k.sin()).round(), k.sin()]), None);
 }
 
+/// What the unit or the name states is a pulse width, even if the log never rests.
+#[test]
+fn a_stated_pulse_width_has_the_usual_neutral_position() {
+    for (name, expected) in [("L [us]", "L=L - 1500"), ("pwm_left", "pwm_left - 1500"), ("n", "")] {
+        let mut text = format!("t,u,{name}\n");
+        for k in 0..200_u32 {
+            let pulse = 1800.0 + (300.0 * f64::from(k).sin()).round();
+            text += &format!("{:.1},{},{pulse}\n", 0.1 * f64::from(k), (0.3 * f64::from(k)).sin());
+        }
+        let column = name.split(' ').next().unwrap();
+        let found = inspect(&log(&text), &Selection::of("u", column).unwrap()).unwrap();
+        let note = found.notes.iter().find(|note| note.message.contains("pulse widths"));
+        let remedy = note.and_then(|note| note.remedy.as_deref()).unwrap_or_default();
+        assert!(note.is_some() != expected.is_empty() && remedy.contains(expected), "{name}: {remedy}");
+    }
+}
+
 #[test]
 fn an_impossible_yaw_rate_and_a_sway_above_surge_are_warned_of() {
     let about = |part: &str, row: &dyn Fn(f64) -> [f64; 5]| {

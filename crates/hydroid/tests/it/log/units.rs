@@ -3,6 +3,9 @@
 use std::f64::consts::TAU;
 
 use hydroid::log::units::{Unit, UnitError, from_name};
+use hydroid::log::{PrepareOptions, Selection, prepare};
+
+use super::{input, log};
 
 #[test]
 fn units_are_converted_to_si() {
@@ -76,6 +79,17 @@ fn case_distinguishes_units() {
     let unknown = Unit::parse("furlong/fortnight").unwrap();
     assert!(!unknown.is_known());
     assert_eq!((unknown.factor, unknown.si.as_str()), (1.0, "furlong/fortnight"));
+}
+
+#[test]
+fn pulse_widths_stay_microseconds_and_times_do_not() {
+    let rows: String =
+        (0..40).map(|k| format!("{},{},{}\n", 100_000 * k, 1 + k % 3, 1500 + 10 * k)).collect();
+    let text = format!("t [us],u [m/s],n [us]\n{rows}");
+    let selection = Selection::of("u", "n=n - 1500").unwrap();
+    let found = prepare(&[log(&text)], &selection, &PrepareOptions::default()).unwrap();
+    assert!((found.runs[0].dt - 0.1).abs() < 1e-12);
+    assert_eq!(input(&found, 0, 0)[..3], [0.0, 10.0, 20.0]);
 }
 
 #[test]
