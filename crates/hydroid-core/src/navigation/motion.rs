@@ -109,11 +109,13 @@ impl Noise {
     }
 }
 
-/// Linearized transition `x <- F x` over a time: the entries of [`ROWS`], and the covariance of the noise, for the states of
-/// [`BLOCKS`].
+/// Linearized transition `x <- F x` over a time: the entries of `F` that differ from those of the identity, and the
+/// covariance of the noise.
 #[derive(Clone, Debug)]
 pub struct Transition {
+    /// Of [`ROWS`].
     entries: [f64; ENTRIES],
+    /// Of [`BLOCKS`].
     noise: [[f64; 3]; BLOCKS.len()],
 }
 
