@@ -15,11 +15,12 @@
 //! ```
 //!
 //! The sway velocity that a turn causes has the transfer function of linear manoeuvring theory, with one zero and one pole
-//! (Nomoto, Taguchi, Honda and Hirano, Int. Shipbuilding Progress 4 (1957) 354): the pivot point is `x_P` forward of the origin at the beginning of a turn, and
-//! `x_P + x_S + x_U u` in a steady turn.
+//! (Nomoto, Taguchi, Honda and Hirano, Int. Shipbuilding Progress 4 (1957) 354): the pivot point is `x_P` forward of the
+//! origin at the beginning of a turn, and `x_P + x_S + x_U u` in a steady turn.
 //!
-//! The zero mean of `v` over a run separates it from a current, if the heading changes, and from a misalignment of the
-//! compass, if the speed or the course changes. Where it does not, the covariance of the estimate says so.
+//! The rest of `v` is small and has a mean of zero. This separates it from a current, if the heading changes, and from a
+//! misalignment of the compass, if the speed or the course changes. Where it does not, the covariance of the estimate
+//! says so.
 //!
 //! Specific force along the horizontal body axes at the inertial unit `(X, Y)`, with the heel, which is proportional to
 //! the lateral acceleration `a_y = v' + u r` of the origin, and waves, whose spectrum is that of
@@ -32,12 +33,11 @@
 //! ```
 //!
 //! The error of a GNSS position is the sum of a Gauss-Markov process and white noise, that of a compass the sum of its
-//! misalignment, a Gauss-Markov process and white noise. A fix is older than its stamp by
-//! the delay `d`: position and velocity at `t - d` follow from a Taylor series of the motion.
+//! misalignment, a Gauss-Markov process and white noise. A fix is older than its stamp by the delay `d`:
+//! position and velocity at `t - d` follow from a Taylor series of the motion.
 //!
 //! Limits: the standard deviation of the delay is too small where the yaw acceleration jumps, because the model takes the
-//! motion as smooth; a current that is estimated together with the heel is too small where the heel follows the speed
-//! over ground.
+//! motion as smooth.
 //!
 //! Units: SI and radians. Frames: north-east-down, body forward-starboard-down.
 

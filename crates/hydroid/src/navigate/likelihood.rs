@@ -21,10 +21,9 @@ impl Runs {
         let each: Vec<_> = self.runs.par_iter().map(|run| self.of(run, statistics, constants)).collect();
         // In the order of the runs, so that the sum does not depend on the threads.
         let mut sum = 0.0;
-        let mut slope = Vec::new();
+        let mut slope = vec![0.0; statistics.numbers(&self.sensors).len() + CONSTANTS.len()];
         for (value, by) in each {
             sum += value;
-            slope.resize(by.len(), 0.0);
             for (x, y) in slope.iter_mut().zip(by) {
                 *x += y;
             }

@@ -19,7 +19,7 @@ const AVERAGED_S: f64 = 0.05;
 /// Shortest step of a table \[s\], unless it is given.
 const SHORTEST_S: f64 = 0.1;
 /// Standard deviation of the components of the current before the first measurement \[m/s\].
-const CURRENT_M_S: f64 = 0.5;
+pub(super) const CURRENT_M_S: f64 = 0.5;
 
 /// A sensor channel in SI units.
 pub(super) struct Series {

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use hydroid_core::navigation::{Mounting, Noise, Prior, State};
 
-use super::instruments::Instruments;
+use super::instruments::{CURRENT_M_S, Instruments};
 use super::open::Recording;
 use super::table::{self, start};
 use crate::log::{LogError, Note, RawColumn, RawLog, Selection, Sensors};
@@ -95,6 +95,7 @@ pub(super) fn tables(
     }
     for (one, smoothed) in instruments.iter().zip(&smoothed) {
         outliers(&one.path, &runs.sensors, smoothed, notes);
+        current(&one.path, smoothed, notes);
     }
     Ok(tables)
 }
@@ -249,6 +250,18 @@ fn states(path: &str, one: &Instruments, smoothed: &Smoothed, notes: &mut Vec<No
     }
     if !found.is_empty() {
         notes.push(Note::info(format!("{path}: {}; this is corrected", found.join(", "))));
+    }
+}
+
+/// A note on the current, if the headings of the run make it observable.
+fn current(path: &str, smoothed: &Smoothed, notes: &mut Vec<Note>) {
+    let [north, east] = [State::CurrentNorth, State::CurrentEast].map(|state| smoothed.end[state as usize]);
+    let deviation = north.1.max(east.1);
+    if deviation < 0.5 * CURRENT_M_S {
+        notes.push(Note::info(format!(
+            "{path}: the current flows with {:.2} m/s to the north and {:.2} m/s to the east, ± {deviation:.2} m/s; u and v are over ground",
+            north.0, east.0
+        )));
     }
 }
 

@@ -476,6 +476,13 @@ fn the_field_runs_give_the_velocities() {
             println!("{}", note.message);
         }
         for (run, (log, path)) in logs.iter().zip(&runs).enumerate() {
+            // No current flows in every other run.
+            let marker = format!("{}: the current flows with ", path.display());
+            let current = notes.iter().find_map(|note| note.message.strip_prefix(&marker)).unwrap();
+            let mut components = current.split(" m/s to the ").map(|part| part.rsplit(' ').next().unwrap());
+            let mut component = || components.next().unwrap().parse::<f64>().unwrap();
+            let speed = component().hypot(component());
+            assert_eq!(speed < 0.1, run % 2 == 0, "{name}, run {}: {current}", run + 1);
             let truth = read(&folder.join(format!("truth/run{}.csv", run + 1))).unwrap();
             let marker = format!("{}: t = 0 is ", path.display());
             let start = notes.iter().find_map(|note| note.message.strip_prefix(&marker)).unwrap();
