@@ -21,6 +21,8 @@ pub struct Fitted {
 /// values; the likelihood of a filter with fixed values has no such error.
 pub const CONSTANTS: [State; 6] =
     [State::Delay, State::Misalignment, State::Pivot, State::PivotShift, State::PivotSlope, State::Heel];
+/// Measurements with which the search begins.
+const FEW: usize = 10_000;
 /// Steps from each first guess.
 const COARSE: usize = 40;
 /// Steps at most.
@@ -30,7 +32,7 @@ const ENOUGH: f64 = 0.1;
 /// Standard deviation of the logarithm of a statistic about its first guess: a factor of five.
 const WIDE: f64 = 1.6;
 /// Largest change in a step.
-const FARTHEST: f64 = 0.5;
+const FARTHEST: f64 = 1.0;
 
 impl Fitted {
     /// A prior that is linearized at the constants. Its standard deviations of them remain: the smoother finds those that
@@ -43,25 +45,24 @@ impl Fitted {
 }
 
 /// Maximizes the product of the likelihood of the innovations and the prior over the logarithms of the statistics and the
-/// constants. The likelihood has several maxima: the search begins from each of the first guesses with the first quarters
-/// of the runs, and ends with all measurements from the best. `proceed` is asked before each step.
+/// constants. The likelihood has several maxima: the search begins from each of the first guesses with the beginnings of the
+/// runs, and continues with all measurements from what explains them best. `proceed` is asked before each step.
 ///
 /// # Panics
 /// Without a first guess.
 pub fn fit(runs: &Runs, guesses: &[Statistics], mut proceed: impl FnMut() -> bool) -> Fitted {
-    let quarter = |run: &Run| Run {
-        events: run.events[..run.events.len().div_ceil(4)].to_vec(),
+    let share = FEW / runs.runs.len().max(1);
+    let beginning = |run: &Run| Run {
+        events: run.events[..run.events.len().min(share)].to_vec(),
         prior: run.prior.clone(),
     };
-    let quarters = Runs { sensors: runs.sensors.clone(), runs: runs.runs.iter().map(quarter).collect() };
+    let beginnings = Runs { sensors: runs.sensors.clone(), runs: runs.runs.iter().map(beginning).collect() };
     let starts = guesses.iter().map(|guess| {
-        let mut search = Search::new(&quarters, guess);
+        let mut search = Search::new(&beginnings, guess);
         search.run(COARSE, &mut proceed);
-        search
+        search.on(runs)
     });
-    let best = starts.max_by(|a, b| a.value.total_cmp(&b.value)).expect("a first guess");
-    let mut search = Search { runs, ..best };
-    (search.value, search.slope) = search.evaluate(&search.at);
+    let mut search = starts.max_by(|a, b| a.value.total_cmp(&b.value)).expect("a first guess");
     search.run(STEPS, &mut proceed);
     let (statistics, constants) = search.read(&search.at);
     Fitted { statistics, constants, log_likelihood: search.value, steps: search.steps }
@@ -73,6 +74,9 @@ struct Search<'a> {
     start: Statistics,
     /// Number of statistics; the constants follow.
     statistics: usize,
+    /// Processes whose standard deviation is replaced by the intensity of the driving noise: a slow process has the same
+    /// likelihood for all rates then.
+    processes: Vec<(usize, usize, f64)>,
     /// Logarithms of the statistics, and constants over their standard deviations, at the start.
     from: Vec<f64>,
     at: Vec<f64>,
@@ -87,11 +91,16 @@ impl<'a> Search<'a> {
         let prior = Prior::default();
         let mut from: Vec<f64> = start.numbers(&runs.sensors).into_iter().map(f64::ln).collect();
         let statistics = from.len();
+        let processes = start.processes(&runs.sensors);
+        for (rate, deviation, power) in &processes {
+            from[*deviation] += power * from[*rate];
+        }
         from.extend(CONSTANTS.map(|state| prior.mean[state as usize] / prior.deviation[state as usize]));
         let mut search = Self {
             runs,
             start: start.clone(),
             statistics,
+            processes,
             at: from.clone(),
             inverse: Inverse { rows: Vec::new() },
             from,
@@ -104,10 +113,21 @@ impl<'a> Search<'a> {
         search
     }
 
+    /// The search with other measurements of the same sensors.
+    fn on(self, runs: &'a Runs) -> Self {
+        let mut search = Self { runs, ..self };
+        (search.value, search.slope) = search.evaluate(&search.at);
+        search
+    }
+
     /// Statistics and constants at a place.
     fn read(&self, at: &[f64]) -> (Statistics, [f64; CONSTANTS.len()]) {
         let (statistics, constants) = at.split_at(self.statistics);
-        let numbers: Vec<f64> = statistics.iter().map(|x| x.exp()).collect();
+        let mut logarithms = statistics.to_vec();
+        for (rate, deviation, power) in &self.processes {
+            logarithms[*deviation] -= power * logarithms[*rate];
+        }
+        let numbers: Vec<f64> = logarithms.iter().map(|x| x.exp()).collect();
         let widths = Prior::default().deviation;
         let constants = std::array::from_fn(|i| constants[i] * widths[CONSTANTS[i] as usize]);
         (self.start.with_numbers(&self.runs.sensors, &numbers), constants)
@@ -117,6 +137,9 @@ impl<'a> Search<'a> {
     fn evaluate(&self, at: &[f64]) -> (f64, Vec<f64>) {
         let (statistics, constants) = self.read(at);
         let (mut value, mut slope) = self.runs.log_likelihood(&statistics, &constants);
+        for (rate, deviation, power) in &self.processes {
+            slope[*rate] -= power * slope[*deviation];
+        }
         let widths = Prior::default().deviation;
         for (i, slope) in slope.iter_mut().enumerate() {
             let width = match i.checked_sub(self.statistics) {

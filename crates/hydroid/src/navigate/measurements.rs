@@ -118,6 +118,32 @@ impl Statistics {
         }
     }
 
+    /// Pairs of places in the numbers: the rate of a process and its standard deviation, with half of the power of the rate
+    /// in the intensity of the noise that drives it (`2 l s^2`, or `4 l^3 s^2` for Matérn processes).
+    pub(super) fn processes(&self, sensors: &[Sensor]) -> Vec<(usize, usize, f64)> {
+        let mut marked = self.clone();
+        let n = &mut marked.noise;
+        let mut pairs = [
+            (&mut n.surge_rate, &mut n.surge_acceleration, 0.5),
+            (&mut n.sway_rate, &mut n.sway, 1.5),
+            (&mut n.yaw_rate, &mut n.yaw, 1.5),
+            (&mut n.gnss_rate, &mut n.gnss, 0.5),
+            (&mut n.compass_rate, &mut n.compass, 0.5),
+        ];
+        // Marks that no number has.
+        for (k, (rate, deviation, _)) in pairs.iter_mut().enumerate() {
+            (**rate, **deviation) = (-1.0 - k as f64, -101.0 - k as f64);
+        }
+        let powers = pairs.map(|(_, _, power)| power);
+        let numbers = marked.numbers(sensors);
+        let place = |mark: f64| numbers.iter().position(|number| *number == mark);
+        powers
+            .iter()
+            .enumerate()
+            .filter_map(|(k, power)| Some((place(-1.0 - k as f64)?, place(-101.0 - k as f64)?, *power)))
+            .collect()
+    }
+
     fn visit(&mut self, sensors: &[Sensor], mut see: impl FnMut(&mut f64)) {
         let n = &mut self.noise;
         let has = |kind| sensors.iter().any(|sensor| sensor.kind == kind);
