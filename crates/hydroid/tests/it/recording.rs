@@ -443,7 +443,7 @@ fn the_same_run_from_all_formats() {
     // and DataFlash is that of an estimator on board instead of the compass.
     let same = [2e-3; 3];
     let held = [0.02, 0.04, 0.01];
-    let other = [0.05, 0.2, 0.01];
+    let other = [0.02, 0.04, 0.01];
     for (path, bounds) in [
         (parquet.path().to_owned(), same),
         (formats.join("otter_zstd.mcap"), held),
