@@ -7,8 +7,8 @@ use super::motion::{BLOCKS, CHANGED, CURVED, Noise, Transition};
 use super::sensor::{Measurement, Scalar};
 use super::state::{Estimate, STATES, State};
 
-/// Gradient of the log-likelihood of a filter without bounded influence, by the statistics of the motion, by the standard
-/// deviations of the measurements, and by the mean of the prior:
+/// Gradient of the log-likelihood of a filter without bounded influence that is linearized at its estimate, by the
+/// statistics of the motion, by the standard deviations of the measurements, and by the mean of the prior:
 ///
 /// ```text
 /// L = - 1/2 sum of (huber(e^2 / S) + ln S)

@@ -17,8 +17,8 @@ pub struct Fitted {
     pub steps: usize,
 }
 
-/// States that are constant and multiply others. An extended Kalman filter with wide priors of them can converge to wrong
-/// values; the likelihood of a filter with fixed values has no such error.
+/// States that are constant, the same in all runs of a vessel, and multiply others. An extended Kalman filter with wide
+/// priors of them can converge to wrong values; the likelihood of a filter with fixed values has no such error.
 pub const CONSTANTS: [State; 6] =
     [State::Delay, State::Misalignment, State::Pivot, State::PivotShift, State::PivotSlope, State::Heel];
 /// Measurements with which the search begins.
@@ -27,7 +27,7 @@ const FEW: usize = 10_000;
 const COARSE: usize = 40;
 /// Steps at most.
 const STEPS: usize = 200;
-/// Gain of the log-likelihood in a step below which the search ends.
+/// Gain of the log-likelihood in a step; three smaller ones end the search.
 const ENOUGH: f64 = 0.1;
 /// Standard deviation of the logarithm of a statistic about its first guess: a factor of five.
 const WIDE: f64 = 1.6;

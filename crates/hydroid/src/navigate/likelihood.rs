@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use super::fit::CONSTANTS;
 use super::measurements::{Run, Runs, Statistics};
 
-/// Steps of the filter between checkpoints: the estimates of so many steps stay in the cache
-/// of a processor.
+/// Steps of the filter between checkpoints: the estimates between two of them stay in the
+/// cache of a processor.
 const SEGMENT: usize = 64;
 
 impl Runs {

@@ -1,6 +1,6 @@
 //! Measurements of runs, and the statistics of their sensors.
 
-use hydroid_core::navigation::{Measurement, Mounting, Noise, Prior, State};
+use hydroid_core::navigation::{Measurement, Mounting, Noise, Prior};
 
 /// Quantity of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,10 +60,6 @@ pub struct Runs {
     /// Runs.
     pub runs: Vec<Run>,
 }
-
-/// States that all runs of a vessel share.
-pub(super) const SHARED: [State; 6] =
-    [State::Misalignment, State::Pivot, State::PivotShift, State::PivotSlope, State::Heel, State::Delay];
 
 /// Statistics of motion and sensors.
 #[derive(Clone, Debug, PartialEq)]

@@ -6,7 +6,8 @@
 
 use hydroid_core::navigation::{Estimate, Filter, Innovation, STATES, State, Transition, Update};
 
-use super::measurements::{Runs, SHARED, Statistics};
+use super::fit::CONSTANTS;
+use super::measurements::{Runs, Statistics};
 
 /// Smoothed pose and velocities at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -161,7 +162,7 @@ impl Forward<'_> {
             Item::Restart(run) => {
                 let run_ = &self.runs.runs[run];
                 if run > 0 {
-                    self.filter.restart(&run_.prior, &SHARED);
+                    self.filter.restart(&run_.prior, &CONSTANTS);
                 }
                 let first = run_.events.first().map(|event| event.t);
                 let first = first.into_iter().chain(self.outputs[run].first().copied());
@@ -212,7 +213,7 @@ impl Adjoint {
     }
 
     fn restart(&mut self) {
-        let kept = |i: usize| SHARED.iter().any(|state| *state as usize == i);
+        let kept = |i: usize| CONSTANTS.iter().any(|state| *state as usize == i);
         for i in 0..STATES {
             if !kept(i) {
                 self.vector[i] = 0.0;
