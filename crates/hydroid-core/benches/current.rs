@@ -56,6 +56,7 @@ fn session(name: &str) -> Box<dyn Predictor> {
         dt: 0.1,
         window: 25,
         deviations: [0.02, 0.02, 0.02],
+        noise: [0.01; 3],
         initial: 0.3,
         walk: 0.005,
     };

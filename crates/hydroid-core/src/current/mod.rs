@@ -43,6 +43,9 @@ pub struct CurrentOptions {
     /// Standard deviations of the errors at the end of a window under the right current: surge and sway \[m/s\], yaw rate
     /// \[rad/s\].
     pub deviations: [f64; 3],
+    /// Standard deviations of the white noise of the measurements that these errors contain. A run with more noise has
+    /// larger errors.
+    pub noise: [f64; 3],
     /// Standard deviation of each component of the current at the start of a run \[m/s\].
     pub initial: f64,
     /// Standard deviation of the change of each component in a second \[m/s\], a random walk; 0 for a constant current.
@@ -63,6 +66,7 @@ impl CurrentOptions {
             && r != u
             && (1..=LONGEST_WINDOW).contains(&self.window)
             && self.deviations.into_iter().all(positive)
+            && self.noise.into_iter().all(|x| x.is_finite() && x >= 0.0)
             && positive(self.dt)
             && positive(self.initial)
             && self.walk.is_finite()
@@ -116,6 +120,11 @@ impl Inner for dyn Adapter {
 /// of the probability of a jump within a window (A. S. Willsky and H. L. Jones, *IEEE Transactions on Automatic Control* 21
 /// (1976) 108). It is accepted when the ratio exceeds this number again on later windows, and rejected when the ratio falls below one. With a walk of zero, the current cannot jump.
 ///
+/// A run may have more noise than the errors of the options contain: a model is identified from smoothed logs, and used on
+/// the sensors themselves. The standard deviation `s` of the white noise of an output in the past of a window is that of
+/// the median of its third differences, which cancel a parabola. Both ends of a window contain it, so that the variance
+/// of the error is `deviations^2 + 2 max(s^2 - noise^2, 0)`.
+///
 /// Around an [`Adapter`], the session is an adapter, and current and weights are estimated in turn. What is unknown about
 /// the current is noise to the model that learns. With the covariance `P` of the current and the derivatives `h_i` of the
 /// standardized errors of a window, it adds the variance `a = max_i h_i' P h_i`. The noise variance of a measurement is
@@ -132,6 +141,8 @@ pub struct ThroughWater<P: Inner + ?Sized = dyn Predictor> {
     current: Current,
     /// Current of the memory of the model.
     remembered: [f64; 2],
+    /// Standard deviations of the errors of the last window.
+    deviations: [f64; 3],
     /// Derivatives of the standardized errors of the last window by the current.
     slopes: [[f64; 2]; 3],
     /// Heading at the present sample; NaN before the first one.
@@ -141,6 +152,8 @@ pub struct ThroughWater<P: Inner + ?Sized = dyn Predictor> {
     /// Yaw rate at the present sample.
     rate: f64,
     past: Past,
+    /// Third differences of an output over the past.
+    differences: Vec<f64>,
     /// Snapshot of the model at the start of the window; not known before the first one.
     start: Vec<f64>,
     has_start: bool,
@@ -174,10 +187,12 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
             options,
             current: initial_estimate(&options),
             remembered: [0.0; 2],
+            deviations: options.deviations,
             slopes: initial_slopes(&options),
             heading: f64::NAN,
             next_heading: f64::NAN,
             rate: f64::NAN,
+            differences: Vec::with_capacity(most + window),
             past: Past::new(outputs, inputs, [least + window, most + window]),
             start: vec![0.0; inner.snapshot_len()],
             has_start: false,
@@ -323,6 +338,7 @@ impl<P: Inner + ?Sized> Predictor for ThroughWater<P> {
         self.inner.reset();
         self.current = initial_estimate(&self.options);
         self.remembered = [0.0; 2];
+        self.deviations = self.options.deviations;
         self.slopes = initial_slopes(&self.options);
         self.heading = f64::NAN;
         self.next_heading = f64::NAN;
@@ -452,11 +468,13 @@ impl<P: Inner + ?Sized> Predictor for ThroughWater<P> {
             options: self.options,
             current: self.current,
             remembered: self.remembered,
+            deviations: self.deviations,
             slopes: self.slopes,
             heading: self.heading,
             next_heading: self.next_heading,
             rate: self.rate,
             past: self.past.clone(),
+            differences: Vec::with_capacity(self.differences.capacity()),
             start: self.start.clone(),
             has_start: self.has_start,
             jump: self.jump.clone(),
@@ -516,9 +534,7 @@ impl Learning for ThroughWater<dyn Adapter> {
         self.inner.deviations(commands, horizons, work, deviations);
         let outputs = self.inner.outputs();
         let window = self.options.window as f64;
-        for ((c, scale), slope) in
-            self.options.motion.into_iter().zip(self.options.deviations).zip(self.slopes)
-        {
+        for ((c, scale), slope) in self.options.motion.into_iter().zip(self.deviations).zip(self.slopes) {
             let variance = quadratic(self.current.covariance, slope) * scale * scale;
             for (row, horizon) in deviations.chunks_exact_mut(outputs).zip(horizons) {
                 let share = (*horizon as f64 / window).min(1.0);
@@ -536,7 +552,7 @@ impl SaveState for ThroughWater<dyn Adapter> {
             + 1
             + self.jump.memory_len()
             + OWN
-            + 12
+            + 15
     }
 
     fn save(&self, into: &mut [f64]) {
@@ -545,6 +561,7 @@ impl SaveState for ThroughWater<dyn Adapter> {
         let Current { velocity: [north, east], covariance: [p, q, r] } = self.current;
         into.numbers(&[north, east, p, q, r, self.heading, self.rate]);
         into.numbers(&self.remembered);
+        into.numbers(&self.deviations);
         into.numbers(self.slopes.as_flattened());
         into.numbers(&[self.inflation]);
         self.past.save(&mut into);
@@ -559,7 +576,8 @@ impl SaveState for ThroughWater<dyn Adapter> {
 
     fn is_sound(&self) -> bool {
         let Current { velocity, covariance: [north, _, east] } = self.current;
-        velocity.iter().all(|x| x.is_finite()) && are_variances(&[north, east]) && self.inner.is_sound()
+        let finite = velocity.iter().chain(&self.deviations).all(|x| x.is_finite());
+        finite && are_variances(&[north, east]) && self.inner.is_sound()
     }
 
     fn load(&mut self, from: &[f64]) {
@@ -571,6 +589,7 @@ impl SaveState for ThroughWater<dyn Adapter> {
         self.heading = own[5];
         self.rate = own[6];
         from.numbers(&mut self.remembered);
+        from.numbers(&mut self.deviations);
         from.numbers(self.slopes.as_flattened_mut());
         self.inflation = from.part(1)[0];
         self.past.load(&mut from);

@@ -9,6 +9,10 @@ use crate::predict::Current;
 /// Norm of three standardized errors with full weight: 95 % of a chi distribution with three degrees of freedom.
 const FULL_WEIGHT: f64 = 2.8;
 
+/// Squared median size of third differences of white noise of unit variance: the median size of a normal number is 0.6745,
+/// and the squares of 1, 3, 3, 1 add up to 20.
+const THIRD_DIFFERENCE: f64 = 0.6745 * 0.6745 * 20.0;
+
 /// Largest number of iterations of an update.
 const ITERATIONS: usize = 4;
 
@@ -60,6 +64,7 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
         } else {
             self.inner.snapshot(&mut self.state);
         }
+        self.scale_errors();
         let prior = self.current;
         let Some(found) = self.estimate(prior) else { return };
         let jump = if self.jump.is_considered() {
@@ -92,6 +97,29 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
         }
         self.start.copy_from_slice(&self.state);
         self.has_start = true;
+    }
+
+    /// Sets the standard deviations of the errors of the last window by the noise of the past.
+    fn scale_errors(&mut self) {
+        let CurrentOptions { motion, deviations, noise, .. } = self.options;
+        for (i, c) in motion.into_iter().enumerate() {
+            self.differences.clear();
+            for back in 3..self.past.len() {
+                let [a, b, c, d] = [0, 1, 2, 3].map(|k| self.past.row(back - k).0[c]);
+                self.differences.push((d - a - 3.0 * (c - b)).abs());
+            }
+            let middle = self.differences.len() / 2;
+            let median = if self.differences.is_empty() {
+                0.0
+            } else {
+                *self.differences.select_nth_unstable_by(middle, f64::total_cmp).1
+            };
+            let excess = (median * median / THIRD_DIFFERENCE - noise[i] * noise[i]).max(0.0);
+            let variance = deviations[i] * deviations[i] + 2.0 * excess;
+            if variance.is_finite() {
+                self.deviations[i] = Float::sqrt(variance);
+            }
+        }
     }
 
     /// Considers a jump if the last window makes it the more probable explanation.
@@ -155,7 +183,8 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
     /// Errors of the predictions over the last window under each of some currents, in standard deviations; NaN where
     /// nothing was measured.
     fn errors(&mut self, currents: [[f64; 2]; CURRENTS]) -> [[f64; 3]; CURRENTS] {
-        let CurrentOptions { motion, window, deviations, .. } = self.options;
+        let CurrentOptions { motion, window, .. } = self.options;
+        let deviations = self.deviations;
         let mut starts = core::mem::take(&mut self.starts);
         for (current, start) in currents.iter().zip(starts.chunks_exact_mut(self.state.len().max(1))) {
             self.observe_past(*current, window);

@@ -3,7 +3,7 @@
 use hydroid_core::current::CurrentOptions;
 use serde::{Deserialize, Serialize};
 
-use super::Model;
+use super::{Model, Port};
 use crate::evaluate::BAND_80;
 
 /// Share of the horizon of the windows from whose errors sessions estimate the current.
@@ -32,12 +32,14 @@ pub struct CurrentEstimate {
 }
 
 impl CurrentEstimate {
-    pub(super) fn options(&self, dt: f64) -> CurrentOptions {
+    /// For the outputs of the model that has this estimate.
+    pub(super) fn options(&self, outputs: &[Port], dt: f64) -> CurrentOptions {
         CurrentOptions {
             motion: self.motion,
             dt,
             window: self.window,
             deviations: self.deviations,
+            noise: self.motion.map(|c| outputs.get(c).and_then(|port| port.noise).unwrap_or(0.0)),
             initial: self.initial_m_s,
             walk: self.walk_m_s,
         }

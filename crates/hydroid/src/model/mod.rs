@@ -211,7 +211,7 @@ impl Model {
     /// If the options of the current are invalid, which reading and training exclude.
     fn in_current<P: Inner + ?Sized>(&self, session: Box<P>) -> Result<ThroughWater<P>, Box<P>> {
         let Some(current) = &self.description.current else { return Err(session) };
-        match ThroughWater::new(session, current.options(self.description.dt)) {
+        match ThroughWater::new(session, current.options(&self.description.outputs, self.description.dt)) {
             Some(session) => Ok(session),
             None => panic!("options of the current: {current:?}"),
         }

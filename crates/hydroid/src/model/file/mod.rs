@@ -217,7 +217,11 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
         return Err(inconsistent(String::from("its prediction bands do not fit its outputs")));
     }
     let (outputs, dt) = (description.outputs.len(), description.dt);
-    if description.current.as_ref().is_some_and(|current| !current.options(dt).are_valid(outputs)) {
+    if description
+        .current
+        .as_ref()
+        .is_some_and(|current| !current.options(&description.outputs, dt).are_valid(outputs))
+    {
         return Err(inconsistent(String::from("its estimate of the current has invalid options")));
     }
     head.structure.read(&tensors, description).map_err(inconsistent)
