@@ -13,17 +13,20 @@
 //! lost. The sheets of a workbook are read as a stream; all of them together are limited to 16 MiB and 100 bytes for
 //! each byte of the file, and a workbook with more is an error.
 //!
-//! Order of the modules, each of which imports only modules before it: `error`, `sink`, `input`, `formats`, `open`.
+//! Order of the modules, each of which imports only modules before it: `error`, `sink`, `input`, `formats`, `open`,
+//! `writers`.
 
 mod error;
 mod formats;
 mod input;
 mod open;
 mod sink;
+mod writers;
 
 pub use error::IoError;
 pub use open::{Format, detect, scan};
 pub use sink::{Clock, Field, Loss, Sink, Summary, Topic};
+pub use writers::{McapChannel, McapWriter};
 
 /// Elements of an array that become fields; a longer array is left out.
 pub const LONGEST_ARRAY: usize = 64;

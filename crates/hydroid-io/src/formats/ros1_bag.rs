@@ -1,6 +1,8 @@
 //! Reader of ROS 1 bags (ROS 1 wiki, "Bags/Format/2.0"). The chunks are read forward; the index behind them is not
 //! needed, so bags that were not closed are read too.
 
+use std::collections::BTreeMap;
+
 use super::message::{Channel, Envelope, LONGEST_DEFINITION, LONGEST_TOPIC, Output, Topics, text};
 use super::unpack::Codec;
 use crate::error::IoError;
@@ -205,6 +207,7 @@ impl Reader<'_> {
             encoding: "ros1".to_owned(),
             definition_encoding: "ros1msg".to_owned(),
             definition: text(inner.definition?, LONGEST_DEFINITION),
+            units: BTreeMap::new(),
         };
         if id >= MOST_CONNECTIONS {
             self.output.summary.note("connections with numbers above 100,000 are left out");

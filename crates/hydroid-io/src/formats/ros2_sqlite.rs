@@ -1,7 +1,7 @@
 //! Reader of the SQLite files of ROS 2 bags (rosbag2, `rosbag2_storage_sqlite3`): the tables `topics`, `messages`, and
 //! since version 4 `message_definitions`.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use super::message::{Channel, Envelope, LONGEST_DEFINITION, LONGEST_TOPIC, Output, Topics, text};
 use super::sqlite::{Database, Rows, Table, Value, values};
@@ -94,7 +94,8 @@ impl Bag {
             summary,
             |id, [topic, type_name, encoding], topics, summary| {
                 let (definition_encoding, definition) = stored.get(&type_name).cloned().unwrap_or_default();
-                let channel = Channel { topic, type_name, encoding, definition_encoding, definition };
+                let units = BTreeMap::new();
+                let channel = Channel { topic, type_name, encoding, definition_encoding, definition, units };
                 let topic = topics.add(channel, summary);
                 if topics.spend(size_of::<(i64, usize)>()).is_ok() {
                     by_id.insert(id, topic);

@@ -4,6 +4,7 @@ mod dataflash;
 mod golden;
 mod hostile;
 mod mcap;
+mod mcap_writer;
 mod nmea;
 mod parquet;
 mod recorder;

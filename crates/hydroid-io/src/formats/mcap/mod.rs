@@ -3,14 +3,14 @@
 
 mod record;
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use self::record::{Chunk, Compression, Fields, HEAD, chunk, head, is_chunk};
 use super::message::{Channel, Envelope, LONGEST_DEFINITION, LONGEST_TOPIC, Output, Topics, text};
 use super::time::STAMP_TOO_LARGE;
 use crate::error::IoError;
 use crate::input::{Input, LARGEST_PART};
-use crate::sink::{Sink, Summary};
+use crate::sink::{Sink, Summary, UNIT_KEY};
 
 const MAGIC: &[u8] = b"\x89MCAP0\r\n";
 
@@ -56,6 +56,23 @@ pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, Io
     }
     Ok(output.summary)
 }
+
+/// Units of fields in the metadata of a channel, with keys as [`McapChannel`](crate::McapChannel) has them.
+fn units(mut metadata: Fields<'_>) -> BTreeMap<String, String> {
+    let mut units = BTreeMap::new();
+    while let (Some(key), Some(value)) = (metadata.text(), metadata.text()) {
+        let [key, value] = [key, value].map(|bytes| text(bytes, LONGEST_TOPIC));
+        if let Some(field) = key.strip_prefix(UNIT_KEY)
+            && units.len() < MOST_UNITS
+        {
+            units.insert(field.to_owned(), value);
+        }
+    }
+    units
+}
+
+/// Units that a channel may state.
+const MOST_UNITS: usize = 1000;
 
 /// A schema record.
 struct SchemaRecord {
@@ -249,6 +266,7 @@ impl Reader<'_> {
             return Some(());
         }
         let [topic, encoding] = [topic, encoding].map(|bytes| text(bytes, LONGEST_TOPIC));
+        let units = units(Fields(fields.text().unwrap_or_default()));
         let channel = match self.schemas.get(&schema) {
             Some(SchemaRecord { name, encoding: definition_encoding, text }) => Channel {
                 topic,
@@ -256,6 +274,7 @@ impl Reader<'_> {
                 encoding,
                 definition_encoding: definition_encoding.clone(),
                 definition: text.clone(),
+                units,
             },
             None => Channel {
                 topic,
@@ -263,6 +282,7 @@ impl Reader<'_> {
                 encoding,
                 definition_encoding: String::new(),
                 definition: String::new(),
+                units,
             },
         };
         let topic = self.topics.add(channel, &mut self.output.summary);

@@ -10,7 +10,7 @@ mod plan;
 mod schema;
 
 use std::cell::Cell;
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::rc::Rc;
 
 use self::decode::{Cursor, Fault, Row};
@@ -18,7 +18,7 @@ use self::plan::{Budget, Plan};
 pub(crate) use self::schema::LONGEST_DEFINITION;
 use self::schema::Schema;
 use super::unpack::{Codec, Unpacker, ZSTD_MAGIC};
-use crate::sink::{Clock, Sink, Summary, Topic};
+use crate::sink::{Clock, Field, Sink, Summary, Topic};
 
 /// Memory of all definitions and plans, in bytes.
 const BUDGET: usize = 128 << 20;
@@ -43,6 +43,8 @@ pub(crate) struct Channel {
     /// Encoding of the definition: `ros2msg`, `ros2idl`, `ros1msg`, or none.
     pub(crate) definition_encoding: String,
     pub(crate) definition: String,
+    /// Units of fields, by the names of the fields.
+    pub(crate) units: BTreeMap<String, String>,
 }
 
 /// Stamps of a message, and its place in the file for the statement of a loss.
@@ -120,9 +122,10 @@ impl Topics {
         if let Some(&index) = known {
             return index;
         }
-        let Channel { topic, type_name, encoding, definition_encoding, definition } = &channel;
+        let Channel { topic, type_name, encoding, definition_encoding, definition, units } = &channel;
         let texts = [topic, type_name, encoding, definition_encoding, definition];
-        let size = texts.map(String::len).into_iter().fold(size_of::<Entry>(), usize::saturating_add);
+        let size = texts.into_iter().chain(units.keys()).chain(units.values());
+        let size = size.map(String::len).fold(size_of::<Entry>(), usize::saturating_add);
         let fits = channel.definition.len() <= LONGEST_DEFINITION && channel.topic.len() <= LONGEST_TOPIC;
         if self.channels > MOST_TOPICS || !fits || self.spend(size.saturating_mul(2)).is_err() {
             let name: String = channel.topic.chars().take(60).collect();
@@ -208,7 +211,12 @@ impl Topics {
             before => {
                 let id = before.map_or(self.stated, |(id, _)| id);
                 self.stated = self.stated.max(id + 1);
-                entry.topic.fields.extend_from_slice(&plan.fields[entry.topic.fields.len()..]);
+                let new = plan.fields[entry.topic.fields.len()..].iter().cloned();
+                let units = &entry.channel.units;
+                entry
+                    .topic
+                    .fields
+                    .extend(new.map(|field| Field { unit: units.get(&field.name).cloned(), ..field }));
                 let stated = (id, output.sink.topic(id, &entry.topic));
                 entry.stated = Some(stated);
                 stated

@@ -1,0 +1,5 @@
+//! Writers of files.
+
+mod mcap;
+
+pub use mcap::{McapChannel, McapWriter};
