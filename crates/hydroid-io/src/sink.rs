@@ -7,7 +7,8 @@ use std::collections::BTreeMap;
 pub enum Clock {
     /// Nanoseconds since 1970-01-01 UTC, without leap seconds.
     Utc,
-    /// Nanoseconds since the start of the device; [`Summary::utc_offset_ns`] converts them where it is known.
+    /// Nanoseconds on a clock of the device, mostly since its start; [`Summary::utc_offset_ns`] converts them where it is
+    /// known.
     Boot,
     /// Nanoseconds on a clock of unknown origin: rows without a time are numbered.
     None,

@@ -16,12 +16,15 @@ pub(crate) fn unit_ns(unit: &str) -> Option<i64> {
     })
 }
 
-/// Name and unit of a column `name [unit]`.
+/// Name and unit of a column `name [unit]`. The index of an element of an array, `pwm_us[0]`, belongs to the name.
 pub(crate) fn split_unit(header: &str) -> (String, Option<String>) {
     let header = header.trim();
     if let Some((name, rest)) = header.rsplit_once('[')
         && let Some(unit) = rest.strip_suffix(']')
         && !name.trim().is_empty()
+        && (name.ends_with(char::is_whitespace)
+            || unit.is_empty()
+            || !unit.bytes().all(|c| c.is_ascii_digit()))
     {
         let unit = unit.trim();
         return (name.trim().to_owned(), (!unit.is_empty()).then(|| unit.to_owned()));
@@ -37,13 +40,13 @@ pub(crate) fn time_name(name: &str) -> Option<&str> {
 }
 
 /// Scale and clock of a column of numbers whose first value is known. Without a unit, numbers are seconds unless they
-/// are a date of this century in a smaller unit. Times of this century are UTC.
+/// are a date of this century in a smaller unit. Times of this century are UTC, others those of a device.
 pub(crate) fn clock(first: f64, unit_ns: Option<i64>) -> (i64, Clock) {
     let this_century = |ns: i64| (946_684_800e9..4_102_444_800e9).contains(&(first * ns as f64));
     let stated = unit_ns.as_ref().map_or(&[1_000_000_000, 1_000_000, 1_000, 1][..], std::slice::from_ref);
     match stated.iter().find(|ns| this_century(**ns)) {
         Some(ns) => (*ns, Clock::Utc),
-        None => (stated[0], Clock::None),
+        None => (stated[0], Clock::Boot),
     }
 }
 

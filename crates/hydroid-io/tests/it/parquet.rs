@@ -317,9 +317,9 @@ fn written(columns: &[TestColumn], rows: u64) -> Recorder {
 fn numbers_named_as_the_time_are_the_time() {
     let values = TestColumn::doubles("u [m/s]", &[1.0, 2.0]);
     for (name, times, stamps, clock) in [
-        ("t", [0.5, 1.5], [500_000_000, 1_500_000_000], Clock::None),
-        ("time_ms", [20.0, 40.0], [20_000_000, 40_000_000], Clock::None),
-        ("Time [us]", [20.0, 40.5], [20_000, 40_500], Clock::None),
+        ("t", [0.5, 1.5], [500_000_000, 1_500_000_000], Clock::Boot),
+        ("time_ms", [20.0, 40.0], [20_000_000, 40_000_000], Clock::Boot),
+        ("Time [us]", [20.0, 40.5], [20_000, 40_500], Clock::Boot),
         (
             "timestamp",
             [1_775_547_840.25, 1_775_547_841.0],

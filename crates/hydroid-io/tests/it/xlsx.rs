@@ -40,7 +40,7 @@ fn a_workbook_of_openpyxl_is_read() {
         assert!(same(quality[i], if i == 5 { f64::NAN } else { 4.0 }));
     }
 
-    assert_eq!(book.topics[1].topic.clock, Clock::None);
+    assert_eq!(book.topics[1].topic.clock, Clock::Boot);
     assert_eq!(
         ["t", "wz", "acc_x", "clock", "day"].map(|field| book.topics[1].unit(field)),
         [Some("s"), Some("rad/s"), Some("m/s2"), Some("s"), Some("s")]

@@ -83,7 +83,7 @@ impl FromStr for ChannelSpec {
             return Err(bad("a scale and an offset need parentheses, NAME=(COLUMN - OFFSET) * SCALE"));
         }
         let (source, offset) = inner.or(outer).unwrap_or((source, 0.0));
-        let (column, unit) = if is_element(source) { (source, None) } else { name_and_unit(source) };
+        let (column, unit) = name_and_unit(source);
         let name = name.unwrap_or(column);
         if column.is_empty() {
             return Err(bad("the name of the column is empty"));
@@ -99,13 +99,6 @@ impl FromStr for ChannelSpec {
             scale,
         })
     }
-}
-
-/// Whether a column is an element of an array, `pwm_us[0]`, and not one with a unit, `slip [1]`.
-fn is_element(source: &str) -> bool {
-    source.strip_suffix(']').and_then(|inner| inner.rsplit_once('[')).is_some_and(|(name, index)| {
-        !index.is_empty() && index.bytes().all(|c| c.is_ascii_digit()) && !name.ends_with(char::is_whitespace)
-    })
 }
 
 /// Splits `SOURCE * 0.01` and `SOURCE / 400`. The end is a scale only if it is a number: a column may have the name

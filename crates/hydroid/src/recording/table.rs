@@ -203,7 +203,9 @@ pub fn converted(log: &RawLog, selection: &Selection, notes: &mut Vec<Note>) -> 
     };
     let channels = resolved.outputs.iter().chain(&resolved.inputs).chain(resolved.wind.iter().flatten());
     let channels = channels.map(|source| (source, source.channel.name.as_str()));
-    let heading = resolved.heading.iter().map(|(source, _)| (source, "psi"));
+    // An output may be the heading itself.
+    let is_output = resolved.outputs.iter().any(|source| source.channel.name == "psi");
+    let heading = resolved.heading.iter().filter(|_| !is_output).map(|(source, _)| (source, "psi"));
     for (source, name) in time.into_iter().chain(channels).chain(heading) {
         let unit = Some(source.channel.unit.as_str()).filter(|unit| !unit.is_empty());
         let values = if name == "t" && log.columns[source.column].stamps.is_some() {

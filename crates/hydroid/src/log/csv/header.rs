@@ -87,7 +87,8 @@ pub fn name_the_nameless(columns: &mut [RawColumn]) {
     }
 }
 
-/// Name and unit of `name [unit]` or `name (unit)`. A text in parentheses that is no known unit belongs to the name.
+/// Name and unit of `name [unit]` or `name (unit)`. A text in parentheses that is no known unit belongs to the name, and
+/// so does the index of an element of an array, `pwm_us[0]`; `slip [1]` has a unit.
 pub(crate) fn name_and_unit(cell: &str) -> (&str, Option<&str>) {
     let cell = cell.trim();
     if let Some(inner) = cell.strip_suffix(')')
@@ -100,9 +101,15 @@ pub(crate) fn name_and_unit(cell: &str) -> (&str, Option<&str>) {
     if let Some(inner) = cell.strip_suffix(']')
         && let Some((name, unit)) = inner.rsplit_once('[')
         && !name.trim().is_empty()
+        && !is_index(name, unit)
     {
         let unit = unit.trim();
         return (name.trim(), (!unit.is_empty()).then_some(unit));
     }
     (cell, None)
+}
+
+/// Whether a text in brackets behind a name is the index of an element.
+fn is_index(name: &str, text: &str) -> bool {
+    !text.is_empty() && text.bytes().all(|c| c.is_ascii_digit()) && !name.ends_with(char::is_whitespace)
 }
