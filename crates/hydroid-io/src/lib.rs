@@ -1,4 +1,4 @@
-//! Readers of logs: files of any format as topics of numbers with time stamps.
+//! Readers of logs: files of any format as topics of numbers with time stamps; a writer of tables ([`write_parquet`]).
 //!
 //! [`scan`] reads a file once and gives each row to a [`Sink`]. A file is recognised by its content. Damaged parts are
 //! left out and stated in [`Summary::losses`].
@@ -24,6 +24,7 @@ mod sink;
 mod writers;
 
 pub use error::IoError;
+pub use formats::parquet::write_parquet;
 pub use open::{Format, detect, scan};
 pub use sink::{Clock, Field, Loss, Sink, Summary, Topic};
 pub use writers::{McapChannel, McapWriter};

@@ -7,6 +7,7 @@ mod mcap;
 mod mcap_writer;
 mod nmea;
 mod parquet;
+mod parquet_write;
 mod recorder;
 mod ros;
 mod ros1_bag;

@@ -1,6 +1,11 @@
 //! Units in the entry `ARROW:schema`, where pyarrow stores the metadata of the fields: Apache Arrow, "IPC Message
 //! Format" and `Schema.fbs`; `FlatBuffers`, "Internals".
 
+use crate::sink::Field;
+
+/// The entry in the metadata of a Parquet file.
+pub(super) const ENTRY: &[u8] = b"ARROW:schema";
+
 /// Fields, and entries of the metadata of a field, that are read.
 const MOST_FIELDS: usize = 1 << 16;
 const MOST_ENTRIES: usize = 64;
@@ -125,4 +130,105 @@ fn duration(field: &Table<'_>) -> Option<&'static [u8]> {
     // Milliseconds are the default, which is not written.
     let unit = kind.member(0).map_or(Some(1), |at| short(kind.data, at))?;
     [b"s".as_slice(), b"ms", b"us", b"ns"].get(unit).copied()
+}
+
+/// The entry for columns of doubles with their units, which [`units`] reads.
+pub(super) fn entry<'a>(columns: impl ExactSizeIterator<Item = &'a Field>) -> Vec<u8> {
+    /// `MetadataVersion.V5`, `MessageHeader.Schema`, `Type.FloatingPoint`, `Precision.DOUBLE`.
+    const V5: u32 = 4;
+    const SCHEMA: u32 = 1;
+    const FLOATING_POINT: u32 = 3;
+    const DOUBLE: u32 = 2;
+    const NULLABLE: u32 = 1;
+
+    let mut flat = Flat { data: vec![0; 4] };
+    let message = flat.table(0, &[(0, V5), (1, SCHEMA), (2, 0)]);
+    let schema = flat.table(message + 8, &[(1, 0)]);
+    let fields = flat.vector(schema, columns.len());
+    for (i, column) in columns.enumerate() {
+        let members = [(0, 0), (1, NULLABLE), (2, FLOATING_POINT), (3, 0), (5, 0), (6, 0)];
+        let field = flat.table(fields + 4 * i, &members);
+        flat.text(field, &column.name);
+        flat.table(field + 12, &[(0, DOUBLE)]);
+        // No children, and the unit as the only metadata.
+        flat.vector(field + 16, 0);
+        let metadata = flat.vector(field + 20, usize::from(column.unit.is_some()));
+        if let Some(unit) = &column.unit {
+            let pair = flat.table(metadata, &[(0, 0), (1, 0)]);
+            flat.text(pair, "unit");
+            flat.text(pair + 4, unit);
+        }
+    }
+    flat.data.resize(flat.data.len().next_multiple_of(8), 0);
+    let mut message = vec![255; 4];
+    message.extend(u32_of(flat.data.len()));
+    message.extend(flat.data);
+    to_base64(&message)
+}
+
+/// A buffer that is written from the root to the leaves. Members take four bytes each: a number, or the offset to what is
+/// written later.
+struct Flat {
+    data: Vec<u8>,
+}
+
+impl Flat {
+    /// Makes the offset at `from` lead to the end of the data.
+    fn link(&mut self, from: usize) {
+        self.data.resize(self.data.len().next_multiple_of(4), 0);
+        let offset = u32_of(self.data.len() - from);
+        self.data[from..from + 4].copy_from_slice(&offset);
+    }
+
+    /// Adds a table with its members by ascending number, and returns the place of the first one.
+    fn table(&mut self, from: usize, members: &[(usize, u32)]) -> usize {
+        let last = members.last().map_or(0, |(number, _)| number + 1);
+        // Sizes of the list of members and of the table, and the place of each member in the table; 0 without it.
+        let mut list = vec![4 + 2 * last, 4 + 4 * members.len()];
+        list.resize(2 + last, 0);
+        for (rank, (number, _)) in members.iter().enumerate() {
+            list[2 + number] = 4 + 4 * rank;
+        }
+        // The list is in front of the table, which is aligned.
+        let size = 2 * list.len();
+        self.data.resize((self.data.len() + size).next_multiple_of(4) - size, 0);
+        list.iter().for_each(|entry| self.data.extend(&u32_of(*entry)[..2]));
+        self.link(from);
+        self.data.extend(u32_of(size));
+        members.iter().for_each(|(_, value)| self.data.extend(value.to_le_bytes()));
+        self.data.len() - 4 * members.len()
+    }
+
+    /// Adds a vector of offsets, and returns the place of the first one.
+    fn vector(&mut self, from: usize, count: usize) -> usize {
+        self.link(from);
+        self.data.extend(u32_of(count));
+        self.data.resize(self.data.len() + 4 * count, 0);
+        self.data.len() - 4 * count
+    }
+
+    fn text(&mut self, from: usize, text: &str) {
+        self.link(from);
+        self.data.extend(u32_of(text.len()));
+        self.data.extend(text.bytes());
+        self.data.push(0);
+    }
+}
+
+/// The lower bytes of a size; a schema is far smaller than 4 GiB.
+fn u32_of(size: usize) -> [u8; 4] {
+    let [a, b, c, d, ..] = (size as u64).to_le_bytes();
+    [a, b, c, d]
+}
+
+/// The inverse of [`base64`].
+fn to_base64(bytes: &[u8]) -> Vec<u8> {
+    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut letters = Vec::with_capacity(bytes.len().div_ceil(3) * 4);
+    for chunk in bytes.chunks(3) {
+        let bits = (0..3).fold(0, |bits, i| bits << 8 | usize::from(chunk.get(i).copied().unwrap_or(0)));
+        let letter = |i: usize| if i <= chunk.len() { LETTERS[bits >> (18 - 6 * i) & 63] } else { b'=' };
+        letters.extend((0..4).map(letter));
+    }
+    letters
 }

@@ -1,5 +1,6 @@
 //! Footer of a Parquet file: Apache Parquet format, `parquet.thrift`, section "File metadata".
 
+use super::arrow;
 use super::thrift::{Kind, Part, STRUCT, Thrift};
 use crate::error::IoError;
 use crate::input::Input;
@@ -172,7 +173,7 @@ impl<'a> Footer<'a> {
                 5 => {
                     for _ in 0..thrift.structures(kind)? {
                         let (key, value) = entry(&mut thrift)?;
-                        if key == b"ARROW:schema" {
+                        if key == arrow::ENTRY {
                             footer.arrow = Some(value);
                         }
                     }

@@ -1,4 +1,4 @@
-//! Reader of Parquet: Apache Parquet format 2.11, with the units that Apache Arrow adds.
+//! Parquet: Apache Parquet format 2.11, with the units that Apache Arrow adds. Reader; `write` is the writer.
 //!
 //! A file is one topic. Its columns are read in step, a page of each in memory. A damaged page makes its values NaN.
 
@@ -9,6 +9,7 @@ mod encoding;
 mod footer;
 mod page;
 mod thrift;
+mod write;
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -20,6 +21,8 @@ use super::columns::{clock, split_unit, stamp, time_name, unit_ns};
 use crate::error::IoError;
 use crate::input::Input;
 use crate::sink::{Clock, Field, Sink, Summary, Topic};
+
+pub use write::write_parquet;
 
 /// Memory for the pages of all columns. A buffer may take twice of what is in it.
 const MEMORY: usize = 400 << 20;

@@ -1,4 +1,6 @@
 //! Structures of the footer and of the page headers: Apache Thrift, "Thrift Compact Protocol Encoding".
+//!
+//! [`Thrift`] reads them, [`Structure`] writes them.
 
 /// A part that can be read, or what is wrong with it.
 pub(super) type Part<T> = Result<T, &'static str>;
@@ -13,6 +15,9 @@ const WRONG: &str = "a structure has a member of the wrong type";
 pub(super) type Kind = u8;
 pub(super) const TRUE: Kind = 1;
 const FALSE: Kind = 2;
+const I32: Kind = 5;
+const I64: Kind = 6;
+const BINARY: Kind = 8;
 pub(super) const LIST: Kind = 9;
 pub(super) const STRUCT: Kind = 12;
 
@@ -90,7 +95,7 @@ impl<'a> Thrift<'a> {
     }
 
     pub(super) fn binary(&mut self, kind: Kind) -> Part<&'a [u8]> {
-        if kind != 8 {
+        if kind != BINARY {
             return Err(WRONG);
         }
         let size = self.varint()?;
@@ -126,7 +131,7 @@ impl<'a> Thrift<'a> {
             3 => drop(self.byte()?),
             4..=6 => drop(self.varint()?),
             7 => drop(self.take(8)?),
-            8 => drop(self.binary(8)?),
+            BINARY => drop(self.binary(kind)?),
             LIST | 10 => {
                 let (element, count) = self.list()?;
                 for _ in 0..count {
@@ -174,4 +179,98 @@ pub(super) fn varint(data: &[u8]) -> Option<(u64, usize)> {
 /// A number with its sign in the lowest bit.
 pub(super) fn zigzag(value: u64) -> i64 {
     (value >> 1).cast_signed() ^ -(value & 1).cast_signed()
+}
+
+/// A structure that is written. Its members are added in the order of their numbers.
+#[derive(Debug, Default)]
+pub(super) struct Structure {
+    data: Vec<u8>,
+    last: u8,
+}
+
+impl Structure {
+    /// The header of a member. Numbers of members that follow each other differ by less than 16.
+    fn member(&mut self, id: u8, kind: Kind) {
+        self.data.push((id - self.last) << 4 | kind);
+        self.last = id;
+    }
+
+    pub(super) fn i32(mut self, id: u8, value: i32) -> Self {
+        self.member(id, I32);
+        push_varint(&mut self.data, to_zigzag(i64::from(value)));
+        self
+    }
+
+    pub(super) fn i64(mut self, id: u8, value: i64) -> Self {
+        self.member(id, I64);
+        push_varint(&mut self.data, to_zigzag(value));
+        self
+    }
+
+    pub(super) fn binary(mut self, id: u8, bytes: &[u8]) -> Self {
+        self.member(id, BINARY);
+        push_binary(&mut self.data, bytes);
+        self
+    }
+
+    pub(super) fn structure(mut self, id: u8, member: Self) -> Self {
+        self.member(id, STRUCT);
+        self.data.extend(member.end());
+        self
+    }
+
+    fn list(&mut self, id: u8, kind: Kind, count: usize) {
+        self.member(id, LIST);
+        match u8::try_from(count) {
+            Ok(count @ 0..15) => self.data.push(count << 4 | kind),
+            _ => {
+                self.data.push(15 << 4 | kind);
+                push_varint(&mut self.data, count as u64);
+            }
+        }
+    }
+
+    pub(super) fn i32s(mut self, id: u8, values: &[i32]) -> Self {
+        self.list(id, I32, values.len());
+        values.iter().for_each(|value| push_varint(&mut self.data, to_zigzag(i64::from(*value))));
+        self
+    }
+
+    pub(super) fn binaries(mut self, id: u8, list: &[&[u8]]) -> Self {
+        self.list(id, BINARY, list.len());
+        list.iter().for_each(|bytes| push_binary(&mut self.data, bytes));
+        self
+    }
+
+    /// A list of structures with their encodings.
+    pub(super) fn structures(mut self, id: u8, encodings: &[Vec<u8>]) -> Self {
+        self.list(id, STRUCT, encodings.len());
+        encodings.iter().for_each(|encoding| self.data.extend(encoding));
+        self
+    }
+
+    /// Its encoding.
+    pub(super) fn end(mut self) -> Vec<u8> {
+        self.data.push(0);
+        self.data
+    }
+}
+
+fn push_binary(data: &mut Vec<u8>, bytes: &[u8]) {
+    push_varint(data, bytes.len() as u64);
+    data.extend(bytes);
+}
+
+/// The inverse of [`varint`].
+pub(super) fn push_varint(data: &mut Vec<u8>, mut value: u64) {
+    while value > 127 {
+        data.push(value.to_le_bytes()[0] | 128);
+        value >>= 7;
+    }
+    data.push(value.to_le_bytes()[0]);
+}
+
+/// The inverse of [`zigzag`].
+fn to_zigzag(value: i64) -> u64 {
+    (value << 1 ^ value >> 63).cast_unsigned()
 }
