@@ -1,6 +1,7 @@
-"""The readers of recordings against the readers of others: the same values at the same times."""
+"""The readers of recordings against the readers of others: the same values at the same times. Files of `hydroid convert`."""
 
 import os
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -135,3 +136,55 @@ def test_nmea(tmp_path):
         if getattr(found, "sentence_type", None) == "HDT":
             rows.append((np.datetime64(stamp.rstrip("Z"), "ns").astype(int).item(), np.radians(float(found.heading))))
     same(ours(tmp_path, FORMATS / "tanker.nmea", ["HDT.heading"]), theirs(rows))
+
+
+def converted(log, output, *options):
+    program = os.environ.get("HYDROID_COMMAND")
+    if not program:
+        pytest.skip("no HYDROID_COMMAND")
+    done = subprocess.run([program, "convert", log, *options, "-o", output], capture_output=True)
+    assert done.returncode == 0, done.stderr.decode()
+    return output
+
+
+def test_runs_in_parquet_are_those_in_csv(tmp_path):
+    pandas, parquet = pytest.importorskip("pandas"), pytest.importorskip("pyarrow.parquet")
+    channels = [
+        "--outputs", "u=/odom.twist.twist.linear.x [m/s],r=/odom.twist.twist.angular.z [deg/s],/imu/data.orientation.w",
+        "--inputs", "/actuators.pwm_us[0],right=/actuators.pwm_us[1] [us]",
+    ]  # fmt: skip
+    csv = converted(FORMATS / "otter_zstd.mcap", tmp_path / "run.csv", *channels)
+    headings = csv.read_text().splitlines()[0].split(",")
+    values = np.genfromtxt(csv, delimiter=",", skip_header=1)
+    path = converted(FORMATS / "otter_zstd.mcap", tmp_path / "run.parquet", *channels)
+    table = parquet.ParquetFile(path, page_checksum_verification=True).read()
+    units = [(field.metadata or {}).get(b"unit", b"").decode() for field in table.schema]
+    names = ["t", "u", "r", "/imu/data.orientation.w", "/actuators.pwm_us[0]", "right"]
+    assert table.column_names == names
+    assert [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units)] == headings
+    assert set(map(str, table.schema.types)) == {"double"}
+    read = pandas.read_parquet(path)
+    assert list(read.columns) == names
+    for name, column in zip(names, values.T, strict=True):
+        np.testing.assert_array_equal(table[name].to_numpy(), column)
+        np.testing.assert_array_equal(read[name], column)
+        assert table[name].null_count == np.isnan(column).sum()
+    assert table["right"].null_count > 0
+
+
+def test_long_logs_in_parquet(tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    rows, random = 150_000, np.random.default_rng(1)
+    u, v = random.normal(size=rows), np.where(np.arange(rows) // 1000 % 3 == 0, np.nan, random.normal(size=rows))
+    log = hydroid.Log({"t [s]": 0.02 * np.arange(rows), "u [kn]": u, "v [m/s]": v, "rudder_cmd": np.full(rows, np.nan)})
+    log.save(tmp_path / "log.csv")
+    path = converted(tmp_path / "log.csv", tmp_path / "log.parquet", "--outputs", "u,v", "--inputs", "rudder_cmd")
+    file = parquet.ParquetFile(path, page_checksum_verification=True)
+    assert [file.metadata.row_group(i).num_rows for i in range(file.num_row_groups)] == [65_536, 65_536, 18_928]
+    table = file.read()
+    np.testing.assert_array_equal(table["t"], log["t"])
+    np.testing.assert_allclose(table["u"], u * 1852 / 3600, rtol=1e-15)
+    np.testing.assert_array_equal(table["v"].to_numpy(), v)
+    assert table["v"].null_count == np.isnan(v).sum()
+    assert table["rudder_cmd"].null_count == rows
+    assert path.stat().st_size < 1.1 * 3 * 8 * rows

@@ -244,7 +244,8 @@ pub struct Inspect {
     /// a topic each), models (.safetensors; vessels: .toml), black boxes
     #[arg(required = true, value_name = "LOG|MODEL|BOX")]
     pub files: Vec<PathBuf>,
-    /// Write which columns look like sensors and commands to a new file (default: hydroid.toml)
+    /// Write which columns look like sensors and commands to a new file (default: hydroid.toml). With several files, those
+    /// of the first log
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = config::FILE)]
     pub write_config: Option<PathBuf>,
     /// Print only the equations of models, with standard errors of the coefficients, in LaTeX
@@ -262,13 +263,16 @@ pub struct Inspect {
 #[derive(Debug, ClapArgs)]
 #[command(after_help = "Examples:
   hydroid convert flight.BIN -o run.csv                           with the hydroid.toml of the current folder
-  hydroid convert runs/run1 runs/run2 --config boat.toml -o out/  folders of CSV files with a topic each
+  hydroid convert flight.BIN -o run.parquet                       for pandas, polars or DuckDB
+  hydroid convert runs/run1 runs/run2 --config boat.toml -o out/  folders with a topic in each file; out/run1.csv, out/run2.csv
+  hydroid convert day1/*.BIN -o 'out/{}.parquet'                  out/NAME.parquet for each day1/NAME.BIN
   hydroid convert drive.mcap --outputs 'u=/odom.twist.twist.linear.x [m/s]' --inputs '/actuators.pwm_us[0]' -o run.csv")]
 pub struct Convert {
     /// Recordings and logs. Those of one vessel together: delay and misalignment are the same in all
     #[arg(required = true, value_name = "RECORDING")]
     pub logs: Vec<PathBuf>,
-    /// File of the run (.csv), or a folder for several
+    /// File of the run, whose extension names the format: .csv or .parquet. For several recordings, {} in its name stands
+    /// for the name of each; a folder FOLDER is FOLDER/{}.csv
     #[arg(long, short, required = true, value_name = "FILE|FOLDER")]
     pub output: PathBuf,
     /// Configuration file with the section [log] (default: hydroid.toml in the current folder)

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, ensure};
 use hydroid::atomic;
 use hydroid::config::{self, Config};
-use hydroid::log::{Note, RawLog};
+use hydroid::log::{Note, RawLog, TableFormat};
 use hydroid::recording;
 use serde_json::json;
 
@@ -29,7 +29,7 @@ pub fn run(args: &Convert, global: Global) -> anyhow::Result<Outcome> {
         None => Config::default(),
     };
     let reading = logs::reading(config.log.reading(), &args.log)?;
-    let files = targets(&args.logs, &args.output)?;
+    let (files, format) = targets(&args.logs, &args.output)?;
     for target in &files {
         let read: Vec<&Path> = args.logs.iter().map(PathBuf::as_path).collect();
         outputs::check(&[("-o", Some(target))], &read)?;
@@ -41,7 +41,7 @@ pub fn run(args: &Convert, global: Global) -> anyhow::Result<Outcome> {
         .collect::<Result<Vec<RawLog>, _>>()?;
     ui::print_notes(&notes, global);
     for (target, log) in files.iter().zip(&converted) {
-        atomic::write(target, |out| log.write_csv(out))?;
+        atomic::write(target, |out| log.write_as(format, out))?;
     }
     let summary: Vec<_> = files
         .iter()
@@ -62,20 +62,35 @@ pub fn run(args: &Convert, global: Global) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// The files to write: the output, or, for several logs, files with their names in the folder of this name.
-fn targets(logs: &[PathBuf], output: &Path) -> anyhow::Result<Vec<PathBuf>> {
-    let is_csv = output.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
-    if let [_] = logs
-        && !output.is_dir()
-    {
-        ensure!(is_csv, "{}: runs are written as CSV; give -o a name that ends in .csv", output.display());
-        return Ok(vec![output.to_owned()]);
-    }
-    ensure!(!is_csv, "{} is one file for {} logs; give -o a folder", output.display(), logs.len());
+/// Stands for the name of each log in the name of the output.
+const NAME: &str = "{}";
+
+/// The files to write and their format, which the extension of the output names. A folder, or a name without such an
+/// extension for several logs, is a folder of CSV files with the names of the logs.
+fn targets(logs: &[PathBuf], output: &Path) -> anyhow::Result<(Vec<PathBuf>, TableFormat)> {
+    let several = logs.len() > 1;
+    let named = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let new_folder = several && TableFormat::of(output).is_none() && !named(output).contains(NAME);
+    let pattern =
+        if output.is_dir() || new_folder { output.join(format!("{NAME}.csv")) } else { output.to_owned() };
+    let format = TableFormat::of(&pattern).with_context(|| {
+        format!(
+            "{}: runs are written as CSV or Parquet; give -o a name that ends in .csv or .parquet",
+            output.display()
+        )
+    })?;
+    let file = named(&pattern);
+    ensure!(
+        !several || file.contains(NAME),
+        "{} is one file for {} logs; give -o a folder, or a name with {NAME} for those of the logs, as {}",
+        output.display(),
+        logs.len(),
+        output.with_file_name(format!("{NAME}-{file}")).display()
+    );
     let name = |log: &PathBuf| {
         let name = log.canonicalize().unwrap_or_else(|_| log.clone());
         let stem = if name.is_dir() { name.file_name() } else { name.file_stem() };
-        output.join(format!("{}.csv", stem.unwrap_or_default().to_string_lossy()))
+        pattern.with_file_name(file.replace(NAME, &stem.unwrap_or_default().to_string_lossy()))
     };
     let targets: Vec<PathBuf> = logs.iter().map(name).collect();
     for (i, target) in targets.iter().enumerate() {
@@ -85,5 +100,5 @@ fn targets(logs: &[PathBuf], output: &Path) -> anyhow::Result<Vec<PathBuf>> {
             target.display()
         );
     }
-    Ok(targets)
+    Ok((targets, format))
 }

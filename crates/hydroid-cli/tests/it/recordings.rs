@@ -98,9 +98,12 @@ fn outputs_of_convert_are_checked() {
     boat(&folder.join("boat"));
     boat(&folder.join("other"));
     for (args, expected) in [
-        ("convert boat -o run.dat", "give -o a name that ends in .csv"),
-        ("convert boat other -o run.csv", "is one file for 2 logs; give -o a folder"),
+        ("convert boat -o run.dat", "give -o a name that ends in .csv or .parquet"),
+        ("convert boat other -o {}.dat", "give -o a name that ends in .csv or .parquet"),
+        ("convert boat other -o run.csv", "is one file for 2 logs; give -o a folder, or a name with {}"),
+        ("convert boat other -o out/run.parquet", "for those of the logs, as out/{}-run.parquet"),
         ("convert boat boat -o out", "two of the logs would be written to out/boat.csv"),
+        ("convert boat boat -o {}.parquet", "two of the logs would be written to boat.parquet"),
         ("convert boat -o run.csv", "gnss.lat"),
         ("convert boat/gnss.csv -o boat/gnss.csv", "would overwrite it"),
         ("convert missing.BIN -o run.csv", "missing.BIN: there is no such file"),
@@ -108,5 +111,69 @@ fn outputs_of_convert_are_checked() {
         let output = run(folder, args);
         assert!(!output.status.success(), "{args}");
         assert!(text(&output.stderr).contains(expected), "{args}: {}", text(&output.stderr));
+    }
+}
+
+/// The names of the files in a folder.
+fn files(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).unwrap();
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn a_run_in_parquet_is_that_in_csv() {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    boat(&folder.join("boat"));
+    // The elements of an array are columns of their own, one of which starts late.
+    let servo = "time,pwm_us[0],pwm_us[1]\n2026-05-01T10:00:05Z,1600,1400\n2026-05-01T10:00:07Z,,1450\n";
+    std::fs::write(folder.join("boat/servo.csv"), servo).unwrap();
+    let channels =
+        "--outputs u=gnss.sog,psi=compass.heading,r=gyro.yaw_rate --inputs servo.pwm_us[0],servo.pwm_us[1]";
+    for file in ["run.csv", "run.parquet"] {
+        let output = done(folder, &format!("convert boat {channels} -o {file}"));
+        let expected = format!("{file}: 150 rows of t, u, psi, r, servo.pwm_us[0], servo.pwm_us[1]");
+        assert!(text(&output.stdout).contains(&expected), "{}", text(&output.stdout));
+    }
+    // Of a recording, the topics are in front of the table.
+    let columns = |file: &str| -> Value {
+        let args =
+            format!("inspect {file} --outputs u,psi,r --inputs servo.pwm_us[0],servo.pwm_us[1] --json");
+        let document: Value = serde_json::from_slice(&done(folder, &args).stdout).unwrap();
+        document.as_array().and_then(|parts| parts.last()).unwrap_or(&document)["columns"].clone()
+    };
+    let csv = columns("run.csv");
+    assert_eq!(columns("run.parquet"), csv);
+    assert_eq!((&csv[3]["name"], &csv[3]["unit"]), (&Value::from("r"), &Value::from("rad/s")));
+    assert_eq!((&csv[4]["name"], &csv[4]["missing"]), (&Value::from("servo.pwm_us[0]"), &Value::from(25)));
+
+    // A command that reads named columns and the time.
+    done(folder, "simulate simple --duration 60 --seed 1 -o log.csv");
+    let [of_csv, of_parquet] = ["log-run.csv", "log-run.parquet"].map(|file| {
+        done(folder, &format!("convert log.csv --outputs u,v,r --inputs PP_cmd,RD_cmd -o {file}"));
+        let errors = done(folder, &format!("evaluate simple {file} --horizon 5s --json"));
+        text(&errors.stdout).replace(file, "FILE")
+    });
+    assert!(of_csv.contains("\"windows\": 550"), "{of_csv}");
+    assert_eq!(of_parquet, of_csv);
+}
+
+#[test]
+fn several_runs_have_the_names_of_their_logs() {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    boat(&folder.join("boat"));
+    boat(&folder.join("other"));
+    let channels = "--outputs u=gnss.sog,r=gyro.yaw_rate --inputs rudder=cmd.rudder";
+    for (output, found) in [("out", "out"), ("csv/{}.csv", "csv"), ("parquet/run-{}.PARQUET", "parquet")] {
+        done(folder, &format!("convert boat other {channels} -o {output}"));
+        let names = match found {
+            "parquet" => ["run-boat.PARQUET", "run-other.PARQUET"],
+            _ => ["boat.csv", "other.csv"],
+        };
+        assert_eq!(files(&folder.join(found)), names);
     }
 }

@@ -27,6 +27,7 @@ mod split;
 #[doc(hidden)]
 pub mod stamp;
 mod summary;
+mod table_file;
 mod towed;
 mod trajectory;
 #[doc(hidden)]
@@ -46,6 +47,7 @@ pub use selection::{ChannelSpec, Selection, Wind};
 pub use sensors::Sensors;
 pub(crate) use split::validation_run;
 pub use split::{Split, beginning, split_named, split_runs};
+pub use table_file::TableFormat;
 pub use trajectory::{Channel, Table, Trajectory};
 #[doc(hidden)]
 pub use {

@@ -192,10 +192,12 @@ impl Flat {
         // The list is in front of the table, which is aligned.
         let size = 2 * list.len();
         self.data.resize((self.data.len() + size).next_multiple_of(4) - size, 0);
-        list.iter().for_each(|entry| self.data.extend(&u32_of(*entry)[..2]));
+        for entry in list {
+            self.data.extend(&u32_of(entry)[..2]);
+        }
         self.link(from);
         self.data.extend(u32_of(size));
-        members.iter().for_each(|(_, value)| self.data.extend(value.to_le_bytes()));
+        self.data.extend(members.iter().flat_map(|(_, value)| value.to_le_bytes()));
         self.data.len() - 4 * members.len()
     }
 

@@ -221,31 +221,33 @@ impl Structure {
 
     fn list(&mut self, id: u8, kind: Kind, count: usize) {
         self.member(id, LIST);
-        match u8::try_from(count) {
-            Ok(count @ 0..15) => self.data.push(count << 4 | kind),
-            _ => {
-                self.data.push(15 << 4 | kind);
-                push_varint(&mut self.data, count as u64);
-            }
+        let short = if count < 15 { count.to_le_bytes()[0] } else { 15 };
+        self.data.push(short << 4 | kind);
+        if short == 15 {
+            push_varint(&mut self.data, count as u64);
         }
     }
 
     pub(super) fn i32s(mut self, id: u8, values: &[i32]) -> Self {
         self.list(id, I32, values.len());
-        values.iter().for_each(|value| push_varint(&mut self.data, to_zigzag(i64::from(*value))));
+        for value in values {
+            push_varint(&mut self.data, to_zigzag(i64::from(*value)));
+        }
         self
     }
 
     pub(super) fn binaries(mut self, id: u8, list: &[&[u8]]) -> Self {
         self.list(id, BINARY, list.len());
-        list.iter().for_each(|bytes| push_binary(&mut self.data, bytes));
+        for bytes in list {
+            push_binary(&mut self.data, bytes);
+        }
         self
     }
 
     /// A list of structures with their encodings.
     pub(super) fn structures(mut self, id: u8, encodings: &[Vec<u8>]) -> Self {
         self.list(id, STRUCT, encodings.len());
-        encodings.iter().for_each(|encoding| self.data.extend(encoding));
+        self.data.extend(encodings.iter().flatten());
         self
     }
 
