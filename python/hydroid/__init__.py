@@ -17,13 +17,12 @@ from ._hydroid import (
     Session,
     Step,
     __version__,
-    read_log,
 )
 from ._control import ClosedLoop, ClosedLoopTrack, Controller, Guard, Limits, Plan, Planner, control
 from ._evaluate import Evaluation, evaluate
 from ._identify import Identification, Judgement, identify
 from ._options import LogWarning
-from ._logs import Rollouts, prepare, rollouts
+from ._logs import Rollouts, prepare, read_log, read_logs, rollouts
 from ._plots import plot_horizon, plot_manoeuvre, plot_rollouts, plot_track
 from ._sweep import Sweep, Task, closed_loop, fit, fleet, gather, grid, random_search, sweep
 from ._vessels import (
@@ -82,6 +81,7 @@ __all__ = [
     "prepare",
     "random_search",
     "read_log",
+    "read_logs",
     "Rollouts",
     "rollouts",
     "Run",

@@ -83,31 +83,9 @@ class Run:
     def units(self) -> dict[str, str]: ...
     def __len__(self) -> int: ...
 
-def read_log(path: str | os.PathLike[str], config: str | os.PathLike[str] | None = None) -> Log:
-    """Read a log: CSV, Parquet, XLSX, or a recording of ArduPilot, PX4, ROS or NMEA 0183, or a folder of topics.
-
-    Parameters
-    ----------
-    path
-        The file or folder.
-    config
-        A file ``hydroid.toml``, as `hydroid inspect --write-config` proposes it. Its section ``[log]`` selects columns of a
-        recording, and ``[log.sensors]`` the sensors from which `u`, `v` and `r` are computed. The log then has the
-        channels of the selection in SI units.
-
-    Raises
-    ------
-    FileNotFoundError, OSError
-        If the file cannot be read.
-    ValueError
-        If it is no log; the message names line, column and remedy.
-
-    Warns
-    -----
-    LogWarning
-        If a part of the file could not be read, or a sensor is not observable.
-    """
-
+def read_logs(
+    paths: Sequence[str | os.PathLike[str]], config: str | os.PathLike[str] | None = None
+) -> list[Log]: ...
 def prepare(logs: Any, options: dict[str, Any] | None = None) -> list[Run]: ...
 
 @final
@@ -454,6 +432,7 @@ def identify(
     test: Any,
     methods: list[str],
     options: dict[str, Any],
+    config: str | os.PathLike[str] | None = None,
     vessel: str | os.PathLike[str] | None = None,
     threads: int | None = None,
     progress: Callable[[float], object] | None = None,

@@ -108,7 +108,7 @@ def _write(path: Path, text: str) -> None:
 
 
 def identify(
-    logs: Any,
+    logs: Any = (),
     *,
     validate: Any = (),
     test: Any = (),
@@ -119,7 +119,8 @@ def identify(
     time: str | None = None,
     methods: str | Sequence[str] = ("sindy", "committee"),
     horizon: int | str | None = None,
-    seed: int = 0,
+    seed: int | None = None,
+    config: str | os.PathLike[str] | None = None,
     vessel: str | os.PathLike[str] | None = None,
     ranges: Mapping[str, tuple[float, float]] | None = None,
     log: Mapping[str, Any] | None = None,
@@ -130,12 +131,15 @@ def identify(
 ) -> Identification:
     """Identify models of a vessel from its logs.
 
-    The same logs, options and seed give the same model files as ``hydroid identify``.
+    The same logs, options and seed give the same model files as ``hydroid identify``. All paths are read together: with
+    ``[log.sensors]``, recordings share the delay of the receiver and the misalignment of the compass. A model contains the
+    options of reading, and reads the path of a further recording in the same way.
 
     Parameters
     ----------
     logs : Log, path, data frame, mapping, or list of these
         Logs to learn from. Without `validate`, each run is left out once by methods that can be cross-validated.
+        Default: those of the section ``[split]`` of `config`, as for `validate` and `test`.
     validate, test : Log, path, data frame, mapping, or list of these
         Logs that choose models, and logs that judge them.
     outputs, inputs, heading, wind, time
@@ -144,13 +148,17 @@ def identify(
         ``sindy``, ``committee``, ``lagged``, ``recursive``, ``lstm``, ``gru``, ``rnn``, ``direct``, ``affine``.
     horizon : int or str
         Longest horizon: samples (default 100), or seconds as ``"10s"``.
-    seed : int
+    seed : int, optional
+        Default: that of `config`, else 0.
+    config : path, optional
+        A file ``hydroid.toml``. Arguments take precedence over it.
     vessel : path, optional
         Vessel file whose marked numbers are estimated as well.
     ranges : mapping, optional
         Design range (low, high) of channels, in SI units.
     log : mapping, optional
-        Further keys of ``[log]``: ``dt``, ``max_gap_s``, ``command_timing``, ``input_delay``, ``keep_towed``.
+        Further keys of ``[log]``: ``dt``, ``max_gap_s``, ``command_timing``, ``input_delay``, ``keep_towed``,
+        ``sensors``.
     sections : mapping, optional
         Sections of ``hydroid.toml``: ``{"sindy": {"degree": 3}, "network": {"epochs": 100}}``.
     threads : int, optional
@@ -164,19 +172,23 @@ def identify(
     -------
     Identification
     """
-    config: dict[str, Any] = tables("sections", sections)
+    given: dict[str, Any] = tables("sections", sections)
     for name in options:
         if name not in _OPTIONS:
             raise TypeError(
                 f"identify() got an unexpected option '{name}': expected {', '.join(_OPTIONS)}; an option of a method is "
                 f"given as sections={{'sindy': {{'{name}': ..}}}}, one of the reading as log={{'{name}': ..}}"
             )
-    config["log"] = {**config.get("log", {}), **log_section(outputs, inputs, heading, wind, time, **(log or {}))}
-    config["identify"] = {**config.get("identify", {}), "seed": seed, **options}
+    given["log"] = {**given.get("log", {}), **log_section(outputs, inputs, heading, wind, time, **(log or {}))}
+    given["identify"] = {**given.get("identify", {}), **options}
+    if seed is not None:
+        given["identify"]["seed"] = seed
     if horizon is not None:
-        config["identify"]["horizon"] = horizon
+        given["identify"]["horizon"] = horizon
     if ranges is not None:
-        config["ranges"] = {name: list(range) for name, range in ranges.items()}
+        given["ranges"] = {name: list(range) for name, range in ranges.items()}
     with Bar(progress, "identifying") as bar:
-        inner = _hydroid.identify(logs, validate, test, names("methods", methods), config, vessel, threads, bar.callback)
+        inner = _hydroid.identify(
+            logs, validate, test, names("methods", methods), given, config, vessel, threads, bar.callback
+        )
     return Identification(inner)

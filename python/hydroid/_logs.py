@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,6 +10,78 @@ from numpy.typing import NDArray
 from . import _hydroid
 from ._hydroid import Log, Model, Run
 from ._options import Channels, log_section
+
+
+def read_log(path: str | os.PathLike[str], config: str | os.PathLike[str] | None = None) -> Log:
+    """Read a log: CSV, Parquet, XLSX, or a recording of ArduPilot, PX4, ROS or NMEA 0183, or a folder of topics.
+
+    Parameters
+    ----------
+    path : path
+        The file or folder.
+    config : path, optional
+        A file ``hydroid.toml``, as ``hydroid inspect --write-config`` proposes it. Its section ``[log]`` selects columns of
+        a recording, and ``[log.sensors]`` the sensors from which `u`, `v` and `r` are computed. The log then has the
+        channels of the selection in SI units.
+
+    Returns
+    -------
+    Log
+
+    Raises
+    ------
+    FileNotFoundError, OSError
+        If the file cannot be read.
+    ValueError
+        If it is no log; the message names line, column and remedy.
+
+    Warns
+    -----
+    LogWarning
+        If a part of the file could not be read, or a sensor is not observable.
+
+    See Also
+    --------
+    read_logs : Recordings of one vessel, which are better read together.
+    """
+    return _hydroid.read_logs([path], config)[0]
+
+
+def read_logs(
+    paths: Sequence[str | os.PathLike[str]], config: str | os.PathLike[str] | None = None
+) -> list[Log]:
+    """Read the logs of one vessel together.
+
+    With sensors, the delay of the receiver, the misalignment of the compass and the statistics of the sensors are the same in
+    all recordings. They are estimated from all of them, and are more certain than those of a recording that is read alone.
+
+    Parameters
+    ----------
+    paths : list of path
+        Files or folders of any format that `read_log` reads.
+    config : path, optional
+        As in `read_log`.
+
+    Returns
+    -------
+    list of Log
+        In the order of the paths.
+
+    Raises
+    ------
+    FileNotFoundError, OSError, ValueError
+        As in `read_log`.
+
+    Warns
+    -----
+    LogWarning
+        As in `read_log`.
+
+    See Also
+    --------
+    identify : Reads recordings in the same way, and its models read further recordings with the same sensors.
+    """
+    return _hydroid.read_logs([paths] if isinstance(paths, (str, os.PathLike)) else list(paths), config)
 
 
 def prepare(
@@ -34,7 +108,7 @@ def prepare(
         Columns of speed and direction of the wind, separated by a comma.
     **options
         Further keys of the section ``[log]`` of ``hydroid.toml``: ``dt``, ``max_gap_s``, ``command_timing``,
-        ``input_delay``, ``keep_towed``.
+        ``input_delay``, ``keep_towed``, ``sensors``. Recordings are read with these options, all paths together.
 
     Returns
     -------

@@ -74,22 +74,8 @@ fn options(
 fn merged(options: &Options, given: toml::Value) -> PyResult<Options> {
     // TOML has infinite numbers, and leaves out what is not set.
     let mut all = toml::Value::try_from(options).map_err(internal)?;
-    merge(&mut all, given);
+    settings::merge(&mut all, given);
     settings::read(all)
-}
-
-fn merge(into: &mut toml::Value, from: toml::Value) {
-    match (into, from) {
-        (toml::Value::Table(into), toml::Value::Table(from)) => {
-            for (key, value) in from {
-                match into.get_mut(&key) {
-                    Some(known) => merge(known, value),
-                    None => drop(into.insert(key, value)),
-                }
-            }
-        }
-        (into, from) => *into = from,
-    }
 }
 
 impl Adapter {

@@ -3,15 +3,15 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use hydroid::config::{Config, Logs};
+use hydroid::config::{Logs, Split};
 use hydroid::identify::{IdentifyResult, Method, identify as identify_job};
-use hydroid::log::{Note, Split};
+use hydroid::log::{self, Note};
 use hydroid_report::Context;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::error::{internal, unfit, value};
-use crate::log::{logs, of_log, warn};
+use crate::log::{Given, logs, of_log, tables, warn};
 use crate::model::Model;
 use crate::{settings, work};
 
@@ -19,7 +19,7 @@ use crate::{settings, work};
 #[pyclass(frozen, module = "hydroid._hydroid")]
 pub(crate) struct Identification {
     result: Arc<IdentifyResult>,
-    split: Arc<Split>,
+    split: Arc<log::Split>,
     notes: Vec<Note>,
     sources: Vec<String>,
     seed: u64,
@@ -80,9 +80,9 @@ fn method(name: &str) -> PyResult<Method> {
     })
 }
 
-/// Identifies models. `options` are the sections of `hydroid.toml`.
+/// Identifies models. `options` are sections of `hydroid.toml`, over those of the file `config`.
 #[pyfunction]
-#[pyo3(signature = (train, validate, test, methods, options, vessel=None, threads=None, progress=None))]
+#[pyo3(signature = (train, validate, test, methods, options, config=None, vessel=None, threads=None, progress=None))]
 pub(crate) fn identify(
     py: Python<'_>,
     train: &Bound<'_, PyAny>,
@@ -90,17 +90,26 @@ pub(crate) fn identify(
     test: &Bound<'_, PyAny>,
     methods: Vec<String>,
     options: &Bound<'_, PyDict>,
+    config: Option<PathBuf>,
     vessel: Option<PathBuf>,
     threads: Option<usize>,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Identification> {
-    let config: Config = settings::of(options)?;
+    let (mut config, reading) = settings::config(config.as_deref(), options)?;
     let methods: Vec<Method> = methods.iter().map(|name| method(name)).collect::<PyResult<_>>()?;
-    let given = Logs {
+    let mut given = Logs {
         train: logs("logs", train)?,
         validate: logs("validate", validate)?,
         test: logs("test", test)?,
     };
+    let Split { train, validate, test } = std::mem::take(&mut config.split);
+    for (given, files) in
+        [(&mut given.train, train), (&mut given.validate, validate), (&mut given.test, test)]
+    {
+        if given.is_empty() {
+            given.extend(files.into_iter().map(Given::Path));
+        }
+    }
     let vessel = match vessel {
         Some(path) => {
             let model = hydroid::model::read(&path).map_err(value)?;
@@ -111,12 +120,13 @@ pub(crate) fn identify(
         }
         None => None,
     };
-    let sources = given.all().map(|log| log.path.clone()).collect();
-    let (job, notes) = work::run(py, threads, None, move |_| {
-        let reading = config.log.clone().reading();
-        config.job(reading, &given, methods, vessel)
-    })?
-    .map_err(of_log)?;
+    let (raw, mut notes) = tables(py, &given.all().collect::<Vec<_>>(), &reading)?;
+    let sources = raw.iter().map(|log| log.path.clone()).collect();
+    let mut raw = raw.into_iter();
+    let raw = given.map(|_| raw.next().expect("one table for each log"));
+    let (job, found) = work::run(py, threads, None, move |_| config.job(reading, &raw, methods, vessel))?
+        .map_err(of_log)?;
+    notes.extend(found);
     warn(py, &notes)?;
     let seed = job.seed;
     let (result, split) = work::run(py, threads, progress, move |control| {

@@ -34,7 +34,7 @@ mod _hydroid {
     #[pymodule_export]
     use super::identify::{Identification, identify};
     #[pymodule_export]
-    use super::log::{Log, Run, prepare, read_log};
+    use super::log::{Log, Run, prepare, read_logs};
     #[pymodule_export]
     use super::model::{Model, Session};
     #[pymodule_export]

@@ -321,55 +321,97 @@ fn filled(headings: &[String], values: Vec<Column>, name: &str) -> PyResult<Vec<
     Ok(columns)
 }
 
-/// Reads a log from a file. With a configuration file, its section `[log]` selects columns and sensors of a recording, and
-/// the log has the channels of the selection in SI units.
+/// Reads logs from files, those of one vessel together. With a configuration file, its section `[log]` selects columns and
+/// sensors of recordings, and the logs have the channels of the selection in SI units.
 #[pyfunction]
-#[pyo3(signature = (path, config=None))]
-pub(crate) fn read_log(py: Python<'_>, path: PathBuf, config: Option<PathBuf>) -> PyResult<Log> {
-    let Some(file) = config else {
-        return Ok(Log { raw: Arc::new(of_path(py, path)?) });
+#[pyo3(signature = (paths, config=None))]
+pub(crate) fn read_logs(py: Python<'_>, paths: Vec<PathBuf>, config: Option<PathBuf>) -> PyResult<Vec<Log>> {
+    let reading = match &config {
+        Some(file) => Some(config::read(file).map_err(value)?.log.reading()),
+        None => None,
     };
-    let config = config::read(&file).map_err(|error| value(error.to_string()))?;
-    let reading = config.log.reading();
     let read = move || -> Result<_, LogError> {
-        let (raw, mut notes) = recording::read_logs(&[path], &reading.selection, reading.options.dt)?;
-        let log = recording::converted(&raw[0], &reading.selection, &mut notes)?;
-        Ok((log, notes))
+        let Some(Reading { selection, options }) = reading else {
+            return recording::read_logs(&paths, &Selection::default(), None);
+        };
+        let (raw, mut notes) = recording::read_logs(&paths, &selection, options.dt)?;
+        let convert = |log: &RawLog| recording::converted(log, &selection, &mut notes);
+        Ok((raw.iter().map(convert).collect::<Result<Vec<_>, _>>()?, notes))
     };
-    let (raw, notes) = work::run(py, None, None, move |_| read())?.map_err(of_log)?;
+    let (logs, notes) = work::run(py, None, None, move |_| read())?.map_err(of_log)?;
     warn(py, &notes)?;
-    Ok(Log { raw: Arc::new(raw) })
+    Ok(logs.into_iter().map(Log::of).collect())
 }
 
-/// The table in a file of any format.
-fn of_path(py: Python<'_>, path: PathBuf) -> PyResult<RawLog> {
-    let read = move || recording::read_logs(&[path], &Selection::default(), None);
-    let (mut logs, notes) = work::run(py, None, None, move |_| read())?.map_err(of_log)?;
-    warn(py, &notes)?;
-    logs.pop().ok_or_else(|| internal("one file has one log"))
+/// A log as it was given.
+pub(crate) enum Given {
+    Table(Arc<RawLog>),
+    /// A file, which is read with the options of reading.
+    Path(PathBuf),
 }
 
-/// One log or several; see [`table_of`].
-pub(crate) fn logs(argument: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<RawLog>> {
+impl Given {
+    /// A [`Log`], the path of a file, a data frame or a mapping from names to arrays. The argument names a log that has no
+    /// file.
+    fn new(argument: &str, given: &Bound<'_, PyAny>) -> PyResult<Self> {
+        if let Ok(log) = given.cast::<Log>() {
+            return Ok(Self::Table(Arc::clone(&log.get().raw)));
+        }
+        if let Ok(path) = given.extract::<PathBuf>() {
+            return Ok(Self::Path(path));
+        }
+        if given.hasattr("__arrow_c_stream__")? || given.cast::<PyMapping>().is_ok() {
+            return Ok(Self::Table(Log::new(given, None, argument)?.raw));
+        }
+        let wanted = "Log objects or paths of files, data frames or mappings from names to arrays";
+        Err(expected(argument, wanted, given.get_type().name()?))
+    }
+}
+
+/// One log or several.
+pub(crate) fn logs(argument: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<Given>> {
     let given = items(given)?;
     let name = |i: usize| if given.len() == 1 { argument.to_owned() } else { format!("{argument}[{i}]") };
-    given.iter().enumerate().map(|(i, item)| table_of(&name(i), item)).collect()
+    given.iter().enumerate().map(|(i, item)| Given::new(&name(i), item)).collect()
 }
 
-/// A table: a [`Log`], the path of a file, a data frame or a mapping from names to arrays. The argument names a log that
-/// has no file.
+/// The tables of logs. All files are read together, as the commands read them: recordings of one vessel share constants of
+/// their sensors.
+pub(crate) fn tables(
+    py: Python<'_>,
+    given: &[&Given],
+    reading: &Reading,
+) -> PyResult<(Vec<RawLog>, Vec<Note>)> {
+    let mut paths = Vec::new();
+    for given in given {
+        match given {
+            Given::Path(path) => paths.push(path.clone()),
+            Given::Table(log) if reading.selection.sensors.is_some() => {
+                return Err(value(format!(
+                    "{}: velocities are computed from the sensors of files: give the path of the recording, or name the outputs and inputs of a log that contains velocities",
+                    log.path
+                )));
+            }
+            Given::Table(_) => {}
+        }
+    }
+    let Reading { selection, options } = reading.clone();
+    let read = move || recording::read_logs(&paths, &selection, options.dt);
+    let (read, notes) = work::run(py, None, None, move |_| read())?.map_err(of_log)?;
+    let mut read = read.into_iter();
+    let each = |given: &&Given| match given {
+        Given::Table(log) => Ok(RawLog::clone(log)),
+        Given::Path(_) => read.next().ok_or_else(|| internal("each file has a log")),
+    };
+    Ok((given.iter().map(each).collect::<PyResult<_>>()?, notes))
+}
+
+/// The table of one log, with all columns of a file.
 pub(crate) fn table_of(argument: &str, given: &Bound<'_, PyAny>) -> PyResult<RawLog> {
-    if let Ok(log) = given.cast::<Log>() {
-        return Ok(RawLog::clone(&log.get().raw));
-    }
-    if let Ok(path) = given.extract::<PathBuf>() {
-        return of_path(given.py(), path);
-    }
-    if given.hasattr("__arrow_c_stream__")? || given.cast::<PyMapping>().is_ok() {
-        return Log::new(given, None, argument).map(|log| RawLog::clone(&log.raw));
-    }
-    let wanted = "Log objects or paths of files, data frames or mappings from names to arrays";
-    Err(expected(argument, wanted, given.get_type().name()?))
+    let py = given.py();
+    let (mut tables, notes) = tables(py, &[&Given::new(argument, given)?], &Reading::default())?;
+    warn(py, &notes)?;
+    tables.pop().ok_or_else(|| internal("a log has a table"))
 }
 
 /// The items of a list or tuple; any other object is one item.
@@ -406,7 +448,9 @@ pub(crate) fn runs(
             .map(|item| Ok(Trajectory::clone(&item.cast::<Run>()?.get().trajectory)))
             .collect();
     }
-    let raw = logs(argument, PyList::new(py, given)?.as_any())?;
+    let given = logs(argument, PyList::new(py, given)?.as_any())?;
+    let (raw, notes) = tables(py, &given.iter().collect::<Vec<_>>(), reading)?;
+    warn(py, &notes)?;
     let reading = reading.clone();
     let prepared =
         work::run(py, None, None, move |_| log::prepare(&raw, &reading.selection, &reading.options))?;

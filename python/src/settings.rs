@@ -1,5 +1,9 @@
 //! Options from dictionaries, and documents as dictionaries.
 
+use std::path::Path;
+
+use hydroid::config::{self, Config};
+use hydroid::model::Reading;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyInt, PyList, PyString, PyTuple};
 use serde::Serialize;
@@ -74,6 +78,41 @@ pub(crate) fn read<T: DeserializeOwned>(table: Value) -> PyResult<T> {
             path => value(format!("{path}: {message}")),
         }
     })
+}
+
+/// The sections of a configuration file, if there is one, with `options` over them, and the options of reading.
+pub(crate) fn config(file: Option<&Path>, options: &Bound<'_, PyDict>) -> PyResult<(Config, Reading)> {
+    let options = table(options)?;
+    let given: Config = read(options.clone())?;
+    let Some(file) = file else {
+        let reading = given.log.clone().reading();
+        return Ok((given, reading));
+    };
+    // Its errors name lines, and its paths are relative to the file.
+    let alone = config::read(file).map_err(value)?;
+    let reading = given.log.over(alone.log.reading());
+    let text = std::fs::read_to_string(file).map_err(crate::error::os)?;
+    let mut sections = toml::from_str(&text).map_err(internal)?;
+    let split = options.get("split").is_none().then_some(alone.split);
+    merge(&mut sections, options);
+    let mut config: Config = read(sections)?;
+    config.split = split.unwrap_or(config.split);
+    Ok((config, reading))
+}
+
+/// Puts the values of a table over those of another one.
+pub(crate) fn merge(into: &mut Value, from: Value) {
+    match (into, from) {
+        (Value::Table(into), Value::Table(from)) => {
+            for (key, value) in from {
+                match into.get_mut(&key) {
+                    Some(known) => merge(known, value),
+                    None => drop(into.insert(key, value)),
+                }
+            }
+        }
+        (into, from) => *into = from,
+    }
 }
 
 /// A result as dictionaries and lists; undefined numbers are `None`.

@@ -1,4 +1,6 @@
-"""The readers of recordings against the readers of others: the same values at the same times. Files of `hydroid convert`."""
+"""The readers of recordings against the readers of others: the same values at the same times. Files of `hydroid convert`.
+Identification from sensors.
+"""
 
 import os
 import subprocess
@@ -188,3 +190,76 @@ def test_long_logs_in_parquet(tmp_path):
     assert table["v"].null_count == np.isnan(v).sum()
     assert table["rudder_cmd"].null_count == rows
     assert path.stat().st_size < 1.1 * 3 * 8 * rows
+
+
+#: The beginnings of three runs of a boat with two thrusters, as folders of CSV files.
+SENSORS = """
+[log]
+inputs = ["left=(servo.pwm_left - 1500) / 4", "right=(servo.pwm_right - 1500) / 4"]
+
+[log.sensors]
+latitude = "gnss.lat"
+longitude = "gnss.lon"
+speed = "gnss.sog"
+course = "gnss.cog"
+heading = "compass.heading"
+yaw_rate = "imu.wz * -1"
+antenna_m = [-0.45, 0.0, -0.6]
+
+[split]
+test = ["run5"]
+
+[identify]
+horizon = "2s"
+seed = 3
+"""
+
+
+def beginning(source, folder, seconds=60):
+    folder.mkdir()
+    for file in source.glob("*.csv"):
+        header, *rows = file.read_text().splitlines()
+        times = np.array([row.split(",")[0].rstrip("Z") for row in rows], dtype="datetime64[ms]")
+        kept = np.count_nonzero(times < times[0] + np.timedelta64(seconds, "s"))
+        (folder / file.name).write_text("\n".join([header, *rows[:kept]]) + "\n")
+    return folder
+
+
+def test_recordings_are_identified_together(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    field = FORMATS.parent / "otter" / "field"
+    first, second, last = (beginning(field / f"run{run}", tmp_path / f"run{run}") for run in (1, 3, 5))
+    config = tmp_path / "boat.toml"
+    config.write_text(SENSORS)
+    channels = {"outputs": "u,v,r", "inputs": "left,right"}
+
+    together = hydroid.read_logs([first, second], config=config)
+    alone = hydroid.read_log(first, config=config)
+    assert together[0].columns[:6] == ["t", "u", "v", "r", "left", "right"]
+    # The delay and the misalignment are those of both.
+    assert 0 < np.abs(together[0]["v"] - alone["v"]).max() < 0.5
+
+    # Files are read in the same way, and so are the test runs that the configuration names.
+    found = hydroid.identify([first, second], config=config, methods="sindy", seed=4)
+    model = found.models["sindy"]
+    assert found.judgement["sindy"].test is not None
+    all_three = hydroid.read_logs([first, second, last], config=config)
+    of_tables = hydroid.identify(
+        all_three[:2], test=all_three[2], **channels, methods="sindy", horizon="2s", seed=4
+    )
+    assert model.equations() == of_tables.models["sindy"].equations()
+
+    # The model reads a further recording with the sensors of its training.
+    judged = hydroid.evaluate(model, last, horizon="2s")
+    of_table = hydroid.evaluate(model, hydroid.read_log(last, config=config), horizon="2s", **channels)
+    np.testing.assert_allclose(judged.rmse, of_table.rmse, rtol=1e-12)
+    assert np.all(judged.nrmse[-1] < 1.0), judged
+    with pytest.raises(ValueError, match="give the path of the recording, or name the outputs and inputs"):
+        hydroid.evaluate(model, alone, horizon="2s")
+
+    command = os.environ.get("HYDROID_COMMAND")
+    if command:
+        run = [command, "identify", "run1", "run3", "-c", "boat.toml", "--methods", "sindy", "--seed", "4", "-o", "out", "-q"]
+        assert subprocess.run(run, cwd=tmp_path).returncode in (0, 1)
+        paths = hydroid.identify(["run1", "run3"], config="boat.toml", methods="sindy", seed=4)
+        assert (tmp_path / "out" / "sindy.safetensors").read_bytes() == paths.models["sindy"].to_bytes()

@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 def logs() -> None:
     log = hydroid.Log({"u [m/s]": [1.0]}, units={"u": "kn"})
     assert_type(log["u"], Array)
+    assert_type(hydroid.read_logs(["a.BIN", "b.BIN"], config="hydroid.toml"), list[hydroid.Log])
     assert_type(hydroid.prepare([log, "b.csv"], outputs={"u": "speed"}, inputs=["n"])[0].t, Array)
 
 
