@@ -84,7 +84,9 @@ class Run:
     def __len__(self) -> int: ...
 
 def read_logs(
-    paths: Sequence[str | os.PathLike[str]], config: str | os.PathLike[str] | None = None
+    paths: Sequence[str | os.PathLike[str]],
+    config: str | os.PathLike[str] | None = None,
+    progress: Callable[[float], object] | None = None,
 ) -> list[Log]: ...
 def prepare(logs: Any, options: dict[str, Any] | None = None) -> list[Run]: ...
 

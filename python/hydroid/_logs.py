@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from . import _hydroid
 from ._hydroid import Log, Model, Run
-from ._options import Channels, log_section
+from ._options import Bar, Channels, log_section
 
 
 def read_log(path: str | os.PathLike[str], config: str | os.PathLike[str] | None = None) -> Log:
@@ -48,7 +48,10 @@ def read_log(path: str | os.PathLike[str], config: str | os.PathLike[str] | None
 
 
 def read_logs(
-    paths: Sequence[str | os.PathLike[str]], config: str | os.PathLike[str] | None = None
+    paths: Sequence[str | os.PathLike[str]],
+    config: str | os.PathLike[str] | None = None,
+    *,
+    progress: bool | Callable[[float], object] = False,
 ) -> list[Log]:
     """Read the logs of one vessel together.
 
@@ -61,6 +64,8 @@ def read_logs(
         Files or folders of any format that `read_log` reads.
     config : path, optional
         As in `read_log`.
+    progress : bool or callable
+        A bar of tqdm, or a function of the completed fraction.
 
     Returns
     -------
@@ -81,7 +86,9 @@ def read_logs(
     --------
     identify : Reads recordings in the same way, and its models read further recordings with the same sensors.
     """
-    return _hydroid.read_logs([paths] if isinstance(paths, (str, os.PathLike)) else list(paths), config)
+    paths = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
+    with Bar(progress, "reading") as bar:
+        return _hydroid.read_logs(paths, config, bar.callback)
 
 
 def prepare(

@@ -13,7 +13,8 @@ use pyo3::types::PyDict;
 use crate::error::{internal, unfit, value};
 use crate::log::{Given, logs, of_log, tables, warn};
 use crate::model::Model;
-use crate::{settings, work};
+use crate::settings;
+use crate::work::{self, Control};
 
 /// Result of an identification. The Python class around it has the documented interface.
 #[pyclass(frozen, module = "hydroid._hydroid")]
@@ -120,7 +121,11 @@ pub(crate) fn identify(
         }
         None => None,
     };
-    let (raw, mut notes) = tables(py, &given.all().collect::<Vec<_>>(), &reading)?;
+    // Velocities from sensors take about as long as the models.
+    let share = if reading.selection.sensors.is_some() { 0.5 } else { 0.0 };
+    let reading_logs = move |control: &Control, done: f64| control.report(share * done);
+    let (raw, mut notes) =
+        tables(py, &given.all().collect::<Vec<_>>(), &reading, progress, reading_logs)?;
     let sources = raw.iter().map(|log| log.path.clone()).collect();
     let mut raw = raw.into_iter();
     let raw = given.map(|_| raw.next().expect("one table for each log"));
@@ -130,7 +135,7 @@ pub(crate) fn identify(
     warn(py, &notes)?;
     let seed = job.seed;
     let (result, split) = work::run(py, threads, progress, move |control| {
-        let result = identify_job(&job, &mut |done| control.report(done));
+        let result = identify_job(&job, &mut |done| control.report(share + (1.0 - share) * done));
         (result, job.split)
     })?;
     let result = result.map_err(value)?;

@@ -1,5 +1,6 @@
 //! Logs, and the runs that are prepared from them.
 
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -22,7 +23,8 @@ use pyo3_arrow::ffi::{ArrayIterator, to_stream_pycapsule};
 
 use crate::arrays::{doubles, table};
 use crate::error::{expected, internal, unfit, value};
-use crate::{settings, work};
+use crate::work::{self, Control};
+use crate::settings;
 
 pub(crate) fn of_log(error: LogError) -> PyErr {
     match error {
@@ -324,21 +326,27 @@ fn filled(headings: &[String], values: Vec<Column>, name: &str) -> PyResult<Vec<
 /// Reads logs from files, those of one vessel together. With a configuration file, its section `[log]` selects columns and
 /// sensors of recordings, and the logs have the channels of the selection in SI units.
 #[pyfunction]
-#[pyo3(signature = (paths, config=None))]
-pub(crate) fn read_logs(py: Python<'_>, paths: Vec<PathBuf>, config: Option<PathBuf>) -> PyResult<Vec<Log>> {
+#[pyo3(signature = (paths, config=None, progress=None))]
+pub(crate) fn read_logs(
+    py: Python<'_>,
+    paths: Vec<PathBuf>,
+    config: Option<PathBuf>,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Vec<Log>> {
     let reading = match &config {
         Some(file) => Some(config::read(file).map_err(value)?.log.reading()),
         None => None,
     };
-    let read = move || -> Result<_, LogError> {
+    let read = move |control: &Control| -> Result<_, LogError> {
+        let report = &mut |done| control.report(done);
         let Some(Reading { selection, options }) = reading else {
-            return recording::read_logs(&paths, &Selection::default(), None);
+            return recording::read_logs(&paths, &Selection::default(), None, report);
         };
-        let (raw, mut notes) = recording::read_logs(&paths, &selection, options.dt)?;
+        let (raw, mut notes) = recording::read_logs(&paths, &selection, options.dt, report)?;
         let convert = |log: &RawLog| recording::converted(log, &selection, &mut notes);
         Ok((raw.iter().map(convert).collect::<Result<Vec<_>, _>>()?, notes))
     };
-    let (logs, notes) = work::run(py, None, None, move |_| read())?.map_err(of_log)?;
+    let (logs, notes) = work::run(py, None, progress, read)?.map_err(of_log)?;
     warn(py, &notes)?;
     Ok(logs.into_iter().map(Log::of).collect())
 }
@@ -376,11 +384,13 @@ pub(crate) fn logs(argument: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<Giv
 }
 
 /// The tables of logs. All files are read together, as the commands read them: recordings of one vessel share constants of
-/// their sensors.
+/// their sensors. `report` has the progress of the reading.
 pub(crate) fn tables(
     py: Python<'_>,
     given: &[&Given],
     reading: &Reading,
+    progress: Option<&Bound<'_, PyAny>>,
+    report: impl Fn(&Control, f64) -> ControlFlow<()> + Send + 'static,
 ) -> PyResult<(Vec<RawLog>, Vec<Note>)> {
     let mut paths = Vec::new();
     for given in given {
@@ -396,8 +406,10 @@ pub(crate) fn tables(
         }
     }
     let Reading { selection, options } = reading.clone();
-    let read = move || recording::read_logs(&paths, &selection, options.dt);
-    let (read, notes) = work::run(py, None, None, move |_| read())?.map_err(of_log)?;
+    let read = move |control: &Control| {
+        recording::read_logs(&paths, &selection, options.dt, &mut |done| report(control, done))
+    };
+    let (read, notes) = work::run(py, None, progress, read)?.map_err(of_log)?;
     let mut read = read.into_iter();
     let each = |given: &&Given| match given {
         Given::Table(log) => Ok(RawLog::clone(log)),
@@ -409,7 +421,7 @@ pub(crate) fn tables(
 /// The table of one log, with all columns of a file.
 pub(crate) fn table_of(argument: &str, given: &Bound<'_, PyAny>) -> PyResult<RawLog> {
     let py = given.py();
-    let (mut tables, notes) = tables(py, &[&Given::new(argument, given)?], &Reading::default())?;
+    let (mut tables, notes) = tables(py, &[&Given::new(argument, given)?], &Reading::default(), None, Control::report)?;
     warn(py, &notes)?;
     tables.pop().ok_or_else(|| internal("a log has a table"))
 }
@@ -449,7 +461,7 @@ pub(crate) fn runs(
             .collect();
     }
     let given = logs(argument, PyList::new(py, given)?.as_any())?;
-    let (raw, notes) = tables(py, &given.iter().collect::<Vec<_>>(), reading)?;
+    let (raw, notes) = tables(py, &given.iter().collect::<Vec<_>>(), reading, None, Control::report)?;
     warn(py, &notes)?;
     let reading = reading.clone();
     let prepared =

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use hydroid::adapt::TrainingRuns;
 use hydroid::config;
-use hydroid::log::{self, LogError, Prepared, RawLog, Trajectory};
+use hydroid::log::{self, LogError, Note, Prepared, RawLog, Trajectory};
 use hydroid::model::{Model, Reading};
 use hydroid::recording;
 
@@ -57,8 +57,22 @@ pub fn cannot_use(path: &Path, model: &Model) -> String {
     format!("a log for {} (sample time {} s) cannot be used", path.display(), model.description.dt)
 }
 
-pub fn prepare(files: &[PathBuf], reading: &Reading) -> Result<(Vec<RawLog>, Prepared), LogError> {
-    let (raw, notes) = recording::read_logs(files, &reading.selection, reading.options.dt)?;
+/// The tables of logs of any format.
+pub fn read<P: AsRef<Path>>(
+    files: &[P],
+    reading: &Reading,
+    global: Global,
+) -> Result<(Vec<RawLog>, Vec<Note>), LogError> {
+    let bar = ui::Bar::new("reading", global);
+    recording::read_logs(files, &reading.selection, reading.options.dt, &mut bar.callback())
+}
+
+pub fn prepare(
+    files: &[PathBuf],
+    reading: &Reading,
+    global: Global,
+) -> Result<(Vec<RawLog>, Prepared), LogError> {
+    let (raw, notes) = read(files, reading, global)?;
     let mut prepared = log::prepare(&raw, &reading.selection, &reading.options)?;
     prepared.notes.splice(0..0, notes);
     Ok((raw, prepared))
@@ -75,7 +89,7 @@ pub fn training_logs(
     let mut training = TrainingRuns::default();
     for file in files {
         let (_, prepared) =
-            prepare(std::slice::from_ref(file), reading).with_context(|| cannot_use(path, model))?;
+            prepare(std::slice::from_ref(file), reading, global).with_context(|| cannot_use(path, model))?;
         ui::print_notes(&prepared.notes, global);
         model.check(&prepared.runs)?;
         training.replayed.extend(log::beginning(&prepared.runs, seconds));

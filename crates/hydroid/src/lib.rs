@@ -1,7 +1,7 @@
 //! Identification, evaluation, adaptation and closed-loop simulation of vessel models from logs.
 //!
-//! Order of the modules, bottom to top; each imports only modules before it: `log` (runs and their files), `excitation`
-//! (command sequences), `progress`, `toml_file`, `atomic`, `fingerprint`, `evaluate` (multi-step errors of any model),
+//! Order of the modules, bottom to top; each imports only modules before it: `progress`, `log` (runs and their files),
+//! `excitation` (command sequences), `toml_file`, `atomic`, `fingerprint`, `evaluate` (multi-step errors of any model),
 //! `navigate` (pose and velocities from raw sensors), `recording` (files of topics), `faults` (sensor faults), `simulate` (commands to logs), `craft` (vessel files with any actuators), `model` (identified models and their files),
 //! `plant` (models that run freely), `manoeuvre` (manoeuvring trials), `sindy`
 //! (sparse regression), `grey_box` (numbers of a vessel file from logs), `committee` (difference equations combined by cross-validation), `adapt` (online adaptation along a log), `train` (networks), `closed_loop` (controllers on a

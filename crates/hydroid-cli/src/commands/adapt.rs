@@ -52,7 +52,7 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
         !args.stream.answers.is_given(),
         "--horizons, --state and --timing apply to a live stream: add --stream, or give - for standard input"
     );
-    let (_, mut prepared) = logs::prepare(std::slice::from_ref(given_log), &reading)
+    let (_, mut prepared) = logs::prepare(std::slice::from_ref(given_log), &reading, global)
         .with_context(|| logs::cannot_use(&args.model, &model))?;
     ui::print_notes(&prepared.notes, global);
     let model = logs::with_step_of(model, &prepared.runs)?;

@@ -34,7 +34,7 @@ pub fn run(args: &Convert, global: Global) -> anyhow::Result<Outcome> {
         let read: Vec<&Path> = args.logs.iter().map(PathBuf::as_path).collect();
         outputs::check(&[("-o", Some(target))], &read)?;
     }
-    let (raw, mut notes) = recording::read_logs(&args.logs, &reading.selection, reading.options.dt)?;
+    let (raw, mut notes) = logs::read(&args.logs, &reading, global)?;
     let converted = raw
         .iter()
         .map(|log| recording::converted(log, &reading.selection, &mut notes))

@@ -26,7 +26,7 @@ pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     let model = model::read(&args.model)?;
     let reading = logs::reading(model.description.reading.clone(), &args.log)?;
     let (_, prepared) =
-        logs::prepare(&args.logs, &reading).with_context(|| logs::cannot_use(&args.model, &model))?;
+        logs::prepare(&args.logs, &reading, global).with_context(|| logs::cannot_use(&args.model, &model))?;
     ui::print_notes(&prepared.notes, global);
     let model = logs::with_step_of(model, &prepared.runs)?;
     model.check(&prepared.runs)?;

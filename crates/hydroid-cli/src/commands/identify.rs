@@ -13,7 +13,6 @@ use hydroid::identify::{
 };
 use hydroid::log::Note;
 use hydroid::model;
-use hydroid::recording;
 use hydroid::simulate::Options;
 use hydroid_core::vessel::VesselParams;
 use hydroid_report::Context;
@@ -96,7 +95,7 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
     let reading = logs::reading(config.log.clone().reading(), &args.log)?;
     let methods = args.methods.iter().map(|&method| method.into()).collect();
     let all: Vec<&PathBuf> = files.logs.all().collect();
-    let (raw, read) = recording::read_logs(&all, &reading.selection, reading.options.dt)?;
+    let (raw, read) = logs::read(&all, &reading, global)?;
     let mut raw = raw.into_iter();
     let raw = files.logs.map(|_| raw.next().expect("one log for each file"));
     let (mut job, mut notes) = config.job(reading, &raw, methods, vessel)?;

@@ -12,7 +12,7 @@ use hydroid::log::inspect::{Confidence, DelayEstimate};
 use hydroid::log::{self, Inspection, Trajectory};
 use hydroid::manoeuvre::{Recognised, recognise};
 use hydroid::model::{self, Description, Model, NamedEquations, Port, Reading};
-use hydroid::recording::{is_recording, read_logs, survey};
+use hydroid::recording::{is_recording, survey};
 use hydroid_core::craft::CraftParameter;
 use hydroid_core::model::recurrent::{BaseModel, Scaling, Tensor};
 use hydroid_live::black_box::{BlackBox, is_black_box};
@@ -78,7 +78,7 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
                 }
             }
             let ((inspection, runs), mut notes) = if is_recording {
-                let (mut read, notes) = read_logs(&[file], &reading.selection, reading.options.dt)?;
+                let (mut read, notes) = logs::read(&[file], &reading, global)?;
                 (log::inspect_owned(read.remove(0), &reading.selection, &reading.options)?, notes)
             } else {
                 (log::inspect_file(file, &reading.selection, &reading.options)?, Vec::new())

@@ -2,6 +2,8 @@
 
 use std::io;
 
+use crate::progress::Cancelled;
+
 /// Error of a log. A message names the file, the line if any (from 1, header included), the column and a remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -43,8 +45,8 @@ pub enum LogError {
         remedy: String,
     },
     /// The caller stopped the reading.
-    #[error("interrupted")]
-    Interrupted,
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
     /// The file has no content.
     #[error("{path} is empty; was the recording stopped before anything was written?")]
     Empty {

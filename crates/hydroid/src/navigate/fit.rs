@@ -3,6 +3,7 @@
 use hydroid_core::navigation::{Prior, State};
 
 use super::measurements::{Run, Runs, Statistics};
+use crate::progress::{self, Cancelled, Progress};
 
 /// Statistics, constants of the vessel and the GNSS, and their likelihood.
 #[derive(Clone, Debug)]
@@ -27,6 +28,8 @@ const FEW: usize = 10_000;
 const COARSE: usize = 40;
 /// Steps at most.
 const STEPS: usize = 200;
+/// Evaluations of the likelihood of all measurements in a usual search, for the progress.
+const USUAL: usize = 60;
 /// Gain of the log-likelihood in a step; three smaller ones end the search.
 const ENOUGH: f64 = 0.1;
 /// Standard deviation of the logarithm of a statistic about its first guess: a factor of five.
@@ -46,26 +49,67 @@ impl Fitted {
 
 /// Maximizes the product of the likelihood of the innovations and the prior over the logarithms of the statistics and the
 /// constants. The likelihood has several maxima: the search begins from each of the first guesses with the beginnings of the
-/// runs, and continues with all measurements from what explains them best. `proceed` is asked before each step.
+/// runs, and continues with all measurements from what explains them best.
+///
+/// # Errors
+/// If the callback cancels.
 ///
 /// # Panics
 /// Without a first guess.
-pub fn fit(runs: &Runs, guesses: &[Statistics], mut proceed: impl FnMut() -> bool) -> Fitted {
+pub fn fit(runs: &Runs, guesses: &[Statistics], progress: Progress<'_>) -> Result<Fitted, Cancelled> {
     let share = FEW / runs.runs.len().max(1);
     let beginning = |run: &Run| Run {
         events: run.events[..run.events.len().min(share)].to_vec(),
         prior: run.prior.clone(),
     };
     let beginnings = Runs { sensors: runs.sensors.clone(), runs: runs.runs.iter().map(beginning).collect() };
-    let starts = guesses.iter().map(|guess| {
-        let mut search = Search::new(&beginnings, guess);
-        search.run(COARSE, &mut proceed);
-        search.on(runs)
-    });
-    let mut search = starts.max_by(|a, b| a.value.total_cmp(&b.value)).expect("a first guess");
-    search.run(STEPS, &mut proceed);
+    let costs = [guesses.len() * COARSE * count(&beginnings), USUAL * count(runs)].map(|cost| cost as f64);
+    let coarse = costs[0] / (costs[0] + costs[1]).max(1.0) / guesses.len() as f64;
+    let mut work = Work { progress, part: [0.0; 2], done: 0, expected: 0 };
+    let mut starts = Vec::with_capacity(guesses.len());
+    for guess in guesses {
+        work.begin(coarse, COARSE + guess.numbers(&runs.sensors).len());
+        let mut search = Search::new(&beginnings, guess, &mut work)?;
+        search.run(COARSE, &mut work)?;
+        starts.push(search.on(runs, &mut work)?);
+    }
+    work.begin(1.0, USUAL);
+    let best = starts.into_iter().max_by(|a, b| a.value.total_cmp(&b.value));
+    let mut search = best.expect("a first guess");
+    search.run(STEPS, &mut work)?;
     let (statistics, constants) = search.read(&search.at);
-    Fitted { statistics, constants, log_likelihood: search.value, steps: search.steps }
+    Ok(Fitted { statistics, constants, log_likelihood: search.value, steps: search.steps })
+}
+
+/// Number of measurements.
+fn count(runs: &Runs) -> usize {
+    runs.runs.iter().map(|run| run.events.len()).sum()
+}
+
+/// Progress of a search, by evaluations of the likelihood.
+struct Work<'p> {
+    progress: Progress<'p>,
+    /// Fractions at which the part at hand begins and ends.
+    part: [f64; 2],
+    done: usize,
+    /// Evaluations of a usual part.
+    expected: usize,
+}
+
+impl Work<'_> {
+    /// Begins the next part, of this length at most.
+    fn begin(&mut self, length: f64, expected: usize) {
+        let [_, from] = self.part;
+        (self.part, self.done, self.expected) = ([from, (from + length).min(1.0)], 0, expected);
+    }
+
+    /// Reports an evaluation.
+    fn report(&mut self) -> Result<(), Cancelled> {
+        let [from, to] = self.part;
+        let share = (self.done as f64 / self.expected as f64).min(1.0);
+        self.done += 1;
+        progress::report(self.progress, from + (to - from) * share)
+    }
 }
 
 /// Method of Broyden, Fletcher, Goldfarb and Shanno (Nocedal and Wright, *Numerical Optimization*, 2nd ed., section 6.1).
@@ -87,7 +131,7 @@ struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    fn new(runs: &'a Runs, start: &Statistics) -> Self {
+    fn new(runs: &'a Runs, start: &Statistics, work: &mut Work<'_>) -> Result<Self, Cancelled> {
         let prior = Prior::default();
         let mut from: Vec<f64> = start.numbers(&runs.sensors).into_iter().map(f64::ln).collect();
         let statistics = from.len();
@@ -108,16 +152,16 @@ impl<'a> Search<'a> {
             slope: Vec::new(),
             steps: 0,
         };
-        (search.value, search.slope) = search.evaluate(&search.at);
-        search.inverse = Inverse::of_diagonal(&search.curvatures());
-        search
+        (search.value, search.slope) = search.evaluate(&search.at, work)?;
+        search.inverse = Inverse::of_diagonal(&search.curvatures(work)?);
+        Ok(search)
     }
 
     /// The search with other measurements of the same sensors.
-    fn on(self, runs: &'a Runs) -> Self {
+    fn on(self, runs: &'a Runs, work: &mut Work<'_>) -> Result<Self, Cancelled> {
         let mut search = Self { runs, ..self };
-        (search.value, search.slope) = search.evaluate(&search.at);
-        search
+        (search.value, search.slope) = search.evaluate(&search.at, work)?;
+        Ok(search)
     }
 
     /// Statistics and constants at a place.
@@ -134,7 +178,8 @@ impl<'a> Search<'a> {
     }
 
     /// Logarithm of the likelihood and the prior, and its gradient.
-    fn evaluate(&self, at: &[f64]) -> (f64, Vec<f64>) {
+    fn evaluate(&self, at: &[f64], work: &mut Work<'_>) -> Result<(f64, Vec<f64>), Cancelled> {
+        work.report()?;
         let (statistics, constants) = self.read(at);
         let (mut value, mut slope) = self.runs.log_likelihood(&statistics, &constants);
         for (rate, deviation, power) in &self.processes {
@@ -153,55 +198,54 @@ impl<'a> Search<'a> {
             value -= 0.5 * away * away;
             *slope -= away / width;
         }
-        (value, slope)
+        Ok((value, slope))
     }
 
     /// Magnitudes of the second derivatives.
-    fn curvatures(&self) -> Vec<f64> {
+    fn curvatures(&self, work: &mut Work<'_>) -> Result<Vec<f64>, Cancelled> {
         let step = 1e-3;
         let of = |i: usize| {
             let mut at = self.at.clone();
             at[i] += step;
-            ((self.evaluate(&at).1[i] - self.slope[i]) / step).abs()
+            let (_, slope) = self.evaluate(&at, work)?;
+            Ok(((slope[i] - self.slope[i]) / step).abs())
         };
         (0..self.at.len()).map(of).collect()
     }
 
-    fn run(&mut self, steps: usize, proceed: &mut dyn FnMut() -> bool) {
+    fn run(&mut self, steps: usize, work: &mut Work<'_>) -> Result<(), Cancelled> {
         let mut small = 0;
         for _ in 0..steps {
-            if !proceed() {
-                break;
-            }
             self.steps += 1;
             let before = self.value;
-            let moved = self.step();
+            let moved = self.step(work)?;
             small = if self.value - before < ENOUGH { small + 1 } else { 0 };
             if !moved || small == 3 {
                 break;
             }
         }
+        Ok(())
     }
 
     /// A step along the quasi-Newton direction, shortened until the function increases. Whether it did.
-    fn step(&mut self) -> bool {
+    fn step(&mut self, work: &mut Work<'_>) -> Result<bool, Cancelled> {
         let direction = self.inverse.times(&self.slope);
         let largest = direction.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()));
         let rise = dot(&direction, &self.slope);
         let mut size = if largest > FARTHEST { FARTHEST / largest } else { 1.0 };
         while size * rise > 0.01 * ENOUGH {
             let next: Vec<f64> = self.at.iter().zip(&direction).map(|(x, d)| x + size * d).collect();
-            let (value, slope) = self.evaluate(&next);
+            let (value, slope) = self.evaluate(&next, work)?;
             if value >= self.value + 1e-4 * size * rise {
                 let step: Vec<f64> = direction.iter().map(|d| size * d).collect();
                 let change: Vec<f64> = self.slope.iter().zip(&slope).map(|(a, b)| a - b).collect();
                 self.inverse.update(&step, &change);
                 (self.at, self.value, self.slope) = (next, value, slope);
-                return true;
+                return Ok(true);
             }
             size *= 0.3;
         }
-        false
+        Ok(false)
     }
 }
 

@@ -8,6 +8,7 @@ use hydroid_core::navigation::{Estimate, Filter, Innovation, STATES, State, Tran
 
 use super::fit::CONSTANTS;
 use super::measurements::{Runs, Statistics};
+use crate::progress::{self, Cancelled, Progress};
 
 /// Smoothed pose and velocities at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,16 +58,29 @@ enum Item {
     Output(usize, usize),
 }
 
+/// Share of the forward pass in the time, for the progress.
+const FORWARD: f64 = 0.2;
+
 /// Smooths all runs at the times `outputs` of each \[s\].
-pub fn smooth(runs: &Runs, statistics: &Statistics, outputs: &[Vec<f64>]) -> Vec<Smoothed> {
+///
+/// # Errors
+/// If the callback cancels.
+pub fn smooth(
+    runs: &Runs,
+    statistics: &Statistics,
+    outputs: &[Vec<f64>],
+    progress: Progress<'_>,
+) -> Result<Vec<Smoothed>, Cancelled> {
     let items = sequence(runs, outputs);
-    let Some(first) = runs.runs.first() else { return Vec::new() };
+    let Some(first) = runs.runs.first() else { return Ok(Vec::new()) };
     let start = Filter::new(statistics.noise, &first.prior, Filter::OUTLIER);
     let mut forward = Forward { runs, statistics, outputs, filter: start, t: 0.0 };
 
     let mut checkpoints = Vec::new();
     let mut counts = vec![vec![[0.0; 3]; runs.sensors.len()]; runs.runs.len()];
-    for part in items.chunks(SEGMENT) {
+    let parts = items.chunks(SEGMENT).len() as f64;
+    for (i, part) in items.chunks(SEGMENT).enumerate() {
+        progress::report(progress, FORWARD * i as f64 / parts)?;
         checkpoints.push((forward.filter.clone(), forward.t));
         for item in part {
             forward.step(*item, |step| {
@@ -93,7 +107,8 @@ pub fn smooth(runs: &Runs, statistics: &Statistics, outputs: &[Vec<f64>]) -> Vec
         })
         .collect();
     let mut adjoint = Adjoint { vector: [0.0; STATES], matrix: [[0.0; STATES]; STATES] };
-    for (part, (filter, t)) in items.chunks(SEGMENT).zip(checkpoints).rev() {
+    for (i, (part, (filter, t))) in items.chunks(SEGMENT).zip(checkpoints).rev().enumerate() {
+        progress::report(progress, FORWARD + (1.0 - FORWARD) * i as f64 / parts)?;
         forward.filter = filter;
         forward.t = t;
         let mut steps = Vec::with_capacity(3 * part.len());
@@ -127,7 +142,7 @@ pub fn smooth(runs: &Runs, statistics: &Statistics, outputs: &[Vec<f64>]) -> Vec
     for run in &mut smoothed {
         run.rows.reverse();
     }
-    smoothed
+    Ok(smoothed)
 }
 
 /// All measurements and outputs in the order of time.

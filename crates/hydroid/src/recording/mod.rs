@@ -20,37 +20,47 @@ mod table;
 use std::path::Path;
 
 use crate::log::{self, LogError, Note, RawLog, Selection};
+use crate::progress::{self, Progress};
 
 pub use open::is_recording;
 pub use propose::Proposal;
 pub use survey::{FieldSurvey, Survey, TopicSurvey, survey};
 pub use table::{converted, time_text};
 
+/// Share of the files in the time of a computation from sensors, for the progress.
+const FILES: f64 = 0.05;
+
 /// Reads logs of any format as tables. The time of a table from a recording is in seconds from its first row. `dt` is the
 /// step of tables that are computed from sensors; default: that of the heading, else of the position.
 ///
 /// # Errors
-/// If a file cannot be read, or a column of the selection does not exist.
+/// If a file cannot be read, a column of the selection does not exist, or the callback cancels.
 pub fn read_logs<P: AsRef<Path>>(
     paths: &[P],
     selection: &Selection,
     dt: Option<f64>,
+    progress: Progress<'_>,
 ) -> Result<(Vec<RawLog>, Vec<Note>), LogError> {
     let mut notes = Vec::new();
     if let Some(sensors) = &selection.sensors {
-        let recordings = paths
-            .iter()
-            .map(|path| open::read(path.as_ref(), selection, &mut notes))
-            .collect::<Result<Vec<_>, _>>()?;
-        return Ok((motion::tables(&recordings, sensors, selection, dt, &mut notes)?, notes));
-    }
-    let each = |path: &P| {
-        let path = path.as_ref();
-        if is_recording(path)? {
-            table::of_outputs(&open::read(path, selection, &mut notes)?, selection, &mut notes)
-        } else {
-            log::read(path)
+        let mut recordings = Vec::with_capacity(paths.len());
+        for (i, path) in paths.iter().enumerate() {
+            let mut part = |done| progress(FILES * (i as f64 + done) / paths.len() as f64);
+            recordings.push(open::read(path.as_ref(), selection, &mut notes, &mut part)?);
         }
-    };
-    Ok((paths.iter().map(each).collect::<Result<_, _>>()?, notes))
+        let mut rest = |done| progress(FILES + (1.0 - FILES) * done);
+        return Ok((motion::tables(&recordings, sensors, selection, dt, &mut notes, &mut rest)?, notes));
+    }
+    let mut tables = Vec::with_capacity(paths.len());
+    for (i, path) in paths.iter().enumerate() {
+        let path = path.as_ref();
+        let mut part = |done| progress((i as f64 + done) / paths.len() as f64);
+        progress::report(&mut part, 0.0)?;
+        tables.push(if is_recording(path)? {
+            table::of_outputs(&open::read(path, selection, &mut notes, &mut part)?, selection, &mut notes)?
+        } else {
+            log::read(path)?
+        });
+    }
+    Ok((tables, notes))
 }

@@ -9,11 +9,14 @@ use super::open::Recording;
 use super::table::{self, start};
 use crate::log::{LogError, Note, RawColumn, RawLog, Selection, Sensors};
 use crate::navigate::{self, Kind, Run, Runs, Sensor, Smoothed, Statistics};
+use crate::progress::Progress;
 
 /// Kinds of position fixes with a noise of their own.
 const QUALITIES: usize = 6;
 /// Measurements from which the statistics are estimated: more of them change little.
 const ENOUGH: usize = 40_000;
+/// Share of their estimation in the time, for the progress.
+const FIT: f64 = 0.85;
 
 /// First guesses of the statistics, for ships and boats. Rates of the motion are inversely proportional to the length of a
 /// vessel, frequencies of the waves that move it to the square root. The likelihood decides.
@@ -52,6 +55,7 @@ pub(super) fn tables(
     selection: &Selection,
     dt: Option<f64>,
     notes: &mut Vec<Note>,
+    progress: Progress<'_>,
 ) -> Result<Vec<RawLog>, LogError> {
     let mut instruments = recordings
         .iter()
@@ -76,12 +80,14 @@ pub(super) fn tables(
     };
     retain_used(&mut runs);
     let times = instruments.iter().map(|one| one.times(dt)).collect::<Result<Vec<_>, _>>()?;
-    let fitted = navigate::fit(&sample(&runs), &guesses(&runs.sensors), || true);
+    let fitted =
+        navigate::fit(&sample(&runs), &guesses(&runs.sensors), &mut |done| progress(FIT * done))?;
     for run in &mut runs.runs {
         run.prior = fitted.prior(&run.prior);
     }
     let statistics = fitted.statistics;
-    let smoothed = navigate::smooth(&runs, &statistics, &times);
+    let smoothed =
+        navigate::smooth(&runs, &statistics, &times, &mut |done| progress(FIT + (1.0 - FIT) * done))?;
     let mut tables = Vec::with_capacity(recordings.len());
     for ((recording, one), (smoothed, t)) in
         recordings.iter().zip(&instruments).zip(smoothed.iter().zip(&times))

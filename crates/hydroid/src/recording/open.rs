@@ -7,6 +7,7 @@ use hydroid_io::{Clock, Field, IoError, Sink, Summary, Topic};
 
 use crate::log::line::Time;
 use crate::log::{self, ChannelSpec, LogError, Note, RawColumn, RawLog, Selection};
+use crate::progress::{self, Progress};
 
 /// Seconds since 1970 before which a stamp of the sender is none: 2001-09-09.
 const PLAUSIBLE_S: f64 = 1e9;
@@ -214,10 +215,13 @@ pub(super) fn names(spec: &ChannelSpec) -> impl Iterator<Item = String> + '_ {
     spec.as_names().map(|spec| spec.column).chain([spec.column.clone()])
 }
 
-struct Collector {
+struct Collector<'p> {
     names: Vec<String>,
     all: bool,
     topics: Vec<Collected>,
+    progress: Progress<'p>,
+    /// Completed fraction. Each file of a folder begins anew.
+    fraction: f64,
 }
 
 struct Collected {
@@ -228,7 +232,7 @@ struct Collected {
     columns: BTreeMap<usize, Vec<f64>>,
 }
 
-impl Sink for Collector {
+impl Sink for Collector<'_> {
     fn topic(&mut self, id: usize, topic: &Topic) -> bool {
         if id == self.topics.len() {
             self.topics.push(Collected {
@@ -257,6 +261,11 @@ impl Sink for Collector {
             column.push(values.get(*field).copied().unwrap_or(f64::NAN));
         }
     }
+
+    fn proceed(&mut self, done: u64, total: u64) -> bool {
+        self.fraction = self.fraction.max(done as f64 / total.max(1) as f64).min(1.0);
+        progress::report(self.progress, self.fraction).is_ok()
+    }
 }
 
 /// Specifications of a selection.
@@ -267,13 +276,19 @@ fn specs(selection: &Selection) -> impl Iterator<Item = &ChannelSpec> {
 }
 
 /// Reads the columns of a selection. Without named outputs or inputs, all columns are read.
-pub(super) fn read(path: &Path, selection: &Selection, notes: &mut Vec<Note>) -> Result<Recording, LogError> {
+pub(super) fn read(
+    path: &Path,
+    selection: &Selection,
+    notes: &mut Vec<Note>,
+    progress: Progress<'_>,
+) -> Result<Recording, LogError> {
     let mut wanted: Vec<String> = specs(selection).flat_map(names).collect();
     let components: Vec<String> =
         wanted.iter().filter_map(|name| quaternion(name)).flatten().flatten().collect();
     wanted.extend(components);
     let all = selection.sensors.is_none() && (selection.outputs.is_empty() || selection.inputs.is_empty());
-    let mut collector = Collector { names: wanted.clone(), all, topics: Vec::new() };
+    let mut collector =
+        Collector { names: wanted.clone(), all, topics: Vec::new(), progress, fraction: 0.0 };
     let summary = scan(path, &mut collector, notes)?;
     let shown = path.display().to_string();
     note_losses(&shown, &summary, notes);

@@ -3,6 +3,7 @@
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times are positive, and few")]
 
 use hydroid::navigate::{Event, Kind, Run, Runs, Sensor, Smoothed, Statistics, fit, smooth};
+use hydroid::progress::silent;
 use hydroid_core::navigation::{Filter, Measurement, Mounting, Noise, Prior, STATES, State};
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
@@ -86,7 +87,7 @@ fn the_smoother_equals_that_of_rauch_tung_and_striebel() {
         .collect();
     let times: Vec<f64> = events.iter().map(|event| event.t).collect();
     let runs = Runs { sensors, runs: vec![Run { events: events.clone(), prior: prior.clone() }] };
-    let smoothed = &smooth(&runs, &statistics, std::slice::from_ref(&times))[0];
+    let smoothed = &smooth(&runs, &statistics, std::slice::from_ref(&times), &mut silent()).unwrap()[0];
 
     let mut filter = Filter::new(statistics.noise, &prior, Filter::OUTLIER);
     let mut predicted = Vec::new();
@@ -256,7 +257,7 @@ fn times() -> Vec<f64> {
 fn velocities_of_a_simulated_boat_with_guessed_statistics() {
     let truth = zigzags(210.0);
     let runs = voyages(&truth);
-    let smoothed = smooth(&runs, &guess(&runs.sensors), &[times(), times()]);
+    let smoothed = smooth(&runs, &guess(&runs.sensors), &[times(), times()], &mut silent()).unwrap();
     for run in &smoothed {
         assert!(run.outliers[0] > 0.001 && run.outliers[0] < 0.05, "{:?}", run.outliers);
         for (i, bound) in [(0, 0.1), (1, 0.2), (2, 0.004)] {
@@ -271,14 +272,14 @@ fn velocities_of_a_simulated_boat_with_guessed_statistics() {
 fn velocities_and_misalignment_of_a_simulated_boat() {
     let truth = zigzags(210.0);
     let mut runs = voyages(&truth);
-    let fitted = fit(&runs, &[guess(&runs.sensors)], || true);
+    let fitted = fit(&runs, &[guess(&runs.sensors)], &mut silent()).unwrap();
     runs.runs.iter_mut().for_each(|run| run.prior = fitted.prior(&run.prior));
     let deviation = |sensor: usize| fitted.statistics.deviations[sensor][0];
     for (sensor, expected) in [(1, 0.05), (2, 0.5 * DEGREE), (3, 0.002), (4, 0.03)] {
         let ratio = deviation(sensor) / expected;
         assert!((0.8..1.25).contains(&ratio), "sensor {sensor}: {} instead of {expected}", deviation(sensor));
     }
-    for run in &smooth(&runs, &fitted.statistics, &[times(), times()]) {
+    for run in &smooth(&runs, &fitted.statistics, &[times(), times()], &mut silent()).unwrap() {
         let (mean, deviation) = run.end[State::Delay as usize];
         println!("delay {mean} +- {deviation}");
         assert!((mean - LATE).abs() < 0.1, "delay {mean} +- {deviation}");
@@ -310,7 +311,7 @@ fn the_same_runs_give_the_same_statistics() {
     let start = guess(&runs.sensors);
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| fit(&runs, std::slice::from_ref(&start), || true))
+        pool.install(|| fit(&runs, std::slice::from_ref(&start), &mut silent()).unwrap())
     };
     let (one, two) = (on(1), on(2));
     assert_eq!(one.statistics, two.statistics);
@@ -335,11 +336,12 @@ fn a_run_without_measurements_is_as_wide_as_its_prior() {
     let statistics = guess(&sensors);
     let prior = Prior::default();
     let runs = Runs { sensors, runs: vec![Run { events: Vec::new(), prior }] };
-    let smoothed = smooth(&runs, &statistics, &[vec![0.0, 1.0]]);
+    let smoothed = smooth(&runs, &statistics, &[vec![0.0, 1.0]], &mut silent()).unwrap();
     let deviation = smoothed[0].rows[0].ground_deviation;
     assert!(
         (deviation[0] - 5.0).abs() < 1e-9 && (deviation[2] - statistics.noise.yaw).abs() < 1e-9,
         "{deviation:?}"
     );
-    assert!(smooth(&Runs { sensors: Vec::new(), runs: Vec::new() }, &statistics, &[]).is_empty());
+    let none = Runs { sensors: Vec::new(), runs: Vec::new() };
+    assert!(smooth(&none, &statistics, &[], &mut silent()).unwrap().is_empty());
 }

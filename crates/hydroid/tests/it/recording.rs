@@ -3,9 +3,11 @@
 //! Real files are found through `HYDROID_DATA`; without it those tests pass with a message.
 
 use std::fmt::Write as _;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use hydroid::log::{ChannelSpec, LogError, Note, RawLog, Selection, Sensors, read};
+use hydroid::progress::silent;
 use hydroid::recording::{converted, is_recording, read_logs, survey};
 use tempfile::TempDir;
 
@@ -106,13 +108,35 @@ fn with_sensors(sensors: Sensors, inputs: &str) -> Selection {
 }
 
 fn one(path: &Path, selection: &Selection) -> Result<(RawLog, Vec<Note>), LogError> {
-    let (mut logs, notes) = read_logs(&[path], selection, None)?;
+    let (mut logs, notes) = read_logs(&[path], selection, None, &mut silent())?;
     assert_eq!(logs.len(), 1);
     Ok((logs.remove(0), notes))
 }
 
 fn error_of(path: &Path, selection: &Selection) -> String {
-    read_logs(&[path], selection, None).unwrap_err().to_string()
+    read_logs(&[path], selection, None, &mut silent()).unwrap_err().to_string()
+}
+
+/// The fraction grows up to the end, and a callback that cancels ends the computation at any place.
+#[test]
+fn the_computation_of_velocities_reports_its_progress() {
+    let folder = boat(20);
+    let selection = survey(folder.path()).unwrap().proposal().selection;
+    let mut fractions = Vec::new();
+    let mut note = |fraction| {
+        fractions.push(fraction);
+        ControlFlow::Continue(())
+    };
+    read_logs(&[folder.path()], &selection, None, &mut note).unwrap();
+    assert!(fractions.is_sorted() && fractions.len() > 100, "{fractions:?}");
+    assert!(fractions[0] < 0.1 && (0.85..=1.0).contains(&fractions[fractions.len() - 1]), "{fractions:?}");
+    for last in [0.0, 0.3, 0.86] {
+        let mut stop = |fraction| {
+            if fraction < last { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        };
+        let error = read_logs(&[folder.path()], &selection, None, &mut stop).unwrap_err();
+        assert!(matches!(error, LogError::Cancelled(_)), "at {last}: {error}");
+    }
 }
 
 #[test]
@@ -435,7 +459,7 @@ fn the_same_run_from_all_formats() {
     }
     let at_step = |path: &Path| {
         let selection = placed(proposed(path), &vessel);
-        read_logs(&[path], &selection, Some(0.1)).unwrap().0.remove(0)
+        read_logs(&[path], &selection, Some(0.1), &mut silent()).unwrap().0.remove(0)
     };
     let reference = at_step(csv.path());
     // The search for the statistics ends within a tenth of a unit of the likelihood, from sums in another order. In the
@@ -471,7 +495,7 @@ fn the_field_runs_give_the_velocities() {
         let folder = fleet.join(name);
         let runs: Vec<PathBuf> = (1..=6).map(|run| folder.join(format!("field/run{run}"))).collect();
         let selection = placed(proposed(&runs[0]), &folder.join("vessel.toml"));
-        let (logs, notes) = read_logs(&runs, &selection, None).unwrap();
+        let (logs, notes) = read_logs(&runs, &selection, None, &mut silent()).unwrap();
         for note in &notes {
             println!("{}", note.message);
         }
