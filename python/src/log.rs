@@ -23,8 +23,8 @@ use pyo3_arrow::ffi::{ArrayIterator, to_stream_pycapsule};
 
 use crate::arrays::{doubles, table};
 use crate::error::{expected, internal, unfit, value};
-use crate::work::{self, Control};
 use crate::settings;
+use crate::work::{self, Control};
 
 pub(crate) fn of_log(error: LogError) -> PyErr {
     match error {
@@ -421,7 +421,8 @@ pub(crate) fn tables(
 /// The table of one log, with all columns of a file.
 pub(crate) fn table_of(argument: &str, given: &Bound<'_, PyAny>) -> PyResult<RawLog> {
     let py = given.py();
-    let (mut tables, notes) = tables(py, &[&Given::new(argument, given)?], &Reading::default(), None, Control::report)?;
+    let (mut tables, notes) =
+        tables(py, &[&Given::new(argument, given)?], &Reading::default(), None, Control::report)?;
     warn(py, &notes)?;
     tables.pop().ok_or_else(|| internal("a log has a table"))
 }

@@ -42,7 +42,7 @@ pub use inspect::{Inspection, inspect, inspect_file, inspect_owned};
 pub use note::{Note, Severity};
 pub use prepare::{PrepareOptions, Prepared, prepare};
 pub(crate) use resample::mean;
-pub(crate) use resolve::{channel, time, unknown as unknown_column};
+pub(crate) use resolve::{all_names, channel, time, unknown as unknown_column};
 pub use selection::{ChannelSpec, Selection, Wind};
 pub use sensors::Sensors;
 pub(crate) use split::validation_run;

@@ -1,6 +1,7 @@
 //! Application of a selection to a log: positions, units and factors of the columns.
 
 use std::borrow::Cow;
+use std::path::Path;
 
 use super::csv::{RawColumn, RawLog};
 use super::error::LogError;
@@ -510,10 +511,20 @@ fn with_blanks(log: &RawLog, name: &str) -> Option<String> {
     fits.then(|| format!("{column} {} {number}", &name[at..=at]))
 }
 
-/// Names of all columns in the form of a selection.
+/// Names of all columns in the form of a selection; of many columns some, and how to see the others.
 pub(crate) fn all_names(log: &RawLog) -> String {
-    const SHOWN: usize = 60;
-    let names: Vec<&str> = log.columns.iter().take(SHOWN).map(|c| c.name.as_str()).collect();
-    let more = log.columns.len().saturating_sub(SHOWN);
-    if more > 0 { format!("{} and {more} more", names.join(", ")) } else { names.join(", ") }
+    const MANY: usize = 30;
+    const SHOWN: usize = 10;
+    let names: Vec<&str> = log.columns.iter().map(|c| c.name.as_str()).collect();
+    if names.len() <= MANY {
+        return names.join(", ");
+    }
+    let more = names.len() - SHOWN;
+    // Columns in memory have no file.
+    let all = if Path::new(&log.path).exists() {
+        format!("; `hydroid inspect {}` lists all", log.path)
+    } else {
+        String::new()
+    };
+    format!("{} and {more} more{all}", names[..SHOWN].join(", "))
 }

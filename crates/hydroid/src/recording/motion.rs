@@ -7,6 +7,7 @@ use hydroid_core::navigation::{Mounting, Noise, Prior, State};
 use super::instruments::{CURRENT_M_S, Instruments};
 use super::open::Recording;
 use super::table::{self, start};
+use crate::log::line::Resolved;
 use crate::log::{LogError, Note, RawColumn, RawLog, Selection, Sensors};
 use crate::navigate::{self, Kind, Run, Runs, Sensor, Smoothed, Statistics};
 use crate::progress::Progress;
@@ -80,8 +81,10 @@ pub(super) fn tables(
     };
     retain_used(&mut runs);
     let times = instruments.iter().map(|one| one.times(dt)).collect::<Result<Vec<_>, _>>()?;
-    let fitted =
-        navigate::fit(&sample(&runs), &guesses(&runs.sensors), &mut |done| progress(FIT * done))?;
+    // What is wrong with the other columns is found before the long computation.
+    let others =
+        recordings.iter().map(|recording| others(recording, selection)).collect::<Result<Vec<_>, _>>()?;
+    let fitted = navigate::fit(&sample(&runs), &guesses(&runs.sensors), &mut |done| progress(FIT * done))?;
     for run in &mut runs.runs {
         run.prior = fitted.prior(&run.prior);
     }
@@ -89,10 +92,8 @@ pub(super) fn tables(
     let smoothed =
         navigate::smooth(&runs, &statistics, &times, &mut |done| progress(FIT + (1.0 - FIT) * done))?;
     let mut tables = Vec::with_capacity(recordings.len());
-    for ((recording, one), (smoothed, t)) in
-        recordings.iter().zip(&instruments).zip(smoothed.iter().zip(&times))
-    {
-        tables.push(one.table(recording, selection, smoothed, t, notes)?);
+    for (i, one) in instruments.iter().enumerate() {
+        tables.push(one.table(&recordings[i], &others[i], &smoothed[i], &times[i], notes)?);
     }
     if let (Some(one), Some(smoothed)) = (instruments.first(), smoothed.last()) {
         let path =
@@ -154,49 +155,76 @@ fn sample(runs: &Runs) -> Runs {
     sample
 }
 
+/// Columns that are computed from sensors, with their units.
+type Computed = (&'static str, &'static str, fn(&navigate::Row) -> f64);
+const COMPUTED: [Computed; 9] = [
+    ("x", "m", |row| row.pose[0]),
+    ("y", "m", |row| row.pose[1]),
+    ("psi", "rad", |row| row.pose[2]),
+    ("u", "m/s", |row| row.ground[0]),
+    ("v", "m/s", |row| row.ground[1]),
+    ("r", "rad/s", |row| row.ground[2]),
+    ("deviation_u", "m/s", |row| row.ground_deviation[0]),
+    ("deviation_v", "m/s", |row| row.ground_deviation[1]),
+    ("deviation_r", "rad/s", |row| row.ground_deviation[2]),
+];
+
+/// A column of a recording in a table.
+struct Other {
+    column: usize,
+    /// Whether the values are held until they change.
+    held: bool,
+    /// The period of an angle.
+    period: Option<f64>,
+}
+
+/// The commands and the wind of a recording.
+///
+/// # Errors
+/// If the selection cannot be applied to a table with these columns.
+fn others(recording: &Recording, selection: &Selection) -> Result<Vec<Other>, LogError> {
+    let computed = COMPUTED.iter().map(|&(name, unit, _)| RawColumn::of(name, Some(unit), Vec::new()));
+    let mut columns: Vec<RawColumn> = std::iter::once(table::time(&[])).chain(computed).collect();
+    let mut others = Vec::new();
+    let wind =
+        selection.wind.iter().flat_map(|wind| [(&wind.speed, false, false), (&wind.direction, false, true)]);
+    for (spec, held, direction) in selection.inputs.iter().map(|spec| (spec, true, false)).chain(wind) {
+        if spec.column == "none" && selection.inputs.len() == 1 {
+            continue;
+        }
+        let column = recording.position(spec)?;
+        let name = &recording.header.columns[column].name;
+        if !columns.iter().any(|column| column.name == *name) {
+            columns.push(recording.column(column, Vec::new()));
+            others.push(Other { column, held, period: recording.period(spec, direction)? });
+        }
+    }
+    let header = RawLog::without_rows(&recording.header.path, columns);
+    Resolved::new(&header, selection, None, &mut Vec::new())?;
+    Ok(others)
+}
+
 impl Instruments {
     fn table(
         &self,
         recording: &Recording,
-        selection: &Selection,
+        others: &[Other],
         smoothed: &Smoothed,
         t: &[f64],
         notes: &mut Vec<Note>,
     ) -> Result<RawLog, LogError> {
         let absolute: Vec<f64> = t.iter().map(|t| t + self.origin).collect();
-        let column = |name: &str, unit: &str, of: &dyn Fn(&navigate::Row) -> f64| {
-            RawColumn::of(name, Some(unit), smoothed.rows.iter().map(of).collect())
-        };
-        let mut columns = vec![
-            table::time(t),
-            column("x", "m", &|row| row.pose[0]),
-            column("y", "m", &|row| row.pose[1]),
-            column("psi", "rad", &|row| row.pose[2]),
-            column("u", "m/s", &|row| row.ground[0]),
-            column("v", "m/s", &|row| row.ground[1]),
-            column("r", "rad/s", &|row| row.ground[2]),
-            column("deviation_u", "m/s", &|row| row.ground_deviation[0]),
-            column("deviation_v", "m/s", &|row| row.ground_deviation[1]),
-            column("deviation_r", "rad/s", &|row| row.ground_deviation[2]),
-        ];
-        let wind = selection.wind.iter().flat_map(|wind| [&wind.speed, &wind.direction]);
-        for (spec, held) in
-            selection.inputs.iter().map(|spec| (spec, true)).chain(wind.map(|spec| (spec, false)))
-        {
-            if spec.column == "none" && selection.inputs.len() == 1 {
-                continue;
-            }
-            let at = recording.position(spec)?;
-            let name = &recording.header.columns[at].name;
-            if columns.iter().any(|column| column.name == *name) {
-                continue;
-            }
-            let values = if held {
-                recording.held(at, &absolute)
+        let computed = COMPUTED
+            .iter()
+            .map(|&(name, unit, of)| RawColumn::of(name, Some(unit), smoothed.rows.iter().map(of).collect()));
+        let mut columns: Vec<RawColumn> = std::iter::once(table::time(t)).chain(computed).collect();
+        for Other { column, held, period } in others {
+            let values = if *held {
+                recording.held(*column, &absolute)
             } else {
-                recording.interpolated(at, &absolute, None)
+                recording.interpolated(*column, &absolute, *period)
             };
-            columns.push(recording.column(at, values));
+            columns.push(recording.column(*column, values));
         }
         notes.push(start(&self.path, absolute[0]));
         RawLog::from_columns(&self.path, columns)

@@ -287,8 +287,7 @@ pub(super) fn read(
         wanted.iter().filter_map(|name| quaternion(name)).flatten().flatten().collect();
     wanted.extend(components);
     let all = selection.sensors.is_none() && (selection.outputs.is_empty() || selection.inputs.is_empty());
-    let mut collector =
-        Collector { names: wanted.clone(), all, topics: Vec::new(), progress, fraction: 0.0 };
+    let mut collector = Collector { names: wanted.clone(), all, topics: Vec::new(), progress, fraction: 0.0 };
     let summary = scan(path, &mut collector, notes)?;
     let shown = path.display().to_string();
     note_losses(&shown, &summary, notes);

@@ -6,7 +6,9 @@ use hydroid_io::Clock;
 
 use super::open::{Recording, names};
 use crate::log::line::{Resolved, Time};
-use crate::log::{self, ChannelSpec, LogError, Note, RawColumn, RawLog, Selection, checked, unknown_column};
+use crate::log::{
+    self, ChannelSpec, LogError, Note, RawColumn, RawLog, Selection, all_names, checked, unknown_column,
+};
 
 /// Longest time \[s\] over which a measurement of another topic is interpolated, in its usual steps.
 const STEPS: f64 = 5.0;
@@ -48,7 +50,7 @@ impl Recording {
         means
     }
 
-    /// Values of a column at other times, interpolated over short gaps.
+    /// Values of a column at other times, interpolated over short gaps; those of an angle over the shorter way.
     pub(super) fn interpolated(&self, column: usize, t: &[f64], period: Option<f64>) -> Vec<f64> {
         let (stamps, values) = self.series(column);
         let valid: Vec<(f64, f64)> =
@@ -83,10 +85,12 @@ impl Recording {
         RawColumn::of(name, unit.as_deref(), values)
     }
 
-    /// Names of all columns.
-    fn all_names(&self) -> String {
-        let names: Vec<&str> = self.header.columns.iter().map(|c| c.name.as_str()).collect();
-        names.join(", ")
+    /// The period of a column that is an angle, in its unit. `direction` is whether a column without a unit is one.
+    pub(super) fn period(&self, spec: &ChannelSpec, direction: bool) -> Result<Option<f64>, LogError> {
+        let source = log::channel(&self.header, spec, &mut Vec::new())?;
+        let unit = &source.channel.unit;
+        let angle = unit == "rad" || (direction && unit.is_empty());
+        Ok(angle.then(|| TAU / source.unit_factor()))
     }
 }
 
@@ -118,7 +122,7 @@ pub(super) fn of_outputs(
             reason: format!("it has {} topics, and no output is named", recording.topics.len()),
             remedy: format!(
                 "`hydroid inspect {path} --write-config` proposes outputs or sensors, and inputs. Its columns are: {}",
-                recording.all_names()
+                all_names(&recording.header)
             ),
             path,
         });
@@ -129,7 +133,7 @@ pub(super) fn of_outputs(
         return Err(LogError::HeaderOnly { path });
     }
     let mut columns = vec![time(t)];
-    let mut add = |spec: &ChannelSpec, held: bool, angle: bool| -> Result<(), LogError> {
+    let mut add = |spec: &ChannelSpec, held: bool, direction: bool| -> Result<(), LogError> {
         let at = recording.position(spec)?;
         let name = &recording.header.columns[at].name;
         if columns.iter().any(|c| c.name == *name) {
@@ -140,9 +144,7 @@ pub(super) fn of_outputs(
         } else if held {
             recording.held(at, t)
         } else {
-            let unit = spec.unit.as_deref().or(recording.header.columns[at].unit.as_deref());
-            let degrees = unit.is_some_and(|unit| unit.starts_with("deg") || unit.starts_with('°'));
-            recording.interpolated(at, t, angle.then_some(if degrees { 360.0 } else { TAU }))
+            recording.interpolated(at, t, recording.period(spec, direction)?)
         };
         columns.push(recording.column(at, values));
         Ok(())
@@ -155,8 +157,9 @@ pub(super) fn of_outputs(
             add(spec, true, false)?;
         }
     }
-    for spec in selection.wind.iter().flat_map(|wind| [&wind.speed, &wind.direction]) {
-        add(spec, false, false)?;
+    if let Some(wind) = &selection.wind {
+        add(&wind.speed, false, false)?;
+        add(&wind.direction, false, true)?;
     }
     if let Some(heading) = &selection.heading {
         add(heading, false, true)?;

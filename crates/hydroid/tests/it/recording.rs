@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use hydroid::log::{ChannelSpec, LogError, Note, RawLog, Selection, Sensors, read};
+use hydroid::log::{ChannelSpec, LogError, Note, RawLog, Selection, Sensors, Wind, read};
 use hydroid::progress::silent;
 use hydroid::recording::{converted, is_recording, read_logs, survey};
 use tempfile::TempDir;
@@ -252,6 +252,82 @@ fn velocities_that_are_named_replace_those_from_sensors_and_their_heading() {
     assert!(named.sensors.is_none() && named.heading.is_none(), "{named:?}");
     let both = over("[log]\noutputs = [\"u\"]\nheading = \"psi [deg]\"\n");
     assert_eq!(both.heading, Some(spec("psi [deg]")));
+}
+
+/// What is wrong with the other columns of a selection is found before the search for the statistics of the sensors.
+#[test]
+fn wrong_columns_are_found_before_velocities_are_computed() {
+    let folder = boat(20);
+    let selection = proposed(folder.path());
+    let of = |inputs: &str| ChannelSpec::parse_list(inputs).unwrap();
+    let wind = Wind { speed: spec("gnss.sog"), direction: spec("gnss.sog") };
+    for (selection, expected) in [
+        (Selection { inputs: of("servo.ruder"), ..selection.clone() }, "did you mean `servo.rudder`?"),
+        (Selection { inputs: Vec::new(), ..selection.clone() }, "--inputs none if there are no commands"),
+        (Selection { outputs: of("speed"), ..selection.clone() }, "no column `speed`"),
+        (
+            Selection { heading: Some(spec("compass.course")), ..selection.clone() },
+            "no column `compass.course`",
+        ),
+        (Selection { wind: Some(wind), ..selection.clone() }, "`gnss.sog`"),
+    ] {
+        let mut last = 0.0;
+        let mut note = |fraction| {
+            last = fraction;
+            ControlFlow::Continue(())
+        };
+        let error = read_logs(&[folder.path()], &selection, None, &mut note).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+        assert!(last < 0.1, "{error}: after {last}");
+    }
+}
+
+/// An angle between 350 and 10 degrees is about 0, whether it is the wind, an output or a heading.
+#[test]
+fn angles_are_interpolated_over_the_shorter_way() {
+    let folder = TempDir::new().unwrap();
+    let mut motion = "t [s],u [m/s]\n".to_owned();
+    let mut wind = "t [s],speed [m/s],angle [deg],course\n".to_owned();
+    for k in 0..100 {
+        let t = 0.1 * f64::from(k);
+        let _ = writeln!(motion, "{t},{}", 1.0 + 0.1 * t.sin());
+        let angle: f64 = if k % 2 == 0 { 350.0 } else { 10.0 };
+        let _ = writeln!(wind, "{},5,{angle},{}", t + 0.05, angle.to_radians());
+    }
+    std::fs::write(folder.path().join("motion.csv"), motion).unwrap();
+    std::fs::write(folder.path().join("wind.csv"), wind).unwrap();
+    let selection = Selection {
+        outputs: ChannelSpec::parse_list("motion.u,wind.angle").unwrap(),
+        inputs: ChannelSpec::parse_list("none").unwrap(),
+        wind: Some(Wind { speed: spec("wind.speed"), direction: spec("wind.course") }),
+        ..Selection::default()
+    };
+    let (log, _) = one(folder.path(), &selection).unwrap();
+    for (name, period) in [("wind.angle", 360.0), ("wind.course", std::f64::consts::TAU)] {
+        let values = &column(&log, name)[1..99];
+        assert!(
+            values.iter().all(|x| (x - period * (x / period).round()).abs() < 1e-3),
+            "{name}: {values:?}"
+        );
+    }
+}
+
+/// A recording with hundreds of columns: the error names the nearest of them, and how to see all.
+#[test]
+fn many_columns_are_not_listed_in_an_error() {
+    let folder = TempDir::new().unwrap();
+    let names: Vec<String> = (0..200).map(|i| format!("field{i}")).collect();
+    let row = |t: u32| (0..200).map(|i| (t * i).to_string()).collect::<Vec<_>>().join(",");
+    let table = format!("t [s],{}\n0,{}\n1,{}\n", names.join(","), row(1), row(2));
+    std::fs::write(folder.path().join("wide.csv"), table).unwrap();
+    std::fs::write(folder.path().join("narrow.csv"), "t [s],u\n0,1\n1,2\n").unwrap();
+    let selection = Selection::of("wide.field10x", "none").unwrap();
+    let error = error_of(folder.path(), &selection);
+    let expected = format!("`hydroid inspect {}` lists all", folder.path().display());
+    assert!(error.contains("did you mean `wide.field10") && error.contains(&expected), "{error}");
+    assert!(error.len() < 500 && !error.contains("field150"), "{error}");
+    let error = error_of(folder.path(), &Selection::default());
+    assert!(error.contains("no output is named") && error.contains(&expected), "{error}");
 }
 
 /// A circle: only exchanged axes explain a displacement in the wrong sense.

@@ -232,7 +232,12 @@ fn inspect_runs(
     inspection.notes.extend(of_pose);
     plausible::check(&path, &prepared.runs, compared, &mut inspection.notes);
     let repeated = inspection.repeated_rows;
-    inspection.outputs = noise::reports(&prepared.runs, repeated, &mut inspection.notes);
+    let mut of_noise = Vec::new();
+    inspection.outputs = noise::reports(&prepared.runs, repeated, &mut of_noise);
+    // Velocities that are computed from sensors are smooth.
+    if selection.sensors.is_none() {
+        inspection.notes.extend(of_noise);
+    }
     inspection.inputs = excitation::reports(&prepared.runs, &mut inspection.notes);
     inspection.notes.extend(of_neutral);
     let noisy = inspection.outputs.iter().any(|o| o.mostly_noise) || repeated > MANY_REPEATS;
