@@ -1,12 +1,14 @@
 //! Recordings on the command line: topics, proposal, configuration file, conversion.
 
 use std::fmt::Write as _;
+use std::io::{BufRead as _, BufReader};
 use std::path::Path;
+use std::process::Stdio;
 
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::common::{done, run, text};
+use crate::common::{Limit, done, hydroid, run, signal, text};
 
 /// A boat on a weaving course, as a folder of topics.
 fn boat(folder: &Path) {
@@ -89,6 +91,26 @@ fn from_topics_to_a_run() {
     };
     assert!((mean("u") - 2.06).abs() < 0.05, "{}", mean("u"));
     assert!(mean("r").abs() < 0.05, "{}", mean("r"));
+}
+
+/// The search for the statistics of the sensors ends at a signal, and nothing is written.
+#[test]
+fn a_signal_ends_the_computation_of_velocities() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    boat(&at.join("boat"));
+    done(at, "inspect boat --write-config");
+    let mut child =
+        hydroid(at, &["convert", "boat", "-o", "run.csv"]).stderr(Stdio::piped()).spawn().unwrap();
+    let _limit = Limit::of(&child);
+    let mut notes = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
+    // The last note before the logs are read.
+    assert!(notes.next().unwrap().contains("options from hydroid.toml"));
+    signal(&child, "-INT");
+    let rest: Vec<String> = notes.collect();
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{rest:?}");
+    assert_eq!(rest, ["error: interrupted before it was done"]);
+    assert!(!at.join("run.csv").exists());
 }
 
 #[test]

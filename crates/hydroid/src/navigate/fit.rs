@@ -29,7 +29,7 @@ const COARSE: usize = 40;
 /// Steps at most.
 const STEPS: usize = 200;
 /// Evaluations of the likelihood of all measurements in a usual search, for the progress.
-const USUAL: usize = 60;
+const USUAL: usize = 100;
 /// Gain of the log-likelihood in a step; three smaller ones end the search.
 const ENOUGH: f64 = 0.1;
 /// Standard deviation of the logarithm of a statistic about its first guess: a factor of five.

@@ -2,7 +2,9 @@
 
 use super::{log, table};
 use hydroid::log::inspect::Confidence;
-use hydroid::log::{CommandTiming, InputDelay, Inspection, LogError, PrepareOptions, RawLog, Selection};
+use hydroid::log::{
+    CommandTiming, InputDelay, Inspection, LogError, PrepareOptions, RawLog, Selection, Sensors,
+};
 
 fn inspect(log: &RawLog, selection: &Selection) -> Result<Inspection, LogError> {
     hydroid::log::inspect(log, selection, &PrepareOptions::default())
@@ -87,8 +89,14 @@ fn a_smoothing_window_is_seen() {
     let mut draw = noise(3);
     let white: Vec<f64> = (0..4020).map(|_| draw()).collect();
     let smooth = |k: usize| (white[k..k + 20].iter().sum::<f64>() / 20.0).to_string();
-    let found = found(&table(4000, smooth, |k| (k / 50 % 3).to_string()));
-    assert_eq!(found.outputs[0].smoothing_window, Some(20));
+    let text = table(4000, smooth, |k| (k / 50 % 3).to_string());
+    let noted = |found: &Inspection| found.notes.iter().any(|n| n.message.contains("smoothed over about 20"));
+    let logged = found(&text);
+    assert_eq!(logged.outputs[0].smoothing_window, Some(20));
+    assert!(noted(&logged), "{:?}", logged.notes);
+    // Velocities from sensors are smooth by themselves.
+    let computed = Selection { sensors: Some(Sensors::default()), ..Selection::of("u", "n").unwrap() };
+    assert!(!noted(&inspect(&log(&text), &computed).unwrap()));
 }
 
 #[test]
