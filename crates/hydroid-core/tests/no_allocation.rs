@@ -341,6 +341,7 @@ fn estimating_the_current_allocates_nothing(model: Box<dyn Predictor>) {
         dt: 0.1,
         window: 10,
         deviations: [0.1, 0.1, 0.05],
+        noise: [0.0; 3],
         initial: 0.5,
         walk: 0.01,
     };

@@ -121,9 +121,10 @@ impl Inner for dyn Adapter {
 /// (1976) 108). It is accepted when the ratio exceeds this number again on later windows, and rejected when the ratio falls below one. With a walk of zero, the current cannot jump.
 ///
 /// A run may have more noise than the errors of the options contain: a model is identified from smoothed logs, and used on
-/// the sensors themselves. The standard deviation `s` of the white noise of an output in the past of a window is that of
-/// the median of its third differences, which cancel a parabola. Both ends of a window contain it, so that the variance
-/// of the error is `deviations^2 + 2 max(s^2 - noise^2, 0)`.
+/// the sensors themselves. The variance `s^2` of the white noise of an output follows from the median of its third
+/// differences over the past of a window, which cancel a parabola; it is the mean over the windows of the run so far.
+/// Both ends of a window contain the noise, so that the variance of the error is
+/// `deviations^2 + 2 max(s^2 - noise^2, 0)`.
 ///
 /// Around an [`Adapter`], the session is an adapter, and current and weights are estimated in turn. What is unknown about
 /// the current is noise to the model that learns. With the covariance `P` of the current and the derivatives `h_i` of the
@@ -141,8 +142,9 @@ pub struct ThroughWater<P: Inner + ?Sized = dyn Predictor> {
     current: Current,
     /// Current of the memory of the model.
     remembered: [f64; 2],
-    /// Standard deviations of the errors of the last window.
-    deviations: [f64; 3],
+    /// Variances of the white noise of the run so far, and the number of windows that they are means of.
+    noise: [f64; 3],
+    windows: usize,
     /// Derivatives of the standardized errors of the last window by the current.
     slopes: [[f64; 2]; 3],
     /// Heading at the present sample; NaN before the first one.
@@ -187,7 +189,8 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
             options,
             current: initial_estimate(&options),
             remembered: [0.0; 2],
-            deviations: options.deviations,
+            noise: [0.0; 3],
+            windows: 0,
             slopes: initial_slopes(&options),
             heading: f64::NAN,
             next_heading: f64::NAN,
@@ -338,7 +341,7 @@ impl<P: Inner + ?Sized> Predictor for ThroughWater<P> {
         self.inner.reset();
         self.current = initial_estimate(&self.options);
         self.remembered = [0.0; 2];
-        self.deviations = self.options.deviations;
+        (self.noise, self.windows) = ([0.0; 3], 0);
         self.slopes = initial_slopes(&self.options);
         self.heading = f64::NAN;
         self.next_heading = f64::NAN;
@@ -468,7 +471,8 @@ impl<P: Inner + ?Sized> Predictor for ThroughWater<P> {
             options: self.options,
             current: self.current,
             remembered: self.remembered,
-            deviations: self.deviations,
+            noise: self.noise,
+            windows: self.windows,
             slopes: self.slopes,
             heading: self.heading,
             next_heading: self.next_heading,
@@ -534,7 +538,9 @@ impl Learning for ThroughWater<dyn Adapter> {
         self.inner.deviations(commands, horizons, work, deviations);
         let outputs = self.inner.outputs();
         let window = self.options.window as f64;
-        for ((c, scale), slope) in self.options.motion.into_iter().zip(self.deviations).zip(self.slopes) {
+        for ((c, scale), slope) in
+            self.options.motion.into_iter().zip(self.error_deviations()).zip(self.slopes)
+        {
             let variance = quadratic(self.current.covariance, slope) * scale * scale;
             for (row, horizon) in deviations.chunks_exact_mut(outputs).zip(horizons) {
                 let share = (*horizon as f64 / window).min(1.0);
@@ -552,7 +558,7 @@ impl SaveState for ThroughWater<dyn Adapter> {
             + 1
             + self.jump.memory_len()
             + OWN
-            + 15
+            + 16
     }
 
     fn save(&self, into: &mut [f64]) {
@@ -561,7 +567,8 @@ impl SaveState for ThroughWater<dyn Adapter> {
         let Current { velocity: [north, east], covariance: [p, q, r] } = self.current;
         into.numbers(&[north, east, p, q, r, self.heading, self.rate]);
         into.numbers(&self.remembered);
-        into.numbers(&self.deviations);
+        into.numbers(&self.noise);
+        into.count(self.windows);
         into.numbers(self.slopes.as_flattened());
         into.numbers(&[self.inflation]);
         self.past.save(&mut into);
@@ -576,8 +583,10 @@ impl SaveState for ThroughWater<dyn Adapter> {
 
     fn is_sound(&self) -> bool {
         let Current { velocity, covariance: [north, _, east] } = self.current;
-        let finite = velocity.iter().chain(&self.deviations).all(|x| x.is_finite());
-        finite && are_variances(&[north, east]) && self.inner.is_sound()
+        velocity.iter().all(|x| x.is_finite())
+            && are_variances(&[north, east])
+            && are_variances(&self.noise)
+            && self.inner.is_sound()
     }
 
     fn load(&mut self, from: &[f64]) {
@@ -589,7 +598,8 @@ impl SaveState for ThroughWater<dyn Adapter> {
         self.heading = own[5];
         self.rate = own[6];
         from.numbers(&mut self.remembered);
-        from.numbers(&mut self.deviations);
+        from.numbers(&mut self.noise);
+        self.windows = from.count(MOST_COUNTED);
         from.numbers(self.slopes.as_flattened_mut());
         self.inflation = from.part(1)[0];
         self.past.load(&mut from);

@@ -64,7 +64,7 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
         } else {
             self.inner.snapshot(&mut self.state);
         }
-        self.scale_errors();
+        self.measure_noise();
         let prior = self.current;
         let Some(found) = self.estimate(prior) else { return };
         let jump = if self.jump.is_considered() {
@@ -99,25 +99,32 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
         self.has_start = true;
     }
 
-    /// Sets the standard deviations of the errors of the last window by the noise of the past.
-    fn scale_errors(&mut self) {
-        let CurrentOptions { motion, deviations, noise, .. } = self.options;
-        for (i, c) in motion.into_iter().enumerate() {
+    /// Standard deviations of the errors of a window under the right current, with the noise of the run.
+    pub(super) fn error_deviations(&self) -> [f64; 3] {
+        let CurrentOptions { deviations, noise, .. } = self.options;
+        core::array::from_fn(|i| {
+            let excess = (self.noise[i] - noise[i] * noise[i]).max(0.0);
+            Float::sqrt(deviations[i] * deviations[i] + 2.0 * excess)
+        })
+    }
+
+    /// Updates the noise of the run by the past of the last window.
+    fn measure_noise(&mut self) {
+        self.windows = self.windows.saturating_add(1);
+        for (i, output) in self.options.motion.into_iter().enumerate() {
             self.differences.clear();
             for back in 3..self.past.len() {
-                let [a, b, c, d] = [0, 1, 2, 3].map(|k| self.past.row(back - k).0[c]);
+                let [a, b, c, d] = [0, 1, 2, 3].map(|k| self.past.row(back - k).0[output]);
                 self.differences.push((d - a - 3.0 * (c - b)).abs());
             }
+            if self.differences.is_empty() {
+                continue;
+            }
             let middle = self.differences.len() / 2;
-            let median = if self.differences.is_empty() {
-                0.0
-            } else {
-                *self.differences.select_nth_unstable_by(middle, f64::total_cmp).1
-            };
-            let excess = (median * median / THIRD_DIFFERENCE - noise[i] * noise[i]).max(0.0);
-            let variance = deviations[i] * deviations[i] + 2.0 * excess;
+            let median = *self.differences.select_nth_unstable_by(middle, f64::total_cmp).1;
+            let variance = median * median / THIRD_DIFFERENCE;
             if variance.is_finite() {
-                self.deviations[i] = Float::sqrt(variance);
+                self.noise[i] += (variance - self.noise[i]) / self.windows as f64;
             }
         }
     }
@@ -184,7 +191,7 @@ impl<P: Inner + ?Sized> ThroughWater<P> {
     /// nothing was measured.
     fn errors(&mut self, currents: [[f64; 2]; CURRENTS]) -> [[f64; 3]; CURRENTS] {
         let CurrentOptions { motion, window, .. } = self.options;
-        let deviations = self.deviations;
+        let deviations = self.error_deviations();
         let mut starts = core::mem::take(&mut self.starts);
         for (current, start) in currents.iter().zip(starts.chunks_exact_mut(self.state.len().max(1))) {
             self.observe_past(*current, window);
