@@ -1,4 +1,5 @@
-//! Readers of logs: files of any format as topics of numbers with time stamps; a writer of tables ([`write_parquet`]).
+//! Readers of logs: files of any format as topics of numbers with time stamps; writers of tables
+//! ([`write_parquet`]) and of recordings ([`McapWriter`]).
 //!
 //! [`scan`] reads a file once and gives each row to a [`Sink`]. A file is recognised by its content. Damaged parts are
 //! left out and stated in [`Summary::losses`].
@@ -13,21 +14,19 @@
 //! lost. The sheets of a workbook are read as a stream; all of them together are limited to 16 MiB and 100 bytes for
 //! each byte of the file, and a workbook with more is an error.
 //!
-//! Order of the modules, each of which imports only modules before it: `error`, `sink`, `input`, `formats`, `open`,
-//! `writers`.
+//! Order of the modules, each of which imports only modules before it: `error`, `sink`, `input`, `formats`, `open`.
 
 mod error;
 mod formats;
 mod input;
 mod open;
 mod sink;
-mod writers;
 
 pub use error::IoError;
+pub use formats::mcap::{McapChannel, McapWriter};
 pub use formats::parquet::write_parquet;
 pub use open::{Format, detect, scan};
 pub use sink::{Clock, Field, Loss, Sink, Summary, Topic};
-pub use writers::{McapChannel, McapWriter};
 
 /// Elements of an array that become fields; a longer array is left out.
 pub const LONGEST_ARRAY: usize = 64;

@@ -38,9 +38,6 @@ pub struct Field {
     pub unit: Option<String>,
 }
 
-/// Beginning of the key of a unit in the metadata of an MCAP channel; the name of the field follows.
-pub(crate) const UNIT_KEY: &str = "unit.";
-
 /// Receiver of the rows of a file.
 pub trait Sink {
     /// A topic, or more fields of one. Topics are numbered from 0 in the order of their first statement. The answer is

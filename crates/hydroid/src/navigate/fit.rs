@@ -89,7 +89,7 @@ fn count(runs: &Runs) -> usize {
 /// Progress of a search, by evaluations of the likelihood.
 struct Work<'p> {
     progress: Progress<'p>,
-    /// Fractions at which the part at hand begins and ends.
+    /// Fractions at which the present part begins and ends.
     part: [f64; 2],
     done: usize,
     /// Evaluations of a usual part.

@@ -1,25 +1,22 @@
-//! Reader of MCAP files (MCAP format specification, version 0). The records are read forward; the summary and the
-//! indexes behind them are not needed.
+//! MCAP files (MCAP format specification, version 0). The records are read forward; the summary and the indexes behind
+//! them are not needed. `write` is the writer.
 
 mod record;
+mod write;
 
 use std::collections::{BTreeMap, HashMap};
 
-use self::record::{Chunk, Compression, Fields, HEAD, chunk, head, is_chunk};
+use self::record::{
+    CHANNEL, CHUNK, Chunk, Compression, DATA_END, FOOTER, Fields, HEAD, MAGIC, MESSAGE, SCHEMA, UNIT_KEY,
+    chunk, head, is_chunk,
+};
 use super::message::{Channel, Envelope, LONGEST_DEFINITION, LONGEST_TOPIC, Output, Topics, text};
 use super::time::STAMP_TOO_LARGE;
 use crate::error::IoError;
 use crate::input::{Input, LARGEST_PART};
-use crate::sink::{Sink, Summary, UNIT_KEY};
+use crate::sink::{Sink, Summary};
 
-const MAGIC: &[u8] = b"\x89MCAP0\r\n";
-
-const FOOTER: u8 = 0x02;
-const SCHEMA: u8 = 0x03;
-const CHANNEL: u8 = 0x04;
-const MESSAGE: u8 = 0x05;
-const CHUNK: u8 = 0x06;
-const DATA_END: u8 = 0x0f;
+pub use write::{McapChannel, McapWriter};
 
 /// Fields of a message before its data.
 const MESSAGE_HEAD: usize = 22;

@@ -2,6 +2,27 @@
 
 use crate::formats::unpack::Codec;
 
+/// First and last bytes of a file.
+pub(super) const MAGIC: &[u8] = b"\x89MCAP0\r\n";
+
+/// Opcodes.
+pub(super) const HEADER: u8 = 0x01;
+pub(super) const FOOTER: u8 = 0x02;
+pub(super) const SCHEMA: u8 = 0x03;
+pub(super) const CHANNEL: u8 = 0x04;
+pub(super) const MESSAGE: u8 = 0x05;
+pub(super) const CHUNK: u8 = 0x06;
+pub(super) const MESSAGE_INDEX: u8 = 0x07;
+pub(super) const CHUNK_INDEX: u8 = 0x08;
+pub(super) const ATTACHMENT: u8 = 0x09;
+pub(super) const ATTACHMENT_INDEX: u8 = 0x0a;
+pub(super) const STATISTICS: u8 = 0x0b;
+pub(super) const SUMMARY_OFFSET: u8 = 0x0e;
+pub(super) const DATA_END: u8 = 0x0f;
+
+/// Beginning of the key of a unit in the metadata of a channel; the name of the field follows.
+pub(super) const UNIT_KEY: &str = "unit.";
+
 /// Opcode and length before each record.
 pub(super) const HEAD: usize = 9;
 

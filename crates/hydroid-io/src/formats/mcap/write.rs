@@ -10,23 +10,10 @@ use std::path::Path;
 
 use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 
-use crate::sink::UNIT_KEY;
-
-const MAGIC: &[u8] = b"\x89MCAP0\r\n";
-
-const HEADER: u8 = 0x01;
-const FOOTER: u8 = 0x02;
-const SCHEMA: u8 = 0x03;
-const CHANNEL: u8 = 0x04;
-const MESSAGE: u8 = 0x05;
-const CHUNK: u8 = 0x06;
-const MESSAGE_INDEX: u8 = 0x07;
-const CHUNK_INDEX: u8 = 0x08;
-const ATTACHMENT: u8 = 0x09;
-const ATTACHMENT_INDEX: u8 = 0x0a;
-const STATISTICS: u8 = 0x0b;
-const SUMMARY_OFFSET: u8 = 0x0e;
-const DATA_END: u8 = 0x0f;
+use super::record::{
+    ATTACHMENT, ATTACHMENT_INDEX, CHANNEL, CHUNK, CHUNK_INDEX, DATA_END, FOOTER, HEAD, HEADER, MAGIC,
+    MESSAGE, MESSAGE_INDEX, SCHEMA, STATISTICS, SUMMARY_OFFSET, UNIT_KEY, head,
+};
 
 /// Bytes of records at which a chunk is closed.
 const CHUNK_BYTES: usize = 1 << 20;
@@ -326,9 +313,9 @@ impl McapWriter {
         };
         let stated = || self.channels.iter().enumerate().filter(|(_, channel)| channel.state == Stated::File);
         // The two records of each channel lie one behind the other.
-        let parts = |channel: &'_ Channel| -> usize {
-            let length = u64::from_le_bytes(channel.records[1..9].try_into().unwrap_or_default());
-            9 + usize::try_from(length).unwrap_or_default()
+        let parts = |channel: &Channel| -> usize {
+            let length = head(&channel.records).map_or(0, |(_, length)| length);
+            HEAD + usize::try_from(length).unwrap_or_default()
         };
         group(&mut end, SCHEMA, &|end| {
             stated().for_each(|(_, channel)| end.extend_from_slice(&channel.records[..parts(channel)]));

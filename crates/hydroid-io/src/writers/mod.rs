@@ -1,5 +1,0 @@
-//! Writers of files.
-
-mod mcap;
-
-pub use mcap::{McapChannel, McapWriter};
