@@ -339,10 +339,10 @@ pub(crate) fn read_logs(
     };
     let read = move |control: &Control| -> Result<_, LogError> {
         let report = &mut |done| control.report(done);
-        let Some(Reading { selection, options }) = reading else {
-            return recording::read_logs(&paths, &Selection::default(), None, report);
+        let Some(Reading { mut selection, options }) = reading else {
+            return recording::read_logs(&paths, &mut Selection::default(), None, report);
         };
-        let (raw, mut notes) = recording::read_logs(&paths, &selection, options.dt, report)?;
+        let (raw, mut notes) = recording::read_logs(&paths, &mut selection, options.dt, report)?;
         let convert = |log: &RawLog| recording::converted(log, &selection, &mut notes);
         Ok((raw.iter().map(convert).collect::<Result<Vec<_>, _>>()?, notes))
     };
@@ -384,11 +384,11 @@ pub(crate) fn logs(argument: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<Giv
 }
 
 /// The tables of logs. All files are read together, as the commands read them: recordings of one vessel share constants of
-/// their sensors. `report` has the progress of the reading.
+/// their sensors, which are filled in the options. `report` has the progress of the reading.
 pub(crate) fn tables(
     py: Python<'_>,
     given: &[&Given],
-    reading: &Reading,
+    reading: &mut Reading,
     progress: Option<&Bound<'_, PyAny>>,
     report: impl Fn(&Control, f64) -> ControlFlow<()> + Send + 'static,
 ) -> PyResult<(Vec<RawLog>, Vec<Note>)> {
@@ -405,11 +405,13 @@ pub(crate) fn tables(
             Given::Table(_) => {}
         }
     }
-    let Reading { selection, options } = reading.clone();
+    let Reading { mut selection, options } = reading.clone();
     let read = move |control: &Control| {
-        recording::read_logs(&paths, &selection, options.dt, &mut |done| report(control, done))
+        recording::read_logs(&paths, &mut selection, options.dt, &mut |done| report(control, done))
+            .map(|read| (read, selection))
     };
-    let (read, notes) = work::run(py, None, progress, read)?.map_err(of_log)?;
+    let ((read, notes), selection) = work::run(py, None, progress, read)?.map_err(of_log)?;
+    reading.selection = selection;
     let mut read = read.into_iter();
     let each = |given: &&Given| match given {
         Given::Table(log) => Ok(RawLog::clone(log)),
@@ -422,7 +424,7 @@ pub(crate) fn tables(
 pub(crate) fn table_of(argument: &str, given: &Bound<'_, PyAny>) -> PyResult<RawLog> {
     let py = given.py();
     let (mut tables, notes) =
-        tables(py, &[&Given::new(argument, given)?], &Reading::default(), None, Control::report)?;
+        tables(py, &[&Given::new(argument, given)?], &mut Reading::default(), None, Control::report)?;
     warn(py, &notes)?;
     tables.pop().ok_or_else(|| internal("a log has a table"))
 }
@@ -462,9 +464,9 @@ pub(crate) fn runs(
             .collect();
     }
     let given = logs(argument, PyList::new(py, given)?.as_any())?;
-    let (raw, notes) = tables(py, &given.iter().collect::<Vec<_>>(), reading, None, Control::report)?;
+    let mut reading = reading.clone();
+    let (raw, notes) = tables(py, &given.iter().collect::<Vec<_>>(), &mut reading, None, Control::report)?;
     warn(py, &notes)?;
-    let reading = reading.clone();
     let prepared =
         work::run(py, None, None, move |_| log::prepare(&raw, &reading.selection, &reading.options))?;
     let prepared = prepared.map_err(of_log)?;

@@ -57,19 +57,19 @@ pub fn cannot_use(path: &Path, model: &Model) -> String {
     format!("a log for {} (sample time {} s) cannot be used", path.display(), model.description.dt)
 }
 
-/// The tables of logs of any format.
+/// The tables of logs of any format. What is found out about sensors is filled in the options.
 pub fn read<P: AsRef<Path>>(
     files: &[P],
-    reading: &Reading,
+    reading: &mut Reading,
     global: Global,
 ) -> Result<(Vec<RawLog>, Vec<Note>), LogError> {
     let bar = ui::Bar::new("reading", global);
-    recording::read_logs(files, &reading.selection, reading.options.dt, &mut bar.callback())
+    recording::read_logs(files, &mut reading.selection, reading.options.dt, &mut bar.callback())
 }
 
 pub fn prepare(
     files: &[PathBuf],
-    reading: &Reading,
+    reading: &mut Reading,
     global: Global,
 ) -> Result<(Vec<RawLog>, Prepared), LogError> {
     let (raw, notes) = read(files, reading, global)?;
@@ -87,9 +87,10 @@ pub fn training_logs(
     global: Global,
 ) -> anyhow::Result<TrainingRuns> {
     let mut training = TrainingRuns::default();
+    let mut reading = reading.clone();
     for file in files {
-        let (_, prepared) =
-            prepare(std::slice::from_ref(file), reading, global).with_context(|| cannot_use(path, model))?;
+        let (_, prepared) = prepare(std::slice::from_ref(file), &mut reading, global)
+            .with_context(|| cannot_use(path, model))?;
         ui::print_notes(&prepared.notes, global);
         model.check(&prepared.runs)?;
         training.replayed.extend(log::beginning(&prepared.runs, seconds));

@@ -41,7 +41,7 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
             path.display()
         );
     }
-    let reading = logs::reading(model.description.reading.clone(), &args.log)?;
+    let mut reading = logs::reading(model.description.reading.clone(), &args.log)?;
     if args.stream.stream || given_log == Path::new("-") {
         let dt = args.log.dt.unwrap_or(model.description.dt);
         let model = model.at_step(dt)?;
@@ -52,7 +52,7 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
         !args.stream.answers.is_given(),
         "--horizons, --state and --timing apply to a live stream: add --stream, or give - for standard input"
     );
-    let (_, mut prepared) = logs::prepare(std::slice::from_ref(given_log), &reading, global)
+    let (_, mut prepared) = logs::prepare(std::slice::from_ref(given_log), &mut reading, global)
         .with_context(|| logs::cannot_use(&args.model, &model))?;
     ui::print_notes(&prepared.notes, global);
     let model = logs::with_step_of(model, &prepared.runs)?;

@@ -28,13 +28,13 @@ pub fn run(args: &Convert, global: Global) -> anyhow::Result<Outcome> {
         }
         None => Config::default(),
     };
-    let reading = logs::reading(config.log.reading(), &args.log)?;
+    let mut reading = logs::reading(config.log.reading(), &args.log)?;
     let (files, format) = targets(&args.logs, &args.output)?;
     for target in &files {
         let read: Vec<&Path> = args.logs.iter().map(PathBuf::as_path).collect();
         outputs::check(&[("-o", Some(target))], &read)?;
     }
-    let (raw, mut notes) = logs::read(&args.logs, &reading, global)?;
+    let (raw, mut notes) = logs::read(&args.logs, &mut reading, global)?;
     let converted = raw
         .iter()
         .map(|log| recording::converted(log, &reading.selection, &mut notes))

@@ -24,9 +24,9 @@ struct Document<'a> {
 
 pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     let model = model::read(&args.model)?;
-    let reading = logs::reading(model.description.reading.clone(), &args.log)?;
-    let (_, prepared) =
-        logs::prepare(&args.logs, &reading, global).with_context(|| logs::cannot_use(&args.model, &model))?;
+    let mut reading = logs::reading(model.description.reading.clone(), &args.log)?;
+    let (_, prepared) = logs::prepare(&args.logs, &mut reading, global)
+        .with_context(|| logs::cannot_use(&args.model, &model))?;
     ui::print_notes(&prepared.notes, global);
     let model = logs::with_step_of(model, &prepared.runs)?;
     model.check(&prepared.runs)?;

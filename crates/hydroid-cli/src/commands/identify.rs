@@ -92,10 +92,10 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         files = without_logs(args, &files, seed, global)?;
     }
     let vessel = args.vessel.as_deref().map(vessel).transpose()?;
-    let reading = logs::reading(config.log.clone().reading(), &args.log)?;
+    let mut reading = logs::reading(config.log.clone().reading(), &args.log)?;
     let methods = args.methods.iter().map(|&method| method.into()).collect();
     let all: Vec<&PathBuf> = files.logs.all().collect();
-    let (raw, read) = logs::read(&all, &reading, global)?;
+    let (raw, read) = logs::read(&all, &mut reading, global)?;
     let mut raw = raw.into_iter();
     let raw = files.logs.map(|_| raw.next().expect("one log for each file"));
     let (mut job, mut notes) = config.job(reading, &raw, methods, vessel)?;

@@ -78,7 +78,7 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
                 }
             }
             let ((inspection, runs), mut notes) = if is_recording {
-                let (mut read, notes) = logs::read(&[file], &reading, global)?;
+                let (mut read, notes) = logs::read(&[file], &mut reading.clone(), global)?;
                 (log::inspect_owned(read.remove(0), &reading.selection, &reading.options)?, notes)
             } else {
                 (log::inspect_file(file, &reading.selection, &reading.options)?, Vec::new())

@@ -50,9 +50,9 @@ fn lock(args: &Manoeuvre) -> anyhow::Result<Option<Lock>> {
 
 /// The trials of logs beside their predictions.
 fn compare(args: &Manoeuvre, model: &Model, global: Global) -> anyhow::Result<Outcome> {
-    let reading = logs::reading(model.description.reading.clone(), &args.log)?;
-    let (_, prepared) =
-        logs::prepare(&args.logs, &reading, global).with_context(|| logs::cannot_use(&args.plant, model))?;
+    let mut reading = logs::reading(model.description.reading.clone(), &args.log)?;
+    let (_, prepared) = logs::prepare(&args.logs, &mut reading, global)
+        .with_context(|| logs::cannot_use(&args.plant, model))?;
     ui::print_notes(&prepared.notes, global);
     let model = model.clone().for_runs(&prepared.runs)?;
     let _lock = lock(args)?;

@@ -7,6 +7,8 @@ use super::state::{STATES, State};
 /// Statistics of motion, waves and sensor errors. All are standard deviations, rates or times that a likelihood can
 /// estimate.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Noise {
     /// Rate of the surge acceleration \[1/s\].
     pub surge_rate: f64,
@@ -47,6 +49,30 @@ pub struct Noise {
 }
 
 impl Noise {
+    /// All statistics, in the order of the fields.
+    pub fn numbers(&self) -> [f64; 18] {
+        [
+            self.surge_rate,
+            self.surge_acceleration,
+            self.sway_rate,
+            self.sway,
+            self.pivot_rate,
+            self.yaw_rate,
+            self.yaw,
+            self.wave_frequency,
+            self.wave_damping,
+            self.wave_forward,
+            self.wave_starboard,
+            self.gnss_rate,
+            self.gnss,
+            self.compass_rate,
+            self.compass,
+            self.gyro_walk,
+            self.accelerometer_walk,
+            self.current_walk,
+        ]
+    }
+
     /// The rate of the process of a state.
     pub(super) fn rate(&mut self, state: State) -> Option<&mut f64> {
         match state {

@@ -30,7 +30,7 @@ pub use simulate::{Drive, ModelPlan, Plan, Plant, PlantKind, Simulate};
 /// Default name of the file.
 pub const FILE: &str = "hydroid.toml";
 
-/// The sections of the file. `[adapt]` and `[control]` hold arguments of these commands, which are not read here.
+/// The sections of the file. `[adapt]`, `[control]` and `[live]` hold arguments of these commands, which are not read here.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[expect(missing_docs, reason = "each section is documented with its type")]
@@ -48,6 +48,7 @@ pub struct Config {
     pub ranges: GivenRanges,
     pub adapt: IgnoredAny,
     pub control: IgnoredAny,
+    pub live: IgnoredAny,
 }
 
 /// How logs are read: [`Selection`] and [`PrepareOptions`].

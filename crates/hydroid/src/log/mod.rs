@@ -44,7 +44,7 @@ pub use prepare::{PrepareOptions, Prepared, prepare};
 pub(crate) use resample::mean;
 pub(crate) use resolve::{all_names, channel, time, unknown as unknown_column};
 pub use selection::{ChannelSpec, Selection, Wind};
-pub use sensors::Sensors;
+pub use sensors::{KnownSensors, Sensors};
 pub(crate) use split::validation_run;
 pub use split::{Split, beginning, split_named, split_runs};
 pub use table_file::TableFormat;

@@ -37,6 +37,11 @@ impl Source {
         (value - self.offset) * self.factor
     }
 
+    /// The value in the log of an SI value.
+    pub fn raw(&self, si: f64) -> f64 {
+        si / self.factor + self.offset
+    }
+
     /// Whether the values of the log are the SI values.
     pub(crate) fn is_identity(&self) -> bool {
         self.factor == 1.0 && self.offset == 0.0

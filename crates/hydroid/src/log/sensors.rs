@@ -1,5 +1,7 @@
 //! Sensors from which the motion is computed.
 
+use hydroid_core::navigation::Noise;
+
 use super::selection::ChannelSpec;
 
 /// Columns of the sensors of a vessel, and their places. Each is optional; a position or a velocity is needed, and a
@@ -53,6 +55,31 @@ pub struct Sensors {
     pub antenna_m: [f64; 3],
     /// Place of the accelerometers \[m\].
     pub imu_m: [f64; 3],
+    /// What is known of the sensors from earlier recordings of the vessel. Without it, it is estimated from the recordings
+    /// that are read together.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub known: Option<KnownSensors>,
+}
+
+/// What recordings of a vessel tell of its sensors and of its motion.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct KnownSensors {
+    /// Statistics of motion, waves and correlated errors.
+    pub noise: Noise,
+    /// Standard deviations of the white noise of position fixes \[m\], by their quality, if fixes have one.
+    pub position: Vec<(Option<f64>, f64)>,
+    /// Standard deviation of the white noise of the velocity \[m/s\].
+    pub velocity: Option<f64>,
+    /// Standard deviation of the white noise of the heading \[rad\].
+    pub heading: Option<f64>,
+    /// Standard deviation of the white noise of the yaw rate \[rad/s\].
+    pub yaw_rate: Option<f64>,
+    /// Standard deviations of the white noise of the specific force, forward and to starboard \[m/s²\].
+    pub acceleration: Option<[f64; 2]>,
+    /// Values and standard deviations of the constants of sensors and vessel, in the order of
+    /// those of the fit: delay, misalignment, places of the pivot point, heel.
+    pub constants: Vec<(f64, f64)>,
 }
 
 impl Sensors {

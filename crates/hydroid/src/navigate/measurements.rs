@@ -72,7 +72,7 @@ pub struct Statistics {
 
 impl Statistics {
     /// The measurement of an event.
-    pub(super) fn measurement(&self, sensors: &[Sensor], event: &Event) -> Measurement {
+    pub fn measurement(&self, sensors: &[Sensor], event: &Event) -> Measurement {
         let (value, sensor) = (event.value, &sensors[event.sensor]);
         let (mounting, both) = (sensor.mounting, self.deviations[event.sensor]);
         let deviation = both[0];

@@ -11,4 +11,4 @@ mod smoother;
 
 pub use fit::{CONSTANTS, Fitted, fit};
 pub use measurements::{Event, Kind, Run, Runs, Sensor, Statistics};
-pub use smoother::{Row, Smoothed, smooth};
+pub use smoother::{Row, Smoothed, filtered, smooth};

@@ -40,6 +40,11 @@ pub struct Smoothed {
     pub outliers: Vec<f64>,
 }
 
+/// Pose and velocities of an estimate of the filter, which knows nothing of later measurements.
+pub fn filtered(t: f64, estimate: &Estimate) -> Row {
+    Adjoint { vector: [0.0; STATES], matrix: [[0.0; STATES]; STATES] }.row(t, estimate)
+}
+
 enum Step {
     Predict(Box<Transition>),
     Update(Box<Update>),

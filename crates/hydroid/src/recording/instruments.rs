@@ -79,7 +79,7 @@ pub(super) struct Instruments {
 }
 
 /// Quantities of sensors, as the unit of their SI values.
-const UNITS: [(&str, &str); 13] = [
+pub(super) const UNITS: [(&str, &str); 13] = [
     ("latitude", "rad"),
     ("longitude", "rad"),
     ("north", "m"),
@@ -399,18 +399,25 @@ fn local(mut latitude: Series, mut longitude: Series) -> [Series; 2] {
             continue;
         }
         if let Some((phi0, lambda0)) = last {
-            let sine = (0.5 * (*phi + phi0)).sin();
-            let w = 1.0 - ECCENTRICITY_2 * sine * sine;
-            let meridian = SEMI_MAJOR_M * (1.0 - ECCENTRICITY_2) / (w * w.sqrt());
-            let parallel = SEMI_MAJOR_M / w.sqrt() * (0.5 * (*phi + phi0)).cos();
-            let turn = *lambda - lambda0;
-            north += (*phi - phi0) * meridian;
-            east += (turn - TAU * (turn / TAU).round()) * parallel;
+            let step = local_step([phi0, lambda0], [*phi, *lambda]);
+            north += step[0];
+            east += step[1];
         }
         last = Some((*phi, *lambda));
         (*phi, *lambda) = (north, east);
     }
     [latitude, longitude]
+}
+
+/// The way between two fixes to the north and east \[m\], with the radii of curvature in their middle.
+pub(super) fn local_step(from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
+    let middle = 0.5 * (to[0] + from[0]);
+    let sine = middle.sin();
+    let w = 1.0 - ECCENTRICITY_2 * sine * sine;
+    let meridian = SEMI_MAJOR_M * (1.0 - ECCENTRICITY_2) / (w * w.sqrt());
+    let parallel = SEMI_MAJOR_M / w.sqrt() * middle.cos();
+    let turn = to[1] - from[1];
+    [(to[0] - from[0]) * meridian, (turn - TAU * (turn / TAU).round()) * parallel]
 }
 
 /// A chance relation of parts of a run exceeds this F statistic, with five parts or more, less than once in fifty times;

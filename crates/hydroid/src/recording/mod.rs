@@ -11,6 +11,8 @@
 //! first) is the column `Q.yaw`.
 
 mod instruments;
+mod known;
+mod live;
 mod motion;
 mod open;
 mod propose;
@@ -22,6 +24,7 @@ use std::path::Path;
 use crate::log::{self, LogError, Note, RawLog, Selection};
 use crate::progress::{self, Progress};
 
+pub use live::{LiveColumn, LiveInputs, LiveMotion, LiveTopics, SensorHealth};
 pub use open::is_recording;
 pub use propose::Proposal;
 pub use survey::{FieldSurvey, Survey, TopicSurvey, survey};
@@ -31,25 +34,27 @@ pub use table::{converted, time_text};
 const FILES: f64 = 0.05;
 
 /// Reads logs of any format as tables. The time of a table from a recording is in seconds from its first row. `dt` is the
-/// step of tables that are computed from sensors; default: that of the heading, else of the position.
+/// step of tables that are computed from sensors; default: that of the heading, else of the position. What is estimated of
+/// the sensors is filled in the selection ([`Sensors::known`](crate::log::Sensors::known)), so that further recordings of
+/// the vessel are read in the same way, and faster.
 ///
 /// # Errors
 /// If a file cannot be read, a column of the selection does not exist, or the callback cancels.
 pub fn read_logs<P: AsRef<Path>>(
     paths: &[P],
-    selection: &Selection,
+    selection: &mut Selection,
     dt: Option<f64>,
     progress: Progress<'_>,
 ) -> Result<(Vec<RawLog>, Vec<Note>), LogError> {
     let mut notes = Vec::new();
-    if let Some(sensors) = &selection.sensors {
+    if selection.sensors.is_some() {
         let mut recordings = Vec::with_capacity(paths.len());
         for (i, path) in paths.iter().enumerate() {
             let mut part = |done| progress(FILES * (i as f64 + done) / paths.len() as f64);
             recordings.push(open::read(path.as_ref(), selection, &mut notes, &mut part)?);
         }
         let mut rest = |done| progress(FILES + (1.0 - FILES) * done);
-        return Ok((motion::tables(&recordings, sensors, selection, dt, &mut notes, &mut rest)?, notes));
+        return Ok((motion::tables(&recordings, selection, dt, &mut notes, &mut rest)?, notes));
     }
     let mut tables = Vec::with_capacity(paths.len());
     for (i, path) in paths.iter().enumerate() {

@@ -2,13 +2,14 @@
 
 use std::f64::consts::PI;
 
-use hydroid_core::navigation::{Mounting, Noise, Prior, State};
+use hydroid_core::navigation::{Noise, Prior, State};
 
 use super::instruments::{CURRENT_M_S, Instruments};
+use super::known::{self, Placed};
 use super::open::Recording;
 use super::table::{self, start};
 use crate::log::line::Resolved;
-use crate::log::{LogError, Note, RawColumn, RawLog, Selection, Sensors};
+use crate::log::{LogError, Note, RawColumn, RawLog, Selection};
 use crate::navigate::{self, Kind, Run, Runs, Sensor, Smoothed, Statistics};
 use crate::progress::Progress;
 
@@ -22,42 +23,45 @@ const FIT: f64 = 0.85;
 /// First guesses of the statistics, for ships and boats. Rates of the motion are inversely proportional to the length of a
 /// vessel, frequencies of the waves that move it to the square root. The likelihood decides.
 fn guesses(sensors: &[Sensor]) -> [Statistics; 4] {
-    let degree = PI / 180.0;
-    [0.5, 1.0, 2.0, 4.0].map(|frequency: f64| {
-        let rate = 0.06 * frequency * frequency;
-        let noise = Noise {
-            surge_rate: rate,
-            surge_acceleration: rate,
-            sway_rate: rate,
-            sway: 0.1,
-            pivot_rate: rate,
-            yaw_rate: rate,
-            yaw: rate,
-            wave_frequency: frequency,
-            wave_damping: 0.1,
-            wave_forward: 0.1,
-            wave_starboard: 0.1,
-            gnss_rate: 1.0 / 60.0,
-            gnss: 1.0,
-            compass_rate: 0.1,
-            compass: 0.3 * degree,
-            gyro_walk: 1e-5,
-            accelerometer_walk: 1e-4,
-            current_walk: 1e-4,
-        };
-        Statistics { noise, deviations: sensors.iter().map(|sensor| sensor.deviation).collect() }
-    })
+    [0.5, 1.0, 2.0, 4.0].map(|frequency| Statistics { noise: usual(frequency), ..known::usual(sensors) })
 }
 
-/// Computes the tables of the recordings of one vessel, whose sensors have the same statistics.
+/// Usual statistics of a vessel that waves of this frequency \[rad/s\] move.
+pub(super) fn usual(frequency: f64) -> Noise {
+    let degree = PI / 180.0;
+    let rate = 0.06 * frequency * frequency;
+    Noise {
+        surge_rate: rate,
+        surge_acceleration: rate,
+        sway_rate: rate,
+        sway: 0.1,
+        pivot_rate: rate,
+        yaw_rate: rate,
+        yaw: rate,
+        wave_frequency: frequency,
+        wave_damping: 0.1,
+        wave_forward: 0.1,
+        wave_starboard: 0.1,
+        gnss_rate: 1.0 / 60.0,
+        gnss: 1.0,
+        compass_rate: 0.1,
+        compass: 0.3 * degree,
+        gyro_walk: 1e-5,
+        accelerometer_walk: 1e-4,
+        current_walk: 1e-4,
+    }
+}
+
+/// Computes the tables of the recordings of one vessel, whose sensors have the same statistics. What is not
+/// [known](Sensors::known) of the sensors is estimated, and filled in.
 pub(super) fn tables(
     recordings: &[Recording],
-    sensors: &Sensors,
-    selection: &Selection,
+    selection: &mut Selection,
     dt: Option<f64>,
     notes: &mut Vec<Note>,
     progress: Progress<'_>,
 ) -> Result<Vec<RawLog>, LogError> {
+    let Some(sensors) = &selection.sensors else { return Ok(Vec::new()) };
     let mut instruments = recordings
         .iter()
         .map(|recording| Instruments::new(recording, sensors, notes))
@@ -67,42 +71,47 @@ pub(super) fn tables(
         one.check_gnss(notes);
     }
     let qualities = qualities(&instruments);
-    let of = |kind, mounting, deviation| Sensor { kind, mounting, deviation };
-    let place = |m: [f64; 3]| Mounting { forward: m[0], starboard: m[1] };
-    let (antenna, imu) = (place(sensors.antenna_m), place(sensors.imu_m));
-    let mut channels = vec![of(Kind::Position, antenna, [0.3; 2]); qualities.len().max(1)];
-    channels.push(of(Kind::Velocity, antenna, [0.1; 2]));
-    channels.push(of(Kind::Heading, Mounting::default(), [0.5 * PI / 180.0, 0.0]));
-    channels.push(of(Kind::YawRate, Mounting::default(), [5e-3, 0.0]));
-    channels.push(of(Kind::SpecificForce, imu, [0.1; 2]));
+    let mut placed = known::placed(sensors, &qualities);
     let mut runs = Runs {
-        sensors: channels,
+        sensors: placed.iter().map(|placed| placed.sensor.clone()).collect(),
         runs: instruments.iter().map(|one| one.run(sensors, &qualities)).collect(),
     };
-    retain_used(&mut runs);
+    retain_used(&mut runs, &mut placed);
     let times = instruments.iter().map(|one| one.times(dt)).collect::<Result<Vec<_>, _>>()?;
     // What is wrong with the other columns is found before the long computation.
     let others =
         recordings.iter().map(|recording| others(recording, selection)).collect::<Result<Vec<_>, _>>()?;
-    let fitted = navigate::fit(&sample(&runs), &guesses(&runs.sensors), &mut |done| progress(FIT * done))?;
-    for run in &mut runs.runs {
-        run.prior = fitted.prior(&run.prior);
-    }
-    let statistics = fitted.statistics;
+    let statistics = if let Some(known) = &sensors.known {
+        known::check(known, &instruments.first().map_or(String::new(), |one| one.path.clone()))?;
+        for run in &mut runs.runs {
+            run.prior = known::prior(known, &run.prior);
+        }
+        Statistics { noise: known.noise, ..known::usual(&runs.sensors) }
+    } else {
+        let guesses = guesses(&runs.sensors);
+        let fitted = navigate::fit(&sample(&runs), &guesses, &mut |done| progress(FIT * done))?;
+        for run in &mut runs.runs {
+            run.prior = fitted.prior(&run.prior);
+        }
+        fitted.statistics
+    };
     let smoothed =
         navigate::smooth(&runs, &statistics, &times, &mut |done| progress(FIT + (1.0 - FIT) * done))?;
     let mut tables = Vec::with_capacity(recordings.len());
     for (i, one) in instruments.iter().enumerate() {
         tables.push(one.table(&recordings[i], &others[i], &smoothed[i], &times[i], notes)?);
     }
-    if let (Some(one), Some(smoothed)) = (instruments.first(), smoothed.last()) {
+    if let (Some(one), Some(last)) = (instruments.first(), smoothed.last()) {
         let path =
             if instruments.len() == 1 { one.path.clone() } else { format!("the {} logs", instruments.len()) };
-        states(&path, one, smoothed, notes);
+        states(&path, one, last, notes);
     }
     for (one, smoothed) in instruments.iter().zip(&smoothed) {
         outliers(&one.path, &runs.sensors, smoothed, notes);
         current(&one.path, smoothed, notes);
+    }
+    if let (Some(sensors), Some(last)) = (&mut selection.sensors, smoothed.last()) {
+        sensors.known.get_or_insert_with(|| known::of(&placed, &statistics, last));
     }
     Ok(tables)
 }
@@ -127,7 +136,7 @@ fn qualities(instruments: &[Instruments]) -> Vec<f64> {
 }
 
 /// Leaves out sensors without measurements.
-fn retain_used(runs: &mut Runs) {
+fn retain_used(runs: &mut Runs, placed: &mut Vec<Placed>) {
     let used: Vec<bool> = (0..runs.sensors.len())
         .map(|sensor| runs.runs.iter().any(|run| run.events.iter().any(|event| event.sensor == sensor)))
         .collect();
@@ -136,7 +145,8 @@ fn retain_used(runs: &mut Runs) {
         event.sensor = place(event.sensor);
     }
     let mut kept = used.iter();
-    runs.sensors.retain(|_| kept.next().is_some_and(|kept| *kept));
+    placed.retain(|_| kept.next().is_some_and(|kept| *kept));
+    runs.sensors = placed.iter().map(|placed| placed.sensor.clone()).collect();
 }
 
 /// The beginnings of runs from which the statistics are estimated: of all of them, since they differ in heading and

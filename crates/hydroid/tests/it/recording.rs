@@ -108,13 +108,13 @@ fn with_sensors(sensors: Sensors, inputs: &str) -> Selection {
 }
 
 fn one(path: &Path, selection: &Selection) -> Result<(RawLog, Vec<Note>), LogError> {
-    let (mut logs, notes) = read_logs(&[path], selection, None, &mut silent())?;
+    let (mut logs, notes) = read_logs(&[path], &mut selection.clone(), None, &mut silent())?;
     assert_eq!(logs.len(), 1);
     Ok((logs.remove(0), notes))
 }
 
 fn error_of(path: &Path, selection: &Selection) -> String {
-    read_logs(&[path], selection, None, &mut silent()).unwrap_err().to_string()
+    read_logs(&[path], &mut selection.clone(), None, &mut silent()).unwrap_err().to_string()
 }
 
 /// The fraction grows up to the end, and a callback that cancels ends the computation at any place.
@@ -127,14 +127,14 @@ fn the_computation_of_velocities_reports_its_progress() {
         fractions.push(fraction);
         ControlFlow::Continue(())
     };
-    read_logs(&[folder.path()], &selection, None, &mut note).unwrap();
+    read_logs(&[folder.path()], &mut selection.clone(), None, &mut note).unwrap();
     assert!(fractions.is_sorted() && fractions.len() > 100, "{fractions:?}");
     assert!(fractions[0] < 0.1 && (0.85..=1.0).contains(&fractions[fractions.len() - 1]), "{fractions:?}");
     for last in [0.0, 0.3, 0.86] {
         let mut stop = |fraction| {
             if fraction < last { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         };
-        let error = read_logs(&[folder.path()], &selection, None, &mut stop).unwrap_err();
+        let error = read_logs(&[folder.path()], &mut selection.clone(), None, &mut stop).unwrap_err();
         assert!(matches!(error, LogError::Cancelled(_)), "at {last}: {error}");
     }
 }
@@ -276,7 +276,8 @@ fn wrong_columns_are_found_before_velocities_are_computed() {
             last = fraction;
             ControlFlow::Continue(())
         };
-        let error = read_logs(&[folder.path()], &selection, None, &mut note).unwrap_err().to_string();
+        let error =
+            read_logs(&[folder.path()], &mut selection.clone(), None, &mut note).unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");
         assert!(last < 0.1, "{error}: after {last}");
     }
@@ -519,6 +520,37 @@ fn beginning(folder: &Path) -> TempDir {
     cut
 }
 
+/// A further recording of the vessel is read with what the first ones tell of its sensors, without a search.
+#[test]
+fn sensors_that_are_known_are_not_estimated_again() {
+    let folder = boat(60);
+    let mut selection = survey(folder.path()).unwrap().proposal().selection;
+    let (first, _) = read_logs(&[folder.path()], &mut selection, None, &mut silent()).unwrap();
+    let known = selection.sensors.as_ref().unwrap().known.clone().unwrap();
+    assert_eq!((known.position.len(), known.constants.len()), (1, 6));
+    assert!(known.velocity.is_some() && known.acceleration.is_some());
+    // A model contains them.
+    let text = serde_json::to_string(&selection).unwrap();
+    let read: Selection = serde_json::from_str(&text).unwrap();
+    assert_eq!(read, selection);
+
+    let short = boat(20);
+    let mut calls = 0;
+    let mut count = |_| {
+        calls += 1;
+        ControlFlow::Continue(())
+    };
+    let (alone, notes) = read_logs(&[short.path()], &mut selection, None, &mut count).unwrap();
+    assert!(calls < 20, "{calls} reports of progress");
+    assert_eq!(selection, read, "what is known stays");
+    let delay = notes.iter().find(|note| note.message.contains("s late")).unwrap();
+    assert!(delay.message.contains(&format!("{:.1}", known.constants[0].0)), "{delay:?}");
+    // The motion of both is the same.
+    let pairs = column(&alone[0], "v").iter().zip(column(&first[0], "v"));
+    let error = rms(pairs.skip(50).map(|(a, b)| a - b));
+    assert!(error < 0.01, "{error}");
+}
+
 /// The measurements are the same in all of these files, to the precision of the formats.
 #[test]
 #[ignore = "slow tier: .ci/run runs it"]
@@ -535,7 +567,7 @@ fn the_same_run_from_all_formats() {
     }
     let at_step = |path: &Path| {
         let selection = placed(proposed(path), &vessel);
-        read_logs(&[path], &selection, Some(0.1), &mut silent()).unwrap().0.remove(0)
+        read_logs(&[path], &mut selection.clone(), Some(0.1), &mut silent()).unwrap().0.remove(0)
     };
     let reference = at_step(csv.path());
     // The search for the statistics ends within a tenth of a unit of the likelihood, from sums in another order. In the
@@ -571,7 +603,7 @@ fn the_field_runs_give_the_velocities() {
         let folder = fleet.join(name);
         let runs: Vec<PathBuf> = (1..=6).map(|run| folder.join(format!("field/run{run}"))).collect();
         let selection = placed(proposed(&runs[0]), &folder.join("vessel.toml"));
-        let (logs, notes) = read_logs(&runs, &selection, None, &mut silent()).unwrap();
+        let (logs, notes) = read_logs(&runs, &mut selection.clone(), None, &mut silent()).unwrap();
         for note in &notes {
             println!("{}", note.message);
         }
