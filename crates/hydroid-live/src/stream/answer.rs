@@ -10,7 +10,7 @@ use hydroid::adapt::{BAND_80, BAND_95};
 use hydroid::closed_loop::{Guided, Pilot};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Status {
+pub(crate) enum Status {
     Used(Outcome),
     /// Used by a model that does not learn.
     Constant,
@@ -28,6 +28,11 @@ pub(super) enum Status {
 }
 
 impl Status {
+    /// Whether a new run began.
+    pub(crate) fn is_reset(self) -> bool {
+        matches!(self, Self::Reset)
+    }
+
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Used(Outcome::Waiting) => "waiting",

@@ -17,18 +17,18 @@ const LONGEST_TIME_S: f64 = 1e12;
 const PLAN: &str = "commands";
 
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Sample {
-    pub(super) t: f64,
+pub(crate) struct Sample {
+    pub(crate) t: f64,
     /// Outputs; NaN is missing.
-    pub(super) outputs: Vec<f64>,
+    pub(crate) outputs: Vec<f64>,
     /// Heading \[rad\], for a model that names its column; NaN is missing.
-    pub(super) heading: f64,
+    pub(crate) heading: f64,
     /// Pose `[x, y, psi]` in m and rad, for a stream that is steered; NaN is missing.
-    pub(super) pose: [f64; 3],
+    pub(crate) pose: [f64; 3],
     /// Inputs, wind last; NaN is missing.
-    pub(super) inputs: Vec<f64>,
+    pub(crate) inputs: Vec<f64>,
     /// Planned commands, row by row like `inputs`; NaN for the last command.
-    pub(super) plan: Vec<f64>,
+    pub(crate) plan: Vec<f64>,
 }
 
 enum Item<'a> {

@@ -39,16 +39,16 @@ impl Stream {
         if let Some(state) = &state {
             state.fits(&model, &settings).map_err(wrong)?;
             let lens = (state.commands.len(), state.memory.len());
-            if lens != (self.commands.memory_len(), self.memory_len()) {
+            if lens != (self.follower.commands.memory_len(), self.memory_len()) {
                 return Err(wrong("it has another size; remove it to start again".to_owned()));
             }
-            if !self.clock.restore(state.clock) {
+            if !self.follower.clock.restore(state.clock) {
                 return Err(wrong("its clock is not that of a stream; remove it to start again".to_owned()));
             }
-            self.commands.restore(&state.commands);
-            let (adapter, pilot) = state.memory.split_at(self.session.adapter().memory_len());
-            self.session.adapter_mut().load(adapter);
-            if state.commands.iter().any(|x| x.is_infinite()) || !self.session.is_sound() {
+            self.follower.commands.restore(&state.commands);
+            let (adapter, pilot) = state.memory.split_at(self.follower.session.adapter().memory_len());
+            self.follower.session.adapter_mut().load(adapter);
+            if state.commands.iter().any(|x| x.is_infinite()) || !self.follower.session.is_sound() {
                 let reason = "it holds numbers that no service has: weights or states that are not finite, or variances below zero; remove it to start again";
                 return Err(wrong(reason.to_owned()));
             }
@@ -57,15 +57,15 @@ impl Stream {
             self.earlier =
                 Some(Earlier { first: state.first.clone(), rows: state.rows, is_sent_again: false });
         }
-        let resumed = state.is_some().then(|| self.clock.taken());
-        let (path, saved) = (path.to_owned(), self.clock.taken());
+        let resumed = state.is_some().then(|| self.follower.clock.taken());
+        let (path, saved) = (path.to_owned(), self.follower.clock.taken());
         self.state_file = Some(StateFile { path, model, settings, saved, failed: false });
         Ok(resumed)
     }
 
     /// Saves the state if the next sample might come after the interval.
     pub(super) fn save_if_due(&mut self) -> Result<(), StreamError> {
-        let (t, dt) = (self.clock.taken(), self.model.description.dt);
+        let (t, dt) = (self.follower.clock.taken(), self.follower.model.description.dt);
         match &mut self.state_file {
             // A sample may be half a step off its grid point.
             Some(state_file) if state_file.saved.is_nan() && !t.is_nan() => self.save_state(),
@@ -90,21 +90,21 @@ impl Stream {
     }
 
     fn visit_pilot(&mut self, visit: &mut dyn FnMut(&mut f64)) {
-        if let Some(pilot) = self.session.pilot_mut() {
+        if let Some(pilot) = self.follower.session.pilot_mut() {
             pilot.visit_state(visit);
         }
     }
 
     /// Numbers of adapter and pilot.
     fn memory_len(&mut self) -> usize {
-        let mut len = self.session.adapter().memory_len();
+        let mut len = self.follower.session.adapter().memory_len();
         self.visit_pilot(&mut |_| len += 1);
         len
     }
 
     fn save_state(&mut self) -> Result<(), StreamError> {
-        let mut memory = vec![0.0; self.session.adapter().memory_len()];
-        self.session.adapter().save(&mut memory);
+        let mut memory = vec![0.0; self.follower.session.adapter().memory_len()];
+        self.follower.session.adapter().save(&mut memory);
         self.visit_pilot(&mut |number| memory.push(*number));
         let Some(state_file) = &mut self.state_file else { return Ok(()) };
         let state = State {
@@ -112,12 +112,12 @@ impl Stream {
             settings: state_file.settings.clone(),
             first: self.first.clone(),
             rows: self.row,
-            clock: self.clock.memory(),
-            commands: self.commands.memory(),
+            clock: self.follower.clock.memory(),
+            commands: self.follower.commands.memory(),
             memory,
         };
         state.write(&state_file.path)?;
-        (state_file.saved, state_file.failed) = (self.clock.taken(), false);
+        (state_file.saved, state_file.failed) = (self.follower.clock.taken(), false);
         Ok(())
     }
 
@@ -127,11 +127,11 @@ impl Stream {
     /// If the file cannot be written.
     pub fn finish(&mut self) -> Result<(), StreamError> {
         // The state is saved even if the recording fails.
-        if let Err(error) = self.session.finish() {
+        if let Err(error) = self.follower.session.finish() {
             self.notes.push(Note::warning(error.to_string()));
         }
-        let behind = |state_file: &StateFile| self.clock.taken() != state_file.saved;
-        if !self.clock.is_new() && self.state_file.as_ref().is_some_and(behind) {
+        let behind = |state_file: &StateFile| self.follower.clock.taken() != state_file.saved;
+        if !self.follower.clock.is_new() && self.state_file.as_ref().is_some_and(behind) {
             self.save_state()
         } else {
             Ok(())

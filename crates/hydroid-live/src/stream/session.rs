@@ -38,6 +38,8 @@ pub(super) struct Session {
     /// Predicted poses at the horizons, and standard deviations of position \[m\] and heading \[rad\].
     track: Vec<[f64; 3]>,
     track_deviations: Vec<[f64; 2]>,
+    /// Places of `u`, `v` and `r` among the outputs, if the track is predicted.
+    motion: Option<[usize; 3]>,
     max_gap_s: f64,
     /// Memory of the adapter before its first sample.
     initial: Vec<f64>,
@@ -86,6 +88,7 @@ impl Session {
             plan: Vec::new(),
             track: Vec::new(),
             track_deviations: Vec::new(),
+            motion: None,
             max_gap_s: f64::INFINITY,
             adapter: RecordingAdapter::new(adapter, None),
             dt,
@@ -123,9 +126,20 @@ impl Session {
     /// Steers from now on. Missing poses are predicted for at most `max_gap_s`.
     pub(super) fn steer_by(&mut self, pilot: Pilot, max_gap_s: f64) {
         self.plan = vec![f64::NAN; self.commands.len()];
+        self.predict_track_of(pilot.motion());
+        (self.pilot, self.max_gap_s) = (Some(pilot), max_gap_s);
+    }
+
+    /// Steers no more.
+    pub(super) fn release(&mut self) {
+        self.pilot = None;
+    }
+
+    /// Predicts the track, with `u`, `v` and `r` in these places among the outputs.
+    pub(super) fn predict_track_of(&mut self, motion: [usize; 3]) {
         self.track = vec![[f64::NAN; 3]; self.horizons.len()];
         self.track_deviations = vec![[f64::NAN; 2]; self.horizons.len()];
-        (self.pilot, self.max_gap_s) = (Some(pilot), max_gap_s);
+        self.motion = Some(motion);
     }
 
     pub(super) fn pilot(&self) -> Option<&Pilot> {
@@ -255,7 +269,7 @@ impl Session {
         self.adapter.rollout(&self.commands, &mut self.work, &mut self.rollout);
         self.adapter.deviations(&self.commands, &self.computed, &mut self.work, &mut self.deviations);
         self.ahead = !self.computed.is_empty();
-        self.predict_track();
+        self.predict_track(sample);
     }
 
     fn steer(&mut self, commands: &mut Commands, sample: &Sample, elapsed: Elapsed) {
@@ -279,12 +293,12 @@ impl Session {
 
     /// Poses along the rollout. The deviations are upper bounds, of errors of the velocities that do not change their
     /// sign: the standard deviation of a sum is at most the sum of the standard deviations.
-    fn predict_track(&mut self) {
+    fn predict_track(&mut self, sample: &Sample) {
         let hidden = self.hidden();
-        let Self { pilot: Some(pilot), horizons, rollout, deviations, .. } = self else { return };
+        let Self { pilot, motion: Some(motion), horizons, rollout, deviations, .. } = self else { return };
         let deviations = &deviations[hidden..];
-        let (n, motion, dt) = (self.missing.len(), pilot.motion(), self.dt);
-        let [mut x, mut y, mut psi] = pilot.eta();
+        let (n, motion, dt) = (self.missing.len(), *motion, self.dt);
+        let [mut x, mut y, mut psi] = pilot.as_ref().map_or(sample.pose, Pilot::eta);
         let mut before = motion.map(|place| self.estimate[place]);
         let (mut from, mut along, mut turned, mut aside) = (0, 0.0, 0.0, 0.0);
         for (h, horizon) in horizons.iter().enumerate() {

@@ -1,0 +1,339 @@
+//! A model that follows a vessel: from each sample to status, estimate and predictions.
+
+use std::fmt::Write as _;
+
+use hydroid_core::adapt::{Adapter, Outcome, Rejection};
+
+use super::answer::{Status, Writer};
+use super::clock::{Arrival, Clock};
+use super::commands::Commands;
+use super::line::Sample;
+use super::session::{Session, Transition};
+use super::{StreamError, names};
+use hydroid::adapt::events::EventText;
+use hydroid::closed_loop::{Pilot, longest_gap};
+use hydroid::evaluate::DesignRange;
+use hydroid::log::{CommandTiming, LogError, PrepareOptions};
+use hydroid::model::{Model, Port};
+
+/// From this gap on \[s\], a time without a unit is probably not in seconds.
+const DOUBTFUL_S: f64 = 30.0;
+
+/// Widths of its range by which a command may lie outside it: the limit beyond which a rollout counts as diverged.
+const MOST_WIDTHS: f64 = 10.0;
+
+/// The commands that an input accepts. An input that hardly moved in the training has the scale of its values, at least 1
+/// in its unit, as the range of a constant channel.
+fn bounds(port: &Port) -> [f64; 2] {
+    let DesignRange { low, high } = port.range;
+    let trained = port.training_range.map_or(0.0, |range| range.high - range.low);
+    let scale = [high - low, trained, low.abs(), high.abs(), 1.0].into_iter().fold(0.0, f64::max);
+    [low - MOST_WIDTHS * scale, high + MOST_WIDTHS * scale]
+}
+
+/// A model with its adapter along the samples of a vessel.
+pub(crate) struct Follower {
+    pub(super) model: Model,
+    pub(super) session: Session,
+    pub(super) clock: Clock,
+    pub(super) commands: Commands,
+    pub(super) writer: Writer,
+    /// Remarks on the present sample.
+    pub(super) note: String,
+    names: Vec<String>,
+    /// Accepted commands.
+    bounds: Vec<[f64; 2]>,
+    options: PrepareOptions,
+    max_gap_s: f64,
+    /// Whether the unit of the time is not stated.
+    pub(super) time_is_unstated: bool,
+}
+
+impl Follower {
+    /// Before the first sample. The horizons are those of the predictions, ascending \[samples\].
+    ///
+    /// # Errors
+    /// If an option is invalid.
+    pub(crate) fn new(
+        model: &Model,
+        adapter: Box<dyn Adapter>,
+        horizons: &[usize],
+        options: PrepareOptions,
+    ) -> Result<Self, StreamError> {
+        let dt = model.description.dt;
+        let max_gap_s = options.max_gap_s.unwrap_or_else(|| longest_gap(dt));
+        Ok(Self {
+            clock: Clock::new(dt, max_gap_s)?,
+            commands: Commands::new(adapter.inputs(), dt, options.command_timing, options.input_delay)?,
+            writer: Writer::new(
+                model.description.outputs.iter().map(|port| port.channel.name.as_str()),
+                model.description.inputs.iter().map(|port| port.channel.name.as_str()),
+            ),
+            session: Session::new(adapter, horizons.to_vec(), dt),
+            model: model.clone(),
+            note: String::new(),
+            names: names(model),
+            bounds: model.description.inputs.iter().map(bounds).collect(),
+            options,
+            max_gap_s,
+            time_is_unstated: false,
+        })
+    }
+
+    /// Steers from now on. Commands of the samples are those that have acted.
+    ///
+    /// # Errors
+    /// If the delay of the commands is invalid.
+    pub(crate) fn steer(&mut self, pilot: Pilot) -> Result<(), LogError> {
+        let (inputs, dt) = (self.session.adapter().inputs(), self.model.description.dt);
+        if self.options.command_timing != CommandTiming::After {
+            self.options.command_timing = CommandTiming::After;
+            self.commands = Commands::new(inputs, dt, CommandTiming::After, self.options.input_delay)?;
+        }
+        // The limits of the actuators are stated, and need not be those of the training.
+        for ([low, high], limits) in self.bounds.iter_mut().zip(pilot.limits()) {
+            (*low, *high) = (low.min(limits.low), high.max(limits.high));
+        }
+        self.session.steer_by(pilot, self.max_gap_s);
+        Ok(())
+    }
+
+    /// Commands far outside the range of the model, where a rollout would have diverged, count as missing.
+    pub(crate) fn refuse_absurd_commands(&mut self, sample: &mut Sample) {
+        let inputs = self.bounds.len().max(1);
+        let plan = sample.plan.chunks_exact_mut(inputs);
+        for (row, is_plan) in
+            std::iter::once((&mut sample.inputs[..], false)).chain(plan.map(|row| (row, true)))
+        {
+            let ports = self.bounds.iter().zip(&self.model.description.inputs);
+            for (command, ([low, high], port)) in row.iter_mut().zip(ports) {
+                if *command < *low || *command > *high {
+                    let what = if is_plan { "planned command" } else { "command" };
+                    say(
+                        &mut self.note,
+                        format_args!(
+                            "the {what} {} = {command:e} is far outside its range of {} to {} and was refused",
+                            port.channel.name, port.range.low, port.range.high
+                        ),
+                    );
+                    *command = f64::NAN;
+                }
+            }
+        }
+    }
+
+    /// Advances to a sample on the grid, and collects remarks.
+    pub(crate) fn follow(&mut self, sample: &Sample) -> Status {
+        let (max_gap, commands) = (self.max_gap_s, &mut self.commands);
+        let (transition, reset) = match self.clock.arrive(sample.t) {
+            Arrival::Late(by) => {
+                say(&mut self.note, format_args!("the sample is {by:.3} s before the last used one"));
+                self.wait_for_clock();
+                return Status::Late;
+            }
+            Arrival::Ahead(by) => {
+                say(
+                    &mut self.note,
+                    format_args!(
+                        "the sample is {by:.3} s after the last used one: used if the next lines confirm it"
+                    ),
+                );
+                self.wait_for_clock();
+                return Status::Ahead;
+            }
+            Arrival::SetBack(by) => {
+                say(
+                    &mut self.note,
+                    format_args!(
+                        "the clock was set back by {by:.3} s: a new run begins, the weights are kept"
+                    ),
+                );
+                // The true time since the last sample of a clock that was set is not known.
+                (self.session.begin(commands, sample, Some(max_gap)), true)
+            }
+            Arrival::Between => return Status::Between,
+            Arrival::First => (self.session.begin(commands, sample, None), false),
+            Arrival::Gap(gap) => {
+                say(
+                    &mut self.note,
+                    format_args!("no sample for {gap:.3} s: a new run begins, the weights are kept"),
+                );
+                if gap > DOUBTFUL_S && self.time_is_unstated {
+                    say(
+                        &mut self.note,
+                        format_args!(
+                            "if the time is not in seconds, state its unit, as in --time 'NAME [ms]'"
+                        ),
+                    );
+                }
+                (self.session.begin(commands, sample, Some(gap)), true)
+            }
+            Arrival::Next(steps) => {
+                if steps > 1 {
+                    say(&mut self.note, format_args!("{} missing samples were predicted", steps - 1));
+                }
+                (self.session.advance_to(steps, commands, sample), false)
+            }
+        };
+        self.add_remarks(transition);
+        let reset = reset || transition.restarted;
+        let outcome = self.session.adapter().outcome();
+        match outcome {
+            Outcome::Inflated { deviations, weight } => say(
+                &mut self.note,
+                format_args!(
+                    "innovation of {deviations:.1} standard deviations, accepted with weight {weight:.2}"
+                ),
+            ),
+            Outcome::Rejected(Rejection::Outlier { deviations }) => {
+                say(&mut self.note, format_args!("innovation of {deviations:.1} standard deviations"));
+            }
+            Outcome::Rejected(Rejection::NotFinite) => {
+                say(&mut self.note, format_args!("value too large for the filter"));
+            }
+            Outcome::Waiting | Outcome::Accepted | Outcome::RolledBack => {}
+        }
+        if let Some(guard) = self.session.adapter().guard() {
+            for event in guard.events() {
+                say(
+                    &mut self.note,
+                    format_args!("{}", EventText { action: &event.action, names: &self.names }),
+                );
+            }
+        }
+        self.explain_unknown(sample);
+        let constant = self.session.pilot().is_some_and(|pilot| !pilot.adapts());
+        match outcome {
+            _ if reset => Status::Reset,
+            Outcome::Waiting if constant => Status::Constant,
+            outcome => Status::Used(outcome),
+        }
+    }
+
+    /// A second line in a row beside the time grid is no wrong stamp: the command in force is of unknown age.
+    fn wait_for_clock(&mut self) {
+        if self.clock.set_aside() > 1 && self.session.rest(&mut self.commands) {
+            say(&mut self.note, format_args!("the commands rest until the time is known"));
+        }
+    }
+
+    fn add_remarks(&mut self, transition: Transition) {
+        if transition.restarted {
+            say(
+                &mut self.note,
+                format_args!(
+                    "the state of the adapter was not finite: it begins again with the weights of the model"
+                ),
+            );
+        }
+        if transition.held {
+            say(&mut self.note, format_args!("a missing command was replaced by the last one"));
+        }
+        if transition.lost {
+            say(&mut self.note, format_args!("a new run begins because the previous command is unknown"));
+        }
+        if !self.commands.known() {
+            say(&mut self.note, format_args!("the current command is not known yet"));
+        }
+    }
+
+    /// Says why numbers of the answer are null.
+    fn explain_unknown(&mut self, sample: &Sample) {
+        let Self { session, names, note, .. } = self;
+        let innovations = session.adapter().innovations();
+        for (i, (y, estimate)) in sample.outputs.iter().zip(session.estimate()).enumerate() {
+            if !estimate.is_finite() {
+                say(note, format_args!("{} is not known yet", names[i]));
+            } else if y.is_nan() {
+                say(note, format_args!("{} was not measured", names[i]));
+            } else if innovations.get(i).is_some_and(|innovation| !innovation.value.is_finite()) {
+                say(note, format_args!("{} was not used", names[i]));
+            }
+        }
+        let [predictions, bands] = session.unknown();
+        if predictions > 0 {
+            let all = session.horizons().len();
+            say(note, format_args!("no finite prediction at {predictions} of {all} horizons"));
+        } else if bands > 0 {
+            let all = session.horizons().len();
+            say(note, format_args!("no prediction bands at {bands} of {all} horizons"));
+        }
+    }
+
+    /// Steers no more.
+    pub(crate) fn release(&mut self) {
+        self.session.release();
+    }
+
+    /// Predicts the track of samples with a pose, without a pilot, too.
+    pub(crate) fn predict_track(&mut self) {
+        let place =
+            |name: &str| self.model.description.outputs.iter().position(|port| port.channel.name == name);
+        if let [Some(u), Some(v), Some(r)] = ["u", "v", "r"].map(place) {
+            self.session.predict_track_of([u, v, r]);
+        }
+    }
+
+    /// Prediction of an output at each horizon.
+    pub(crate) fn prediction(&self, output: usize) -> impl Iterator<Item = f64> {
+        self.session.prediction(output)
+    }
+
+    /// Their standard deviations.
+    pub(crate) fn deviations(&self, output: usize) -> impl Iterator<Item = f64> {
+        self.session.deviations(output)
+    }
+
+    /// Predicted poses at the horizons, and upper bounds of the standard deviations of position \[m\] and heading \[rad\].
+    pub(crate) fn track(&self) -> (&[[f64; 3]], &[[f64; 2]]) {
+        self.session.track()
+    }
+
+    /// The adapter.
+    pub(crate) fn adapter(&self) -> &dyn Adapter {
+        self.session.adapter()
+    }
+
+    /// The adapter.
+    pub(crate) fn adapter_mut(&mut self) -> &mut dyn Adapter {
+        self.session.adapter_mut()
+    }
+
+    /// The controller, while it steers.
+    pub(crate) fn pilot(&self) -> Option<&Pilot> {
+        self.session.pilot()
+    }
+
+    /// Remarks since they were cleared.
+    pub(crate) fn note(&self) -> &str {
+        &self.note
+    }
+
+    /// Clears the remarks.
+    pub(crate) fn clear_note(&mut self) {
+        self.note.clear();
+    }
+
+    /// The answer to a sample that was followed, without its end.
+    pub(crate) fn write(&mut self, number: u64, t: f64, status: Status) {
+        self.writer.begin(number, Some(t), status, &self.note);
+        self.write_steering(true);
+        self.writer.session(&self.session);
+        if self.session.pilot().is_some() {
+            self.writer.track(&self.session);
+        }
+    }
+
+    pub(super) fn write_steering(&mut self, used: bool) {
+        if let Some(pilot) = self.session.pilot() {
+            self.writer.steering(pilot, used);
+        }
+    }
+}
+
+pub(super) fn say(note: &mut String, remark: std::fmt::Arguments<'_>) {
+    if !note.is_empty() {
+        note.push_str("; ");
+    }
+    let _ = note.write_fmt(remark);
+}
