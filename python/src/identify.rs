@@ -124,7 +124,8 @@ pub(crate) fn identify(
     // Velocities from sensors take about as long as the models.
     let share = if reading.selection.sensors.is_some() { 0.5 } else { 0.0 };
     let reading_logs = move |control: &Control, done: f64| control.report(share * done);
-    let (raw, mut notes) = tables(py, &given.all().collect::<Vec<_>>(), &mut reading, progress, reading_logs)?;
+    let (raw, mut notes) =
+        tables(py, &given.all().collect::<Vec<_>>(), &mut reading, progress, reading_logs)?;
     let sources = raw.iter().map(|log| log.path.clone()).collect();
     let mut raw = raw.into_iter();
     let raw = given.map(|_| raw.next().expect("one table for each log"));

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::io::{IsTerminal, Write as _};
 use std::ops::ControlFlow;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
 use hydroid::atomic;
@@ -19,14 +19,14 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 /// Action at an interruption, for threads that wait for input.
 static AT_INTERRUPT: Mutex<Option<Box<dyn FnOnce() + Send>>> = Mutex::new(None);
 
-/// Time after which an interrupted program ends wherever it is.
-const GRACE: Duration = Duration::from_millis(800);
+/// Time after which an interrupted program ends wherever it is \[ms\].
+static GRACE_MS: AtomicU64 = AtomicU64::new(800);
 
 /// Longest time to wait for a file that is being written.
 const WRITING: Duration = Duration::from_secs(5);
 
 /// Installs the signal handler: the first ctrl-C, SIGTERM or SIGHUP requests a stop, and ends a program that is blocked after
-/// [`GRACE`]; the second ends it at once.
+/// [`GRACE_MS`]; the second ends it at once.
 pub fn catch_interrupt() {
     // Without a handler, ctrl-C ends the program at once; files are written atomically in either case.
     let _ = ctrlc::set_handler(|| {
@@ -38,7 +38,7 @@ pub fn catch_interrupt() {
             std::thread::spawn(act);
         }
         std::thread::spawn(|| {
-            std::thread::sleep(GRACE);
+            std::thread::sleep(Duration::from_millis(GRACE_MS.load(Ordering::Relaxed)));
             let _settled = atomic::settle(WRITING);
             std::process::exit(130);
         });
@@ -53,6 +53,11 @@ fn printable(text: &str) -> Cow<'_, str> {
     }
     let escaped = |c: char| if hostile(c) { format!("\\u{:04x}", u32::from(c)) } else { c.to_string() };
     Cow::Owned(text.chars().map(escaped).collect())
+}
+
+/// Gives an interrupted program more time to end.
+pub fn grant(time: Duration) {
+    GRACE_MS.store(u64::try_from(time.as_millis()).unwrap_or(u64::MAX), Ordering::Relaxed);
 }
 
 /// Sets the action at an interruption. It runs in a thread and must end the program.

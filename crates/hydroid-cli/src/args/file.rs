@@ -1,6 +1,6 @@
-//! Options of `hydroid adapt` and `hydroid control` in a TOML file.
+//! Options of `hydroid adapt`, `hydroid control` and `hydroid live` in a TOML file.
 //!
-//! Each key of the section `[adapt]` or `[control]` is an option with `_` in place of `-`. The values become arguments;
+//! Each key of the section `[adapt]`, `[control]` or `[live]` is an option with `_` in place of `-`. The values become arguments;
 //! the command line takes precedence.
 
 use std::any::TypeId;
@@ -36,6 +36,7 @@ pub enum Value {
 struct Sections {
     adapt: Section,
     control: Section,
+    live: Section,
 }
 
 /// Arguments from a file.
@@ -50,7 +51,9 @@ pub struct FromFile {
 /// folder. Options on the command line are omitted.
 pub fn read(command: &Command, matches: &ArgMatches) -> anyhow::Result<Option<FromFile>> {
     let Some((name, given)) = matches.subcommand() else { return Ok(None) };
-    let Some(verb) = ["adapt", "control"].into_iter().find(|verb| *verb == name) else { return Ok(None) };
+    let Some(verb) = ["adapt", "control", "live"].into_iter().find(|verb| *verb == name) else {
+        return Ok(None);
+    };
     // A recording contains all options of its session.
     if verb == "adapt" && given.contains_id("replay") {
         return Ok(None);
@@ -60,9 +63,25 @@ pub fn read(command: &Command, matches: &ArgMatches) -> anyhow::Result<Option<Fr
         None if Path::new(config::FILE).exists() => PathBuf::from(config::FILE),
         None => return Ok(None),
     };
-    let sections: Sections = toml_file::read(&path).context("the configuration file cannot be used")?;
-    let section = if verb == "adapt" { sections.adapt } else { sections.control };
-    let Some(command) = command.find_subcommand(verb) else { return Ok(None) };
+    let arguments = section(command, verb, &path, Some(given))?;
+    Ok((!arguments.is_empty()).then_some(FromFile { path, verb, arguments }))
+}
+
+/// The options of a section of a file as arguments of its subcommand. Those that were given on the command line are
+/// omitted.
+pub fn section(
+    command: &Command,
+    verb: &str,
+    path: &Path,
+    given: Option<&ArgMatches>,
+) -> anyhow::Result<Vec<OsString>> {
+    let sections: Sections = toml_file::read(path).context("the configuration file cannot be used")?;
+    let section = match verb {
+        "adapt" => sections.adapt,
+        "live" => sections.live,
+        _ => sections.control,
+    };
+    let Some(command) = command.find_subcommand(verb) else { return Ok(Vec::new()) };
     let mut arguments = Vec::new();
     for (key, value) in &section {
         let place = || format!("{}, section [{verb}], key {key}", path.display());
@@ -70,24 +89,27 @@ pub fn read(command: &Command, matches: &ArgMatches) -> anyhow::Result<Option<Fr
             bail!("{}: write {}", place(), key.replace('-', "_"));
         }
         let Some(arg) = option(command, key) else {
+            let help = if verb == "live" { "--help" } else { "--help-advanced" };
             bail!(
-                "{}: hydroid {verb} has no option --{}; `hydroid {verb} --help-advanced` lists all of them",
+                "{}: hydroid {verb} has no option --{}; `hydroid {verb} {help}` lists all of them",
                 place(),
                 key.replace('_', "-")
             );
         };
-        if given.value_source(arg.get_id().as_str()) == Some(ValueSource::CommandLine) {
+        let is_given =
+            |given: &ArgMatches| given.value_source(arg.get_id().as_str()) == Some(ValueSource::CommandLine);
+        if given.is_some_and(is_given) {
             continue;
         }
-        arguments.extend(words(arg, value, &path).with_context(place)?);
+        arguments.extend(words(arg, value, path).with_context(place)?);
     }
-    Ok((!arguments.is_empty()).then_some(FromFile { path, verb, arguments }))
+    Ok(arguments)
 }
 
 fn option<'a>(command: &'a Command, key: &str) -> Option<&'a Arg> {
     let long = key.replace('_', "-");
     let named = |arg: &&Arg| arg.get_long() == Some(long.as_str());
-    let excluded = ["config", "help", "help-advanced", "replay"];
+    let excluded = ["config", "help", "help-advanced", "print-config", "replay"];
     command.get_arguments().find(named).filter(|_| !excluded.contains(&long.as_str()))
 }
 

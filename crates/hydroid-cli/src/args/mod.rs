@@ -5,6 +5,7 @@ mod control;
 mod file;
 mod help;
 mod identify;
+mod live;
 mod manoeuvre;
 pub mod study;
 mod thesis;
@@ -22,6 +23,7 @@ pub use adapt::{Adapt, AnswerArgs, KalmanArgs, Learner, LeastSquaresArgs};
 pub use control::{Control, ControllerKind, TaskKind, TimingKind};
 pub use hydroid::config::{Duration, Horizon};
 pub use identify::Identify;
+pub use live::Live;
 pub use manoeuvre::Manoeuvre;
 pub use study::{GuardStudy, Study};
 pub use thesis::Thesis;
@@ -42,6 +44,7 @@ use values::{Pair, parse_timing};
   hydroid adapt out/sindy.safetensors d.csv     online adaptation, compared with the frozen model
   hydroid manoeuvre out/sindy.safetensors -o trials    turning circle, zigzag and other trials
   hydroid control hydrofoil --controller fl --speed 4 --radius 30 -o run       closed loop with a model
+  hydroid live new -c boat.toml                 on board: records, learns and steers over MAVLink
 
 Exit status: 0 done, 1 done but a stated criterion was missed, 2 wrong input, 130 interrupted."
 )]
@@ -92,6 +95,29 @@ impl Args {
     }
 }
 
+/// The arguments of `hydroid control` in a configuration file.
+///
+/// # Errors
+/// If the section [control] cannot be used.
+pub fn control_of(file: &std::path::Path) -> anyhow::Result<Control> {
+    let command = Args::command();
+    let mut words: Vec<OsString> = vec!["hydroid".into(), "control".into()];
+    words.extend(file::section(&command, "control", file, None)?);
+    let matches = command.try_get_matches_from(words);
+    let args = matches.and_then(|matches| Args::from_arg_matches(&matches)).map_err(|error| {
+        let text = error.render().to_string();
+        anyhow!(
+            "with the section [control] of {}: {}",
+            file.display(),
+            text.trim_start_matches("error: ").trim_end()
+        )
+    })?;
+    match args.command {
+        Command::Control(control) => Ok(*control),
+        _ => Err(anyhow!("the section [control] of {} cannot be used", file.display())),
+    }
+}
+
 /// Options of every command.
 #[derive(Clone, Copy, Debug, ClapArgs)]
 pub struct Global {
@@ -117,6 +143,7 @@ pub enum Command {
     Adapt(Box<Adapt>),
     Manoeuvre(Manoeuvre),
     Control(Box<Control>),
+    Live(Box<Live>),
     Thesis(Thesis),
     Study(Study),
 }

@@ -1,6 +1,6 @@
 //! `hydroid control`.
 
-mod options;
+pub(super) mod options;
 mod service;
 
 use std::path::Path;

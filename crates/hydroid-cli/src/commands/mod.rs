@@ -6,6 +6,7 @@ mod convert;
 mod evaluate;
 mod identify;
 mod inspect;
+mod live;
 mod manoeuvre;
 mod previous_output;
 mod simulate;
@@ -53,6 +54,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         Command::Adapt(adapt) => adapt::run(&adapt, args.global),
         Command::Manoeuvre(manoeuvre) => manoeuvre::run(&manoeuvre, args.global),
         Command::Control(control) => control::run(&control, args.global),
+        Command::Live(live) => live::run(&live, args.global),
         Command::Thesis(thesis) => thesis::run(&thesis, args.global),
         Command::Study(study) => study::run(&study, args.global),
     }

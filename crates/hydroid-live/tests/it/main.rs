@@ -1,9 +1,13 @@
-//! Integration tests of the live stream and the black box.
+//! Integration tests of the session on board, the live stream and the black box.
 
 mod black_box;
 mod boat;
+mod experiment;
+mod helm;
+mod page;
 mod random_streams;
 mod repaired;
+mod simulated_boats;
 mod stream;
 mod stream_parts;
 mod through_water;

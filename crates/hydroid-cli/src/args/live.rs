@@ -1,0 +1,138 @@
+//! Arguments of `hydroid live`.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+use clap::Args as ClapArgs;
+
+use super::values::{NamedRange, Pair};
+
+/// Commands to the autopilot.
+#[derive(Debug, ClapArgs)]
+#[command(next_help_heading = "Commands")]
+pub struct CommandArgs {
+    /// Permit commands to the autopilot: experiments, and steering with a model
+    #[arg(long)]
+    pub allow_commands: bool,
+    /// Compute commands and send none
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Experiment that begins as soon as it may: auto, acceleration, zigzag-20, zigzag-10, circle, prbs, chirp
+    #[arg(long, value_name = "NAME")]
+    pub experiment: Option<String>,
+    /// Inputs that push the boat ahead; -NAME pushes astern
+    #[arg(
+        long,
+        help_heading = "Commands",
+        value_delimiter = ',',
+        allow_hyphen_values = true,
+        value_name = "LIST"
+    )]
+    pub push: Vec<String>,
+    /// Inputs that turn it to starboard; -NAME turns to port
+    #[arg(
+        long,
+        help_heading = "Commands",
+        value_delimiter = ',',
+        allow_hyphen_values = true,
+        value_name = "LIST"
+    )]
+    pub turn: Vec<String>,
+    /// Limits of commands in the units of the model (default: pulses from 1100 to 1900 us)
+    #[arg(long, value_delimiter = ',', value_name = "NAME=LOW:HIGH")]
+    pub limit: Vec<NamedRange>,
+    /// Radius of the geofence [m]
+    #[arg(long, default_value_t = 100.0, value_name = "M")]
+    pub fence: f64,
+    /// Centre of the geofence, latitude and longitude [deg] (default: the first position)
+    #[arg(long, allow_hyphen_values = true, value_name = "LAT,LON")]
+    pub fence_centre: Option<Pair>,
+    /// Largest speed over ground [m/s]
+    #[arg(long, default_value_t = 3.0, value_name = "M_S")]
+    pub max_speed: f64,
+    /// Largest yaw rate [deg/s]
+    #[arg(long, default_value_t = 60.0, value_name = "DEG_S")]
+    pub max_yaw_rate: f64,
+    /// Longest duration of an experiment [s]
+    #[arg(long, default_value_t = 900.0, value_name = "S")]
+    pub duration: f64,
+    /// Seed of the signals of experiments
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    pub seed: u64,
+}
+
+/// The page.
+#[derive(Debug, ClapArgs)]
+#[command(next_help_heading = "Page")]
+pub struct PageArgs {
+    /// Address of the page
+    #[arg(long, default_value = "127.0.0.1:8600", value_name = "ADDRESS:PORT")]
+    pub page: SocketAddr,
+    /// No page
+    #[arg(long)]
+    pub no_page: bool,
+    /// Token of the actions (default: the variable HYDROID_TOKEN, else a random one, which is printed)
+    #[arg(long, value_name = "TEXT")]
+    pub token: Option<String>,
+    /// Names under which the page may be opened beside localhost and addresses
+    #[arg(long, value_delimiter = ',', value_name = "LIST")]
+    pub host_names: Vec<String>,
+}
+
+/// On board: learn from an autopilot, predict, guard, record, show, and steer if allowed
+///
+/// The autopilot speaks MAVLink (ArduPilot Rover; others can be read). Sensors and commands are selected in the section [log]
+/// of the configuration file, with the names of the messages. Without a model, hydroid records until the data suffice to
+/// identify one. Commands are sent with --allow-commands only, after checks, and end when the pilot changes the mode.
+#[derive(Debug, ClapArgs)]
+#[command(after_help = "Examples:
+  hydroid live --print-config > boat.toml                   an example of the configuration file
+  hydroid live new -c boat.toml                             record, watch, identify
+  hydroid live boat.safetensors -c boat.toml --link serial:/dev/ttyACM0:115200
+  hydroid live new -c boat.toml --allow-commands --fence 80 --max-speed 2    with experiments from the page
+  hydroid live new -c boat.toml --experiment auto --dry-run --fence 80 --max-speed 2
+
+The section [live] of the configuration file takes the same options, with _ in place of -; the section [control] takes path and
+controller of `hydroid control`. The page is at http://127.0.0.1:8600; actions need the token that is printed.
+
+Exit status: 0 ended by ctrl-C, 2 wrong input.")]
+pub struct Live {
+    /// The model: a .safetensors file, or new to begin without one
+    #[arg(value_name = "MODEL|new", default_value = "new")]
+    pub model: PathBuf,
+    /// Configuration file with the sections [log], [live] and [control] (default: hydroid.toml in the current folder)
+    #[arg(long, short, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Print an example of the configuration file
+    #[arg(long)]
+    pub print_config: bool,
+    /// Link to the autopilot: udpin:ADDRESS:PORT (it sends to this port), udpout:ADDRESS:PORT, tcp:ADDRESS:PORT,
+    /// serial:DEVICE:BAUD
+    #[arg(long, default_value = "udpin:0.0.0.0:14550", value_name = "LINK")]
+    pub link: String,
+    /// System id of the autopilot (default: the first that is heard)
+    #[arg(long, value_name = "ID")]
+    pub system: Option<u8>,
+    /// Own system id; ArduPilot takes commands from that of its ground station only
+    #[arg(long, default_value_t = 255, value_name = "ID")]
+    pub own_system: u8,
+    /// Rate of the messages that the autopilot is asked for [Hz]
+    #[arg(long, default_value_t = 20.0, value_name = "HZ")]
+    pub rate: f64,
+    /// Folder of recordings and identified models
+    #[arg(long, short, default_value = "live", value_name = "DIR")]
+    pub output: PathBuf,
+    /// Begin without a recording
+    #[arg(long)]
+    pub no_record: bool,
+    /// Horizons of the predictions [s]
+    #[arg(long, default_value = "1,2,5,10", value_delimiter = ',', value_name = "LIST")]
+    pub horizons: Vec<f64>,
+    #[command(flatten)]
+    pub commands: CommandArgs,
+    #[command(flatten)]
+    pub web: PageArgs,
+    /// Seconds per second, for simulated boats
+    #[arg(long, hide = true, default_value_t = 1.0)]
+    pub time_scale: f64,
+}

@@ -1,0 +1,226 @@
+//! A session with its link and its page: the loop of `hydroid live`.
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Receiver;
+use std::time::{Duration, Instant};
+
+use hydroid::model::Model;
+
+use super::{Action, Boat, Level, Said};
+use crate::link::UtcClock;
+use crate::link::mavlink::port::Port;
+use crate::link::mavlink::transport::Address;
+use crate::page::{Page, Request};
+
+/// Longest wait for a message: ticks come at least as often.
+const WAIT: Duration = Duration::from_millis(10);
+
+/// Time between states of the page \[ns\].
+const STATE_NS: i64 = 100_000_000;
+
+/// Time between attempts to open a link that has ended \[ns\].
+const REOPEN_NS: i64 = 1_000_000_000;
+
+/// Time after the end in which commands are released.
+const ENDING: Duration = Duration::from_millis(600);
+
+/// Longest time in which messages are taken before ticks and actions have their turn.
+const BUSY: Duration = Duration::from_millis(20);
+
+/// A model that was identified beside the session.
+pub struct Identified {
+    /// Name of its file.
+    pub name: String,
+    /// The model.
+    pub model: Model,
+    /// What its evaluation says.
+    pub text: String,
+}
+
+/// Identifies a model from recordings, and writes it to a folder.
+pub type Identify = Arc<dyn Fn(&[PathBuf], &Path) -> Result<Identified, String> + Send + Sync>;
+
+/// The service cannot run.
+#[derive(Debug, thiserror::Error)]
+pub enum ServiceError {
+    /// The link cannot be opened.
+    #[error("the link {address} cannot be opened: {source}")]
+    Link {
+        /// Its address.
+        address: String,
+        /// Cause.
+        source: io::Error,
+    },
+}
+
+/// A session that runs.
+pub struct Service {
+    boat: Boat,
+    address: Address,
+    port: Option<Port>,
+    clock: UtcClock,
+    page: Option<(Page, Receiver<Request>)>,
+    told: u64,
+    state_ns: i64,
+    opened_ns: i64,
+    outputs: Vec<String>,
+}
+
+impl Service {
+    /// Opens the link.
+    ///
+    /// # Errors
+    /// If it cannot be opened.
+    pub fn open(
+        boat: Boat,
+        address: Address,
+        clock: UtcClock,
+        page: Option<(Page, Receiver<Request>)>,
+    ) -> Result<Self, ServiceError> {
+        let port = Port::open(&address, boat.settings.system, clock)
+            .map_err(|source| ServiceError::Link { address: boat.settings.address.clone(), source })?;
+        Ok(Self {
+            boat,
+            address,
+            port: Some(port),
+            clock,
+            page,
+            told: 0,
+            state_ns: 0,
+            opened_ns: 0,
+            outputs: Vec::new(),
+        })
+    }
+
+    /// Runs until `stop` is set; `tell` hears what is said.
+    pub fn run(&mut self, stop: &AtomicBool, mut tell: impl FnMut(&Said)) {
+        while !stop.load(Ordering::Relaxed) {
+            self.receive();
+            self.answer();
+            self.step(&mut tell);
+        }
+        self.boat.release(self.clock.now_ns());
+        let end = Instant::now() + ENDING;
+        while Instant::now() < end {
+            self.receive();
+            self.step(&mut tell);
+        }
+        self.boat.close(self.clock.now_ns());
+        self.step(&mut tell);
+    }
+
+    fn step(&mut self, tell: &mut impl FnMut(&Said)) {
+        let now_ns = self.clock.now_ns();
+        let Self { boat, port, .. } = self;
+        boat.tick(now_ns, |header, message| {
+            if let Some(port) = port {
+                // A link that is broken for a moment loses messages; its loss is told by the missing heartbeat.
+                let _ = port.send(header, &message);
+            }
+        });
+        if let Some(port) = port
+            && boat.is_lost()
+        {
+            // The autopilot may come back with another address.
+            port.forget_peer();
+        }
+        for said in boat.said_after(self.told) {
+            tell(said);
+            if let Some((page, _)) = &self.page {
+                page.said(said.json().to_string());
+            }
+            self.told = said.id;
+        }
+        self.publish(now_ns);
+    }
+
+    /// Takes the messages that have arrived.
+    fn receive(&mut self) {
+        let Some(port) = &self.port else {
+            std::thread::sleep(WAIT);
+            return self.reopen();
+        };
+        let mut wait = WAIT;
+        let end = Instant::now() + BUSY;
+        loop {
+            if Instant::now() > end {
+                return;
+            }
+            match port.next(wait) {
+                Ok(Some(received)) => {
+                    if self.boat.receive(received.header, &received.message, received.received_ns)
+                        && let (Some((page, _)), Some((measured, predicted))) =
+                            (&self.page, self.boat.compared())
+                    {
+                        let names = self.boat.outputs();
+                        if names != self.outputs {
+                            page.name_series(&names);
+                            self.outputs = names;
+                        }
+                        page.series(received.received_ns as f64 / 1e9, &measured, &predicted);
+                    }
+                    // The rest of what has arrived, and then the commands.
+                    wait = Duration::ZERO;
+                }
+                Ok(None) => return,
+                Err(error) => {
+                    let now_ns = self.clock.now_ns();
+                    self.boat.say(
+                        now_ns,
+                        Level::Warning,
+                        format!("the link has ended: {error}; it is opened again"),
+                    );
+                    self.port = None;
+                    self.opened_ns = now_ns;
+                    return;
+                }
+            }
+        }
+    }
+
+    fn reopen(&mut self) {
+        let now_ns = self.clock.now_ns();
+        if now_ns.saturating_sub(self.opened_ns) < REOPEN_NS {
+            return;
+        }
+        self.opened_ns = now_ns;
+        if let Ok(port) = Port::open(&self.address, self.boat.settings.system, self.clock) {
+            self.port = Some(port);
+            self.boat.say(now_ns, Level::Info, "the link is open again");
+        }
+    }
+
+    /// Answers the actions of the page.
+    fn answer(&mut self) {
+        let Some((_, requests)) = &self.page else { return };
+        while let Ok(Request { action, reply }) = requests.try_recv() {
+            let action: Result<Action, _> = serde_json::from_value(action);
+            let answer = match action {
+                Err(error) => Err(format!("the action is not understood: {error}")),
+                // An action that nobody waits for any more may be a surprise; to stop is none.
+                Ok(action) if !reply.is_awaited() && action != Action::Stop {} => continue,
+                Ok(action) => self.boat.act(action, self.clock.now_ns()),
+            };
+            reply.send(answer);
+        }
+    }
+
+    fn publish(&mut self, now_ns: i64) {
+        let Some((page, _)) = &self.page else { return };
+        if now_ns.saturating_sub(self.state_ns) < STATE_NS {
+            return;
+        }
+        self.state_ns = now_ns;
+        let (damaged, dropped) = self.port.as_ref().map_or((0, 0), |port| {
+            let counts = port.counts();
+            (counts.damaged.load(Ordering::Relaxed), counts.dropped.load(Ordering::Relaxed))
+        });
+        page.state(self.boat.view(now_ns, damaged, dropped).to_string());
+        if let Some(point) = self.boat.pose(now_ns) {
+            page.track(point);
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! A link that is open: a thread reads, the caller writes.
+
+use std::io::{self, Write as _};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::time::Duration;
+
+use ::mavlink::dialects::ardupilotmega::{MavAutopilot, MavMessage};
+use ::mavlink::error::MessageReadError;
+use ::mavlink::{MavHeader, MavlinkReader, write_v2_msg};
+
+use super::transport::{Address, Peer, Sink, Source, open};
+use crate::link::UtcClock;
+
+/// Messages that wait to be taken; more are left out, and counted.
+const WAITING: usize = 4096;
+
+/// A message with the time of its reception.
+pub struct Received {
+    /// Sender.
+    pub header: MavHeader,
+    /// Message.
+    pub message: MavMessage,
+    /// Nanoseconds since 1970.
+    pub received_ns: i64,
+}
+
+/// Numbers of what a link could not use.
+#[derive(Debug, Default)]
+pub struct Counts {
+    /// Frames that no message can be made of: damaged, or of another dialect.
+    pub damaged: AtomicU64,
+    /// Messages that were left out because they were not taken in time.
+    pub dropped: AtomicU64,
+}
+
+/// An open link.
+pub struct Port {
+    messages: Receiver<Received>,
+    sink: Sink,
+    peer: Option<Peer>,
+    counts: Arc<Counts>,
+    closed: Arc<AtomicBool>,
+    frame: Vec<u8>,
+}
+
+impl Port {
+    /// Opens an address, and begins to read. The other side is the first that sends the heartbeat of an autopilot, with this
+    /// system id if one is given.
+    ///
+    /// # Errors
+    /// If the address cannot be opened.
+    pub fn open(address: &Address, system: Option<u8>, clock: UtcClock) -> io::Result<Self> {
+        let (source, sink) = open(address)?;
+        let peer = if let Source::Udp { peer, .. } = &source { Some(peer.clone()) } else { None };
+        let (sender, messages) = sync_channel(WAITING);
+        let (counts, closed) = (Arc::new(Counts::default()), Arc::new(AtomicBool::new(false)));
+        let (told, ended) = (Arc::clone(&counts), Arc::clone(&closed));
+        std::thread::Builder::new()
+            .name("link".to_owned())
+            .spawn(move || read(source, system, clock, &sender, &told, &ended))?;
+        Ok(Self { messages, sink, peer, counts, closed, frame: Vec::new() })
+    }
+
+    /// The next message, or none within a time.
+    ///
+    /// # Errors
+    /// If the link has ended: the connection was closed, or the serial line has gone.
+    pub fn next(&self, within: Duration) -> io::Result<Option<Received>> {
+        match self.messages.recv_timeout(within) {
+            Ok(received) => Ok(Some(received)),
+            Err(RecvTimeoutError::Timeout) => Ok(None),
+            Err(RecvTimeoutError::Disconnected) => {
+                Err(io::Error::new(io::ErrorKind::ConnectionAborted, "the other side has closed the link"))
+            }
+        }
+    }
+
+    /// Sends a message.
+    ///
+    /// # Errors
+    /// If it cannot be sent.
+    pub fn send(&mut self, header: MavHeader, message: &MavMessage) -> io::Result<()> {
+        // A frame is one datagram.
+        self.frame.clear();
+        write_v2_msg(&mut self.frame, header, message).map_err(io::Error::other)?;
+        self.sink.write_all(&self.frame)?;
+        self.sink.flush()
+    }
+
+    /// Accepts another address from now on, after the loss of the link.
+    pub fn forget_peer(&self) {
+        if let Some(peer) = &self.peer {
+            peer.forget();
+        }
+    }
+
+    /// What could not be used so far.
+    pub fn counts(&self) -> &Counts {
+        &self.counts
+    }
+}
+
+impl Drop for Port {
+    fn drop(&mut self) {
+        self.closed.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Reads until the link ends or nobody takes the messages any more.
+fn read(
+    source: Source,
+    system: Option<u8>,
+    clock: UtcClock,
+    sender: &SyncSender<Received>,
+    counts: &Counts,
+    closed: &AtomicBool,
+) {
+    let mut reader = MavlinkReader::new(source);
+    while !closed.load(Ordering::Relaxed) {
+        match reader.read_any_message::<MavMessage>() {
+            Ok((header, message)) => {
+                let received_ns = clock.now_ns();
+                if let MavMessage::HEARTBEAT(beat) = &message
+                    && beat.autopilot != MavAutopilot::MAV_AUTOPILOT_INVALID
+                    && system.is_none_or(|system| u32::from(system) == header.system_id)
+                {
+                    reader.get_ref().accept();
+                }
+                match sender.try_send(Received { header, message, received_ns }) {
+                    Ok(()) => {}
+                    Err(TrySendError::Full(_)) => drop(counts.dropped.fetch_add(1, Ordering::Relaxed)),
+                    Err(TrySendError::Disconnected(_)) => return,
+                }
+            }
+            Err(MessageReadError::Parse(_)) => drop(counts.damaged.fetch_add(1, Ordering::Relaxed)),
+            Err(MessageReadError::Io(error)) => match error.kind() {
+                io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted => {}
+                // Nobody listens at the address of a boat that is still off.
+                io::ErrorKind::ConnectionRefused => std::thread::sleep(super::transport::TIMEOUT),
+                _ => return,
+            },
+        }
+    }
+}
