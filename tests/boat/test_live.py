@@ -58,4 +58,4 @@ def test_from_an_unknown_boat_to_a_steered_one(sea):
     boat.mode_switch(MANUAL)
     time.sleep(2.0)
     assert hydroid.state["helm"]["state"] == "off", "it began again by itself"
-    assert hydroid.stop() == 0
+    assert hydroid.stop() == 130

@@ -24,7 +24,7 @@ def rows(path, topic):
 def test_a_complete_recording_has_what_was_sent(sea):
     boat, hydroid = sea("new", scale=4.0)
     path = recording(hydroid)
-    assert hydroid.stop() == 0
+    assert hydroid.stop() == 130
     attitudes = rows(path, "ATTITUDE")
     assert len(attitudes) > 100
     assert all(later > earlier for (earlier, _), (later, _) in zip(attitudes, attitudes[1:]))

@@ -95,7 +95,7 @@ pub struct PageArgs {
 The section [live] of the configuration file takes the same options, with _ in place of -; the section [control] takes path and
 controller of `hydroid control`. The page is at http://127.0.0.1:8600; actions need the token that is printed.
 
-Exit status: 0 ended by ctrl-C, 2 wrong input.")]
+Exit status: 130 ended by ctrl-C, 2 wrong input.")]
 pub struct Live {
     /// The model: a .safetensors file, or new to begin without one
     #[arg(value_name = "MODEL|new", default_value = "new")]
@@ -132,7 +132,7 @@ pub struct Live {
     pub commands: CommandArgs,
     #[command(flatten)]
     pub web: PageArgs,
-    /// Seconds per second, for simulated boats
-    #[arg(long, hide = true, default_value_t = 1.0)]
+    /// Seconds of the session in a second of the clock, for a simulated boat that is faster
+    #[arg(long, default_value_t = 1.0, value_name = "X")]
     pub time_scale: f64,
 }

@@ -1,5 +1,6 @@
 //! `hydroid live`.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Arc;
@@ -61,7 +62,8 @@ pub fn run(args: &Live, global: Global) -> anyhow::Result<Outcome> {
     let ended = Arc::clone(&stop);
     ui::at_interrupt(move || ended.store(true, Ordering::SeqCst));
     service.run(&stop, |said| tell(said, global));
-    Ok(Outcome::Done)
+    // Everything is written; as every command that is interrupted.
+    std::process::exit(130)
 }
 
 fn settings(args: &Live, config: Config, file: &Path) -> anyhow::Result<Settings> {
@@ -130,8 +132,16 @@ fn page(args: &Live) -> anyhow::Result<(Opened, String)> {
     };
     let options =
         page::Options { address: args.web.page, token: token.clone(), names: args.web.host_names.clone() };
-    let opened = Page::start(options, page::ASSETS).with_context(|| {
-        format!("the page cannot be served at {}: name another address with --page", args.web.page)
+    let opened = Page::start(options, page::ASSETS).map_err(|error| {
+        let is_option = error.kind() == ErrorKind::InvalidInput;
+        let error = anyhow::Error::from(error);
+        if is_option {
+            return error;
+        }
+        error.context(format!(
+            "the page cannot be served at {}: name another address with --page",
+            args.web.page
+        ))
     })?;
     Ok((opened, token))
 }

@@ -100,7 +100,7 @@ impl Boat {
             Action::Experiment { name } => self.begin_experiment(&name, now_ns),
             Action::Steer {} => self.begin_steering(now_ns),
             Action::Stop {} => {
-                self.hands_off(now_ns, "stopped by the operator");
+                self.hands_off(now_ns, Level::Info, "stopped by the operator");
                 Ok("hands off".to_owned())
             }
         }

@@ -354,6 +354,7 @@ impl Boat {
         if matches!(self.steering, Steering::Preparing(_)) {
             self.hands_off(
                 now_ns,
+                Level::Warning,
                 "the state of the autopilot has changed while the controller was being prepared",
             );
         }
@@ -436,7 +437,7 @@ impl Boat {
     fn watch(&mut self, now_ns: i64) {
         self.begin_planned(now_ns);
         if self.is_commanding() && !self.is_located(now_ns) {
-            self.hands_off(now_ns, "there is no position or no heading any more");
+            self.hands_off(now_ns, Level::Warning, "there is no position or no heading any more");
         }
         let Some(recording) = &self.recording else { return };
         let health = recording.health();
@@ -522,6 +523,7 @@ impl Boat {
                     offered.0.name, offered.1
                 );
                 self.offered = Some(offered);
+                self.update_learning();
                 self.say(now_ns, Level::Info, text);
             }
             Err(error) => self.say(now_ns, Level::Error, format!("no model was identified: {error}")),
@@ -579,7 +581,7 @@ impl Boat {
 
     /// Ends commands. [`tick`](Self::tick) must still send the release.
     pub fn release(&mut self, now_ns: i64) {
-        self.hands_off(self.now_ns.max(now_ns), "hydroid ends");
+        self.hands_off(self.now_ns.max(now_ns), Level::Info, "hydroid ends");
     }
 
     /// Closes the recording, which may wait for the disk.

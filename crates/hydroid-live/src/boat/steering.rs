@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError};
 
-use hydroid::closed_loop::local_position;
+use hydroid::closed_loop::{ControlMethod, local_position};
 use hydroid::config::control::{NamedModel, Setup};
 use hydroid::identify::GivenRange;
 use hydroid::log::LogError;
@@ -196,8 +196,8 @@ impl Boat {
         Some(Fence::Circle { north, east, radius: limits.fence_m })
     }
 
-    /// Releases the helm.
-    pub(super) fn hands_off(&mut self, now_ns: i64, reason: &str) {
+    /// Releases the helm. `level` is that of the message: information if it was asked for.
+    pub(super) fn hands_off(&mut self, now_ns: i64, level: Level, reason: &str) {
         let was = !matches!(self.steering, Steering::Off);
         self.steering.end();
         self.planned = None;
@@ -210,9 +210,9 @@ impl Boat {
             helm.release(now_ns, reason);
         }
         if was && !is_told {
-            self.say(now_ns, Level::Info, format!("hands off: {reason}"));
+            self.say(now_ns, level, format!("hands off: {reason}"));
         }
-        self.hear_helm(now_ns, Level::Info);
+        self.hear_helm(now_ns, level);
     }
 
     /// Whether commands may begin.
@@ -246,6 +246,22 @@ impl Boat {
         }
     }
 
+    /// Whether the boat is within the fence.
+    fn check_fence(&self) -> Result<(), String> {
+        let here = self.motion.at(self.motion.time()).map(|row| row.pose);
+        let (Some(fence), Some([north, east, _])) = (self.fence(), here) else {
+            return Err("there is no position yet: wait for the GNSS".to_owned());
+        };
+        let margin = fence.margin(north, east);
+        if margin > 0.0 {
+            return Ok(());
+        }
+        Err(format!(
+            "the boat is {:.0} m outside of the geofence: take it inside, or move the fence",
+            -margin
+        ))
+    }
+
     pub(super) fn begin_experiment(&mut self, name: &str, now_ns: i64) -> Result<String, String> {
         self.check_free()?;
         let kind = Kind::from_str(name)?;
@@ -265,6 +281,7 @@ impl Boat {
         };
         let explored = self.explored.as_ref().map_err(Clone::clone)?;
         let experiment = Box::new(Experiment::new(kind, settings, explored)?);
+        self.check_fence()?;
         self.check_commands(now_ns)?;
         // The disk may take a while: the helm is taken afterwards.
         if self.recording.is_none() {
@@ -299,10 +316,10 @@ impl Boat {
                 self.command(&values, now_ns);
             }
             Step::Done(text) => {
-                self.hands_off(now_ns, &format!("the experiment {kind} is complete: {text}"));
+                self.hands_off(now_ns, Level::Info, &format!("the experiment {kind} is complete: {text}"));
             }
             Step::Abort(text) => {
-                self.hands_off(now_ns, &format!("the experiment {kind} was aborted: {text}"));
+                self.hands_off(now_ns, Level::Warning, &format!("the experiment {kind} was aborted: {text}"));
             }
         }
     }
@@ -326,9 +343,13 @@ impl Boat {
         let active = self.active.as_ref().ok_or("there is no model on board: identify and adopt one")?;
         self.check_commands(now_ns)?;
         let mut options = self.settings.control.clone();
-        options.adapt = active.is_learning;
-        // A plan that takes longer than a step is late; the best one so far is used.
-        options.plan_time.get_or_insert(500.0 * active.model.description.dt / self.settings.time_scale);
+        let by_model = options.controller != ControlMethod::Autopilot;
+        options.adapt = active.is_learning && by_model;
+        if options.controller == ControlMethod::CrossEntropy {
+            // A plan that takes longer than a step is late; the best one so far is used.
+            let half_step_ms = 500.0 * active.model.description.dt / self.settings.time_scale;
+            options.plan_time.get_or_insert(half_step_ms);
+        }
         for column in self.commands.columns() {
             let name = &column.source.channel.name;
             if let Some([low, high]) = limits(&self.settings, column, name) {
@@ -397,6 +418,7 @@ impl Boat {
         }
         let active = self.active.as_mut().ok_or("there is no model on board")?;
         let pilot = setup.pilot(active.follower().adapter()).map_err(|error| chain(&error))?;
+        self.check_fence()?;
         self.begin_commands(now_ns)?;
         let active = self.active.as_mut().ok_or("there is no model on board")?;
         active.steer(pilot, origin).map_err(|error| error.to_string())?;
@@ -417,19 +439,20 @@ impl Boat {
         let limits = self.settings.experiment;
         let is_outside = self.fence().is_some_and(|fence| fence.margin(at[0], at[1]) < 0.0);
         if at.iter().chain(&[u, v, r]).any(|x| !x.is_finite()) {
-            self.hands_off(now_ns, "position or motion are not known");
+            self.hands_off(now_ns, Level::Warning, "position or motion are not known");
         } else if is_outside {
-            self.hands_off(now_ns, "the boat is outside the geofence");
+            self.hands_off(now_ns, Level::Warning, "the boat is outside the geofence");
         } else if u.hypot(v) > limits.max_speed_m_s || r.abs() > limits.max_yaw_rate_rad_s {
             self.hands_off(
                 now_ns,
+                Level::Warning,
                 &format!(
                     "the speed of {:.1} m/s or the yaw rate of {r:.2} rad/s is above its limit",
                     u.hypot(v)
                 ),
             );
         } else if status == "arrived" {
-            self.hands_off(now_ns, "the end of the path is reached");
+            self.hands_off(now_ns, Level::Info, "the end of the path is reached");
         } else {
             self.command(&command, now_ns);
         }
