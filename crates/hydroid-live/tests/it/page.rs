@@ -332,6 +332,7 @@ fn large_heads_are_refused() {
 }
 
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn slow_heads_end_and_others_go_on() {
     let (page, _requests) = start();
     thread::scope(|scope| {
@@ -600,6 +601,7 @@ fn names_of_other_sites_are_refused() {
 }
 
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn a_service_without_answer_is_told() {
     let (page, requests) = start();
     thread::scope(|scope| {
@@ -650,6 +652,7 @@ fn an_action_is_done_even_if_the_operator_leaves() {
 }
 
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn a_service_that_hangs_gets_few_requests() {
     let (page, requests) = start();
     // Operators that leave do not fill the memory.
@@ -786,6 +789,7 @@ fn the_state_is_the_newest() {
 }
 
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn silence_is_a_comment() {
     let (page, _requests) = start();
     let mut reader = Reader::open(&page).unwrap();
@@ -884,6 +888,7 @@ fn a_thousand_connections_change_nothing_for_the_others() {
 }
 
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn slow_downloads_do_not_keep_an_operator_out() {
     let (page, service) = served();
     let mut reader = Reader::open(&page).unwrap();
@@ -914,6 +919,7 @@ fn slow_downloads_do_not_keep_an_operator_out() {
 }
 
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn a_reader_that_does_not_read_is_dropped_alone() {
     let (page, _requests) = start();
     let mut reader = Reader::open(&page).unwrap();
@@ -960,6 +966,7 @@ fn a_reader_that_does_not_read_is_dropped_alone() {
 }
 
 #[test]
+#[ignore = "slow tier: .ci/run runs it"]
 fn a_slow_reader_skips_states() {
     let (page, _requests) = start();
     let mut reader = Reader::open(&page).unwrap();
