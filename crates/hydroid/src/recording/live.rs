@@ -258,6 +258,12 @@ impl LiveMotion {
     pub fn change_sensors(&mut self, topics: &LiveTopics, sensors: &Sensors) -> Result<(), LogError> {
         let mut changed = Self::new(topics, sensors)?;
         (changed.origin_deg, changed.last_fix) = (self.origin_deg, self.last_fix);
+        for health in &mut changed.health {
+            let same = |other: &&SensorHealth| other.columns == health.columns;
+            if let Some(known) = self.health.iter().find(same) {
+                *health = known.clone();
+            }
+        }
         if let Some(Row { pose: [north, east, psi], ground: [u, v, _], .. }) = self.at(self.t) {
             let (sine, cosine) = psi.sin_cos();
             let velocity = [u * cosine - v * sine, u * sine + v * cosine];
