@@ -14,7 +14,8 @@ PAGE = pathlib.Path(__file__).parents[1] / "page"
 
 @pytest.mark.skipif(not shutil.which("chromium"), reason="there is no Chromium")
 def test_page_of_a_session(sea):
-    _, hydroid = sea("new")
+    boat, hydroid = sea("new")
+    boat.sticks(0.2, 0.6)
     hydroid.wait(lambda s: s["motion"], 30, "a motion")
     settings = os.environ | {"HYDROID_URL": hydroid.url, "HYDROID_TOKEN": TOKEN}
     words = [sys.executable, "-m", "pytest", "--quiet", "--timeout", "120", "-p", "no:cacheprovider", str(PAGE)]
