@@ -618,11 +618,13 @@ def test_reload(tab, mock):
 
 def test_hidden_tab_gives_up_its_connection(tab, mock):
     page = tab()
+    expect(value(page, "north")).not_to_have_text("–")
     page.evaluate("""() => {
         Object.defineProperty(document, 'hidden', {configurable: true, get: () => window.asleep === true});
         window.asleep = true;
         document.dispatchEvent(new Event('visibilitychange'));
     }""")
+    page.wait_for_timeout(300)
     north = value(page, "north").text_content()
     page.wait_for_timeout(3000)
     assert value(page, "north").text_content() == north
