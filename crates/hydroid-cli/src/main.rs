@@ -1,44 +1,7 @@
-//! The `hydroid` command: arguments, progress, exit codes; no mathematics.
-//!
-//! Exit status: 0 done, 1 done but a stated criterion was missed, 2 wrong input, 130 interrupted.
-
-// In a binary, `pub` marks the interface of a module.
-#![allow(unreachable_pub)]
-// Help texts come from the comments of `args`; backticks would be printed.
-#![allow(clippy::doc_markdown)]
-
-#[macro_use]
-mod ui;
-
-mod args;
-mod commands;
-mod logs;
-mod outputs;
+//! The `hydroid` command.
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let args = match args::Args::read() {
-        Ok(args) => args,
-        Err(error) => return failure(&error, std::env::args().any(|word| word == "--json")),
-    };
-    ui::catch_interrupt();
-    let json = args.global.json;
-    match commands::run(args) {
-        Ok(outcome) => outcome.into(),
-        Err(error) if ui::interrupted() => {
-            ui::print_error(&error);
-            ExitCode::from(130)
-        }
-        Err(error) => failure(&error, json),
-    }
-}
-
-/// Reports wrong input, with `--json` also as a JSON document.
-fn failure(error: &anyhow::Error, json: bool) -> ExitCode {
-    if json {
-        outln!("{}", serde_json::json!({ "error": ui::error_text(error) }));
-    }
-    ui::print_error(error);
-    ExitCode::from(2)
+    hydroid_cli::main()
 }

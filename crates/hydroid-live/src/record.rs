@@ -36,6 +36,7 @@ pub struct Channel(u16);
 
 enum Item {
     Numbers { channel: Channel, logged_ns: i64, sent_ns: i64, values: Vec<f64> },
+    Message { channel: Channel, logged_ns: i64, sent_ns: i64, bytes: Vec<u8> },
     Text { logged_ns: i64, text: String },
     End,
 }
@@ -79,13 +80,17 @@ impl Recorder {
                 .filter(|field| !field.unit.is_empty())
                 .map(|f| (f.name, f.unit))
                 .collect();
+            let (name, definition) = match &topic.messages {
+                Some(message) => (message.name.to_owned(), message.text.to_owned()),
+                None => (format!("hydroid_msgs/msg/{}", camel(topic.name)), definition),
+            };
             channels.push(Channel(writer.channel(&McapChannel {
                 topic: topic.name,
                 encoding: "cdr",
-                schema: &format!("hydroid_msgs/msg/{}", camel(topic.name)),
+                schema: &name,
                 schema_encoding: "ros2msg",
                 definition: &definition,
-                units: &units,
+                units: if topic.messages.is_some() { &[] } else { &units },
             })?));
         }
         let events = writer.channel(&McapChannel {
@@ -119,6 +124,11 @@ impl Recorder {
     /// Records numbers.
     pub fn numbers(&self, channel: Channel, logged_ns: i64, sent_ns: i64, values: Vec<f64>) {
         self.send(Item::Numbers { channel, logged_ns, sent_ns, values });
+    }
+
+    /// Records a message: CDR with its encapsulation.
+    pub fn message(&self, channel: Channel, logged_ns: i64, sent_ns: i64, bytes: Vec<u8>) {
+        self.send(Item::Message { channel, logged_ns, sent_ns, bytes });
     }
 
     /// Records an event.
@@ -168,6 +178,10 @@ fn write(
                 }
                 unwritten += 1;
                 writer.message(channel, nanoseconds(logged_ns), nanoseconds(sent_ns), &data)
+            }
+            Ok(Item::Message { channel: Channel(channel), logged_ns, sent_ns, bytes }) => {
+                unwritten += 1;
+                writer.message(channel, nanoseconds(logged_ns), nanoseconds(sent_ns), &bytes)
             }
             Ok(Item::Text { logged_ns, text }) => {
                 // The length contains the zero at the end.

@@ -63,14 +63,16 @@ pub fn read(command: &Command, matches: &ArgMatches) -> anyhow::Result<Option<Fr
         None if Path::new(config::FILE).exists() => PathBuf::from(config::FILE),
         None => return Ok(None),
     };
-    let arguments = section(command, verb, &path, Some(given))?;
+    let Some(command) = command.find_subcommand(verb) else { return Ok(None) };
+    let arguments = section(command, &format!("hydroid {verb}"), verb, &path, Some(given))?;
     Ok((!arguments.is_empty()).then_some(FromFile { path, verb, arguments }))
 }
 
-/// The options of a section of a file as arguments of its subcommand. Those that were given on the command line are
-/// omitted.
+/// The options of a section of a file as arguments of a command, which people call by the name `program`. Those that were
+/// given on the command line are omitted.
 pub fn section(
     command: &Command,
+    program: &str,
     verb: &str,
     path: &Path,
     given: Option<&ArgMatches>,
@@ -81,7 +83,6 @@ pub fn section(
         "live" => sections.live,
         _ => sections.control,
     };
-    let Some(command) = command.find_subcommand(verb) else { return Ok(Vec::new()) };
     let mut arguments = Vec::new();
     for (key, value) in &section {
         let place = || format!("{}, section [{verb}], key {key}", path.display());
@@ -91,7 +92,7 @@ pub fn section(
         let Some(arg) = option(command, key) else {
             let help = if verb == "live" { "--help" } else { "--help-advanced" };
             bail!(
-                "{}: hydroid {verb} has no option --{}; `hydroid {verb} {help}` lists all of them",
+                "{}: {program} has no option --{}; `{program} {help}` lists all of them",
                 place(),
                 key.replace('_', "-")
             );

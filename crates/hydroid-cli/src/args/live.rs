@@ -79,6 +79,38 @@ pub struct PageArgs {
     pub host_names: Vec<String>,
 }
 
+/// What sessions over all links have in common.
+#[derive(Debug, ClapArgs)]
+pub struct SessionArgs {
+    /// The model: a .safetensors file, or new to begin without one
+    #[arg(value_name = "MODEL|new", default_value = "new")]
+    pub model: PathBuf,
+    /// Configuration file with the sections [log], [live] and [control] (default: hydroid.toml in the current folder)
+    #[arg(long, short, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Print an example of the configuration file
+    #[arg(long)]
+    pub print_config: bool,
+    /// Folder of recordings and identified models
+    #[arg(long, short, default_value = "live", value_name = "DIR")]
+    pub output: PathBuf,
+    /// Begin without a recording
+    #[arg(long)]
+    pub no_record: bool,
+    /// Horizons of the predictions [s]
+    #[arg(long, default_value = "1,2,5,10", value_delimiter = ',', value_name = "LIST")]
+    pub horizons: Vec<f64>,
+    /// Commands to the vessel.
+    #[command(flatten)]
+    pub commands: CommandArgs,
+    /// The page.
+    #[command(flatten)]
+    pub web: PageArgs,
+    /// Seconds of the session in a second of the clock, for a simulated boat that is faster
+    #[arg(long, default_value_t = 1.0, value_name = "X")]
+    pub time_scale: f64,
+}
+
 /// On board: learn from an autopilot, predict, guard, record, show, and steer if allowed
 ///
 /// The autopilot speaks MAVLink (ArduPilot Rover; others can be read). Sensors and commands are selected in the section [log]
@@ -97,15 +129,8 @@ controller of `hydroid control`. The page is at http://127.0.0.1:8600; actions n
 
 Exit status: 130 ended by ctrl-C, 2 wrong input.")]
 pub struct Live {
-    /// The model: a .safetensors file, or new to begin without one
-    #[arg(value_name = "MODEL|new", default_value = "new")]
-    pub model: PathBuf,
-    /// Configuration file with the sections [log], [live] and [control] (default: hydroid.toml in the current folder)
-    #[arg(long, short, value_name = "FILE")]
-    pub config: Option<PathBuf>,
-    /// Print an example of the configuration file
-    #[arg(long)]
-    pub print_config: bool,
+    #[command(flatten)]
+    pub session: SessionArgs,
     /// Link to the autopilot: udpin:ADDRESS:PORT (it sends to this port), udpout:ADDRESS:PORT, tcp:ADDRESS:PORT,
     /// serial:DEVICE:BAUD
     #[arg(long, default_value = "udpin:0.0.0.0:14550", value_name = "LINK")]
@@ -119,20 +144,4 @@ pub struct Live {
     /// Rate of the messages that the autopilot is asked for [Hz]
     #[arg(long, default_value_t = 20.0, value_name = "HZ")]
     pub rate: f64,
-    /// Folder of recordings and identified models
-    #[arg(long, short, default_value = "live", value_name = "DIR")]
-    pub output: PathBuf,
-    /// Begin without a recording
-    #[arg(long)]
-    pub no_record: bool,
-    /// Horizons of the predictions [s]
-    #[arg(long, default_value = "1,2,5,10", value_delimiter = ',', value_name = "LIST")]
-    pub horizons: Vec<f64>,
-    #[command(flatten)]
-    pub commands: CommandArgs,
-    #[command(flatten)]
-    pub web: PageArgs,
-    /// Seconds of the session in a second of the clock, for a simulated boat that is faster
-    #[arg(long, default_value_t = 1.0, value_name = "X")]
-    pub time_scale: f64,
 }

@@ -2,7 +2,7 @@
 
 mod adapt;
 mod control;
-mod file;
+pub mod file;
 mod help;
 mod identify;
 mod live;
@@ -21,9 +21,10 @@ use hydroid::log::{CommandTiming, InputDelay};
 
 pub use adapt::{Adapt, AnswerArgs, KalmanArgs, Learner, LeastSquaresArgs};
 pub use control::{Control, ControllerKind, TaskKind, TimingKind};
+pub use file::FromFile;
 pub use hydroid::config::{Duration, Horizon};
 pub use identify::Identify;
-pub use live::Live;
+pub use live::{Live, SessionArgs};
 pub use manoeuvre::Manoeuvre;
 pub use study::{GuardStudy, Study};
 pub use thesis::Thesis;
@@ -74,25 +75,37 @@ impl Args {
         // Required options may be in the file.
         let partial = command.clone().ignore_errors(true).try_get_matches_from(&words);
         let from_file = partial.ok().map(|matches| file::read(&command, &matches)).transpose()?.flatten();
-        let parse = |words: &[OsString]| {
-            let matches = command.clone().try_get_matches_from(words)?;
-            Self::from_arg_matches(&matches)
-        };
-        let Some(from_file) = from_file else {
-            return Ok(parse(&words).unwrap_or_else(|error| error.exit()));
-        };
-        let mut all = words.clone();
-        let after = words.iter().position(|word| word == from_file.verb).map_or(words.len(), |at| at + 1);
-        all.splice(after..after, from_file.arguments);
-        parse(&all).map_err(|error| {
-            if !error.use_stderr() {
-                error.exit();
-            }
-            let text = error.render().to_string();
-            let text = text.trim_start_matches("error: ").trim_end();
-            anyhow!("with the section [{}] of {}: {text}", from_file.verb, from_file.path.display())
-        })
+        let after = from_file.as_ref().and_then(|file| words.iter().position(|word| word == file.verb));
+        parse(&command, words, from_file, after.map_or(0, |at| at + 1))
     }
+}
+
+/// Parses words, with those of a file behind the first ones. Help and invalid arguments end the program.
+///
+/// # Errors
+/// The words of the file are invalid.
+pub fn parse<A: FromArgMatches>(
+    command: &clap::Command,
+    mut words: Vec<OsString>,
+    from_file: Option<FromFile>,
+    after: usize,
+) -> anyhow::Result<A> {
+    let of = |words: &[OsString]| {
+        let matches = command.clone().try_get_matches_from(words)?;
+        A::from_arg_matches(&matches)
+    };
+    let Some(FromFile { path, verb, arguments }) = from_file else {
+        return Ok(of(&words).unwrap_or_else(|error| error.exit()));
+    };
+    words.splice(after..after, arguments);
+    of(&words).map_err(|error| {
+        if !error.use_stderr() {
+            error.exit();
+        }
+        let text = error.render().to_string();
+        let text = text.trim_start_matches("error: ").trim_end();
+        anyhow!("with the section [{verb}] of {}: {text}", path.display())
+    })
 }
 
 /// The arguments of `hydroid control` in a configuration file.
@@ -102,7 +115,9 @@ impl Args {
 pub fn control_of(file: &std::path::Path) -> anyhow::Result<Control> {
     let command = Args::command();
     let mut words: Vec<OsString> = vec!["hydroid".into(), "control".into()];
-    words.extend(file::section(&command, "control", file, None)?);
+    if let Some(control) = command.find_subcommand("control") {
+        words.extend(file::section(control, "hydroid control", "control", file, None)?);
+    }
     let matches = command.try_get_matches_from(words);
     let args = matches.and_then(|matches| Args::from_arg_matches(&matches)).map_err(|error| {
         let text = error.render().to_string();

@@ -1,6 +1,6 @@
 //! `hydroid control`.
 
-pub(super) mod options;
+pub(crate) mod options;
 mod service;
 
 use std::path::Path;

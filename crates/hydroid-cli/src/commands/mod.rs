@@ -1,7 +1,7 @@
 //! Subcommands, one file each.
 
 mod adapt;
-mod control;
+pub(crate) mod control;
 mod convert;
 mod evaluate;
 mod identify;

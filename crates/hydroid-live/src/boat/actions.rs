@@ -4,6 +4,7 @@ use serde::Deserialize;
 
 use super::steering::Steering;
 use super::{Boat, Level};
+use crate::link::Link;
 
 /// An action of the operator.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
@@ -34,7 +35,7 @@ pub enum Action {
     Stop {},
 }
 
-impl Boat {
+impl<L: Link> Boat<L> {
     /// Names of the actions that are possible now.
     pub(super) fn possible(&self) -> Vec<&'static str> {
         let steering = !matches!(self.steering, Steering::Off);
@@ -53,8 +54,8 @@ impl Boat {
             ),
             ("adopt", self.offered.is_some() && !steering),
             ("roll-back", self.previous.is_some() && !steering),
-            ("experiment", !steering && self.helm.is_ok()),
-            ("steer", !steering && self.helm.is_ok() && self.active.is_some()),
+            ("experiment", !steering && self.link.impossible().is_none()),
+            ("steer", !steering && self.link.impossible().is_none() && self.active.is_some()),
             ("stop", true),
         ]
         .into_iter()

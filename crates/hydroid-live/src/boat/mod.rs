@@ -26,26 +26,21 @@ use std::path::PathBuf;
 use std::str::FromStr as _;
 use std::sync::mpsc::{Receiver, TryRecvError};
 
-use ::mavlink::MavHeader;
-use ::mavlink::dialects::ardupilotmega::MavMessage;
-
 use hydroid::log::LogError;
 use hydroid::model::Model;
 use hydroid::recording::{LiveInputs, LiveMotion, LiveTopics};
 
 use crate::experiment::Explored;
-use crate::link::mavlink::helm::{self, Helm};
-use crate::link::mavlink::{self, Autopilot, topics::TOPICS};
-use crate::link::{Event, Row};
+use crate::link::{Event, HelmEvent, Link, Row};
 use on_board::OnBoard;
 use recording::Recording;
 use steering::Steering;
 
 pub use actions::Action;
 pub use on_board::OnBoardError;
-pub use run::{Identified, Identify, Service, ServiceError};
+pub use run::{Identified, Identify, Open, Service, ServiceError};
 pub use settings::{ExperimentLimits, Settings};
-pub use view::Level;
+pub use view::{Level, Predicted};
 
 /// Without a position or a heading for this time \[s\] beyond their usual steps, commands end.
 const STALE_S: f64 = 1.0;
@@ -70,10 +65,10 @@ pub struct Said {
 }
 
 /// A session on board.
-pub struct Boat {
+pub struct Boat<L> {
     settings: Settings,
     begun_ns: i64,
-    autopilot: Autopilot,
+    link: L,
     autopilot_name: Option<String>,
     state: Option<crate::link::State>,
     lost_since_ns: Option<i64>,
@@ -89,7 +84,6 @@ pub struct Boat {
     delays_ns: Vec<f64>,
     /// An experiment that begins as soon as it may, and why it did not yet.
     planned: Option<(String, String)>,
-    helm: Result<Helm, String>,
     steering: Steering,
     active: Option<OnBoard>,
     previous: Option<OnBoard>,
@@ -117,14 +111,15 @@ fn seconds(begun_ns: i64, at_ns: i64) -> f64 {
     at_ns.saturating_sub(begun_ns) as f64 / 1e9
 }
 
-impl Boat {
+impl<L: Link> Boat<L> {
     /// Before the first message; `now_ns` is in nanoseconds since 1970.
     ///
     /// # Errors
     /// If sensors or commands are none of the link.
-    pub fn new(settings: Settings, now_ns: i64) -> Result<Self, LogError> {
+    pub fn new(settings: Settings, mut link: L, now_ns: i64) -> Result<Self, LogError> {
         let fields = |topic: &crate::link::Topic| topic.fields.iter().map(|field| (field.name, field.unit));
-        let topics = LiveTopics::new("the link", TOPICS.iter().map(|topic| (topic.name, fields(topic))));
+        let all = link.topics().iter();
+        let topics = LiveTopics::new("the link", all.map(|topic| (topic.name, fields(topic))));
         let Some(sensors) = &settings.selection.sensors else {
             return Err(LogError::Unusable {
                 path: "the settings".to_owned(),
@@ -135,29 +130,16 @@ impl Boat {
         let motion = LiveMotion::new(&topics, sensors)?;
         let commands = LiveInputs::new(&topics, &settings.selection)?;
         steering::check_limits(&settings, commands.columns())?;
-        let axes = steering::axes(&settings, commands.columns());
-        let helm = axes.and_then(|axes| {
-            let options = helm::Options {
-                own_system: settings.own_system,
-                is_allowed: settings.may_command,
-                is_dry_run: settings.is_dry_run,
-            };
-            Helm::new(axes, options)
-        });
-        let in_use = |topic: &usize| {
+        let count = link.topics().len();
+        let is_used = |topic: &usize| {
             motion.uses(*topic) || commands.columns().iter().any(|column| column.topic == *topic)
         };
-        let mut rates: Vec<(usize, f64)> =
-            (0..TOPICS.len()).filter(in_use).map(|topic| (topic, settings.rate_hz)).collect();
-        for (topic, rate_hz) in helm.iter().flat_map(Helm::rates) {
-            if !rates.iter().any(|(other, _)| *other == topic) {
-                rates.push((topic, rate_hz));
-            }
-        }
-        let link = mavlink::Options { system: settings.system, own_system: settings.own_system, rates };
-        let explored = steering::explored(&settings, commands.columns());
+        let used: Vec<usize> = (0..count).filter(is_used).collect();
+        let axes = steering::axes(&link, &settings, commands.columns());
+        link.prepare(&used, axes);
+        let explored = steering::explored(&link, &settings, commands.columns());
         Ok(Self {
-            autopilot: Autopilot::new(link),
+            link,
             begun_ns: now_ns,
             autopilot_name: None,
             state: None,
@@ -169,9 +151,8 @@ impl Boat {
             commands,
             explored,
             explored_to: f64::NAN,
-            delays_ns: vec![f64::NAN; TOPICS.len()],
+            delays_ns: vec![f64::NAN; count],
             planned: None,
-            helm,
             steering: Steering::Off,
             active: None,
             previous: None,
@@ -256,14 +237,11 @@ impl Boat {
     }
 
     /// Takes a message of the link. True if a model has a new sample.
-    pub fn receive(&mut self, header: MavHeader, message: &MavMessage, received_ns: i64) -> bool {
+    pub fn receive(&mut self, message: &L::Message, received_ns: i64) -> bool {
         // A message that was received before the last tick and taken after it does not turn the time back.
         self.now_ns = self.now_ns.max(received_ns);
         let mut events = Vec::new();
-        let is_own = self.autopilot.receive(header, message, received_ns, |event| events.push(event));
-        if is_own && let Ok(helm) = &mut self.helm {
-            helm.receive(header, message, self.now_ns);
-        }
+        self.link.receive(message, received_ns, self.now_ns, &mut |event| events.push(event));
         let mut followed = false;
         for event in events {
             followed |= self.take(event, self.now_ns);
@@ -275,6 +253,11 @@ impl Boat {
     fn take(&mut self, event: Event, now_ns: i64) -> bool {
         match event {
             Event::Row(row) => return self.row(&row),
+            Event::Message { topic, sent_ns, received_ns, bytes } => {
+                if let Some(recording) = &self.recording {
+                    recording.message(topic, received_ns, sent_ns, bytes);
+                }
+            }
             Event::Found(name) => {
                 self.say(now_ns, Level::Info, format!("found {name}"));
                 self.autopilot_name = Some(name);
@@ -416,20 +399,17 @@ impl Boat {
     }
 
     /// Does what is due, and gives what is to be sent. Call it at 50 Hz or more.
-    pub fn tick(&mut self, now_ns: i64, mut send: impl FnMut(MavHeader, MavMessage)) {
+    pub fn tick(&mut self, now_ns: i64, mut send: impl FnMut(L::Message)) {
         self.now_ns = self.now_ns.max(now_ns);
         let now_ns = self.now_ns;
         let mut events = Vec::new();
-        self.autopilot.tick(now_ns, &mut send, |event| events.push(event));
+        self.link.tick(now_ns, &mut send, &mut |event| events.push(event));
         for event in events {
             self.take(event, now_ns);
         }
         self.watch(now_ns);
         self.poll(now_ns);
-        if let Ok(helm) = &mut self.helm {
-            let autopilot = &mut self.autopilot;
-            helm.tick(now_ns, |message| send(autopilot.next_header(), message));
-        }
+        self.link.tick_helm(now_ns, &mut send);
         self.hear_helm(now_ns, Level::Warning);
     }
 
@@ -464,7 +444,7 @@ impl Boat {
 
     /// Whether the inputs act on the vessel: it is armed, and in the mode in which its commands are inputs.
     fn inputs_act(&self) -> bool {
-        let required = self.helm.as_ref().ok().map(Helm::required_mode);
+        let required = self.link.required_mode();
         self.state
             .as_ref()
             .is_some_and(|state| state.armed && required.is_none_or(|required| state.mode == required))
@@ -532,12 +512,12 @@ impl Boat {
 
     /// Takes the events of the helm. `level` is that of hands off: a warning, unless it was asked for.
     fn hear_helm(&mut self, now_ns: i64, level: Level) {
-        while let Some(event) = self.helm.as_mut().ok().and_then(Helm::take_event) {
+        while let Some(event) = self.link.take_event() {
             match event {
-                helm::Event::Sent(row) => {
+                HelmEvent::Sent(row) => {
                     self.row(&row);
                 }
-                helm::Event::HandsOff(reason) => {
+                HelmEvent::HandsOff(reason) => {
                     self.steering.end();
                     if let Some(active) = &mut self.active {
                         active.release();
@@ -553,7 +533,7 @@ impl Boat {
         if self.recording.is_some() {
             return;
         }
-        match Recording::begin(&self.settings.folder, TOPICS, now_ns) {
+        match Recording::begin(&self.settings.folder, self.link.topics(), now_ns) {
             Ok(recording) => {
                 let text = format!("recording {}", recording.path().display());
                 self.recordings.push(recording.path().to_owned());

@@ -20,6 +20,7 @@ const ESTIMATE: Topic = Topic {
         Field { name: "deviation_v", unit: "m/s" },
         Field { name: "deviation_r", unit: "rad/s" },
     ],
+    messages: None,
 };
 
 /// The prediction of a model at its longest horizon.
@@ -33,13 +34,15 @@ const PREDICTION: Topic = Topic {
         Field { name: "deviation_position", unit: "m" },
         Field { name: "deviation_psi", unit: "rad" },
     ],
+    messages: None,
 };
 
 /// A recording that is being written.
 pub(super) struct Recording {
     recorder: Recorder,
     channels: Vec<Channel>,
-    topics: usize,
+    /// Whether a topic of the link is recorded as its messages.
+    has_messages: Vec<bool>,
     pub(super) begun_ns: i64,
 }
 
@@ -50,7 +53,8 @@ impl Recording {
         let all: Vec<Topic> = topics.iter().copied().chain([ESTIMATE, PREDICTION]).collect();
         let path = free_name(folder, now_ns);
         let (recorder, channels) = Recorder::create(&path, &all)?;
-        Ok(Self { recorder, channels, topics: topics.len(), begun_ns: now_ns })
+        let has_messages = topics.iter().map(|topic| topic.messages.is_some()).collect();
+        Ok(Self { recorder, channels, has_messages, begun_ns: now_ns })
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -62,17 +66,23 @@ impl Recording {
     }
 
     pub(super) fn row(&self, topic: usize, received_ns: i64, sent_ns: i64, values: &[f64]) {
-        if let Some(channel) = self.channels.get(topic) {
-            self.recorder.numbers(*channel, received_ns, sent_ns, values.to_vec());
+        if self.has_messages.get(topic) == Some(&false) {
+            self.recorder.numbers(self.channels[topic], received_ns, sent_ns, values.to_vec());
+        }
+    }
+
+    pub(super) fn message(&self, topic: usize, received_ns: i64, sent_ns: i64, bytes: Vec<u8>) {
+        if self.has_messages.get(topic) == Some(&true) {
+            self.recorder.message(self.channels[topic], received_ns, sent_ns, bytes);
         }
     }
 
     pub(super) fn estimate(&self, now_ns: i64, at_ns: i64, values: Vec<f64>) {
-        self.recorder.numbers(self.channels[self.topics], now_ns, at_ns, values);
+        self.recorder.numbers(self.channels[self.has_messages.len()], now_ns, at_ns, values);
     }
 
     pub(super) fn prediction(&self, now_ns: i64, at_ns: i64, values: Vec<f64>) {
-        self.recorder.numbers(self.channels[self.topics + 1], now_ns, at_ns, values);
+        self.recorder.numbers(self.channels[self.has_messages.len() + 1], now_ns, at_ns, values);
     }
 
     pub(super) fn event(&self, now_ns: i64, text: &str) {

@@ -10,9 +10,7 @@ use std::time::{Duration, Instant};
 use hydroid::model::Model;
 
 use super::{Action, Boat, Level, Said};
-use crate::link::UtcClock;
-use crate::link::mavlink::port::Port;
-use crate::link::mavlink::transport::Address;
+use crate::link::{Link, Port, UtcClock};
 use crate::page::{Page, Request};
 
 /// Longest wait for a message: ticks come at least as often.
@@ -56,11 +54,14 @@ pub enum ServiceError {
     },
 }
 
+/// Opens a link, and opens it again after its end.
+pub type Open<P> = Box<dyn FnMut() -> io::Result<P>>;
+
 /// A session that runs.
-pub struct Service {
-    boat: Boat,
-    address: Address,
-    port: Option<Port>,
+pub struct Service<L, P> {
+    boat: Boat<L>,
+    open: Open<P>,
+    port: Option<P>,
     clock: UtcClock,
     page: Option<(Page, Receiver<Request>)>,
     told: u64,
@@ -69,22 +70,22 @@ pub struct Service {
     outputs: Vec<String>,
 }
 
-impl Service {
+impl<L: Link, P: Port<Message = L::Message>> Service<L, P> {
     /// Opens the link.
     ///
     /// # Errors
     /// If it cannot be opened.
     pub fn open(
-        boat: Boat,
-        address: Address,
+        boat: Boat<L>,
+        mut open: Open<P>,
         clock: UtcClock,
         page: Option<(Page, Receiver<Request>)>,
     ) -> Result<Self, ServiceError> {
-        let port = Port::open(&address, boat.settings.system, clock)
-            .map_err(|source| ServiceError::Link { address: boat.settings.address.clone(), source })?;
+        let port =
+            open().map_err(|source| ServiceError::Link { address: boat.settings.address.clone(), source })?;
         Ok(Self {
             boat,
-            address,
+            open,
             port: Some(port),
             clock,
             page,
@@ -95,12 +96,18 @@ impl Service {
         })
     }
 
-    /// Runs until `stop` is set; `tell` hears what is said.
-    pub fn run(&mut self, stop: &AtomicBool, mut tell: impl FnMut(&Said)) {
+    /// Runs until `stop` is set; `tell` hears what is said, and `each` has each turn of the loop with its time.
+    pub fn run(
+        &mut self,
+        stop: &AtomicBool,
+        mut tell: impl FnMut(&Said),
+        each: &mut dyn FnMut(&Boat<L>, i64),
+    ) {
         while !stop.load(Ordering::Relaxed) {
             self.receive();
             self.answer();
             self.step(&mut tell);
+            each(&self.boat, self.clock.now_ns());
         }
         self.boat.release(self.clock.now_ns());
         let end = Instant::now() + ENDING;
@@ -115,10 +122,10 @@ impl Service {
     fn step(&mut self, tell: &mut impl FnMut(&Said)) {
         let now_ns = self.clock.now_ns();
         let Self { boat, port, .. } = self;
-        boat.tick(now_ns, |header, message| {
+        boat.tick(now_ns, |message| {
             if let Some(port) = port {
                 // A link that is broken for a moment loses messages; its loss is told by the missing heartbeat.
-                let _ = port.send(header, &message);
+                let _ = port.send(&message);
             }
         });
         if let Some(port) = port
@@ -139,7 +146,7 @@ impl Service {
 
     /// Takes the messages that have arrived.
     fn receive(&mut self) {
-        let Some(port) = &self.port else {
+        let Some(port) = &mut self.port else {
             std::thread::sleep(WAIT);
             return self.reopen();
         };
@@ -150,8 +157,8 @@ impl Service {
                 return;
             }
             match port.next(wait) {
-                Ok(Some(received)) => {
-                    if self.boat.receive(received.header, &received.message, received.received_ns)
+                Ok(Some((message, received_ns))) => {
+                    if self.boat.receive(&message, received_ns)
                         && let (Some((page, _)), Some((measured, predicted))) =
                             (&self.page, self.boat.compared())
                     {
@@ -160,7 +167,7 @@ impl Service {
                             page.name_series(&names);
                             self.outputs = names;
                         }
-                        page.series(received.received_ns as f64 / 1e9, &measured, &predicted);
+                        page.series(received_ns as f64 / 1e9, &measured, &predicted);
                     }
                     // The rest of what has arrived, and then the commands.
                     wait = Duration::ZERO;
@@ -187,7 +194,7 @@ impl Service {
             return;
         }
         self.opened_ns = now_ns;
-        if let Ok(port) = Port::open(&self.address, self.boat.settings.system, self.clock) {
+        if let Ok(port) = (self.open)() {
             self.port = Some(port);
             self.boat.say(now_ns, Level::Info, "the link is open again");
         }
@@ -214,11 +221,8 @@ impl Service {
             return;
         }
         self.state_ns = now_ns;
-        let (damaged, dropped) = self.port.as_ref().map_or((0, 0), |port| {
-            let counts = port.counts();
-            (counts.damaged.load(Ordering::Relaxed), counts.dropped.load(Ordering::Relaxed))
-        });
-        page.state(self.boat.view(now_ns, damaged, dropped).to_string());
+        let losses = self.port.as_ref().map_or([0; 2], Port::losses);
+        page.state(self.boat.view(now_ns, losses).to_string());
         if let Some(point) = self.boat.pose(now_ns) {
             page.track(point);
         }

@@ -11,22 +11,14 @@ use hydroid::log::Selection;
 pub struct Settings {
     /// Address of the link, for people.
     pub address: String,
-    /// System id of the autopilot; `None` for the first that is heard.
-    pub system: Option<u8>,
-    /// Own system id.
-    pub own_system: u8,
     /// Sensors, commands and outputs, by the topics of the link.
     pub selection: Selection,
-    /// Rate \[Hz\] that is asked for of the topics in use.
-    pub rate_hz: f64,
     /// Folder of the recordings and of identified models.
     pub folder: PathBuf,
     /// Whether a recording begins with the link.
     pub records: bool,
     /// Horizons of the predictions \[s\].
     pub horizons_s: Vec<f64>,
-    /// Whether commands may be sent.
-    pub may_command: bool,
     /// Whether commands are computed and not sent.
     pub is_dry_run: bool,
     /// Limits of commands by name, in the units of the model.

@@ -15,8 +15,7 @@ use hydroid_core::guidance::Path;
 
 use super::{Boat, Level, Settings};
 use crate::experiment::{self, Experiment, Explored, Fence, Input, Kind, Seen, Step};
-use crate::link::mavlink::helm::{Axis, State, Target};
-use crate::link::mavlink::topics::TOPICS;
+use crate::link::{Axis, Link};
 
 /// Names of the experiments.
 pub(super) const EXPERIMENTS: [&str; 7] =
@@ -24,9 +23,6 @@ pub(super) const EXPERIMENTS: [&str; 7] =
 
 /// Time between the steps of an experiment \[s\].
 const STEP_S: f64 = 0.1;
-
-/// Pulses \[us\] of the ends of a channel, where no limits are stated: the defaults of `RCn_MIN` and `RCn_MAX`.
-const PULSES_US: [f64; 2] = [1100.0, 1900.0];
 
 /// Points of a path.
 const POINTS: u32 = 400;
@@ -67,19 +63,17 @@ impl Steering {
     }
 }
 
-/// Limits of an input in the unit of the model.
-fn limits(settings: &Settings, column: &LiveColumn, name: &str) -> Option<[f64; 2]> {
-    if let Some(limits) = settings.limits.get(name) {
-        return Some(*limits);
-    }
-    let topic = TOPICS.get(column.topic)?;
-    match Target::of(topic.name, topic.fields.get(column.field)?.name) {
-        Ok(Target::Channel(_)) => {
-            let [a, b] = PULSES_US.map(|pulse| column.source.si(pulse));
-            Some([a.min(b), a.max(b)])
-        }
-        _ => None,
-    }
+/// Limits of an input in the unit of the model; `None` if they are not stated.
+///
+/// # Errors
+/// If it cannot be commanded.
+fn limits(link: &impl Link, settings: &Settings, column: &LiveColumn) -> Result<Option<[f64; 2]>, String> {
+    let usual = link.limits([column.topic, column.field])?;
+    let stated = settings.limits.get(&column.source.channel.name).copied();
+    Ok(stated.or(usual.map(|raw| {
+        let [a, b] = raw.map(|value| column.source.si(value));
+        [a.min(b), a.max(b)]
+    })))
 }
 
 /// Refuses limits of inputs that do not exist.
@@ -101,11 +95,12 @@ fn rest([low, high]: [f64; 2]) -> f64 {
 }
 
 /// The inputs of experiments.
-pub(super) fn inputs(settings: &Settings, columns: &[LiveColumn]) -> Vec<Input> {
+pub(super) fn inputs(link: &impl Link, settings: &Settings, columns: &[LiveColumn]) -> Vec<Input> {
     let all = columns.iter().map(|column| {
         let name = column.source.channel.name.clone();
-        let limits = limits(settings, column, &name).unwrap_or([-1.0, 1.0]);
-        Input { name, low: limits[0], high: limits[1], rest: rest(limits) }
+        let stated = settings.limits.get(&name).copied();
+        let [low, high] = stated.or(limits(link, settings, column).ok().flatten()).unwrap_or([-1.0, 1.0]);
+        Input { name, low, high, rest: rest([low, high]) }
     });
     all.collect()
 }
@@ -114,25 +109,32 @@ pub(super) fn inputs(settings: &Settings, columns: &[LiveColumn]) -> Vec<Input> 
 ///
 /// # Errors
 /// If it is not known which inputs push and turn.
-pub(super) fn explored(settings: &Settings, columns: &[LiveColumn]) -> Result<Explored, String> {
+pub(super) fn explored(
+    link: &impl Link,
+    settings: &Settings,
+    columns: &[LiveColumn],
+) -> Result<Explored, String> {
     let push = signed(&settings.push, columns, "push", "push the boat ahead")?;
     let turn = signed(&settings.turn, columns, "turn", "turn it to starboard")?;
-    Explored::new(&inputs(settings, columns), &push, &turn)
+    Explored::new(&inputs(link, settings, columns), &push, &turn)
 }
 
 /// The inputs as commands of the link.
 ///
 /// # Errors
 /// If one of them cannot be commanded.
-pub(super) fn axes(settings: &Settings, columns: &[LiveColumn]) -> Result<Vec<Axis>, String> {
+pub(super) fn axes(
+    link: &impl Link,
+    settings: &Settings,
+    columns: &[LiveColumn],
+) -> Result<Vec<Axis>, String> {
     let of = |column: &LiveColumn| {
         let name = column.source.channel.name.clone();
-        let topic = &TOPICS[column.topic];
-        let target = Target::of(topic.name, topic.fields[column.field].name)?;
-        let limits = limits(settings, column, &name)
+        let limits = limits(link, settings, column)?
             .ok_or_else(|| format!("the limits of {name} are not stated: add --limit {name}=LOW:HIGH"))?;
         let [a, b] = limits.map(|value| column.source.raw(value));
-        Ok(Axis { name, target, low: a.min(b), high: a.max(b), rest: column.source.raw(rest(limits)) })
+        let rest = column.source.raw(rest(limits));
+        Ok(Axis { name, place: [column.topic, column.field], low: a.min(b), high: a.max(b), rest })
     };
     columns.iter().map(of).collect()
 }
@@ -178,11 +180,10 @@ fn points(path: &Path) -> impl Iterator<Item = [f64; 2]> + '_ {
     (0..=POINTS).map(|k| path.at(path.length() * f64::from(k) / f64::from(POINTS)).position)
 }
 
-impl Boat {
+impl<L: Link> Boat<L> {
     /// Whether commands are sent, or would be in a dry run.
     pub(super) fn is_commanding(&self) -> bool {
-        self.helm.as_ref().is_ok_and(|helm| helm.state() == State::Commanding)
-            || !matches!(self.steering, Steering::Off)
+        self.link.is_commanding() || !matches!(self.steering, Steering::Off)
     }
 
     /// The geofence; `None` before the first position.
@@ -204,11 +205,8 @@ impl Boat {
         if let Some(active) = &mut self.active {
             active.release();
         }
-        let mut is_told = false;
-        if let Ok(helm) = &mut self.helm {
-            is_told = helm.state() == State::Commanding;
-            helm.release(now_ns, reason);
-        }
+        let is_told = self.link.is_commanding();
+        self.link.release(now_ns, reason);
         if was && !is_told {
             self.say(now_ns, level, format!("hands off: {reason}"));
         }
@@ -222,20 +220,20 @@ impl Boat {
                 "position or heading are not measured at present: wait for GNSS and compass".to_owned()
             );
         }
-        let helm = self.helm.as_ref().map_err(Clone::clone)?;
-        let refusals = if self.settings.is_dry_run { Vec::new() } else { helm.refusals(now_ns) };
+        if let Some(why) = self.link.impossible() {
+            return Err(why.to_owned());
+        }
+        let refusals = if self.settings.is_dry_run { Vec::new() } else { self.link.refusals(now_ns) };
         if refusals.is_empty() { Ok(()) } else { Err(refusals.join("; ")) }
     }
 
     /// Takes the helm, unless it is a dry run.
     fn begin_commands(&mut self, now_ns: i64) -> Result<(), String> {
         self.check_commands(now_ns)?;
-        match &mut self.helm {
-            Ok(helm) if !self.settings.is_dry_run => {
-                helm.begin(now_ns).map_err(|refusals| refusals.join("; "))
-            }
-            _ => Ok(()),
+        if self.settings.is_dry_run {
+            return Ok(());
         }
+        self.link.begin(now_ns).map_err(|refusals| refusals.join("; "))
     }
 
     pub(super) fn check_free(&self) -> Result<(), String> {
@@ -268,7 +266,7 @@ impl Boat {
         let columns = self.commands.columns();
         let limits = &self.settings.experiment;
         let settings = experiment::Settings {
-            inputs: inputs(&self.settings, columns),
+            inputs: inputs(&self.link, &self.settings, columns),
             push: signed(&self.settings.push, columns, "push", "push the boat ahead")?,
             turn: signed(&self.settings.turn, columns, "turn", "turn it to starboard")?,
             fence: self.fence().ok_or("there is no position yet: wait for the GNSS")?,
@@ -333,9 +331,7 @@ impl Boat {
             .zip(values)
             .map(|(column, value)| column.source.raw(*value))
             .collect();
-        if let Ok(helm) = &mut self.helm {
-            helm.command(&raw, now_ns);
-        }
+        self.link.command(&raw, now_ns);
     }
 
     pub(super) fn begin_steering(&mut self, now_ns: i64) -> Result<String, String> {
@@ -352,7 +348,7 @@ impl Boat {
         }
         for column in self.commands.columns() {
             let name = &column.source.channel.name;
-            if let Some([low, high]) = limits(&self.settings, column, name) {
+            if let Some([low, high]) = limits(&self.link, &self.settings, column)? {
                 options.limit.entry(name.clone()).or_insert(GivenRange { low, high, unit: None });
             }
         }

@@ -8,7 +8,7 @@ use super::on_board::OnBoard;
 use super::steering::{EXPERIMENTS, Steering, inputs};
 use super::{Boat, Said, seconds};
 use crate::experiment::Fence;
-use crate::link::mavlink::helm::State;
+use crate::link::Link;
 use hydroid::adapt::BAND_95;
 use hydroid::closed_loop::Pilot;
 
@@ -34,6 +34,17 @@ impl Level {
     }
 }
 
+/// A predicted path.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Predicted {
+    /// Horizons \[s\].
+    pub seconds: Vec<f64>,
+    /// North, east \[m\] and heading \[rad\] at the horizons.
+    pub poses: Vec<[f64; 3]>,
+    /// Upper bounds of the standard deviations of position \[m\] and heading \[rad\].
+    pub deviations: Vec<[f64; 2]>,
+}
+
 impl Said {
     /// As JSON.
     pub fn json(&self) -> Value {
@@ -46,11 +57,30 @@ fn utc(ns: i64) -> f64 {
     ns as f64 / 1e9
 }
 
-impl Boat {
+impl<L: Link> Boat<L> {
     /// The motion at a time in nanoseconds since 1970: time since then \[s\], north, east \[m\] and heading \[rad\].
     pub fn pose(&self, now_ns: i64) -> Option<[f64; 4]> {
         let [north, east, psi] = self.motion.at(self.motion.time())?.pose;
         Some([utc(now_ns), north, east, psi])
+    }
+
+    /// The motion at a time in nanoseconds since 1970, and the standard deviation of the position \[m\].
+    pub fn motion(&self, now_ns: i64) -> Option<(hydroid::navigate::Row, f64)> {
+        let row = self.motion.at(seconds(self.begun_ns, now_ns))?;
+        Some((row, self.motion.uncertainty()?.0))
+    }
+
+    /// The prediction of the model on board.
+    pub fn predicted(&self) -> Option<Predicted> {
+        let active = self.active.as_ref()?;
+        let (poses, deviations) = active.follower().track();
+        let dt = active.model.description.dt;
+        let [north, east] = active.path_origin;
+        Some(Predicted {
+            seconds: active.horizons.iter().map(|horizon| *horizon as f64 * dt).collect(),
+            poses: poses.iter().map(|pose| [pose[0] + north, pose[1] + east, pose[2]]).collect(),
+            deviations: deviations.to_vec(),
+        })
     }
 
     /// Names of the outputs of the model on board.
@@ -68,8 +98,8 @@ impl Boat {
     }
 
     /// The state. `damaged` and `dropped` count the frames that the link could not use.
-    pub fn view(&self, now_ns: i64, damaged: u64, dropped: u64) -> Value {
-        let clock = self.autopilot.clock();
+    pub fn view(&self, now_ns: i64, [damaged, dropped]: [u64; 2]) -> Value {
+        let clock = self.link.clock();
         let state = self.state.as_ref();
         json!({
             "time": utc(now_ns),
@@ -79,8 +109,8 @@ impl Boat {
                 "lost_s": self.lost_since_ns.map(|since| utc(now_ns.saturating_sub(since))),
                 "mode": state.map(|state| &state.mode),
                 "armed": state.map(|state| state.armed),
-                "clock_offset_s": clock.drift_s(),
-                "round_trip_ms": clock.round_trip_ns().map(|ns| ns as f64 / 1e6),
+                "clock_offset_s": clock.offset_s,
+                "round_trip_ms": clock.round_trip_ns.map(|ns| ns as f64 / 1e6),
                 "damaged": damaged,
                 "dropped": dropped,
             },
@@ -185,9 +215,10 @@ impl Boat {
     }
 
     fn view_prediction(&self) -> Value {
-        let Some(active) = &self.active else { return Value::Null };
-        let (poses, deviations) = active.follower().track();
-        let dt = active.model.description.dt;
+        let (Some(active), Some(Predicted { seconds, poses, deviations })) = (&self.active, self.predicted())
+        else {
+            return Value::Null;
+        };
         let ports = active.model.description.outputs.iter().enumerate();
         let by_name = |of: &dyn Fn(usize) -> Vec<f64>| -> Value {
             ports
@@ -196,14 +227,9 @@ impl Boat {
                 .collect::<serde_json::Map<_, _>>()
                 .into()
         };
-        let pose = |part: usize| {
-            poses
-                .iter()
-                .map(|pose| pose[part] + active.path_origin.get(part).unwrap_or(&0.0))
-                .collect::<Vec<f64>>()
-        };
+        let pose = |part: usize| poses.iter().map(|pose| pose[part]).collect::<Vec<f64>>();
         json!({
-            "seconds": active.horizons.iter().map(|h| *h as f64 * dt).collect::<Vec<f64>>(),
+            "seconds": seconds,
             "north": pose(0),
             "east": pose(1),
             "psi": pose(2),
@@ -235,7 +261,7 @@ impl Boat {
         let inputs: Vec<Value> = explored
             .inputs()
             .iter()
-            .zip(inputs(&self.settings, self.commands.columns()))
+            .zip(inputs(&self.link, &self.settings, self.commands.columns()))
             .map(|(channel, input)| {
                 let all: f64 = channel.seconds.iter().sum();
                 let share = |s: &f64| if all > 0.0 { s / all } else { 0.0 };
@@ -253,11 +279,7 @@ impl Boat {
     }
 
     fn view_helm(&self, now_ns: i64) -> Value {
-        let refusals = match &self.helm {
-            Ok(helm) if helm.state() == State::Commanding => Vec::new(),
-            Ok(helm) => helm.refusals(now_ns),
-            Err(error) => vec![error.clone()],
-        };
+        let refusals = if self.link.is_commanding() { Vec::new() } else { self.link.refusals(now_ns) };
         let state = match &self.steering {
             Steering::Off => "off",
             Steering::Experiment { .. } => "experiment",
@@ -272,7 +294,7 @@ impl Boat {
             }
             _ => self.commands.held().to_vec(),
         };
-        let inputs = inputs(&self.settings, self.commands.columns());
+        let inputs = inputs(&self.link, &self.settings, self.commands.columns());
         let commands: Vec<Value> = inputs
             .iter()
             .enumerate()

@@ -5,7 +5,8 @@
 
 pub mod mavlink;
 
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use std::io;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// Time in nanoseconds since 1970. It never goes back: after its start it follows the monotonic clock, so that a clock of
 /// the computer that is set does not matter.
@@ -38,6 +39,17 @@ pub struct Topic {
     pub name: &'static str,
     /// Its fields.
     pub fields: &'static [Field],
+    /// Its messages, if a recording has them as they were sent instead of the fields.
+    pub messages: Option<Definition>,
+}
+
+/// A type of messages of ROS 2 in the encoding CDR.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Definition {
+    /// Name, for example `nav_msgs/msg/Odometry`.
+    pub name: &'static str,
+    /// Its definition and those of its parts, as `ros2msg` of MCAP.
+    pub text: &'static str,
 }
 
 /// A field of a topic.
@@ -54,6 +66,17 @@ pub struct Field {
 pub enum Event {
     /// A row of a topic.
     Row(Row),
+    /// The message of the row before, for the recording.
+    Message {
+        /// Index of the topic.
+        topic: usize,
+        /// Time of the sender, in nanoseconds since 1970 on the clock of this computer.
+        sent_ns: i64,
+        /// Time of reception.
+        received_ns: i64,
+        /// CDR with its encapsulation.
+        bytes: Vec<u8>,
+    },
     /// The autopilot was found: its name for people.
     Found(String),
     /// Mode and arming of the autopilot have changed.
@@ -93,4 +116,128 @@ pub struct State {
     pub mode: String,
     /// Whether its actuators are armed.
     pub armed: bool,
+}
+
+/// What the helm of a link has done.
+#[derive(Clone, Debug, PartialEq)]
+pub enum HelmEvent {
+    /// A command was sent, as a row of a topic.
+    Sent(Row),
+    /// Commands have ended, for this reason. They begin again by [`Link::begin`] only.
+    HandsOff(String),
+}
+
+/// An input of the model as a command. Values are those of the field of the topic.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    /// Name of the input, for messages.
+    pub name: String,
+    /// Topic and field where its values go.
+    pub place: [usize; 2],
+    /// Lower limit.
+    pub low: f64,
+    /// Upper limit.
+    pub high: f64,
+    /// Neutral command.
+    pub rest: f64,
+}
+
+/// Clock of the sender against that of this computer.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ClockState {
+    /// Drift since the first exchange \[s\].
+    pub offset_s: Option<f64>,
+    /// Time of an exchange there and back \[ns\].
+    pub round_trip_ns: Option<i64>,
+}
+
+/// The vessel at the other end, as a protocol without input, output or clock: it takes messages with their times, and gives
+/// events and messages to be sent.
+///
+/// Its helm sends commands between [`begin`](Self::begin) and [`release`](Self::release), while its conditions hold. What is
+/// decided is sent by the next [`tick_helm`](Self::tick_helm), which is due 20 times per second.
+pub trait Link {
+    /// What is received and sent.
+    type Message;
+
+    /// What it reports.
+    fn topics(&self) -> &[Topic];
+
+    /// Limits of a field as a command, where none are stated.
+    ///
+    /// # Errors
+    /// If the field cannot be commanded: the reason, and what to select instead.
+    fn limits(&self, place: [usize; 2]) -> Result<Option<[f64; 2]>, String>;
+
+    /// States what is used: topics, and inputs as commands, or why there can be none. It is called once, at the start.
+    fn prepare(&mut self, topics: &[usize], axes: Result<Vec<Axis>, String>);
+
+    /// The clock of the sender.
+    fn clock(&self) -> ClockState;
+
+    /// Takes a message.
+    fn receive(
+        &mut self,
+        message: &Self::Message,
+        received_ns: i64,
+        now_ns: i64,
+        tell: &mut dyn FnMut(Event),
+    );
+
+    /// Sends what the protocol needs, and tells what no message tells, such as the loss of the link.
+    fn tick(&mut self, now_ns: i64, send: &mut dyn FnMut(Self::Message), tell: &mut dyn FnMut(Event));
+
+    /// Sends the commands that are due, or their release.
+    fn tick_helm(&mut self, now_ns: i64, send: &mut dyn FnMut(Self::Message));
+
+    /// Name of the mode in which inputs are commands; `None` if they always are.
+    fn required_mode(&self) -> Option<&str>;
+
+    /// Why there can be no commands with these settings.
+    fn impossible(&self) -> Option<&str>;
+
+    /// Why commands cannot begin now; none if they can.
+    fn refusals(&self, now_ns: i64) -> Vec<String>;
+
+    /// Whether commands are sent.
+    fn is_commanding(&self) -> bool;
+
+    /// Begins with the neutral command.
+    ///
+    /// # Errors
+    /// If there are [`refusals`](Self::refusals).
+    fn begin(&mut self, now_ns: i64) -> Result<(), Vec<String>>;
+
+    /// Takes a command: a value for each axis.
+    fn command(&mut self, values: &[f64], now_ns: i64);
+
+    /// Ends the commands.
+    fn release(&mut self, now_ns: i64, reason: &str);
+
+    /// The next event of the helm. Take all of them.
+    fn take_event(&mut self) -> Option<HelmEvent>;
+}
+
+/// Where the messages of a link come from and go to.
+pub trait Port {
+    /// What is received and sent.
+    type Message;
+
+    /// The next message with the time of its reception, or none within a time.
+    ///
+    /// # Errors
+    /// If the link has ended.
+    fn next(&mut self, within: Duration) -> io::Result<Option<(Self::Message, i64)>>;
+
+    /// Sends a message.
+    ///
+    /// # Errors
+    /// If it cannot be sent.
+    fn send(&mut self, message: &Self::Message) -> io::Result<()>;
+
+    /// Accepts another address from now on, after the loss of the link.
+    fn forget_peer(&self) {}
+
+    /// Numbers of messages that could not be understood, and that were left out because they were not taken in time.
+    fn losses(&self) -> [u64; 2];
 }

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use hydroid_live::link::HelmEvent as Event;
 use hydroid_live::link::Row;
-use hydroid_live::link::mavlink::helm::{Axis, Event, Helm, Options, State, Target};
+use hydroid_live::link::mavlink::helm::{Axis, Helm, Options, State, Target};
 use hydroid_live::link::mavlink::topics::TOPICS;
 use mavlink::MavHeader;
 use mavlink::dialects::ardupilotmega::{

@@ -7,7 +7,7 @@ use hydroid::config::control::{ClosedLoopOptions, TaskKind as Kind};
 use crate::args::{Control, ControllerKind, Learner, NamedNumber, TaskKind, TimingKind};
 
 /// The options of a closed loop.
-pub(in crate::commands) fn of(args: &Control) -> ClosedLoopOptions {
+pub(crate) fn of(args: &Control) -> ClosedLoopOptions {
     let Control { controller, task, disturbances, adaptation, monte_carlo, .. } = args;
     let by_name = |all: &[NamedNumber]| all.iter().map(|given| (given.name.clone(), given.number)).collect();
     ClosedLoopOptions {

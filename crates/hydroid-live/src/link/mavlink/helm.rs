@@ -26,7 +26,7 @@ pub use self::axis::{Axis, Target};
 use self::axis::{CHANNELS, Kind, LEAVE, checked, override_message, pulses, releases, set_point_message};
 use self::parameters::Parameters;
 use super::topics::{TOPICS, row};
-use crate::link::Row;
+use crate::link::{HelmEvent as Event, Row};
 
 /// Milliseconds in nanoseconds.
 const MS: i64 = 1_000_000;
@@ -80,15 +80,6 @@ pub enum State {
     Off,
     /// Yes.
     Commanding,
-}
-
-/// What was done.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Event {
-    /// A command was sent, as a row of `RC_CHANNELS_OVERRIDE` or `SET_POSITION_TARGET_LOCAL_NED`.
-    Sent(Row),
-    /// Commands have ended, for this reason. They begin again by [`Helm::begin`] only.
-    HandsOff(String),
 }
 
 /// The autopilot, from its last heartbeat.

@@ -5,6 +5,7 @@
 
 pub mod clock;
 pub mod helm;
+mod link;
 pub mod port;
 pub mod topics;
 pub mod transport;
@@ -17,6 +18,7 @@ use ::mavlink::dialects::ardupilotmega::{
 };
 
 use self::clock::Clock;
+pub use self::link::{MavLink, Settings};
 use self::topics::TOPICS;
 use super::{Event, Row, State};
 
@@ -95,6 +97,11 @@ impl Autopilot {
             sequence: 0,
             values: Vec::new(),
         }
+    }
+
+    /// Topics with the rates \[Hz\] that are asked for from now on.
+    pub fn ask_for(&mut self, rates: Vec<(usize, f64)>) {
+        self.options.rates = rates;
     }
 
     /// The clock of the autopilot.

@@ -11,28 +11,21 @@ use ::mavlink::error::MessageReadError;
 use ::mavlink::{MavHeader, MavlinkReader, write_v2_msg};
 
 use super::transport::{Address, Peer, Sink, Source, open};
-use crate::link::UtcClock;
+use crate::link::{self, UtcClock};
 
 /// Messages that wait to be taken; more are left out, and counted.
 const WAITING: usize = 4096;
 
-/// A message with the time of its reception.
-pub struct Received {
-    /// Sender.
-    pub header: MavHeader,
-    /// Message.
-    pub message: MavMessage,
-    /// Nanoseconds since 1970.
-    pub received_ns: i64,
-}
+/// A message with its sender and the time of its reception in nanoseconds since 1970.
+type Received = ((MavHeader, MavMessage), i64);
 
 /// Numbers of what a link could not use.
 #[derive(Debug, Default)]
-pub struct Counts {
+struct Counts {
     /// Frames that no message can be made of: damaged, or of another dialect.
-    pub damaged: AtomicU64,
+    damaged: AtomicU64,
     /// Messages that were left out because they were not taken in time.
-    pub dropped: AtomicU64,
+    dropped: AtomicU64,
 }
 
 /// An open link.
@@ -62,12 +55,12 @@ impl Port {
             .spawn(move || read(source, system, clock, &sender, &told, &ended))?;
         Ok(Self { messages, sink, peer, counts, closed, frame: Vec::new() })
     }
+}
 
-    /// The next message, or none within a time.
-    ///
-    /// # Errors
-    /// If the link has ended: the connection was closed, or the serial line has gone.
-    pub fn next(&self, within: Duration) -> io::Result<Option<Received>> {
+impl link::Port for Port {
+    type Message = (MavHeader, MavMessage);
+
+    fn next(&mut self, within: Duration) -> io::Result<Option<Received>> {
         match self.messages.recv_timeout(within) {
             Ok(received) => Ok(Some(received)),
             Err(RecvTimeoutError::Timeout) => Ok(None),
@@ -77,28 +70,22 @@ impl Port {
         }
     }
 
-    /// Sends a message.
-    ///
-    /// # Errors
-    /// If it cannot be sent.
-    pub fn send(&mut self, header: MavHeader, message: &MavMessage) -> io::Result<()> {
+    fn send(&mut self, (header, message): &Self::Message) -> io::Result<()> {
         // A frame is one datagram.
         self.frame.clear();
-        write_v2_msg(&mut self.frame, header, message).map_err(io::Error::other)?;
+        write_v2_msg(&mut self.frame, *header, message).map_err(io::Error::other)?;
         self.sink.write_all(&self.frame)?;
         self.sink.flush()
     }
 
-    /// Accepts another address from now on, after the loss of the link.
-    pub fn forget_peer(&self) {
+    fn forget_peer(&self) {
         if let Some(peer) = &self.peer {
             peer.forget();
         }
     }
 
-    /// What could not be used so far.
-    pub fn counts(&self) -> &Counts {
-        &self.counts
+    fn losses(&self) -> [u64; 2] {
+        [&self.counts.damaged, &self.counts.dropped].map(|count| count.load(Ordering::Relaxed))
     }
 }
 
@@ -128,7 +115,7 @@ fn read(
                 {
                     reader.get_ref().accept();
                 }
-                match sender.try_send(Received { header, message, received_ns }) {
+                match sender.try_send(((header, message), received_ns)) {
                     Ok(()) => {}
                     Err(TrySendError::Full(_)) => drop(counts.dropped.fetch_add(1, Ordering::Relaxed)),
                     Err(TrySendError::Disconnected(_)) => return,

@@ -69,6 +69,7 @@ macro_rules! topics {
         pub const TOPICS: &[Topic] = &[$(Topic {
             name: stringify!($message),
             fields: &[$(Field { name: stringify!($field), unit: $unit }),*],
+            messages: None,
         }),*];
 
         #[expect(non_camel_case_types, clippy::upper_case_acronyms, reason = "the names of the protocol")]

@@ -1,0 +1,156 @@
+//! An autopilot that speaks `MAVLink` as a [`Link`].
+
+use ::mavlink::MavHeader;
+use ::mavlink::dialects::ardupilotmega::MavMessage;
+
+use super::helm::{self, Helm, State, Target};
+use super::topics::TOPICS;
+use super::{Autopilot, Options};
+use crate::link::{Axis, ClockState, Event, HelmEvent, Link, Topic};
+
+/// Pulses \[us\] of the ends of a channel: the defaults of `RCn_MIN` and `RCn_MAX`.
+const PULSES_US: [f64; 2] = [1100.0, 1900.0];
+
+/// Options of a link.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// System id of the autopilot; `None` for the first that is heard.
+    pub system: Option<u8>,
+    /// Own system id.
+    pub own_system: u8,
+    /// Rate \[Hz\] that is asked for of the topics in use.
+    pub rate_hz: f64,
+    /// Whether commands may be sent.
+    pub may_command: bool,
+    /// Whether commands are computed and not sent.
+    pub is_dry_run: bool,
+}
+
+/// The autopilot with its helm.
+pub struct MavLink {
+    settings: Settings,
+    autopilot: Autopilot,
+    helm: Result<Helm, String>,
+}
+
+impl MavLink {
+    /// Before the first message.
+    pub fn new(settings: Settings) -> Self {
+        let options = Options { system: settings.system, own_system: settings.own_system, rates: Vec::new() };
+        Self {
+            settings,
+            autopilot: Autopilot::new(options),
+            helm: Err("the link is not prepared".to_owned()),
+        }
+    }
+}
+
+/// The target of a field.
+fn target([topic, field]: [usize; 2]) -> Result<Target, String> {
+    Target::of(TOPICS[topic].name, TOPICS[topic].fields[field].name)
+}
+
+impl Link for MavLink {
+    type Message = (MavHeader, MavMessage);
+
+    fn topics(&self) -> &[Topic] {
+        TOPICS
+    }
+
+    fn limits(&self, place: [usize; 2]) -> Result<Option<[f64; 2]>, String> {
+        Ok(matches!(target(place)?, Target::Channel(_)).then_some(PULSES_US))
+    }
+
+    fn prepare(&mut self, topics: &[usize], axes: Result<Vec<Axis>, String>) {
+        let options = helm::Options {
+            own_system: self.settings.own_system,
+            is_allowed: self.settings.may_command,
+            is_dry_run: self.settings.is_dry_run,
+        };
+        let of = |axis: Axis| {
+            let Axis { name, place, low, high, rest } = axis;
+            Ok(helm::Axis { name, target: target(place)?, low, high, rest })
+        };
+        let axes = axes.and_then(|axes| axes.into_iter().map(of).collect::<Result<_, String>>());
+        self.helm = axes.and_then(|axes| Helm::new(axes, options));
+        let mut rates: Vec<(usize, f64)> =
+            topics.iter().map(|topic| (*topic, self.settings.rate_hz)).collect();
+        for (topic, rate_hz) in self.helm.iter().flat_map(Helm::rates) {
+            if !rates.iter().any(|(other, _)| *other == topic) {
+                rates.push((topic, rate_hz));
+            }
+        }
+        self.autopilot.ask_for(rates);
+    }
+
+    fn clock(&self) -> ClockState {
+        let clock = self.autopilot.clock();
+        ClockState { offset_s: clock.drift_s(), round_trip_ns: clock.round_trip_ns() }
+    }
+
+    fn receive(
+        &mut self,
+        (header, message): &Self::Message,
+        received_ns: i64,
+        now_ns: i64,
+        tell: &mut dyn FnMut(Event),
+    ) {
+        let is_own = self.autopilot.receive(*header, message, received_ns, tell);
+        if is_own && let Ok(helm) = &mut self.helm {
+            helm.receive(*header, message, now_ns);
+        }
+    }
+
+    fn tick(&mut self, now_ns: i64, send: &mut dyn FnMut(Self::Message), tell: &mut dyn FnMut(Event)) {
+        self.autopilot.tick(now_ns, |header, message| send((header, message)), tell);
+    }
+
+    fn tick_helm(&mut self, now_ns: i64, send: &mut dyn FnMut(Self::Message)) {
+        if let Ok(helm) = &mut self.helm {
+            let autopilot = &mut self.autopilot;
+            helm.tick(now_ns, |message| send((autopilot.next_header(), message)));
+        }
+    }
+
+    fn required_mode(&self) -> Option<&str> {
+        self.helm.as_ref().ok().map(Helm::required_mode)
+    }
+
+    fn impossible(&self) -> Option<&str> {
+        self.helm.as_ref().err().map(String::as_str)
+    }
+
+    fn refusals(&self, now_ns: i64) -> Vec<String> {
+        match &self.helm {
+            Ok(helm) => helm.refusals(now_ns),
+            Err(error) => vec![error.clone()],
+        }
+    }
+
+    fn is_commanding(&self) -> bool {
+        self.helm.as_ref().is_ok_and(|helm| helm.state() == State::Commanding)
+    }
+
+    fn begin(&mut self, now_ns: i64) -> Result<(), Vec<String>> {
+        match &mut self.helm {
+            Ok(helm) => helm.begin(now_ns),
+            Err(error) => Err(vec![error.clone()]),
+        }
+    }
+
+    fn command(&mut self, values: &[f64], now_ns: i64) {
+        if let Ok(helm) = &mut self.helm {
+            helm.command(values, now_ns);
+        }
+    }
+
+    fn release(&mut self, now_ns: i64, reason: &str) {
+        if let Ok(helm) = &mut self.helm {
+            helm.release(now_ns, reason);
+        }
+    }
+
+    fn take_event(&mut self) -> Option<HelmEvent> {
+        self.helm.as_mut().ok().and_then(Helm::take_event)
+    }
+}
