@@ -249,11 +249,13 @@ def test_recordings_are_identified_together(tmp_path, monkeypatch):
     errors = found.judgement["sindy"].test
     np.testing.assert_allclose(errors.rmse, of_tables.judgement["sindy"].test.rmse, rtol=1e-12)
 
-    # The model reads a further recording with the sensors of its training, whose delay and
-    # misalignment it keeps.
-    judged = hydroid.evaluate(model, "run5", horizon="2s")
-    together = hydroid.evaluate(model, tables[2], horizon="2s", **channels)
-    np.testing.assert_allclose(judged.rmse, together.rmse, rtol=1e-12)
+    # The model reads a further recording with what it knows of the sensors of its training: nearly the velocities of all
+    # recordings together, without another search.
+    judged = hydroid.evaluate(model, "run5", horizon="2s").rmse
+    together = hydroid.evaluate(model, tables[2], horizon="2s", **channels).rmse
+    by_itself = hydroid.evaluate(model, alone, horizon="2s", **channels).rmse
+    np.testing.assert_allclose(judged, together, rtol=0.05)
+    assert np.abs(by_itself / together - 1.0).max() > 0.1
     with pytest.raises(ValueError, match="give the path of the recording, or name the outputs and inputs"):
         hydroid.evaluate(model, alone, horizon="2s")
 
