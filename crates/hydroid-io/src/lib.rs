@@ -1,5 +1,5 @@
 //! Readers of logs: files of any format as topics of numbers with time stamps; writers of tables
-//! ([`write_parquet`]) and of recordings ([`McapWriter`]).
+//! ([`write_parquet`]) and of recordings ([`McapWriter`]); types of messages of ROS 2 ([`RosType`]).
 //!
 //! [`scan`] reads a file once and gives each row to a [`Sink`]. A file is recognised by its content. Damaged parts are
 //! left out and stated in [`Summary::losses`].
@@ -24,6 +24,7 @@ mod sink;
 
 pub use error::IoError;
 pub use formats::mcap::{McapChannel, McapWriter};
+pub use formats::message::shape::{RosNumber, RosShape, RosType};
 pub use formats::parquet::write_parquet;
 pub use open::{Format, detect, scan};
 pub use sink::{Clock, Field, Loss, Sink, Summary, Topic};

@@ -3,7 +3,7 @@
 mod columns;
 pub(crate) mod dataflash;
 pub(crate) mod mcap;
-mod message;
+pub(crate) mod message;
 pub(crate) mod nmea;
 mod number;
 pub(crate) mod parquet;

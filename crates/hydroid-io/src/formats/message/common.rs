@@ -1,5 +1,5 @@
 //! Definitions of common types of ROS 2, for bags that have none: those of `builtin_interfaces`, `std_msgs`,
-//! `geometry_msgs`, `sensor_msgs` and `nav_msgs`, without constants.
+//! `geometry_msgs`, `sensor_msgs`, `nav_msgs`, `diagnostic_msgs` and `rosgraph_msgs`, without constants.
 
 use std::fmt::Write as _;
 
@@ -78,6 +78,11 @@ sensor_msgs/FluidPressure std_msgs/Header header, float64 fluid_pressure, float6
 sensor_msgs/Temperature std_msgs/Header header, float64 temperature, float64 variance
 nav_msgs/Odometry std_msgs/Header header, string child_frame_id, geometry_msgs/PoseWithCovariance pose, \
 geometry_msgs/TwistWithCovariance twist
+nav_msgs/Path std_msgs/Header header, geometry_msgs/PoseStamped[] poses
+diagnostic_msgs/KeyValue string key, string value
+diagnostic_msgs/DiagnosticStatus byte level, string name, string message, string hardware_id, KeyValue[] values
+diagnostic_msgs/DiagnosticArray std_msgs/Header header, DiagnosticStatus[] status
+rosgraph_msgs/Clock builtin_interfaces/Time clock
 ";
 
 /// All types of the table.

@@ -1,13 +1,14 @@
 //! Messages of ROS: their definitions, compiled to plans, and the topics that they become.
 //!
 //! `schema` and `idl` read definitions, `common` has those that old bags lack, `plan` compiles them, `decode` executes
-//! the plan for each message.
+//! the plan for each message. `shape` gives types to programs that receive messages.
 
 mod common;
 mod decode;
 mod idl;
 mod plan;
 mod schema;
+pub(crate) mod shape;
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, HashMap, HashSet};
