@@ -235,11 +235,11 @@ function status(s) {
     ["s-armed", "Armed", pick({ true: "ARMED", false: "disarmed" }, link.armed) ?? DASH],
     [
       "s-recording", "Recording", s.recording ? duration(recording.seconds) : "off",
-      s.recording ? `${words(recording.path)}, ${figure(recording.lost, 0)} lost` : "", trouble ? "error" : finite(recording.seconds) !== null ? "good" : "",
+      s.recording ? `${words(recording.path).replace(/^.*[\\/]/, "")}, ${figure(recording.lost, 0)} lost` : "", trouble ? "error" : finite(recording.seconds) !== null ? "good" : "",
     ],
     [
-      "s-model", "Model", s.model ? words(model.name) : "none",
-      s.model ? `${learning}, guard ${words(model.guard)}, predicted by ${words(model.predicted_by)}` : "",
+      "s-model", "Model", s.model ? words(model.name).split(/[\\/]/).slice(-2).join("/") : "none",
+      s.model ? `${learning}, guard ${words(model.guard)}${model.predicted_by ? `, prediction of the ${words(model.predicted_by)} model` : ""}` : "",
     ],
     ["s-clock", "Clock", offset === null ? DASH : figure(offset * 1000, 0, "ms"), `offset; round trip ${figure(link.round_trip_ms, 1, "ms")}`],
   ]);
@@ -346,18 +346,20 @@ function chart(s) {
   const ten = 10 ** Math.floor(Math.log10(raw));
   const step = ten * [1, 2, 5, 10].find((m) => m * ten >= raw);
   const digits = Math.max(0, -Math.floor(Math.log10(step)));
+  const labels = []; // drawn after the lines, which would cross them
   const spread = [Math.ceil(width / scale / step), Math.ceil(height / scale / step)];
   const first = [Math.floor((east - width / 2 / scale) / step), Math.floor((north - height / 2 / scale) / step)];
   for (let i = 0; i <= spread[0] + 1; i += 1) {
     const at = (first[0] + i) * step;
     line([[north + height / scale, at], [north - height / scale, at]], colours.grid, 1);
-    if (x(at) > 50 && x(at) < width - 95) label(figure(at, digits), x(at), height - 8, "center", colours.muted);
+    if (x(at) > 50 && x(at) < width - 95) labels.push([figure(at, digits), x(at), height - 8, "center"]);
   }
   for (let i = 0; i <= spread[1] + 1; i += 1) {
     const at = (first[1] + i) * step;
     line([[at, east - width / scale], [at, east + width / scale]], colours.grid, 1);
-    if (y(at) > 45 && y(at) < height - 30) label(figure(at, digits), 6, y(at) + 4, "left", colours.muted);
+    if (y(at) > 45 && y(at) < height - 30) labels.push([figure(at, digits), 6, y(at) + 4, "left"]);
   }
+  for (const one of labels) label(...one, colours.muted);
 
   line(fence, colours.alarm, 2.5, [10, 6]);
   if (path.length) {
@@ -415,7 +417,8 @@ function motionFigures(s) {
   const motion = fields(s.motion);
   const speed = finite(motion.u) !== null && finite(motion.v) !== null ? Math.hypot(motion.u, motion.v) : null;
   const current = place(...list(motion.current));
-  const drift = current && `${figure(Math.hypot(...current), 2, "m/s")} to\u00a0${bearing(Math.atan2(current[1], current[0]))}`;
+  const flow = current && Math.hypot(...current);
+  const drift = current && figure(flow, 2, "m/s") + (flow < 0.005 ? "" : ` to\u00a0${bearing(Math.atan2(current[1], current[0]))}`);
   pairs($("figures"), [
     ["m-north", "North", figure(motion.north, 1, "m")], ["m-east", "East", figure(motion.east, 1, "m")],
     ["m-deviation", "Position std. dev.", figure(motion.position_deviation, 2, "m")], ["m-heading", "Heading", bearing(finite(motion.psi) ?? NaN)],
@@ -435,7 +438,9 @@ const display = (output) => (output?.unit === "rad/s" ? [180 / Math.PI, "deg/s"]
 function axes(unit) {
   const common = { stroke: () => colours.ink, grid: { stroke: () => colours.grid, width: 1 }, ticks: { show: false }, font: "600 12px system-ui, sans-serif" };
   const seconds = (_, ticks) => ticks.map((t) => (t === 0 && unit === "past" ? "now" : figure(t, t % 1 ? 1 : 0, "s")));
-  const digits = (_, ticks) => ticks.map((t) => figure(t, ticks.length > 1 ? bounded(Math.ceil(-Math.log10(ticks[1] - ticks[0]) - 1e-9), 0, 4) : 2));
+  // A step of 0.25 has two digits: 0.3 and 0.8 would be false.
+  const places = (step) => [0, 1, 2, 3].find((d) => Math.abs(step * 10 ** d - Math.round(step * 10 ** d)) < 1e-6 && step * 10 ** d > 0.5) ?? 4;
+  const digits = (_, ticks) => ticks.map((t) => figure(t, ticks.length > 1 ? places(ticks[1] - ticks[0]) : 2));
   return [{ ...common, size: 24, gap: 4, values: seconds, space: 45 }, { ...common, size: 48, gap: 4, values: digits, space: 26 }];
 }
 
@@ -571,9 +576,14 @@ function excitation(s) {
   });
 }
 
+const STATUSES = {
+  tracking: "the command is within its limits", rate_limited: "a command is at its rate limit", saturated: "a command is at its limit", lost: "far from the path",
+  singular: "too little control authority", blind: "motion or reference are not known", arrived: "the end is reached",
+};
+
 function helm(s) {
   const h = fields(s.helm);
-  const meaning = { off: "Off: hydroid does not command the boat.", experiment: "EXPERIMENT: hydroid commands the boat.", steering: "STEERING: hydroid commands the boat." };
+  const meaning = { off: "Off: hydroid does not command the boat.", experiment: "EXPERIMENT: hydroid commands the boat.", preparing: "PREPARING the controller: hydroid commands the boat as soon as it is ready.", steering: "STEERING: hydroid commands the boat." };
   set($("helm-state"), pick(meaning, h.state) ?? words(h.state));
   $("helm-state").classList.toggle("active", Boolean(h.state) && h.state !== "off");
   const build = () => make("li", "", make("span"), make("div", "bar", make("span"), make("i")), make("b"));
@@ -590,13 +600,15 @@ function helm(s) {
     mark.style.left = `${zero}%`;
     row.children[1].title = known ? `${figure(low, 1)} to ${figure(high, 1)}` : "";
   });
+  const from = number(h.distance) === null ? "" : `${figure(h.distance, 1, "m")} from the reference`;
+  set($("helm-note"), [from, pick(STATUSES, h.status) ?? ""].filter(Boolean).join("; "));
   $("refusals-head").hidden = !list(h.refusals).length;
   each($("refusals"), list(h.refusals), () => make("li"), (row, text) => set(row, words(text)));
   set($("fence"), fenceOf(s).text);
   const now = fields(s.experiment);
   $("experiment-now").hidden = !s.experiment;
   set($("experiment-name"), words(now.name));
-  set($("experiment-left"), `${figure(number(now.progress) === null ? null : 100 * now.progress, 0, "%")}, ${duration(now.remaining_s)} left`);
+  set($("experiment-left"), `${figure(number(now.progress) === null ? null : 100 * now.progress, 0, "%")}, at most ${duration(now.remaining_s)} left`);
   set($("experiment-text"), words(now.text));
   progress($("experiment-progress"), now.progress);
 }
@@ -606,7 +618,8 @@ function model(s) {
   set($("offered"), s.offered ? `Offered: ${words(offered.name)}. ${words(offered.text)}` : "No model is offered.");
   const identifying = fields(s.identifying);
   $("identifying").hidden = !s.identifying;
-  set($("identifying-text"), `Identifying: ${words(identifying.text)}, ${figure(number(identifying.progress) === null ? null : 100 * identifying.progress, 0, "%")}`);
+  const share = number(identifying.progress) === null ? "" : figure(100 * identifying.progress, 0, "%");
+  set($("identifying-text"), `Identifying a model: ${[identifying.text && words(identifying.text), share].filter(Boolean).join(", ") || "this takes minutes"}`);
   progress($("identifying-progress"), identifying.progress);
 }
 
@@ -744,7 +757,7 @@ async function confirmed(body) {
   set($("confirm-title"), experiment ? `Run experiment ${body.name}?` : "Steer along the path?");
   const lines = [
     `hydroid takes the helm${commands && ` and commands ${commands}`}. The boat will move.`,
-    ...(experiment ? [] : [path.length ? `The path has ${path.length} points and a length of ${figure(length, 0)} m.` : "No path is known to this page."]),
+    ...(experiment ? [] : [path.length ? `The path has ${path.length} points and a length of ${figure(length, 0)} m.` : "The path is that of the settings (section [control]). It is drawn as soon as the controller is ready, and steering begins at once."]),
     fenceOf(state).text,
     `Autopilot: mode ${words(link.mode)}, ${pick({ true: "armed", false: "disarmed" }, link.armed) ?? "armed or not is unknown"}.`,
     "STOP or the key Escape releases the helm at once.",
@@ -758,6 +771,7 @@ async function confirmed(body) {
 
 async function press(action) {
   if (!possible(action)) return;
+  result("", ""); // the answer before covers what the operator looks at now
   const body = action === "experiment" ? { action, name: $("experiment").value } : { action };
   const moves = action === "experiment" || action === "steer";
   if (!moves || (await confirmed(body))) act(body);
