@@ -214,6 +214,26 @@ def test_units(tab, mock):
     expect(page.get_by_label("error after 10 s: frozen 11.5, adapted 5.7 deg/s")).to_be_visible()
 
 
+def test_unknown_values_of_a_session(tab, mock):
+    mock.patch = {
+        "motion": {"current": [0.0, 0.001]},
+        "identifying": {"progress": None, "text": ""},
+        "helm": {"state": "steering", "distance": 0.34, "status": "saturated"},
+        "model": {"name": "live/model-1/committee.safetensors"},
+        "path": None,
+    }
+    page = tab()
+    expect(value(page, "current")).to_have_text("0.00\u00a0m/s")
+    expect(page.locator("#identifying-text")).to_have_text("Identifying a model: this takes minutes")
+    expect(page.locator("#helm-note")).to_have_text("0.3\u00a0m from the reference; a command is at its limit")
+    expect(page.locator("#s-model dd").first).to_have_text("model-1/committee")
+    button(page, "steer").click()
+    expect(page.locator("#confirm")).to_contain_text("The path is that of the settings")
+    mock.patch = {"helm": {"state": "preparing", "distance": None, "status": None}}
+    expect(page.locator("#helm-state")).to_contain_text("as soon as it is ready")
+    expect(page.locator("#helm-note")).to_have_text("")
+
+
 def test_fit_and_follow(tab, mock):
     page = tab()
     page.wait_for_timeout(500)

@@ -238,8 +238,8 @@ function status(s) {
       s.recording ? `${words(recording.path).replace(/^.*[\\/]/, "")}, ${figure(recording.lost, 0)} lost` : "", trouble ? "error" : finite(recording.seconds) !== null ? "good" : "",
     ],
     [
-      "s-model", "Model", s.model ? words(model.name).split(/[\\/]/).slice(-2).join("/") : "none",
-      s.model ? `${learning}, guard ${words(model.guard)}${model.predicted_by ? `, prediction of the ${words(model.predicted_by)} model` : ""}` : "",
+      "s-model", "Model", s.model ? words(model.name).split(/[\\/]/).slice(-2).join("/").replace(/\.safetensors$/, "") : "none",
+      s.model ? `${learning}, guard ${words(model.guard)}${model.predicted_by ? `, predicts: ${words(model.predicted_by)} model` : ""}` : "",
     ],
     ["s-clock", "Clock", offset === null ? DASH : figure(offset * 1000, 0, "ms"), `offset; round trip ${figure(link.round_trip_ms, 1, "ms")}`],
   ]);
@@ -437,11 +437,11 @@ const display = (output) => (output?.unit === "rad/s" ? [180 / Math.PI, "deg/s"]
 
 function axes(unit) {
   const common = { stroke: () => colours.ink, grid: { stroke: () => colours.grid, width: 1 }, ticks: { show: false }, font: "600 12px system-ui, sans-serif" };
-  const seconds = (_, ticks) => ticks.map((t) => (t === 0 && unit === "past" ? "now" : figure(t, t % 1 ? 1 : 0, "s")));
+  const seconds = (_, ticks) => ticks.map((t) => (t !== 0 ? figure(t, t % 1 ? 1 : 0, "s") : unit === "past" ? "now" : "")); // a 0 beside that of the other axis reads as 0.00
   // A step of 0.25 has two digits: 0.3 and 0.8 would be false.
   const places = (step) => [0, 1, 2, 3].find((d) => Math.abs(step * 10 ** d - Math.round(step * 10 ** d)) < 1e-6 && step * 10 ** d > 0.5) ?? 4;
   const digits = (_, ticks) => ticks.map((t) => figure(t, ticks.length > 1 ? places(ticks[1] - ticks[0]) : 2));
-  return [{ ...common, size: 24, gap: 4, values: seconds, space: 45 }, { ...common, size: 48, gap: 4, values: digits, space: 26 }];
+  return [{ ...common, size: 24, gap: 4, values: seconds, space: 45 }, { ...common, size: 48, gap: 4, values: digits, space: 20 }];
 }
 
 function buildPlots(outputs) {
