@@ -1,8 +1,9 @@
 """The way by hand: from an unknown boat to a steered one by clicks on the page in Chromium.
 
-With the variable `HYDROID_FILM`, the name of a folder, each step leaves a screenshot there:
+With the variable `HYDROID_FILM`, the name of a folder, each step leaves a screenshot there. Those of docs/live.md:
 
-    HYDROID_FILM=film pytest tests/boat/test_film.py
+    HYDROID_FILM=docs/film pytest tests/boat/test_film.py
+    python3 -c 'import glob, PIL.Image as I; [I.open(p).convert("RGB").quantize(64).save(p) for p in glob.glob("docs/film/*")]'
 """
 
 import os
@@ -11,7 +12,7 @@ import re
 import shutil
 
 import pytest
-from boat import HOLD, MANUAL
+from boat import HOLD, LOITER, MANUAL
 from playwright.sync_api import expect, sync_playwright
 from test_live import FAST
 
@@ -137,12 +138,18 @@ def test_by_hand_from_an_unknown_boat_to_a_steered_one(sea, page, tmp_path, monk
     operator.see("#said", "the experiment auto is complete")
     operator.see("#excitation-seconds", "✓ sufficient")
 
+    # The pilot keeps the boat at its place while the computer works: the current would carry it to the fence.
+    boat.mode_switch(LOITER)
+    operator.see("#s-mode", "LOITER")
+
     # A model is identified, offered with its errors, and taken on board.
     operator.press("identify")
     operator.see("#identifying", "Identifying a model")
     operator.see("#offered", "NRMSE", 300)
     operator.see("#offered", "live/model-1/")
     operator.shot("offered")
+    boat.mode_switch(MANUAL)
+    operator.see("#s-mode", "MANUAL")
     operator.press("adopt")
     operator.see("#result", "is on board")
     operator.see("#s-model", "learning")
