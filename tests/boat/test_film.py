@@ -30,11 +30,13 @@ class Operator:
         """Waits until a part of the page contains a text."""
         expect(self.page.locator(where)).to_contain_text(text, timeout=1000 * seconds)
 
-    def until(self, holds, seconds, what):
-        """Waits until something holds of the page."""
+    def steered_until(self, holds, seconds, what):
+        """Waits until something holds of the page, while hydroid steers."""
         for _ in range(int(4 * seconds)):
             if holds():
                 return
+            steers = "STEERING" in self.page.locator("#s-helm").inner_text()
+            assert steers, self.page.locator("#said").inner_text()
             self.page.wait_for_timeout(250)
         raise AssertionError(f"{what}: not within {seconds} s\n{self.page.locator('body').inner_text()}")
 
@@ -164,8 +166,8 @@ def test_by_hand_from_an_unknown_boat_to_a_steered_one(sea, page, tmp_path, monk
     operator.see("#s-helm", "STEERING", 60)
     expect(operator.button("adopt")).to_be_disabled()
     # The first leg leads north from its start in the south-west.
-    operator.until(lambda: operator.figure("#m-north dd") < -20, 150, "the start of the path")
-    operator.until(lambda: operator.figure("#m-north dd") > 20, 200, "the first leg")
+    operator.steered_until(lambda: operator.figure("#m-north dd") < -20, 150, "the start of the path")
+    operator.steered_until(lambda: operator.figure("#m-north dd") > 20, 200, "the first leg")
     operator.see("#s-helm", "STEERING")
     operator.see("#helm-note", "from the reference")
     assert operator.figure("#helm-note") < 10.0
