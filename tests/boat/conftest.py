@@ -26,22 +26,22 @@ def free_port(kind):
 
 
 class Hydroid:
-    """`hydroid live` in a folder, with the newest state of its page and everything that it says."""
+    """`hydroid live`, or a program like it, in a folder, with the newest state of its page and everything that it says."""
 
-    def __init__(self, folder, port, scale, *arguments):
+    def __init__(self, folder, *arguments, program=(COMMAND, "live"), words=(), **environment):
         self.folder, self.state, self.said = folder, None, []
         self.page = free_port(socket.SOCK_STREAM)
         self.url = f"http://127.0.0.1:{self.page}"
         config = folder / "boat.toml"
         if not config.exists():
-            example = subprocess.run([COMMAND, "live", "--print-config"], check=True, capture_output=True)
+            example = subprocess.run([*program, "--print-config"], check=True, capture_output=True)
             config.write_bytes(example.stdout)
-        words = ["live", *arguments, "-c", str(config), "--link", f"udpin:127.0.0.1:{port}"]
+        command = [*program, *arguments, "-c", str(config)]
         if "-o" not in arguments:
-            words += ["-o", str(folder / "live")]
-        words += ["--page", f"127.0.0.1:{self.page}", "--token", TOKEN, "--time-scale", str(scale)]
+            command += ["-o", str(folder / "live")]
+        command += ["--page", f"127.0.0.1:{self.page}", "--token", TOKEN]
         self.log = open(folder / "live.log", "a")
-        self.process = subprocess.Popen([COMMAND, *words], stderr=self.log)
+        self.process = subprocess.Popen([*command, *words], stderr=self.log, env={**os.environ, **environment})
         threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self):
@@ -101,7 +101,8 @@ def sea(tmp_path):
         port = free_port(socket.SOCK_DGRAM)
         boat = Boat(("127.0.0.1", port), speed=scale, **water)
         boat.utc, boat.armed = time.time(), True
-        hydroid = Hydroid(tmp_path, port, scale, *arguments)
+        link = ("--link", f"udpin:127.0.0.1:{port}", "--time-scale", str(scale))
+        hydroid = Hydroid(tmp_path, *arguments, *link)
         running.extend([hydroid, boat])
         boat.start()
         return boat, hydroid

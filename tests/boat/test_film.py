@@ -17,6 +17,9 @@ from boat import HOLD, LOITER, MANUAL
 from playwright.sync_api import expect, sync_playwright
 from test_live import FAST
 
+# It is the way of test_live.py once more, with a browser that needs the processor, too.
+pytestmark = pytest.mark.skipif("HYDROID_FILM" not in os.environ, reason="skipped: no HYDROID_FILM")
+
 DESKTOP, PHONE = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
 
 

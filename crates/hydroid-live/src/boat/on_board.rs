@@ -250,14 +250,18 @@ impl OnBoard {
         for (i, expected) in self.expected.iter_mut().enumerate() {
             *expected = self.adapted.prediction(i).next().unwrap_or(f64::NAN);
         }
+        // Both know what a controller plans, which only the adapted one carries out.
+        let mut planned = Vec::new();
         for (follower, errors) in [&mut self.adapted, &mut self.frozen].into_iter().zip(&mut self.errors) {
             let mut sample = sample.clone();
+            sample.plan.clone_from(&planned);
             follower.clear_note();
             follower.refuse_absurd_commands(&mut sample);
             let status = follower.follow(&sample);
             if status.is_reset() {
                 errors.waiting.clear();
             }
+            planned.extend_from_slice(follower.planned());
             errors.compare(k, &self.horizons, &sample.outputs, kept);
             let n = sample.outputs.len();
             let mut values = vec![f64::NAN; n * self.horizons.len()];

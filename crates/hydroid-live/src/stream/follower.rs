@@ -289,6 +289,11 @@ impl Follower {
         self.session.track()
     }
 
+    /// Commands that the pilot plans, in rows; none without one.
+    pub(crate) fn planned(&self) -> &[f64] {
+        self.session.planned()
+    }
+
     /// The adapter.
     pub(crate) fn adapter(&self) -> &dyn Adapter {
         self.session.adapter()

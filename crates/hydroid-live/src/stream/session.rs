@@ -146,6 +146,11 @@ impl Session {
         self.pilot.as_ref()
     }
 
+    /// Commands that it plans, in rows; none without one.
+    pub(super) fn planned(&self) -> &[f64] {
+        if self.pilot.is_some() { &self.plan } else { &[] }
+    }
+
     pub(super) fn pilot_mut(&mut self) -> Option<&mut Pilot> {
         self.pilot.as_mut()
     }

@@ -30,7 +30,7 @@ pub use simulate::{Drive, ModelPlan, Plan, Plant, PlantKind, Simulate};
 /// Default name of the file.
 pub const FILE: &str = "hydroid.toml";
 
-/// The sections of the file. `[adapt]`, `[control]` and `[live]` hold arguments of these commands, which are not read here.
+/// The sections of the file. `[adapt]`, `[control]`, `[live]` and `[ros]` are read by their commands.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[expect(missing_docs, reason = "each section is documented with its type")]
@@ -49,6 +49,7 @@ pub struct Config {
     pub adapt: IgnoredAny,
     pub control: IgnoredAny,
     pub live: IgnoredAny,
+    pub ros: IgnoredAny,
 }
 
 /// How logs are read: [`Selection`] and [`PrepareOptions`].

@@ -428,7 +428,9 @@ impl Helm {
         let reason = if age > SILENT_NS {
             Some(format!("there has been no new command for {:.1} s", seconds(age)))
         } else {
-            self.unmet(self.now_ns).into_iter().next()
+            // The cause without its remedy: who has taken over knows what to do.
+            let unmet = self.unmet(self.now_ns).into_iter().next();
+            unmet.map(|unmet| unmet.rsplit_once(": ").map_or(unmet.as_str(), |(cause, _)| cause).to_owned())
         };
         if let Some(reason) = reason {
             // A pilot who has changed the mode steers at once; without a receiver, a channel holds its last pulse.

@@ -1,0 +1,117 @@
+//! `hydroid live` as a node of ROS 2: [`main`] is the command `hydroid-ros`.
+//!
+//! The node speaks DDS itself (`ros2-client`, RustDDS): no installation of ROS is needed. Topics of any type become rows of
+//! numbers with the names that a recording has, so that the section `[log]` selects from a graph as from a bag. What a topic
+//! sends is recorded as it was sent.
+//!
+//! Order of the modules, each of which imports only modules before it: `names`, `value`, `settings`, `commander`, `link`,
+//! `graph`, `outputs`.
+
+pub mod commander;
+mod graph;
+pub mod link;
+pub mod names;
+mod outputs;
+pub mod settings;
+pub mod value;
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+use clap::{Args as ClapArgs, Parser};
+use hydroid_cli::on_board::{self, Outcome, Session, SessionArgs};
+
+use self::graph::Graph;
+use self::link::RosLink;
+use self::names::Names;
+use self::outputs::Outputs;
+use self::settings::Ros;
+
+/// An example of the configuration file, for a boat with two thrusters.
+const EXAMPLE: &str = include_str!("boat.toml");
+
+/// On board as a node of ROS 2: learn from topics, predict, guard, record, show, and steer if allowed
+///
+/// Topics are named in the section [ros] of the configuration file, sensors and commands in the section [log], as
+/// TOPIC.field. Without a model, hydroid records until the data suffice to identify one. Commands are published with
+/// --allow-commands only, and end when another node publishes them.
+#[derive(Debug, Parser)]
+#[command(
+    name = "hydroid-ros",
+    version,
+    about,
+    after_help = "Examples:
+  hydroid-ros --print-config > boat.toml                    an example of the configuration file
+  hydroid-ros new -c boat.toml                              record, watch, identify
+  hydroid-ros boat.safetensors -c boat.toml --ros-args -r /odom:=/wamv/odom -r __ns:=/wamv
+  hydroid-ros new -c boat.toml --allow-commands --fence 80 --ros-args -p max_speed:=2
+
+The section [live] takes the options, with _ in place of -; so do parameters (-p). The domain is that of ROS_DOMAIN_ID;
+ROS_LOCALHOST_ONLY=1 keeps the node on this computer. The page is at http://127.0.0.1:8600.
+
+Exit status: 130 ended by ctrl-C, 2 wrong input."
+)]
+struct Args {
+    #[command(flatten)]
+    session: SessionArgs,
+    #[command(flatten)]
+    ros: RosArgs,
+}
+
+/// The node.
+#[derive(Debug, ClapArgs)]
+#[command(next_help_heading = "ROS 2")]
+struct RosArgs {
+    /// Show warnings and errors only
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+/// Runs the command with the arguments of the process.
+pub fn main() -> ExitCode {
+    let (names, words) = match Names::read(std::env::args_os()) {
+        Ok(read) => read,
+        Err(error) => {
+            eprintln!("error: {error}");
+            return ExitCode::from(2);
+        }
+    };
+    on_board::program::<Args>(&words, |args| &args.session, |args| run(args, names, &words))
+}
+
+fn run(args: &Args, names: Names, words: &[OsString]) -> anyhow::Result<Outcome> {
+    if args.session.print_config {
+        on_board::print(EXAMPLE.trim_end());
+        return Ok(Outcome::Done);
+    }
+    let file = on_board::config_file(&args.session, "hydroid-ros")?;
+    let ros = Ros::read(&file)?;
+    let topics = ros.subscribed()?;
+    let domain = graph::domain()?;
+    let commands = &args.session.commands;
+    let options = commander::Options {
+        may_command: commands.allow_commands,
+        is_dry_run: commands.dry_run,
+        enable: ros.enable.clone(),
+    };
+    let link = RosLink::new(topics.clone(), options, domain);
+    let commanded = link.commanded();
+    let parameters = [("arguments".to_owned(), shown(words))];
+    let mut graph = Graph::join(names, domain, &parameters)?;
+    let mut outputs = Outputs::new(&mut graph, &ros, &args.session.horizons)?;
+    let session = Session { args: &args.session, file, address: format!("ROS 2, domain {domain}") };
+    let mut graph = Some(graph);
+    let open = move |clock| {
+        Box::new(move || {
+            let graph = graph.take().ok_or_else(|| std::io::Error::other("the graph was left"))?;
+            let commanded = commanded.get().map(Vec::as_slice).unwrap_or_default();
+            graph.port(&topics, commanded, clock).map_err(std::io::Error::other)
+        }) as Box<_>
+    };
+    session.run(link, open, args.ros.quiet, &mut |boat, now_ns| outputs.publish(boat, now_ns))
+}
+
+/// The arguments as text.
+fn shown(words: &[OsString]) -> String {
+    words.iter().skip(1).map(|word| word.to_string_lossy()).collect::<Vec<_>>().join(" ")
+}
