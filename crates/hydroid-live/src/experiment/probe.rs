@@ -96,6 +96,11 @@ impl Probe {
         matches!(self.stage, Stage::Rest | Stage::Turn(0))
     }
 
+    /// Time constant of the speed by the response so far \[s\].
+    pub(super) fn time_so_far(&self) -> f64 {
+        self.speed.as_ref().map_or(0.0, |speed| speed.so_far().time_s)
+    }
+
     /// The current step begins again after a pause, or is left out if it was interrupted too often.
     pub(super) fn resume(&mut self) {
         let Stage::Turn(turn) = self.stage else { return };

@@ -197,12 +197,22 @@ impl Response {
 
     /// Time constant of the speed \[s\].
     pub(super) fn push_s(&self) -> Option<f64> {
-        median(&self.push_times)
+        quantile(&self.push_times, 1, 2)
     }
 
     /// Time constant of the yaw rate \[s\].
     pub(super) fn turn_s(&self) -> Option<f64> {
-        median(&self.turn_times).or(self.turn_bound_s)
+        quantile(&self.turn_times, 1, 2).or(self.turn_bound_s)
+    }
+
+    /// Whether the time constant of the yaw rate has been estimated, and not only an upper bound.
+    pub(super) fn is_turn_known(&self) -> bool {
+        !self.turn_times.is_empty()
+    }
+
+    /// Upper quartiles of the estimates of both time constants \[s\].
+    pub(super) fn upper_times(&self) -> [Option<f64>; 2] {
+        [quantile(&self.push_times, 3, 4), quantile(&self.turn_times, 3, 4).or(self.turn_bound_s)]
     }
 
     /// Adds an estimate of the time constant of the speed \[s\].
@@ -325,8 +335,9 @@ fn remember(times: &mut Vec<f64>, time_s: f64) {
     }
 }
 
-fn median(times: &[f64]) -> Option<f64> {
+/// The estimate that a share `part / whole` of the estimates does not exceed.
+fn quantile(times: &[f64], part: usize, whole: usize) -> Option<f64> {
     let mut sorted = times.to_vec();
     sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied()
+    sorted.get(sorted.len() * part / whole).copied()
 }

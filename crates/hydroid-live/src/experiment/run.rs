@@ -1,7 +1,7 @@
 //! An experiment that is running.
 
 use std::collections::VecDeque;
-use std::f64::consts::FRAC_PI_4;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
@@ -55,8 +55,10 @@ const RETURN_DRIFT: f64 = 2.0;
 const RETURN_PUSH: f64 = 0.5;
 /// Push below which the fence is considered too small.
 const TOO_WEAK: f64 = 0.05;
-/// Time after which a prediction that leaves the fence is believed \[s\].
+/// Time after which a prediction that leaves the fence is believed, beside the time constant of the yaw rate \[s\].
 const HOPELESS_S: f64 = 1.0;
+/// Share of the distance from the fence that stopping may need before a boat that cannot turn back is stopped.
+const LAST_CHANCE: f64 = 0.7;
 /// Time for which commands go on while the position is unknown \[s\].
 const BLIND_S: f64 = 0.5;
 /// Memory of the drift, in time scales and at least \[s\].
@@ -66,7 +68,7 @@ const DRIFT_S: f64 = 120.0;
 const SPEED_LIMIT_S: f64 = 1.0;
 /// Time kept for the end: time scales, and at most this share of the duration.
 const END_SCALES: f64 = 3.0;
-const END_SHARE: f64 = 0.1;
+const END_SHARE: f64 = 0.3;
 
 /// What to do now.
 #[derive(Clone, Debug, PartialEq)]
@@ -92,7 +94,8 @@ enum Phase {
 struct Pause {
     elapsed_s: f64,
     hopeless_s: f64,
-    side: f64,
+    /// Side of a turn by more than a right angle.
+    side: Option<f64>,
     /// Because of the fence, not only to start the next part well.
     at_fence: bool,
 }
@@ -134,7 +137,8 @@ pub struct Experiment {
     since_limit_s: f64,
     /// Time for which fence or limits have been unfit for the boat \[s\].
     unfit_s: f64,
-    return_push: f64,
+    /// Side of the turn at the end.
+    end_side: Option<f64>,
     over: Option<Step>,
 }
 
@@ -176,7 +180,7 @@ impl Experiment {
             speed_limit: STEADY_SPEED * settings.max_speed_m_s,
             since_limit_s: f64::INFINITY,
             unfit_s: 0.0,
-            return_push: FIRST_PUSH * settings.level,
+            end_side: None,
             over: None,
             allocation,
             settings,
@@ -279,7 +283,7 @@ impl Experiment {
         if let Some(cause) = self.limit_speed(dt) {
             return Step::Abort(cause);
         }
-        if !matches!(self.phase, Phase::Ending(_)) && self.remaining_s() <= self.end_s() {
+        if !matches!(self.phase, Phase::Ending(_)) && self.remaining_s() <= self.end_s(motion) {
             self.phase = Phase::Ending(false);
             self.pause = None;
         }
@@ -295,17 +299,21 @@ impl Experiment {
             }
         } else if self.is_blind() {
             let size = self.settings.fence.size();
-            if self.settings.fence.margin(motion.north, motion.east) < BLIND * size {
+            let stop = match &self.phase {
+                Phase::Probe(probe) => probe.time_so_far() * motion.speed(),
+                _ => 0.0,
+            };
+            if self.settings.fence.margin(motion.north, motion.east) < BLIND * size + stop {
                 return Step::Abort(format!(
                     "the boat came near the fence before its turning was known: start in the middle of the fence; a \
                      boat that turns wider needs a fence larger than {size:.0} m"
                 ));
             }
         } else {
-            let cautious = !matches!(self.phase, Phase::Probe(_));
+            let cautious = self.response.is_turn_known();
             let way = self.way_back(motion, speed, cautious);
             if !way.keeps(self.kept(motion)) {
-                let pause = Pause { elapsed_s: 0.0, hopeless_s: 0.0, side: way.side, at_fence: true };
+                let pause = Pause { elapsed_s: 0.0, hopeless_s: 0.0, side: Some(way.side), at_fence: true };
                 self.pauses += 1;
                 self.pause = Some(pause);
                 return self.go_back(motion, speed, pause);
@@ -369,9 +377,12 @@ impl Experiment {
 
     /// Time scales of speed and yaw rate, within what the samples and the duration can show \[s\].
     fn scales(&self) -> [f64; 2] {
+        self.plausible([self.response.push_s(), self.response.turn_s()])
+    }
+
+    fn plausible(&self, scales: [Option<f64>; 2]) -> [f64; 2] {
         let [least, most] = [3.0 * self.settings.dt_s, 0.1 * self.settings.duration_s];
-        [self.response.push_s(), self.response.turn_s()]
-            .map(|scale| scale.unwrap_or(1.0).clamp(least, most.max(least)))
+        scales.map(|scale| scale.unwrap_or(1.0).clamp(least, most.max(least)))
     }
 
     fn is_blind(&self) -> bool {
@@ -380,10 +391,15 @@ impl Experiment {
 
     /// Speed through the water with which the boat returns \[m/s\].
     fn return_speed(&self) -> f64 {
-        let full = self.response.speed_at(self.return_push_limit()).unwrap_or(0.0);
+        let full = self.full_speed();
         let drift = self.drift.speed();
         let limit = STEADY_SPEED * self.settings.max_speed_m_s - drift;
         (RETURN_SPEED * full).max(RETURN_DRIFT * drift).min(full).min(limit).max(0.0)
+    }
+
+    /// Speed at the largest push on the way back \[m/s\].
+    fn full_speed(&self) -> f64 {
+        self.response.speed_at(self.return_push_limit()).unwrap_or(0.0)
     }
 
     /// Largest push on the way back: a current may need more than what the fence permits otherwise.
@@ -398,24 +414,36 @@ impl Experiment {
     }
 
     fn model(&self, cautious: bool) -> TurningBack<impl Fn(f64, f64) -> f64 + '_> {
-        let [push_s, turn_s] = self.scales();
-        let [rate, time] = if cautious { [CAUTIOUS_RATE, CAUTIOUS_TIME] } else { [1.0; 2] };
-        let limit = self.return_turn();
+        let (rate, [push_s, turn_s]) = if cautious {
+            (CAUTIOUS_RATE, self.plausible(self.response.upper_times()).map(|scale| CAUTIOUS_TIME * scale))
+        } else {
+            (1.0, self.scales())
+        };
+        let most = self.return_turn();
         TurningBack {
-            yaw_rate: move |side, speed| rate * self.response.yaw_rate(side, speed, limit).unwrap_or(0.0),
-            push_s: time * push_s,
-            turn_s: time * turn_s,
+            yaw_rate: move |side, speed| {
+                let limit = most.min(self.largest_turn(speed));
+                rate * self.response.yaw_rate(side, speed, limit).unwrap_or(0.0)
+            },
+            push_s,
+            turn_s,
             speed: self.return_speed(),
+            full_speed: self.full_speed(),
             drift: self.drift.velocity(),
             sideslip: self.drift.sideslip(),
             dt: self.settings.dt_s,
         }
     }
 
-    /// The way back from here.
-    fn way_back(&self, motion: &Motion, speed: f64, cautious: bool) -> Way {
+    /// The ways back from here, to starboard and to port.
+    fn ways_back(&self, motion: &Motion, speed: f64, cautious: bool) -> [Way; 2] {
         let start = Start { north: motion.north, east: motion.east, psi: motion.psi, speed, rate: motion.r };
-        self.model(cautious).way(&self.settings.fence, &start)
+        self.model(cautious).ways(&self.settings.fence, &start)
+    }
+
+    /// The better way back from here.
+    fn way_back(&self, motion: &Motion, speed: f64, cautious: bool) -> Way {
+        Way::better(self.ways_back(motion, speed, cautious), self.kept(motion))
     }
 
     /// Distance from the fence that is kept \[m\]: a share of its size, and the way in two steps.
@@ -542,19 +570,19 @@ impl Experiment {
     fn go_back(&mut self, motion: &Motion, speed: f64, mut pause: Pause) -> Step {
         pause.elapsed_s += motion.dt;
         let margin = self.settings.fence.margin(motion.north, motion.east);
-        let leaves = self.way_back(motion, speed, false).margin < 0.0;
+        let leaves = self.response.is_turn_known() && self.way_back(motion, speed, false).margin < 0.0;
         pause.hopeless_s = if leaves { pause.hopeless_s + motion.dt } else { 0.0 };
         let [push_s, turn_s] = self.scales();
-        // A boat that cannot turn within the fence is stopped while it still can.
-        if pause.hopeless_s > HOPELESS_S && motion.speed() * push_s < margin {
+        // A boat that cannot turn within the fence is stopped at the last moment at which stopping suffices.
+        let stop = motion.speed() * push_s;
+        if pause.hopeless_s > HOPELESS_S + turn_s && (LAST_CHANCE * margin..margin).contains(&stop) {
             return Step::Abort(format!(
                 "the boat cannot turn back within the remaining {margin:.0} m: it needs a larger fence, or less speed, \
                  current and wind (drift {:.2} m/s)",
                 self.drift.speed()
             ));
         }
-        let made_good = (self.return_speed() - self.drift.speed()).max(0.1 * self.return_speed()).max(1e-3);
-        if pause.elapsed_s > 10.0 * (push_s + turn_s) + 4.0 * self.settings.fence.size() / made_good {
+        if pause.elapsed_s > 10.0 * (push_s + turn_s) + 4.0 * self.settings.fence.size() / self.made_good() {
             return Step::Abort(format!(
                 "the boat has not come back to the middle for {:.0} s: check for current and wind (drift {:.2} m/s), and \
                  whether the push suffices",
@@ -570,28 +598,37 @@ impl Experiment {
     }
 
     /// Push and turn towards the middle.
-    fn return_demand(&mut self, motion: &Motion, speed: f64, side: &mut f64) -> [f64; 2] {
+    fn return_demand(&self, motion: &Motion, speed: f64, side: &mut Option<f64>) -> [f64; 2] {
         let mut now = self.situation(motion, speed);
         now.turn = now.turn.min(self.return_turn());
         let aim = self.return_speed();
         let [dn, de] = self.settings.fence.inward(motion.north, motion.east);
         let [cn, ce] = self.drift.velocity();
         let heading = (aim * de - ce).atan2(aim * dn - cn);
+        // Full turn to the side that was predicted to be the better one, until the heading is less than a right angle off.
         let off = wrap(heading - motion.psi);
-        // With the middle astern, the side is kept.
         let turn = if speed <= 0.0 {
             0.0
-        } else if off.abs() > 3.0 * FRAC_PI_4 {
-            *side * now.turn
+        } else if off.abs() > FRAC_PI_2 {
+            let ways = self.ways_back(motion, speed, true);
+            let better = Way::better(ways, self.kept(motion));
+            // The side is kept as long as it leads back.
+            let chosen = *side.get_or_insert(better.side);
+            let leads_back = ways.iter().any(|way| way.side == chosen && way.time_s.is_some());
+            if !leads_back && better.time_s.is_some() {
+                *side = Some(better.side);
+            }
+            side.unwrap_or(better.side) * now.turn
         } else {
-            *side = off.signum();
+            *side = None;
             now.hold(heading)
         };
-        let share = (aim - speed) / aim.max(1e-3);
+        // What the speed needs by what was seen, and proportional control.
         let most = self.return_push_limit();
-        self.return_push = (self.return_push + motion.dt / now.push_s * share.clamp(-1.0, 1.0) * most)
-            .clamp(0.2 * most, most);
-        [self.return_push, turn]
+        let known = self.response.push_below(aim).unwrap_or(FIRST_PUSH * most);
+        let push =
+            if speed < 0.0 { most } else { (known + most * (aim - speed) / aim.max(1e-3)).clamp(0.0, most) };
+        [push, turn]
     }
 
     fn resume(&mut self) {
@@ -639,8 +676,7 @@ impl Experiment {
     /// Goes to the middle first if the boat is not well inside.
     fn begin_part(&mut self, motion: &Motion, speed: f64) {
         if !self.is_well_inside(motion, speed, WELL_INSIDE) {
-            let side = self.way_back(motion, speed, true).side;
-            self.pause = Some(Pause { elapsed_s: 0.0, hopeless_s: 0.0, side, at_fence: false });
+            self.pause = Some(Pause { elapsed_s: 0.0, hopeless_s: 0.0, side: None, at_fence: false });
         }
     }
 
@@ -669,18 +705,27 @@ impl Experiment {
         self.send(motion, self.sent, false)
     }
 
-    /// Time that is kept for the end \[s\].
-    fn end_s(&self) -> f64 {
+    /// Time that is needed to end from here: some time scales, and the way back \[s\].
+    fn end_s(&self, motion: &Motion) -> f64 {
         let [push_s, turn_s] = self.scales();
-        (END_SCALES * (push_s + turn_s)).min(END_SHARE * self.settings.duration_s)
+        let fence = &self.settings.fence;
+        let way = (TO_END * fence.size() - fence.margin(motion.north, motion.east)).max(0.0);
+        (END_SCALES * (push_s + turn_s) + way / self.made_good()).min(END_SHARE * self.settings.duration_s)
+    }
+
+    /// Least speed over ground on the way back, against the drift \[m/s\].
+    fn made_good(&self) -> f64 {
+        let speed = self.return_speed();
+        (speed - self.drift.speed()).max(0.1 * speed).max(1e-3)
     }
 
     /// Returns to where the boat can come to rest, and slows down.
     fn end(&mut self, motion: &Motion, speed: f64, slowing: bool) -> Step {
         let [push_s, _] = self.scales();
         let margin = self.settings.fence.margin(motion.north, motion.east);
-        let room = margin > TO_END * self.settings.fence.size() + 2.0 * push_s * motion.speed();
-        let late = self.remaining_s() < 0.5 * self.end_s();
+        let stop = 2.0 * push_s * motion.speed();
+        let room = margin > TO_END * self.settings.fence.size() + stop;
+        let late = self.remaining_s() < push_s && margin > stop;
         if slowing || room || late || self.is_blind() || self.is_well_inside(motion, speed, TO_END) {
             self.phase = Phase::Ending(true);
             if speed.abs() <= 0.3 * self.return_speed() {
@@ -689,8 +734,9 @@ impl Experiment {
             }
             return self.send(motion, [0.0; 2], false);
         }
-        let mut side = self.way_back(motion, speed, true).side;
+        let mut side = self.end_side;
         let demand = self.return_demand(motion, speed, &mut side);
+        self.end_side = side;
         self.send(motion, demand, false)
     }
 

@@ -1,11 +1,13 @@
 //! Prediction of the way on which the boat turns back.
 
+use std::f64::consts::PI;
+
 use super::fence::Fence;
 
 /// Longest predicted way, in steps.
-const STEPS: usize = 400;
-/// Steps per time constant and radian of turning.
-const RESOLUTION: f64 = 15.0;
+const STEPS: u32 = 400;
+/// Steps in the sum of both time constants and of the time of half a turn.
+const RESOLUTION: f64 = 100.0;
 
 /// Place and motion at the beginning of a turn.
 #[derive(Clone, Copy, Debug)]
@@ -23,8 +25,8 @@ pub(super) struct Start {
 pub(super) struct Way {
     /// Least distance from the fence \[m\], negative outside.
     pub(super) margin: f64,
-    /// Whether the boat moves inward at the end.
-    pub(super) returns: bool,
+    /// Time until the boat moves inward \[s\], if it does.
+    pub(super) time_s: Option<f64>,
     /// Side of the turn: 1 starboard, -1 port.
     pub(super) side: f64,
 }
@@ -32,7 +34,17 @@ pub(super) struct Way {
 impl Way {
     /// Whether the boat returns with a distance from the fence.
     pub(super) fn keeps(&self, margin: f64) -> bool {
-        self.returns && self.margin >= margin
+        self.time_s.is_some() && self.margin >= margin
+    }
+
+    /// The better of two ways: the earlier return if both keep a distance from the fence, and otherwise the larger distance.
+    pub(super) fn better([a, b]: [Self; 2], kept: f64) -> Self {
+        let is_first = match (a.keeps(kept), b.keeps(kept)) {
+            (true, true) => a.time_s <= b.time_s,
+            (false, false) => (a.time_s.is_some(), a.margin) >= (b.time_s.is_some(), b.margin),
+            (first, _) => first,
+        };
+        if is_first { a } else { b }
     }
 }
 
@@ -45,17 +57,19 @@ pub(super) struct TurningBack<F> {
     pub(super) turn_s: f64,
     /// Speed at which the boat returns \[m/s\].
     pub(super) speed: f64,
+    /// Speed at the largest push on the way back \[m/s\].
+    pub(super) full_speed: f64,
     pub(super) drift: [f64; 2],
     pub(super) sideslip: f64,
     pub(super) dt: f64,
 }
 
 impl<F: Fn(f64, f64) -> f64> TurningBack<F> {
-    /// The way back to the better side.
-    pub(super) fn way(&self, fence: &Fence, start: &Start) -> Way {
-        let way = |side: f64| {
+    /// The ways back to starboard and to port.
+    pub(super) fn ways(&self, fence: &Fence, start: &Start) -> [Way; 2] {
+        [1.0, -1.0].map(|side| {
             let mut margin = f64::INFINITY;
-            let returns = self.path(
+            let time_s = self.path(
                 start,
                 side,
                 |n, e| fence.inward(n, e),
@@ -64,10 +78,8 @@ impl<F: Fn(f64, f64) -> f64> TurningBack<F> {
                     margin >= 0.0
                 },
             );
-            Way { margin, returns, side }
-        };
-        let (starboard, port) = (way(1.0), way(-1.0));
-        if (starboard.returns, starboard.margin) >= (port.returns, port.margin) { starboard } else { port }
+            Way { margin, time_s, side }
+        })
     }
 
     /// Distance that is needed ahead to turn back at a speed, in the direction of the drift \[m\].
@@ -77,7 +89,7 @@ impl<F: Fn(f64, f64) -> f64> TurningBack<F> {
         let (sin, cos) = psi.sin_cos();
         let start = Start { north: 0.0, east: 0.0, psi, speed, rate: 0.0 };
         let mut farthest = 0.0_f64;
-        let returned = self.path(
+        let time_s = self.path(
             &start,
             1.0,
             |_, _| [-cos, -sin],
@@ -86,39 +98,52 @@ impl<F: Fn(f64, f64) -> f64> TurningBack<F> {
                 true
             },
         );
-        if returned { farthest } else { f64::INFINITY }
+        if time_s.is_some() { farthest } else { f64::INFINITY }
     }
 
-    /// Follows the way until the boat moves inward over ground; returns whether it does. `visit` returns whether to go on.
+    /// Angle by which the boat turns on while a yaw rate is stopped with the turn to the other side.
+    fn stopping_angle(&self, rate: f64, speed: f64) -> f64 {
+        let against = (self.yaw_rate)(-rate.signum(), speed.max(0.0)).max(1e-6);
+        let size = rate.abs();
+        rate.signum() * self.turn_s * (size - against * (1.0 + size / against).ln())
+    }
+
+    /// Follows the way until the boat moves inward over ground; returns the time until then. `visit` returns whether to go on.
     fn path(
         &self,
         start: &Start,
         side: f64,
-        inward: impl Fn(f64, f64) -> [f64; 2],
+        to_middle: impl Fn(f64, f64) -> [f64; 2],
         mut visit: impl FnMut(f64, f64) -> bool,
-    ) -> bool {
+    ) -> Option<f64> {
         let Start { mut north, mut east, mut psi, mut speed, mut rate } = *start;
-        for _ in 0..STEPS {
+        let half_turn_s = PI / (self.yaw_rate)(side, self.speed).max(1e-3);
+        let h = ((self.push_s + self.turn_s + half_turn_s) / RESOLUTION).max(self.dt);
+        for step in 0..STEPS {
             let aim = (self.yaw_rate)(side, speed.max(0.0)).max(0.0);
-            let h = (self.turn_s.min(1.0 / aim.max(1e-3)) / RESOLUTION).max(self.dt);
             let (sin, cos) = psi.sin_cos();
             let slip = self.sideslip * rate;
             let vn = speed * cos - slip * sin + self.drift[0];
             let ve = speed * sin + slip * cos + self.drift[1];
-            let [dn, de] = inward(north, east);
+            let [dn, de] = to_middle(north, east);
             if !visit(north, east) {
-                return false;
+                return None;
             }
-            // The heading must be inward as well: a turn away from there would go on outward.
-            if vn * dn + ve * de >= 0.0 && (cos * dn + sin * de >= 0.0) && speed > 0.0 {
-                return true;
+            // The heading must be inward as well, and stay so until the turn is stopped.
+            let stopped = psi + self.stopping_angle(rate, speed);
+            let turned = cos * dn + sin * de >= 0.0 && stopped.cos() * dn + stopped.sin() * de >= 0.0;
+            if turned && speed > 0.0 && vn * dn + ve * de >= 0.0 {
+                return Some(f64::from(step) * h);
             }
             north += h * vn;
             east += h * ve;
-            psi += h * rate;
+            let before = rate;
             rate += (side * aim - rate) * (1.0 - (-h / self.turn_s).exp());
-            speed += (self.speed - speed) * (1.0 - (-h / self.push_s).exp());
+            psi += 0.5 * h * (before + rate);
+            // A boat that goes astern is stopped with the largest push.
+            let aim = if speed < 0.0 { self.full_speed } else { self.speed };
+            speed += (aim - speed) * (1.0 - (-h / self.push_s).exp());
         }
-        false
+        None
     }
 }
