@@ -111,6 +111,13 @@ impl Allocation {
         starboard.min(port)
     }
 
+    /// Least push beside a turn to either side: above zero with two thrusters that only push ahead.
+    pub(super) fn least_push_beside(&self, turn: f64) -> f64 {
+        let [starboard, _] = self.push_interval(turn);
+        let [port, _] = self.push_interval(-turn);
+        starboard.max(port).max(0.0)
+    }
+
     /// The commands of a push and a turn, within the limits of the inputs.
     pub(super) fn commands(&self, push: f64, turn: f64) -> Vec<f64> {
         let turn = if turn.is_finite() { turn.clamp(-self.turn, self.turn) } else { 0.0 };

@@ -1,7 +1,7 @@
 //! An experiment that is running.
 
 use std::collections::VecDeque;
-use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+use std::f64::consts::FRAC_PI_4;
 
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
@@ -55,10 +55,6 @@ const RETURN_DRIFT: f64 = 2.0;
 const RETURN_PUSH: f64 = 0.5;
 /// Push below which the fence is considered too small.
 const TOO_WEAK: f64 = 0.05;
-/// Time after which a prediction that leaves the fence is believed, beside the time constant of the yaw rate \[s\].
-const HOPELESS_S: f64 = 1.0;
-/// Share of the distance from the fence that stopping may need before a boat that cannot turn back is stopped.
-const LAST_CHANCE: f64 = 0.7;
 /// Time for which commands go on while the position is unknown \[s\].
 const BLIND_S: f64 = 0.5;
 /// Memory of the drift, in time scales and at least \[s\].
@@ -93,7 +89,6 @@ enum Phase {
 #[derive(Clone, Copy, Debug)]
 struct Pause {
     elapsed_s: f64,
-    hopeless_s: f64,
     /// Side of a turn by more than a right angle.
     side: Option<f64>,
     /// Because of the fence, not only to start the next part well.
@@ -313,7 +308,7 @@ impl Experiment {
             let cautious = self.response.is_turn_known();
             let way = self.way_back(motion, speed, cautious);
             if !way.keeps(self.kept(motion)) {
-                let pause = Pause { elapsed_s: 0.0, hopeless_s: 0.0, side: Some(way.side), at_fence: true };
+                let pause = Pause { elapsed_s: 0.0, side: Some(way.side), at_fence: true };
                 self.pauses += 1;
                 self.pause = Some(pause);
                 return self.go_back(motion, speed, pause);
@@ -420,14 +415,18 @@ impl Experiment {
             (1.0, self.scales())
         };
         let most = self.return_turn();
+        // Thrusters that only push ahead push the boat while they turn it.
+        let pushed = self.response.speed_at(self.allocation.least_push_beside(most)).unwrap_or(0.0);
         TurningBack {
-            yaw_rate: move |side, speed| {
+            yaw_rate: move |side: f64, speed: f64| {
                 let limit = most.min(self.largest_turn(speed));
-                rate * self.response.yaw_rate(side, speed, limit).unwrap_or(0.0)
+                let [made, other] =
+                    [side, -side].map(|side| self.response.yaw_rate(side, speed, limit).unwrap_or(0.0));
+                if cautious { rate * made.min(other) } else { made }
             },
             push_s,
             turn_s,
-            speed: self.return_speed(),
+            speed: self.return_speed().max(pushed),
             full_speed: self.full_speed(),
             drift: self.drift.velocity(),
             sideslip: self.drift.sideslip(),
@@ -444,6 +443,14 @@ impl Experiment {
     /// The better way back from here.
     fn way_back(&self, motion: &Motion, speed: f64, cautious: bool) -> Way {
         Way::better(self.ways_back(motion, speed, cautious), self.kept(motion))
+    }
+
+    /// Distance from the fence at which the boat comes to rest without a push, with the slower time constant \[m\].
+    fn margin_at_rest(&self, motion: &Motion) -> f64 {
+        let [push_s, _] = self.plausible(self.response.upper_times());
+        let [vn, ve] = motion.velocity();
+        let way_s = CAUTIOUS_TIME * push_s;
+        self.settings.fence.margin(motion.north + way_s * vn, motion.east + way_s * ve)
     }
 
     /// Distance from the fence that is kept \[m\]: a share of its size, and the way in two steps.
@@ -570,12 +577,12 @@ impl Experiment {
     fn go_back(&mut self, motion: &Motion, speed: f64, mut pause: Pause) -> Step {
         pause.elapsed_s += motion.dt;
         let margin = self.settings.fence.margin(motion.north, motion.east);
-        let leaves = self.response.is_turn_known() && self.way_back(motion, speed, false).margin < 0.0;
-        pause.hopeless_s = if leaves { pause.hopeless_s + motion.dt } else { 0.0 };
         let [push_s, turn_s] = self.scales();
-        // A boat that cannot turn within the fence is stopped at the last moment at which stopping suffices.
-        let stop = motion.speed() * push_s;
-        if pause.hopeless_s > HOPELESS_S + turn_s && (LAST_CHANCE * margin..margin).contains(&stop) {
+        // The boat must always be able to turn back or to stop. If it cannot turn back, it is stopped at the last moment at
+        // which it comes to rest inside.
+        let at_rest = self.margin_at_rest(motion);
+        let kept = self.kept(motion);
+        if at_rest < kept && at_rest >= 0.0 && !self.way_back(motion, speed, false).keeps(0.0) {
             return Step::Abort(format!(
                 "the boat cannot turn back within the remaining {margin:.0} m: it needs a larger fence, or less speed, \
                  current and wind (drift {:.2} m/s)",
@@ -605,11 +612,12 @@ impl Experiment {
         let [dn, de] = self.settings.fence.inward(motion.north, motion.east);
         let [cn, ce] = self.drift.velocity();
         let heading = (aim * de - ce).atan2(aim * dn - cn);
-        // Full turn to the side that was predicted to be the better one, until the heading is less than a right angle off.
+        // Full turn to the side that was predicted to be the better one, until stopping the turn leaves less than 45 degrees.
         let off = wrap(heading - motion.psi);
+        let left = off - self.model(false).stopping_angle(motion.r, speed);
         let turn = if speed <= 0.0 {
             0.0
-        } else if off.abs() > FRAC_PI_2 {
+        } else if off.abs() > FRAC_PI_4 && left.abs() > FRAC_PI_4 {
             let ways = self.ways_back(motion, speed, true);
             let better = Way::better(ways, self.kept(motion));
             // The side is kept as long as it leads back.
@@ -676,7 +684,7 @@ impl Experiment {
     /// Goes to the middle first if the boat is not well inside.
     fn begin_part(&mut self, motion: &Motion, speed: f64) {
         if !self.is_well_inside(motion, speed, WELL_INSIDE) {
-            self.pause = Some(Pause { elapsed_s: 0.0, hopeless_s: 0.0, side: None, at_fence: false });
+            self.pause = Some(Pause { elapsed_s: 0.0, side: None, at_fence: false });
         }
     }
 

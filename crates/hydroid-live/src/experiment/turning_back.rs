@@ -1,6 +1,6 @@
 //! Prediction of the way on which the boat turns back.
 
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 use super::fence::Fence;
 
@@ -25,7 +25,7 @@ pub(super) struct Start {
 pub(super) struct Way {
     /// Least distance from the fence \[m\], negative outside.
     pub(super) margin: f64,
-    /// Time until the boat moves inward \[s\], if it does.
+    /// Time until the course leads to the middle \[s\], if it does.
     pub(super) time_s: Option<f64>,
     /// Side of the turn: 1 starboard, -1 port.
     pub(super) side: f64,
@@ -64,7 +64,21 @@ pub(super) struct TurningBack<F> {
     pub(super) dt: f64,
 }
 
+/// Whether a velocity leads to the middle: within 45 degrees of its direction.
+///
+/// The boat can go on from there, because the middle is then ahead. A boat that only moves inward may still pass the middle
+/// on a side and need the turn that it no longer can make.
+fn leads([vn, ve]: [f64; 2], [dn, de]: [f64; 2]) -> bool {
+    vn * dn + ve * de >= FRAC_1_SQRT_2 * vn.hypot(ve)
+}
+
 impl<F: Fn(f64, f64) -> f64> TurningBack<F> {
+    /// Velocity over ground without sideslip, north and east \[m/s\].
+    fn over_ground(&self, speed: f64, psi: f64) -> [f64; 2] {
+        let (sin, cos) = psi.sin_cos();
+        [speed * cos + self.drift[0], speed * sin + self.drift[1]]
+    }
+
     /// The ways back to starboard and to port.
     pub(super) fn ways(&self, fence: &Fence, start: &Start) -> [Way; 2] {
         [1.0, -1.0].map(|side| {
@@ -102,13 +116,13 @@ impl<F: Fn(f64, f64) -> f64> TurningBack<F> {
     }
 
     /// Angle by which the boat turns on while a yaw rate is stopped with the turn to the other side.
-    fn stopping_angle(&self, rate: f64, speed: f64) -> f64 {
+    pub(super) fn stopping_angle(&self, rate: f64, speed: f64) -> f64 {
         let against = (self.yaw_rate)(-rate.signum(), speed.max(0.0)).max(1e-6);
         let size = rate.abs();
         rate.signum() * self.turn_s * (size - against * (1.0 + size / against).ln())
     }
 
-    /// Follows the way until the boat moves inward over ground; returns the time until then. `visit` returns whether to go on.
+    /// Follows the way until the course leads to the middle; returns the time until then. `visit` returns whether to go on.
     fn path(
         &self,
         start: &Start,
@@ -129,10 +143,9 @@ impl<F: Fn(f64, f64) -> f64> TurningBack<F> {
             if !visit(north, east) {
                 return None;
             }
-            // The heading must be inward as well, and stay so until the turn is stopped.
+            // The course must lead to the middle, and still do so when the turn is stopped.
             let stopped = psi + self.stopping_angle(rate, speed);
-            let turned = cos * dn + sin * de >= 0.0 && stopped.cos() * dn + stopped.sin() * de >= 0.0;
-            if turned && speed > 0.0 && vn * dn + ve * de >= 0.0 {
+            if speed > 0.0 && leads([vn, ve], [dn, de]) && leads(self.over_ground(speed, stopped), [dn, de]) {
                 return Some(f64::from(step) * h);
             }
             north += h * vn;
