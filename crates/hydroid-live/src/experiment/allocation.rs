@@ -64,7 +64,7 @@ impl Allocation {
         let [astern, ahead] = allocation.push_interval(0.0);
         if ahead < 1.0 {
             return Err(
-                "the inputs in `push` cannot push fully ahead: check the signs of their weights and whether \
+                "the inputs in `push` cannot push fully ahead: check which of them are reversed, and whether \
                         rest lies below the upper limit"
                     .into(),
             );
@@ -81,7 +81,7 @@ impl Allocation {
                 })
             })
             .filter(|&turn| turn >= WEAKEST_TURN)
-            .ok_or("the inputs in `turn` cannot turn to both sides: check the signs of their weights and their limits")?;
+            .ok_or("the inputs in `turn` cannot turn to both sides: check which of them are reversed, and their limits")?;
         Ok(allocation)
     }
 

@@ -157,7 +157,7 @@ impl Channel {
             let enough = self.changes.iter().filter(|&&changes| changes >= CHANGES).count();
             return (enough < 3).then(|| {
                 format!(
-                    "{}: {CHANGES} changes are needed at three or more time scales, and there are so many at {enough}",
+                    "{}: {CHANGES} changes at each of three time scales are needed; complete time scales: {enough}",
                     self.name
                 )
             });

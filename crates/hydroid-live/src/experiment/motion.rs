@@ -161,8 +161,8 @@ impl Observer {
         self.too_quick_s = if motion.r.abs() > self.max_yaw_rate { self.too_quick_s + dt } else { 0.0 };
         if self.too_fast_s > EXCESS_S {
             return Observed::Abort(format!(
-                "the boat moved at {:.2} m/s, above the limit of {:.2} m/s, for longer than {EXCESS_S} s: lower the \
-                 level, or raise the limit",
+                "the boat moved at {:.2} m/s, above the limit of {:.2} m/s, for longer than {EXCESS_S} s: narrow \
+                 the limits of the inputs that push, or raise the limit",
                 motion.speed(),
                 self.max_speed
             ));

@@ -215,15 +215,15 @@ impl Probe {
     ) -> Option<Probed> {
         if self.turned < -REVERSED && rate_change < -SMALLEST_YAW_RATE {
             return Some(Probed::Abort(
-                "the boat turned to the other side than commanded: reverse the signs of the weights in `turn`, or \
-                 check the order of the inputs"
+                "the boat turned to the other side than commanded: reverse each input in `turn`, or check \
+                 the order of the inputs"
                     .into(),
             ));
         }
         if self.settled[1] && speed_change < -SMALLEST_SPEED {
             return Some(Probed::Abort(
-                "the boat went astern when it was pushed ahead: reverse the signs of the weights in `push`, or check \
-                 the order of the inputs"
+                "the boat went astern when it was pushed ahead: reverse each input in `push`, or check the \
+                 order of the inputs"
                     .into(),
             ));
         }
