@@ -1,8 +1,9 @@
 //! Prediction of the way on which the boat turns back.
 
-use std::f64::consts::{FRAC_1_SQRT_2, PI};
+use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_4, PI};
 
 use super::fence::Fence;
+use super::motion::wrap;
 
 /// Longest predicted way, in steps.
 const STEPS: u32 = 400;
@@ -73,10 +74,16 @@ fn leads([vn, ve]: [f64; 2], [dn, de]: [f64; 2]) -> bool {
 }
 
 impl<F: Fn(f64, f64) -> f64> TurningBack<F> {
-    /// Velocity over ground without sideslip, north and east \[m/s\].
-    fn over_ground(&self, speed: f64, psi: f64) -> [f64; 2] {
-        let (sin, cos) = psi.sin_cos();
-        [speed * cos + self.drift[0], speed * sin + self.drift[1]]
+    /// Heading towards the middle, against the drift; `inward` is the direction of the middle.
+    pub(super) fn heading(&self, inward: [f64; 2]) -> f64 {
+        let [cn, ce] = self.drift;
+        (self.speed * inward[1] - ce).atan2(self.speed * inward[0] - cn)
+    }
+
+    /// Whether the boat turns fully: stopping the turn leaves more than 45 degrees to a heading. `off` is the angle to it.
+    pub(super) fn turns(&self, off: f64, rate: f64, speed: f64) -> bool {
+        let left = off - self.stopping_angle(rate, speed);
+        off.abs() > FRAC_PI_4 && left.abs() > FRAC_PI_4
     }
 
     /// The ways back to starboard and to port.
@@ -116,7 +123,7 @@ impl<F: Fn(f64, f64) -> f64> TurningBack<F> {
     }
 
     /// Angle by which the boat turns on while a yaw rate is stopped with the turn to the other side.
-    pub(super) fn stopping_angle(&self, rate: f64, speed: f64) -> f64 {
+    fn stopping_angle(&self, rate: f64, speed: f64) -> f64 {
         let against = (self.yaw_rate)(-rate.signum(), speed.max(0.0)).max(1e-6);
         let size = rate.abs();
         rate.signum() * self.turn_s * (size - against * (1.0 + size / against).ln())
@@ -143,15 +150,23 @@ impl<F: Fn(f64, f64) -> f64> TurningBack<F> {
             if !visit(north, east) {
                 return None;
             }
-            // The course must lead to the middle, and still do so when the turn is stopped.
-            let stopped = psi + self.stopping_angle(rate, speed);
-            if speed > 0.0 && leads([vn, ve], [dn, de]) && leads(self.over_ground(speed, stopped), [dn, de]) {
+            // Full turn, then a heading is held. Going astern, the boat does not turn.
+            let off = wrap(self.heading([dn, de]) - psi);
+            let turns = self.turns(off, rate, speed);
+            if !turns && speed > 0.0 && leads([vn, ve], [dn, de]) {
                 return Some(f64::from(step) * h);
             }
+            let demand = if speed <= 0.0 {
+                0.0
+            } else if turns {
+                side * aim
+            } else {
+                (off / (2.0 * self.turn_s).max(4.0 * h)).clamp(-aim, aim)
+            };
             north += h * vn;
             east += h * ve;
             let before = rate;
-            rate += (side * aim - rate) * (1.0 - (-h / self.turn_s).exp());
+            rate += (demand - rate) * (1.0 - (-h / self.turn_s).exp());
             psi += 0.5 * h * (before + rate);
             // A boat that goes astern is stopped with the largest push.
             let aim = if speed < 0.0 { self.full_speed } else { self.speed };

@@ -146,15 +146,13 @@ impl Experiment {
         let mut now = self.situation(motion, speed);
         now.turn = now.turn.min(self.return_turn());
         let aim = self.return_speed();
-        let [dn, de] = self.settings.fence.inward(motion.north, motion.east);
-        let [cn, ce] = self.drift.velocity();
-        let heading = (aim * de - ce).atan2(aim * dn - cn);
-        // Full turn to the side that was predicted to be the better one, until stopping the turn leaves less than 45 degrees.
-        let off = wrap(heading - motion.psi);
-        let left = off - self.model(false).stopping_angle(motion.r, speed);
+        // As it is predicted: full turn to the side that was better, then the heading is held.
+        let model = self.model(false);
+        let heading = model.heading(self.settings.fence.inward(motion.north, motion.east));
+        let turns = model.turns(wrap(heading - motion.psi), motion.r, speed);
         let turn = if speed <= 0.0 {
             0.0
-        } else if off.abs() > FRAC_PI_4 && left.abs() > FRAC_PI_4 {
+        } else if turns {
             let ways = self.ways_back(motion, speed, true);
             let better = Way::better(ways, self.kept(motion));
             // The side is kept as long as it leads back.
