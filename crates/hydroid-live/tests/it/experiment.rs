@@ -1,9 +1,15 @@
 //! Experiments on simulated boats of many sizes: they stay within the fence, end in time, and explore the commands.
 
-use super::simulated_boats::{BOATS, Sim, run};
+use super::simulated_boats::{BOATS, Boat, Drive, Sim, run};
 use hydroid_live::experiment::{Experiment, Explored, Fence, Kind, Seen, Step};
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
 
 const KINDS: [&str; 7] = ["zigzag-20", "zigzag-10", "circle", "chirp", "prbs", "acceleration", "auto"];
+
+/// Numbers of boats in the surveys.
+const RANDOM_BOATS: usize = 60;
+const SMALL_FENCES: usize = 75;
 
 fn kind(name: &str) -> Kind {
     name.parse().unwrap()
@@ -44,6 +50,77 @@ fn boats_of_all_sizes_stay_within_the_fence() {
 fn boats_of_all_sizes_stay_within_the_fence_for_many_seeds() {
     let (runs, aborted) = sail(&KINDS, 0..5);
     assert!(aborted.len() * 50 <= runs, "{aborted:?}");
+}
+
+/// Boats with time constants of 0.5 to 20 s, speeds of 1.2 to 8 m/s and turning circles of one third to three times what the
+/// yaw response suggests, all distributed log-uniformly.
+fn random_boats(count: usize) -> Vec<Boat> {
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let boat = |_| {
+        let mut log = |low: f64, high: f64| low * (high / low).powf(rng.random_range(0.0..1.0));
+        let (push_s, turn_s, speed) = (log(0.5, 20.0), log(0.5, 20.0), log(1.2, 8.0));
+        let radius = (speed * turn_s * log(0.3, 3.0)).max(1.0);
+        let lag_s = 0.1 * push_s.min(turn_s) * log(0.3, 3.0);
+        Boat {
+            name: "random",
+            drive: if rng.random() { Drive::Rudder } else { Drive::Twin },
+            astern: rng.random(),
+            speed,
+            push_s,
+            turn_s,
+            yaw_rate: (speed / radius).min(1.5),
+            quadratic: rng.random(),
+            lag_s,
+        }
+    };
+    (0..count).map(boat).collect()
+}
+
+/// No boat leaves a fence of twelve turning circles, in a current of up to 0.5 m/s with gusts, and few experiments are aborted.
+#[test]
+#[ignore = "slow tier: .ci/run runs it"]
+fn random_boats_stay_within_the_fence() {
+    let boats = random_boats(RANDOM_BOATS);
+    let (mut aborted, mut sufficient) = (Vec::new(), 0);
+    for (k, &boat) in boats.iter().enumerate() {
+        let settings = boat.settings(k as u64);
+        let mut sim = Sim::new(boat, &settings, 0.4 * boat.speed.min(1.25), true);
+        let report = run(kind(KINDS[k % KINDS.len()]), &settings, &mut sim);
+        let what = format!("boat {k}: {:?} {boat:?}", report.end);
+        assert!(report.least_margin >= 0.0, "{what} left the fence: {}", report.least_margin);
+        sufficient += usize::from(report.explored.is_sufficient());
+        if matches!(report.end, Step::Abort(_)) {
+            aborted.push(what);
+        }
+    }
+    assert!(aborted.len() * 10 <= boats.len(), "{aborted:?}");
+    assert!(
+        sufficient * 4 >= boats.len(),
+        "{sufficient} of {} experiments gave sufficient data",
+        boats.len()
+    );
+}
+
+/// A boat whose fence is too small for it, from one to seven turning circles, says so while it is inside.
+#[test]
+#[ignore = "slow tier: .ci/run runs it"]
+fn fences_that_are_too_small_end_experiments_inside() {
+    let boats = random_boats(SMALL_FENCES);
+    let mut left = Vec::new();
+    for (k, &boat) in boats.iter().enumerate() {
+        let mut settings = boat.settings(k as u64);
+        settings.max_speed_m_s = boat.speed;
+        let radius = ([1.0, 2.0, 3.0, 5.0, 7.0][k % 5] * boat.radius()).max(4.0 * boat.speed);
+        settings.fence = Fence::Circle { north: 10.0, east: -20.0, radius };
+        let mut sim = Sim::new(boat, &settings, 0.2 * boat.speed.min(1.25), true);
+        (sim.north, sim.east) = (10.0, -20.0);
+        let report = run(kind(KINDS[k / 5 % KINDS.len()]), &settings, &mut sim);
+        if report.least_margin < 0.0 || format!("{:?}", report.end).contains("has left the fence") {
+            left.push(format!("boat {k}: {:?} {boat:?} F {radius}", report.end));
+        }
+    }
+    // The time constant of a sluggish boat may be estimated too small from half a circle.
+    assert!(left.len() * 50 <= boats.len(), "{left:?}");
 }
 
 #[test]
