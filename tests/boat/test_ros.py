@@ -6,6 +6,7 @@ import pathlib
 import subprocess
 import time
 
+import numpy as np
 import pytest
 from conftest import COMMAND, Hydroid
 
@@ -172,18 +173,42 @@ def test_names_are_remapped_and_wrong_ones_explained(graph, tmp_path):
 
 
 def test_predictions_of_a_model(graph):
-    boat, hydroid = graph("new", "--allow-commands", "--fence", "90")
-    hydroid.wait(lambda s: s["motion"] and not s["helm"]["refusals"], 20, "the preflight")
-    predictions = boat.graph.subscription("/hydroid/prediction_5s", PoseWithCovarianceStamped)
-    paths = boat.graph.subscription("/hydroid/predicted_path", Path)
-    assert hydroid.act("experiment", name="zigzag-20")[0] == 200
-    hydroid.wait(lambda s: s["helm"]["state"] == "off", 240, "the end of the experiment")
+    boat, hydroid = graph("new")
+    thrusters = [boat.graph.publisher(f"/thrusters/{side}", Float64) for side in ("left", "right")]
+
+    def command(*values):
+        for thruster, value in zip(thrusters, values):
+            thruster.write(Float64(value))
+        time.sleep(0.05)
+
+    # Another node steers, with random thrust: a log for identification.
+    hydroid.wait(lambda s: s["motion"], 20, "the motion")
+    random = np.random.default_rng(3)
+    for _ in range(15):
+        mean, half = random.uniform(-0.2, 0.9), random.uniform(-0.3, 0.3)
+        end = time.monotonic() + 4.0
+        while time.monotonic() < end:
+            command(*(float(min(max(mean + half * sign, -1.0), 1.0)) for sign in (1, -1)))
     assert hydroid.act("identify")[0] == 200
     hydroid.wait(lambda s: s["offered"], 200, "a model")
     assert hydroid.act("adopt")[0] == 200
-    path = newest(paths, 20.0, lambda path: len(path.poses) == 5)
-    ahead = newest(predictions, 5.0)
-    assert ahead.pose.covariance[0] > 0.0
-    assert pose(path.poses[0])[:2] == pytest.approx(boat.plant.state[:2], abs=2.0)
+    predictions = boat.graph.subscription("/hydroid/prediction_5s", PoseWithCovarianceStamped)
+    paths = boat.graph.subscription("/hydroid/predicted_path", Path)
+    poses, ahead = {}, None
+    end = time.monotonic() + 25.0
+    while time.monotonic() < end:
+        command(0.6, 0.6)
+        poses[time.time()] = boat.plant.state[:3]
+        if time.monotonic() < end - 8.0:
+            ahead = (predictions.take(100) or [ahead])[-1]
+    assert ahead, hydroid.said
+    # Five seconds ahead, on a straight course.
+    then = ahead.header.stamp.sec + 1e-9 * ahead.header.stamp.nanosec
+    sailed = min(poses, key=lambda at: abs(at - then))
+    assert abs(sailed - then) < 0.2
+    assert math.dist(pose(ahead)[:2], poses[sailed][:2]) < 2.0
+    assert 0.0 < ahead.pose.covariance[0] < 25.0
+    path = newest(paths, 5.0)
     first, last = (one.header.stamp for one in (path.poses[0], path.poses[-1]))
     assert last.sec - first.sec == pytest.approx(10, abs=1)
+    assert math.dist(pose(path.poses[0])[:2], boat.plant.state[:2]) < 2.0

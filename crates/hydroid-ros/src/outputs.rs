@@ -31,7 +31,8 @@ pub(crate) struct Outputs {
     base: String,
     estimate: Publisher<Value>,
     path: Publisher<Value>,
-    predictions: Vec<Publisher<Value>>,
+    /// Horizons \[s\] with their publishers.
+    predictions: Vec<(f64, Publisher<Value>)>,
     diagnostics: Publisher<Value>,
     sent_ns: i64,
     diagnosed_ns: i64,
@@ -45,7 +46,7 @@ impl Outputs {
     pub(crate) fn new(graph: &mut Graph, ros: &Ros, horizons_s: &[f64]) -> anyhow::Result<Self> {
         let predictions = horizons_s.iter().map(|horizon| {
             let name = format!("~/prediction_{}s", horizon.to_string().replace('.', "_"));
-            graph.publisher(&name, "geometry_msgs/msg/PoseWithCovarianceStamped")
+            anyhow::Ok((*horizon, graph.publisher(&name, "geometry_msgs/msg/PoseWithCovarianceStamped")?))
         });
         let predictions = predictions.collect::<anyhow::Result<_>>()?;
         Ok(Self {
@@ -95,15 +96,28 @@ impl Outputs {
         ]);
         let _ = self.estimate.publish(estimate);
         let Some(predicted) = boat.predicted() else { return };
+        // Before the first commands are known, there is no prediction.
+        if !predicted.poses.iter().flatten().all(|x| x.is_finite()) {
+            return;
+        }
         let mut poses = vec![Value::Parts(vec![header(now_ns, &self.map), pose(row.pose)])];
-        for (i, (seconds, at)) in predicted.seconds.iter().zip(&predicted.poses).enumerate() {
+        let mut ahead = Vec::new();
+        for ((seconds, at), deviations) in
+            predicted.seconds.iter().zip(&predicted.poses).zip(&predicted.deviations)
+        {
             #[expect(clippy::cast_possible_truncation, reason = "seconds of a horizon")]
             let then_ns = now_ns.saturating_add((seconds * 1e9) as i64);
             poses.push(Value::Parts(vec![header(then_ns, &self.map), pose(*at)]));
-            let Some(publisher) = self.predictions.get(i) else { continue };
-            let [position, psi] = predicted.deviations.get(i).copied().unwrap_or([f64::NAN; 2]);
+            let [position, psi] = *deviations;
             let with = Value::Parts(vec![pose(*at), covariance([position, position, psi])]);
-            let _ = publisher.publish(Value::Parts(vec![header(then_ns, &self.map), with]));
+            ahead.push((*seconds, Value::Parts(vec![header(then_ns, &self.map), with])));
+        }
+        for (horizon, publisher) in &self.predictions {
+            // A horizon is a whole number of samples.
+            let nearest = ahead.iter().min_by(|a, b| (a.0 - horizon).abs().total_cmp(&(b.0 - horizon).abs()));
+            if let Some((_, message)) = nearest {
+                let _ = publisher.publish(message.clone());
+            }
         }
         let _ = self.path.publish(Value::Parts(vec![header(now_ns, &self.map), Value::Sequence(poses)]));
     }
