@@ -7,6 +7,7 @@
 //! | --- | --- |
 //! | `settings` | [`Settings`] |
 //! | `actions` | what the operator asks for |
+//! | `position_check` | test of each position against the prediction |
 //! | `on_board` | a model with its adapter along the samples |
 //! | `steering` | experiments and paths as commands |
 //! | `recording` | file and topics of a session |
@@ -15,6 +16,7 @@
 
 mod actions;
 mod on_board;
+mod position_check;
 mod recording;
 mod run;
 mod settings;
@@ -33,6 +35,7 @@ use hydroid::recording::{LiveInputs, LiveMotion, LiveTopics};
 use crate::experiment::Explored;
 use crate::link::{Event, HelmEvent, Link, Row};
 use on_board::OnBoard;
+use position_check::PositionCheck;
 use recording::Recording;
 use steering::Steering;
 
@@ -74,6 +77,9 @@ pub struct Boat<L> {
     lost_since_ns: Option<i64>,
     topics: LiveTopics,
     motion: LiveMotion,
+    position_check: Option<PositionCheck>,
+    /// Whether it was said that the position has jumped.
+    told_jump: bool,
     /// The latest time that was given.
     now_ns: i64,
     planned_ns: i64,
@@ -128,6 +134,7 @@ impl<L: Link> Boat<L> {
             });
         };
         let motion = LiveMotion::new(&topics, sensors)?;
+        let position_check = PositionCheck::new(&topics, sensors)?;
         let commands = LiveInputs::new(&topics, &settings.selection)?;
         steering::check_limits(&settings, commands.columns())?;
         let count = link.topics().len();
@@ -146,6 +153,8 @@ impl<L: Link> Boat<L> {
             lost_since_ns: None,
             topics,
             motion,
+            position_check,
+            told_jump: false,
             now_ns,
             planned_ns: i64::MIN,
             commands,
@@ -212,6 +221,7 @@ impl<L: Link> Boat<L> {
     fn activate(&mut self, on_board: OnBoard) -> Result<(), LogError> {
         if let Some(sensors) = on_board.sensors() {
             self.motion.change_sensors(&self.topics, sensors)?;
+            self.position_check = PositionCheck::new(&self.topics, sensors)?;
         }
         self.previous = self.active.replace(on_board);
         self.update_learning();
@@ -314,7 +324,9 @@ impl<L: Link> Boat<L> {
         }
         self.commands.row(topic, t, values);
         if is_measured {
-            self.motion.row(topic, t, values);
+            let position_check = self.position_check.as_mut();
+            let other = position_check.and_then(|check| check.test(topic, t, values, &self.motion));
+            self.motion.row(topic, t, other.as_deref().unwrap_or(values));
             self.explore(t);
             self.experiment(t, now_ns);
         }
@@ -416,9 +428,16 @@ impl<L: Link> Boat<L> {
     /// Watches what no message tells: missing measurements, and the disk.
     fn watch(&mut self, now_ns: i64) {
         self.begin_planned(now_ns);
-        if self.is_commanding() && !self.is_located(now_ns) {
-            self.hands_off(now_ns, Level::Warning, "there is no position or no heading any more");
+        let is_located = self.is_located(now_ns);
+        let jump_m = self.jump_m().filter(|_| !is_located);
+        if self.is_commanding() && !is_located {
+            let reason = jump_m.map_or_else(
+                || "there is no position or no heading any more".to_owned(),
+                |distance| format!("the position jumps by {distance:.0} m"),
+            );
+            self.hands_off(now_ns, Level::Warning, &reason);
         }
+        self.tell_jump(now_ns, jump_m);
         let Some(recording) = &self.recording else { return };
         let health = recording.health();
         let slow = "the disk is too slow".to_owned();
@@ -437,9 +456,32 @@ impl<L: Link> Boat<L> {
         }
     }
 
+    /// Says that the position has jumped, or that it is used again.
+    fn tell_jump(&mut self, now_ns: i64, jump_m: Option<f64>) {
+        if self.told_jump == jump_m.is_some() {
+            return;
+        }
+        self.told_jump = jump_m.is_some();
+        match jump_m {
+            Some(distance) => self.say(
+                now_ns,
+                Level::Warning,
+                format!("the position is {distance:.0} m from where speed and heading have led: check the GNSS receiver"),
+            ),
+            None => self.say(now_ns, Level::Info, "the position agrees with speed and heading again"),
+        }
+    }
+
+    /// Distance of the last position from the prediction \[m\], if it has jumped.
+    fn jump_m(&self) -> Option<f64> {
+        Some(self.position_check.as_ref()?.jump()?.distance)
+    }
+
     /// Whether position and heading are measured at present.
     fn is_located(&self, now_ns: i64) -> bool {
-        self.motion.age(seconds(self.begun_ns, now_ns)) < STALE_S
+        let t = seconds(self.begun_ns, now_ns);
+        let jump = self.position_check.as_ref().and_then(PositionCheck::jump);
+        self.motion.age(t) < STALE_S && jump.is_none_or(|jump| t - jump.since < STALE_S)
     }
 
     /// Whether the inputs act on the vessel: it is armed, and in the mode in which its commands are inputs.
