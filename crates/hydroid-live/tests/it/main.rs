@@ -2,6 +2,7 @@
 
 mod black_box;
 mod boat;
+mod campaign;
 mod experiment;
 mod helm;
 mod page;
