@@ -197,6 +197,11 @@ impl Helm {
         self.vehicle.as_ref().is_some_and(|vehicle| vehicle.mode != self.required_mode_number())
     }
 
+    /// Whether a pilot has changed the mode, who steers at once. Without a receiver, a channel holds its last pulse.
+    fn is_piloted(&self) -> bool {
+        self.is_other_mode() && self.channels.is_some_and(|(_, has_receiver, _)| has_receiver)
+    }
+
     /// Whether commands are sent.
     pub fn state(&self) -> State {
         if matches!(self.phase, Phase::Commanding(_)) { State::Commanding } else { State::Off }
@@ -314,7 +319,7 @@ impl Helm {
 
     /// The command or the step of a release that is due.
     fn due_command(&mut self) -> Option<MavMessage> {
-        let (vehicle, now_ns) = (self.vehicle?, self.now_ns);
+        let (vehicle, now_ns, is_piloted) = (self.vehicle?, self.now_ns, self.is_piloted());
         match &mut self.phase {
             Phase::Off => None,
             Phase::Commanding(stream) => {
@@ -339,6 +344,10 @@ impl Helm {
             Phase::Releasing { step, sent_ns, neutral } => {
                 if !is_due(*sent_ns, STEP_NS, now_ns) {
                     return None;
+                }
+                // The mode may change during a release that began for another reason.
+                if is_piloted {
+                    *step = (*step).max(NEUTRAL_STEPS);
                 }
                 let mut pulses = if *step < NEUTRAL_STEPS {
                     pulses(&self.axes, |index| self.axes[index].rest)
@@ -433,9 +442,7 @@ impl Helm {
             unmet.map(|unmet| unmet.rsplit_once(": ").map_or(unmet.as_str(), |(cause, _)| cause).to_owned())
         };
         if let Some(reason) = reason {
-            // A pilot who has changed the mode steers at once; without a receiver, a channel holds its last pulse.
-            let is_piloted =
-                self.is_other_mode() && self.channels.is_some_and(|(_, has_receiver, _)| has_receiver);
+            let is_piloted = self.is_piloted();
             self.hand_off(reason, [!is_piloted; CHANNELS]);
         }
     }
