@@ -14,6 +14,9 @@ use crate::navigate::{self, Event, Kind, Row, Sensor, Statistics};
 /// Longest time \[s\] over which a motion is predicted without measurements.
 const LONGEST_S: f64 = 60.0;
 
+/// A longer time between two measurements counts as this multiple of the usual one in its mean.
+const LONGEST_STEP: f64 = 4.0;
+
 /// The topics of a link.
 #[derive(Clone, Debug)]
 pub struct LiveTopics {
@@ -353,8 +356,13 @@ impl LiveMotion {
             let health = &mut self.health[i];
             let step = t - health.last;
             if step > 0.0 {
-                health.step =
-                    if health.step.is_nan() { step } else { health.step + 0.1 * (step - health.step) };
+                // A gap is no usual step: old positions would be trusted for longer after it.
+                let usual = health.step;
+                health.step = if usual.is_nan() {
+                    step
+                } else {
+                    usual + 0.1 * (step.min(LONGEST_STEP * usual) - usual)
+                };
             }
             if step.is_nan() || step > 0.0 {
                 health.last = t;
