@@ -155,13 +155,15 @@ impl OnBoard {
             .map(|spec| Output::of(spec, topics))
             .collect::<Result<Vec<_>, _>>()?;
         let (n, m) = (outputs.len(), model.description.inputs.len());
+        let (adapted, mut frozen) = (follower(true)?, follower(false)?);
+        frozen.leave_out_bands();
         Ok(Self {
             name: name.to_owned(),
             model: model.clone(),
             is_learning: true,
             is_acting: true,
-            adapted: follower(true)?,
-            frozen: follower(false)?,
+            adapted,
+            frozen,
             errors: [(); 2].map(|()| Errors::new(n * horizons.len())),
             horizons,
             inputs: LiveInputs::new(topics, &reading.selection)?,

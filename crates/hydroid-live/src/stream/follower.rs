@@ -289,6 +289,11 @@ impl Follower {
         self.session.track()
     }
 
+    /// Computes no deviations of the predictions from now on.
+    pub(crate) fn leave_out_bands(&mut self) {
+        self.session.leave_out_bands();
+    }
+
     /// Commands that the pilot plans, in rows; none without one.
     pub(crate) fn planned(&self) -> &[f64] {
         self.session.planned()

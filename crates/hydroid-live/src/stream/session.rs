@@ -17,6 +17,8 @@ pub(super) struct Session {
     horizons: Vec<usize>,
     /// Horizons whose deviations are computed: those of the answers, and one sample.
     computed: Vec<usize>,
+    /// Whether anybody wants them.
+    has_bands: bool,
     /// Whether `deviations` holds those of the next sample, under the first of `commands`.
     ahead: bool,
     missing: Vec<f64>,
@@ -81,6 +83,7 @@ impl Session {
             rollout: vec![f64::NAN; last * n],
             deviations: vec![f64::NAN; computed.len() * n],
             computed,
+            has_bands: true,
             ahead: false,
             work: Workspace::new(),
             banded: [0; 3],
@@ -140,6 +143,11 @@ impl Session {
         self.track = vec![[f64::NAN; 3]; self.horizons.len()];
         self.track_deviations = vec![[f64::NAN; 2]; self.horizons.len()];
         self.motion = Some(motion);
+    }
+
+    /// Computes no deviations of the predictions from now on: they take most of the time of a network.
+    pub(super) fn leave_out_bands(&mut self) {
+        self.has_bands = false;
     }
 
     pub(super) fn pilot(&self) -> Option<&Pilot> {
@@ -272,8 +280,10 @@ impl Session {
         let plan = if self.pilot.is_some() { &self.plan } else { &sample.plan };
         commands.ahead(plan, &mut self.commands);
         self.adapter.rollout(&self.commands, &mut self.work, &mut self.rollout);
-        self.adapter.deviations(&self.commands, &self.computed, &mut self.work, &mut self.deviations);
-        self.ahead = !self.computed.is_empty();
+        if self.has_bands {
+            self.adapter.deviations(&self.commands, &self.computed, &mut self.work, &mut self.deviations);
+            self.ahead = !self.computed.is_empty();
+        }
         self.predict_track(sample);
     }
 

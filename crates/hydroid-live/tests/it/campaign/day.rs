@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use hydroid::model::Model;
 use hydroid_live::boat::{Action, Boat, Identified, Settings};
+use hydroid_live::link::mavlink::MavLink;
 use mavlink::{MavHeader, Message as _};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -15,7 +16,7 @@ use super::autopilot::{Autopilot, MANUAL};
 use super::faults::Recovery;
 use super::link::Direction;
 use super::recordings::Recordings;
-use super::vessel::{Commands, FENCE_M, model, settings};
+use super::vessel::{Commands, FENCE_M, link, model, settings};
 use super::watch::Watch;
 use super::{Counts, MS, S, TICK_NS};
 
@@ -44,7 +45,7 @@ pub(super) struct Day {
     /// To hydroid, and to the autopilot.
     pub(super) down: Direction,
     pub(super) up: Direction,
-    boat: Boat,
+    boat: Boat<MavLink>,
     settings: Settings,
     pub(super) watch: Watch,
     recordings: Recordings,
@@ -162,18 +163,19 @@ impl Day {
         }
         self.watch.see(&self.autopilot);
         let is_dead = now_ns < self.dead_until_ns;
-        while let Some((header, message)) = self.down.next(now_ns) {
+        while let Some(received) = self.down.next(now_ns) {
+            let (header, message) = &received;
             let is_own = (header.system_id, header.component_id) == (1, 1);
             if is_dead {
                 continue;
             }
             if is_own {
-                self.watch.told(&message, now_ns);
+                self.watch.told(message, now_ns);
             }
-            self.counts.samples += u64::from(self.boat.receive(header, &message, now_ns));
+            self.counts.samples += u64::from(self.boat.receive(&received, now_ns));
             self.hear()?;
             if is_own {
-                self.recordings.add(&message, now_ns);
+                self.recordings.add(message, now_ns);
             }
         }
         if !is_dead {
@@ -196,7 +198,7 @@ impl Day {
     /// hydroid sends what is due.
     fn tick(&mut self) -> Result<(), String> {
         let mut sent = Vec::new();
-        self.boat.tick(self.now_ns, |header, message| sent.push((header, message)));
+        self.boat.tick(self.now_ns, |message| sent.push(message));
         self.hear()?;
         for (header, message) in sent {
             self.watch.sent(&message, self.now_ns)?;
@@ -238,7 +240,7 @@ impl Day {
 
     /// Rows that the recorder has left out so far.
     fn left_out(&self) -> u64 {
-        self.boat.view(self.now_ns, 0, 0)["recording"]["lost"].as_u64().unwrap_or(0)
+        self.boat.view(self.now_ns, [0; 2])["recording"]["lost"].as_u64().unwrap_or(0)
     }
 
     /// Waits for a thread of hydroid, while the time stands still.
@@ -309,7 +311,7 @@ impl Day {
         match action {
             Action::Experiment { .. } => self.watch.begun(),
             Action::Identify {} => {
-                self.wait(|text| text.contains("was identified:") || text.starts_with("no model"))?
+                self.wait(|text| text.contains("was identified:") || text.starts_with("no model"))?;
             }
             Action::Adopt {} => self.counts.adopted += 1,
             Action::Steer {} => {
@@ -345,8 +347,8 @@ impl Day {
 }
 
 /// hydroid with a model on board, and one that is offered for each identification.
-fn begin(commands: Commands, settings: &Settings, now_ns: i64, rng: &mut ChaCha8Rng) -> Boat {
-    let mut boat = Boat::new(settings.clone(), now_ns).unwrap();
+fn begin(commands: Commands, settings: &Settings, now_ns: i64, rng: &mut ChaCha8Rng) -> Boat<MavLink> {
+    let mut boat = Boat::new(settings.clone(), MavLink::new(link(10.0)), now_ns).unwrap();
     if rng.random_bool(0.9) {
         boat.take_on("first", &model(commands, 0.3, rng)).unwrap();
     }

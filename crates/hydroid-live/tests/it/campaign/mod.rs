@@ -77,7 +77,9 @@ impl Counts {
         self.rows += other.rows;
         self.left_out += other.left_out;
         for (to, from) in [(&mut self.ends, &other.ends), (&mut self.refused, &other.refused)] {
-            from.iter().for_each(|(words, count)| *to.entry(words.clone()).or_default() += count);
+            for (words, count) in from {
+                *to.entry(words.clone()).or_default() += count;
+            }
         }
         other.faults.iter().for_each(|(name, count)| *self.faults.entry(name).or_default() += count);
     }
@@ -88,11 +90,11 @@ fn run(commands: Commands, seed: u64, seconds: i64) -> Counts {
     let mut day = Day::new(commands, seed);
     let result = catch_unwind(AssertUnwindSafe(|| day.run(seconds)));
     let at = format!("{commands:?}, seed {seed}, {:.2} s", day.seconds());
-    match result {
-        Ok(Ok(())) => day.counts(),
-        Ok(Err(error)) => panic!("{at}: {error}\n{}", day.last_said()),
-        Err(_) => panic!("{at}: hydroid has panicked\n{}", day.last_said()),
+    let Ok(result) = result else { panic!("{at}: hydroid has panicked\n{}", day.last_said()) };
+    if let Err(error) = result {
+        panic!("{at}: {error}\n{}", day.last_said());
     }
+    day.counts()
 }
 
 /// Days from a seed on, alternating between the kinds of commands.

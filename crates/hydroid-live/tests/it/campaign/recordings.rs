@@ -17,7 +17,9 @@ type Rows = BTreeMap<String, Vec<Row>>;
 fn sum(values: &[f64]) -> u64 {
     let mut hasher = DefaultHasher::new();
     // All numbers that are none are the same.
-    values.iter().for_each(|value| if value.is_nan() { 1_u64 } else { value.to_bits() }.hash(&mut hasher));
+    for value in values {
+        if value.is_nan() { 1_u64 } else { value.to_bits() }.hash(&mut hasher);
+    }
     hasher.finish()
 }
 

@@ -6,13 +6,14 @@ use std::time::{Duration, Instant};
 use hydroid::model::{Body, Model};
 use hydroid_core::model::recurrent::{BaseModel, Cell, Network, Recurrent, Scaling};
 use hydroid_live::boat::{Action, Boat};
+use hydroid_live::link::mavlink::MavLink;
 use mavlink::MavHeader;
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use tempfile::TempDir;
 
 use super::autopilot::Autopilot;
-use super::vessel::{Commands, model, settings};
+use super::vessel::{Commands, link, model, settings};
 use super::{MS, S, TICK_NS};
 
 const START_NS: i64 = 1_700_000_000 * S;
@@ -103,10 +104,10 @@ fn time_and_memory_on_board() {
     let place = TempDir::new().unwrap();
     let commands = Commands::Channels;
     let mut settings = settings(commands, &place.path().join("live"), &mut rng);
-    (settings.rate_hz, settings.records) = (50.0, true);
+    settings.records = true;
     settings.horizons_s = vec![1.0, 2.0, 5.0, 10.0];
     settings.experiment.duration_s = 600.0;
-    let mut boat = Boat::new(settings, START_NS).unwrap();
+    let mut boat = Boat::new(settings, MavLink::new(link(50.0)), START_NS).unwrap();
     let has_network = std::env::var("HYDROID_SPEED_MODEL").as_deref() != Ok("equations");
     let on_board = if has_network { network(commands, &mut rng) } else { model(commands, 0.1, &mut rng) };
     boat.take_on("model", &on_board).unwrap();
@@ -122,19 +123,19 @@ fn time_and_memory_on_board() {
         let mut step = Duration::ZERO;
         for message in autopilot.tick(&mut rng) {
             let begun = Instant::now();
-            let is_sample = boat.receive(header, &message, now_ns);
+            let is_sample = boat.receive(&(header, message), now_ns);
             let time = begun.elapsed();
             let times = if is_sample { &mut samples } else { &mut messages };
             times.add(time);
             step += time;
         }
         let begun = Instant::now();
-        boat.tick(now_ns, |_, message| autopilot.receive(&message));
+        boat.tick(now_ns, |(_, message)| autopilot.receive(&message));
         ticks.add(begun.elapsed());
         steps.add(step + begun.elapsed());
         if elapsed_ns % STATE_NS == 0 {
             let begun = Instant::now();
-            bytes = boat.view(now_ns, 0, 0).to_string().len();
+            bytes = boat.view(now_ns, [0; 2]).to_string().len();
             states.add(begun.elapsed());
         }
         // An experiment excites the boat; the pilot steers in between.

@@ -10,6 +10,7 @@ use hydroid::log::{Channel, ChannelSpec, Selection, Sensors};
 use hydroid::model::{Body, Description, Members, Model, Port, Provenance, Reading};
 use hydroid_core::model::sparse::{Equations, Term};
 use hydroid_live::boat::{ExperimentLimits, Settings};
+use hydroid_live::link::mavlink;
 use rand::{Rng, RngExt as _};
 
 use super::water::ORIGIN_DEG;
@@ -54,6 +55,11 @@ fn selection(commands: Commands) -> Selection {
     }
 }
 
+/// Settings of the link.
+pub(super) fn link(rate_hz: f64) -> mavlink::Settings {
+    mavlink::Settings { system: None, own_system: 255, rate_hz, may_command: true, is_dry_run: false }
+}
+
 /// Settings with random limits of the commands.
 pub(super) fn settings(commands: Commands, folder: &Path, rng: &mut impl Rng) -> Settings {
     let limits = match commands {
@@ -66,14 +72,10 @@ pub(super) fn settings(commands: Commands, folder: &Path, rng: &mut impl Rng) ->
     let [push, turn] = names.clone().map(|name| vec![name]);
     Settings {
         address: "campaign".to_owned(),
-        system: None,
-        own_system: 255,
         selection: selection(commands),
-        rate_hz: 10.0,
         folder: folder.to_owned(),
         records: rng.random_bool(0.8),
         horizons_s: vec![1.0, 5.0],
-        may_command: true,
         is_dry_run: false,
         limits: names.into_iter().zip(limits).collect(),
         push: push.clone(),
