@@ -7,8 +7,8 @@
 
 // In a command, `pub` marks the interface of a module.
 #![allow(unreachable_pub)]
-// Help texts come from the comments of `args`; backticks would be printed.
-#![allow(clippy::doc_markdown)]
+// Help texts come from the comments of `args`; backticks would be printed, and brackets are units and sections.
+#![allow(clippy::doc_markdown, rustdoc::broken_intra_doc_links)]
 
 #[macro_use]
 mod ui;
