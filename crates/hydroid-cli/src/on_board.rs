@@ -24,10 +24,11 @@ use crate::args::{self, FromFile};
 pub use crate::commands::Outcome;
 use crate::{commands, ui};
 
-/// Runs a program of one command: its arguments with those of the section `[live]` of its configuration file, its errors on
-/// standard error, and its exit status.
+/// Runs a program of one command: its arguments with those of the section `[live]` of its configuration file, but for flags
+/// that are switched off, its errors on standard error, and its exit status.
 pub fn program<A: CommandFactory + FromArgMatches>(
     words: &[OsString],
+    unset: &[String],
     session: impl FnOnce(&A) -> &SessionArgs,
     run: impl FnOnce(&A) -> anyhow::Result<Outcome>,
 ) -> std::process::ExitCode {
@@ -43,7 +44,8 @@ pub fn program<A: CommandFactory + FromArgMatches>(
         let stated = given.as_ref().and_then(|args| session(args).config.clone());
         let path = stated.or_else(|| Path::new(config::FILE).exists().then(|| config::FILE.into()));
         let Some(path) = path else { return Ok(None) };
-        let arguments = args::file::section(&command, &name, "live", &path, Some(&matches))?;
+        let mut arguments = args::file::section(&command, &name, "live", &path, Some(&matches))?;
+        arguments.retain(|word| !unset.iter().any(|name| word.to_str() == Some(&format!("--{name}"))));
         anyhow::Ok(Some(FromFile { path, verb: "live", arguments }))
     };
     let done =

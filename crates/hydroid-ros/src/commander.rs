@@ -65,6 +65,8 @@ pub struct Commander {
     unheard: Vec<String>,
     /// Topics of commands on which others publish.
     shared: Vec<String>,
+    /// What ends commands until hydroid is started again, or the network accepts them.
+    trouble: Option<String>,
     is_alive: bool,
     events: VecDeque<HelmEvent>,
 }
@@ -96,6 +98,7 @@ impl Commander {
             foreign: None,
             unheard: Vec::new(),
             shared: Vec::new(),
+            trouble: None,
             is_alive: false,
             events: VecDeque::new(),
         })
@@ -115,12 +118,18 @@ impl Commander {
     /// Another node has sent a command.
     pub fn hear_other(&mut self, topic: &str, now_ns: i64) {
         self.foreign = Some((topic.to_owned(), now_ns));
+        // The neutral commands of a release would disturb it, too.
+        if let Phase::Releasing { .. } = self.phase {
+            self.phase = Phase::Off;
+        }
         self.watch(now_ns);
     }
 
-    /// Takes the state of the graph: topics of commands without subscribers, and with other publishers.
-    pub fn see(&mut self, unheard: Vec<String>, shared: Vec<String>) {
-        (self.unheard, self.shared) = (unheard, shared);
+    /// Takes the state of the graph: topics of commands without subscribers, and with other publishers, and another reason
+    /// against commands.
+    pub fn see(&mut self, unheard: Vec<String>, shared: Vec<String>, trouble: Option<String>, now_ns: i64) {
+        (self.unheard, self.shared, self.trouble) = (unheard, shared, trouble);
+        self.watch(now_ns);
     }
 
     /// Whether messages arrive.
@@ -147,9 +156,21 @@ impl Commander {
                 None => format!("there is no message on {topic}, which permits commands"),
             });
         }
-        let (topic, at) = self.foreign.as_ref()?;
-        (now_ns.saturating_sub(*at) <= FOREIGN_NS)
-            .then(|| format!("another node commands {topic}: only one of them may steer"))
+        if let Some(topic) = self.unheard.first() {
+            return Some(format!(
+                "nobody subscribes to {topic}: start the driver of the actuators, or correct its name or type"
+            ));
+        }
+        if self.trouble.is_some() {
+            return self.trouble.clone();
+        }
+        let (topic, _) = self.foreign.as_ref().filter(|_| self.is_foreign(now_ns))?;
+        Some(format!("another node commands {topic}: only one of them may steer"))
+    }
+
+    /// Whether another node has commanded of late.
+    fn is_foreign(&self, now_ns: i64) -> bool {
+        self.foreign.as_ref().is_some_and(|(_, at)| now_ns.saturating_sub(*at) <= FOREIGN_NS)
     }
 
     /// Why commands cannot begin now.
@@ -162,11 +183,6 @@ impl Commander {
             refusals.push("commands are not allowed: start with --allow-commands".to_owned());
         }
         refusals.extend(self.unmet(now_ns));
-        for topic in &self.unheard {
-            refusals.push(format!(
-                "nobody subscribes to {topic}: start the driver of the actuators, or correct its name"
-            ));
-        }
         for topic in &self.shared {
             refusals.push(format!("another node publishes {topic}: stop it, only one of them may steer"));
         }
@@ -238,12 +254,13 @@ impl Commander {
                 *to = axis.rest;
             }
         }
-        let foreign = self.foreign.as_ref().is_some_and(|(_, at)| now_ns.saturating_sub(*at) <= FOREIGN_NS);
-        if age > SILENT_NS {
+        let is_foreign = self.is_foreign(now_ns);
+        if age > SILENT_NS && !is_foreign {
             self.hand_off(format!("there has been no new command for {:.1} s", age as f64 / 1e9), true);
         } else if let Some(reason) = self.unmet(now_ns) {
-            // Who has taken over must not be disturbed by a neutral command.
-            self.hand_off(reason, !foreign);
+            // The cause without its remedy. Who has taken over must not be disturbed by a neutral command.
+            let cause = reason.rsplit_once(": ").map_or(reason.as_str(), |(cause, _)| cause);
+            self.hand_off(cause.to_owned(), !is_foreign);
         }
     }
 

@@ -2,9 +2,7 @@
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Context as _, anyhow};
 use hydroid_live::boat::{Level, Said};
@@ -14,8 +12,8 @@ use ros2_client::builtin_interfaces::Time;
 use ros2_client::dds::{Context, Node, NodeLoggingHandle, Publisher, RosoutRaw as _, Subscription};
 use ros2_client::log::LogLevel;
 use ros2_client::qos::{History, QosProfile, WhenFull};
-use ros2_client::{MessageTypeName, Name, NodeName, NodeOptions, ParameterValue};
-use rustdds::{DomainParticipantBuilder, Topic};
+use ros2_client::{MessageTypeName, Name, NodeName, NodeOptions};
+use rustdds::{DomainParticipant, DomainParticipantBuilder, RTPSEntity as _, Topic};
 
 use crate::link::Message;
 use crate::names::Names;
@@ -25,13 +23,24 @@ use crate::value::{Seed, Value};
 /// Time between looks at the graph.
 const LOOK: Duration = Duration::from_millis(500);
 
+/// Damaged messages and own commands that are passed over in a turn.
+const WASTE: usize = 16;
+
+/// The clock of the system was set if it differs by more from that of the session \[s\].
+const SET_S: f64 = 0.5;
+
 /// Reliable publishers reach every subscriber; a slow one must not delay the commands.
 const QOS: QosProfile = QosProfile::publisher_default()
     .reliability_reliable(WhenFull::Fail)
     .history(History::KeepLast { depth: 100 });
 
+/// A command that is late is of no use.
+const COMMANDS: QosProfile =
+    QOS.history(History::KeepLast { depth: 1 }).lifespan(Some(Duration::from_millis(500)));
+
 /// A node that is in the graph.
 pub(crate) struct Graph {
+    participant: DomainParticipant,
     node: Node,
     names: Names,
 }
@@ -57,43 +66,30 @@ fn is_local() -> bool {
 }
 
 impl Graph {
-    /// Joins the graph of a domain, with parameters that can be read.
+    /// Joins the graph of a domain.
     ///
     /// # Errors
     /// If names are invalid, or the network cannot be used.
-    pub(crate) fn join(names: Names, domain: u16, parameters: &[(String, String)]) -> anyhow::Result<Self> {
+    pub(crate) fn join(names: Names, domain: u16) -> anyhow::Result<Self> {
         let mut builder = DomainParticipantBuilder::new(domain);
         if is_local() {
             builder = builder.with_only_networks([IpAddr::V4(Ipv4Addr::LOCALHOST)]);
         }
         let participant =
             builder.build().map_err(|error| anyhow!("the network cannot be used: {error:?}"))?;
-        let context = Context::from_domain_participant(participant)
+        let context = Context::from_domain_participant(participant.clone())
             .map_err(|error| anyhow!("the graph of ROS 2 cannot be joined: {error}"))?;
         let name = NodeName::new(&names.namespace, &names.node)
             .map_err(|error| anyhow!("the node {}/{}: {error}", names.namespace, names.node))?;
-        let has_begun = Arc::new(AtomicBool::new(false));
-        let begun = Arc::clone(&has_begun);
-        let mut options = NodeOptions::new().parameter_validator(Box::new(move |_, _| {
-            // The node validates what it is created with, too.
-            if !begun.load(Ordering::Relaxed) {
-                return Ok(());
-            }
-            Err("the options of hydroid are read at its start: start it again".to_owned())
-        }));
-        for (name, value) in parameters {
-            options = options.declare_parameter(name, ParameterValue::String(value.clone()));
-        }
         let mut node = context
-            .new_node(name, options)
+            .new_node(name, NodeOptions::new())
             .map_err(|error| anyhow!("the node cannot be created: {error:?}"))?;
-        has_begun.store(true, Ordering::Relaxed);
         let spinner = node.spinner().map_err(|error| anyhow!("the node cannot be created: {error}"))?;
         std::thread::Builder::new().name("node".to_owned()).spawn(move || {
             // It ends with the node.
             let _ = futures::executor::block_on(spinner.spin());
         })?;
-        Ok(Self { node, names })
+        Ok(Self { participant, node, names })
     }
 
     /// Writes to the log of the graph.
@@ -117,9 +113,13 @@ impl Graph {
     /// # Errors
     /// If the name is invalid.
     pub(crate) fn publisher(&mut self, name: &str, of: &str) -> anyhow::Result<Publisher<Value>> {
+        self.publisher_with(name, of, QOS)
+    }
+
+    fn publisher_with(&mut self, name: &str, of: &str, qos: QosProfile) -> anyhow::Result<Publisher<Value>> {
         let topic = self.topic(name, of)?;
         self.node
-            .create_publisher(&topic, Some(QOS))
+            .create_publisher(&topic, Some(qos))
             .map_err(|error| anyhow!("the topic {} cannot be published: {error}", self.names.topic(name)))
     }
 
@@ -147,12 +147,16 @@ impl Graph {
                 .context("the network cannot be watched")?;
             subscriptions.push((subscription, *of));
             let is_command = commands.contains(&i);
-            publishers.push(is_command.then(|| self.publisher(of.name, &of.of.name)).transpose()?);
+            let publisher = is_command.then(|| self.publisher_with(of.name, &of.of.name, COMMANDS));
+            publishers.push(publisher.transpose()?);
             names.push(self.names.topic(of.name));
         }
         let events = Events::with_capacity(topics.len().max(1));
         Ok(GraphPort {
-            node: self.node,
+            participant: self.participant,
+            _node: self.node,
+            started: (SystemTime::now(), clock.now_ns()),
+            is_blocked: false,
             clock,
             poll,
             events,
@@ -186,7 +190,13 @@ impl Log {
 
 /// The topics of a session.
 pub(crate) struct GraphPort {
-    node: Node,
+    participant: DomainParticipant,
+    /// It is in the graph as long as it lives.
+    _node: Node,
+    /// A moment on the clock of the system and on that of the session.
+    started: (SystemTime, i64),
+    /// Whether the last command was not accepted.
+    is_blocked: bool,
     clock: UtcClock,
     poll: Poll,
     events: Events,
@@ -207,7 +217,8 @@ impl GraphPort {
             let topic = self.next;
             self.next = (self.next + 1) % self.subscriptions.len();
             let (subscription, of) = &self.subscriptions[topic];
-            loop {
+            // A flood of what cannot be used must not hold up the commands.
+            for _ in 0..WASTE {
                 match subscription.take_seed(Seed(&of.of.shape)) {
                     Ok(None) => break,
                     Err(_) => self.damaged += 1,
@@ -225,12 +236,37 @@ impl GraphPort {
         None
     }
 
-    /// Who else publishes and subscribes.
+    /// Who else publishes and subscribes, and what the clock of the system does.
     fn look(&self) -> Message {
-        let names = self.names.iter();
+        let own = self.participant.guid().prefix;
+        let writers = self.participant.discovered_writers();
+        let readers = self.participant.discovered_readers();
+        let dds = |name: &String| format!("rt{name}");
+        let publishers = self.names.iter().map(|name| {
+            let others = writers.iter().filter(|writer| writer.writer_proxy.remote_writer_guid.prefix != own);
+            others.filter(|writer| writer.publication_topic_data.topic_name == dds(name)).count()
+        });
+        let subscribers = self.names.iter().zip(&self.subscriptions).map(|(name, (_, of))| {
+            let others = readers.iter().filter(|reader| reader.reader_proxy.remote_reader_guid.prefix != own);
+            let of_type = of.of.name.replace("/msg/", "::msg::dds_::") + "_";
+            let fits = others.filter(|reader| {
+                let data = &reader.subscription_topic_data;
+                *data.topic_name() == dds(name) && *data.type_name() == of_type
+            });
+            fits.count()
+        });
+        let (started, started_ns) = self.started;
+        let session_s = (self.clock.now_ns() - started_ns) as f64 / 1e9;
+        let system_s = match SystemTime::now().duration_since(started) {
+            Ok(elapsed) => elapsed.as_secs_f64(),
+            Err(back) => -back.duration().as_secs_f64(),
+        };
+        let set_s = Some(system_s - session_s).filter(|by| by.abs() > SET_S);
         Message::Graph {
-            publishers: names.clone().map(|name| self.node.publisher_count(name)).collect(),
-            subscribers: names.map(|name| self.node.subscription_count(name)).collect(),
+            publishers: publishers.collect(),
+            subscribers: subscribers.collect(),
+            clock_set_s: set_s,
+            is_blocked: self.is_blocked,
         }
     }
 }
@@ -257,7 +293,13 @@ impl Port for GraphPort {
     fn send(&mut self, message: &Message) -> io::Result<()> {
         let Message::Command { topic, value } = message else { return Ok(()) };
         let Some(Some(publisher)) = self.publishers.get(*topic) else { return Ok(()) };
-        publisher.publish(value.clone()).map_err(|error| io::Error::other(error.to_string()))
+        let sent = publisher.publish(value.clone());
+        if self.is_blocked != sent.is_err() {
+            self.is_blocked = sent.is_err();
+            // The helm hears of it with the next look.
+            self.looked = None;
+        }
+        sent.map_err(|error| io::Error::other(error.to_string()))
     }
 
     fn losses(&self) -> [u64; 2] {

@@ -15,7 +15,6 @@ mod outputs;
 pub mod settings;
 pub mod value;
 
-use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{Args as ClapArgs, Parser};
@@ -76,14 +75,20 @@ pub fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    on_board::program::<Args>(&words, |args| &args.session, |args| run(args, names, &words))
+    let unset = names.unset.clone();
+    on_board::program::<Args>(&words, &unset, |args| &args.session, |args| run(args, names))
 }
 
-fn run(args: &Args, names: Names, words: &[OsString]) -> anyhow::Result<Outcome> {
+fn run(args: &Args, names: Names) -> anyhow::Result<Outcome> {
     if args.session.print_config {
         on_board::print(EXAMPLE.trim_end());
         return Ok(Outcome::Done);
     }
+    anyhow::ensure!(
+        args.session.time_scale == 1.0,
+        "--time-scale {}: the stamps of messages are those of the clock",
+        args.session.time_scale
+    );
     let file = on_board::config_file(&args.session, "hydroid-ros")?;
     let ros = Ros::read(&file)?;
     let topics = ros.subscribed()?;
@@ -96,8 +101,7 @@ fn run(args: &Args, names: Names, words: &[OsString]) -> anyhow::Result<Outcome>
     };
     let link = RosLink::new(topics.clone(), options, domain);
     let commanded = link.commanded();
-    let parameters = [("arguments".to_owned(), shown(words))];
-    let mut graph = Graph::join(names, domain, &parameters)?;
+    let mut graph = Graph::join(names, domain)?;
     let mut outputs = Outputs::new(&mut graph, &ros, &args.session.horizons)?;
     let session = Session { args: &args.session, file, address: format!("ROS 2, domain {domain}") };
     let mut graph = Some(graph);
@@ -109,9 +113,4 @@ fn run(args: &Args, names: Names, words: &[OsString]) -> anyhow::Result<Outcome>
         }) as Box<_>
     };
     session.run(link, open, args.ros.quiet, &mut |boat, now_ns| outputs.publish(boat, now_ns))
-}
-
-/// The arguments as text.
-fn shown(words: &[OsString]) -> String {
-    words.iter().skip(1).map(|word| word.to_string_lossy()).collect::<Vec<_>>().join(" ")
 }

@@ -31,8 +31,12 @@ pub enum Message {
     Graph {
         /// Publishers.
         publishers: Vec<usize>,
-        /// Subscribers.
+        /// Subscribers with the same type.
         subscribers: Vec<usize>,
+        /// Time by which the clock of the system was set since the start \[s\].
+        clock_set_s: Option<f64>,
+        /// Whether the network does not accept commands.
+        is_blocked: bool,
     },
     /// A command for a topic.
     Command {
@@ -121,13 +125,16 @@ impl RosLink {
             );
             tell(Event::Text { warning: true, text });
         }
-        let sent_ns = if is_other { received_ns } else { stamp };
-        tell(Event::Row(Row { topic, sent_ns, received_ns, values: of.fields.row(value) }));
+        // Nothing is measured in the future; a stamp that says so would stay fresh for too long.
+        let sent_ns = if is_other { received_ns } else { stamp.min(received_ns) };
+        let values = of.row(value);
+        let is_true = values.first() == Some(&1.0);
+        tell(Event::Row(Row { topic, sent_ns, received_ns, values }));
         tell(Event::Message { topic, sent_ns, received_ns, bytes: value.to_cdr() });
         if let Ok(helm) = &mut self.helm {
             helm.set_alive(self.heard_ns.is_some() && !self.is_lost, now_ns);
             if self.enable == Some(topic) {
-                helm.permit(of.fields.row(value).first() == Some(&1.0), now_ns);
+                helm.permit(is_true, now_ns);
             } else if helm.axes().iter().any(|axis| axis.place[0] == topic) {
                 helm.hear_other(of.name, now_ns);
             }
@@ -177,7 +184,7 @@ impl Link for RosLink {
             Message::Sample { topic, value, published_ns } => {
                 self.sample(*topic, value, *published_ns, received_ns, now_ns, tell);
             }
-            Message::Graph { publishers, subscribers } => {
+            Message::Graph { publishers, subscribers, clock_set_s, is_blocked } => {
                 let Ok(helm) = &mut self.helm else { return };
                 let name = |topic: usize| self.subscribed[topic].name.to_owned();
                 let mut commanded: Vec<usize> = helm.axes().iter().map(|axis| axis.place[0]).collect();
@@ -188,7 +195,13 @@ impl Link for RosLink {
                 };
                 let unheard = with(&|topic| subscribers.get(topic) == Some(&0));
                 let shared = with(&|topic| publishers.get(topic).is_some_and(|count| *count > 0));
-                helm.see(unheard, shared);
+                let set = clock_set_s.map(|by| {
+                    format!("the clock of this computer was set by {by:.1} s: start hydroid-ros again")
+                });
+                let blocked = is_blocked.then(|| {
+                    "the network does not accept commands: a subscriber does not answer, end it".to_owned()
+                });
+                helm.see(unheard, shared, set.or(blocked), now_ns);
             }
             Message::Command { .. } => {}
         }

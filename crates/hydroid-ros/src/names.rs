@@ -1,6 +1,5 @@
 //! Arguments of ROS 2 nodes: `--ros-args -r from:=to -r __node:=name -r __ns:=/boat -p option:=value`.
 
-use std::collections::BTreeMap;
 use std::ffi::OsString;
 
 /// What the words behind `--ros-args` say.
@@ -10,13 +9,20 @@ pub struct Names {
     pub node: String,
     /// Its namespace.
     pub namespace: String,
-    /// Other names of topics, as they were written.
-    pub remapped: BTreeMap<String, String>,
+    /// Other names of topics, as they were written, with the node that a rule is for.
+    pub remapped: Vec<(Option<String>, String, String)>,
+    /// Options that are switched off.
+    pub unset: Vec<String>,
 }
 
 impl Default for Names {
     fn default() -> Self {
-        Self { node: "hydroid".to_owned(), namespace: "/".to_owned(), remapped: BTreeMap::new() }
+        Self {
+            node: "hydroid".to_owned(),
+            namespace: "/".to_owned(),
+            remapped: Vec::new(),
+            unset: Vec::new(),
+        }
     }
 }
 
@@ -50,7 +56,10 @@ impl Names {
                 "-p" | "--param" => {
                     let given = value()?;
                     let (name, value) = pair(&given)?;
-                    own.extend(option(name, value));
+                    match option(name, value)? {
+                        Parameter::Option(word) => own.push(word),
+                        Parameter::Off(name) => names.unset.push(name),
+                    }
                 }
                 "--log-level" | "--log-config-file" | "--enclave" | "-e" => drop(value()?),
                 "--params-file" => {
@@ -69,12 +78,14 @@ impl Names {
 
     fn remap(&mut self, given: &str) -> Result<(), String> {
         let (from, to) = pair(given)?;
-        // A rule may be for one of several nodes of a process; this process has one.
-        let from = from.split_once(':').map_or(from, |(_, from)| from);
+        let (node, from) = match from.split_once(':') {
+            Some((node, from)) => (Some(node.to_owned()), from),
+            None => (None, from),
+        };
         match from {
             "__node" | "__name" => to.clone_into(&mut self.node),
-            "__ns" => to.clone_into(&mut self.namespace),
-            _ => drop(self.remapped.insert(from.to_owned(), to.to_owned())),
+            "__ns" => self.namespace = format!("/{}", to.trim_matches('/')),
+            _ => self.remapped.push((node, from.to_owned(), to.to_owned())),
         }
         Ok(())
     }
@@ -94,9 +105,11 @@ impl Names {
     /// The name of a topic on the network.
     pub fn topic(&self, name: &str) -> String {
         let full = self.full(name);
-        // Rules may have been read before the namespace.
-        let rule = self.remapped.iter().find(|(from, _)| self.full(from) == full);
-        rule.map_or(full, |(_, to)| self.full(to))
+        let is_own = |node: &Option<String>| node.as_ref().is_none_or(|node| *node == self.node);
+        let mut rules = self.remapped.iter().filter(|(node, ..)| is_own(node));
+        // The first rule counts.
+        let rule = rules.find(|(_, from, _)| self.full(from) == full);
+        rule.map_or(full, |(.., to)| self.full(to))
     }
 }
 
@@ -104,12 +117,20 @@ fn pair(given: &str) -> Result<(&str, &str), String> {
     given.split_once(":=").ok_or_else(|| format!("'{given}': NAME:=VALUE is needed"))
 }
 
-/// A parameter as an option of the command line; none for a flag that is not set.
-fn option(name: &str, value: &str) -> Option<OsString> {
+/// What a parameter says about an option.
+enum Parameter {
+    Option(OsString),
+    Off(String),
+}
+
+fn option(name: &str, value: &str) -> Result<Parameter, String> {
     let name = name.replace('_', "-");
     match value {
-        "true" => Some(format!("--{name}").into()),
-        "false" => None,
-        value => Some(format!("--{name}={}", value.trim_matches(['"', '\''])).into()),
+        "true" | "True" if name == "use-sim-time" => {
+            Err("use_sim_time: the time of a simulation is not supported".to_owned())
+        }
+        "true" | "True" => Ok(Parameter::Option(format!("--{name}").into())),
+        "false" | "False" => Ok(Parameter::Off(name)),
+        value => Ok(Parameter::Option(format!("--{name}={}", value.trim_matches(['"', '\''])).into())),
     }
 }

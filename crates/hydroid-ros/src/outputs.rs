@@ -52,7 +52,7 @@ impl Outputs {
         Ok(Self {
             log: graph.log(),
             told: 0,
-            map: ros.map_frame.clone().unwrap_or_else(|| "map".to_owned()),
+            map: ros.map_frame.clone().unwrap_or_else(|| "hydroid_map".to_owned()),
             base: ros.base_frame.clone().unwrap_or_else(|| "base_link".to_owned()),
             estimate: graph.publisher("~/estimate", "nav_msgs/msg/Odometry")?,
             path: graph.publisher("~/predicted_path", "nav_msgs/msg/Path")?,
@@ -96,8 +96,10 @@ impl Outputs {
         ]);
         let _ = self.estimate.publish(estimate);
         let Some(predicted) = boat.predicted() else { return };
-        // Before the first commands are known, there is no prediction.
-        if !predicted.poses.iter().flatten().all(|x| x.is_finite()) {
+        // Before the first commands are known, and without samples, there is no prediction.
+        let age_s = now_ns.saturating_sub(predicted.at_ns) as f64 / 1e9;
+        let is_old = predicted.seconds.first().is_none_or(|step| age_s > 3.0 * step);
+        if is_old || !predicted.poses.iter().flatten().all(|x| x.is_finite()) {
             return;
         }
         let mut poses = vec![Value::Parts(vec![header(now_ns, &self.map), pose(row.pose)])];
@@ -106,7 +108,7 @@ impl Outputs {
             predicted.seconds.iter().zip(&predicted.poses).zip(&predicted.deviations)
         {
             #[expect(clippy::cast_possible_truncation, reason = "seconds of a horizon")]
-            let then_ns = now_ns.saturating_add((seconds * 1e9) as i64);
+            let then_ns = predicted.at_ns.saturating_add((seconds * 1e9) as i64);
             poses.push(Value::Parts(vec![header(then_ns, &self.map), pose(*at)]));
             let [position, psi] = *deviations;
             let with = Value::Parts(vec![pose(*at), covariance([position, position, psi])]);

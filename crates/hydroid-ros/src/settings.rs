@@ -9,7 +9,7 @@ use hydroid_io::{RosShape, RosType};
 use hydroid_live::link::{Definition, Field, Topic};
 use serde::Deserialize;
 
-use crate::value::Fields;
+use crate::value::{Fields, Value};
 
 /// Topics of the graph.
 #[derive(Clone, Debug, Default, Deserialize)]
@@ -52,6 +52,22 @@ impl Subscribed {
             of: Box::leak(Box::new(of)),
             fields: Box::leak(Box::new(fields)),
         }
+    }
+
+    /// The numbers of a message. A position without a fix is none.
+    pub fn row(&self, message: &Value) -> Vec<f64> {
+        let mut row = self.fields.row(message);
+        if self.of.name == "sensor_msgs/msg/NavSatFix" {
+            let names = self.fields.names();
+            let at = |name: &str| names.iter().position(|field| field == name);
+            // STATUS_NO_FIX is -1.
+            if at("status.status").is_some_and(|at| row[at] < 0.0) {
+                for place in ["latitude", "longitude"].into_iter().filter_map(at) {
+                    row[place] = f64::NAN;
+                }
+            }
+        }
+        row
     }
 
     /// As a topic of a link.

@@ -37,6 +37,8 @@ impl Level {
 /// A predicted path.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Predicted {
+    /// Time of the sample from which it begins, in nanoseconds since 1970.
+    pub at_ns: i64,
     /// Horizons \[s\].
     pub seconds: Vec<f64>,
     /// North, east \[m\] and heading \[rad\] at the horizons.
@@ -64,8 +66,12 @@ impl<L: Link> Boat<L> {
         Some([utc(now_ns), north, east, psi])
     }
 
-    /// The motion at a time in nanoseconds since 1970, and the standard deviation of the position \[m\].
+    /// The motion at a time in nanoseconds since 1970, and the standard deviation of the position \[m\]; `None` if position
+    /// or heading are not measured at present.
     pub fn motion(&self, now_ns: i64) -> Option<(hydroid::navigate::Row, f64)> {
+        if !self.is_located(now_ns) {
+            return None;
+        }
         let row = self.motion.at(seconds(self.begun_ns, now_ns))?;
         Some((row, self.motion.uncertainty()?.0))
     }
@@ -77,6 +83,7 @@ impl<L: Link> Boat<L> {
         let dt = active.model.description.dt;
         let [north, east] = active.path_origin;
         Some(Predicted {
+            at_ns: self.at_ns(active.sample().t),
             seconds: active.horizons.iter().map(|horizon| *horizon as f64 * dt).collect(),
             poses: poses.iter().map(|pose| [pose[0] + north, pose[1] + east, pose[2]]).collect(),
             deviations: deviations.to_vec(),
@@ -215,7 +222,8 @@ impl<L: Link> Boat<L> {
     }
 
     fn view_prediction(&self) -> Value {
-        let (Some(active), Some(Predicted { seconds, poses, deviations })) = (&self.active, self.predicted())
+        let (Some(active), Some(Predicted { seconds, poses, deviations, .. })) =
+            (&self.active, self.predicted())
         else {
             return Value::Null;
         };

@@ -42,6 +42,14 @@ fn remapping_changes_full_names() {
 }
 
 #[test]
+fn the_first_rule_for_this_node_counts() {
+    let words =
+        ["x", "--ros-args", "-r", "other:a:=b", "-r", "hydroid:a:=c", "-r", "a:=d", "-r", "__ns:=boat"];
+    let (names, _) = read(&words).unwrap();
+    assert_eq!(names.topic("a"), "/boat/c");
+}
+
+#[test]
 fn parameters_are_options() {
     let words = [
         "x",
@@ -55,8 +63,9 @@ fn parameters_are_options() {
         "--",
         "new",
     ];
-    let (_, own) = read(&words).unwrap();
+    let (names, own) = read(&words).unwrap();
     assert_eq!(own, ["x", "--max-speed=2.5", "--dry-run", "new"]);
+    assert_eq!(names.unset, ["no-page"]);
 }
 
 #[test]
@@ -66,6 +75,7 @@ fn other_words_are_refused() {
         (&["x", "--ros-args", "-r", "a"], "NAME:=VALUE"),
         (&["x", "--ros-args", "--params-file", "a.yaml"], "[live]"),
         (&["x", "--ros-args", "new"], "not understood"),
+        (&["x", "--ros-args", "-p", "use_sim_time:=True"], "not supported"),
     ] {
         let error = read(words).unwrap_err();
         assert!(error.contains(told), "{error}");
