@@ -101,7 +101,7 @@ def test_estimate_diagnostics_and_recording(graph, tmp_path):
     fixes = topics["/gps/fix", "sensor_msgs/msg/NavSatFix"]
     assert fixes[-1].header.frame_id == "base_link" and fixes[-1].latitude == pytest.approx(63.44, abs=0.01)
     assert any(message.data == 0.8 for message in topics["/thrusters/left", "std_msgs/msg/Float64"])
-    assert any("recording" in message.data for message in topics["/events", "std_msgs/msg/String"])
+    assert any("no permission needed" in message.data for message in topics["/events", "std_msgs/msg/String"])
 
 
 def test_commands_experiment_and_take_over(graph):

@@ -1,6 +1,6 @@
 //! Commands on topics, with the conditions under which they are sent and the causes that end them.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 
 use hydroid_live::link::{Axis, HelmEvent};
 
@@ -109,6 +109,12 @@ impl Commander {
         &self.axes
     }
 
+    /// Topics of the commands.
+    pub fn topics(&self) -> Vec<usize> {
+        let topics: BTreeSet<usize> = self.axes.iter().map(|axis| axis.place[0]).collect();
+        topics.into_iter().collect()
+    }
+
     /// Takes a permission.
     pub fn permit(&mut self, is_enabled: bool, now_ns: i64) {
         self.enabled = Some((is_enabled, now_ns));
@@ -168,7 +174,7 @@ impl Commander {
         Some(format!("another node commands {topic}: only one of them may steer"))
     }
 
-    /// Whether another node has commanded of late.
+    /// Whether a command of another node is recent.
     fn is_foreign(&self, now_ns: i64) -> bool {
         self.foreign.as_ref().is_some_and(|(_, at)| now_ns.saturating_sub(*at) <= FOREIGN_NS)
     }

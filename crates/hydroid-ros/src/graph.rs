@@ -195,7 +195,7 @@ pub(crate) struct GraphPort {
     _node: Node,
     /// A moment on the clock of the system and on that of the session.
     started: (SystemTime, i64),
-    /// Whether the last command was not accepted.
+    /// Whether a command was not accepted since the last look.
     is_blocked: bool,
     clock: UtcClock,
     poll: Poll,
@@ -237,7 +237,7 @@ impl GraphPort {
     }
 
     /// Who else publishes and subscribes, and what the clock of the system does.
-    fn look(&self) -> Message {
+    fn look(&mut self) -> Message {
         let own = self.participant.guid().prefix;
         let writers = self.participant.discovered_writers();
         let readers = self.participant.discovered_readers();
@@ -266,7 +266,8 @@ impl GraphPort {
             publishers: publishers.collect(),
             subscribers: subscribers.collect(),
             clock_set_s: set_s,
-            is_blocked: self.is_blocked,
+            // Without commands, nothing tells whether the next one is accepted: they may begin again.
+            is_blocked: std::mem::take(&mut self.is_blocked),
         }
     }
 }
@@ -294,10 +295,9 @@ impl Port for GraphPort {
         let Message::Command { topic, value } = message else { return Ok(()) };
         let Some(Some(publisher)) = self.publishers.get(*topic) else { return Ok(()) };
         let sent = publisher.publish(value.clone());
-        if self.is_blocked != sent.is_err() {
-            self.is_blocked = sent.is_err();
-            // The helm hears of it with the next look.
-            self.looked = None;
+        if sent.is_err() {
+            // The helm learns it from the next look, which is due at once.
+            (self.is_blocked, self.looked) = (true, None);
         }
         sent.map_err(|error| io::Error::other(error.to_string()))
     }

@@ -1,8 +1,8 @@
 //! `hydroid live` as a node of ROS 2: [`main`] is the command `hydroid-ros`.
 //!
 //! The node speaks DDS itself (`ros2-client`, RustDDS): no installation of ROS is needed. Topics of any type become rows of
-//! numbers with the names that a recording has, so that the section `[log]` selects from a graph as from a bag. What a topic
-//! sends is recorded as it was sent.
+//! numbers with the names that a recording has, so that the section `[log]` selects from a graph as from a bag. Messages are
+//! recorded with their own types.
 //!
 //! Order of the modules, each of which imports only modules before it: `names`, `value`, `settings`, `commander`, `link`,
 //! `graph`, `outputs`.

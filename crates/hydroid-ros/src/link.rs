@@ -35,7 +35,7 @@ pub enum Message {
         subscribers: Vec<usize>,
         /// Time by which the clock of the system was set since the start \[s\].
         clock_set_s: Option<f64>,
-        /// Whether the network does not accept commands.
+        /// Whether the network has not accepted a command since the last message of this kind.
         is_blocked: bool,
     },
     /// A command for a topic.
@@ -61,7 +61,7 @@ pub struct RosLink {
     heard_ns: Option<i64>,
     is_lost: bool,
     state: Option<State>,
-    /// Topics whose stamps are of another clock, as was told.
+    /// Topics for which a message has said that their stamps are of another clock.
     other_clocks: Vec<bool>,
     /// Commands that were sent, as events.
     sent: VecDeque<Event>,
@@ -168,10 +168,7 @@ impl Link for RosLink {
             && self.options.may_command
             && !self.options.is_dry_run
         {
-            let mut topics: Vec<usize> = helm.axes().iter().map(|axis| axis.place[0]).collect();
-            topics.sort_unstable();
-            topics.dedup();
-            let _ = self.commanded.set(topics);
+            let _ = self.commanded.set(helm.topics());
         }
     }
 
@@ -187,9 +184,7 @@ impl Link for RosLink {
             Message::Graph { publishers, subscribers, clock_set_s, is_blocked } => {
                 let Ok(helm) = &mut self.helm else { return };
                 let name = |topic: usize| self.subscribed[topic].name.to_owned();
-                let mut commanded: Vec<usize> = helm.axes().iter().map(|axis| axis.place[0]).collect();
-                commanded.sort_unstable();
-                commanded.dedup();
+                let commanded = helm.topics();
                 let with = |is: &dyn Fn(usize) -> bool| {
                     commanded.iter().filter(|topic| is(**topic)).map(|topic| name(*topic)).collect()
                 };

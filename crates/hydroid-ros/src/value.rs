@@ -358,11 +358,6 @@ impl Fields {
         self.places.iter().map(of).collect()
     }
 
-    /// Whether messages have a header.
-    pub fn is_stamped(&self) -> bool {
-        self.stamped
-    }
-
     /// Stamp of the header \[ns\]; `None` if there is none, or it is zero.
     pub fn stamp_ns(&self, message: &Value) -> Option<i64> {
         if !self.stamped {

@@ -7,11 +7,11 @@ use clap::Args as ClapArgs;
 
 use super::values::{NamedRange, Pair};
 
-/// Commands to the autopilot.
+/// Commands to the vessel.
 #[derive(Debug, ClapArgs)]
 #[command(next_help_heading = "Commands")]
 pub struct CommandArgs {
-    /// Permit commands to the autopilot: experiments, and steering with a model
+    /// Permit commands to the vessel: experiments, and steering with a model
     #[arg(long)]
     pub allow_commands: bool,
     /// Compute commands and send none
@@ -38,7 +38,7 @@ pub struct CommandArgs {
         value_name = "LIST"
     )]
     pub turn: Vec<String>,
-    /// Limits of commands in the units of the model (default: pulses from 1100 to 1900 us)
+    /// Limits of commands in the units of the model (default for MAVLink: pulses from 1100 to 1900 us)
     #[arg(long, value_delimiter = ',', value_name = "NAME=LOW:HIGH")]
     pub limit: Vec<NamedRange>,
     /// Radius of the geofence [m]

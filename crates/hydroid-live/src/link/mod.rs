@@ -39,7 +39,7 @@ pub struct Topic {
     pub name: &'static str,
     /// Its fields.
     pub fields: &'static [Field],
-    /// Its messages, if a recording has them as they were sent instead of the fields.
+    /// Its messages, if a recording has them instead of the fields.
     pub messages: Option<Definition>,
 }
 

@@ -41,26 +41,27 @@ fn options() -> Options {
     Options { own_system: 255, is_allowed: true, is_dry_run: false }
 }
 
-/// Parameters of an ArduPilot Rover 4.7 with default values.
+/// Parameters of an ArduPilot Rover 4.7 with default values: those that a preflight asks for.
+pub(crate) const PARAMETERS: [(&str, f32); 15] = [
+    ("MAV_GCS_SYSID", 255.0),
+    ("MAV_GCS_SYSID_HI", 0.0),
+    ("MAV_OPTIONS", 0.0),
+    ("RC_OVERRIDE_TIME", 3.0),
+    ("RC_OPTIONS", 32.0),
+    ("FS_THR_ENABLE", 1.0),
+    ("FS_THR_VALUE", 910.0),
+    ("RCMAP_THROTTLE", 3.0),
+    ("MODE_CH", 8.0),
+    ("RC1_TRIM", 1500.0),
+    ("RC1_DZ", 30.0),
+    ("RC1_OPTION", 0.0),
+    ("RC3_TRIM", 1500.0),
+    ("RC3_DZ", 30.0),
+    ("RC3_OPTION", 0.0),
+];
+
 fn parameters() -> BTreeMap<String, f32> {
-    let values = [
-        ("MAV_GCS_SYSID", 255.0),
-        ("MAV_GCS_SYSID_HI", 0.0),
-        ("MAV_OPTIONS", 0.0),
-        ("RC_OVERRIDE_TIME", 3.0),
-        ("RC_OPTIONS", 32.0),
-        ("FS_THR_ENABLE", 1.0),
-        ("FS_THR_VALUE", 910.0),
-        ("RCMAP_THROTTLE", 3.0),
-        ("MODE_CH", 8.0),
-        ("RC1_TRIM", 1500.0),
-        ("RC1_DZ", 30.0),
-        ("RC1_OPTION", 0.0),
-        ("RC3_TRIM", 1500.0),
-        ("RC3_DZ", 30.0),
-        ("RC3_OPTION", 0.0),
-    ];
-    values.map(|(name, value)| (name.to_owned(), value)).into()
+    PARAMETERS.map(|(name, value)| (name.to_owned(), value)).into()
 }
 
 /// A helm and the autopilot at the other end.

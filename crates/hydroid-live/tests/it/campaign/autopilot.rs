@@ -32,25 +32,6 @@ const POSITION_NS: i64 = 5 * S;
 /// Time between fixes.
 pub(super) const FIX_NS: i64 = 200 * MS;
 
-/// Parameters that a preflight asks for: those of 4.7 with their defaults.
-const PARAMETERS: [(&str, f32); 15] = [
-    ("MAV_GCS_SYSID", 255.0),
-    ("MAV_GCS_SYSID_HI", 0.0),
-    ("MAV_OPTIONS", 0.0),
-    ("RC_OVERRIDE_TIME", 3.0),
-    ("RC_OPTIONS", 32.0),
-    ("FS_THR_ENABLE", 1.0),
-    ("FS_THR_VALUE", 910.0),
-    ("RCMAP_THROTTLE", 3.0),
-    ("MODE_CH", 8.0),
-    ("RC1_TRIM", 1500.0),
-    ("RC1_DZ", 30.0),
-    ("RC1_OPTION", 0.0),
-    ("RC3_TRIM", 1500.0),
-    ("RC3_DZ", 30.0),
-    ("RC3_OPTION", 0.0),
-];
-
 /// Faults of the sensors.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct SensorFaults {
@@ -332,7 +313,8 @@ impl Autopilot {
             }
             MavMessage::PARAM_REQUEST_READ(question) => {
                 let name = question.param_id.to_str().unwrap_or_default();
-                if let Some(&(name, value)) = PARAMETERS.iter().find(|(known, _)| *known == name) {
+                if let Some(&(name, value)) = crate::helm::PARAMETERS.iter().find(|(known, _)| *known == name)
+                {
                     let mut answer = PARAM_VALUE_DATA::DEFAULT;
                     (answer.param_id, answer.param_value) = (name.into(), value);
                     self.out.push(MavMessage::PARAM_VALUE(answer));

@@ -22,7 +22,7 @@ const PLACE_NS: i64 = 1_820 * MS;
 /// heartbeat that is late, and the time after it.
 const TRUTH_NS: i64 = 3_000 * MS;
 
-/// A release has so many messages, within this time.
+/// A release has at most these messages, within this time.
 const RELEASE: usize = 5;
 const RELEASE_NS: i64 = S;
 
