@@ -1,0 +1,56 @@
+//! Models in the formats of other tools.
+//!
+//! [`export`] writes a [`Model`] in a [`Format`]. The result is a set of files in memory; the caller stores them.
+//!
+//! Order of the modules, bottom to top: `name`.
+
+mod name;
+
+use hydroid::model::Model;
+
+pub use name::identifier;
+
+/// A format of another tool.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {}
+
+/// Options of an export.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Name of the exported model: of files, functions and classes. See [`identifier`].
+    pub name: String,
+}
+
+/// A file of an export.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct File {
+    /// Its name, without a folder.
+    pub name: String,
+    /// Its content.
+    pub content: Vec<u8>,
+}
+
+/// Reasons why a model cannot be exported.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ExportError {
+    /// The format cannot express the model.
+    #[error("{model} cannot be exported to {format}: {reason}; {remedy}")]
+    Unsupported {
+        /// Kind of the model in words.
+        model: &'static str,
+        /// Name of the format.
+        format: &'static str,
+        /// What the format lacks, or what the model lacks.
+        reason: String,
+        /// The nearest thing that can be exported.
+        remedy: String,
+    },
+}
+
+/// Writes a model in a format.
+///
+/// # Errors
+/// If the format cannot express the model.
+pub fn export(_model: &Model, format: Format, _options: &Options) -> Result<Vec<File>, ExportError> {
+    match format {}
+}
