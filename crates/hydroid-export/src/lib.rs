@@ -2,17 +2,26 @@
 //!
 //! [`export`] writes a [`Model`] in a [`Format`]. The result is a set of files in memory; the caller stores them.
 //!
-//! Order of the modules, bottom to top: `name`.
+//! Order of the modules, bottom to top: `name`, `graph`, `state_space`, `check`, `c`.
 
+mod c;
+#[doc(hidden)]
+pub mod check;
+mod graph;
 mod name;
+mod state_space;
 
 use hydroid::model::Model;
 
+pub use c::Precision;
 pub use name::identifier;
 
 /// A format of another tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {}
+pub enum Format {
+    /// C99: a header and a source.
+    C(Precision),
+}
 
 /// Options of an export.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,6 +60,8 @@ pub enum ExportError {
 ///
 /// # Errors
 /// If the format cannot express the model.
-pub fn export(_model: &Model, format: Format, _options: &Options) -> Result<Vec<File>, ExportError> {
-    match format {}
+pub fn export(model: &Model, format: Format, options: &Options) -> Result<Vec<File>, ExportError> {
+    match format {
+        Format::C(precision) => Ok(c::export(model, options, precision)),
+    }
 }

@@ -1,0 +1,7 @@
+//! Tests of the exported formats.
+
+mod c;
+mod models;
+mod names;
+mod run;
+mod state_space;
