@@ -2,6 +2,7 @@
 
 mod adapt;
 mod control;
+mod export;
 pub mod file;
 mod help;
 mod identify;
@@ -21,6 +22,7 @@ use hydroid::log::{CommandTiming, InputDelay};
 
 pub use adapt::{Adapt, AnswerArgs, KalmanArgs, Learner, LeastSquaresArgs};
 pub use control::{Control, ControllerKind, TaskKind, TimingKind};
+pub use export::{Export, Target};
 pub use file::FromFile;
 pub use hydroid::config::{Duration, Horizon};
 pub use identify::Identify;
@@ -46,6 +48,7 @@ use values::{Pair, parse_timing};
   hydroid manoeuvre out/sindy.safetensors -o trials    turning circle, zigzag and other trials
   hydroid control hydrofoil --controller fl --speed 4 --radius 30 -o run       closed loop with a model
   hydroid live new -c boat.toml                 on board: records, learns and steers over MAVLink
+  hydroid export out/committee.safetensors --to c -o boat.c    the model for other tools
 
 Exit status: 0 done, 1 done but a stated criterion was missed, 2 wrong input, 130 interrupted."
 )]
@@ -159,6 +162,7 @@ pub enum Command {
     Manoeuvre(Manoeuvre),
     Control(Box<Control>),
     Live(Box<Live>),
+    Export(Export),
     Thesis(Thesis),
     Study(Study),
 }

@@ -4,6 +4,7 @@ mod adapt;
 pub(crate) mod control;
 mod convert;
 mod evaluate;
+mod export;
 mod identify;
 mod inspect;
 mod live;
@@ -54,6 +55,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         Command::Adapt(adapt) => adapt::run(&adapt, args.global),
         Command::Manoeuvre(manoeuvre) => manoeuvre::run(&manoeuvre, args.global),
         Command::Control(control) => control::run(&control, args.global),
+        Command::Export(export) => export::run(&export, args.global),
         Command::Live(live) => live::run(&live, args.global),
         Command::Thesis(thesis) => thesis::run(&thesis, args.global),
         Command::Study(study) => study::run(&study, args.global),

@@ -6,7 +6,7 @@
 use std::fmt::Write as _;
 
 use super::number::Precision;
-use crate::graph::{Binary, Cell, Function, Id, Matrix, Module, Op, Test};
+use crate::graph::{Binary, Cell, Function, Id, Matrix, Module, Op, Test, Unary};
 
 /// Deepest nesting of an expression.
 const DEEPEST: usize = 12;
@@ -160,6 +160,7 @@ impl Body<'_> {
                 };
                 self.element(*of, &place)
             }
+            _ if self.inline[id] && self.is_call(id) => self.expression(id, i),
             _ if self.inline[id] => format!("({})", self.expression(id, i)),
             op if self.len(id) == 1 && element_wise(op) => format!("t{id}"),
             Op::Constant(_) => format!("k{id}[{i}]"),
@@ -171,7 +172,10 @@ impl Body<'_> {
     fn expression(&self, id: Id, i: &str) -> String {
         let printer = self.printer;
         match self.op(id) {
-            Op::Unary(f, x) => printer.precision.unary(printer.prefix, *f, &self.element(*x, i)),
+            Op::Unary(Unary::Neg, x) => {
+                printer.precision.unary(printer.prefix, Unary::Neg, &self.element(*x, i))
+            }
+            Op::Unary(f, x) => printer.precision.unary(printer.prefix, *f, &self.whole(*x, i)),
             Op::Binary(f, a, b) => {
                 let (left, right) = (self.element(*a, i), self.element(*b, i));
                 // A sum or a product of which this continues the left side needs no parentheses.
@@ -192,8 +196,11 @@ impl Body<'_> {
                     Binary::Sub => format!("{left} - {right}"),
                     Binary::Mul => format!("{left} * {right}"),
                     Binary::Div => format!("{left} / {right}"),
-                    Binary::Min => printer.precision.call("fmin", &format!("{left}, {right}")),
-                    Binary::Max => printer.precision.call("fmax", &format!("{left}, {right}")),
+                    Binary::Min | Binary::Max => {
+                        let name = if *f == Binary::Min { "fmin" } else { "fmax" };
+                        let both = format!("{}, {}", self.whole(*a, i), self.whole(*b, i));
+                        printer.precision.call(name, &both)
+                    }
                 }
             }
             Op::Select { test, a, b, then, otherwise } => {
@@ -205,6 +212,20 @@ impl Body<'_> {
                 }
             }
             _ => self.element(id, i),
+        }
+    }
+
+    /// The element `i` of a node between commas or parentheses.
+    fn whole(&self, id: Id, i: &str) -> String {
+        if self.inline[id] { self.expression(id, i) } else { self.element(id, i) }
+    }
+
+    /// Whether a node is a call of a function in C.
+    fn is_call(&self, id: Id) -> bool {
+        match self.op(id) {
+            Op::Unary(f, _) => *f != Unary::Neg,
+            Op::Binary(f, ..) => matches!(f, Binary::Min | Binary::Max),
+            _ => false,
         }
     }
 
@@ -324,9 +345,7 @@ impl Body<'_> {
         let mut place = 0;
         for &part in parts {
             let len = self.len(part);
-            let part_of = |i: &str| {
-                if self.inline[part] { self.expression(part, i) } else { self.element(part, i) }
-            };
+            let part_of = |i: &str| self.whole(part, i);
             if len == 1 {
                 let expression = part_of("0");
                 self.statement(&format!("{into}[{place}] = "), &expression);

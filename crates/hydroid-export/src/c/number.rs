@@ -38,16 +38,16 @@ impl Precision {
 
     pub(super) fn unary(self, prefix: &str, f: Unary, x: &str) -> String {
         let name = match f {
-            Unary::Neg => return format!("(-{x})"),
+            Unary::Neg => return format!("-{x}"),
             Unary::Sign => return format!("{prefix}_sign({x})"),
             Unary::Logistic => return format!("{prefix}_logistic({x})"),
+            Unary::Tanh => return format!("{prefix}_tanh({x})"),
             Unary::Abs => "fabs",
             Unary::Exp => "exp",
             Unary::Ln => "log",
             Unary::Sin => "sin",
             Unary::Cos => "cos",
             Unary::Sqrt => "sqrt",
-            Unary::Tanh => "tanh",
         };
         self.call(name, x)
     }

@@ -146,7 +146,12 @@ void {name}_rates(const {name}_state *state, const {name}_real command[{upper}_I
     pub(super) fn source(&self) -> String {
         let (name, real) = (self.name, self.precision.type_name());
         let printer = Printer { prefix: name, precision: self.precision, module: &self.space.module };
-        let mut text = format!("#include \"{name}.h\"\n\n#include <math.h>\n\n/* The state:\n");
+        let mut text = format!(
+            "#include \"{name}.h\"\n\n#include <math.h>\n#include <stdint.h>\n#include <string.h>\n
+#ifdef __FAST_MATH__
+#error \"This code tests for NaN and rounds on purpose: compile it without -ffast-math.\"
+#endif\n\n/* The state:\n"
+        );
         for (index, label) in self.space.state.iter().enumerate() {
             let _ = writeln!(text, " * x[{index}]  {}", described(&label.name, &label.unit));
         }

@@ -328,7 +328,10 @@ impl Scalar<'_> {
             (Self::Node(node), _) | (_, Self::Node(node)) => node.builder,
         };
         match (f, self, other) {
-            // Exact also for numbers that are not finite, but for the sign of zero.
+            // Exact but for the sign of zero, and for the product of zero and a number that is not finite.
+            (Binary::Mul, Self::Constant(0.0), _) | (Binary::Mul, _, Self::Constant(0.0)) => {
+                Self::Constant(0.0)
+            }
             (Binary::Add, Self::Constant(0.0), x)
             | (Binary::Add | Binary::Sub, x, Self::Constant(0.0))
             | (Binary::Mul, Self::Constant(1.0), x)

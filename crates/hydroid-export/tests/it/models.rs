@@ -216,6 +216,21 @@ pub(crate) fn all() -> Vec<Model> {
     all
 }
 
+/// Models of the sizes that identification gives by default, for measurements of time and memory.
+pub(crate) fn timed() -> Vec<Model> {
+    let lstm = Cell::Lstm { hidden: 18, projection: Some(3) };
+    let equations = Body::Equations(Arc::new(sparse(vec![lag(3, 0.7), lag(4, 0.1)], 1)));
+    let mut timed = vec![
+        model("GRU, 18 cells", recurrent(Cell::Gru { hidden: 18 }, true, BaseModel::Hold, true)),
+        model("LSTM, 18 cells, projected to 3", recurrent(lstm, false, BaseModel::Hold, true)),
+        model("equations with two lags", equations),
+        model("control-affine network", affine()),
+        model("committee of 4 members", committee(true)),
+    ];
+    timed.extend(vessels().into_iter().filter(|vessel| vessel.description.name == "otter"));
+    timed
+}
+
 /// Commands within the ranges of a model that change from sample to sample, row by row.
 pub(crate) fn commands(model: &Model, samples: usize, stream: f64) -> Vec<f64> {
     let inputs = &model.description.inputs;

@@ -1,0 +1,61 @@
+//! Arguments of `hydroid export`.
+
+use std::path::PathBuf;
+
+use clap::{Args as ClapArgs, ValueEnum};
+use hydroid_export::Precision;
+
+/// Write a model in the format of another tool: C
+///
+/// The exported model has constant weights. A rollout of it is that of the model to rounding. A format that cannot express
+/// a model is refused with the reason.
+#[derive(Debug, ClapArgs)]
+#[command(after_help = "Examples:
+  hydroid export out/committee.safetensors --to c -o boat.c       boat.h and boat.c for any C99 compiler
+  hydroid export out/gru.safetensors --to c --precision float -o firmware/    for a processor without double precision
+  hydroid export vessels/otter.toml --to c --dt 0.02 -o otter.c   a vessel with given parameters")]
+pub struct Export {
+    /// The model: a .safetensors file, a vessel file (.toml), or hydrofoil, hydrofoil-low-speed, simple
+    #[arg(value_name = "MODEL")]
+    pub model: PathBuf,
+    /// Format
+    #[arg(long, value_enum, value_name = "FORMAT")]
+    pub to: Target,
+    /// File, whose name without the extension is the name of the exported model; or a folder
+    #[arg(long, short, required = true, value_name = "FILE|FOLDER")]
+    pub output: PathBuf,
+    /// Name of the exported model, a prefix of all its names (default: that of the file, or of the model)
+    #[arg(long, value_name = "NAME")]
+    pub name: Option<String>,
+    /// Type of the numbers, for c
+    #[arg(long, value_enum, value_name = "TYPE", default_value = "double")]
+    pub precision: PrecisionKind,
+    /// Sample time of a vessel [s] (default: 0.1); an identified model has its own
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub dt: Option<f64>,
+}
+
+/// A format.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Target {
+    /// C99: a header and a source without dependencies
+    C,
+}
+
+/// Type of numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum PrecisionKind {
+    /// 64 bits
+    Double,
+    /// 32 bits
+    Float,
+}
+
+impl From<PrecisionKind> for Precision {
+    fn from(kind: PrecisionKind) -> Self {
+        match kind {
+            PrecisionKind::Double => Self::Double,
+            PrecisionKind::Float => Self::Float,
+        }
+    }
+}

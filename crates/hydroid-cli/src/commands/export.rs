@@ -1,0 +1,76 @@
+//! `hydroid export`.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, bail, ensure};
+use hydroid::atomic;
+use hydroid::model::{self, Model};
+use hydroid_export::{Format, Options, export, identifier};
+use serde_json::json;
+
+use super::Outcome;
+use crate::args::{Export, Global, Target};
+use crate::outputs;
+
+pub fn run(args: &Export, global: Global) -> anyhow::Result<Outcome> {
+    let model = at_step(model::read(&args.model)?, args.dt)?;
+    let format = match args.to {
+        Target::C => Format::C(args.precision.into()),
+    };
+    let (folder, stem) = place(&args.output, args.to)?;
+    let name = args.name.clone().or(stem).unwrap_or_else(|| model.description.name.clone());
+    let options = Options { name: identifier(&name) };
+    let files = export(&model, format, &options)?;
+    let paths: Vec<PathBuf> = files.iter().map(|file| folder.join(&file.name)).collect();
+    for path in &paths {
+        outputs::check(&[("-o", Some(path))], &[&args.model])?;
+    }
+    std::fs::create_dir_all(&folder)
+        .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    for (file, path) in files.iter().zip(&paths) {
+        atomic::write(path, |out| out.write_all(&file.content))?;
+    }
+    if global.json {
+        super::print_json(&json!({
+            "model": args.model,
+            "kind": model.kind(),
+            "name": options.name,
+            "files": paths,
+        }))?;
+    } else {
+        let list: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
+        outln!("{} '{}': {}", model.title(), model.description.name, list.join(", "));
+    }
+    Ok(Outcome::Done)
+}
+
+/// A vessel with another sample time.
+fn at_step(model: Model, dt: Option<f64>) -> anyhow::Result<Model> {
+    let Some(dt) = dt else { return Ok(model) };
+    let own = model.description.dt;
+    let model = model.at_step(dt)?;
+    ensure!(
+        model.description.dt == dt,
+        "--dt is for vessels: this model was identified with a sample time of {own} s"
+    );
+    Ok(model)
+}
+
+/// The folder of the files, and the name of the model if the output is a file.
+fn place(output: &Path, to: Target) -> anyhow::Result<(PathBuf, Option<String>)> {
+    let known: &[&str] = match to {
+        Target::C => &["c", "h"],
+    };
+    let Some(extension) = output.extension().filter(|_| !output.is_dir()) else {
+        return Ok((output.to_owned(), None));
+    };
+    if !known.iter().any(|known| extension.eq_ignore_ascii_case(known)) {
+        bail!(
+            "-o {}: a file of this format ends in .{}; a name without an extension is a folder",
+            output.display(),
+            known.join(" or .")
+        );
+    }
+    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    Ok((folder.to_owned(), output.file_stem().map(|stem| stem.to_string_lossy().into_owned())))
+}
