@@ -110,9 +110,12 @@ struct Compiler {
 
 const WARNINGS: [&str; 5] = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror"];
 
-/// Optimized, and with the sanitizers.
-const GCC: [Compiler; 1] =
-    [Compiler { program: "cc", flags: &["-O1", "-fsanitize=undefined", "-fno-sanitize-recover=all"] }];
+const UNDEFINED: Compiler =
+    Compiler { program: "cc", flags: &["-O1", "-fsanitize=undefined", "-fno-sanitize-recover=all"] };
+
+const ADDRESS: Compiler = Compiler { program: "cc", flags: &["-O2", "-fsanitize=address,undefined"] };
+
+const CLANG: Compiler = Compiler { program: "clang", flags: &["-O2", "-Wconversion"] };
 
 fn compile(compiler: &Compiler, folder: &Path, name: &str) {
     let mut command = Command::new(compiler.program);
@@ -165,7 +168,7 @@ fn a_model_of_each_kind_runs_in_c() {
     ];
     for model in all() {
         if kinds.contains(&model.description.name.as_str()) || model.plant().is_some() {
-            compare(&model, Precision::Double, &GCC[0]);
+            compare(&model, Precision::Double, &UNDEFINED);
         }
     }
 }
@@ -174,8 +177,21 @@ fn a_model_of_each_kind_runs_in_c() {
 #[ignore = "slow tier: .ci/run runs it"]
 fn all_models_run_in_c() {
     for model in all() {
-        compare(&model, Precision::Double, &GCC[0]);
-        compare(&model, Precision::Float, &GCC[0]);
+        compare(&model, Precision::Double, &ADDRESS);
+        compare(&model, Precision::Float, &UNDEFINED);
+    }
+}
+
+#[test]
+#[ignore = "slow tier: .ci/run runs it"]
+fn all_models_run_in_c_with_clang() {
+    if Command::new("clang").arg("--version").output().is_err() {
+        println!("skipped: no clang");
+        return;
+    }
+    for model in all() {
+        compare(&model, Precision::Double, &CLANG);
+        compare(&model, Precision::Float, &CLANG);
     }
 }
 
