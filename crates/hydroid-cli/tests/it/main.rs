@@ -15,6 +15,7 @@ mod control_client;
 mod control_service;
 mod documents;
 mod equations_input;
+mod export;
 mod file_options;
 mod hostile;
 #[cfg(unix)]

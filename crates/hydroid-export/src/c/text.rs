@@ -33,11 +33,13 @@ impl Text<'_> {
         let upper = self.upper();
         let names = identifiers(ports.iter().map(|port| port.channel.name.as_str()));
         let mut text = format!("/* Indices of the {}. */\nenum {{\n", what.to_ascii_lowercase());
+        let given = self.model.plant().is_some() || self.model.craft().is_some();
+        let trained = if given { "" } else { " in training" };
         for (index, (port, name)) in ports.iter().zip(names).enumerate() {
             let range = port.training_range.unwrap_or(port.range);
             let _ = writeln!(
                 text,
-                "    {upper}_{}_{} = {index}, /* {}, {} to {} in training */",
+                "    {upper}_{}_{} = {index}, /* {}, {} to {}{trained} */",
                 what.trim_end_matches('s').to_ascii_uppercase(),
                 name.to_ascii_uppercase(),
                 described(&port.channel.name, &port.channel.unit),
@@ -55,10 +57,14 @@ impl Text<'_> {
         let (n, m, states) = (self.space.outputs(), self.space.inputs(), self.space.state.len());
         let real = self.precision.type_name();
         let motion = if d.current.is_some() { "\n * Velocities are relative to the water." } else { "" };
+        let training = match &d.provenance.training[..] {
+            [] => String::new(),
+            runs => format!(" Training runs: {}.", comment(&runs.join(", "))),
+        };
         let mut text = format!(
             "/* {title} '{model}': dynamics of a vessel, in discrete time.
  *
- * Written by hydroid {version}. Training runs: {training}.
+ * Written by hydroid {version}.{training}
  * Units are those of the channels below; angles in rad.{motion}
  *
  * A run:
@@ -95,7 +101,6 @@ typedef {real} {name}_real;
             title = comment(self.model.title()),
             model = comment(&d.name),
             version = comment(&d.provenance.hydroid),
-            training = comment(&d.provenance.training.join(", ")),
             dt = self.precision.literal(d.dt),
         );
         text.push_str(&self.channels(&d.outputs, "Outputs"));

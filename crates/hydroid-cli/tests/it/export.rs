@@ -1,0 +1,63 @@
+//! `hydroid export`: files, names, refusals.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::common::{done, run, text};
+
+fn refused(folder: &Path, args: &str, words: &[&str]) {
+    let output = run(folder, args);
+    let error = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{args}: {error}");
+    assert!(words.iter().all(|word| error.contains(word)), "{args}: {error}");
+}
+
+fn files(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).unwrap();
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn a_vessel_becomes_a_header_and_a_source() {
+    let folder = TempDir::new().unwrap();
+    let output = done(folder.path(), "export hydrofoil --to c --dt 0.02 -o boat.c --json");
+    let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(document["name"], "boat");
+    assert_eq!(document["files"], serde_json::json!(["./boat.h", "./boat.c"]));
+    assert_eq!(files(folder.path()), ["boat.c", "boat.h"]);
+    let header = fs::read_to_string(folder.path().join("boat.h")).unwrap();
+    assert!(
+        header.contains("#define BOAT_DT 0.02") && header.contains("typedef double boat_real"),
+        "{header}"
+    );
+    assert!(header.contains("BOAT_INPUT_PP_CMD = 0, /* PP_cmd [N], -130 to 350 */"), "{header}");
+
+    let again = TempDir::new().unwrap();
+    done(again.path(), "export hydrofoil --to c --dt 0.02 -o boat.h");
+    for file in ["boat.h", "boat.c"] {
+        let read = |folder: &TempDir| fs::read(folder.path().join(file)).unwrap();
+        assert_eq!(read(&folder), read(&again), "the same model gives the same bytes");
+    }
+
+    let output =
+        done(folder.path(), "export hydrofoil --to c --precision float --name 7-seas -o new/firmware");
+    assert!(text(&output.stdout).contains("new/firmware/x7_seas.h"), "{}", text(&output.stdout));
+    let source = fs::read_to_string(folder.path().join("new/firmware/x7_seas.c")).unwrap();
+    assert!(source.contains("x7_seas_logistic(float x)"), "{source}");
+}
+
+#[test]
+fn wrong_arguments_are_refused() {
+    let folder = TempDir::new().unwrap();
+    refused(folder.path(), "export nothing.safetensors --to c -o boat.c", &["nothing.safetensors"]);
+    refused(folder.path(), "export hydrofoil --to c -o boat.txt", &["boat.txt", ".c"]);
+    refused(folder.path(), "export hydrofoil --to c --dt -1 -o boat.c", &["sample time"]);
+    refused(folder.path(), "export hydrofoil --to cobol -o boat.c", &["cobol", "possible values"]);
+    assert!(files(folder.path()).is_empty());
+}
