@@ -267,11 +267,8 @@ impl LiveMotion {
                 *health = known.clone();
             }
         }
-        if let Some(Row { pose: [north, east, psi], ground: [u, v, _], .. }) = self.at(self.t) {
-            let (sine, cosine) = psi.sin_cos();
-            let velocity = [u * cosine - v * sine, u * sine + v * cosine];
-            changed.first = [Some([north, east]), Some(velocity), Some([psi, 0.0])];
-            changed.begin(self.t);
+        if let (Some(row), Some((_, current, _))) = (self.at(self.t), self.uncertainty()) {
+            changed.begin_at(self.t, row.pose, row.water[0], current);
         }
         *self = changed;
         Ok(())
@@ -436,13 +433,20 @@ impl LiveMotion {
         let (sine, cosine) = heading.sin_cos();
         let [forward, starboard, _] = self.sensors.antenna_m;
         let speed = velocity.map_or(0.0, |v| v[0] * cosine + v[1] * sine);
+        let north = position[0] - (cosine * forward - sine * starboard);
+        let east = position[1] - (sine * forward + cosine * starboard);
+        self.begin_at(t, [north, east, heading], speed, [0.0; 2]);
+    }
+
+    /// Begins at a pose of the origin of the body frame, a surge velocity through the water, and a current.
+    fn begin_at(&mut self, t: f64, [north, east, heading]: [f64; 3], speed: f64, current: [f64; 2]) {
         let mut prior = Prior::default()
             .with(State::Heading, heading, 0.1)
             .with(State::Surge, speed, 2.0)
-            .with(State::North, position[0] - (cosine * forward - sine * starboard), 10.0)
-            .with(State::East, position[1] - (sine * forward + cosine * starboard), 10.0)
-            .with(State::CurrentNorth, 0.0, CURRENT_M_S)
-            .with(State::CurrentEast, 0.0, CURRENT_M_S);
+            .with(State::North, north, 10.0)
+            .with(State::East, east, 10.0)
+            .with(State::CurrentNorth, current[0], CURRENT_M_S)
+            .with(State::CurrentEast, current[1], CURRENT_M_S);
         if let Some(known) = &self.sensors.known {
             prior = known::prior(known, &prior);
         }

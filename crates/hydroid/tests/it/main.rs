@@ -21,6 +21,7 @@ mod identify_networks;
 mod invariance;
 mod judged;
 mod library;
+mod live_motion;
 mod log;
 mod lorenz;
 mod manoeuvre;
