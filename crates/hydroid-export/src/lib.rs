@@ -2,17 +2,27 @@
 //!
 //! [`export`] writes a [`Model`] in a [`Format`]. The result is a set of files in memory; the caller stores them.
 //!
-//! Order of the modules, bottom to top: `name`.
+//! Order of the modules, bottom to top: `name` → `coefficients`.
 
+pub mod coefficients;
 mod name;
 
 use hydroid::model::Model;
+
+use coefficients::CoefficientOptions;
 
 pub use name::identifier;
 
 /// A format of another tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {}
+pub enum Format {
+    /// Plugins of Gazebo: [`coefficients::sdf`].
+    Sdf,
+    /// Vessels of MSS and the Python Vehicle Simulator: [`coefficients::mss`].
+    Mss,
+    /// Tables of hydrodynamic derivatives: [`coefficients::latex`].
+    Latex,
+}
 
 /// Options of an export.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,6 +61,10 @@ pub enum ExportError {
 ///
 /// # Errors
 /// If the format cannot express the model.
-pub fn export(_model: &Model, format: Format, _options: &Options) -> Result<Vec<File>, ExportError> {
-    match format {}
+pub fn export(model: &Model, format: Format, options: &Options) -> Result<Vec<File>, ExportError> {
+    match format {
+        Format::Sdf => coefficients::sdf(model, options, &CoefficientOptions::default()),
+        Format::Mss => coefficients::mss(model, options, &CoefficientOptions::default()),
+        Format::Latex => coefficients::latex(model, options, &CoefficientOptions::default()),
+    }
 }
