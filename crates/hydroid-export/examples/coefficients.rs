@@ -4,14 +4,20 @@
 //! cargo run -p hydroid-export --example coefficients -- FOLDER [MODEL ..]
 //! ```
 //!
-//! Without models, the vessels of the folder `vessels`, those that are built in, and `tests/golden/workboat.toml`.
+//! Without models, the vessels of the folder `vessels`, those that are built in, and `tests/golden/workboat.toml`. With them and
+//! without, equations of motion named `launch`.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use hydroid::model::{self, Body, Model};
+use hydroid::evaluate::DesignRange;
+use hydroid::log::Channel;
+use hydroid::model::{self, Body, Description, Members, Model, Port, Provenance, Reading};
+use hydroid::sindy::ExpressionParser;
 use hydroid_core::craft::Dynamics;
+use hydroid_core::model::sparse::Equations;
 use hydroid_core::vessel::{Command, Plant, State};
-use hydroid_export::coefficients::{CoefficientOptions, latex, mss, sdf};
+use hydroid_export::coefficients::{CoefficientOptions, Inertia, latex, mss, sdf};
 use hydroid_export::{Options, identifier};
 use serde_json::json;
 
@@ -34,21 +40,85 @@ fn main() -> Result<(), Failure> {
     }
     std::fs::create_dir_all(&folder)?;
     for path in models {
-        let model = model::read(&path)?;
-        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        let options = Options { name: identifier(&stem) };
-        // The service speed of the Mariner, 15 kn; its derivatives are published for it.
-        let speed = Some(if options.name == "mariner" { 7.7175 } else { 1.5 });
-        let with_speed = CoefficientOptions { speed, ..CoefficientOptions::default() };
-        for files in [sdf, mss, latex].map(|format| format(&model, &options, &with_speed)) {
-            for file in files? {
-                std::fs::write(folder.join(file.name), file.content)?;
-            }
-        }
-        let run = run(&model).ok_or("only vessels have runs")?;
-        std::fs::write(folder.join(format!("{}.json", options.name)), run.to_string())?;
+        write(&model::read(&path)?, &path.file_stem().unwrap_or_default().to_string_lossy(), &folder)?;
     }
-    Ok(())
+    write(&launch()?, "launch", &folder)
+}
+
+/// The files of a model and its run.
+fn write(model: &Model, name: &str, folder: &Path) -> Result<(), Failure> {
+    let options = Options { name: identifier(name) };
+    let with = CoefficientOptions {
+        // The service speed of the Mariner, 15 kn; its derivatives are published for it.
+        speed: Some(if name == "mariner" { 7.7175 } else { 1.5 }),
+        inertia: Some(Inertia { mass: 400.0, i_z: 900.0, x_g: 0.1, ..Inertia::default() }),
+        ..CoefficientOptions::default()
+    };
+    for files in [sdf, mss, latex].map(|format| format(model, &options, &with)) {
+        for file in files? {
+            std::fs::write(folder.join(file.name), file.content)?;
+        }
+    }
+    let run = run(model).ok_or("only vessels and equations have runs")?;
+    Ok(std::fs::write(folder.join(format!("{}.json", options.name)), run.to_string())?)
+}
+
+/// Equations of motion with every form of a term, and outputs in another order.
+fn launch() -> Result<Model, Failure> {
+    let (outputs, inputs) = ([("r", "rad/s"), ("u", "m/s"), ("v", "m/s")], [("n", "rps"), ("delta", "rad")]);
+    let names = outputs.iter().chain(&inputs).map(|(name, _)| *name);
+    let mut parser = ExpressionParser::new(names, 3, 0.1);
+    let mut terms = Vec::new();
+    let mut rows = vec![Vec::new(); 3];
+    for (term, row) in [
+        ("1", [0.0, 0.01, -0.002]),
+        ("u", [0.0, -0.2, 0.0]),
+        ("v", [-0.05, 0.0, -0.6]),
+        ("r", [-0.9, 0.0, 0.1]),
+        ("u |u|", [0.0, -0.05, 0.0]),
+        ("v |u| below(u, 1.5, 4)", [-0.02, 0.0, -0.1]),
+        ("r |u| above(u, 1.5, 4)", [-0.3, 0.0, 0.05]),
+        ("u r", [0.0, 0.0, -0.4]),
+        ("v r", [0.0, 0.5, 0.0]),
+        ("lag(n, 1.5 s) |lag(n, 1.5 s)|", [0.0, 0.02, 0.0]),
+        ("u |u| sin(delta)", [0.3, -0.02, -0.1]),
+        ("u cos(lag(delta, 0.4 s))", [0.0, 0.05, 0.0]),
+        ("r^3", [-0.8, 0.0, 0.0]),
+        ("sgn(n)", [0.0, 0.01, 0.0]),
+    ] {
+        terms.push(parser.term(term)?);
+        rows.iter_mut().zip(row).for_each(|(all, value)| all.push(value));
+    }
+    let signals = parser.signals().to_vec();
+    let equations = Equations::with_signals(terms, rows.concat(), 3, 2, signals, 0.1, 2)?;
+    let port = |(name, unit): &(&str, &str), low, high| Port {
+        channel: Channel::new(*name, *unit),
+        range: DesignRange { low, high },
+        training_range: None,
+        noise: None,
+        rate_limit: None,
+    };
+    Ok(Model {
+        description: Description {
+            name: String::from("launch"),
+            dt: 0.1,
+            outputs: outputs.iter().map(|channel| port(channel, -3.0, 3.0)).collect(),
+            inputs: vec![port(&inputs[0], -5.0, 10.0), port(&inputs[1], -0.6, 0.6)],
+            reading: Reading::default(),
+            provenance: Provenance {
+                hydroid: String::from(env!("CARGO_PKG_VERSION")),
+                seed: 0,
+                training: Vec::new(),
+                validation: Vec::new(),
+                settings: serde_json::Value::Null,
+            },
+            bands: None,
+            current: None,
+        },
+        body: Body::Equations(Arc::new(equations)),
+        members: Members::default(),
+        learning: None,
+    })
 }
 
 /// Commands that jump between values within their limits.
@@ -106,6 +176,28 @@ fn run(model: &Model) -> Option<serde_json::Value> {
                 motion.push(state.nu());
                 moved.push([state.p_f, row[1]]);
                 rates.push(plant.derivative(&state, &command).nu());
+            }
+            Some(json!({ "dt": dt, "commands": commands, "nu": motion, "positions": moved, "nu_dot": rates }))
+        }
+        Body::Equations(equations) => {
+            let limits = |port: &Port| [port.range.low, port.range.high];
+            let commands = commands(&model.description.inputs.iter().map(limits).collect::<Vec<_>>());
+            // The lags of commands of 0.
+            let mut state = vec![0.0; equations.state_len()];
+            let mut scratch = vec![0.0; equations.scratch()];
+            let mut slots = vec![0.0; equations.slots()];
+            let order = ["u", "v", "r"].map(|name| {
+                model.description.outputs.iter().position(|port| port.channel.name == name).unwrap_or(0)
+            });
+            let (mut motion, mut moved, mut rates) = (Vec::new(), Vec::new(), Vec::new());
+            for command in &commands {
+                equations.step(&mut state, command, &mut scratch);
+                let mut rate = [0.0; 3];
+                equations.load(&state, command, &mut slots);
+                equations.derivative(&mut slots, &mut rate);
+                motion.push(order.map(|output| state[output]));
+                moved.push(state[3..].to_vec());
+                rates.push(order.map(|output| rate[output]));
             }
             Some(json!({ "dt": dt, "commands": commands, "nu": motion, "positions": moved, "nu_dot": rates }))
         }

@@ -2,88 +2,13 @@
 
 /// Words that C, C++ or Python reserve, or that generated code uses.
 const RESERVED: &[&str] = &[
-    "alignas",
-    "alignof",
-    "and",
-    "as",
-    "asm",
-    "assert",
-    "async",
-    "auto",
-    "await",
-    "bool",
-    "break",
-    "case",
-    "catch",
-    "char",
-    "class",
-    "const",
-    "continue",
-    "def",
-    "default",
-    "del",
-    "delete",
-    "do",
-    "double",
-    "elif",
-    "else",
-    "enum",
-    "except",
-    "extern",
-    "false",
-    "finally",
-    "float",
-    "for",
-    "friend",
-    "from",
-    "global",
-    "goto",
-    "if",
-    "import",
-    "in",
-    "inline",
-    "int",
-    "is",
-    "lambda",
-    "long",
-    "main",
-    "namespace",
-    "new",
-    "nonlocal",
-    "not",
-    "operator",
-    "or",
-    "pass",
-    "private",
-    "protected",
-    "public",
-    "raise",
-    "register",
-    "restrict",
-    "return",
-    "short",
-    "signed",
-    "sizeof",
-    "static",
-    "struct",
-    "switch",
-    "template",
-    "this",
-    "throw",
-    "true",
-    "try",
-    "typedef",
-    "typename",
-    "union",
-    "unsigned",
-    "using",
-    "virtual",
-    "void",
-    "volatile",
-    "while",
-    "with",
-    "xor",
-    "yield",
+    "alignas", "alignof", "and", "as", "asm", "assert", "async", "auto", "await", "bool", "break", "case", "catch",
+    "char", "class", "const", "continue", "def", "default", "del", "delete", "do", "double", "elif", "else", "enum",
+    "except", "extern", "false", "finally", "float", "for", "friend", "from", "global", "goto", "if", "import", "in",
+    "inline", "int", "is", "lambda", "long", "main", "namespace", "new", "nonlocal", "not", "operator", "or", "pass",
+    "private", "protected", "public", "raise", "register", "restrict", "return", "short", "signed", "sizeof", "static",
+    "struct", "switch", "template", "this", "throw", "true", "try", "typedef", "typename", "union", "unsigned", "using",
+    "virtual", "void", "volatile", "while", "with", "xor", "yield",
 ];
 
 /// A name as an identifier: ASCII letters, digits and single underscores, at most 48 characters, first a letter. Other
@@ -109,9 +34,7 @@ pub fn identifier(text: &str) -> String {
         }
     }
     let name = name.trim_end_matches('_');
-    if !name.starts_with(|c: char| c.is_ascii_alphabetic())
-        || RESERVED.contains(&name.to_ascii_lowercase().as_str())
-    {
+    if !name.starts_with(|c: char| c.is_ascii_alphabetic()) || RESERVED.contains(&name.to_ascii_lowercase().as_str()) {
         return format!("x{name}");
     }
     name.to_owned()
@@ -136,7 +59,6 @@ pub(crate) fn identifiers<'a>(names: impl IntoIterator<Item = &'a str>) -> Vec<S
 /// Text for a comment of one line, in any language: printable ASCII without the characters that end comments or strings in C,
 /// Python, XML or LaTeX.
 pub(crate) fn comment(text: &str) -> String {
-    let safe =
-        |c: char| if c.is_ascii_graphic() && !"*\\<>\"'`&${}~?".contains(c) || c == ' ' { c } else { '_' };
+    let safe = |c: char| if c.is_ascii_graphic() && !"*\\<>\"'`&${}~?".contains(c) || c == ' ' { c } else { '_' };
     text.chars().take(200).map(safe).collect()
 }

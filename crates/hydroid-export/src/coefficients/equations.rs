@@ -91,7 +91,7 @@ pub(super) fn of(
 }
 
 /// Indices of `u`, `v`, `r` in the outputs, which are no others.
-fn motion(model: &Model) -> Result<[usize; 3], String> {
+pub(super) fn motion(model: &Model) -> Result<[usize; 3], String> {
     let outputs = &model.description.outputs;
     let mut order = [0; 3];
     for ((place, name), unit) in order.iter_mut().zip(VELOCITY).zip(["m/s", "m/s", "rad/s"]) {

@@ -29,8 +29,10 @@ mod equations;
 mod latex;
 mod literal;
 mod mss;
+mod mss_equations;
 mod numbers;
 mod sdf;
+mod servos;
 mod vessel;
 
 use hydroid::model::{Body, Model};

@@ -5,21 +5,22 @@
 //! `NAME.m` is a function `[xdot, U] = NAME(x, ui)` for MATLAB and Octave, as those in the folder VESSELS of MSS. Both contain
 //! all equations of the vessel ([`hydroid_core::craft`], [`hydroid_core::vessel::Plant`]).
 
-use std::fmt::Write as _;
-
 use hydroid::model::{Body, Model};
-use hydroid_core::craft::{Craft, Servo, ThrustLaw};
+use hydroid_core::craft::{Craft, Order, Servo, ThrustLaw};
 use hydroid_core::model::PlantModel;
 use hydroid_core::vessel::{Coriolis, RudderLaw};
 
 use super::CoefficientOptions;
 use super::literal::Literal;
 use super::numbers::short;
+use super::servos::Servos;
 use crate::name::comment;
 use crate::{ExportError, File, Options, identifier};
 
-const PYTHON: &str = include_str!("templates/vessel.py");
-const MATLAB: &str = include_str!("templates/vessel.m");
+/// Templates of vessels, of equations of motion, and the class of both.
+const VESSEL: [&str; 2] = [include_str!("templates/vessel.py"), include_str!("templates/vessel.m")];
+const EQUATIONS: [&str; 2] = [include_str!("templates/equations.py"), include_str!("templates/equations.m")];
+const VEHICLE: &str = include_str!("templates/vehicle.py");
 
 /// Names that the generated code uses, or that Python or MATLAB reserve beside those of [`identifier`].
 const USED: &[&str] = &[
@@ -89,26 +90,30 @@ const USED: &[&str] = &[
     "zip",
 ];
 
-/// A vessel as `NAME.py` and `NAME.m`.
+/// A vessel or equations of motion as `NAME.py` and `NAME.m`.
 ///
 /// # Errors
-/// If the model is no vessel.
+/// If the model is neither a vessel nor equations of `u`, `v`, `r` without delays and limits of rates.
 pub fn mss(
     model: &Model,
     options: &Options,
     coefficient_options: &CoefficientOptions,
 ) -> Result<Vec<File>, ExportError> {
-    let vessel = match &model.body {
+    let vehicle = match &model.body {
         Body::Craft(craft) => {
             let step = craft.model.dt() / craft.model.steps() as f64;
-            Vessel::of_craft(&craft.file.craft, step)
+            Vehicle::of_craft(&craft.file.craft, step)
         }
-        Body::Plant(plant) => Vessel::of_plant(plant, coefficient_options.water_density),
+        Body::Plant(plant) => Vehicle::of_plant(plant, coefficient_options.water_density),
+        Body::Equations(equations) => super::mss_equations::vehicle(model, equations)?,
         _ => {
             return Err(ExportError::Unsupported {
                 model: model.title(),
                 format: "mss",
-                reason: format!("a model of kind '{}' has no vessel with actuators", model.kind()),
+                reason: format!(
+                    "a model of kind '{}' is neither a vessel nor equations of motion",
+                    model.kind()
+                ),
                 remedy: String::from(
                     "identify a vessel with `hydroid identify --methods grey-box --vessel FILE.toml`, or export this \
                      model to C or CasADi",
@@ -116,14 +121,15 @@ pub fn mss(
             });
         }
     };
+    let [python, matlab] = if vehicle.accelerations.is_some() { EQUATIONS } else { VESSEL };
     let name = class_name(&options.name);
     let file = |extension: &str, text: String| File {
         name: format!("{name}.{extension}"),
         content: text.into_bytes(),
     };
     Ok(vec![
-        file("py", vessel.fill(PYTHON, &name, "", Literal::python)),
-        file("m", vessel.fill(MATLAB, &name, "%  ", Literal::matlab)),
+        file("py", vehicle.fill(&[python, VEHICLE].concat(), &name, 0)),
+        file("m", vehicle.fill(matlab, &name, 1)),
     ])
 }
 
@@ -134,15 +140,20 @@ fn class_name(name: &str) -> String {
 }
 
 /// The data of the templates by their names there.
-struct Vessel {
-    title: String,
-    commands: Vec<String>,
-    positions: Vec<String>,
-    data: Vec<(&'static str, Literal)>,
+pub(super) struct Vehicle {
+    pub(super) title: String,
+    pub(super) commands: Vec<String>,
+    pub(super) positions: Vec<String>,
+    pub(super) data: Vec<(&'static str, Literal)>,
+    /// Equations of motion in Python and MATLAB; none for a vessel.
+    pub(super) accelerations: Option<[String; 2]>,
 }
 
-impl Vessel {
-    fn fill(&self, template: &str, name: &str, prefix: &str, literal: impl Fn(&Literal) -> String) -> String {
+impl Vehicle {
+    /// A template in Python (0) or MATLAB (1) with the data.
+    fn fill(&self, template: &str, name: &str, language: usize) -> String {
+        let literal = [Literal::python, Literal::matlab][language];
+        let prefix = ["", "%  "][language];
         let lines = |lines: &[String]| {
             let lines: Vec<String> = lines.iter().map(|line| format!("{prefix}  {line}")).collect();
             lines.join("\n")
@@ -159,6 +170,7 @@ impl Vessel {
                 "VERSION" => text.push_str(env!("CARGO_PKG_VERSION")),
                 "COMMANDS" => text.push_str(&lines(&self.commands)),
                 "POSITIONS" => text.push_str(&lines(&self.positions)),
+                "ACCELERATIONS" => text.extend(self.accelerations.as_ref().map(|of| of[language].as_str())),
                 key => {
                     let found = self.data.iter().find(|(known, _)| *known == key);
                     text.push_str(&found.map(|(_, value)| literal(value)).unwrap_or_default());
@@ -178,9 +190,9 @@ impl Vessel {
         let mut thrusters = Vec::new();
         for thruster in &craft.thrusters {
             let name = comment(&thruster.name);
-            let servo = servos.add(&name, &thruster.servo);
+            let servo = servos.add(&name, &thruster.servo, true);
             let steering =
-                thruster.steering.as_ref().map(|servo| servos.add(&format!("{name}, steering"), servo));
+                thruster.steering.as_ref().map(|servo| servos.add(&format!("{name}, steering"), servo, true));
             thrusters.push(Literal::Record(vec![
                 ("name", Literal::Text(name)),
                 ("position", Literal::numbers(&thruster.position)),
@@ -198,7 +210,7 @@ impl Vessel {
         let mut rudders = Vec::new();
         for rudder in &craft.rudders {
             let name = comment(&rudder.name);
-            let servo = servos.add(&name, &rudder.servo);
+            let servo = servos.add(&name, &rudder.servo, true);
             rudders.push(Literal::Record(vec![
                 ("name", Literal::Text(name)),
                 ("position", Literal::numbers(&rudder.position)),
@@ -239,7 +251,7 @@ impl Vessel {
         let commands = describe(channels, &mut data);
         let positions = servos.describe(&mut data);
         data.push(("FLYING", Literal::Nothing));
-        Self { title: comment(&craft.name), commands, positions, data }
+        Self { title: comment(&craft.name), commands, positions, data, accelerations: None }
     }
 
     fn of_plant(plant: &PlantModel, density: f64) -> Self {
@@ -262,12 +274,11 @@ impl Vessel {
             neutral: c.clamp(0.0),
         });
         let unlimited = [f64::NEG_INFINITY, f64::INFINITY];
-        let order =
-            |command| hydroid_core::craft::Order { terms: vec![(command, 0.0, 1.0)], limits: unlimited };
+        let order = |command| Order { terms: vec![(command, 0.0, 1.0)], limits: unlimited };
         let mut servos = Servos::default();
         let propeller = Servo { order: order(0), lag: params.propeller.lag, rate: None };
-        let propeller = servos.add("propeller force [N]", &propeller);
-        let rudder = servos.add("rudder", &Servo { order: order(1), lag: 0.0, rate: None });
+        let propeller = servos.add("propeller force [N]", &propeller, false);
+        let rudder = servos.add("rudder", &Servo { order: order(1), lag: 0.0, rate: None }, true);
         let thruster = vec![
             ("name", Literal::Text(String::from("propeller"))),
             ("position", Literal::numbers(&[0.0, 0.0])),
@@ -314,19 +325,19 @@ impl Vessel {
         data.push(("FLYING", flying.unwrap_or(Literal::Nothing)));
         let commands = describe(channels, &mut data);
         let positions = servos.describe(&mut data);
-        Self { title: comment(&params.name), commands, positions, data }
+        Self { title: comment(&params.name), commands, positions, data, accelerations: None }
     }
 }
 
-struct Channel<'a> {
-    name: &'a str,
-    unit: &'a str,
-    limits: [f64; 2],
-    neutral: f64,
+pub(super) struct Channel<'a> {
+    pub(super) name: &'a str,
+    pub(super) unit: &'a str,
+    pub(super) limits: [f64; 2],
+    pub(super) neutral: f64,
 }
 
 /// Adds the commands to the data, and describes them line by line.
-fn describe<'a>(
+pub(super) fn describe<'a>(
     channels: impl Iterator<Item = Channel<'a>>,
     data: &mut Vec<(&'static str, Literal)>,
 ) -> Vec<String> {
@@ -346,47 +357,4 @@ fn describe<'a>(
     data.push(("INPUTS", Literal::Number(lines.len() as f64)));
     data.push(("COMMAND_DATA", Literal::List(records)));
     lines
-}
-
-/// Servos in the order of [`hydroid_core::craft::Dynamics`].
-#[derive(Default)]
-struct Servos {
-    names: Vec<String>,
-    records: Vec<Literal>,
-    /// Those that do not follow at once.
-    moving: Vec<usize>,
-}
-
-impl Servos {
-    fn add(&mut self, name: &str, servo: &Servo) -> usize {
-        let index = self.records.len();
-        let Servo { order, lag, rate } = servo;
-        let each =
-            |of: &dyn Fn(&(usize, f64, f64)) -> Literal| Literal::Row(order.terms.iter().map(of).collect());
-        self.records.push(Literal::Record(vec![
-            ("commands", each(&|term| Literal::Index(Some(term.0)))),
-            ("neutral", each(&|term| Literal::Number(term.1))),
-            ("gain", each(&|term| Literal::Number(term.2))),
-            ("low", Literal::Number(order.limits[0])),
-            ("high", Literal::Number(order.limits[1])),
-            ("lag", Literal::Number(*lag)),
-            ("rate", Literal::Number(rate.unwrap_or(f64::INFINITY))),
-        ]));
-        if !servo.follows_at_once() {
-            self.moving.push(index);
-        }
-        self.names.push(name.to_owned());
-        index
-    }
-
-    fn describe(self, data: &mut Vec<(&'static str, Literal)>) -> Vec<String> {
-        let named = |(k, index): (usize, &usize)| format!("a({}) {}", k + 1, self.names[*index]);
-        let lines = self.moving.iter().enumerate().map(named).collect();
-        data.push((
-            "MOVING",
-            Literal::Row(self.moving.iter().map(|index| Literal::Index(Some(*index))).collect()),
-        ));
-        data.push(("SERVOS", Literal::List(self.records)));
-        lines
-    }
 }

@@ -71,14 +71,26 @@ fn escape(text: &str) -> String {
     safe
 }
 
-/// A comment of XML, which must not contain two hyphens in sequence.
+/// Text without two hyphens in sequence, which end a comment of XML.
+fn hyphens(text: &str) -> String {
+    let mut safe = String::new();
+    for c in text.chars() {
+        if c == '-' && safe.ends_with('-') {
+            safe.push(' ');
+        }
+        safe.push(c);
+    }
+    safe
+}
+
+/// A comment of XML.
 fn note(out: &mut String, title: &str, lines: &[String]) {
     if lines.is_empty() {
         return;
     }
-    let _ = writeln!(out, "  <!-- {}", title.replace("--", "- -"));
+    let _ = writeln!(out, "  <!-- {}", hyphens(title));
     for line in lines {
-        let _ = writeln!(out, "       {}", line.replace("--", "- -"));
+        let _ = writeln!(out, "       {}", hyphens(line));
     }
     out.push_str("  -->\n");
 }

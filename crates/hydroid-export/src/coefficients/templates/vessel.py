@@ -175,63 +175,31 @@ def settled(command):
     return np.array([_order(servo, command) for servo in SERVOS])
 
 
+def _stages(servo, position, order, h):
+    """Positions at the stages of the Runge-Kutta method and at the end of a step."""
+    if servo["exact"]:
+        at_once = servo["lag"] == 0.0 and math.isinf(servo["rate"])
+        middle = _moved(servo, position, order, 0.5 * h)
+        last = _moved(servo, middle, order, 0.5 * h)
+        return (order if at_once else position), middle, middle, last, last
+    # A state of the equations of motion, integrated with them: da/dt = (order - a) / lag.
+    k1 = (order - position) / servo["lag"]
+    second = position + 0.5 * h * k1
+    k2 = (order - second) / servo["lag"]
+    third = position + 0.5 * h * k2
+    k3 = (order - third) / servo["lag"]
+    fourth = position + h * k3
+    k4 = (order - fourth) / servo["lag"]
+    return position, second, third, fourth, position + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+
+
 def advance(nu, positions, command, h):
-    """nu = (u, v, r) and the positions after a step of h seconds with the commands held: velocities by the Runge-Kutta
-    method of order 4, positions exactly."""
-    orders = settled(command)
-    at_once = [servo["lag"] == 0.0 and math.isinf(servo["rate"]) for servo in SERVOS]
-    first = np.where(at_once, orders, positions)
-
-    def moved(positions, time):
-        return np.array([_moved(*of, time) for of in zip(SERVOS, positions, orders)])
-
-    middle = moved(first, 0.5 * h)
-    last = moved(middle, 0.5 * h)
+    """nu = (u, v, r) and the positions after a step of h seconds with the commands held, by the Runge-Kutta method of
+    order 4."""
+    stages = [_stages(*of, h) for of in zip(SERVOS, positions, settled(command))]
+    first, second, third, fourth, last = np.array(stages).T
     k1 = acceleration(nu, first)
-    k2 = acceleration(nu + 0.5 * h * k1, middle)
-    k3 = acceleration(nu + 0.5 * h * k2, middle)
-    k4 = acceleration(nu + h * k3, last)
+    k2 = acceleration(nu + 0.5 * h * k1, second)
+    k3 = acceleration(nu + 0.5 * h * k2, third)
+    k4 = acceleration(nu + h * k3, fourth)
     return nu + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4), last
-
-
-class @CLASS@:
-    """A vehicle of the Python Vehicle Simulator; see the text of this module."""
-
-    def __init__(self, controlSystem="stepInput", command=None, V_current=0.0, beta_current=0.0):
-        if controlSystem != "stepInput":
-            raise ValueError("controlSystem is 'stepInput': subclass this vehicle for a controller")
-        neutral = [channel["neutral"] for channel in COMMANDS]
-        self.command = np.array(neutral if command is None else command, float)
-        if self.command.shape != (len(COMMANDS),):
-            raise ValueError(f"command has {self.command.size} values, the vehicle {len(COMMANDS)} commands")
-        self.name = NAME
-        self.L, self.B = LENGTH, BEAM
-        self.controlMode = controlSystem
-        self.controlDescription = "Step of the commands"
-        self.controls = [f"{channel['name']} ({channel['unit']})" for channel in COMMANDS]
-        self.dimU = len(COMMANDS)
-        self.V_c = V_current
-        self.beta_c = math.radians(beta_current)
-        self.nu = np.zeros(6)
-        self.u_actual = np.array(neutral, float)
-        self.positions = settled(neutral)
-
-    def stepInput(self, t):
-        """The command of the constructor."""
-        return self.command.copy()
-
-    def current(self, psi):
-        """Velocity of the water in the body frame [m/s]."""
-        angle = self.beta_c - psi
-        return np.array([self.V_c * math.cos(angle), self.V_c * math.sin(angle), 0.0])
-
-    def dynamics(self, eta, nu, u_actual, u_control, sampleTime):
-        """The velocities after sampleTime seconds, and the commands. self.positions are those of the actuators."""
-        nu, command = np.array(nu, float), np.array(u_control, float)
-        motion = nu[[0, 1, 5]] - self.current(eta[5])
-        steps = max(1, math.ceil(sampleTime / STEP - 1e-6))
-        for _ in range(steps):
-            motion, self.positions = advance(motion, self.positions, command, sampleTime / steps)
-        # The heading as the simulator moves it, so that the velocity through the water is continuous.
-        nu[[0, 1, 5]] = motion + self.current(eta[5] + sampleTime * motion[2])
-        return nu, command

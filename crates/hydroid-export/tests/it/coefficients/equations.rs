@@ -8,9 +8,7 @@ use hydroid::model::{Body, Description, Members, Model, Port, Provenance, Readin
 use hydroid::sindy::ExpressionParser;
 use hydroid_core::craft::{Craft, Dynamics};
 use hydroid_core::model::sparse::Equations;
-use hydroid_export::coefficients::{
-    CoefficientOptions, Coefficients, Force, Inertia, Variable, latex, mss, sdf,
-};
+use hydroid_export::coefficients::{CoefficientOptions, Coefficients, Force, Inertia, Variable, latex, sdf};
 
 use super::derivatives::acceleration;
 use super::{content, motions, near, options, vessel};
@@ -213,8 +211,6 @@ fn equations_without_a_mass_have_accelerations_in_latex_and_refusals_elsewhere()
     assert!(table.contains("\\dot{u} &=") && table.contains("without the mass"), "{table}");
     let error = sdf(&whole, &options(), &plain).unwrap_err().to_string();
     assert!(error.contains("--mass"), "{error}");
-    let error = mss(&whole, &options(), &plain).unwrap_err().to_string();
-    assert!(error.contains("grey-box"), "{error}");
     let inertia = inertia(&craft);
     for (wrong, words) in [
         (Inertia { mass: 0.0, ..inertia }, "not that of a vessel"),

@@ -24,10 +24,10 @@ pub(crate) fn parse(text: &str) -> Plugin {
     loop {
         match reader.read_event().unwrap() {
             Event::Start(start) => {
-                let name = String::from_utf8(start.name().as_ref().to_vec()).unwrap();
+                let name = start.name().as_ref().to_owned();
                 if open.is_empty() {
                     assert!(root.is_empty(), "one root");
-                    root = String::from_utf8(start.to_vec()).unwrap();
+                    root = (*start).to_owned();
                 } else {
                     assert_eq!(open.len(), 1, "{name} inside {open:?}");
                     assert!(elements.insert(name.clone(), String::new()).is_none(), "{name} twice");
@@ -36,10 +36,10 @@ pub(crate) fn parse(text: &str) -> Plugin {
             }
             Event::End(_) => drop(open.pop()),
             Event::Text(text) if open.len() == 2 => {
-                elements.get_mut(&open[1]).unwrap().push_str(&text.decode().unwrap());
+                elements.get_mut(&open[1]).unwrap().push_str(&text);
             }
             Event::GeneralRef(reference) if open.len() == 2 => {
-                let name = reference.decode().unwrap().into_owned();
+                let name = (*reference).to_owned();
                 let c = match name.as_str() {
                     "lt" => '<',
                     "gt" => '>',
@@ -48,8 +48,8 @@ pub(crate) fn parse(text: &str) -> Plugin {
                 };
                 elements.get_mut(&open[1]).unwrap().push(c);
             }
-            Event::Comment(text) => comments.push_str(&text.decode().unwrap()),
-            Event::Text(text) => assert!(text.decode().unwrap().trim().is_empty()),
+            Event::Comment(text) => comments.push_str(&text),
+            Event::Text(text) => assert!(text.trim().is_empty()),
             Event::Eof => break,
             other => panic!("{other:?}"),
         }

@@ -29,7 +29,7 @@ fn skeleton(text: &str, meaning: &str) -> (usize, Vec<usize>) {
     (text.lines().count(), meaning.chars().map(count).collect())
 }
 
-const HOSTILE: &str = "[ -~\\n\\r\\t\u{0}\u{85}\u{2028}\u{202e}äψ\"'\\\\{}$&#%^~_<>*/-]{0,24}";
+const HOSTILE: &str = "([ -~\\n\\r\\t\u{0}\u{85}\u{2028}\u{202e}äψ\"'\\\\{}$&#%^~_<>*/-]|-->|---|\"\"\"|''|\\\\end\\{tabular\\}|%\\{\\n|@CLASS@){0,16}";
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
