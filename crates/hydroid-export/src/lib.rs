@@ -2,25 +2,34 @@
 //!
 //! [`export`] writes a [`Model`] in a [`Format`]. The result is a set of files in memory; the caller stores them.
 //!
-//! Order of the modules, bottom to top: `name`, `graph`, `state_space`, `check`, `c`.
+//! Order of the modules, bottom to top: `name`, `graph`, `state_space`, `check`, `c`, `coefficients`.
 
 mod c;
 #[doc(hidden)]
 pub mod check;
+pub mod coefficients;
 mod graph;
 mod name;
 mod state_space;
 
 use hydroid::model::Model;
 
+use coefficients::CoefficientOptions;
+
 pub use c::Precision;
 pub use name::identifier;
 
 /// A format of another tool.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Format {
     /// C99: a header and a source.
     C(Precision),
+    /// Plugins of Gazebo: [`coefficients::sdf`].
+    Sdf(CoefficientOptions),
+    /// Vessels of MSS and the Python Vehicle Simulator: [`coefficients::mss`].
+    Mss(CoefficientOptions),
+    /// Tables of hydrodynamic derivatives: [`coefficients::latex`].
+    Latex(CoefficientOptions),
 }
 
 /// Options of an export.
@@ -60,8 +69,11 @@ pub enum ExportError {
 ///
 /// # Errors
 /// If the format cannot express the model.
-pub fn export(model: &Model, format: Format, options: &Options) -> Result<Vec<File>, ExportError> {
+pub fn export(model: &Model, format: &Format, options: &Options) -> Result<Vec<File>, ExportError> {
     match format {
-        Format::C(precision) => Ok(c::export(model, options, precision)),
+        Format::C(precision) => Ok(c::export(model, options, *precision)),
+        Format::Sdf(numbers) => coefficients::sdf(model, options, numbers),
+        Format::Mss(numbers) => coefficients::mss(model, options, numbers),
+        Format::Latex(numbers) => coefficients::latex(model, options, numbers),
     }
 }

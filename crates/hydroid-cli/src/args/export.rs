@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args as ClapArgs, ValueEnum};
 use hydroid_export::Precision;
 
-/// Write a model in the format of another tool: C
+/// Write a model in the format of another tool: C, Gazebo, MSS, LaTeX
 ///
 /// The exported model has constant weights. A rollout of it is that of the model to rounding. A format that cannot express
 /// a model is refused with the reason.
@@ -13,7 +13,10 @@ use hydroid_export::Precision;
 #[command(after_help = "Examples:
   hydroid export out/committee.safetensors --to c -o boat.c       boat.h and boat.c for any C99 compiler
   hydroid export out/gru.safetensors --to c --precision float -o firmware/    for a processor without double precision
-  hydroid export vessels/otter.toml --to c --dt 0.02 -o otter.c   a vessel with given parameters")]
+  hydroid export vessels/otter.toml --to c --dt 0.02 -o otter.c   a vessel with given parameters
+  hydroid export out/grey_box.toml --to sdf -o gazebo/            hydrodynamics plugins of Gazebo and VRX
+  hydroid export out/grey_box.toml --to latex -o derivatives.tex  table of hydrodynamic derivatives
+  hydroid export out/sindy.safetensors --to latex --vessel boat.toml -o t.tex    equations, with the mass of a vessel file")]
 pub struct Export {
     /// The model: a .safetensors file, a vessel file (.toml), or hydrofoil, hydrofoil-low-speed, simple
     #[arg(value_name = "MODEL")]
@@ -27,12 +30,25 @@ pub struct Export {
     /// Name of the exported model, a prefix of all its names (default: that of the file, or of the model)
     #[arg(long, value_name = "NAME")]
     pub name: Option<String>,
-    /// Type of the numbers, for c
-    #[arg(long, value_enum, value_name = "TYPE", default_value = "double")]
-    pub precision: PrecisionKind,
     /// Sample time of a vessel [s] (default: 0.1); an identified model has its own
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub dt: Option<f64>,
+    /// c: type of the numbers
+    #[arg(long, value_enum, value_name = "TYPE", default_value = "double")]
+    pub precision: PrecisionKind,
+    /// sdf, mss, latex: vessel file with mass, added mass, length and density of the water, for equations of motion, whose
+    /// coefficients are accelerations
+    #[arg(long, value_name = "FILE")]
+    pub vessel: Option<PathBuf>,
+    /// sdf, latex: speed [m/s] of the prime system and of the linear derivatives of a straight course
+    #[arg(long, value_name = "M_S", allow_negative_numbers = true)]
+    pub speed: Option<f64>,
+    /// latex: length [m] of the prime system (default: that of the vessel file)
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    pub length: Option<f64>,
+    /// sdf: name of the link in Gazebo
+    #[arg(long, value_name = "NAME", default_value = "base_link")]
+    pub link: String,
 }
 
 /// A format.
@@ -40,6 +56,24 @@ pub struct Export {
 pub enum Target {
     /// C99: a header and a source without dependencies
     C,
+    /// Hydrodynamics plugins of Gazebo and VRX
+    Sdf,
+    /// Vessels of the Marine Systems Simulator (Octave, MATLAB) and the Python Vehicle Simulator
+    Mss,
+    /// Table of hydrodynamic derivatives in LaTeX
+    Latex,
+}
+
+impl Target {
+    /// Extensions of its files.
+    pub fn extensions(self) -> &'static [&'static str] {
+        match self {
+            Self::C => &["c", "h"],
+            Self::Sdf => &["sdf"],
+            Self::Mss => &["py", "m"],
+            Self::Latex => &["tex"],
+        }
+    }
 }
 
 /// Type of numbers.

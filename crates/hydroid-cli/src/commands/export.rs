@@ -5,6 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, bail, ensure};
 use hydroid::atomic;
 use hydroid::model::{self, Model};
+use hydroid_core::craft::Hull;
+use hydroid_core::vessel::{AddedMass, RigidBody};
+use hydroid_export::coefficients::{CoefficientOptions, Inertia};
 use hydroid_export::{Format, Options, export, identifier};
 use serde_json::json;
 
@@ -16,11 +19,14 @@ pub fn run(args: &Export, global: Global) -> anyhow::Result<Outcome> {
     let model = at_step(model::read(&args.model)?, args.dt)?;
     let format = match args.to {
         Target::C => Format::C(args.precision.into()),
+        Target::Sdf => Format::Sdf(coefficient_options(args)?),
+        Target::Mss => Format::Mss(coefficient_options(args)?),
+        Target::Latex => Format::Latex(coefficient_options(args)?),
     };
     let (folder, stem) = place(&args.output, args.to)?;
     let name = args.name.clone().or(stem).unwrap_or_else(|| model.description.name.clone());
     let options = Options { name: identifier(&name) };
-    let files = export(&model, format, &options)?;
+    let files = export(&model, &format, &options)?;
     let paths: Vec<PathBuf> = files.iter().map(|file| folder.join(&file.name)).collect();
     for path in &paths {
         outputs::check(&[("-o", Some(path))], &[&args.model])?;
@@ -56,11 +62,42 @@ fn at_step(model: Model, dt: Option<f64>) -> anyhow::Result<Model> {
     Ok(model)
 }
 
+/// Options of the formats of coefficients, with the numbers of a vessel file.
+fn coefficient_options(args: &Export) -> anyhow::Result<CoefficientOptions> {
+    for (name, value) in [("--speed", args.speed), ("--length", args.length)] {
+        ensure!(
+            value.is_none_or(|value| value.is_finite() && value > 0.0),
+            "{name} is {}: give a positive number",
+            value.unwrap_or_default()
+        );
+    }
+    let mut options = CoefficientOptions {
+        speed: args.speed,
+        length: args.length,
+        link: args.link.clone(),
+        ..CoefficientOptions::default()
+    };
+    if let Some(path) = &args.vessel {
+        let vessel = model::read(path)?;
+        if let Some(craft) = vessel.craft() {
+            let Hull { mass, i_z, x_g, x_udot, y_vdot, y_rdot, n_rdot, size, .. } = craft.hull;
+            options.inertia = Some(Inertia { mass, i_z, x_g, x_udot, y_vdot, y_rdot, n_rdot });
+            options.water_density = craft.water_density;
+            options.length = options.length.or(size.map(|[length, ..]| length));
+        } else if let Some(plant) = vessel.plant() {
+            let RigidBody { mass, i_z, x_g } = plant.params().rigid_body;
+            let AddedMass { x_udot, y_vdot, y_rdot, n_rdot } = plant.params().added_mass;
+            options.inertia = Some(Inertia { mass, i_z, x_g, x_udot, y_vdot, y_rdot, n_rdot });
+        } else {
+            bail!("--vessel {}: this is an identified model: name a vessel file (.toml)", path.display());
+        }
+    }
+    Ok(options)
+}
+
 /// The folder of the files, and the name of the model if the output is a file.
 fn place(output: &Path, to: Target) -> anyhow::Result<(PathBuf, Option<String>)> {
-    let known: &[&str] = match to {
-        Target::C => &["c", "h"],
-    };
+    let known = to.extensions();
     let Some(extension) = output.extension().filter(|_| !output.is_dir()) else {
         return Ok((output.to_owned(), None));
     };

@@ -323,6 +323,23 @@ impl Reader<'_> {
                 }
             }
         }
+        for (path, &deviation) in &file.deviation {
+            if !(deviation.is_finite() && deviation >= 0.0) {
+                return Err(self.wrong(&format!(
+                    "deviation.\"{path}\" is {deviation}: the standard deviation of an estimate must not be negative"
+                )));
+            }
+            let of = parameters.iter().position(|(parameter, _)| parameter.path == *path);
+            let of = of.and_then(|index| {
+                estimates.iter_mut().find(|estimate| estimate.index == representatives[index])
+            });
+            let Some(estimate) = of else {
+                let known: Vec<&str> =
+                    estimates.iter().map(|known| parameters[known.index].0.path.as_str()).collect();
+                return Err(self.unknown("deviation", "estimated number", path, known.into_iter()));
+            };
+            estimate.deviation = Some(deviation);
+        }
         estimates.sort_by_key(|estimate| estimate.index);
         Ok(estimates)
     }

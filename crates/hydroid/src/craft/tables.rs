@@ -11,6 +11,8 @@ pub(super) struct File {
     pub(super) water_density: Option<f64>,
     #[serde(default)]
     pub(super) estimate: EstimateList,
+    #[serde(default)]
+    pub(super) deviation: BTreeMap<String, f64>,
     pub(super) hull: Option<HullSize>,
     pub(super) rigid_body: RigidBody,
     pub(super) added_mass: AddedMass,

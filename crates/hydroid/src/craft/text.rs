@@ -133,6 +133,14 @@ impl Writer<'_> {
                 self.line(&line);
             }
         }
+        if file.estimate.iter().any(|estimate| estimate.deviation.is_some()) {
+            let parameters = craft.parameters();
+            self.line("\n# Standard deviations of the estimates, in the units of the numbers.\n[deviation]");
+            for (estimate, deviation) in file.estimate.iter().filter_map(|e| Some((e, e.deviation?))) {
+                let line = format!("{} = {}", quoted(&parameters[estimate.index].0.path), number(deviation));
+                self.line(&line);
+            }
+        }
         if let Some([length, beam, draught]) = craft.hull.size {
             let line = format!(
                 "\n[hull]\nlength = {} # m\nbeam = {} # m\ndraught = {} # m",

@@ -113,6 +113,26 @@ fn errors_name_file_place_and_remedy() {
     }
 }
 
+#[test]
+fn standard_deviations_of_estimates_belong_to_estimates() {
+    let otter = text("otter");
+    let with = |table: &str| parse(&otter.replacen("[hull]", table, 1), Path::new("boat.toml"));
+    let read = with("[deviation]\n\"rigid_body.i_z\" = 0.25\n\"thruster.starboard.forward\" = 1e-4\n[hull]")
+        .unwrap();
+    let deviations: Vec<Option<f64>> = read.estimate.iter().map(|estimate| estimate.deviation).collect();
+    assert_eq!(deviations, [Some(0.25), None, None, None, None, Some(1e-4), None]);
+    for (table, words) in [
+        (
+            "[deviation]\n\"rigid_body.mass\" = 1.0\n[hull]",
+            "estimated number 'rigid_body.mass', which does not exist",
+        ),
+        ("[deviation]\n\"rigid_body.i_z\" = -1.0\n[hull]", "must not be negative"),
+    ] {
+        let error = with(table).unwrap_err().to_string();
+        assert!(error.contains(words) && error.contains("boat.toml"), "{error}");
+    }
+}
+
 /// The motion and the trials are those of an independent integration in Python (`tests/peers/craft_golden.py`).
 #[test]
 fn vessels_move_as_an_independent_integration_says() {
@@ -293,6 +313,9 @@ fn the_grey_box_finds_the_marked_numbers() {
         let again = model::read(&path).unwrap();
         let numbers = |model: &Model| model.craft().unwrap().parameters();
         assert_eq!(numbers(&again), numbers(&found.model));
+        let estimates = |model: &Model| model.craft_file().unwrap().estimate.clone();
+        assert!(estimates(&again).iter().all(|estimate| estimate.deviation.is_some()));
+        assert_eq!(estimates(&again), estimates(&found.model));
         assert!(fs::read_to_string(&path).unwrap().contains("(1 sigma)"));
     }
 }

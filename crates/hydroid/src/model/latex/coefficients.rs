@@ -37,7 +37,7 @@ impl NamedEquations<'_> {
 }
 
 /// `-0.412 \pm 0.013`, `(-4.12 \pm 0.13) \times 10^{-7}`; the value alone without a standard error.
-fn estimate(value: f64, error: Option<f64>) -> String {
+pub fn estimate(value: f64, error: Option<f64>) -> String {
     match error.map(|error| rounded(value, error)) {
         None => format!("{}{}", if value < 0.0 { "-" } else { "" }, magnitude(value, DIGITS)),
         Some((value, error, 0)) => format!("{value} \\pm {error}"),

@@ -10,6 +10,9 @@ use super::units::UnitProduct;
 use super::{Mode, Modes, NamedEquations};
 use symbol::{Symbol, magnitude, shortest, unit};
 
+pub use coefficients::estimate as latex_estimate;
+pub use symbol::{escaped as latex_text, unit as latex_unit};
+
 const DIGITS: usize = 4;
 
 const ON_A_LINE: usize = 5;

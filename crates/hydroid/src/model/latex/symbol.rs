@@ -85,7 +85,7 @@ fn upright(word: &str) -> String {
 }
 
 /// Any text, for the text mode of LaTeX.
-pub(super) fn escaped(text: &str) -> String {
+pub fn escaped(text: &str) -> String {
     let mut safe = String::new();
     for c in text.chars() {
         match c {
@@ -129,7 +129,7 @@ fn power_of_ten(text: &str) -> String {
 }
 
 /// A unit, in an upright face: `\mathrm{m}\,\mathrm{s}^{-2}`.
-pub(super) fn unit(unit: &UnitProduct) -> String {
+pub fn unit(unit: &UnitProduct) -> String {
     let factor = |(symbol, power): &(String, i32)| match power {
         1 => upright(symbol),
         power => format!("{}^{{{power}}}", upright(symbol)),

@@ -1,0 +1,230 @@
+//! Hydrodynamic coefficients of a model for simulators and papers.
+//!
+//! [`Coefficients::of`] reads them from a vessel or from equations of motion of the marine form. [`sdf`] writes them as
+//! plugins of Gazebo, [`mss`] as vessels of the Marine Systems Simulator and the Python Vehicle Simulator, [`latex`] as a
+//! table.
+//!
+//! # Equations
+//!
+//! Body frame forward, starboard, down at the origin of the vessel file; `nu = (u, v, r)` relative to the water; SI units
+//! and radians:
+//!
+//! ```text
+//! m (udot - v r - x_g r^2)      = X + X_actuators
+//! m (vdot + u r + x_g rdot)     = Y + Y_actuators
+//! I_z rdot + m x_g (vdot + u r) = N + N_actuators
+//! X = sum of X_a a over the variables a = udot, u, |u| u, v r, ..; likewise Y and N
+//! ```
+//!
+//! (SNAME, *Nomenclature for treating the motion of a submerged body through a fluid*, 1950; T. I. Fossen, *Handbook of
+//! Marine Craft Hydrodynamics and Motion Control*, 2nd edition, 2021, chapter 6.) Resistance has negative derivatives. The
+//! Coriolis and centripetal forces of the added mass follow from its derivatives:
+//!
+//! ```text
+//! X_vr = -Y_vdot    X_rr = -Y_rdot    Y_ur = X_udot    N_uv = Y_vdot - X_udot (Munk moment)    N_ur = Y_rdot
+//! ```
+
+mod derivative;
+mod equations;
+mod latex;
+mod literal;
+mod mss;
+mod mss_equations;
+mod numbers;
+mod sdf;
+mod servos;
+mod vessel;
+
+use hydroid::model::{Body, Model};
+
+pub use derivative::{Derivative, Force, Variable};
+pub use latex::latex;
+pub use mss::mss;
+pub use sdf::sdf;
+
+use crate::ExportError;
+
+/// Options of the formats of coefficients.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CoefficientOptions {
+    /// Mass of the vessel, where the model has none: it turns accelerations of equations of motion into forces.
+    pub inertia: Option<Inertia>,
+    /// Length \[m\] of the prime system; else that of the vessel file.
+    pub length: Option<f64>,
+    /// Density of the water \[kg/m^3\], where the model has none.
+    pub water_density: f64,
+    /// Speed \[m/s\] of the prime system and of the linear derivatives of a straight course.
+    pub speed: Option<f64>,
+    /// Name of the link in Gazebo.
+    pub link: String,
+}
+
+impl Default for CoefficientOptions {
+    /// Sea water at 15 degrees Celsius, and the link `base_link`.
+    fn default() -> Self {
+        Self {
+            inertia: None,
+            length: None,
+            water_density: 1025.0,
+            speed: None,
+            link: String::from("base_link"),
+        }
+    }
+}
+
+/// Mass and added mass of a vessel about the origin of its body frame; see [`hydroid_core::craft::Hull`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Inertia {
+    /// Mass \[kg\].
+    pub mass: f64,
+    /// Yaw inertia about the origin \[kg m^2\].
+    pub i_z: f64,
+    /// Centre of gravity ahead of the origin \[m\].
+    pub x_g: f64,
+    /// `X_udot` \[kg\], not positive.
+    pub x_udot: f64,
+    /// `Y_vdot` \[kg\], not positive.
+    pub y_vdot: f64,
+    /// `Y_rdot = N_vdot` \[kg m\].
+    pub y_rdot: f64,
+    /// `N_rdot` \[kg m^2\], not positive.
+    pub n_rdot: f64,
+}
+
+impl Inertia {
+    /// Mass matrix as `[m11, m22, m23, m33]`.
+    pub fn mass_matrix(&self) -> [f64; 4] {
+        let Self { mass, i_z, x_g, x_udot, y_vdot, y_rdot, n_rdot } = *self;
+        [mass - x_udot, mass - y_vdot, mass * x_g - y_rdot, i_z - n_rdot]
+    }
+
+    fn added_mass(&self) -> [Derivative; 5] {
+        [
+            (Force::X, 0, self.x_udot),
+            (Force::Y, 1, self.y_vdot),
+            (Force::Y, 2, self.y_rdot),
+            (Force::N, 1, self.y_rdot),
+            (Force::N, 2, self.n_rdot),
+        ]
+        .map(|(force, i, value)| Derivative::new(force, Variable::Acceleration(i), value))
+    }
+}
+
+/// Coriolis and centripetal forces of the added mass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Centripetal {
+    /// All, beside the derivatives of the list.
+    Full,
+    /// All but the Munk moment, beside the derivatives of the list.
+    WithoutMunk,
+    /// The derivatives of the list contain them.
+    InDerivatives,
+}
+
+/// Hydrodynamic coefficients of a vessel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coefficients {
+    /// Name of the vessel.
+    pub name: String,
+    /// Density of the water \[kg/m^3\].
+    pub water_density: f64,
+    /// Length, beam and draught \[m\], if known.
+    pub size: Option<[f64; 3]>,
+    /// Mass and added mass.
+    pub inertia: Inertia,
+    /// Standard deviations of mass, `I_z` and `x_g`, if they were estimated.
+    pub inertia_deviations: [Option<f64>; 3],
+    /// Derivatives that are not zero.
+    pub derivatives: Vec<Derivative>,
+    /// Coriolis and centripetal forces of the added mass.
+    pub centripetal: Centripetal,
+    /// Cross-flow drag coefficient `C_d` and its standard deviation.
+    pub cross_flow: (f64, Option<f64>),
+    /// Parts of the model that are neither derivatives nor cross-flow drag, with their values.
+    pub other_forces: Vec<String>,
+}
+
+impl Coefficients {
+    /// The coefficients of a model for a format.
+    ///
+    /// # Errors
+    /// If the model is neither a vessel nor equations of motion of the marine form with a given mass.
+    pub fn of(
+        model: &Model,
+        options: &CoefficientOptions,
+        format: &'static str,
+    ) -> Result<Self, ExportError> {
+        match &model.body {
+            Body::Craft(craft) => Ok(vessel::of_craft(&craft.file)),
+            Body::Plant(plant) => Ok(vessel::of_plant(plant.params(), options.water_density)),
+            Body::Equations(_) => equations::of(model, options, format),
+            _ => Err(no_coefficients(model, format)),
+        }
+    }
+
+    /// The derivatives with those of the Coriolis and centripetal forces of the added mass: all forces of the hull but the
+    /// cross-flow drag and the [`other_forces`](Self::other_forces).
+    pub fn with_centripetal(&self) -> Vec<Derivative> {
+        let mut all = self.derivatives.clone();
+        let Inertia { x_udot, y_vdot, y_rdot, .. } = self.inertia;
+        let munk = if self.centripetal == Centripetal::Full { y_vdot - x_udot } else { 0.0 };
+        if self.centripetal == Centripetal::InDerivatives {
+            return all;
+        }
+        for (force, velocities, value) in [
+            (Force::X, [1, 2], -y_vdot),
+            (Force::X, [2, 2], -y_rdot),
+            (Force::Y, [0, 2], x_udot),
+            (Force::N, [0, 1], munk),
+            (Force::N, [0, 2], y_rdot),
+        ] {
+            add(&mut all, Derivative::new(force, Variable::product(&velocities), value));
+        }
+        all
+    }
+
+    /// Derivatives of the cross-flow drag in pure sway and in pure yaw, where it is `Y_|v|v |v| v` and `N_|r|r |r| r`:
+    ///
+    /// ```text
+    /// Y_|v|v = -1/2 rho T C_d L    N_|r|r = -1/2 rho T C_d L^4 / 32
+    /// ```
+    pub fn cross_flow_derivatives(&self) -> Vec<Derivative> {
+        let Some([length, _, draught]) = self.size.filter(|_| self.cross_flow.0 != 0.0) else {
+            return Vec::new();
+        };
+        let factor = -0.5 * self.water_density * draught * self.cross_flow.0;
+        vec![
+            Derivative::new(Force::Y, Variable::signed(1, 1), factor * length),
+            Derivative::new(Force::N, Variable::signed(2, 2), factor * length.powi(4) / 32.0),
+        ]
+    }
+}
+
+/// Adds a derivative to the one of the same variable, or to the list.
+fn add(all: &mut Vec<Derivative>, derivative: Derivative) {
+    let same =
+        |known: &&mut Derivative| known.force == derivative.force && known.variable == derivative.variable;
+    match all.iter_mut().find(same) {
+        Some(known) => {
+            known.value += derivative.value;
+            known.deviation = match (known.deviation, derivative.deviation) {
+                (Some(a), Some(b)) => Some(a.hypot(b)),
+                (a, b) => a.or(b),
+            };
+        }
+        None if derivative.value != 0.0 || derivative.deviation.is_some() => all.push(derivative),
+        None => {}
+    }
+}
+
+fn no_coefficients(model: &Model, format: &'static str) -> ExportError {
+    ExportError::Unsupported {
+        model: model.title(),
+        format,
+        reason: format!("a model of kind '{}' has no hydrodynamic coefficients", model.kind()),
+        remedy: String::from(
+            "identify a vessel with `hydroid identify --methods grey-box --vessel FILE.toml`, or export this model to \
+             a format of general models",
+        ),
+    }
+}

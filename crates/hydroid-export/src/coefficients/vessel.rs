@@ -1,0 +1,122 @@
+//! Coefficients of vessels.
+
+use hydroid::craft::CraftFile;
+use hydroid_core::vessel::{Coriolis, RudderLaw, VesselParams};
+
+use super::numbers::short;
+use super::{Centripetal, Coefficients, Derivative, Force, Inertia, Variable, add};
+
+/// The coefficients of a vessel with any actuators.
+pub(super) fn of_craft(file: &CraftFile) -> Coefficients {
+    let craft = &file.craft;
+    let hull = &craft.hull;
+    let deviation = deviations(file);
+    let mut derivatives = Vec::new();
+    let mut take = |force, variable, value: f64, path: &str| {
+        add(&mut derivatives, Derivative { force, variable, value, deviation: deviation(path) });
+    };
+    for (force, i, value, key) in [
+        (Force::X, 0, hull.x_udot, "x_udot"),
+        (Force::Y, 1, hull.y_vdot, "y_vdot"),
+        (Force::Y, 2, hull.y_rdot, "y_rdot"),
+        (Force::N, 1, hull.y_rdot, "y_rdot"),
+        (Force::N, 2, hull.n_rdot, "n_rdot"),
+    ] {
+        take(force, Variable::Acceleration(i), value, &format!("added_mass.{key}"));
+    }
+    for (i, force) in Force::ALL.into_iter().enumerate() {
+        for j in 0..3 {
+            take(force, Variable::product(&[j]), -hull.linear[i][j], &format!("drag.linear[{i}][{j}]"));
+            take(force, Variable::signed(j, j), -hull.quadratic[i][j], &format!("drag.quadratic[{i}][{j}]"));
+        }
+        for j in 0..2 * usize::from(i > 0) {
+            let path = format!("drag.lift[{}][{j}]", i - 1);
+            take(force, Variable::signed(0, j + 1), -hull.lift[i - 1][j], &path);
+        }
+    }
+    Coefficients {
+        name: craft.name.clone(),
+        water_density: craft.water_density,
+        size: hull.size,
+        inertia: Inertia {
+            mass: hull.mass,
+            i_z: hull.i_z,
+            x_g: hull.x_g,
+            x_udot: hull.x_udot,
+            y_vdot: hull.y_vdot,
+            y_rdot: hull.y_rdot,
+            n_rdot: hull.n_rdot,
+        },
+        inertia_deviations: ["mass", "i_z", "x_g"].map(|key| deviation(&format!("rigid_body.{key}"))),
+        derivatives,
+        centripetal: Centripetal::Full,
+        cross_flow: (hull.cross_flow, deviation("drag.cross_flow")),
+        other_forces: Vec::new(),
+    }
+}
+
+/// Standard deviation of the estimate of a number by its path in the vessel file.
+pub(super) fn deviations(file: &CraftFile) -> impl Fn(&str) -> Option<f64> {
+    let parameters = file.craft.parameters();
+    let representatives = file.representatives();
+    let estimates = file.estimate.clone();
+    move |path| {
+        let index = parameters.iter().position(|(parameter, _)| parameter.path == path)?;
+        estimates.iter().find(|estimate| estimate.index == representatives[index])?.deviation
+    }
+}
+
+/// The coefficients of a built-in vessel, and of its normal mode if it flies.
+pub(super) fn of_plant(params: &VesselParams, water_density: f64) -> Coefficients {
+    let (body, added, drag) = (&params.rigid_body, &params.added_mass, &params.drag);
+    let inertia = Inertia {
+        mass: body.mass,
+        i_z: body.i_z,
+        x_g: body.x_g,
+        x_udot: added.x_udot,
+        y_vdot: added.y_vdot,
+        y_rdot: added.y_rdot,
+        n_rdot: added.n_rdot,
+    };
+    let mut derivatives = Vec::new();
+    inertia.added_mass().into_iter().for_each(|derivative| add(&mut derivatives, derivative));
+    for (i, force) in Force::ALL.into_iter().enumerate() {
+        for j in 0..3 {
+            add(&mut derivatives, Derivative::new(force, Variable::product(&[j]), -drag.linear[i][j]));
+            add(&mut derivatives, Derivative::new(force, Variable::signed(j, j), -drag.quadratic[i][j]));
+        }
+    }
+    let mut other_forces = Vec::new();
+    let gain = short(params.rudder.gain);
+    other_forces.push(match params.rudder.law {
+        RudderLaw::Linear => format!("rudder: N = {gain} u RD with the command RD"),
+        RudderLaw::Sine => format!("rudder: N = {gain} u sin(RD) with the command RD [rad]"),
+    });
+    other_forces.push(format!(
+        "propeller: X = P_f, which follows its command with a lag of {} s",
+        short(params.propeller.lag)
+    ));
+    if let Some(flying) = params.flying {
+        other_forces.push(format!(
+            "flying mode: above {} m/s the added mass is multiplied by {} and the damping by {}, with a slope of {} s/m",
+            short(flying.transition_speed),
+            short(flying.added_mass_factor),
+            short(flying.drag_factor),
+            short(flying.slope)
+        ));
+    }
+    Coefficients {
+        name: params.name.clone(),
+        water_density,
+        size: None,
+        inertia,
+        inertia_deviations: [None; 3],
+        derivatives,
+        centripetal: match params.coriolis {
+            Coriolis::Full => Centripetal::Full,
+            Coriolis::WithoutMunk => Centripetal::WithoutMunk,
+        },
+        cross_flow: (0.0, None),
+        other_forces,
+    }
+}
