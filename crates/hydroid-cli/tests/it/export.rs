@@ -61,3 +61,24 @@ fn wrong_arguments_are_refused() {
     refused(folder.path(), "export hydrofoil --to cobol -o boat.c", &["cobol", "possible values"]);
     assert!(files(folder.path()).is_empty());
 }
+
+#[test]
+fn coefficients_need_a_vessel() {
+    let folder = TempDir::new().unwrap();
+    let otter = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../vessels/otter.toml");
+    let otter = otter.display();
+    done(folder.path(), &format!("export {otter} --to sdf --link hull -o otter.sdf"));
+    done(folder.path(), &format!("export {otter} --to mss -o otter.py"));
+    done(folder.path(), &format!("export {otter} --to latex --speed 1.5 -o otter.tex"));
+    let found = files(folder.path());
+    for file in ["otter_gz.sdf", "otter_vrx.sdf", "otter.py", "otter.m", "otter.tex"] {
+        assert!(found.iter().any(|name| name == file), "{file}: {found:?}");
+    }
+    let plugin = fs::read_to_string(folder.path().join("otter_gz.sdf")).unwrap();
+    assert!(
+        plugin.contains("<link_name>hull</link_name>") && plugin.contains("<xDotU>-5.5</xDotU>"),
+        "{plugin}"
+    );
+    refused(folder.path(), "export hydrofoil --to latex --speed -1 -o t.tex", &["--speed", "positive"]);
+    refused(folder.path(), "export hydrofoil --to latex --vessel nothing.toml -o t.tex", &["nothing.toml"]);
+}
