@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let folder = into.join(format!("{}_{}", model.kind(), identifier(&model.description.name)));
         fs::create_dir_all(&folder)?;
         let options = Options { name: String::from("vessel") };
-        for format in [&Format::C(Precision::Double)] {
+        for format in [&Format::C(Precision::Double), &Format::Casadi] {
             match export(&model, format, &options) {
                 Ok(files) => {
                     for file in files {

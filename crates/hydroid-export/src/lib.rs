@@ -2,9 +2,10 @@
 //!
 //! [`export`] writes a [`Model`] in a [`Format`]. The result is a set of files in memory; the caller stores them.
 //!
-//! Order of the modules, bottom to top: `name`, `graph`, `state_space`, `check`, `c`, `coefficients`.
+//! Order of the modules, bottom to top: `name`, `graph`, `state_space`, `check`, `c`, `casadi`, `coefficients`.
 
 mod c;
+mod casadi;
 #[doc(hidden)]
 pub mod check;
 pub mod coefficients;
@@ -24,6 +25,8 @@ pub use name::identifier;
 pub enum Format {
     /// C99: a header and a source.
     C(Precision),
+    /// CasADi: a file of Python with definitions for do-mpc and acados.
+    Casadi,
     /// Plugins of Gazebo: [`coefficients::sdf`].
     Sdf(CoefficientOptions),
     /// Vessels of MSS and the Python Vehicle Simulator: [`coefficients::mss`].
@@ -72,6 +75,7 @@ pub enum ExportError {
 pub fn export(model: &Model, format: &Format, options: &Options) -> Result<Vec<File>, ExportError> {
     match format {
         Format::C(precision) => Ok(c::export(model, options, *precision)),
+        Format::Casadi => Ok(casadi::export(model, options)),
         Format::Sdf(numbers) => coefficients::sdf(model, options, numbers),
         Format::Mss(numbers) => coefficients::mss(model, options, numbers),
         Format::Latex(numbers) => coefficients::latex(model, options, numbers),

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args as ClapArgs, ValueEnum};
 use hydroid_export::Precision;
 
-/// Write a model in the format of another tool: C, Gazebo, MSS, LaTeX
+/// Write a model in the format of another tool: C, CasADi, Gazebo, MSS, LaTeX
 ///
 /// The exported model has constant weights. A rollout of it is that of the model to rounding. A format that cannot express
 /// a model is refused with the reason.
@@ -14,6 +14,7 @@ use hydroid_export::Precision;
   hydroid export out/committee.safetensors --to c -o boat.c       boat.h and boat.c for any C99 compiler
   hydroid export out/gru.safetensors --to c --precision float -o firmware/    for a processor without double precision
   hydroid export vessels/otter.toml --to c --dt 0.02 -o otter.c   a vessel with given parameters
+  hydroid export out/committee.safetensors --to casadi -o boat.py    for do-mpc, acados, own optimal control
   hydroid export out/grey_box.toml --to sdf -o gazebo/            hydrodynamics plugins of Gazebo and VRX
   hydroid export out/grey_box.toml --to latex -o derivatives.tex  table of hydrodynamic derivatives
   hydroid export out/sindy.safetensors --to latex --vessel boat.toml -o t.tex    equations, with the mass of a vessel file")]
@@ -56,6 +57,8 @@ pub struct Export {
 pub enum Target {
     /// C99: a header and a source without dependencies
     C,
+    /// CasADi: a file of Python, with models for do-mpc and acados
+    Casadi,
     /// Hydrodynamics plugins of Gazebo and VRX
     Sdf,
     /// Vessels of the Marine Systems Simulator (Octave, MATLAB) and the Python Vehicle Simulator
@@ -69,6 +72,7 @@ impl Target {
     pub fn extensions(self) -> &'static [&'static str] {
         match self {
             Self::C => &["c", "h"],
+            Self::Casadi => &["py"],
             Self::Sdf => &["sdf"],
             Self::Mss => &["py", "m"],
             Self::Latex => &["tex"],

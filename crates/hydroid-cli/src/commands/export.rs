@@ -19,6 +19,7 @@ pub fn run(args: &Export, global: Global) -> anyhow::Result<Outcome> {
     let model = at_step(model::read(&args.model)?, args.dt)?;
     let format = match args.to {
         Target::C => Format::C(args.precision.into()),
+        Target::Casadi => Format::Casadi,
         Target::Sdf => Format::Sdf(coefficient_options(args)?),
         Target::Mss => Format::Mss(coefficient_options(args)?),
         Target::Latex => Format::Latex(coefficient_options(args)?),

@@ -216,6 +216,7 @@ pub(crate) fn all() -> Vec<Model> {
     all
 }
 
+#[allow(dead_code, reason = "examples use a part")]
 /// Models of the sizes that identification gives by default, for measurements of time and memory.
 pub(crate) fn timed() -> Vec<Model> {
     let lstm = Cell::Lstm { hidden: 18, projection: Some(3) };
