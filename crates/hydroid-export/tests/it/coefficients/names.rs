@@ -42,6 +42,9 @@ proptest! {
         let with_link = CoefficientOptions { link: link.clone(), speed: Some(1.0), ..CoefficientOptions::default() };
         let files = sdf(&model, &options(), &with_link).unwrap();
         let expected = sdf(&benign, &options(), &CoefficientOptions::default()).unwrap();
+        let count = |files| content(files, "boat_inertial.sdf").matches("<!--").count();
+        prop_assert_eq!(count(&files), count(&expected));
+        prop_assert_eq!(content(&files, "boat_inertial.sdf").matches("--").count(), 2 * count(&expected));
         for name in ["boat_gz.sdf", "boat_vrx.sdf"] {
             let (plugin, expected) = (parse(&content(&files, name)), parse(&content(&expected, name)));
             prop_assert_eq!(&plugin.root, &expected.root);
