@@ -30,9 +30,11 @@ mod latex;
 mod literal;
 mod mss;
 mod mss_equations;
+mod mss_vessel;
 mod numbers;
 mod sdf;
 mod servos;
+mod vehicle;
 mod vessel;
 
 use hydroid::model::{Body, Model};
