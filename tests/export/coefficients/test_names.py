@@ -90,6 +90,9 @@ def test_xml(hostile):
     for path in files(hostile, "boat*_gz.sdf") + files(hostile, "boat*_vrx.sdf"):
         root = ElementTree.fromstring(path.read_bytes())
         assert root.tag == "plugin" and all(len(child) == 0 and child.text for child in root)
+    for path in files(hostile, "boat*_inertial.sdf"):
+        root = ElementTree.fromstring(path.read_bytes())
+        assert [child.tag for child in root] == ["mass", "pose", "inertia", "fluid_added_mass"]
 
 
 @pytest.mark.parametrize("folder", ["hostile", "exported"])

@@ -74,12 +74,12 @@ fn a_vessel_goes_to_python_simulators_and_papers() {
     done(folder.path(), &format!("export {otter} --to mss -o otter.py"));
     done(folder.path(), &format!("export {otter} --to latex --speed 1.5 -o otter.tex"));
     let found = files(folder.path());
-    for file in ["otter_gz.sdf", "otter_vrx.sdf", "otter.py", "otter.m", "otter.tex"] {
+    for file in ["otter_inertial.sdf", "otter_gz.sdf", "otter_vrx.sdf", "otter.py", "otter.m", "otter.tex"] {
         assert!(found.iter().any(|name| name == file), "{file}: {found:?}");
     }
     let plugin = fs::read_to_string(folder.path().join("otter_gz.sdf")).unwrap();
     assert!(
-        plugin.contains("<link_name>hull</link_name>") && plugin.contains("<xDotU>-5.5</xDotU>"),
+        plugin.contains("<link_name>hull</link_name>") && plugin.contains("<xU>-77.55</xU>"),
         "{plugin}"
     );
     refused(folder.path(), "export hydrofoil --to latex --speed -1 -o t.tex", &["--speed", "positive"]);

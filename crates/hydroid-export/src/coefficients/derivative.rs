@@ -44,7 +44,9 @@ impl Variable {
     /// A velocity, or the product of several.
     pub fn product(velocities: &[usize]) -> Self {
         let mut powers = [0; 3];
-        velocities.iter().for_each(|&j| powers[j] += 1);
+        for &j in velocities {
+            powers[j] += 1;
+        }
         Self::Product { powers, magnitudes: [false; 3] }
     }
 

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use hydroid::model::{Body, Model, UnitProduct, latex_estimate, latex_text, latex_unit};
+use hydroid::model::{Model, UnitProduct, latex_estimate, latex_text, latex_unit};
 
 use super::derivative::unit_text;
 use super::vessel::deviations;
@@ -31,17 +31,13 @@ pub fn latex(
     coefficient_options: &CoefficientOptions,
 ) -> Result<Vec<File>, ExportError> {
     check(model, coefficient_options)?;
-    let text = match (&model.body, coefficient_options.inertia, model.equations()) {
-        (Body::Equations(_), None, Some(named)) => format!(
-            "{}{}{}",
-            preamble(&model.description.name, &["Accelerations: without the mass there are no derivatives."]),
-            named.equations_latex(),
-            named.coefficients_latex()
-        ),
-        _ => {
-            let coefficients = Coefficients::of(model, coefficient_options, FORMAT)?;
-            tables(model, &coefficients, coefficient_options)
-        }
+    let text = if let (None, Some(named)) = (coefficient_options.inertia, model.equations()) {
+        let without = ["Accelerations: without the mass there are no derivatives."];
+        let head = preamble(&model.description.name, &without);
+        format!("{head}{}{}", named.equations_latex(), named.coefficients_latex())
+    } else {
+        let coefficients = Coefficients::of(model, coefficient_options, FORMAT)?;
+        tables(model, &coefficients, coefficient_options)
     };
     Ok(vec![File { name: format!("{}.tex", identifier(&options.name)), content: text.into_bytes() }])
 }

@@ -49,9 +49,9 @@ impl Literal {
             }
             Self::List(records) if records.is_empty() => String::from("[]"),
             Self::List(records) => {
-                let lines: String =
-                    records.iter().map(|record| format!("    {},\n", record.python())).collect();
-                format!("[\n{lines}]")
+                let lines: Vec<String> =
+                    records.iter().map(|record| format!("    {},", record.python())).collect();
+                format!("[\n{}\n]", lines.join("\n"))
             }
         }
     }

@@ -30,9 +30,11 @@ mod latex;
 mod literal;
 mod mss;
 mod mss_equations;
+mod mss_vessel;
 mod numbers;
 mod sdf;
 mod servos;
+mod vehicle;
 mod vessel;
 
 use hydroid::model::{Body, Model};
@@ -108,7 +110,23 @@ impl Inertia {
         ]
         .map(|(force, i, value)| Derivative::new(force, Variable::Acceleration(i), value))
     }
+
+    /// Derivatives of the Coriolis and centripetal forces of the added mass.
+    fn centripetal(&self) -> [Derivative; 5] {
+        let Self { x_udot, y_vdot, y_rdot, .. } = *self;
+        [
+            (Force::X, Variable::product(&[1, 2]), -y_vdot),
+            (Force::X, Variable::product(&[2, 2]), -y_rdot),
+            (Force::Y, Variable::product(&[0, 2]), x_udot),
+            (Force::N, MUNK, y_vdot - x_udot),
+            (Force::N, Variable::product(&[0, 2]), y_rdot),
+        ]
+        .map(|(force, variable, value)| Derivative::new(force, variable, value))
+    }
 }
+
+/// `u v`, the variable of the Munk moment.
+const MUNK: Variable = Variable::Product { powers: [1, 1, 0], magnitudes: [false; 3] };
 
 /// Coriolis and centripetal forces of the added mass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -162,24 +180,28 @@ impl Coefficients {
         }
     }
 
-    /// The derivatives with those of the Coriolis and centripetal forces of the added mass: all forces of the hull but the
-    /// cross-flow drag and the [`other_forces`](Self::other_forces).
+    /// The derivatives by velocities that come beside the added mass and its Coriolis and centripetal forces.
+    pub fn beside_added_mass(&self) -> Vec<Derivative> {
+        let is_velocity = |of: &&Derivative| matches!(of.variable, Variable::Product { .. });
+        let mut all: Vec<Derivative> = self.derivatives.iter().filter(is_velocity).copied().collect();
+        for derivative in self.inertia.centripetal() {
+            let is_munk = derivative.variable == MUNK;
+            if self.centripetal == Centripetal::InDerivatives
+                || (is_munk && self.centripetal == Centripetal::WithoutMunk)
+            {
+                add(&mut all, Derivative { value: -derivative.value, ..derivative });
+            }
+        }
+        all.retain(|derivative| derivative.value != 0.0 || derivative.deviation.is_some());
+        all
+    }
+
+    /// All derivatives by velocities, with those of the Coriolis and centripetal forces of the added mass: the forces of the
+    /// hull but the cross-flow drag and the [`other_forces`](Self::other_forces).
     pub fn with_centripetal(&self) -> Vec<Derivative> {
-        let mut all = self.derivatives.clone();
-        let Inertia { x_udot, y_vdot, y_rdot, .. } = self.inertia;
-        let munk = if self.centripetal == Centripetal::Full { y_vdot - x_udot } else { 0.0 };
-        if self.centripetal == Centripetal::InDerivatives {
-            return all;
-        }
-        for (force, velocities, value) in [
-            (Force::X, [1, 2], -y_vdot),
-            (Force::X, [2, 2], -y_rdot),
-            (Force::Y, [0, 2], x_udot),
-            (Force::N, [0, 1], munk),
-            (Force::N, [0, 2], y_rdot),
-        ] {
-            add(&mut all, Derivative::new(force, Variable::product(&velocities), value));
-        }
+        let mut all = self.beside_added_mass();
+        self.inertia.centripetal().into_iter().for_each(|derivative| add(&mut all, derivative));
+        all.retain(|derivative| derivative.value != 0.0 || derivative.deviation.is_some());
         all
     }
 

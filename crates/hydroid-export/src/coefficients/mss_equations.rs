@@ -6,8 +6,8 @@ use hydroid_core::model::sparse::{Equations, Factor, Shape, Signal, Term};
 use super::derivative::VELOCITY;
 use super::equations::motion;
 use super::literal::Literal;
-use super::mss::{Channel, Vehicle, describe};
 use super::numbers::{exact, short};
+use super::vehicle::{Channel, Vehicle, describe};
 use crate::ExportError;
 use crate::name::comment;
 

@@ -1,22 +1,23 @@
 //! Plugins of Gazebo: `gz::sim::systems::Hydrodynamics` and `vrx::SimpleHydrodynamics`.
 //!
-//! Both act in the frame of the link, forward, port, up. The files are for a link whose origin is that of the vessel file,
-//! with the mass, the yaw inertia and the centre of gravity that a comment states.
+//! Both act in the frame of the link, forward, port, up, at its origin, which is that of the vessel file.
 //!
-//! The plugin of Gazebo (gz-sim 7 and later, `src/systems/hydrodynamics/Hydrodynamics.cc`) applies at the origin of the link
+//! The added mass is part of the inertia of the link (`fluid_added_mass`, SDF 1.10, physics engine DART). DART solves for the
+//! accelerations with it and adds its Coriolis and centripetal forces. The plugins multiply an added mass by the acceleration
+//! of the last step: that recursion diverges where the added mass is greater than the mass, as of most hulls in sway. Their
+//! added mass is 0 for this reason.
+//!
+//! The plugin of Gazebo (gz-sim 7 and later, `src/systems/hydrodynamics/Hydrodynamics.cc`) applies
 //!
 //! ```text
-//! F_i = sum M_ij dnu_j/dt + sum a_ij nu_j + sum b_ijk nu_j nu_k + sum c_ijk nu_j |nu_k|
+//! F_i = sum a_ij nu_j + sum b_ijk nu_j nu_k + sum c_ijk nu_j |nu_k|
 //! ```
 //!
-//! with the derivatives as SNAME defines them: `xDotU` is `X_udot`, `yUR` is `Y_ur`, `nRabsU` is `N_|u|r`. Its own Coriolis
-//! forces have wrong signs in some versions. They are switched off, and the products `b` contain them.
-//!
-//! The plugin of VRX (`vrx_gz/src/SimpleHydrodynamics.cc`) has a diagonal alone, with positive numbers for added mass and
-//! damping, and also applies its forces at the origin of the link:
+//! with the derivatives as SNAME defines them: `yUR` is `Y_ur`, `nRabsU` is `N_|u|r`. That of VRX
+//! (`vrx_gz/src/SimpleHydrodynamics.cc`) has a diagonal alone, with positive numbers:
 //!
 //! ```text
-//! F_i = -M_i a_i - (a_i + c_i |nu_i|) nu_i      a = (udot - v r, vdot + u r, rdot)
+//! F_i = -(a_i + c_i |nu_i|) nu_i
 //! ```
 
 use std::fmt::Write as _;
@@ -31,8 +32,8 @@ use crate::{ExportError, File, Options, identifier};
 
 const FORMAT: &str = "sdf";
 
-/// The hydrodynamics of a model as plugins of Gazebo: `NAME_gz.sdf` for its own plugin, `NAME_vrx.sdf` for that of VRX.
-/// Comments list what a plugin does not contain.
+/// The hydrodynamics of a model for Gazebo: `NAME_inertial.sdf` for the link, and `NAME_gz.sdf` with Gazebo's own plugin or
+/// `NAME_vrx.sdf` with that of VRX for the model. Comments list what a plugin does not contain.
 ///
 /// # Errors
 /// See [`Coefficients::of`].
@@ -50,6 +51,7 @@ pub fn sdf(
         content: text.into_bytes(),
     };
     Ok(vec![
+        file("inertial", inertial(&coefficients)),
         file("gz", gazebo(&coefficients, &actuators, &link)),
         file("vrx", vrx(&coefficients, &actuators, &link)),
     ])
@@ -108,7 +110,7 @@ fn gazebo_element(derivative: &Derivative) -> Option<String> {
     let row = derivative.force.letter().to_ascii_lowercase();
     let letter = |j: usize| VELOCITY[j].to_ascii_uppercase();
     match derivative.variable {
-        Variable::Acceleration(i) => Some(format!("{row}Dot{}", letter(i))),
+        Variable::Acceleration(_) => None,
         Variable::Product { powers, magnitudes } => {
             let factors: Vec<usize> = (0..3).flat_map(|j| vec![j; usize::from(powers[j])]).collect();
             let absolute: Vec<usize> = (0..3).filter(|&j| magnitudes[j]).collect();
@@ -123,8 +125,7 @@ fn gazebo_element(derivative: &Derivative) -> Option<String> {
 }
 
 fn gazebo(coefficients: &Coefficients, actuators: &[String], link: &str) -> String {
-    let mut all = coefficients.with_centripetal();
-    coefficients.cross_flow_derivatives().into_iter().for_each(|derivative| add(&mut all, derivative));
+    let mut all = hull(coefficients);
     all.sort_by_key(|derivative| (derivative.force, derivative.variable));
     let mut out = String::from(
         "<plugin filename=\"gz-sim-hydrodynamics-system\" name=\"gz::sim::systems::Hydrodynamics\">\n",
@@ -132,12 +133,14 @@ fn gazebo(coefficients: &Coefficients, actuators: &[String], link: &str) -> Stri
     header(&mut out, coefficients);
     let _ = writeln!(out, "  <link_name>{link}</link_name>");
     element(&mut out, "water_density", &short(coefficients.water_density), "kg/m^3");
-    element(
-        &mut out,
-        "disable_coriolis",
-        "true",
-        "the Coriolis forces of the added mass are among the products below",
-    );
+    for switch in ["disable_added_mass", "disable_coriolis"] {
+        element(
+            &mut out,
+            switch,
+            "true",
+            "the physics engine has them, from the inertial element of the link",
+        );
+    }
     let mut missing = Vec::new();
     for derivative in &all {
         match gazebo_element(derivative) {
@@ -157,27 +160,25 @@ fn gazebo(coefficients: &Coefficients, actuators: &[String], link: &str) -> Stri
 }
 
 fn vrx(coefficients: &Coefficients, actuators: &[String], link: &str) -> String {
-    let mut all = coefficients.derivatives.clone();
-    coefficients.cross_flow_derivatives().into_iter().for_each(|derivative| add(&mut all, derivative));
+    let all = hull(coefficients);
     let mut out =
         String::from("<plugin filename=\"libSimpleHydrodynamics.so\" name=\"vrx::SimpleHydrodynamics\">\n");
     header(&mut out, coefficients);
     let _ = writeln!(out, "  <link_name>{link}</link_name>");
     let mut used = vec![false; all.len()];
-    let mut value_of = |force: Force, variable: Variable| {
-        let index = all.iter().position(|d| d.force == force && d.variable == variable)?;
-        used[index] = true;
-        Some(all[index])
-    };
     for (i, force) in Force::ALL.into_iter().enumerate() {
         let row = force.letter().to_ascii_lowercase();
         let column = VELOCITY[i].to_ascii_uppercase();
+        element(&mut out, &format!("{row}Dot{column}"), "0.0", "in the inertial element of the link");
         for (name, variable) in [
-            (format!("{row}Dot{column}"), Variable::Acceleration(i)),
             (format!("{row}{column}"), Variable::product(&[i])),
             (format!("{row}{column}{column}"), Variable::signed(i, i)),
         ] {
-            let found = value_of(force, variable).unwrap_or(Derivative::new(force, variable, 0.0));
+            let index = all.iter().position(|d| d.force == force && d.variable == variable);
+            let found = index.map_or(Derivative::new(force, variable, 0.0), |index| all[index]);
+            if let Some(index) = index {
+                used[index] = true;
+            }
             element(&mut out, &name, &short(-found.value), &described(&found));
         }
     }
@@ -189,7 +190,6 @@ fn vrx(coefficients: &Coefficients, actuators: &[String], link: &str) -> String 
         .filter(|(_, used)| !**used)
         .map(|(derivative, _)| described(derivative))
         .collect();
-    missing.extend(vrx_differences(coefficients));
     missing.extend(cross_flow_note(coefficients));
     missing.extend(coefficients.other_forces.clone());
     note(&mut out, "Not in this plugin:", &missing);
@@ -203,24 +203,51 @@ fn vrx(coefficients: &Coefficients, actuators: &[String], link: &str) -> String 
     out
 }
 
-/// The Coriolis and centripetal forces that a vessel has and the plugin of VRX lacks: it multiplies the added mass by the
-/// acceleration of the link in space.
-fn vrx_differences(coefficients: &Coefficients) -> Vec<String> {
-    let mut all = coefficients.with_centripetal();
+/// The derivatives by velocities, with those of the cross-flow drag in pure motions.
+fn hull(coefficients: &Coefficients) -> Vec<Derivative> {
+    let mut all = coefficients.beside_added_mass();
+    coefficients.cross_flow_derivatives().into_iter().for_each(|derivative| add(&mut all, derivative));
+    all
+}
+
+/// Mass, centre of gravity, yaw inertia about it, and the added mass about the origin of the link.
+fn inertial(coefficients: &Coefficients) -> String {
     let inertia = coefficients.inertia;
-    let own = [(Force::X, [1, 2], -inertia.x_udot), (Force::Y, [0, 2], inertia.y_vdot)];
-    for (force, velocities, value) in own {
-        add(&mut all, Derivative::new(force, Variable::product(&velocities), -value));
+    let about_centre = inertia.i_z - inertia.mass * inertia.x_g * inertia.x_g;
+    let mut out = String::from("<inertial>\n");
+    note(
+        &mut out,
+        &title(coefficients),
+        &[
+            String::from("For the link whose origin is that of the vessel file; frame forward, port, up."),
+            String::from(
+                "The added mass needs SDF 1.10 and the physics engine DART. Where a model has no fluid_added_mass (URDF),",
+            ),
+            format!(
+                "the plugin of VRX can have it as xDotU {}, yDotV {}, nDotR {}, if these are smaller than mass and izz:",
+                short(-inertia.x_udot),
+                short(-inertia.y_vdot),
+                short(-inertia.n_rdot)
+            ),
+            String::from("it uses the acceleration of the last step, and diverges otherwise."),
+        ],
+    );
+    element(&mut out, "mass", &short(inertia.mass), "kg");
+    element(&mut out, "pose", &format!("{} 0 0 0 0 0", short(inertia.x_g)), "m, the centre of gravity");
+    out.push_str("  <inertia>\n    <!-- Add ixx and iyy of the boat: surge, sway and yaw do not depend on them. -->\n  ");
+    element(&mut out, "izz", &short(about_centre), "kg m^2, about the centre of gravity");
+    out.push_str("  </inertia>\n  <fluid_added_mass>\n");
+    for (name, value, remark) in [
+        ("xx", inertia.x_udot, "-X_udot, kg"),
+        ("yy", inertia.y_vdot, "-Y_vdot, kg"),
+        ("yr", inertia.y_rdot, "-Y_rdot, kg m"),
+        ("rr", inertia.n_rdot, "-N_rdot, kg m^2"),
+    ] {
+        out.push_str("  ");
+        element(&mut out, name, &short(-value), remark);
     }
-    let before = &coefficients.derivatives;
-    let is_new = |d: &&Derivative| {
-        d.value != 0.0
-            && !before
-                .iter()
-                .any(|known| known.force == d.force && known.variable == d.variable && known.value == d.value)
-    };
-    let differing = all.iter().filter(is_new);
-    differing.map(|d| format!("{} (Coriolis)", described(d))).collect()
+    out.push_str("  </fluid_added_mass>\n</inertial>\n");
+    out
 }
 
 fn cross_flow_note(coefficients: &Coefficients) -> Option<String> {
@@ -232,26 +259,22 @@ fn cross_flow_note(coefficients: &Coefficients) -> Option<String> {
     })
 }
 
+fn title(coefficients: &Coefficients) -> String {
+    let name = comment(&coefficients.name);
+    format!("Hydrodynamics of {name}, written by hydroid {}.", env!("CARGO_PKG_VERSION"))
+}
+
 fn header(out: &mut String, coefficients: &Coefficients) {
-    let inertia = coefficients.inertia;
-    let about_centre = inertia.i_z - inertia.mass * inertia.x_g * inertia.x_g;
     note(
         out,
-        &format!(
-            "Hydrodynamics of {}, written by hydroid {}.",
-            comment(&coefficients.name),
-            env!("CARGO_PKG_VERSION")
-        ),
+        &title(coefficients),
         &[
+            String::from(
+                "The link needs the mass, the inertia and the added mass of the file _inertial.sdf beside this one.",
+            ),
             String::from("The frame of the link is forward, port, up, at the origin of the vessel file."),
             String::from(
                 "Symbols in the comments beside the numbers are in the frame forward, starboard, down.",
-            ),
-            format!(
-                "The link needs in its inertial element: mass {} kg, pose {} 0 0 0 0 0 m, izz {} kg m^2 about the centre of gravity.",
-                short(inertia.mass),
-                short(inertia.x_g),
-                short(about_centre)
             ),
         ],
     );

@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use hydroid::model::Model;
 use hydroid_core::craft::Dynamics;
+use hydroid_core::vessel::{Plant, VesselParams};
 use hydroid_export::coefficients::{CoefficientOptions, Coefficients, sdf};
 use quick_xml::Reader;
 use quick_xml::events::Event;
@@ -27,7 +29,7 @@ pub(crate) fn parse(text: &str) -> Plugin {
                 let name = start.name().as_ref().to_owned();
                 if open.is_empty() {
                     assert!(root.is_empty(), "one root");
-                    root = (*start).to_owned();
+                    root.push_str(&start);
                 } else {
                     assert_eq!(open.len(), 1, "{name} inside {open:?}");
                     assert!(elements.insert(name.clone(), String::new()).is_none(), "{name} twice");
@@ -64,16 +66,14 @@ impl Plugin {
     }
 }
 
-/// `Hydrodynamics.cc` of gz-sim in surge, sway and yaw without its Coriolis forces: added mass, and the force of the
-/// velocities.
-fn gazebo(plugin: &Plugin, nu: [f64; 3]) -> ([[f64; 3]; 3], [f64; 3]) {
+/// `Hydrodynamics.cc` of gz-sim in surge, sway and yaw without added mass and Coriolis forces.
+fn gazebo(plugin: &Plugin, nu: [f64; 3]) -> [f64; 3] {
     const ROW: [&str; 3] = ["x", "y", "n"];
     const COLUMN: [&str; 3] = ["U", "V", "R"];
-    let (mut mass, mut force) = ([[0.0; 3]; 3], [0.0; 3]);
+    let mut force = [0.0; 3];
     for i in 0..3 {
         for j in 0..3 {
             let (row, column) = (ROW[i], COLUMN[j]);
-            mass[i][j] = plugin.number(&format!("{row}Dot{column}"));
             force[i] += plugin.number(&format!("{row}{column}")) * nu[j];
             for k in 0..3 {
                 let other = COLUMN[k];
@@ -82,7 +82,38 @@ fn gazebo(plugin: &Plugin, nu: [f64; 3]) -> ([[f64; 3]; 3], [f64; 3]) {
             }
         }
     }
-    (mass, force)
+    force
+}
+
+/// The link: mass, centre of gravity, yaw inertia about it, added mass `xx`, `yy`, `yr`, `rr`.
+struct Link([f64; 7]);
+
+impl Link {
+    fn of(text: &str) -> Self {
+        let plain = text.replace("<inertia>", "").replace("</inertia>", "");
+        let plain = plain.replace("<fluid_added_mass>", "").replace("</fluid_added_mass>", "");
+        let parsed = parse(&plain);
+        assert_eq!(parsed.root, "inertial");
+        let pose: Vec<f64> =
+            parsed.elements["pose"].split(' ').map(|number| number.parse().unwrap()).collect();
+        assert_eq!(pose[1..], [0.0; 5]);
+        let [mass, izz] = ["mass", "izz"].map(|name| parsed.number(name));
+        let [xx, yy, yr, rr] = ["xx", "yy", "yr", "rr"].map(|name| parsed.number(name));
+        Self([mass, pose[0], izz, xx, yy, yr, rr])
+    }
+
+    /// What DART has on the left: `M nu_dot + C(nu) nu` of a rigid body with an added mass.
+    fn left(&self, nu: [f64; 3], nu_dot: [f64; 3]) -> ([f64; 3], f64) {
+        let Self([m, x_g, izz, xx, yy, yr, rr]) = *self;
+        let [m11, m22, m23, m33] = [m + xx, m + yy, m * x_g + yr, izz + m * x_g * x_g + rr];
+        let ([u, v, r], [du, dv, dr]) = (nu, nu_dot);
+        let parts = [
+            [m11 * du, 0.0, -(m22 * v + m23 * r) * r],
+            [m22 * dv, m23 * dr, m11 * u * r],
+            [m23 * dv, m33 * dr, (m22 - m11) * u * v + m23 * u * r],
+        ];
+        (parts.map(|row| row.iter().sum()), parts.as_flattened().iter().map(|part| part.abs()).sum())
+    }
 }
 
 #[test]
@@ -93,33 +124,43 @@ fn the_plugin_of_gazebo_moves_a_hull_as_its_equations_do() {
         let files = sdf(&model(&file), &options(), &CoefficientOptions::default()).unwrap();
         let plugin = parse(&content(&files, "boat_gz.sdf"));
         assert!(plugin.root.contains("name=\"gz::sim::systems::Hydrodynamics\""));
-        assert_eq!(plugin.elements["disable_coriolis"], "true");
-        assert_eq!(plugin.elements["link_name"], "base_link");
+        for (key, value) in
+            [("disable_coriolis", "true"), ("disable_added_mass", "true"), ("link_name", "base_link")]
+        {
+            assert_eq!(plugin.elements[key], value);
+        }
+        let link = Link::of(&content(&files, "boat_inertial.sdf"));
         let mut hull = file.craft.clone();
         hull.rudders.clear();
         let dynamics = Dynamics::new(&hull);
-        let (m, x_g, i_z) = (hull.hull.mass, hull.hull.x_g, hull.hull.i_z);
         for nu in motions() {
             // Forward, port, up.
-            let flipped @ [u, v, r] = [nu[0], -nu[1], -nu[2]];
-            let (added, force) = gazebo(&plugin, flipped);
-            // The rigid body of the physics engine.
-            let rigid = [[m, 0.0, 0.0], [0.0, m, m * x_g], [0.0, m * x_g, i_z]];
-            let centripetal = [-m * (v * r + x_g * r * r), m * u * r, m * x_g * u * r];
             let [du, dv, dr] = dynamics.acceleration(nu, &vec![0.0; dynamics.servos()]);
-            let nu_dot = [du, -dv, -dr];
-            for i in 0..3 {
-                let left: f64 = (0..3).map(|j| rigid[i][j] * nu_dot[j]).sum::<f64>() + centripetal[i];
-                let right: f64 = (0..3).map(|j| added[i][j] * nu_dot[j]).sum::<f64>() + force[i];
-                let scale: f64 =
-                    (0..3).map(|j| (rigid[i][j] * nu_dot[j]).abs()).sum::<f64>() + centripetal[i].abs();
-                assert!(
-                    (left - right).abs() <= 1e-11 * (scale + force[i].abs()) + 1e-9,
-                    "{name} {nu:?} {i}: {left} {right}"
-                );
-            }
+            let (left, scale) = link.left([nu[0], -nu[1], -nu[2]], [du, -dv, -dr]);
+            let force = gazebo(&plugin, [nu[0], -nu[1], -nu[2]]);
+            assert!(
+                (0..3).all(|i| near(left[i], force[i], 10.0 * scale)),
+                "{name} {nu:?}: {left:?} {force:?}"
+            );
         }
     }
+}
+
+#[test]
+fn a_vessel_without_the_munk_moment_has_its_negative_in_the_plugin() {
+    let params = VesselParams { flying: None, ..VesselParams::hydrofoil() };
+    let model = Model::of_vessel(&params, 0.1).unwrap();
+    let files = sdf(&model, &options(), &CoefficientOptions::default()).unwrap();
+    let plugin = parse(&content(&files, "boat_gz.sdf"));
+    let link = Link::of(&content(&files, "boat_inertial.sdf"));
+    let plant = Plant::new(&params).unwrap();
+    for nu in motions() {
+        let [du, dv, dr] = plant.acceleration(nu, 0.0, 0.0);
+        let (left, scale) = link.left([nu[0], -nu[1], -nu[2]], [du, -dv, -dr]);
+        let force = gazebo(&plugin, [nu[0], -nu[1], -nu[2]]);
+        assert!((0..3).all(|i| near(left[i], force[i], 10.0 * scale)), "{nu:?}: {left:?} {force:?}");
+    }
+    assert!(plugin.comments.contains("u sin(RD)"));
 }
 
 /// `SimpleHydrodynamics.cc` of VRX: the diagonal in pure surge, sway and yaw.
@@ -133,10 +174,11 @@ fn the_plugin_of_vrx_has_the_resistance_of_pure_motions_and_names_the_rest() {
         assert!(plugin.root.contains("vrx::SimpleHydrodynamics"));
         let dynamics = Dynamics::new(&file.craft);
         let hull = &file.craft.hull;
-        assert_eq!(
-            [plugin.number("xDotU"), plugin.number("yDotV"), plugin.number("nDotR")],
-            [-hull.x_udot, -hull.y_vdot, -hull.n_rdot]
-        );
+        for zero in ["xDotU", "yDotV", "nDotR"] {
+            assert_eq!(plugin.elements[zero], "0.0");
+        }
+        let link = Link::of(&content(&files, "boat_inertial.sdf"));
+        assert_eq!(link.0[3..], [-hull.x_udot, -hull.y_vdot, 0.0 - hull.y_rdot, -hull.n_rdot]);
         for (i, [linear, quadratic]) in [["xU", "xUU"], ["yV", "yVV"], ["nR", "nRR"]].into_iter().enumerate()
         {
             for speed in [-0.6, 0.4] {
@@ -149,11 +191,10 @@ fn the_plugin_of_vrx_has_the_resistance_of_pure_motions_and_names_the_rest() {
         }
         assert!(plugin.number("max_effort") >= 1e300);
         let coefficients = Coefficients::of(&model, &CoefficientOptions::default(), "sdf").unwrap();
-        for derivative in &coefficients.derivatives {
+        for derivative in coefficients.beside_added_mass() {
             let words = format!("{} = ", derivative.symbol());
             assert!(plugin.comments.contains(&words), "{name}: {words}");
         }
-        assert_eq!(plugin.comments.contains("N_uv = "), hull.y_vdot != hull.x_udot, "{name}");
         for thruster in &file.craft.thrusters {
             assert!(plugin.comments.contains(&format!("thruster {} at", thruster.name)));
         }

@@ -42,6 +42,9 @@ proptest! {
         let with_link = CoefficientOptions { link: link.clone(), speed: Some(1.0), ..CoefficientOptions::default() };
         let files = sdf(&model, &options(), &with_link).unwrap();
         let expected = sdf(&benign, &options(), &CoefficientOptions::default()).unwrap();
+        let count = |files| content(files, "boat_inertial.sdf").matches("<!--").count();
+        prop_assert_eq!(count(&files), count(&expected));
+        prop_assert_eq!(content(&files, "boat_inertial.sdf").matches("--").count(), 2 * count(&expected));
         for name in ["boat_gz.sdf", "boat_vrx.sdf"] {
             let (plugin, expected) = (parse(&content(&files, name)), parse(&content(&expected, name)));
             prop_assert_eq!(&plugin.root, &expected.root);
@@ -89,5 +92,42 @@ fn a_vessel_with_the_name_of_a_function_has_another_class() {
         let options = hydroid_export::Options { name: String::from(name) };
         let files = mss(&model, &options, &CoefficientOptions::default()).unwrap();
         content(&files, file);
+    }
+}
+
+/// Every name that a template defines for its whole file is one that a class or a function cannot have.
+#[test]
+fn names_of_the_templates_are_taken() {
+    let python = [
+        include_str!("../../../src/coefficients/templates/vessel.py"),
+        include_str!("../../../src/coefficients/templates/equations.py"),
+    ];
+    let matlab = include_str!("../../../src/coefficients/templates/vessel.m");
+    let word = |text: &str| -> String {
+        text.trim_start().chars().take_while(|c| c.is_ascii_alphanumeric() || *c == '_').collect()
+    };
+    let mut names = Vec::new();
+    for line in python.iter().flat_map(|text| text.lines()) {
+        if let Some(name) = line.strip_prefix("def ") {
+            names.push(word(name));
+        } else if line.starts_with(|c: char| c.is_ascii_uppercase()) && line.contains(" = @") {
+            let left = line.split(" = ").next().unwrap();
+            names.extend(left.split(", ").map(word));
+        }
+    }
+    names.extend(
+        matlab
+            .lines()
+            .skip(1)
+            .filter_map(|line| Some(word(line.strip_prefix("function ")?.split("= ").nth(1)?))),
+    );
+    // Identifiers do not begin with an underscore.
+    names.retain(|name| !name.starts_with('_'));
+    assert!(names.len() > 25, "{names:?}");
+    let model = model(&vessel("vessels/otter"));
+    for name in names {
+        let options = hydroid_export::Options { name: name.clone() };
+        let files = mss(&model, &options, &CoefficientOptions::default()).unwrap();
+        assert!(files.iter().all(|file| file.name.starts_with(&format!("{name}_vessel."))), "{name}");
     }
 }
