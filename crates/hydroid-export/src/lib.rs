@@ -25,7 +25,7 @@ pub use name::identifier;
 pub enum Format {
     /// C99: a header and a source.
     C(Precision),
-    /// CasADi: a file of Python with definitions for do-mpc and acados.
+    /// `CasADi`: a file of Python with definitions for do-mpc and acados.
     Casadi,
     /// Plugins of Gazebo: [`coefficients::sdf`].
     Sdf(CoefficientOptions),

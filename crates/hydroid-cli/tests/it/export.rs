@@ -78,10 +78,7 @@ fn a_vessel_goes_to_python_simulators_and_papers() {
         assert!(found.iter().any(|name| name == file), "{file}: {found:?}");
     }
     let plugin = fs::read_to_string(folder.path().join("otter_gz.sdf")).unwrap();
-    assert!(
-        plugin.contains("<link_name>hull</link_name>") && plugin.contains("<xU>-77.55</xU>"),
-        "{plugin}"
-    );
+    assert!(plugin.contains("<link_name>hull</link_name>") && plugin.contains("<xU>-77.55</xU>"), "{plugin}");
     refused(folder.path(), "export hydrofoil --to latex --speed -1 -o t.tex", &["--speed", "positive"]);
     refused(folder.path(), "export hydrofoil --to latex --vessel nothing.toml -o t.tex", &["nothing.toml"]);
 }

@@ -1,4 +1,4 @@
-//! CasADi: a Python file that builds the functions of a model, and its definitions for do-mpc and acados.
+//! `CasADi`: a Python file that builds the functions of a model, and its definitions for do-mpc and acados.
 
 mod function;
 
