@@ -2,8 +2,9 @@
 //!
 //! [`export`] writes a [`Model`] in a [`Format`]. The result is a set of files in memory; the caller stores them.
 //!
-//! Order of the modules, bottom to top: `name`.
+//! Order of the modules, bottom to top: `name`, `fmu`.
 
+pub mod fmu;
 mod name;
 
 use hydroid::model::Model;
@@ -12,7 +13,10 @@ pub use name::identifier;
 
 /// A format of another tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {}
+pub enum Format {
+    /// FMU: see [`fmu`].
+    Fmu(fmu::Version),
+}
 
 /// Options of an export.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,12 +49,19 @@ pub enum ExportError {
         /// The nearest thing that can be exported.
         remedy: String,
     },
+    /// No FMU can be written.
+    #[error(transparent)]
+    Fmu(#[from] fmu::FmuError),
 }
 
 /// Writes a model in a format.
 ///
 /// # Errors
 /// If the format cannot express the model.
-pub fn export(_model: &Model, format: Format, _options: &Options) -> Result<Vec<File>, ExportError> {
-    match format {}
+pub fn export(model: &Model, format: Format, options: &Options) -> Result<Vec<File>, ExportError> {
+    match format {
+        Format::Fmu(version) => {
+            fmu::export(model, options, &fmu::FmuOptions { version, ..fmu::FmuOptions::default() })
+        }
+    }
 }
