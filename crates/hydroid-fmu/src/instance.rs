@@ -240,8 +240,10 @@ impl Instance {
                 ];
                 self.need("setting an input", &phases)?;
             }
-            _ => self
-                .need(&format!("setting the parameter {name}"), &[Phase::Instantiated, Phase::Initialization])?,
+            _ => self.need(
+                &format!("setting the parameter {name}"),
+                &[Phase::Instantiated, Phase::Initialization],
+            )?,
         }
         let place = self.place(role).ok_or_else(|| format!("{name} is calculated and cannot be set"))?;
         *place = value;

@@ -38,14 +38,8 @@ pub struct Continuous {
 #[derive(Debug)]
 enum Field {
     Plant(Box<PlantField>),
-    Craft {
-        dynamics: Box<Dynamics<Directional>>,
-        servos: Vec<Servo>,
-    },
-    Equations {
-        equations: Arc<Equations>,
-        jacobian: Box<Jacobian>,
-    },
+    Craft { dynamics: Box<Dynamics<Directional>>, servos: Vec<Servo> },
+    Equations { equations: Arc<Equations>, jacobian: Box<Jacobian> },
 }
 
 #[derive(Debug)]
@@ -209,7 +203,9 @@ fn of_craft(
         names.push(hidden(format!("{} angle", rudder.name), "rad"));
     }
     if servos.iter().any(|servo| servo.rate.is_some() && servo.lag == 0.0) {
-        return Err("an actuator moves at a limited rate without a lag, so that its rate jumps where it arrives");
+        return Err(
+            "an actuator moves at a limited rate without a lag, so that its rate jumps where it arrives",
+        );
     }
     let numbers: Vec<Directional> =
         craft.parameters().iter().map(|(_, number)| Directional::constant(*number)).collect();

@@ -38,7 +38,8 @@ impl Platform {
     pub fn of(library: &[u8]) -> Option<Self> {
         let platform = |tuple, second, extension| Some(Self { tuple, second, extension });
         let half = |at: usize| Some(u16::from_le_bytes(library.get(at..at + 2)?.try_into().ok()?));
-        let word = |at: usize| Some(u32::from_le_bytes(library.get(at..at.checked_add(4)?)?.try_into().ok()?));
+        let word =
+            |at: usize| Some(u32::from_le_bytes(library.get(at..at.checked_add(4)?)?.try_into().ok()?));
         if library.starts_with(b"\x7fELF\x02\x01") {
             return match half(18)? {
                 62 => platform("x86_64-linux", "linux64", LINUX),

@@ -141,13 +141,8 @@ fn archive(model: &Model, options: &Options, fmu: &FmuOptions) -> Result<Vec<u8>
     let content = encode(model).map_err(broken)?;
     let dt = model.description.dt;
     let variables = Variables::of(model);
-    let head = xml::Head {
-        version: fmu.version,
-        name: &name,
-        title: model.title(),
-        token: token(&content, dt),
-        dt,
-    };
+    let head =
+        xml::Head { version: fmu.version, name: &name, title: model.title(), token: token(&content, dt), dt };
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
     let file = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)

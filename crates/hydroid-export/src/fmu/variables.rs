@@ -155,13 +155,8 @@ impl Variables {
 fn channels(model: &Model, hidden: &[Hidden], moves: bool) -> Vec<Variable> {
     let d = &model.description;
     let variable =
-        |role: Role, name: &str, description: String, unit: &str, start: Option<f64>, nominal: f64| Variable {
-            role,
-            name: name.to_owned(),
-            description,
-            unit: unit.to_owned(),
-            start,
-            nominal,
+        |role: Role, name: &str, description: String, unit: &str, start: Option<f64>, nominal: f64| {
+            Variable { role, name: name.to_owned(), description, unit: unit.to_owned(), start, nominal }
         };
     let water = if moves { ", through the water where it is a velocity" } else { "" };
     let idle: Vec<f64> = d.inputs.iter().map(|port| neutral([port.range.low, port.range.high])).collect();

@@ -76,10 +76,8 @@ pub(super) fn describe(head: Head<'_>, variables: &Variables) -> Vec<u8> {
     document.open("LogCategories", &vec![]);
     document.empty("Category", &vec![("name", String::from("logStatusError"))]);
     document.close("LogCategories");
-    document.empty(
-        "DefaultExperiment",
-        &vec![("startTime", String::from("0")), ("stepSize", number(head.dt))],
-    );
+    document
+        .empty("DefaultExperiment", &vec![("startTime", String::from("0")), ("stepSize", number(head.dt))]);
     document.open("ModelVariables", &vec![]);
     for (index, variable) in variables.all().iter().enumerate() {
         match head.version {

@@ -35,9 +35,9 @@ pub use free_run::FreeRun;
 pub use input_map::neutral;
 pub use input_map::{InputMap, Steering};
 pub(crate) use record::process_deviations;
-pub use record::{Commands, Record, RecordOptions, member_tracks, record};
 #[doc(hidden)]
 pub use record::rest;
+pub use record::{Commands, Record, RecordOptions, member_tracks, record};
 pub(crate) use simulation::middle;
 pub use simulation::{Motion, Simulation, arc, current_before};
 pub use station::check_station;
