@@ -51,6 +51,19 @@ impl RateLimiter {
         self.positions.fill(f64::NAN);
     }
 
+    /// Last positions; NaN before the first command.
+    pub fn positions(&self) -> &[f64] {
+        &self.positions
+    }
+
+    /// Restores [`positions`](Self::positions).
+    ///
+    /// # Panics
+    /// If there is not one number for each input.
+    pub fn restore(&mut self, positions: &[f64]) {
+        self.positions.copy_from_slice(positions);
+    }
+
     /// Replaces rows of commands that follow the present positions, which stay.
     fn filter(&self, positions: &mut [f64], commands: &mut [f64]) {
         positions.copy_from_slice(&self.positions);

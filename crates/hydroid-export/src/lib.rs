@@ -2,13 +2,14 @@
 //!
 //! [`export`] writes a [`Model`] in a [`Format`]. The result is a set of files in memory; the caller stores them.
 //!
-//! Order of the modules, bottom to top: `name`, `graph`, `state_space`, `check`, `c`, `casadi`, `coefficients`.
+//! Order of the modules, bottom to top: `name`, `graph`, `state_space`, `check`, `c`, `casadi`, `coefficients`, `fmu`.
 
 mod c;
 mod casadi;
 #[doc(hidden)]
 pub mod check;
 pub mod coefficients;
+pub mod fmu;
 mod graph;
 mod name;
 mod state_space;
@@ -27,6 +28,8 @@ pub enum Format {
     C(Precision),
     /// `CasADi`: a file of Python with definitions for do-mpc and acados.
     Casadi,
+    /// Functional mock-up unit: see [`fmu`].
+    Fmu(fmu::FmuOptions),
     /// Plugins of Gazebo: [`coefficients::sdf`].
     Sdf(CoefficientOptions),
     /// Vessels of MSS and the Python Vehicle Simulator: [`coefficients::mss`].
@@ -66,6 +69,9 @@ pub enum ExportError {
         /// The nearest thing that can be exported.
         remedy: String,
     },
+    /// No FMU can be written.
+    #[error(transparent)]
+    Fmu(#[from] fmu::FmuError),
 }
 
 /// Writes a model in a format.
@@ -76,6 +82,7 @@ pub fn export(model: &Model, format: &Format, options: &Options) -> Result<Vec<F
     match format {
         Format::C(precision) => Ok(c::export(model, options, *precision)),
         Format::Casadi => Ok(casadi::export(model, options)),
+        Format::Fmu(fmu) => fmu::export(model, options, fmu),
         Format::Sdf(numbers) => coefficients::sdf(model, options, numbers),
         Format::Mss(numbers) => coefficients::mss(model, options, numbers),
         Format::Latex(numbers) => coefficients::latex(model, options, numbers),

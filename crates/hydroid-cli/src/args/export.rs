@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args as ClapArgs, ValueEnum};
 use hydroid_export::Precision;
 
-/// Write a model in the format of another tool: C, CasADi, Gazebo, MSS, LaTeX
+/// Write a model in the format of another tool: C, CasADi, FMU, Gazebo, MSS, LaTeX
 ///
 /// The exported model has constant weights. A rollout of it is that of the model to rounding. A format that cannot express
 /// a model is refused with the reason.
@@ -15,6 +15,7 @@ use hydroid_export::Precision;
   hydroid export out/gru.safetensors --to c --precision float -o firmware/    for a processor without double precision
   hydroid export vessels/otter.toml --to c --dt 0.02 -o otter.c   a vessel with given parameters
   hydroid export out/committee.safetensors --to casadi -o boat.py    for do-mpc, acados, own optimal control
+  hydroid export out/committee.safetensors --to fmu -o boat.fmu   a component for simulation tools, FMI 3.0
   hydroid export out/grey_box.toml --to sdf -o gazebo/            hydrodynamics plugins of Gazebo and VRX
   hydroid export out/grey_box.toml --to latex -o derivatives.tex  table of hydrodynamic derivatives
   hydroid export out/sindy.safetensors --to latex --vessel boat.toml -o t.tex    equations, with the mass of a vessel file")]
@@ -37,6 +38,12 @@ pub struct Export {
     /// c: type of the numbers
     #[arg(long, value_enum, value_name = "TYPE", default_value = "double")]
     pub precision: PrecisionKind,
+    /// fmu: version of the Functional Mock-up Interface
+    #[arg(long, value_name = "2|3", default_value_t = 3, value_parser = clap::value_parser!(u8).range(2..=3))]
+    pub fmi: u8,
+    /// fmu: libraries hydroid-fmu, one for each platform (default: that of this computer, beside the program)
+    #[arg(long, value_name = "FILES", value_delimiter = ',')]
+    pub library: Vec<PathBuf>,
     /// sdf, mss, latex: vessel file with mass, added mass, length and density of the water, for equations of motion, whose
     /// coefficients are accelerations
     #[arg(long, value_name = "FILE")]
@@ -59,6 +66,8 @@ pub enum Target {
     C,
     /// CasADi: a file of Python, with models for do-mpc and acados
     Casadi,
+    /// Functional mock-up unit: co-simulation, and model exchange in continuous time
+    Fmu,
     /// Hydrodynamics plugins of Gazebo and VRX
     Sdf,
     /// Vessels of the Marine Systems Simulator (Octave, MATLAB) and the Python Vehicle Simulator
@@ -73,6 +82,7 @@ impl Target {
         match self {
             Self::C => &["c", "h"],
             Self::Casadi => &["py"],
+            Self::Fmu => &["fmu"],
             Self::Sdf => &["sdf"],
             Self::Mss => &["py", "m"],
             Self::Latex => &["tex"],

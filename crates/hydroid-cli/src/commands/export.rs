@@ -8,6 +8,7 @@ use hydroid::model::{self, Model};
 use hydroid_core::craft::Hull;
 use hydroid_core::vessel::{AddedMass, RigidBody};
 use hydroid_export::coefficients::{CoefficientOptions, Inertia};
+use hydroid_export::fmu::{FmuOptions, Version};
 use hydroid_export::{Format, Options, export, identifier};
 use serde_json::json;
 
@@ -20,6 +21,10 @@ pub fn run(args: &Export, global: Global) -> anyhow::Result<Outcome> {
     let format = match args.to {
         Target::C => Format::C(args.precision.into()),
         Target::Casadi => Format::Casadi,
+        Target::Fmu => Format::Fmu(FmuOptions {
+            version: if args.fmi == 2 { Version::V2 } else { Version::V3 },
+            libraries: args.library.clone(),
+        }),
         Target::Sdf => Format::Sdf(coefficient_options(args)?),
         Target::Mss => Format::Mss(coefficient_options(args)?),
         Target::Latex => Format::Latex(coefficient_options(args)?),

@@ -58,6 +58,11 @@ fn wrong_arguments_are_refused() {
     refused(folder.path(), "export nothing.safetensors --to c -o boat.c", &["nothing.safetensors"]);
     refused(folder.path(), "export hydrofoil --to c -o boat.txt", &["boat.txt", ".c"]);
     refused(folder.path(), "export hydrofoil --to c --dt -1 -o boat.c", &["sample time"]);
+    let none = "export hydrofoil --to fmu --library nowhere.so -o boat.fmu";
+    refused(folder.path(), none, &["nowhere.so", "cargo build --release -p hydroid-fmu"]);
+    fs::write(folder.path().join("other.so"), b"no library").unwrap();
+    refused(folder.path(), "export hydrofoil --to fmu --library other.so -o boat.fmu", &["other.so"]);
+    fs::remove_file(folder.path().join("other.so")).unwrap();
     refused(folder.path(), "export hydrofoil --to cobol -o boat.c", &["cobol", "possible values"]);
     assert!(files(folder.path()).is_empty());
 }

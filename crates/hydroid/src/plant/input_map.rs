@@ -166,7 +166,7 @@ impl InputMap {
 }
 
 /// The neutral command of an input with a range: zero, or the middle of a range without zero.
-pub(crate) const fn neutral([low, high]: [f64; 2]) -> f64 {
+pub const fn neutral([low, high]: [f64; 2]) -> f64 {
     if low <= 0.0 && high >= 0.0 { 0.0 } else { 0.5 * (low + high) }
 }
 

@@ -23,16 +23,21 @@
 //! ```
 
 mod error;
+mod free_run;
 mod input_map;
 mod record;
 mod simulation;
 mod station;
 
 pub use error::PlantError;
-pub(crate) use input_map::neutral;
+pub use free_run::FreeRun;
+#[doc(hidden)]
+pub use input_map::neutral;
 pub use input_map::{InputMap, Steering};
 pub(crate) use record::process_deviations;
+#[doc(hidden)]
+pub use record::rest;
 pub use record::{Commands, Record, RecordOptions, member_tracks, record};
 pub(crate) use simulation::middle;
-pub use simulation::{Simulation, current_before};
+pub use simulation::{Motion, Simulation, arc, current_before};
 pub use station::check_station;

@@ -195,7 +195,7 @@ fn samples(duration_s: f64, dt: f64) -> Result<usize, PlantError> {
 }
 
 /// Outputs as near to rest as the training range permits.
-fn rest(model: &Model) -> Vec<f64> {
+pub fn rest(model: &Model) -> Vec<f64> {
     let mut row = middle(model);
     for (value, port) in row.iter_mut().zip(&model.description.outputs) {
         if crate::model::MOTION.contains(&port.channel.name.as_str()) {

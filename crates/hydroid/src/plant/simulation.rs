@@ -1,11 +1,9 @@
 //! A model that runs freely.
 
 use hydroid_core::current::in_body;
-use hydroid_core::model::committee::{CommitteeSimulation, Past};
-use hydroid_core::predict::Predictor;
-use hydroid_core::rate_limit::RateLimiter;
 
 use super::error::PlantError;
+use super::free_run::FreeRun;
 use crate::log::Trajectory;
 use crate::model::{MOTION, Model};
 
@@ -14,7 +12,19 @@ const UNITS: [&str; 3] = ["m/s", "m/s", "rad/s"];
 
 /// A plant in motion: the model predicts its next outputs from its own, without measurements.
 ///
-/// Over a sample, the vessel moves on an arc with the means of the body velocities at its ends, `nu = (u, v, r)`:
+/// The pose follows the motion by [`arc`]. A vessel without the output `v` does not drift through the water.
+///
+/// A committee runs as in a rollout: each member by itself, and the outputs are the medians.
+#[derive(Clone, Debug)]
+pub struct Simulation {
+    run: FreeRun,
+    motion: Motion,
+    current: [f64; 2],
+    eta: [f64; 3],
+    samples: usize,
+}
+
+/// Pose after a sample of `dt` seconds: the vessel moves on an arc with the means of the body velocities `nu` at its ends.
 ///
 /// ```text
 /// psi' = psi + r dt
@@ -22,64 +32,31 @@ const UNITS: [&str; 3] = ["m/s", "m/s", "rad/s"];
 /// ```
 ///
 /// This is exact in a steady turn, and of second order in `dt` otherwise. Position north, east \[m\], heading \[rad\]
-/// clockwise from north; `u` forward, `v` to starboard, relative to the water \[m/s\], `r` to starboard \[rad/s\]. A
-/// vessel without the output `v` does not drift through the water.
-///
-/// A committee runs as in a rollout: each member by itself, and the outputs are the medians.
-#[derive(Debug)]
-pub struct Simulation {
-    session: Session,
-    /// Actuators in front of the model.
-    limiter: Option<RateLimiter>,
-    motion: Motion,
-    dt: f64,
-    current: [f64; 2],
-    eta: [f64; 3],
-    y: Vec<f64>,
-    next: Vec<f64>,
-    /// Positions of the actuators.
-    positions: Vec<f64>,
-    /// Samples that a session observes at the start.
-    warm_up: usize,
-    samples: usize,
+/// clockwise from north; `u` forward, `v` to starboard, relative to the water \[m/s\], `r` to starboard \[rad/s\]; current
+/// `V_n` north, `V_e` east \[m/s\].
+pub fn arc([x, y, psi]: [f64; 3], [before, after]: [[f64; 3]; 2], current: [f64; 2], dt: f64) -> [f64; 3] {
+    let [u, v, r] = std::array::from_fn(|i| 0.5 * (before[i] + after[i]));
+    let half = 0.5 * r * dt;
+    let length = dt * if half.abs() < 1e-6 { 1.0 } else { half.sin() / half };
+    let (sin, cos) = (psi + half).sin_cos();
+    let [north, east] = current.map(|velocity| velocity * dt);
+    [x + length * (u * cos - v * sin) + north, y + length * (u * sin + v * cos) + east, psi + 2.0 * half]
 }
 
-enum Session {
-    Predictor(Box<dyn Predictor>),
-    Committee(CommitteeSimulation),
-}
-
-impl std::fmt::Debug for Session {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Predictor(_) => f.write_str("Predictor"),
-            Self::Committee(committee) => committee.fmt(f),
-        }
-    }
-}
-
-impl Clone for Simulation {
-    fn clone(&self) -> Self {
-        let session = match &self.session {
-            Session::Predictor(session) => Session::Predictor(session.fork()),
-            Session::Committee(committee) => Session::Committee(committee.clone()),
-        };
-        let Self { limiter, y, next, positions, .. } = self;
-        let (limiter, y, next) = (limiter.clone(), y.clone(), next.clone());
-        Self { session, limiter, y, next, positions: positions.clone(), ..*self }
-    }
-}
-
-/// Indices of surge, sway and yaw rate in the outputs.
+/// Indices of surge, sway and yaw rate in the outputs of a model.
 #[derive(Clone, Copy, Debug)]
-struct Motion {
+pub struct Motion {
     u: usize,
     v: Option<usize>,
     r: usize,
 }
 
 impl Motion {
-    fn of(model: &Model) -> Result<Self, PlantError> {
+    /// The indices in the outputs of a model.
+    ///
+    /// # Errors
+    /// If the model has no output `u` or `r`, or one with another unit.
+    pub fn of(model: &Model) -> Result<Self, PlantError> {
         let outputs = &model.description.outputs;
         let find = |i: usize| -> Result<Option<usize>, PlantError> {
             let place = outputs.iter().position(|port| port.channel.name == MOTION[i]);
@@ -97,7 +74,8 @@ impl Motion {
         Ok(Self { u: needed(0)?, v: find(1)?, r: needed(2)? })
     }
 
-    fn nu(&self, y: &[f64]) -> [f64; 3] {
+    /// Surge, sway and yaw rate in a row of outputs; no sway where it is no output.
+    pub fn nu(&self, y: &[f64]) -> [f64; 3] {
         [y[self.u], self.v.map_or(0.0, |v| y[v]), y[self.r]]
     }
 }
@@ -109,16 +87,7 @@ impl Simulation {
     /// # Errors
     /// If the model has no output `u` or `r`, or one with another unit.
     pub fn new(model: &Model) -> Result<Self, PlantError> {
-        let motion = Motion::of(model)?;
-        if let Some(committee) = model.committee() {
-            let simulation = CommitteeSimulation::new(committee);
-            // Its members have constant coefficients: others than those that adapt, with other pasts.
-            let warm_up = simulation.committee().span() + 1;
-            return Ok(Self::with(model, Session::Committee(simulation), motion, warm_up));
-        }
-        let session = model.motion_session();
-        let warm_up = session.warm_up().max(1);
-        Ok(Self::with(model, Session::Predictor(session), motion, warm_up))
+        Ok(Self::with(FreeRun::new(model), Motion::of(model)?))
     }
 
     /// A simulation for each member of the model's ensemble or committee. Their spread reflects the uncertainty of the model.
@@ -127,36 +96,11 @@ impl Simulation {
     /// As [`new`](Self::new).
     pub fn of_members(model: &Model) -> Result<Vec<Self>, PlantError> {
         let motion = Motion::of(model)?;
-        if let Some(committee) = model.committee() {
-            let each = |simulation: CommitteeSimulation| {
-                let warm_up = simulation.committee().span() + 1;
-                Self::with(model, Session::Committee(simulation), motion, warm_up)
-            };
-            return Ok(CommitteeSimulation::members_of(committee).into_iter().map(each).collect());
-        }
-        let sessions = model.member_motion_sessions().into_iter();
-        let each = |session: Box<dyn Predictor>| {
-            let warm_up = session.warm_up().max(1);
-            Self::with(model, Session::Predictor(session), motion, warm_up)
-        };
-        Ok(sessions.map(each).collect())
+        Ok(FreeRun::of_members(model).into_iter().map(|run| Self::with(run, motion)).collect())
     }
 
-    fn with(model: &Model, session: Session, motion: Motion, warm_up: usize) -> Self {
-        let outputs = model.description.outputs.len();
-        Self {
-            session,
-            limiter: model.rate_limiter(),
-            positions: vec![f64::NAN; model.description.inputs.len()],
-            motion,
-            dt: model.description.dt,
-            current: [0.0; 2],
-            eta: [0.0; 3],
-            y: vec![f64::NAN; outputs],
-            next: vec![f64::NAN; outputs],
-            warm_up,
-            samples: 0,
-        }
+    fn with(run: FreeRun, motion: Motion) -> Self {
+        Self { run, motion, current: [0.0; 2], eta: [0.0; 3], samples: 0 }
     }
 
     /// The simulation in water that moves with a constant velocity, north and east \[m/s\].
@@ -170,16 +114,13 @@ impl Simulation {
     /// # Panics
     /// If `y` or `c` have another length than outputs and inputs.
     pub fn start(&mut self, eta: [f64; 3], y: &[f64], c: &[f64]) {
-        let rows = self.warm_up;
-        self.start_after(eta, &y.repeat(rows), &c.repeat(rows - 1));
-        if let Some(limiter) = &mut self.limiter {
-            limiter.advance(&mut c.to_vec());
-        }
+        self.run.start(y, c);
+        (self.eta, self.samples) = (eta, 0);
     }
 
     /// Number of samples on which predictions depend at least, the present one included.
     pub const fn warm_up(&self) -> usize {
-        self.warm_up
+        self.run.warm_up()
     }
 
     /// Starts at a pose after a past: rows of outputs (through the water), the last of which is the present, and the
@@ -188,40 +129,17 @@ impl Simulation {
     /// # Panics
     /// If there are fewer rows than [`warm_up`](Self::warm_up), or one command too many or too few.
     pub fn start_after(&mut self, eta: [f64; 3], outputs: &[f64], commands: &[f64]) {
-        let n = self.y.len();
-        let rows = outputs.len() / n;
-        assert!(rows >= self.warm_up, "a past of {} samples is needed", self.warm_up);
-        self.y.copy_from_slice(&outputs[(rows - 1) * n..]);
-        let mut positions = commands.to_vec();
-        if let Some(limiter) = &mut self.limiter {
-            limiter.reset();
-            positions.chunks_exact_mut(self.positions.len()).for_each(|row| limiter.advance(row));
-        }
-        let commands = &positions[..];
-        match &mut self.session {
-            Session::Committee(committee) => committee.start(Past { outputs, inputs: commands }),
-            Session::Predictor(session) => {
-                let inputs = session.inputs();
-                assert_eq!(commands.len(), (rows - 1) * inputs, "a command between two samples");
-                session.reset();
-                for (k, y) in outputs.chunks_exact(n).enumerate() {
-                    session.observe(y);
-                    if k + 1 < rows {
-                        session.advance(&commands[k * inputs..][..inputs]);
-                    }
-                }
-            }
-        }
+        self.run.start_after(outputs, commands);
         (self.eta, self.samples) = (eta, 0);
     }
 
     /// Starts at the sample `k` of a run at a pose, after up to `past` samples. Measured velocities over ground become those
     /// through the water of the current; missing values are the last ones.
     pub(crate) fn start_in(&mut self, run: &Trajectory, k: usize, past: usize, eta: [f64; 3]) {
-        let from = k.saturating_sub(past.max(self.warm_up));
-        let missing = (self.warm_up + from).saturating_sub(k + 1);
+        let from = k.saturating_sub(past.max(self.warm_up()));
+        let missing = (self.warm_up() + from).saturating_sub(k + 1);
         let Motion { u, v, .. } = self.motion;
-        let n = self.y.len();
+        let n = self.outputs().len();
         let mut outputs: Vec<f64> = Vec::new();
         let mut commands: Vec<f64> = Vec::new();
         for sample in std::iter::repeat_n(from, missing).chain(from..=k) {
@@ -254,30 +172,10 @@ impl Simulation {
     /// # Panics
     /// If `c` has another length than the inputs.
     pub fn advance(&mut self, c: &[f64]) {
-        self.positions.copy_from_slice(c);
-        if let Some(limiter) = &mut self.limiter {
-            limiter.advance(&mut self.positions);
-        }
-        match &mut self.session {
-            Session::Committee(committee) => committee.advance(&self.positions, &mut self.next),
-            Session::Predictor(session) => {
-                session.advance(&self.positions);
-                session.output(&mut self.next);
-            }
-        }
-        let (before, after) = (self.motion.nu(&self.y), self.motion.nu(&self.next));
-        let [u, v, r] = std::array::from_fn(|i| 0.5 * (before[i] + after[i]));
-        let [x, y, psi] = self.eta;
-        let half = 0.5 * r * self.dt;
-        let length = self.dt * if half.abs() < 1e-6 { 1.0 } else { half.sin() / half };
-        let (sin, cos) = (psi + half).sin_cos();
-        let [north, east] = self.current.map(|velocity| velocity * self.dt);
-        self.eta = [
-            x + length * (u * cos - v * sin) + north,
-            y + length * (u * sin + v * cos) + east,
-            psi + 2.0 * half,
-        ];
-        std::mem::swap(&mut self.y, &mut self.next);
+        let before = self.motion.nu(self.run.outputs());
+        self.run.advance(c);
+        let after = self.motion.nu(self.run.outputs());
+        self.eta = arc(self.eta, [before, after], self.current, self.run.dt());
         self.samples += 1;
     }
 
@@ -315,7 +213,7 @@ impl Simulation {
 
     /// Body velocities `[u, v, r]` through the water.
     pub fn nu(&self) -> [f64; 3] {
-        self.motion.nu(&self.y)
+        self.motion.nu(self.outputs())
     }
 
     /// Body velocities `[u, v, r]` over ground.
@@ -327,12 +225,12 @@ impl Simulation {
 
     /// Outputs of the model; the motion is through the water.
     pub fn outputs(&self) -> &[f64] {
-        &self.y
+        self.run.outputs()
     }
 
     /// Outputs of the model, with the motion over ground.
     pub fn outputs_over_ground(&self) -> Vec<f64> {
-        let mut row = self.y.clone();
+        let mut row = self.outputs().to_vec();
         let [u, v, _] = self.nu_over_ground();
         row[self.motion.u] = u;
         if let Some(place) = self.motion.v {
@@ -345,7 +243,7 @@ impl Simulation {
     pub(crate) fn change_current(&mut self, current: [f64; 2]) {
         let change = [0, 1].map(|axis| current[axis] - self.current[axis]);
         let [surge, sway] = in_body(change, self.eta[2]);
-        let mut shift = vec![0.0; self.y.len()];
+        let mut shift = vec![0.0; self.outputs().len()];
         shift[self.motion.u] = -surge;
         if let Some(v) = self.motion.v {
             shift[v] = -sway;
@@ -356,16 +254,12 @@ impl Simulation {
 
     /// Adds a disturbance to the outputs.
     pub(crate) fn shift(&mut self, by: &[f64]) {
-        self.y.iter_mut().zip(by).for_each(|(y, by)| *y += by);
-        match &mut self.session {
-            Session::Predictor(session) => session.observe(&self.y),
-            Session::Committee(committee) => committee.shift(by),
-        }
+        self.run.shift(by);
     }
 
     /// Sample time \[s\].
     pub const fn dt(&self) -> f64 {
-        self.dt
+        self.run.dt()
     }
 
     /// An error if the motion is not finite.
@@ -376,7 +270,7 @@ impl Simulation {
         if self.nu().iter().chain(&self.eta).all(|x| x.is_finite()) {
             return Ok(());
         }
-        Err(PlantError::Diverged { t_s: self.samples as f64 * self.dt })
+        Err(PlantError::Diverged { t_s: self.samples as f64 * self.dt() })
     }
 }
 

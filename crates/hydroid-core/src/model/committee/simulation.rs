@@ -91,6 +91,60 @@ impl CommitteeSimulation {
         }
     }
 
+    /// Length of a snapshot; constant over the life of a simulation.
+    pub fn snapshot_len(&self) -> usize {
+        let members = self.members.iter().map(|running| running.scratch.len() + 1 + running.y.len());
+        members.sum::<usize>() + self.low.len() + self.high.len()
+    }
+
+    /// Copies all numbers on which predictions depend into `into`.
+    ///
+    /// # Panics
+    /// If `into` has not [`snapshot_len`](Self::snapshot_len) numbers.
+    pub fn snapshot(&self, into: &mut [f64]) {
+        let mut rest = into;
+        let mut put = |numbers: &[f64]| {
+            let (own, others) = core::mem::take(&mut rest).split_at_mut(numbers.len());
+            own.copy_from_slice(numbers);
+            rest = others;
+        };
+        for running in &self.members {
+            put(&running.scratch);
+            put(&[running.elapsed as f64]);
+            put(&running.y);
+        }
+        put(&self.low);
+        put(&self.high);
+        assert!(rest.is_empty(), "a snapshot of another committee");
+    }
+
+    /// Restores a snapshot of a simulation of the same committee. A number that no snapshot contains is read as the nearest
+    /// one that a snapshot can contain.
+    ///
+    /// # Panics
+    /// If `from` has not [`snapshot_len`](Self::snapshot_len) numbers.
+    pub fn restore(&mut self, from: &[f64]) {
+        let mut rest = from;
+        let mut take = |numbers: &mut [f64]| {
+            let (own, others) = rest.split_at(numbers.len());
+            numbers.copy_from_slice(own);
+            rest = others;
+        };
+        for (member, running) in self.committee.members().iter().zip(&mut self.members) {
+            take(&mut running.scratch);
+            let mut elapsed = [0.0];
+            take(&mut elapsed);
+            let longest = member.equations.shape().clock.saturating_sub(1);
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts saturate")]
+            let elapsed = elapsed[0] as usize;
+            running.elapsed = elapsed.min(longest);
+            take(&mut running.y);
+        }
+        take(&mut self.low);
+        take(&mut self.high);
+        assert!(rest.is_empty(), "a snapshot of another committee");
+    }
+
     /// Adds a disturbance to the outputs of all members.
     ///
     /// # Panics

@@ -1,0 +1,11 @@
+//! Integration tests of the library of FMUs.
+#![expect(unsafe_code, reason = "calls of the C interfaces")]
+
+mod archive;
+mod calls;
+mod co_simulation;
+mod exchange;
+mod golden;
+mod host;
+mod models;
+mod states;
