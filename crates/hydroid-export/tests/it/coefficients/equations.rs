@@ -8,7 +8,9 @@ use hydroid::model::{Body, Description, Members, Model, Port, Provenance, Readin
 use hydroid::sindy::ExpressionParser;
 use hydroid_core::craft::{Craft, Dynamics};
 use hydroid_core::model::sparse::Equations;
-use hydroid_export::coefficients::{CoefficientOptions, Coefficients, Force, Inertia, Variable, latex, sdf};
+use hydroid_export::coefficients::{
+    CoefficientOptions, Coefficients, Force, Inertia, Variable, latex, mss, sdf,
+};
 
 use super::derivatives::acceleration;
 use super::{content, motions, near, options, vessel};
@@ -35,6 +37,7 @@ fn model(outputs: &[(&str, &str)], terms: &[&str], rows: &[Vec<f64>], members: M
     let names = outputs.iter().chain(&inputs).map(|(name, _)| *name);
     let mut parser = ExpressionParser::new(names, outputs.len(), 0.1);
     let terms = terms.iter().map(|text| parser.term(text).unwrap()).collect();
+    let signals = parser.signals().to_vec();
     let port = |(name, unit): &(&str, &str)| Port {
         channel: Channel::new(*name, *unit),
         range: DesignRange { low: -1.0, high: 1.0 },
@@ -42,7 +45,7 @@ fn model(outputs: &[(&str, &str)], terms: &[&str], rows: &[Vec<f64>], members: M
         noise: None,
         rate_limit: None,
     };
-    let equations = Equations::new(terms, rows.concat(), outputs.len(), 2, 0.1, 1).unwrap();
+    let equations = Equations::with_signals(terms, rows.concat(), outputs.len(), 2, signals, 0.1, 1).unwrap();
     Model {
         description: Description {
             bands: None,
@@ -233,4 +236,19 @@ fn equations_without_a_mass_have_accelerations_in_latex_and_refusals_elsewhere()
         let error = sdf(&model, &options(), &with).unwrap_err().to_string();
         assert!(error.contains(words), "{error}");
     }
+}
+
+#[test]
+fn delays_and_limits_of_rates_are_refused_as_vehicles() {
+    let rows = vec![vec![-1.0, 0.5]; 3];
+    let delayed = model(&MOTION, &["u", "n(-0.5 s)"], &rows, Members::default());
+    let mut limited = model(&MOTION, &["u", "delta"], &rows, Members::default());
+    limited.description.inputs[1].rate_limit = Some(0.1);
+    let lags = model(&MOTION, &["u", "lag(n, 1.5 s)"], &rows, Members::default());
+    let error = |model| mss(model, &options(), &CoefficientOptions::default()).unwrap_err().to_string();
+    assert!(error(&delayed).contains("without delays"));
+    assert!(error(&limited).contains("'delta' has a limit of the rate"));
+    assert!(mss(&lags, &options(), &CoefficientOptions::default()).is_ok());
+    let other = model(&[("u", "m/s")], &["u"], &[vec![1.0]], Members::default());
+    assert!(error(&other).contains("no output v"));
 }
