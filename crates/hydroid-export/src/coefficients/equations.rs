@@ -44,7 +44,7 @@ pub(super) fn of(
     let Some(inertia) = options.inertia else {
         return refuse(
             String::from("its coefficients are accelerations, and forces need the mass of the vessel"),
-            "state mass and yaw inertia with --mass and --yaw-inertia, or identify a vessel with --methods grey-box",
+            "name a vessel file with the mass by --vessel, or identify a vessel with --methods grey-box",
         );
     };
     let [m11, m22, m23, m33] = inertia.mass_matrix();
