@@ -121,22 +121,17 @@ pub fn identity(token: u64) -> String {
     format!("hydroid-{token:016x}")
 }
 
-/// Whether the content of a model file is that of a vessel, as text.
-fn is_vessel(model: &Model) -> bool {
-    model.is_vessel()
-}
-
-/// Writes a model as an FMU with co-simulation, and with model exchange for a model in continuous time ([`Continuous`]).
+/// Writes a model as an FMU, `NAME.fmu`, with co-simulation, and with model exchange for a model in continuous time ([`Continuous`]).
 /// Equal models and libraries give equal bytes.
 ///
 /// # Errors
 /// If a library is missing or of another kind.
 pub fn export(model: &Model, options: &Options, fmu: &FmuOptions) -> Result<Vec<File>, ExportError> {
-    Ok(vec![File { name: format!("{}.fmu", options.name), content: archive(model, options, fmu)? }])
+    let name = crate::identifier(&options.name);
+    Ok(vec![File { name: format!("{name}.fmu"), content: archive(model, &name, fmu)? }])
 }
 
-fn archive(model: &Model, options: &Options, fmu: &FmuOptions) -> Result<Vec<u8>, FmuError> {
-    let name = crate::identifier(&options.name);
+fn archive(model: &Model, name: &str, fmu: &FmuOptions) -> Result<Vec<u8>, FmuError> {
     let paths = if fmu.libraries.is_empty() { vec![find_library()?] } else { fmu.libraries.clone() };
     let content = encode(model).map_err(broken)?;
     let dt = model.description.dt;
@@ -153,10 +148,10 @@ fn archive(model: &Model, options: &Options, fmu: &FmuOptions) -> Result<Vec<u8>
         zip.write_all(content).map_err(broken)
     };
     put("modelDescription.xml", &xml::describe(head, &variables), file)?;
-    let resource = if is_vessel(model) { VESSEL_FILE } else { MODEL_FILE };
+    let resource = if model.is_vessel() { VESSEL_FILE } else { MODEL_FILE };
     put(&format!("resources/{resource}"), &content, file)?;
     put(&format!("resources/{SAMPLE_TIME_FILE}"), format!("{dt:?}\n").as_bytes(), file)?;
-    put("documentation/index.html", documentation(&name, model, &variables).as_bytes(), file)?;
+    put("documentation/index.html", documentation(name, model, &variables).as_bytes(), file)?;
     let mut platforms = Vec::new();
     for path in paths {
         let (platform, library) = library::read(&path)?;

@@ -174,7 +174,10 @@ proptest! {
         for version in [Version::V2, Version::V3] {
             let options = Options { name: title.clone() };
             let fmu = FmuOptions { version, libraries: vec![library.clone()] };
-            let mut zip = archive(export(&model, &options, &fmu).unwrap().swap_remove(0).content);
+            let file = export(&model, &options, &fmu).unwrap().swap_remove(0);
+            let stem = file.name.strip_suffix(".fmu").unwrap();
+            prop_assert!(!stem.is_empty() && stem.chars().all(|c| c.is_ascii_alphanumeric() || c == '_'));
+            let mut zip = archive(file.content);
             let mut content = Vec::new();
             zip.by_name("modelDescription.xml").unwrap().read_to_end(&mut content).unwrap();
             let element = if version == Version::V2 { "ScalarVariable" } else { "Float64" };

@@ -75,7 +75,7 @@ fn the_command_of_a_sample_is_the_mean_of_its_inputs() {
     );
     let dt = model.description.dt;
     for k in 0..50 {
-        let t = k as f64 * dt;
+        let t = f64::from(k) * dt;
         whole.inputs(&[2.0, 0.3]);
         whole.step(t, dt);
         // 0.25 x 5 + 0.5 x 1 + 0.25 x 1 = 2, and the rudder likewise.

@@ -31,7 +31,7 @@ pub(crate) struct Golden {
 
 /// A pose after a sample on an arc, as documented for [`hydroid::plant::arc`], with complex exponentials written out.
 fn moved([x, y, psi]: [f64; 3], from: [f64; 3], to: [f64; 3], [north, east]: [f64; 2], dt: f64) -> [f64; 3] {
-    let [u, v, r] = [0, 1, 2].map(|i| (from[i] + to[i]) / 2.0);
+    let [u, v, r] = [0, 1, 2].map(|i| f64::midpoint(from[i], to[i]));
     let turn = r * dt;
     let chord = if turn.abs() < 1e-9 { dt } else { 2.0 * (turn / 2.0).sin() / r };
     let course = psi + turn / 2.0;

@@ -72,9 +72,9 @@ pub(crate) struct Instance<'a> {
 impl Drop for Instance<'_> {
     fn drop(&mut self) {
         if self.api.is_second() {
-            fmi2::fmi2FreeInstance(self.handle)
+            fmi2::fmi2FreeInstance(self.handle);
         } else {
-            fmi3::fmi3FreeInstance(self.handle)
+            fmi3::fmi3FreeInstance(self.handle);
         }
     }
 }

@@ -8,4 +8,6 @@ mod exchange;
 mod golden;
 mod host;
 mod models;
+#[path = "../../../hydroid-core/tests/it/module_order.rs"]
+mod module_order;
 mod states;

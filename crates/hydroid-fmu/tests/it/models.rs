@@ -208,7 +208,7 @@ pub(crate) fn all() -> Vec<(String, Model)> {
     all.push((String::from("current"), in_current));
     let mut still = model(Body::Equations(equations(Vec::new())));
     for (port, name) in still.description.outputs.iter_mut().zip(["speed", "drift", "turn"]) {
-        port.channel.name = name.to_owned();
+        name.clone_into(&mut port.channel.name);
     }
     all.push((String::from("no_motion"), still));
     let reread = |(name, model): (String, Model)| {
