@@ -1,4 +1,4 @@
-//! Rollouts of the models by their own sessions, to which FMUs are compared; FMUs of all models for `tests/fmu`.
+//! Rollouts of the models by their own sessions, to which FMUs are compared; FMUs of all models for `tests/export/fmu`.
 
 use std::path::{Path, PathBuf};
 
@@ -135,7 +135,7 @@ pub(crate) fn library() -> PathBuf {
 
 /// Writes the FMUs of all kinds of models with their expected rollouts into the folder `HYDROID_FMU_FOLDER`.
 #[test]
-#[ignore = "writes the FMUs for tests/fmu; .ci/run runs it"]
+#[ignore = "writes the FMUs for tests/export/fmu; .ci/run runs it"]
 fn write_fmus() {
     let Some(folder) = std::env::var_os("HYDROID_FMU_FOLDER") else {
         eprintln!("skipped: no HYDROID_FMU_FOLDER");
