@@ -79,7 +79,9 @@ def test_derivatives_are_exact(exports):
 
 
 def test_names_are_text(exports):
-    for folder, model in models(exports):
+    hostile = load(exports / "hostile" / "vessel.py")
+    assert len(hostile.OUTPUTS) == 3 and "os.abort" in hostile.OUTPUTS[0]
+    for folder, _ in models(exports):
         tree = ast.parse((folder / "vessel.py").read_text())
         for node in tree.body:
             allowed = (ast.Expr, ast.Import, ast.Assign, ast.FunctionDef)
