@@ -126,7 +126,11 @@ impl CoSimulation {
                 "a step of {h} s from {t} s is not possible: it must be positive and shorter than {MOST_SAMPLES} samples"
             ));
         }
-        let near = NEAR * self.dt() + ROUNDING * t.abs();
+        let near = NEAR * self.dt() + ROUNDING * t.abs().max(h);
+        // Samples that rounding hides would never end.
+        if near > 0.1 * self.dt() {
+            return Err(format!("a time of {t} s is too large for samples of {} s: start at 0 s", self.dt()));
+        }
         if (t - self.time()).abs() > near {
             let now = self.time();
             return Err(format!("a step from {t} s is not possible, because the time of the FMU is {now} s"));

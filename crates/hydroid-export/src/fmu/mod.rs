@@ -136,8 +136,7 @@ fn archive(model: &Model, name: &str, fmu: &FmuOptions) -> Result<Vec<u8>, FmuEr
     let content = encode(model).map_err(broken)?;
     let dt = model.description.dt;
     let variables = Variables::of(model);
-    let head =
-        xml::Head { version: fmu.version, name: &name, title: model.title(), token: token(&content, dt), dt };
+    let head = xml::Head { version: fmu.version, name, title: model.title(), token: token(&content, dt), dt };
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
     let file = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)

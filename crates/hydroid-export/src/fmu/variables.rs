@@ -159,7 +159,10 @@ fn channels(model: &Model, hidden: &[Hidden], moves: bool) -> Vec<Variable> {
             Variable { role, name: name.to_owned(), description, unit: unit.to_owned(), start, nominal }
         };
     let water = if moves { ", through the water where it is a velocity" } else { "" };
-    let idle: Vec<f64> = d.inputs.iter().map(|port| neutral([port.range.low, port.range.high])).collect();
+    let idle: Vec<f64> = match model.craft() {
+        Some(craft) => craft.commands.iter().map(|command| command.neutral).collect(),
+        None => d.inputs.iter().map(|port| neutral([port.range.low, port.range.high])).collect(),
+    };
     let still = rest(model);
     let mut all = vec![variable(Role::Time, "time", String::from("time"), "s", None, 1.0)];
     for (i, (port, start)) in d.inputs.iter().zip(&idle).enumerate() {

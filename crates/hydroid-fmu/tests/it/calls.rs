@@ -136,6 +136,25 @@ fn calls_out_of_order_and_impossible_numbers_are_errors() {
     assert!(reported("the time of the FMU is"));
 }
 
+/// Regression test: at a start time that a sample does not change, a step never ended.
+#[test]
+fn a_time_in_which_samples_vanish_is_an_error() {
+    let resources = Resources::of(&models::vessel("otter"));
+    for (start, expected) in [(1e300, ERROR), (1e12, ERROR), (-1e18, ERROR), (1.7e9, OK), (-50.0, OK)] {
+        let instance = Instance::new(&resources, Api::Steps3);
+        assert_eq!(fmi3::fmi3EnterInitializationMode(instance.handle, 0, 0.0, start, 0, 0.0), OK);
+        assert_eq!(fmi3::fmi3ExitInitializationMode(instance.handle), OK);
+        assert_eq!(instance.try_step(start, 0.1), expected, "{start}");
+        if expected == OK {
+            // Times with the rounding of an importer that adds up its steps.
+            let times: Vec<f64> = (1..400).map(|k| start + f64::from(k) * 0.1).collect();
+            assert!(times.iter().all(|t| instance.try_step(*t, 0.1) == OK));
+            assert!((instance.get(Role::Time) - start - 40.0).abs() < 1e-5);
+        }
+    }
+    assert!(reported("too large for samples"));
+}
+
 #[test]
 fn a_model_that_diverges_is_an_error_with_its_time() {
     let model = models::model(Body::Equations(models::equations(Vec::new())));

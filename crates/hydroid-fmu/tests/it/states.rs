@@ -92,6 +92,42 @@ fn a_state_continues_a_run_in_the_same_and_in_another_instance() {
     }
 }
 
+/// States that nobody wrote, with a right checksum: whatever they contain, calls return.
+#[test]
+fn forged_states_do_not_crash() {
+    for (name, model) in models::all() {
+        let golden = Golden::of(&model);
+        let dt = model.description.dt;
+        let resources = Resources::of(&model);
+        let instance = Instance::started(&resources, Api::Steps3, &golden);
+        run(&instance, &golden, dt, 0..5);
+        let whole = bytes_of(&instance, state_of(&instance));
+        let (head, tail) = (26, 8);
+        let mut refused = 0;
+        for at in (head..whole.len() - tail).step_by(8) {
+            for number in [f64::NAN, f64::INFINITY, -1.0, 1e300, 0.5, 1e6] {
+                let mut forged = whole[..whole.len() - tail].to_vec();
+                forged[at..at + 8].copy_from_slice(&number.to_le_bytes());
+                forged.extend(xxhash_rust::xxh3::xxh3_64(&forged).to_le_bytes());
+                let mut state = deserialize(&instance, &forged).unwrap();
+                if fmi3::fmi3SetFMUState(instance.handle, state) == OK {
+                    let t = instance.get(Role::Time);
+                    let _ = instance.try_step(if t.is_finite() { t } else { 0.0 }, dt);
+                } else {
+                    refused += 1;
+                }
+                assert_eq!(unsafe { fmi3::fmi3FreeFMUState(instance.handle, &raw mut state) }, OK);
+            }
+        }
+        assert!(refused > 5, "{name}: {refused}");
+        // A whole state brings the run back.
+        let state = deserialize(&instance, &whole).unwrap();
+        assert_eq!(fmi3::fmi3SetFMUState(instance.handle, state), OK);
+        run(&instance, &golden, dt, 5..10);
+        assert!(difference(&instance.row(&golden), &golden.row(9)) < 1e-12, "{name}");
+    }
+}
+
 #[test]
 fn damaged_states_are_errors_and_change_nothing() {
     let model = models::vessel("tug");
