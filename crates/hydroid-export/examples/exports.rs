@@ -11,6 +11,7 @@ use std::error::Error;
 use std::fs;
 use std::path::PathBuf;
 
+use hydroid_export::check::Run;
 use hydroid_export::{Format, Options, Precision, export, identifier};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -18,8 +19,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     for model in models::all() {
         let folder = into.join(format!("{}_{}", model.kind(), identifier(&model.description.name)));
         fs::create_dir_all(&folder)?;
-        let options = Options { name: String::from("vessel") };
-        for format in [Format::C(Precision::Double)] {
+        for (name, format) in [
+            ("vessel", Format::C(Precision::Double)),
+            ("vessel", Format::Onnx(Precision::Double)),
+            ("vessel_float", Format::Onnx(Precision::Float)),
+        ] {
+            let options = Options { name: String::from(name) };
             match export(&model, format, &options) {
                 Ok(files) => {
                     for file in files {
@@ -29,7 +34,12 @@ fn main() -> Result<(), Box<dyn Error>> {
                 Err(error) => println!("{}: {error}", folder.display()),
             }
         }
-        fs::write(folder.join("run.json"), serde_json::to_string(&run::Run::of(&model))?)?;
+        let run = run::Run::of(&model);
+        // The rates at the start of the run, under the first command of the rollout.
+        let rates = Run::start(&model, &run.first, &run.held).rates(&run.ahead[..run.held.len()]);
+        let mut run = serde_json::to_value(run)?;
+        run["rates"] = serde_json::to_value(rates)?;
+        fs::write(folder.join("run.json"), run.to_string())?;
     }
     Ok(())
 }

@@ -2,13 +2,14 @@
 //!
 //! [`export`] writes a [`Model`] in a [`Format`]. The result is a set of files in memory; the caller stores them.
 //!
-//! Order of the modules, bottom to top: `name`, `graph`, `state_space`, `check`, `c`.
+//! Order of the modules, bottom to top: `name`, `graph`, `state_space`, `check`, `c`, `onnx`.
 
 mod c;
 #[doc(hidden)]
 pub mod check;
 mod graph;
 mod name;
+mod onnx;
 mod state_space;
 
 use hydroid::model::Model;
@@ -21,6 +22,8 @@ pub use name::identifier;
 pub enum Format {
     /// C99: a header and a source.
     C(Precision),
+    /// ONNX: a file for each function.
+    Onnx(Precision),
 }
 
 /// Options of an export.
@@ -63,5 +66,6 @@ pub enum ExportError {
 pub fn export(model: &Model, format: Format, options: &Options) -> Result<Vec<File>, ExportError> {
     match format {
         Format::C(precision) => Ok(c::export(model, options, precision)),
+        Format::Onnx(precision) => Ok(onnx::export(model, options, precision)),
     }
 }
