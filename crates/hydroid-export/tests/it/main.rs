@@ -3,5 +3,6 @@
 mod c;
 mod models;
 mod names;
+mod onnx;
 mod run;
 mod state_space;
