@@ -2,6 +2,7 @@
 
 use super::nodes::{DOMAIN, Dim, Nodes, graph, integer, real, size, value};
 use super::proto::{Function as Written, Graph, OPERATORS, OperatorSet, element};
+use super::sums::Sums;
 use crate::Precision;
 use crate::graph::{Binary, Function, Id, Module, Op, Test, Unary};
 
@@ -23,13 +24,15 @@ struct Body<'a> {
     nodes: Nodes,
     /// Names of the values of the nodes; empty for a vector without elements, which ONNX functions do not get.
     names: Vec<String>,
+    sums: Sums,
 }
 
 /// A function in ONNX. Arguments without elements are left out.
 pub(super) fn written(module: &Module, index: usize, precision: Precision) -> Written {
     let function = &module.functions[index];
     let names = vec![String::new(); function.nodes.len()];
-    let mut body = Body { module, function, nodes: Nodes::new("n", precision), names };
+    let (nodes, sums) = (Nodes::new("n", precision), Sums::new(function));
+    let mut body = Body { module, function, nodes, names, sums };
     for id in 0..function.nodes.len() {
         body.node(id);
     }
@@ -61,7 +64,11 @@ impl Body<'_> {
 
     fn node(&mut self, id: Id) {
         let len = self.len(id);
-        if len == 0 || !self.names[id].is_empty() {
+        if len == 0 || !self.sums.needed[id] || !self.names[id].is_empty() {
+            return;
+        }
+        if let Some(sum) = self.sums.of.get(&id) {
+            self.names[id] = sum.written(&mut self.nodes, &self.names);
             return;
         }
         let function = self.function;
@@ -121,7 +128,9 @@ impl Body<'_> {
     /// A slice. Slices of a vector that do not overlap are all taken at once.
     fn slices(&mut self, id: Id, of: Id, start: usize) {
         let slice = |(id, node): (Id, &crate::graph::Node)| match node.op {
-            Op::Slice { of: source, start } if source == of && node.len > 0 => Some((start, node.len, id)),
+            Op::Slice { of: source, start } if source == of && node.len > 0 && self.sums.needed[id] => {
+                Some((start, node.len, id))
+            }
             _ => None,
         };
         let mut slices: Vec<(usize, usize, Id)> =

@@ -18,6 +18,7 @@ mod metadata;
 mod network;
 mod nodes;
 mod proto;
+mod sums;
 
 use hydroid::model::Model;
 use prost::Message as _;
