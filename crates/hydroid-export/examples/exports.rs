@@ -11,6 +11,7 @@ use std::error::Error;
 use std::fs;
 use std::path::PathBuf;
 
+use hydroid_export::check::Run;
 use hydroid_export::{Format, Options, Precision, export, identifier};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -22,9 +23,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (model, folder) in all.chain([(models::hostile(), String::from("hostile"))]) {
         let folder = into.join(folder);
         fs::create_dir_all(&folder)?;
-        let options = Options { name: String::from("vessel") };
-        for format in [&Format::C(Precision::Double), &Format::Casadi] {
-            match export(&model, format, &options) {
+        for (name, format) in [
+            ("vessel", Format::C(Precision::Double)),
+            ("vessel", Format::Casadi),
+            ("vessel", Format::Onnx(Precision::Double)),
+            ("vessel_float", Format::Onnx(Precision::Float)),
+        ] {
+            let options = Options { name: String::from(name) };
+            match export(&model, &format, &options) {
                 Ok(files) => {
                     for file in files {
                         fs::write(folder.join(&file.name), &file.content)?;
@@ -33,7 +39,12 @@ fn main() -> Result<(), Box<dyn Error>> {
                 Err(error) => println!("{}: {error}", folder.display()),
             }
         }
-        fs::write(folder.join("run.json"), serde_json::to_string(&run::Run::of(&model))?)?;
+        let run = run::Run::of(&model);
+        // The rates at the start of the run, under the first command of the rollout.
+        let rates = Run::start(&model, &run.first, &run.held).rates(&run.ahead[..run.held.len()]);
+        let mut run = serde_json::to_value(run)?;
+        run["rates"] = serde_json::to_value(rates)?;
+        fs::write(folder.join("run.json"), run.to_string())?;
     }
     Ok(())
 }

@@ -2,7 +2,8 @@
 //!
 //! [`export`] writes a [`Model`] in a [`Format`]. The result is a set of files in memory; the caller stores them.
 //!
-//! Order of the modules, bottom to top: `name`, `graph`, `state_space`, `check`, `c`, `casadi`, `coefficients`, `fmu`.
+//! Order of the modules, bottom to top: `name`, `graph`, `state_space`, `check`, `c`, `onnx`, `casadi`,
+//! `coefficients`, `fmu`.
 
 mod c;
 mod casadi;
@@ -12,6 +13,7 @@ pub mod coefficients;
 pub mod fmu;
 mod graph;
 mod name;
+mod onnx;
 mod state_space;
 
 use hydroid::model::Model;
@@ -28,6 +30,8 @@ pub enum Format {
     C(Precision),
     /// `CasADi`: a file of Python with definitions for do-mpc and acados.
     Casadi,
+    /// ONNX: a file for each function.
+    Onnx(Precision),
     /// Functional mock-up unit: see [`fmu`].
     Fmu(fmu::FmuOptions),
     /// Plugins of Gazebo: [`coefficients::sdf`].
@@ -82,6 +86,7 @@ pub fn export(model: &Model, format: &Format, options: &Options) -> Result<Vec<F
     match format {
         Format::C(precision) => Ok(c::export(model, options, *precision)),
         Format::Casadi => Ok(casadi::export(model, options)),
+        Format::Onnx(precision) => Ok(onnx::export(model, options, *precision)),
         Format::Fmu(fmu) => fmu::export(model, options, fmu),
         Format::Sdf(numbers) => coefficients::sdf(model, options, numbers),
         Format::Mss(numbers) => coefficients::mss(model, options, numbers),

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args as ClapArgs, ValueEnum};
 use hydroid_export::Precision;
 
-/// Write a model in the format of another tool: C, CasADi, FMU, Gazebo, MSS, LaTeX
+/// Write a model in the format of another tool: C, ONNX, CasADi, FMU, Gazebo, MSS, LaTeX
 ///
 /// The exported model has constant weights. A rollout of it is that of the model to rounding. A format that cannot express
 /// a model is refused with the reason.
@@ -15,6 +15,7 @@ use hydroid_export::Precision;
   hydroid export out/gru.safetensors --to c --precision float -o firmware/    for a processor without double precision
   hydroid export vessels/otter.toml --to c --dt 0.02 -o otter.c   a vessel with given parameters
   hydroid export out/committee.safetensors --to casadi -o boat.py    for do-mpc, acados, own optimal control
+  hydroid export out/gru.safetensors --to onnx -o boat.onnx       boat_step.onnx, boat_rollout.onnx, .. for ONNX Runtime
   hydroid export out/committee.safetensors --to fmu -o boat.fmu   a component for simulation tools, FMI 3.0
   hydroid export out/grey_box.toml --to sdf -o gazebo/            hydrodynamics plugins of Gazebo and VRX
   hydroid export out/grey_box.toml --to latex -o derivatives.tex  table of hydrodynamic derivatives
@@ -35,7 +36,7 @@ pub struct Export {
     /// Sample time of a vessel [s] (default: 0.1); an identified model has its own
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub dt: Option<f64>,
-    /// c: type of the numbers
+    /// c, onnx: type of the numbers
     #[arg(long, value_enum, value_name = "TYPE", default_value = "double")]
     pub precision: PrecisionKind,
     /// fmu: version of the Functional Mock-up Interface
@@ -64,6 +65,8 @@ pub struct Export {
 pub enum Target {
     /// C99: a header and a source without dependencies
     C,
+    /// ONNX: files for start, step, measurement, rollout and rates
+    Onnx,
     /// CasADi: a file of Python, with models for do-mpc and acados
     Casadi,
     /// Functional mock-up unit: co-simulation, and model exchange in continuous time
@@ -81,6 +84,7 @@ impl Target {
     pub fn extensions(self) -> &'static [&'static str] {
         match self {
             Self::C => &["c", "h"],
+            Self::Onnx => &["onnx"],
             Self::Casadi => &["py"],
             Self::Fmu => &["fmu"],
             Self::Sdf => &["sdf"],

@@ -20,6 +20,7 @@ pub fn run(args: &Export, global: Global) -> anyhow::Result<Outcome> {
     let model = at_step(model::read(&args.model)?, args.dt)?;
     let format = match args.to {
         Target::C => Format::C(args.precision.into()),
+        Target::Onnx => Format::Onnx(args.precision.into()),
         Target::Casadi => Format::Casadi,
         Target::Fmu => Format::Fmu(FmuOptions {
             version: if args.fmi == 2 { Version::V2 } else { Version::V3 },

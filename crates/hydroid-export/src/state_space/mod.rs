@@ -119,10 +119,17 @@ impl StateSpace {
 
     /// Indices of the functions that the model needs, each behind those that it calls.
     pub(crate) fn functions(&self) -> Vec<usize> {
-        let mut needed = vec![false; self.module.functions.len()];
         let block = self.block.iter().flat_map(|block| [block.predict, block.follow]);
         let roots = [self.start, self.step, self.observe, self.output];
-        roots.into_iter().chain(self.rates).chain(block).for_each(|index| needed[index] = true);
+        self.needed(&roots.into_iter().chain(self.rates).chain(block).collect::<Vec<_>>())
+    }
+
+    /// Indices of functions and of those that they call, each behind those that it calls.
+    pub(crate) fn needed(&self, roots: &[usize]) -> Vec<usize> {
+        let mut needed = vec![false; self.module.functions.len()];
+        for &index in roots {
+            needed[index] = true;
+        }
         for index in (0..needed.len()).rev() {
             if needed[index] {
                 let called = self.function(index).nodes.iter().filter_map(|node| node.op.called());

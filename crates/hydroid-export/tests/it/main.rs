@@ -4,5 +4,6 @@ mod c;
 mod coefficients;
 mod models;
 mod names;
+mod onnx;
 mod run;
 mod state_space;
