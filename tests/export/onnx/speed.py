@@ -30,7 +30,7 @@ KINDS = {
 def shortest(run, count):
     run()
     times = []
-    for _ in range(7):
+    for _ in range(25):
         start = time.perf_counter()
         run()
         times.append(time.perf_counter() - start)
