@@ -169,7 +169,7 @@ fn limited(model: Model) -> Model {
 /// The vessel files of the project.
 pub(crate) fn vessels() -> Vec<Model> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../vessels");
-    ["mariner", "otter", "tug", "hydrofoil"]
+    ["mariner", "otter", "tug"]
         .iter()
         .map(|name| hydroid::model::read(&folder.join(format!("{name}.toml"))).unwrap())
         .collect()
