@@ -28,7 +28,7 @@ pub use name::identifier;
 pub enum Format {
     /// C99: a header and a source.
     C(Precision),
-    /// `CasADi`: a file of Python with definitions for do-mpc and acados.
+    /// A Python file that builds functions of the Python package `casadi`.
     Casadi,
     /// ONNX: a file for each function.
     Onnx(Precision),

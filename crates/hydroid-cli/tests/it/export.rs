@@ -74,7 +74,7 @@ fn a_vessel_goes_to_python_simulators_and_papers() {
     let otter = otter.display();
     done(folder.path(), &format!("export {otter} --to casadi -o nmpc.py"));
     let casadi = fs::read_to_string(folder.path().join("nmpc.py")).unwrap();
-    assert!(casadi.contains("\nNAME = \"nmpc\"\nDT = 0.1\n"), "{casadi}");
+    assert!(casadi.contains("\nDT = 0.1\n"), "{casadi}");
     done(folder.path(), &format!("export {otter} --to sdf --link hull -o otter.sdf"));
     done(folder.path(), &format!("export {otter} --to mss -o otter.py"));
     done(folder.path(), &format!("export {otter} --to latex --speed 1.5 -o otter.tex"));

@@ -1,6 +1,7 @@
 //! Tests of the exported formats.
 
 mod c;
+mod casadi;
 mod coefficients;
 mod models;
 mod names;
