@@ -134,7 +134,7 @@ fn hostile_names_do_not_leave_their_place() {
 fn the_name_of_the_file_is_an_identifier_and_hides_no_module() {
     for (given, name) in [("../\"x\n", "x"), ("casadi", "casadi_model"), ("NumPy", "NumPy_model")] {
         let options = Options { name: given.to_owned() };
-        let files = export(&all()[0], Format::Casadi, &options).unwrap();
+        let files = export(&all()[0], &Format::Casadi, &options).unwrap();
         assert_eq!(files[0].name, format!("{name}.py"));
         let text = String::from_utf8(files[0].content.clone()).unwrap();
         assert!(text.contains(&format!("\nNAME = \"{name}\"\n")), "{name}");
