@@ -16,12 +16,8 @@ use hydroid_export::{Format, Options, Precision, export, identifier};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let into = PathBuf::from(std::env::args().nth(1).ok_or("name a folder")?);
-    let all = models::all().into_iter().map(|model| {
-        let folder = format!("{}_{}", model.kind(), identifier(&model.description.name));
-        (model, folder)
-    });
-    for (model, folder) in all.chain([(models::hostile(), String::from("hostile"))]) {
-        let folder = into.join(folder);
+    for model in models::all() {
+        let folder = into.join(format!("{}_{}", model.kind(), identifier(&model.description.name)));
         fs::create_dir_all(&folder)?;
         for (name, format) in [
             ("vessel", Format::C(Precision::Double)),

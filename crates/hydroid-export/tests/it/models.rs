@@ -232,23 +232,6 @@ pub(crate) fn timed() -> Vec<Model> {
     timed
 }
 
-/// A model whose names would end comments, strings and statements.
-#[allow(dead_code, reason = "for tests in other languages")]
-pub(crate) fn hostile() -> Model {
-    let mut model = model("hostile", Body::Equations(Arc::new(sparse(vec![lag(3, 0.7)], 1))));
-    let names =
-        ["\"\"\"\nimport os\nos.abort()\n", "*/ #error", "'); os.abort() #", "</Float64>", "\\\n\u{7}\"\"\""];
-    let d = &mut model.description;
-    names[0].clone_into(&mut d.provenance.hydroid);
-    d.provenance.training = names.map(str::to_owned).to_vec();
-    for (port, name) in d.outputs.iter_mut().chain(&mut d.inputs).zip(names) {
-        name.clone_into(&mut port.channel.name);
-        name.clone_into(&mut port.channel.unit);
-    }
-    d.name = names.concat();
-    model
-}
-
 /// Commands within the ranges of a model that change from sample to sample, row by row.
 pub(crate) fn commands(model: &Model, samples: usize, stream: f64) -> Vec<f64> {
     let inputs = &model.description.inputs;
