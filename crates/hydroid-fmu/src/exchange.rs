@@ -63,7 +63,7 @@ impl Instance {
         Ok(())
     }
 
-    /// An error unless there are so many states.
+    /// An error unless the number of states is that of the model.
     pub(crate) fn check_states(&self, given: usize) -> Outcome {
         let states = self.present.len();
         if given == states { Ok(()) } else { Err(format!("{given} numbers for {states} states")) }

@@ -4,6 +4,8 @@ mod c;
 mod casadi;
 mod coefficients;
 mod models;
+#[path = "../../../hydroid-core/tests/it/module_order.rs"]
+mod module_order;
 mod names;
 mod onnx;
 mod run;
