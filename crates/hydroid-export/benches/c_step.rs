@@ -64,7 +64,7 @@ int main(void)
 
 fn compile(model: &Model, folder: &Path) -> Result<(), Box<dyn Error>> {
     let options = Options { name: String::from("vessel") };
-    for file in export(model, &Format::C(Precision::Double), &options)? {
+    for file in export(model, &Format::C(Precision::Double.into()), &options)? {
         fs::write(folder.join(&file.name), &file.content)?;
     }
     fs::write(folder.join("main.c"), program(model))?;

@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let folder = into.join(format!("{}_{}", model.kind(), identifier(&model.description.name)));
         fs::create_dir_all(&folder)?;
         for (name, format) in [
-            ("vessel", Format::C(Precision::Double)),
+            ("vessel", Format::C(Precision::Double.into())),
             ("vessel", Format::Casadi),
             ("vessel", Format::Onnx(Precision::Double)),
             ("vessel_float", Format::Onnx(Precision::Float)),

@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             let folder = into.join(format!("{}-{suffix}", identifier(&model.description.name)));
             fs::create_dir_all(&folder)?;
             let options = Options { name: String::from("vessel") };
-            for file in export(&model, &Format::C(precision), &options)? {
+            for file in export(&model, &Format::C(precision.into()), &options)? {
                 fs::write(folder.join(&file.name), &file.content)?;
             }
             fs::write(folder.join("run.h"), run(&model, precision))?;

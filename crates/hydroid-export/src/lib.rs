@@ -2,9 +2,10 @@
 //!
 //! [`export`] writes a [`Model`] in a [`Format`]. The result is a set of files in memory; the caller stores them.
 //!
-//! Order of the modules, bottom to top: `name`, `graph`, `state_space`, `check`, `c`, `onnx`, `casadi`,
+//! Order of the modules, bottom to top: `name`, `graph`, `state_space`, `adapter`, `check`, `c`, `onnx`, `casadi`,
 //! `coefficients`, `fmu`.
 
+mod adapter;
 mod c;
 mod casadi;
 #[doc(hidden)]
@@ -20,14 +21,14 @@ use hydroid::model::Model;
 
 use coefficients::CoefficientOptions;
 
-pub use c::Precision;
+pub use c::{COptions, Precision};
 pub use name::identifier;
 
 /// A format of another tool.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Format {
     /// C99: a header and a source.
-    C(Precision),
+    C(COptions),
     /// A Python file that builds functions of the Python package `casadi`.
     Casadi,
     /// ONNX: a file for each function.
@@ -59,7 +60,7 @@ pub struct File {
 }
 
 /// Reasons why a model cannot be exported.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     /// The format cannot express the model.
     #[error("{model} cannot be exported to {format}: {reason}; {remedy}")]
@@ -73,6 +74,9 @@ pub enum ExportError {
         /// The nearest thing that can be exported.
         remedy: String,
     },
+    /// The model cannot learn, or the options of the method do not fit it.
+    #[error(transparent)]
+    Adapt(#[from] hydroid::adapt::AdaptError),
     /// No FMU can be written.
     #[error(transparent)]
     Fmu(#[from] fmu::FmuError),
@@ -84,7 +88,7 @@ pub enum ExportError {
 /// If the format cannot express the model.
 pub fn export(model: &Model, format: &Format, options: &Options) -> Result<Vec<File>, ExportError> {
     match format {
-        Format::C(precision) => Ok(c::export(model, options, *precision)),
+        Format::C(numbers) => c::export(model, options, numbers),
         Format::Casadi => Ok(casadi::export(model, options)),
         Format::Onnx(precision) => Ok(onnx::export(model, options, *precision)),
         Format::Fmu(fmu) => fmu::export(model, options, fmu),

@@ -19,7 +19,7 @@ use crate::outputs;
 pub fn run(args: &Export, global: Global) -> anyhow::Result<Outcome> {
     let model = at_step(model::read(&args.model)?, args.dt)?;
     let format = match args.to {
-        Target::C => Format::C(args.precision.into()),
+        Target::C => Format::C(Precision::from(args.precision).into()),
         Target::Onnx => Format::Onnx(args.precision.into()),
         Target::Casadi => Format::Casadi,
         Target::Fmu => Format::Fmu(FmuOptions {

@@ -1,6 +1,7 @@
 //! Sparse equations with recursive least squares on their coefficients.
 
 mod adapter;
+mod constants;
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -15,6 +16,8 @@ use super::scale::{rms_over_range, unit_columns};
 use super::{Innovation, Outcome, Rejection};
 use crate::model::sparse::{Equations, EquationsError, Program, Term};
 use crate::predict::{Predictor, delegate};
+
+pub use constants::{EquationsConstants, GroupConstants};
 
 /// Equations with the same terms, which share a regressor and a covariance.
 #[derive(Clone, Debug)]
@@ -60,6 +63,8 @@ pub struct RecursiveEquations {
 
 #[derive(Clone, Debug)]
 struct Library {
+    /// Indices of its terms in the equations.
+    used: Vec<usize>,
     program: Program,
     inverse: Vec<f64>,
     slots: Vec<f64>,
@@ -171,6 +176,7 @@ impl RecursiveEquations {
             weight: rows.stride() as f64 / rows.samples() as f64,
             noise: Noise::new(n, options.gate, rows.overlap(), rows.stride() as f64 * equations.dt()),
             library: Library {
+                used,
                 slots: vec![0.0; program.slots()],
                 program,
                 inverse: scales.iter().map(|s| 1.0 / s).collect(),
@@ -212,7 +218,8 @@ impl RecursiveEquations {
 
     /// Returns whether a row is complete.
     fn collect(&mut self, y: &[f64]) -> bool {
-        let Library { program, inverse, slots, start, holds, known, held, seen, phi, z } = &mut self.library;
+        let Library { program, inverse, slots, start, holds, known, held, seen, phi, z, .. } =
+            &mut self.library;
         *seen = seen.saturating_add(1);
         let complete = y.iter().all(|y| !y.is_nan()) && *seen >= self.session.warm_up();
         let interval = *known && *held;

@@ -59,6 +59,22 @@ pub(super) const LARGEST_SHARE: f64 = 0.1;
 /// Bound on the leverage in the test. A spike enlarges the regressor and would otherwise pass its own test.
 const MOST_LEVERAGE: f64 = 1.0;
 
+/// The constants of gate and noise estimate, for code in other languages.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[doc(hidden)]
+pub struct NoiseConstants {
+    /// The thresholds.
+    pub gate: InnovationGate,
+    /// Maximum number of consecutive outliers from one faulty sample.
+    pub longest: usize,
+    /// Rate of the noise estimate.
+    pub rate: f64,
+    /// Rows before the noise estimate is used.
+    pub fewest_rows: usize,
+    /// Bound on the leverage in the test.
+    pub most_leverage: f64,
+}
+
 #[derive(Clone, Debug)]
 pub(super) struct Noise {
     gate: InnovationGate,
@@ -76,6 +92,16 @@ impl Noise {
     pub(super) fn new(outputs: usize, gate: InnovationGate, longest: usize, row_s: f64) -> Self {
         let rate = (row_s / MEMORY_S).min(LARGEST_SHARE);
         Self { gate, variance: vec![0.0; outputs], rows: 0, streak: 0, longest, rate }
+    }
+
+    pub(super) fn constants(&self) -> NoiseConstants {
+        NoiseConstants {
+            gate: self.gate,
+            longest: self.longest,
+            rate: self.rate,
+            fewest_rows: FEWEST_ROWS,
+            most_leverage: MOST_LEVERAGE,
+        }
     }
 
     /// Noise variance of the rows of each output; `None` during the first rows.

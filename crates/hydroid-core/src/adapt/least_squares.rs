@@ -106,6 +106,23 @@ impl RecursiveLeastSquares {
         self.innovations.fill(0.0);
     }
 
+    /// The covariance at the start.
+    pub(super) fn initial_factor(&self) -> UdFactor {
+        let mut factor = self.factor.clone();
+        factor.load(&mut Reader::new(&self.initial));
+        factor
+    }
+
+    /// The weight `r0` of the prior \[rows\].
+    pub(super) fn information(&self) -> f64 {
+        self.information
+    }
+
+    /// Whether forgotten coefficients return to the reference.
+    pub(super) fn leaks(&self) -> bool {
+        self.leak
+    }
+
     /// Resets the covariance to its initial value. The coefficients stay.
     pub fn restart(&mut self) {
         self.factor.load(&mut Reader::new(&self.initial));

@@ -32,10 +32,16 @@ mod ud_factor;
 
 use crate::predict::{Predictor, Workspace};
 
+#[doc(hidden)]
+pub use committee::LearnerConstants;
 pub use committee::{CommitteeSession, increment_stride};
 pub use equations::RecursiveEquations;
+#[doc(hidden)]
+pub use equations::{EquationsConstants, GroupConstants};
 pub use expert_mixture::{ExpertMixture, ExpertMixtureOptions};
 pub use innovation_gate::InnovationGate;
+#[doc(hidden)]
+pub use innovation_gate::NoiseConstants;
 pub use last_layer::{DirectLastLayer, LastLayerError, LastLayerOptions, SHORTEST_FORGETTING};
 pub use least_squares::RecursiveLeastSquares;
 pub use options::{RecursiveOptions, RecursiveOptionsError};

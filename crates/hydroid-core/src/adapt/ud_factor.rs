@@ -87,6 +87,16 @@ impl UdFactor {
         self.d.len()
     }
 
+    /// The parts of the columns of `U` above the diagonal, one after the other.
+    pub fn columns(&self) -> &[f64] {
+        &self.columns
+    }
+
+    /// The diagonal of `D`.
+    pub fn diagonal(&self) -> &[f64] {
+        &self.d
+    }
+
     /// Whether the matrix is empty.
     pub fn is_empty(&self) -> bool {
         self.d.is_empty()

@@ -160,9 +160,8 @@ static REAL NAME_median(REAL *values, unsigned long *votes, size_t count)
 ";
 
 /// The functions that the code of a model calls.
-pub(super) fn needed(name: &str, precision: Precision, space: &StateSpace) -> String {
+pub(super) fn needed(name: &str, precision: Precision, space: &StateSpace, functions: &[usize]) -> String {
     let uses = |test: &dyn Fn(&Op) -> bool| {
-        let functions = space.functions();
         let mut nodes = functions.iter().flat_map(|&index| &space.function(index).nodes);
         nodes.any(|node| test(&node.op))
     };

@@ -4,9 +4,11 @@ use std::fmt::Write as _;
 
 use hydroid::model::{Model, Port};
 
+use super::adapter::Learning;
 use super::function::Printer;
 use super::helpers;
 use super::number::Precision;
+use crate::adapter::Adapter;
 use crate::name::{comment, identifiers};
 use crate::state_space::StateSpace;
 
@@ -15,6 +17,8 @@ pub(super) struct Text<'a> {
     pub(super) name: &'a str,
     pub(super) model: &'a Model,
     pub(super) space: &'a StateSpace,
+    /// How the model learns; none for constant weights.
+    pub(super) adapter: Option<&'a Adapter>,
     pub(super) precision: Precision,
 }
 
@@ -78,7 +82,7 @@ impl Text<'_> {
 #define {upper}_H
 
 #include <stddef.h>
-
+{includes}
 #ifdef __cplusplus
 extern \"C\" {{
 #endif
@@ -102,6 +106,7 @@ typedef {real} {name}_real;
             model = comment(&d.name),
             version = comment(&d.provenance.hydroid),
             dt = self.precision.literal(d.dt),
+            includes = if self.adapter.is_some() { "#include <stdint.h>\n" } else { "" },
         );
         text.push_str(&self.channels(&d.outputs, "Outputs"));
         text.push('\n');
@@ -143,6 +148,9 @@ void {name}_rates(const {name}_state *state, const {name}_real command[{upper}_I
 "
             );
         }
+        if let Some(learning) = self.learning() {
+            text.push_str(&learning.header());
+        }
         text.push_str("\n#ifdef __cplusplus\n}\n#endif\n\n#endif\n");
         text
     }
@@ -150,7 +158,7 @@ void {name}_rates(const {name}_state *state, const {name}_real command[{upper}_I
     /// The source.
     pub(super) fn source(&self) -> String {
         let (name, real) = (self.name, self.precision.type_name());
-        let printer = Printer { prefix: name, precision: self.precision, module: &self.space.module };
+        let printer = self.printer();
         let mut text = format!(
             "#include \"{name}.h\"\n\n#include <math.h>\n#include <stdint.h>\n#include <string.h>\n
 #ifdef __FAST_MATH__
@@ -161,8 +169,9 @@ void {name}_rates(const {name}_state *state, const {name}_real command[{upper}_I
             let _ = writeln!(text, " * x[{index}]  {}", described(&label.name, &label.unit));
         }
         text.push_str(" */\n\n");
-        text.push_str(&helpers::needed(self.name, self.precision, self.space));
-        for index in self.space.functions() {
+        let functions = self.functions();
+        text.push_str(&helpers::needed(self.name, self.precision, self.space, &functions));
+        for index in functions {
             text.push_str(&printer.function(index));
             text.push('\n');
         }
@@ -235,7 +244,25 @@ void {name}_rates(const {name}_state *state, const {real} command[{upper}_INPUTS
                 function(rates)
             );
         }
+        if let Some(learning) = self.learning() {
+            text.push_str(&learning.source());
+        }
         text
+    }
+
+    fn printer(&self) -> Printer<'_> {
+        Printer { prefix: self.name, precision: self.precision, module: &self.space.module }
+    }
+
+    fn learning(&self) -> Option<Learning<'_>> {
+        Some(Learning { name: self.name, precision: self.precision, adapter: self.adapter? })
+    }
+
+    /// Indices of all functions, each behind those that it calls.
+    fn functions(&self) -> Vec<usize> {
+        let mut roots = self.space.functions();
+        roots.extend(self.adapter.iter().flat_map(|adapter| adapter.functions()));
+        self.space.needed(&roots)
     }
 
     fn rollout(&self, printer: &Printer<'_>) -> String {

@@ -45,7 +45,7 @@ pub(super) fn state_space(model: &Direct, channels: &Channels) -> StateSpace {
     let (n, m) = (model.outputs(), model.inputs());
     let mut module = Module::default();
     let base = model.equations().map(|equations| {
-        let lowered = equations::lower(&mut module, equations, &channels.all());
+        let lowered = equations::lower(&mut module, equations, &channels.all(), &[]);
         (equations, lowered)
     });
     let memory = base.as_ref().map_or(0, |(equations, _)| equations.state_len() - n);

@@ -6,33 +6,52 @@ use super::{Channels, Label, StateSpace, lag, outputs_first, rk4};
 use crate::graph::{Builder, Module, Scalar, Unary, Vector};
 
 /// Equations as functions of a module.
-pub(super) struct Lowered {
+pub(crate) struct Lowered {
     /// `(state, command) -> state`.
     pub(super) step: usize,
     /// `(state, command) -> state` with the outputs held: the memory follows the command.
     pub(super) wait: usize,
+    /// Numbers of the memory, without the weights.
     pub(super) state: Vec<Label>,
     rates: Option<usize>,
+    /// `(state, command) -> [outputs, command, signals]`: the variables of the terms.
+    pub(crate) variables: usize,
 }
 
 /// The sum of coefficients times terms in `variables`: a number for each output.
 pub(super) fn rates<'a>(
     b: &'a Builder,
     terms: &[Term],
-    coefficients: &[f64],
+    coefficients: &[Scalar<'a>],
     variables: &[Scalar<'a>],
 ) -> Vector<'a> {
     let rows: Vec<Scalar<'_>> = coefficients
         .chunks_exact(terms.len().max(1))
         .map(|row| {
-            let active = terms.iter().zip(row).filter(|(_, xi)| **xi != 0.0);
-            active.fold(Scalar::Constant(0.0), |sum, (of, xi)| sum + term(of, variables) * *xi)
+            // A term with the coefficient zero is no part of the sum.
+            let product = |(of, xi): (&Term, &Scalar<'a>)| match xi {
+                Scalar::Constant(0.0) => Scalar::Constant(0.0),
+                xi => term(of, variables) * *xi,
+            };
+            terms.iter().zip(row).map(product).fold(Scalar::Constant(0.0), |sum, product| sum + product)
         })
         .collect();
     b.gather(&rows)
 }
 
-fn term<'a>(term: &Term, variables: &[Scalar<'a>]) -> Scalar<'a> {
+/// Coefficients, of which those at the places `learned` are `weights`.
+pub(super) fn with_weights<'a>(
+    coefficients: &[f64],
+    learned: &[usize],
+    weights: Vector<'a>,
+) -> Vec<Scalar<'a>> {
+    let mut all: Vec<Scalar<'_>> = coefficients.iter().map(|xi| Scalar::Constant(*xi)).collect();
+    learned.iter().enumerate().for_each(|(index, &place)| all[place] = weights.at(index));
+    all
+}
+
+/// A term in `variables`.
+pub(crate) fn term<'a>(term: &Term, variables: &[Scalar<'a>]) -> Scalar<'a> {
     term.factors().iter().fold(Scalar::Constant(1.0), |product, factor| {
         product * shape(factor.shape, variables[usize::from(factor.variable)])
     })
@@ -99,25 +118,42 @@ impl Memory {
     }
 }
 
-pub(super) fn lower(module: &mut Module, equations: &Equations, channels: &[Label]) -> Lowered {
+/// The functions of equations. The coefficients at the places `learned` are weights at the end of the state.
+pub(super) fn lower(
+    module: &mut Module,
+    equations: &Equations,
+    channels: &[Label],
+    learned: &[usize],
+) -> Lowered {
     let (n, m, signals) = (equations.outputs(), equations.inputs(), equations.signals().len());
     let memory = Memory::of(equations);
-    let states = equations.state_len();
+    let kept = equations.state_len();
+    let states = kept + learned.len();
 
     let b = Builder::new();
     let (y, c) = (b.argument("outputs", n), b.argument("command", m));
     let s = b.argument("signals", signals);
+    let weights = b.argument("weights", learned.len());
     let variables: Vec<Scalar<'_>> = [y, c, s].iter().flat_map(|part| part.elements()).collect();
-    let rows = rates(&b, equations.terms(), equations.coefficients(), &variables);
+    let coefficients = with_weights(equations.coefficients(), learned, weights);
+    let rows = rates(&b, equations.terms(), &coefficients, &variables);
     let motion = module.add(b.finish("motion", "Rates of the outputs", rows));
+
+    let b = Builder::new();
+    let (x, c) = (b.argument("state", states), b.argument("command", m));
+    let signals_now = signals_at(equations, &memory, (x, x.slice(0, n), c), &|_| 1.0, 0.0);
+    let all = b.concat(&[x.slice(0, n), c, b.gather(&signals_now)]);
+    let variables = module.add(b.finish("variables", "Variables of the terms", all));
 
     let rates = memory.delays.is_empty().then(|| {
         let b = Builder::new();
         let (x, c) = (b.argument("state", states), b.argument("command", m));
-        let dy = b.call(motion, n, &[x.slice(0, n), c, x.slice(n, signals)]);
+        let weights = x.slice(kept, learned.len());
+        let dy = b.call(motion, n, &[x.slice(0, n), c, x.slice(n, signals), weights]);
         let lags = memory.lags.iter().enumerate();
         let lags = lags.map(|(place, (_, input, time))| (c.at(*input) - x.at(n + place)) / *time);
-        let dx = b.concat(&[dy, b.gather(&lags.collect::<Vec<_>>())]);
+        let lags = b.gather(&lags.collect::<Vec<_>>());
+        let dx = b.concat(&[dy, lags, b.constant(&vec![0.0; learned.len()])]);
         module.add(b.finish("rates", "Rates of the state", dx))
     });
 
@@ -163,7 +199,7 @@ pub(super) fn lower(module: &mut Module, equations: &Equations, channels: &[Labe
     let next = shifted(&b, &memory, end, before, c);
     let wait = module.add(b.finish("wait", "State after a sample with the outputs held", next));
 
-    Lowered { step, wait, rates, state: memory.labels(channels, n, equations.dt()) }
+    Lowered { step, wait, rates, variables, state: memory.labels(channels, n, equations.dt()) }
 }
 
 /// One integration step: outputs by the Runge-Kutta method, lags exactly.
@@ -182,7 +218,8 @@ fn integrate<'a>(
         let decay = |time: f64| (0..halves).fold(1.0, |decay, _| decay * half(time));
         let time = (2 * substep + halves) as f64 * 0.5 / equations.substeps() as f64;
         let signals = signals_at(equations, memory, (x, before, c), &decay, time);
-        b.call(motion, n, &[y, c, b.gather(&signals)])
+        let kept = equations.state_len();
+        b.call(motion, n, &[y, c, b.gather(&signals), x.slice(kept, x.len() - kept)])
     });
     let lags = memory.lags.iter().enumerate();
     let lags =
@@ -235,6 +272,9 @@ fn shifted<'a>(
         parts.push(b.vector_of(now));
         parts.push(x.slice(place, samples - 1));
     }
+    // The weights stay.
+    let end = memory.delays.last().map_or(n + memory.lags.len(), |(_, place, samples)| place + samples);
+    parts.push(x.slice(end, x.len() - end));
     b.concat(&parts)
 }
 
@@ -252,13 +292,30 @@ pub(super) fn steady<'a>(b: &'a Builder, equations: &Equations, y: Vector<'a>, c
 }
 
 pub(super) fn state_space(equations: &Equations, channels: &Channels) -> StateSpace {
+    learning(equations, channels, &[]).0
+}
+
+/// The state space with the coefficients at the places `learned` at the end of the state, and its functions.
+pub(crate) fn learning(
+    equations: &Equations,
+    channels: &Channels,
+    learned: &[usize],
+) -> (StateSpace, Lowered) {
     let mut module = Module::default();
     let (n, m) = (equations.outputs(), equations.inputs());
-    let Lowered { step, rates, state, .. } = lower(&mut module, equations, &channels.all());
+    let lowered = lower(&mut module, equations, &channels.all(), learned);
     let b = Builder::new();
     let (y, c) = (b.argument("outputs", n), b.argument("command", m));
-    let start = b.finish("start", "State of a steady motion", steady(&b, equations, y, c));
-    let start = module.add(start);
+    let weights: Vec<f64> = learned.iter().map(|&place| equations.coefficients()[place]).collect();
+    let first = b.concat(&[steady(&b, equations, y, c), b.constant(&weights)]);
+    let start = module.add(b.finish("start", "State of a steady motion", first));
+    let mut state = lowered.state.clone();
+    state.extend(learned.iter().map(|place| {
+        let (output, index) = (place / equations.terms().len(), place % equations.terms().len());
+        let name = &channels.outputs[output].name;
+        Label::new(format!("coefficient of term {index} in the rate of {name}"), "")
+    }));
     let [observe, output] = outputs_first(&mut module, n, state.len());
-    StateSpace { module, state, start, step, observe, output, rates, block: None }
+    let (step, rates) = (lowered.step, lowered.rates);
+    (StateSpace { module, state, start, step, observe, output, rates, block: None }, lowered)
 }

@@ -12,10 +12,10 @@
 //! ([`Predictor::rollout`](hydroid_core::predict::Predictor::rollout)) from the last one.
 
 mod affine;
-mod committee;
+pub(crate) mod committee;
 mod craft;
 mod direct;
-mod equations;
+pub(crate) mod equations;
 mod plant;
 mod rate_limits;
 mod recurrent;
@@ -77,14 +77,21 @@ struct Sizes {
     dt: f64,
 }
 
+impl Sizes {
+    fn of(model: &Model) -> Self {
+        let d = &model.description;
+        Self { outputs: d.outputs.len(), inputs: d.inputs.len(), dt: d.dt }
+    }
+}
+
 /// Names of the outputs and inputs of a model.
-struct Channels {
+pub(crate) struct Channels {
     outputs: Vec<Label>,
     inputs: Vec<Label>,
 }
 
 impl Channels {
-    fn of(model: &Model) -> Self {
+    pub(crate) fn of(model: &Model) -> Self {
         let labels = |ports: &[hydroid::model::Port]| {
             ports.iter().map(|port| Label::new(&port.channel.name, &port.channel.unit)).collect()
         };
@@ -102,8 +109,7 @@ impl StateSpace {
     pub(crate) fn of(model: &Model) -> Self {
         let frozen = model.frozen();
         let channels = Channels::of(&frozen);
-        let d = &frozen.description;
-        let sizes = Sizes { outputs: d.outputs.len(), inputs: d.inputs.len(), dt: d.dt };
+        let sizes = Sizes::of(&frozen);
         let space = match &frozen.body {
             Body::Equations(equations) => equations::state_space(equations, &channels),
             Body::Recurrent(recurrent) => recurrent::state_space(recurrent, sizes, &channels),
@@ -113,8 +119,14 @@ impl StateSpace {
             Body::Plant(plant) => plant::state_space(plant),
             Body::Craft(craft) => craft::state_space(&craft.model),
         };
-        let rates: Vec<Option<f64>> = d.inputs.iter().map(|port| port.rate_limit).collect();
-        rate_limits::behind(space, &rates, sizes, &channels)
+        space.behind_limits(model).0
+    }
+
+    /// The state space behind the limits of the rates of the model: the positions come first in the state. The index is that of
+    /// the function `(positions, command) -> positions`; none without a limit.
+    pub(crate) fn behind_limits(self, model: &Model) -> (Self, Option<usize>) {
+        let rates: Vec<Option<f64>> = model.description.inputs.iter().map(|port| port.rate_limit).collect();
+        rate_limits::behind(self, &rates, Sizes::of(model), &Channels::of(model))
     }
 
     /// Indices of the functions that the model needs, each behind those that it calls.

@@ -9,15 +9,15 @@ use crate::graph::{Binary, Builder};
 /// a_k = sat(c_k, a_{k-1} - rate dt, a_{k-1} + rate dt)
 /// ```
 ///
-/// The result has no rates, because positions that follow their commands at once are no states of differential equations.
+/// The index is that of the function `(positions, command) -> positions`; none without a limit. The result has no rates, because positions that follow their commands at once are no states of differential equations.
 pub(super) fn behind(
     space: StateSpace,
     rates: &[Option<f64>],
     sizes: Sizes,
     channels: &Channels,
-) -> StateSpace {
+) -> (StateSpace, Option<usize>) {
     if rates.iter().all(Option::is_none) {
-        return space;
+        return (space, None);
     }
     let Sizes { outputs: n, inputs: m, dt } = sizes;
     let steps: Vec<f64> = rates.iter().map(|rate| rate.map_or(f64::MAX, |rate| rate * dt)).collect();
@@ -90,5 +90,6 @@ pub(super) fn behind(
         .map(|input| Label::new(format!("position behind {}", input.name), &input.unit))
         .collect();
     labels.extend(state);
-    StateSpace { module, state: labels, start, step, observe, output, rates: None, block }
+    let space = StateSpace { module, state: labels, start, step, observe, output, rates: None, block };
+    (space, Some(limit))
 }

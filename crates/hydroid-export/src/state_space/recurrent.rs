@@ -65,7 +65,7 @@ pub(super) fn state_space(model: &Recurrent, sizes: Sizes, channels: &Channels) 
     let mut module = Module::default();
     let base = match &model.base {
         BaseModel::Equations(equations) => {
-            let lowered = equations::lower(&mut module, equations, &channels.all());
+            let lowered = equations::lower(&mut module, equations, &channels.all(), &[]);
             Some((equations, lowered))
         }
         BaseModel::Nothing | BaseModel::Hold => None,

@@ -15,7 +15,7 @@ use crate::run::{AHEAD, ALONG, Run, difference};
 
 fn write(model: &Model, precision: Precision, name: &str, folder: &Path) {
     let options = Options { name: name.to_owned() };
-    for file in export(model, &Format::C(precision), &options).unwrap() {
+    for file in export(model, &Format::C(precision.into()), &options).unwrap() {
         std::fs::write(folder.join(&file.name), &file.content).unwrap();
     }
 }

@@ -1,5 +1,6 @@
 //! Tests of the exported formats.
 
+mod adapter;
 mod c;
 mod casadi;
 mod coefficients;

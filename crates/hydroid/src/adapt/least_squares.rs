@@ -65,7 +65,8 @@ pub struct ResolvedLeastSquares {
 }
 
 /// Options of the core for a model; an error if the window is shorter than half a sample or too long.
-pub(super) fn recursive_options(
+#[doc(hidden)]
+pub fn recursive_options(
     model: &Model,
     options: &LeastSquaresOptions,
 ) -> Result<RecursiveOptions, AdaptError> {

@@ -42,7 +42,7 @@ pub use {
     events::LoggedEvent,
     kalman::ResolvedKalman,
     last_layer::ResolvedLastLayer,
-    least_squares::ResolvedLeastSquares,
+    least_squares::{ResolvedLeastSquares, recursive_options},
     metrics::{BAND_80, BAND_95},
 };
 

@@ -3,12 +3,35 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::super::innovation_gate::{InnovationGate, Noise};
+use super::super::innovation_gate::{InnovationGate, Noise, NoiseConstants};
 use super::super::least_squares::RecursiveLeastSquares;
 use super::super::memory::{Reader, Writer};
 use super::super::scale::unit_columns;
+use super::super::ud_factor::UdFactor;
 use super::super::{Innovation, Outcome, Rejection};
 use crate::model::committee::{DifferenceEquations, Past, Prior};
+
+/// The constants of a member that learns, for code in other languages.
+#[derive(Clone, Debug)]
+#[doc(hidden)]
+pub struct LearnerConstants {
+    /// Index of the member.
+    pub member: usize,
+    /// Place of its coefficients in the weights.
+    pub first: usize,
+    /// Scale of each term.
+    pub scales: Vec<f64>,
+    /// Covariance at the start, in scaled coefficients.
+    pub factor: UdFactor,
+    /// Gate and noise estimate.
+    pub noise: NoiseConstants,
+    /// Clock steps over which a row is averaged.
+    pub averaging: usize,
+    /// Samples between two increments.
+    pub stride: usize,
+    /// Increments in a row.
+    pub row_increments: usize,
+}
 
 /// Increments of a clock step in an averaged row; more add little information.
 const INCREMENTS: usize = 4;
@@ -81,6 +104,19 @@ impl Learner {
             row: vec![0.0; terms],
             slots: vec![0.0; of.program().slots()],
         })
+    }
+
+    pub(super) fn constants(&self) -> LearnerConstants {
+        LearnerConstants {
+            member: self.member,
+            first: self.first,
+            scales: self.scales.clone(),
+            factor: self.kernel.initial_factor(),
+            noise: self.noise.constants(),
+            averaging: self.averaging,
+            stride: self.stride,
+            row_increments: self.row_increments,
+        }
     }
 
     /// Forgets an incomplete row.

@@ -14,7 +14,7 @@ use crate::model::committee::{Committee, CommitteeError, Limits, MOST_MEMBERS, P
 use crate::predict::{Predictor, Workspace, rollout_steps};
 use learner::Learner;
 
-pub use learner::increment_stride;
+pub use learner::{LearnerConstants, increment_stride};
 
 /// A session of a [`Committee`], and an [`Adapter`](super::Adapter) of the members that learn.
 ///
@@ -97,6 +97,12 @@ impl CommitteeSession {
     pub fn with_deviations(self, deviations: Vec<f64>) -> Self {
         assert!(deviations.len().is_multiple_of(self.committee.outputs()), "a number for each output");
         Self { deviations: deviations.into(), ..self }
+    }
+
+    /// The constants of the members that learn.
+    #[doc(hidden)]
+    pub fn learners(&self) -> Vec<LearnerConstants> {
+        self.learners.iter().map(Learner::constants).collect()
     }
 
     /// The committee.

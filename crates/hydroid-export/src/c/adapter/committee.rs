@@ -1,0 +1,195 @@
+//! Members of a committee that learn, in C.
+
+use super::least_squares::{self, NOISE};
+use super::{Code, Fields, Learning};
+use crate::adapter::MemberLearner;
+
+const LEARN: &str = "
+/* Learning of member MEMBER from the newest sample; measured is the number of samples up to it without a missing value. */
+static int NAME_learn_MEMBER(NAME_learner_MEMBER *learner, const REAL *x, REAL *weights, uint32_t measured)
+{
+    REAL increment[TERMS + UPPER_OUTPUTS];
+    REAL f[TERMS];
+    REAL gain[TERMS];
+    REAL e[UPPER_OUTPUTS];
+    REAL leverage[UPPER_OUTPUTS];
+    REAL variance;
+    REAL weight;
+    size_t i;
+    if (measured < NEEDED) {
+        NAME_forget_row_MEMBER(learner);
+        return UPPER_WAITING;
+    }
+    if ((measured - NEEDED) % STRIDE != 0U) {
+        return UPPER_WAITING;
+    }
+    INCREMENT(x, increment);
+    for (i = 0; i < TERMS; ++i) {
+        learner->phi[i] += increment[i];
+    }
+    for (i = 0; i < UPPER_OUTPUTS; ++i) {
+        learner->z[i] += increment[TERMS + i] / CLOCK;
+    }
+    ++learner->increments;
+    if (learner->increments < ROW) {
+        return UPPER_WAITING;
+    }
+    for (i = 0; i < TERMS; ++i) {
+        learner->phi[i] *= SHARE;
+    }
+    for (i = 0; i < UPPER_OUTPUTS; ++i) {
+        learner->z[i] *= SHARE;
+    }
+    weight = 0;
+    if (NAME_finite(learner->phi, TERMS) && NAME_finite(learner->z, UPPER_OUTPUTS)) {
+        variance = NAME_project(learner->u, learner->d, learner->phi, f, TERMS);
+        for (i = 0; i < UPPER_OUTPUTS; ++i) {
+            e[i] = learner->z[i] - NAME_expected(learner->phi, weights + i * TERMS, NAME_scale_MEMBER, TERMS);
+            leverage[i] = variance;
+        }
+        weight = NAME_judge(&learner->noise, e, leverage, LONGEST, RATE);
+    }
+    if (weight > 0) {
+        NAME_absorb(learner->u, learner->d, f, gain, (REAL)1 / (weight * AVERAGING), TERMS);
+        for (i = 0; i < UPPER_OUTPUTS; ++i) {
+            NAME_correct(weights + i * TERMS, gain, NAME_scale_MEMBER, e[i], TERMS);
+        }
+    }
+    NAME_forget_row_MEMBER(learner);
+    return (weight > 0) ? UPPER_LEARNED : UPPER_REJECTED;
+}
+";
+
+const FORGET_ROW: &str = "
+static void NAME_forget_row_MEMBER(NAME_learner_MEMBER *learner)
+{
+    size_t i;
+    for (i = 0; i < TERMS; ++i) {
+        learner->phi[i] = 0;
+    }
+    for (i = 0; i < UPPER_OUTPUTS; ++i) {
+        learner->z[i] = 0;
+    }
+    learner->increments = 0;
+}
+";
+
+const RUN: &str = "
+static void NAME_adapter_forget(NAME_adapter *adapter)
+{
+FORGET_ALL}
+
+static void NAME_adapter_begin(NAME_adapter *adapter, NAME_state *state, const REAL outputs[UPPER_OUTPUTS])
+{
+    (void)state;
+    (void)outputs;
+BEGIN_ALL    adapter->measured = 1;
+    adapter->observed = 1;
+}
+
+void NAME_adapter_step(NAME_adapter *adapter, NAME_state *state, const REAL command[UPPER_INPUTS])
+{
+    if (adapter->observed == 0U) {
+        adapter->measured = 0;
+    }
+    adapter->observed = 0;
+    NAME_sample(state, command);
+}
+
+int NAME_adapter_observe(NAME_adapter *adapter, NAME_state *state, const REAL outputs[UPPER_OUTPUTS])
+{
+    int result = UPPER_WAITING;
+    int complete = 1;
+    size_t i;
+    NAME_observe(state, outputs);
+    for (i = 0; i < UPPER_OUTPUTS; ++i) {
+        complete = complete && !isnan(outputs[i]);
+    }
+    adapter->measured = complete ? adapter->measured + 1U : 0U;
+    adapter->observed = 1;
+    if (adapter->frozen == 0U) {
+        int outcome;
+LEARN_ALL    }
+    return result;
+}
+";
+
+fn replaced(of: &Learning<'_>, text: &str, member: &MemberLearner) -> String {
+    let constants = &member.constants;
+    let number = |value: f64| of.number(value);
+    text.replace("INCREMENT(", &format!("{}(", of.function(member.increment)))
+        .replace("MEMBER", &constants.member.to_string())
+        .replace("TERMS", &constants.scales.len().to_string())
+        .replace("NEEDED", &format!("{}U", member.needed))
+        .replace("STRIDE", &format!("{}U", constants.stride))
+        .replace("CLOCK", &number(member.clock_s))
+        .replace("ROW", &format!("{}U", constants.row_increments))
+        .replace("SHARE", &number(1.0 / constants.row_increments as f64))
+        .replace("LONGEST", &format!("{}U", constants.noise.longest))
+        .replace("RATE", &number(constants.noise.rate))
+        .replace("AVERAGING", &number(constants.averaging as f64))
+}
+
+pub(super) fn code(of: &Learning<'_>, members: &[MemberLearner]) -> Code {
+    let about = String::from(
+        " * Members that learn continue the regression of the training rows by recursive least squares, without forgetting.
+ * A row is the mean of increments over a clock step of T seconds:
+ *     (y(t + T) - y(t)) / T = Xi theta(z(t))
+ * The coefficients Xi are those of ridge regression on all rows so far, in which the training rows have the weight of
+ * the prior. An innovation gate reduces the weight of outliers. Increments with a missing value are no part of a row.
+",
+    );
+    let (mut types, mut fields) = (String::from(NOISE), Fields::default());
+    let mut source = members
+        .first()
+        .map_or_else(String::new, |member| least_squares::functions(of, &member.constants.noise));
+    let (mut forget_all, mut begin_all, mut learn_all) =
+        (String::from("    size_t i;\n"), String::new(), String::new());
+    let at = match of.adapter.behind_positions() {
+        0 => String::from("state->x"),
+        at => format!("state->x + {at}"),
+    };
+    for member in members {
+        let (index, terms) = (member.constants.member, member.constants.scales.len());
+        let mut own = Fields::default();
+        least_squares::covariance(&mut own, "", terms);
+        own.reals("phi", terms, "sum of the scaled terms of the present row");
+        own.reals("z", member.outputs, "sum of the rates of the present row");
+        own.inner("noise", "NAME_noise", &least_squares::noise(member.outputs));
+        own.counter("increments", "in the present row");
+        types.push_str(&format!(
+            "\n/* Learning of member {index}: {terms} terms in the rates of {} outputs. */\ntypedef struct {{\n{}}} NAME_learner_{index};\n",
+            member.outputs, own.text
+        ));
+        let name = format!("learner_{index}");
+        fields.inner(&name, &format!("NAME_{name}"), &own);
+        let (tables, body) = least_squares::forget(
+            of,
+            &member.constants.factor,
+            &index.to_string(),
+            &format!("adapter->{name}.?"),
+        );
+        source.push('\n');
+        source.push_str(&of.table(&format!("NAME_scale_{index}"), &member.constants.scales));
+        source.push_str(&tables);
+        source.push_str(&replaced(of, FORGET_ROW, member));
+        source.push_str(&replaced(of, LEARN, member));
+        forget_all.push_str(&body);
+        forget_all.push_str(&format!("    NAME_forget_noise(&adapter->{name}.noise);\n"));
+        begin_all.push_str(&format!("    NAME_forget_row_{index}(&adapter->{name});\n"));
+        let first = of.adapter.first_weight() + member.constants.first;
+        learn_all.push_str(&format!(
+            "        outcome = NAME_learn_{index}(&adapter->{name}, {at}, state->x + {first}, adapter->measured);
+        result = (outcome == UPPER_WAITING) ? result : outcome;\n"
+        ));
+    }
+    types.push('\n');
+    fields.counter("measured", "consecutive samples without a missing value");
+    fields.counter("observed", "1: the present sample was measured");
+    source.push_str(
+        &RUN.replace("FORGET_ALL", &forget_all)
+            .replace("BEGIN_ALL", &begin_all)
+            .replace("LEARN_ALL", &learn_all),
+    );
+    Code { about, types, fields, source }
+}
