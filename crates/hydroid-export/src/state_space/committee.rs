@@ -273,5 +273,18 @@ fn labels(committee: &Committee, at: Places, channels: &Channels) -> Vec<Label> 
         }
         push(&format!(" of member {index}"), &samples);
     }
+    for (index, member) in committee.members().iter().enumerate().filter(|(_, member)| learned(member) > 0) {
+        let ago = |lag: usize| if lag == 0 { String::new() } else { format!(" {lag} clock steps ago") };
+        let names: Vec<String> = (0..=member.equations.shape().lags)
+            .flat_map(|lag| channels.all().into_iter().map(move |label| label.name + &ago(lag)))
+            .collect();
+        labels.extend(equations::weight_labels(
+            &format!(" of member {index}"),
+            member.equations.terms(),
+            &names,
+            &channels.outputs,
+            &(0..learned(member)).collect::<Vec<usize>>(),
+        ));
+    }
     labels
 }

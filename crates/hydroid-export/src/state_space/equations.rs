@@ -50,6 +50,21 @@ pub(super) fn with_weights<'a>(
     all
 }
 
+/// Labels of coefficients (`outputs x terms`) at some places.
+pub(super) fn weight_labels(
+    of: &str,
+    terms: &[Term],
+    names: &[String],
+    outputs: &[Label],
+    places: &[usize],
+) -> Vec<Label> {
+    let label = |place: &usize| {
+        let (output, term) = (&outputs[place / terms.len()].name, terms[place % terms.len()].name(names));
+        Label::new(format!("coefficient of {term} in the rate of {output}{of}"), "SI")
+    };
+    places.iter().map(label).collect()
+}
+
 /// A term in `variables`.
 pub(crate) fn term<'a>(term: &Term, variables: &[Scalar<'a>]) -> Scalar<'a> {
     term.factors().iter().fold(Scalar::Constant(1.0), |product, factor| {
@@ -310,11 +325,22 @@ pub(crate) fn learning(
     let first = b.concat(&[steady(&b, equations, y, c), b.constant(&weights)]);
     let start = module.add(b.finish("start", "State of a steady motion", first));
     let mut state = lowered.state.clone();
-    state.extend(learned.iter().map(|place| {
-        let (output, index) = (place / equations.terms().len(), place % equations.terms().len());
-        let name = &channels.outputs[output].name;
-        Label::new(format!("coefficient of term {index} in the rate of {name}"), "")
-    }));
+    let mut names: Vec<String> = channels.all().into_iter().map(|label| label.name).collect();
+    names.extend(
+        equations
+            .signals()
+            .iter()
+            .map(|signal| match *signal {
+                Signal::Lag { input, time_constant_s } => {
+                    format!("({} behind a lag of {} s)", names[usize::from(input)], time_constant_s.0)
+                }
+                Signal::Past { variable, samples } => {
+                    format!("({} {samples} samples ago)", names[usize::from(variable)])
+                }
+            })
+            .collect::<Vec<String>>(),
+    );
+    state.extend(weight_labels("", equations.terms(), &names, &channels.outputs, learned));
     let [observe, output] = outputs_first(&mut module, n, state.len());
     let (step, rates) = (lowered.step, lowered.rates);
     (StateSpace { module, state, start, step, observe, output, rates, block: None }, lowered)

@@ -5,7 +5,7 @@ use std::process::Command;
 use hydroid::adapt::{self, InnovationGate};
 use hydroid::model::{Body, Model};
 use hydroid_core::adapt::Adapter;
-use hydroid_core::predict::{Predictor as _, Workspace};
+use hydroid_core::predict::Workspace;
 use hydroid_export::{COptions, Format, Options, Precision, export};
 use tempfile::TempDir;
 
@@ -25,19 +25,20 @@ struct Run {
     measured: Vec<f64>,
 }
 
-/// Measurements of a vessel that is not quite the model: its commands have less effect, and drift along the run.
+/// Measurements of a vessel that is not the model: each output follows a mixture of the commands, whose effect changes along
+/// the run, behind a lag.
 fn simulated(model: &Model, samples: usize) -> Run {
     let (first, held) = (first_outputs(model), commands(model, 1, 0.4));
     let (n, m) = (first.len(), held.len());
     let given = commands(model, samples, 2.0);
-    let mut vessel = model.frozen().session();
-    vessel.observe(&first);
+    let mut y = first.clone();
     let mut measured = Vec::new();
-    let mut y = vec![0.0; n];
     for (k, c) in given.chunks_exact(m).enumerate() {
-        let effect = 0.8 - 0.2 * k as f64 / samples as f64;
-        vessel.advance(&c.iter().map(|c| effect * c).collect::<Vec<f64>>());
-        vessel.output(&mut y);
+        let effect = 0.8 - 0.5 * k as f64 / samples as f64;
+        for (i, y) in y.iter_mut().enumerate() {
+            let target: f64 = c.iter().enumerate().map(|(j, c)| effect * c / (1 + i + j) as f64).sum();
+            *y += (0.1 + 0.05 * i as f64) * (target - *y);
+        }
         let noise = drawn(n, k as f64);
         let mut row: Vec<f64> = y.iter().zip(noise).map(|(y, noise)| y + 0.01 * noise).collect();
         if k % 97 == 13 {
