@@ -1,10 +1,12 @@
 //! Exported C that learns, against the adapters of hydroid: 10,000 samples with noise, missing values and outliers.
 
 use std::process::Command;
+use std::sync::Arc;
 
 use hydroid::adapt::{self, InnovationGate};
 use hydroid::model::{Body, Model};
 use hydroid_core::adapt::Adapter;
+use hydroid_core::model::committee::{Committee, Prior};
 use hydroid_core::predict::Workspace;
 use hydroid_export::{COptions, Format, Options, Precision, export};
 use tempfile::TempDir;
@@ -279,10 +281,36 @@ fn equations(model: &Model) -> bool {
     matches!(model.body, Body::Equations(_))
 }
 
+/// A committee of which two members learn, from priors that are not diagonal.
+fn committee() -> Model {
+    let mut model = all().into_iter().find(|model| matches!(model.body, Body::Committee(_))).unwrap();
+    let Body::Committee(given) = &model.body else { unreachable!() };
+    let mut members = given.members().to_vec();
+    for (index, averaging) in [(0, 3), (1, 1), (2, 5)] {
+        let count = members[index].equations.terms().len();
+        let numbers = drawn(count * count, index as f64);
+        let triangle = (0..count * count).map(|at| match at % count {
+            column if column < at / count => 0.0,
+            column if column == at / count => 3.0 + numbers[at],
+            _ => numbers[at],
+        });
+        let r_factor = triangle.collect();
+        members[index].prior =
+            (index != 1).then_some(Prior { averaging, information: 2.0 + index as f64, r_factor });
+    }
+    let ranges = given.ranges().to_vec();
+    let committee = Committee::new(members).unwrap().with_ranges(ranges).unwrap();
+    model.body = Body::Committee(Arc::new(committee));
+    model.description.name = String::from("committee with two members that learn");
+    model
+}
+
+/// Models that learn, with the options of their method.
 fn learning_models() -> Vec<(Model, adapt::Options)> {
     let learns = |model: &Model| matches!(model.body, Body::Equations(_) | Body::Committee(_));
     let mut models: Vec<(Model, adapt::Options)> = all()
         .into_iter()
+        .chain([committee()])
         .filter(learns)
         .map(|model| {
             let options = adapt::Options::of(&model);
@@ -307,8 +335,67 @@ fn learning_models() -> Vec<(Model, adapt::Options)> {
 #[test]
 fn what_is_learned_in_c_is_what_hydroid_learns() {
     for (model, options) in learning_models() {
-        let [weights, predicted] = compare(&model, &options, Precision::Double, SAMPLES, &FAST);
-        println!("{}: weights {weights:.1e}, predictions {predicted:.1e}", model.description.name);
-        assert!(weights < 1e-9 && predicted < 1e-9, "{}: {weights} {predicted}", model.description.name);
+        let title = &model.description.name;
+        let far = compare(&model, &options, Precision::Double, SAMPLES, &FAST);
+        assert!(far.iter().all(|far| *far < 1e-9), "{title}: {far:?}");
     }
+}
+
+#[test]
+fn learning_in_single_precision_follows_that_in_double_precision() {
+    for (model, options) in learning_models() {
+        let title = &model.description.name;
+        let far = compare(&model, &options, Precision::Float, 1000, &FAST);
+        assert!(far.iter().all(|far| *far < 1e-5), "{title}: {far:?}");
+    }
+}
+
+#[test]
+#[ignore = "slow tier: .ci/run runs it"]
+fn learning_in_c_passes_sanitizers_and_clang() {
+    let clang = Command::new("clang").arg("--version").output().is_ok();
+    if !clang {
+        println!("skipped: no clang");
+    }
+    for (model, options) in learning_models() {
+        for precision in [Precision::Double, Precision::Float] {
+            compare(&model, &options, precision, 1000, &SANITIZED);
+            if clang {
+                compare(&model, &options, precision, 1000, &CLANG);
+            }
+        }
+    }
+}
+
+#[test]
+fn models_without_an_adapter_in_c_are_refused() {
+    let refused = |model: &Model, options: &adapt::Options| {
+        let c_options = COptions { precision: Precision::Double, adapter: Some(Box::new(options.clone())) };
+        let format = Format::C(c_options);
+        let error = export(model, &format, &Options { name: String::from("boat") }).unwrap_err();
+        error.to_string()
+    };
+    for model in all().iter().filter(|model| !matches!(model.body, Body::Equations(_) | Body::Recurrent(_))) {
+        let options = adapt::Options::of(model);
+        match &model.body {
+            Body::Committee(_) => {}
+            Body::Direct(_) | Body::Plant(_) => {
+                let error = refused(model, &options);
+                assert!(error.contains("without --adapter") && error.contains("C library"), "{error}");
+            }
+            _ => {
+                assert!(refused(model, &options).contains("cannot be adapted"), "{}", model.description.name)
+            }
+        }
+    }
+    // Constant members, and options that do not fit.
+    let constant = committee().frozen();
+    assert!(refused(&constant, &adapt::Options::of(&constant)).contains("none of its members learns"));
+    let model = all().remove(0);
+    let mut options = adapt::Options::of(&model);
+    options.least_squares.window_s = Some(1e9);
+    assert!(refused(&model, &options).contains("window of 1000000000 s"));
+    options = adapt::Options::of(&model);
+    options.method = adapt::Method::Kalman;
+    assert!(refused(&model, &options).contains("without --adapter"));
 }

@@ -4,8 +4,9 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
+use hydroid::adapt;
 use hydroid::model::Model;
-use hydroid_export::{Format, Options, Precision, export};
+use hydroid_export::{COptions, Format, Options, Precision, export};
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
 use tempfile::TempDir;
@@ -13,9 +14,9 @@ use tempfile::TempDir;
 use crate::models::all;
 use crate::run::{AHEAD, ALONG, Run, difference};
 
-fn write(model: &Model, precision: Precision, name: &str, folder: &Path) {
-    let options = Options { name: name.to_owned() };
-    for file in export(model, &Format::C(precision.into()), &options).unwrap() {
+fn write(model: &Model, options: impl Into<COptions>, name: &str, folder: &Path) {
+    let format = Format::C(options.into());
+    for file in export(model, &format, &Options { name: name.to_owned() }).unwrap() {
         std::fs::write(folder.join(&file.name), &file.content).unwrap();
     }
 }
@@ -197,7 +198,10 @@ fn all_models_run_in_c_with_clang() {
 
 #[test]
 fn hostile_names_do_not_leave_their_place() {
-    let strategy = prop::collection::vec("\\PC{0,30}|\\*/ *#error|\\?\\?/|\"; *abort\\(\\); *//", 5);
+    let strategy = prop::collection::vec(
+        "\\PC{0,30}|\\*/ *#error|\\?\\?/|\"; *abort\\(\\); *//|NAME|REAL|UPPER|TERMS",
+        5,
+    );
     let mut runner =
         TestRunner::new(ProptestConfig { cases: 12, failure_persistence: None, ..Default::default() });
     let base = all().remove(1);
@@ -211,7 +215,8 @@ fn hostile_names_do_not_leave_their_place() {
             port.channel.unit.clone_from(name);
         }
         let folder = TempDir::new().unwrap();
-        write(&model, Precision::Double, &names[1], folder.path());
+        let adapter = Some(Box::new(adapt::Options::of(&model)));
+        write(&model, COptions { precision: Precision::Double, adapter }, &names[1], folder.path());
         let name = hydroid_export::identifier(&names[1]);
         std::fs::write(
             folder.path().join("main.c"),

@@ -144,7 +144,7 @@ typedef struct {
 
 /// Fields of [`NOISE`].
 pub(super) fn noise(outputs: usize) -> Fields {
-    Fields { text: String::new(), reals: outputs, counters: 2 }
+    Fields { reals: outputs, counters: 2, ..Fields::default() }
 }
 
 /// The functions with the constants of the gate.

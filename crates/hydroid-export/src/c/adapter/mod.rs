@@ -33,9 +33,11 @@ struct Code {
 #[derive(Default)]
 struct Fields {
     text: String,
-    /// Sizes: numbers, counters.
+    /// Numbers, and counters of 32 bits.
     reals: usize,
     counters: usize,
+    /// Structs in it with an odd number of counters: in double precision, they end with an unused one.
+    odd: usize,
 }
 
 impl Fields {
@@ -54,13 +56,13 @@ impl Fields {
     fn inner(&mut self, name: &str, type_name: &str, inner: &Self) {
         self.text.push_str(&format!("    {type_name} {name};\n"));
         self.reals += inner.reals;
-        // Each struct ends at a multiple of its largest number.
-        self.counters += inner.counters + inner.counters % 2;
+        self.counters += inner.counters;
+        self.odd += inner.odd + inner.counters % 2;
     }
 
     fn bytes(&self, precision: Precision) -> usize {
         match precision {
-            Precision::Double => 8 * self.reals + 4 * (self.counters + self.counters % 2),
+            Precision::Double => 8 * self.reals + 4 * (self.counters + self.odd).next_multiple_of(2),
             Precision::Float => 4 * (self.reals + self.counters),
         }
     }
