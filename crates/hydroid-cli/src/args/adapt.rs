@@ -72,6 +72,21 @@ pub enum Learner {
     Kalman,
 }
 
+/// Method of adaptation and its options.
+#[derive(Clone, Debug, Default, PartialEq, ClapArgs)]
+pub struct MethodArgs {
+    /// Method of adaptation (default: least-squares for equations and direct predictors, kalman for networks and vessels)
+    #[arg(long, value_name = "METHOD", value_enum)]
+    pub learner: Option<Learner>,
+    /// Forgetting time: age at which a sample has the weight 1/e [s]; inf: none (default: 60; direct predictors 300; kalman inf)
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub forgetting: Option<f64>,
+    #[command(flatten)]
+    pub least_squares: LeastSquaresArgs,
+    #[command(flatten)]
+    pub kalman: KalmanArgs,
+}
+
 /// Guard, training logs, and faults for tests.
 #[derive(Clone, Debug, ClapArgs)]
 #[command(next_help_heading = "Guard and training logs")]
@@ -200,12 +215,6 @@ pub struct Adapt {
     /// Write the adapted model to this file (.safetensors; vessels: .toml)
     #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Method of adaptation (default: least-squares for equations and direct predictors, kalman for networks and vessels)
-    #[arg(long, value_name = "METHOD", value_enum)]
-    pub learner: Option<Learner>,
-    /// Forgetting time: age at which a sample has the weight 1/e [s]; inf: none (default: 60; direct predictors 300; kalman inf)
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
-    pub forgetting: Option<f64>,
     /// Take the model as one of the motion through the water, and estimate the current beside its weights: standard deviation
     /// of the components of the current at the start of a run [m/s], as in 0.3. Needs a heading
     #[arg(long, value_name = "M/S", allow_negative_numbers = true)]
@@ -214,9 +223,7 @@ pub struct Adapt {
     #[arg(long)]
     pub help_advanced: bool,
     #[command(flatten)]
-    pub least_squares: LeastSquaresArgs,
-    #[command(flatten)]
-    pub kalman: KalmanArgs,
+    pub method: MethodArgs,
     #[command(flatten)]
     pub guard: GuardArgs,
     #[command(flatten)]

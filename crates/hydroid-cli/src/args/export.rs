@@ -5,14 +5,17 @@ use std::path::PathBuf;
 use clap::{Args as ClapArgs, ValueEnum};
 use hydroid_export::Precision;
 
+use super::MethodArgs;
+
 /// Write a model in the format of another tool: C, ONNX, CasADi, FMU, Gazebo, MSS, LaTeX
 ///
-/// The exported model has constant weights. A rollout of it is that of the model to rounding. A format that cannot express
-/// a model is refused with the reason.
+/// The exported model has constant weights, or learns along a run (--to c --adapter). A rollout of it is that of the model to
+/// rounding. A format that cannot express a model is refused with the reason.
 #[derive(Debug, ClapArgs)]
 #[command(after_help = "Examples:
   hydroid export out/committee.safetensors --to c -o boat.c       boat.h and boat.c for any C99 compiler
   hydroid export out/gru.safetensors --to c --precision float -o firmware/    for a processor without double precision
+  hydroid export out/sindy.safetensors --to c --adapter -o boat.c    a model that learns on board, in memory of fixed size
   hydroid export vessels/otter.toml --to c --dt 0.02 -o otter.c   a vessel with given parameters
   hydroid export out/committee.safetensors --to casadi -o boat.py    for do-mpc, acados, own optimal control
   hydroid export out/gru.safetensors --to onnx -o boat.onnx       boat_step.onnx, boat_rollout.onnx, .. for ONNX Runtime
@@ -36,12 +39,15 @@ pub struct Export {
     /// Sample time of a vessel [s] (default: 0.1); an identified model has its own
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub dt: Option<f64>,
-    /// c, onnx: type of the numbers
-    #[arg(long, value_enum, value_name = "TYPE", default_value = "double")]
-    pub precision: PrecisionKind,
-    /// fmu: version of the Functional Mock-up Interface
-    #[arg(long, value_name = "2|3", default_value_t = 3, value_parser = clap::value_parser!(u8).range(2..=3))]
-    pub fmi: u8,
+    /// c, onnx: type of the numbers (default: double)
+    #[arg(long, value_enum, value_name = "TYPE")]
+    pub precision: Option<PrecisionKind>,
+    /// c: the exported model learns along a run, by the method of hydroid adapt (equations, committees, recurrent networks)
+    #[arg(long)]
+    pub adapter: bool,
+    /// fmu: version of the Functional Mock-up Interface (default: 3)
+    #[arg(long, value_name = "2|3", value_parser = clap::value_parser!(u8).range(2..=3))]
+    pub fmi: Option<u8>,
     /// fmu: libraries hydroid-fmu, one for each platform (default: that of this computer, beside the program)
     #[arg(long, value_name = "FILES", value_delimiter = ',')]
     pub library: Vec<PathBuf>,
@@ -55,9 +61,11 @@ pub struct Export {
     /// latex: length [m] of the prime system (default: that of the vessel file)
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub length: Option<f64>,
-    /// sdf: name of the link in Gazebo
-    #[arg(long, value_name = "NAME", default_value = "base_link")]
-    pub link: String,
+    /// sdf: name of the link in Gazebo (default: base_link)
+    #[arg(long, value_name = "NAME")]
+    pub link: Option<String>,
+    #[command(flatten)]
+    pub method: MethodArgs,
 }
 
 /// A format.
@@ -80,6 +88,11 @@ pub enum Target {
 }
 
 impl Target {
+    /// Name of the format in the command.
+    pub fn name(self) -> String {
+        self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+    }
+
     /// Extensions of its files.
     pub fn extensions(self) -> &'static [&'static str] {
         match self {

@@ -20,7 +20,7 @@ use clap::{Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand}
 use hydroid::config;
 use hydroid::log::{CommandTiming, InputDelay};
 
-pub use adapt::{Adapt, AnswerArgs, KalmanArgs, Learner, LeastSquaresArgs};
+pub use adapt::{Adapt, AnswerArgs, KalmanArgs, Learner, LeastSquaresArgs, MethodArgs};
 pub use control::{Control, ControllerKind, TaskKind, TimingKind};
 pub use export::{Export, Target};
 pub use file::FromFile;

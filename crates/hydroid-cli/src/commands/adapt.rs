@@ -15,7 +15,7 @@ use hydroid::model::{self, Model};
 use hydroid_live::black_box::adapt_recorded;
 
 use super::{Outcome, evaluate, table};
-use crate::args::{Adapt, Global, KalmanArgs, Learner, LeastSquaresArgs, NamedNumber};
+use crate::args::{Adapt, Global, KalmanArgs, Learner, LeastSquaresArgs, MethodArgs, NamedNumber};
 use crate::{logs, outputs, ui};
 
 pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
@@ -103,18 +103,22 @@ fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
     let mut options = Options {
         evaluate: evaluate::options(args.evaluation, model.description.dt),
         current_m_s: args.estimate_current,
-        ..Options::of(model)
+        ..method_options(&args.method, model)?
     };
     if !args.guard.no_guard {
         options = options.guarded(model);
     }
+    let rehearses = model.recurrent().is_some() && !args.guard.training_log.is_empty();
+    options.kalman.rehearsal = (rehearses && !args.guard.no_rehearsal).then(Rehearse::default);
+    Ok(options)
+}
+
+/// Options of the method; options for other kinds of models are refused.
+pub fn method_options(args: &MethodArgs, model: &Model) -> anyhow::Result<Options> {
+    let mut options = Options::of(model);
     if model.committee().is_some() {
-        let none = args.learner.is_none()
-            && args.forgetting.is_none()
-            && args.kalman == KalmanArgs::default()
-            && args.least_squares == LeastSquaresArgs::default();
         ensure!(
-            none,
+            *args == MethodArgs::default(),
             "a committee has no options of adaptation: its members continue the regression of the training rows, with the weights that cross-validation chose. Leave --learner, --forgetting and the options of least squares and of the Kalman filter out"
         );
         return Ok(options);
@@ -174,8 +178,6 @@ fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
         *into = value.unwrap_or(*into);
     }
     settings.covariance = given.covariance.unwrap_or(settings.covariance);
-    let rehearses = model.recurrent().is_some() && !args.guard.training_log.is_empty();
-    settings.rehearsal = (rehearses && !args.guard.no_rehearsal).then(Rehearse::default);
     settings.noise = noise(&given.noise, model)?;
     Ok(options)
 }

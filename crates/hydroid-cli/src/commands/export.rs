@@ -9,21 +9,26 @@ use hydroid_core::craft::Hull;
 use hydroid_core::vessel::{AddedMass, RigidBody};
 use hydroid_export::coefficients::{CoefficientOptions, Inertia};
 use hydroid_export::fmu::{FmuOptions, Version};
-use hydroid_export::{Format, Options, export, identifier};
+use hydroid_export::{COptions, Format, Options, Precision, export, identifier};
 use serde_json::json;
 
 use super::Outcome;
-use crate::args::{Export, Global, Target};
+use crate::args::{Export, Global, MethodArgs, Target};
 use crate::outputs;
 
 pub fn run(args: &Export, global: Global) -> anyhow::Result<Outcome> {
     let model = at_step(model::read(&args.model)?, args.dt)?;
+    check_options(args)?;
+    let precision = args.precision.map(Precision::from).unwrap_or_default();
     let format = match args.to {
-        Target::C => Format::C(Precision::from(args.precision).into()),
-        Target::Onnx => Format::Onnx(args.precision.into()),
+        Target::C => {
+            let adapter = args.adapter.then(|| super::adapt::method_options(&args.method, &model));
+            Format::C(COptions { precision, adapter: adapter.transpose()?.map(Box::new) })
+        }
+        Target::Onnx => Format::Onnx(precision),
         Target::Casadi => Format::Casadi,
         Target::Fmu => Format::Fmu(FmuOptions {
-            version: if args.fmi == 2 { Version::V2 } else { Version::V3 },
+            version: if args.fmi == Some(2) { Version::V2 } else { Version::V3 },
             libraries: args.library.clone(),
         }),
         Target::Sdf => Format::Sdf(coefficient_options(args)?),
@@ -57,6 +62,35 @@ pub fn run(args: &Export, global: Global) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
+/// Refuses options that have no effect on the format.
+fn check_options(args: &Export) -> anyhow::Result<()> {
+    let coefficients = [Target::Sdf, Target::Mss, Target::Latex];
+    let options: [(&str, bool, &[Target]); 8] = [
+        ("--precision", args.precision.is_some(), &[Target::C, Target::Onnx]),
+        ("--adapter", args.adapter, &[Target::C]),
+        ("--fmi", args.fmi.is_some(), &[Target::Fmu]),
+        ("--library", !args.library.is_empty(), &[Target::Fmu]),
+        ("--vessel", args.vessel.is_some(), &coefficients),
+        ("--speed", args.speed.is_some(), &[Target::Sdf, Target::Latex]),
+        ("--length", args.length.is_some(), &[Target::Latex]),
+        ("--link", args.link.is_some(), &[Target::Sdf]),
+    ];
+    for (name, given, formats) in options {
+        let list: Vec<String> = formats.iter().map(|format| format.name()).collect();
+        ensure!(
+            !given || formats.contains(&args.to),
+            "{name} has no effect on --to {}: it is an option of {}",
+            args.to.name(),
+            list.join(", ")
+        );
+    }
+    ensure!(
+        args.adapter || args.method == MethodArgs::default(),
+        "the options of the adaptation, such as --forgetting, need --adapter"
+    );
+    Ok(())
+}
+
 /// A vessel with another sample time.
 fn at_step(model: Model, dt: Option<f64>) -> anyhow::Result<Model> {
     let Some(dt) = dt else { return Ok(model) };
@@ -78,12 +112,11 @@ fn coefficient_options(args: &Export) -> anyhow::Result<CoefficientOptions> {
             value.unwrap_or_default()
         );
     }
-    let mut options = CoefficientOptions {
-        speed: args.speed,
-        length: args.length,
-        link: args.link.clone(),
-        ..CoefficientOptions::default()
-    };
+    let mut options =
+        CoefficientOptions { speed: args.speed, length: args.length, ..CoefficientOptions::default() };
+    if let Some(link) = &args.link {
+        options.link.clone_from(link);
+    }
     if let Some(path) = &args.vessel {
         let vessel = model::read(path)?;
         if let Some(craft) = vessel.craft() {

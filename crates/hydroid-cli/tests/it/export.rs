@@ -64,6 +64,20 @@ fn wrong_arguments_are_refused() {
     refused(folder.path(), "export hydrofoil --to fmu --library other.so -o boat.fmu", &["other.so"]);
     fs::remove_file(folder.path().join("other.so")).unwrap();
     refused(folder.path(), "export hydrofoil --to cobol -o boat.c", &["cobol", "possible values"]);
+    for (options, format, word) in [
+        ("--precision float", "casadi", "c, onnx"),
+        ("--adapter", "fmu", "of c"),
+        ("--fmi 2", "c", "of fmu"),
+        ("--library a.so", "c", "of fmu"),
+        ("--speed 1", "mss", "sdf, latex"),
+        ("--length 1", "sdf", "of latex"),
+        ("--vessel a.toml", "c", "sdf, mss, latex"),
+        ("--link hull", "latex", "of sdf"),
+        ("--forgetting 10", "c", "need --adapter"),
+        ("--adapter", "c", "without --adapter"),
+    ] {
+        refused(folder.path(), &format!("export hydrofoil --to {format} {options} -o new"), &[word]);
+    }
     assert!(files(folder.path()).is_empty());
 }
 
