@@ -55,18 +55,54 @@ static uint32_t used_stack(void)
     return STACK - 4 * i;
 }
 
+static vessel_state state;
+
+/* What is measured, and the size of its memory. */
+#ifdef RUN_LEARNS
+static vessel_adapter adapter;
+
+static void start(void)
+{
+    vessel_adapter_init(&adapter, &state, run_first, run_held);
+}
+
+static void run(void)
+{
+    uint32_t k;
+    for (k = 0; k < RUN_SAMPLES; ++k) {
+        vessel_adapter_step(&adapter, &state, run_ahead + k * VESSEL_INPUTS);
+        vessel_adapter_observe(&adapter, &state, run_first);
+    }
+}
+
+#define MEMORY (sizeof state + sizeof adapter)
+#else
+static void start(void)
+{
+    vessel_init(&state, run_first, run_held);
+}
+
+static void run(void)
+{
+    vessel_rollout(&state, run_ahead, RUN_SAMPLES, predicted);
+}
+
+#define MEMORY (sizeof state)
+#endif
+
 int main(void)
 {
-    static vessel_state state;
     uint32_t begin, ticks, stack, k, wrong = 0;
-    vessel_init(&state, run_first, run_held);
+    start();
     mark_stack();
-    vessel_rollout(&state, run_ahead, RUN_SAMPLES, predicted);
+    run();
     stack = used_stack();
+    start();
     board_timer();
     begin = board_ticks();
-    vessel_rollout(&state, run_ahead, RUN_SAMPLES, predicted);
+    run();
     ticks = board_ticks() - begin;
+    vessel_rollout(&state, run_ahead, RUN_SAMPLES, predicted);
     for (k = 0; k < RUN_SAMPLES * VESSEL_OUTPUTS; ++k) {
         const vessel_real difference = predicted[k] - run_predicted[k];
         const vessel_real size = difference < 0 ? -difference : difference;
@@ -79,7 +115,7 @@ int main(void)
     board_print(" stack ");
     print_number(stack);
     board_print(" state ");
-    print_number((uint32_t)sizeof state);
+    print_number((uint32_t)MEMORY);
     board_print(wrong == 0 ? " agrees\n" : " DIFFERS\n");
     return wrong == 0 ? 0 : 1;
 }
