@@ -2,11 +2,12 @@
 
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::common::{done, run, text};
+use crate::common::{MODEL, done, run, simple_vessel, text};
 
 fn refused(folder: &Path, args: &str, words: &[&str]) {
     let output = run(folder, args);
@@ -100,4 +101,85 @@ fn a_vessel_goes_to_python_simulators_and_papers() {
     assert!(plugin.contains("<link_name>hull</link_name>") && plugin.contains("<xU>-77.55</xU>"), "{plugin}");
     refused(folder.path(), "export hydrofoil --to latex --speed -1 -o t.tex", &["--speed", "positive"]);
     refused(folder.path(), "export hydrofoil --to latex --vessel nothing.toml -o t.tex", &["nothing.toml"]);
+}
+
+/// A program that learns from rows of a log and prints what it learned.
+const LEARNS: &str = "#include \"boat.h\"
+#include <stdio.h>
+int main(void)
+{
+    static boat_state state;
+    static boat_adapter adapter;
+    double command[BOAT_INPUTS], held[BOAT_INPUTS], outputs[BOAT_OUTPUTS];
+    int i, started = 0;
+    for (;;) {
+        for (i = 0; i < BOAT_INPUTS + BOAT_OUTPUTS; ++i) {
+            if (scanf(\"%lf\", i < BOAT_INPUTS ? &command[i] : &outputs[i - BOAT_INPUTS]) != 1) {
+                for (i = 0; i < BOAT_WEIGHTS; ++i) {
+                    printf(\"%.17g\\n\", state.x[BOAT_FIRST_WEIGHT + i]);
+                }
+                return 0;
+            }
+        }
+        if (started) {
+            boat_adapter_step(&adapter, &state, held);
+            boat_adapter_observe(&adapter, &state, outputs);
+        } else {
+            boat_adapter_init(&adapter, &state, outputs, command);
+            started = 1;
+        }
+        for (i = 0; i < BOAT_INPUTS; ++i) {
+            held[i] = command[i];
+        }
+    }
+}
+";
+
+#[test]
+fn exported_c_learns_from_a_log_what_the_command_learns() {
+    let vessel = simple_vessel();
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    let (model, log) = (vessel.join(MODEL), vessel.join("c.csv"));
+    let (model, log_name) = (model.display(), log.display());
+    let adapted =
+        run(at, &format!("adapt {model} {log_name} --no-guard --forgetting 30 -o adapted.safetensors -q"));
+    assert!(matches!(adapted.status.code(), Some(0 | 1)), "{}", text(&adapted.stderr));
+    done(at, &format!("export {model} --to c --adapter --forgetting 30 -o boat.c"));
+
+    let adapted = hydroid::model::read(&at.join("adapted.safetensors")).unwrap();
+    let learned = adapted.equations().unwrap().equations().coefficients().to_vec();
+    let names: Vec<String> = adapted
+        .description
+        .inputs
+        .iter()
+        .chain(&adapted.description.outputs)
+        .map(|port| port.channel.name.clone())
+        .collect();
+    let text_of_log = fs::read_to_string(&log).unwrap();
+    let mut lines = text_of_log.lines().map(|line| line.split(',').collect::<Vec<&str>>());
+    let header = lines.next().unwrap();
+    let places: Vec<usize> = names
+        .iter()
+        .map(|name| header.iter().position(|column| column.split(' ').next() == Some(name)).unwrap())
+        .collect();
+    let rows: String = lines
+        .map(|row| places.iter().map(|&place| row[place]).collect::<Vec<&str>>().join(" ") + "\n")
+        .collect();
+    fs::write(at.join("rows.txt"), rows).unwrap();
+    fs::write(at.join("main.c"), LEARNS).unwrap();
+    let built = Command::new("cc")
+        .current_dir(at)
+        .args(["-std=c99", "-O2", "main.c", "boat.c", "-o", "main", "-lm"])
+        .output()
+        .unwrap();
+    assert!(built.status.success(), "{}", text(&built.stderr));
+    let rows = fs::File::open(at.join("rows.txt")).unwrap();
+    let output = Command::new(at.join("main")).stdin(rows).output().unwrap();
+    let found: Vec<f64> = text(&output.stdout).lines().map(|line| line.parse().unwrap()).collect();
+    let learned: Vec<f64> = learned.into_iter().filter(|xi| *xi != 0.0).collect();
+    assert_eq!(found.len(), learned.len());
+    let largest = learned.iter().fold(0.0_f64, |largest, xi| largest.max(xi.abs()));
+    let far = found.iter().zip(&learned).map(|(a, b)| (a - b).abs() / largest).fold(0.0, f64::max);
+    assert!(far < 1e-9, "{far}");
 }
