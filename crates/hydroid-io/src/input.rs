@@ -1,9 +1,9 @@
 //! A file as a window of bytes that moves forward.
 
-use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 
 use crate::error::IoError;
+use crate::log_file::{LogFile, Stream};
 use crate::sink::Sink;
 
 /// Longest part of a file that is in memory at once, packed or unpacked.
@@ -14,8 +14,9 @@ const BLOCK: usize = 1 << 20;
 /// A file, read forward through a buffer.
 #[derive(Debug)]
 pub(crate) struct Input {
+    source: LogFile,
     path: String,
-    file: File,
+    file: Stream,
     /// Bytes of the file from `start`; the window is those from `at`.
     buffer: Vec<u8>,
     at: usize,
@@ -26,15 +27,20 @@ pub(crate) struct Input {
 }
 
 impl Input {
-    pub(crate) fn open(path: &str) -> Result<Self, IoError> {
-        let fail = |source| IoError::Read { path: path.to_owned(), source };
-        let file = File::open(path).map_err(fail)?;
-        let length = file.metadata().map_err(fail)?.len();
-        Ok(Self { path: path.to_owned(), file, buffer: Vec::new(), at: 0, start: 0, length, told: 0 })
+    pub(crate) fn open(source: LogFile) -> Result<Self, IoError> {
+        let path = source.name();
+        let fail = |source| IoError::Read { path: path.clone(), source };
+        let file = source.open().map_err(fail)?;
+        let length = file.length().map_err(fail)?;
+        Ok(Self { source, path, file, buffer: Vec::new(), at: 0, start: 0, length, told: 0 })
     }
 
     pub(crate) fn path(&self) -> &str {
         &self.path
+    }
+
+    pub(crate) fn source(&self) -> &LogFile {
+        &self.source
     }
 
     /// Length of the file.

@@ -1,8 +1,8 @@
 //! Readers of logs: files of any format as topics of numbers with time stamps; writers of tables
 //! ([`write_parquet`]) and of recordings ([`McapWriter`]); types of messages of ROS 2 ([`RosType`]).
 //!
-//! [`scan`] reads a file once and gives each row to a [`Sink`]. A file is recognised by its content. Damaged parts are
-//! left out and stated in [`Summary::losses`].
+//! [`scan`] reads a [`LogFile`], on disk or in memory, once and gives each row to a [`Sink`]. A file is recognised by its
+//! content. Damaged parts are left out and stated in [`Summary::losses`].
 //!
 //! A topic is a kind of message (`/odom`, `GPS`, `vehicle_attitude`, a sheet). Its fields are numbers; nested fields are
 //! joined with dots, elements of arrays have brackets: `pose.pose.position.x`, `pwm_us[0]`. Truth values are 0 and 1.
@@ -14,11 +14,12 @@
 //! lost. The sheets of a workbook are read as a stream; all of them together are limited to 16 MiB and 100 bytes for
 //! each byte of the file, and a workbook with more is an error.
 //!
-//! Order of the modules, each of which imports only modules before it: `error`, `sink`, `input`, `formats`, `open`.
+//! Order of the modules, each of which imports only modules before it: `log_file`, `error`, `sink`, `input`, `formats`, `open`.
 
 mod error;
 mod formats;
 mod input;
+mod log_file;
 mod open;
 mod sink;
 
@@ -26,6 +27,7 @@ pub use error::IoError;
 pub use formats::mcap::{McapChannel, McapWriter};
 pub use formats::message::shape::{RosNumber, RosShape, RosType};
 pub use formats::parquet::write_parquet;
+pub use log_file::{LogFile, Stream};
 pub use open::{Format, detect, scan};
 pub use sink::{Clock, Field, Loss, Sink, Summary, Topic};
 

@@ -3,6 +3,7 @@
 use crate::error::IoError;
 use crate::formats;
 use crate::input::Input;
+use crate::log_file::LogFile;
 use crate::sink::{Sink, Summary};
 
 /// Format of a file.
@@ -47,8 +48,8 @@ impl Format {
 ///
 /// # Errors
 /// If the file is empty or cannot be read.
-pub fn detect(path: &str) -> Result<Option<Format>, IoError> {
-    recognise(&mut Input::open(path)?)
+pub fn detect(source: impl Into<LogFile>) -> Result<Option<Format>, IoError> {
+    recognise(&mut Input::open(source.into())?)
 }
 
 fn recognise(input: &mut Input) -> Result<Option<Format>, IoError> {
@@ -84,10 +85,10 @@ fn recognise(input: &mut Input) -> Result<Option<Format>, IoError> {
 /// # Errors
 /// If nothing of the file can be read, its format is unknown, or the sink stops the reading. Damaged parts are in the
 /// summary.
-pub fn scan(path: &str, sink: &mut dyn Sink) -> Result<Summary, IoError> {
-    let mut input = Input::open(path)?;
+pub fn scan(source: impl Into<LogFile>, sink: &mut dyn Sink) -> Result<Summary, IoError> {
+    let mut input = Input::open(source.into())?;
     let Some(format) = recognise(&mut input)? else {
-        return Err(IoError::Unknown { path: path.to_owned() });
+        return Err(IoError::Unknown { path: input.path().to_owned() });
     };
     let read = match format {
         Format::Mcap => formats::mcap::scan,

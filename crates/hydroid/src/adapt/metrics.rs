@@ -1,11 +1,10 @@
 //! Metrics of an adapter along a log: outcomes of samples, coverage of its bands, computing time.
 
-use std::time::Instant;
-
 use hydroid_core::adapt::guard::{Action, Event};
 use hydroid_core::adapt::{Adapter, Outcome};
 use hydroid_core::predict::{Current, Predictor, Workspace};
 use serde::Serialize;
+use web_time::Instant;
 
 /// Number of samples by outcome.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]

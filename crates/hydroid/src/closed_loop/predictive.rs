@@ -1,9 +1,10 @@
 //! Model predictive control (MPC) in the closed loop.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use hydroid_core::control::Status;
 use hydroid_core::control::cem::Planner;
+use web_time::Instant;
 
 use super::controller::{ClosedLoopController, Observation};
 use super::reference::Timing;

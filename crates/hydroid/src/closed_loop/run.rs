@@ -1,11 +1,10 @@
 //! Simulation of the closed loop: measure, compute the command, advance the plant.
 
-use std::time::Instant;
-
 use hydroid_core::actuator::Limits;
 use hydroid_core::control::Status;
 use hydroid_core::guidance::Reference;
 use rand_distr::{Distribution as _, StandardNormal};
+use web_time::Instant;
 
 use super::controller::ClosedLoopController;
 use super::disturbance::Conditions;

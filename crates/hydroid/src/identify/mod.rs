@@ -24,7 +24,8 @@ mod training;
 mod verdict;
 
 use std::ops::ControlFlow;
-use std::time::Instant;
+
+use web_time::Instant;
 
 use crate::craft::CraftFile;
 use crate::evaluate::{DesignRange, Evaluation};

@@ -2,10 +2,10 @@
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use std::time::Instant;
 
 use hydroid_core::model::committee::Committee;
 use hydroid_core::model::sparse::Equations;
+use web_time::Instant;
 
 use super::{
     Candidate, IdentifyError, Job, Method, Parts, data_summary, equations, grey_box, networks as recurrent,

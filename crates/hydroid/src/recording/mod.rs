@@ -19,7 +19,7 @@ mod propose;
 mod survey;
 mod table;
 
-use std::path::Path;
+use hydroid_io::LogFile;
 
 use crate::log::{self, LogError, Note, RawLog, Selection};
 use crate::progress::{self, Progress};
@@ -40,31 +40,34 @@ const FILES: f64 = 0.05;
 ///
 /// # Errors
 /// If a file cannot be read, a column of the selection does not exist, or the callback cancels.
-pub fn read_logs<P: AsRef<Path>>(
-    paths: &[P],
+pub fn read_logs<'a, S>(
+    logs: &'a [S],
     selection: &mut Selection,
     dt: Option<f64>,
     progress: Progress<'_>,
-) -> Result<(Vec<RawLog>, Vec<Note>), LogError> {
+) -> Result<(Vec<RawLog>, Vec<Note>), LogError>
+where
+    LogFile: From<&'a S>,
+{
+    let sources: Vec<LogFile> = logs.iter().map(LogFile::from).collect();
     let mut notes = Vec::new();
     if selection.sensors.is_some() {
-        let mut recordings = Vec::with_capacity(paths.len());
-        for (i, path) in paths.iter().enumerate() {
-            let mut part = |done| progress(FILES * (i as f64 + done) / paths.len() as f64);
-            recordings.push(open::read(path.as_ref(), selection, &mut notes, &mut part)?);
+        let mut recordings = Vec::with_capacity(sources.len());
+        for (i, source) in sources.iter().enumerate() {
+            let mut part = |done| progress(FILES * (i as f64 + done) / sources.len() as f64);
+            recordings.push(open::read(source, selection, &mut notes, &mut part)?);
         }
         let mut rest = |done| progress(FILES + (1.0 - FILES) * done);
         return Ok((motion::tables(&recordings, selection, dt, &mut notes, &mut rest)?, notes));
     }
-    let mut tables = Vec::with_capacity(paths.len());
-    for (i, path) in paths.iter().enumerate() {
-        let path = path.as_ref();
-        let mut part = |done| progress((i as f64 + done) / paths.len() as f64);
+    let mut tables = Vec::with_capacity(sources.len());
+    for (i, source) in sources.iter().enumerate() {
+        let mut part = |done| progress((i as f64 + done) / sources.len() as f64);
         progress::report(&mut part, 0.0)?;
-        tables.push(if is_recording(path)? {
-            table::of_outputs(&open::read(path, selection, &mut notes, &mut part)?, selection, &mut notes)?
+        tables.push(if is_recording(source)? {
+            table::of_outputs(&open::read(source, selection, &mut notes, &mut part)?, selection, &mut notes)?
         } else {
-            log::read(path)?
+            log::read(source)?
         });
     }
     Ok((tables, notes))

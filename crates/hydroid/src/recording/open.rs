@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use hydroid_io::{Clock, Field, IoError, Sink, Summary, Topic};
+use hydroid_io::{Clock, Field, IoError, LogFile, Sink, Summary, Topic};
 
 use crate::log::line::Time;
 use crate::log::{self, ChannelSpec, LogError, Note, RawColumn, RawLog, Selection};
@@ -39,15 +39,16 @@ pub(super) struct Times {
 ///
 /// # Errors
 /// If the file cannot be read.
-pub fn is_recording(path: &Path) -> Result<bool, LogError> {
-    if path.is_dir() {
+pub fn is_recording(source: impl Into<LogFile>) -> Result<bool, LogError> {
+    let source = source.into();
+    if source.is_folder() {
         return Ok(true);
     }
     // A pipe can be read only once.
-    if !path.metadata().is_ok_and(|m| m.is_file()) {
+    if !source.is_file() {
         return Ok(false);
     }
-    match hydroid_io::detect(&path.display().to_string()) {
+    match hydroid_io::detect(source) {
         Ok(format) => Ok(format.is_some()),
         // The reader of CSV has its own message.
         Err(IoError::Empty { .. }) => Ok(false),
@@ -56,14 +57,18 @@ pub fn is_recording(path: &Path) -> Result<bool, LogError> {
 }
 
 /// Gives the rows of a recording, of a CSV file or of all files of a folder to a sink. A CSV file is a topic.
-pub(super) fn scan(path: &Path, sink: &mut dyn Sink, notes: &mut Vec<Note>) -> Result<Summary, LogError> {
-    let files = if path.is_dir() { files(path)? } else { vec![path.to_owned()] };
+pub(super) fn scan(
+    source: &LogFile,
+    sink: &mut dyn Sink,
+    notes: &mut Vec<Note>,
+) -> Result<Summary, LogError> {
+    let files = if source.is_folder() { files(source.path())? } else { vec![source.clone()] };
     let mut summary = Summary::default();
     let mut joined = Joined { sink, names: Vec::new(), ids: Vec::new() };
     for file in files {
         joined.ids.clear();
         if is_recording(&file)? {
-            let part = hydroid_io::scan(&file.display().to_string(), &mut joined)?;
+            let part = hydroid_io::scan(&file, &mut joined)?;
             merge(&mut summary, part);
         } else {
             csv(&file, &mut joined, notes)?;
@@ -73,7 +78,7 @@ pub(super) fn scan(path: &Path, sink: &mut dyn Sink, notes: &mut Vec<Note>) -> R
 }
 
 /// Files of a folder that are read together: those of a ROS 2 bag, else all CSV files.
-fn files(folder: &Path) -> Result<Vec<PathBuf>, LogError> {
+fn files(folder: &Path) -> Result<Vec<LogFile>, LogError> {
     let failed = |source| LogError::Read { path: folder.display().to_string(), source };
     let mut all = std::fs::read_dir(folder)
         .and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect::<Result<Vec<_>, _>>())
@@ -83,7 +88,7 @@ fn files(folder: &Path) -> Result<Vec<PathBuf>, LogError> {
         let of_kind = |path: &&PathBuf| {
             path.extension().is_some_and(|e| extensions.iter().any(|of| e.eq_ignore_ascii_case(of)))
         };
-        let found: Vec<PathBuf> = all.iter().filter(of_kind).cloned().collect();
+        let found: Vec<LogFile> = all.iter().filter(of_kind).map(LogFile::from).collect();
         if !found.is_empty() {
             return Ok(found);
         }
@@ -141,8 +146,8 @@ impl Sink for Joined<'_> {
 }
 
 /// A CSV file as a topic with its name.
-fn csv(path: &Path, sink: &mut dyn Sink, notes: &mut Vec<Note>) -> Result<(), LogError> {
-    let log = match log::read(path) {
+fn csv(file: &LogFile, sink: &mut dyn Sink, notes: &mut Vec<Note>) -> Result<(), LogError> {
+    let log = match log::read(file) {
         // A topic without messages.
         Err(LogError::HeaderOnly { .. }) => return Ok(()),
         log => log?,
@@ -171,7 +176,7 @@ fn csv(path: &Path, sink: &mut dyn Sink, notes: &mut Vec<Note>) -> Result<(), Lo
         )));
     }
     let fields = kept.iter().map(|c| Field { name: c.name.clone(), unit: c.unit.clone() }).collect();
-    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let name = file.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let topic = Topic { name, type_name: String::new(), clock, fields, texts: Vec::new() };
     if !sink.topic(0, &topic) {
         return Ok(());
@@ -277,7 +282,7 @@ fn specs(selection: &Selection) -> impl Iterator<Item = &ChannelSpec> {
 
 /// Reads the columns of a selection. Without named outputs or inputs, all columns are read.
 pub(super) fn read(
-    path: &Path,
+    source: &LogFile,
     selection: &Selection,
     notes: &mut Vec<Note>,
     progress: Progress<'_>,
@@ -288,8 +293,8 @@ pub(super) fn read(
     wanted.extend(components);
     let all = selection.sensors.is_none() && (selection.outputs.is_empty() || selection.inputs.is_empty());
     let mut collector = Collector { names: wanted.clone(), all, topics: Vec::new(), progress, fraction: 0.0 };
-    let summary = scan(path, &mut collector, notes)?;
-    let shown = path.display().to_string();
+    let summary = scan(source, &mut collector, notes)?;
+    let shown = source.name();
     note_losses(&shown, &summary, notes);
     let single = collector.topics.len() == 1;
     let mut recording = Recording {

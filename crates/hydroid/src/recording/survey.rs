@@ -1,9 +1,8 @@
 //! Content of a recording.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
-use hydroid_io::{Clock, Format, Sink, Summary, Topic};
+use hydroid_io::{Clock, Format, LogFile, Sink, Summary, Topic};
 
 use super::open::{self, qualified};
 use crate::log::{LogError, Note};
@@ -181,16 +180,17 @@ impl Sink for Surveyor {
 ///
 /// # Errors
 /// If nothing of it can be read.
-pub fn survey(path: &Path) -> Result<Survey, LogError> {
-    let shown = path.display().to_string();
+pub fn survey(source: impl Into<LogFile>) -> Result<Survey, LogError> {
+    let source = source.into();
+    let shown = source.name();
     let mut notes = Vec::new();
     let mut surveyor = Surveyor::default();
-    let summary = open::scan(path, &mut surveyor, &mut notes)?;
+    let summary = open::scan(&source, &mut surveyor, &mut notes)?;
     open::note_losses(&shown, &summary, &mut notes);
-    let format = if path.is_dir() {
+    let format = if source.is_folder() {
         "folder".to_owned()
     } else {
-        hydroid_io::detect(&shown)?.map_or("CSV", Format::name).to_owned()
+        hydroid_io::detect(&source)?.map_or("CSV", Format::name).to_owned()
     };
     let with_rows = surveyor.topics.into_iter().filter(|topic| topic.rows > 0);
     let topics: Vec<Statistics> = with_rows.collect();

@@ -1,8 +1,9 @@
 //! Time budget of a training.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use hydroid_core::math::Scalar;
+use web_time::Instant;
 
 use super::TrainError;
 use super::restarts::Restarts;

@@ -16,11 +16,12 @@
 use std::collections::HashMap;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use hydroid_core::math::Scalar;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
+use web_time::Instant;
 
 use super::fingerprint::fingerprints;
 use super::restarts::{Restart, Restarts};

@@ -638,3 +638,33 @@ fn the_field_runs_give_the_velocities() {
         }
     }
 }
+
+#[test]
+fn a_file_in_memory_is_read_as_one_on_disk() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("a.csv");
+    std::fs::write(&path, "t [s],n,u [m/s],r [rad/s]\n0,1,2,3\n0.1,1,2.5,3\n0.2,1,3,3.5\n").unwrap();
+    let content = std::fs::read(&path).unwrap();
+    let file = hydroid_io::LogFile::in_memory(&path, content);
+    let mut selection = Selection::default();
+    let read = |selection: &mut Selection, on_disk: bool| {
+        if on_disk {
+            read_logs(std::slice::from_ref(&path), selection, None, &mut silent())
+        } else {
+            read_logs(std::slice::from_ref(&file), selection, None, &mut silent())
+        }
+    };
+    let (disk, memory) = (read(&mut selection, true).unwrap(), read(&mut selection, false).unwrap());
+    assert_eq!(disk.0, memory.0);
+    assert_eq!(survey(&path).unwrap().topics.len(), survey(&file).unwrap().topics.len());
+    if let Some(fleet) = fleet() {
+        for file in ["otter.BIN", "otter.ulg", "otter_zstd.mcap", "otter_ros1.bag", "tanker.nmea"] {
+            let path = fleet.join("formats").join(file);
+            let in_memory = hydroid_io::LogFile::in_memory(&path, std::fs::read(&path).unwrap());
+            let text = |survey: hydroid::recording::Survey| format!("{survey:?}");
+            assert_eq!(text(survey(&path).unwrap()), text(survey(&in_memory).unwrap()), "{file}");
+        }
+    }
+    let empty = hydroid_io::LogFile::in_memory("empty.csv", Vec::new());
+    assert!(matches!(survey(&empty), Err(LogError::Empty { .. })), "{:?}", survey(&empty).err());
+}

@@ -9,6 +9,7 @@ use self::row::{columns, varint};
 use self::wal::Wal;
 use crate::error::IoError;
 use crate::input::{Input, LARGEST_PART};
+use crate::log_file::LogFile;
 use crate::sink::Summary;
 
 /// Length of the header of the file (section 1.3).
@@ -94,7 +95,7 @@ impl<'a> Database<'a> {
                 input.damaged("texts in UTF-16 are not supported", "convert the file with ros2 bag convert")
             );
         }
-        let wal = Wal::open(input.path(), page_size, summary)?;
+        let wal = Wal::open(input.source(), page_size, summary)?;
         let stored = input.length() / page_size as u64;
         let stated = number(28);
         // The stated number holds if the change counters agree (section 1.3.7), and there is no log.
@@ -103,10 +104,13 @@ impl<'a> Database<'a> {
             let bytes = (stated * page_size as u64).saturating_sub(input.length());
             summary.lose(input.length(), bytes, "the file is shorter than it states");
         }
-        let journal = format!("{}-journal", input.path());
-        if std::fs::metadata(&journal).is_ok_and(|journal| journal.len() > 512) {
+        let journal = input.source().beside("-journal");
+        let is_long =
+            |of: &LogFile| of.open().and_then(|file| file.length()).is_ok_and(|length| length > 512);
+        if let Some(journal) = journal.filter(is_long) {
             summary.note(format!(
-                "{journal} has a change that was not finished and is not undone here; open the bag once with sqlite3"
+                "{} has a change that was not finished and is not undone here; open the bag once with sqlite3",
+                journal.name()
             ));
         }
         // The log may state more pages than there are.

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 
 use crate::error::IoError;
 use crate::input::Input;
+use crate::log_file::LogFile;
 use crate::sink::Summary;
 
 const HEADER: usize = 32;
@@ -21,12 +22,17 @@ pub(super) struct Wal {
 
 impl Wal {
     /// Opens the log of a file; `None` if it has none, or none with a finished transaction.
-    pub(super) fn open(path: &str, page_size: usize, summary: &mut Summary) -> Result<Option<Self>, IoError> {
-        let path = format!("{path}-wal");
-        if !std::fs::metadata(&path).is_ok_and(|log| log.len() > HEADER as u64) {
+    pub(super) fn open(
+        of: &LogFile,
+        page_size: usize,
+        summary: &mut Summary,
+    ) -> Result<Option<Self>, IoError> {
+        let Some(source) = of.beside("-wal") else { return Ok(None) };
+        let path = source.name();
+        let mut input = Input::open(source)?;
+        if input.length() <= HEADER as u64 {
             return Ok(None);
         }
-        let mut input = Input::open(&path)?;
         let unread = "rows in it are not read; open the bag once with sqlite3 to merge them";
         let Some(header) = input.window(HEADER)?.first_chunk::<HEADER>().copied() else { return Ok(None) };
         let word = |at: usize| super::big(&header[at..]).unwrap_or(0);

@@ -8,7 +8,6 @@ mod table;
 mod xml;
 
 use std::cell::Cell as Shared;
-use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::rc::Rc;
 
@@ -20,6 +19,7 @@ use self::table::Table;
 use self::xml::Stop;
 use crate::error::IoError;
 use crate::input::Input;
+use crate::log_file::Stream;
 use crate::sink::{Sink, Summary};
 
 /// Longest directory of the package: a workbook has a few hundred parts.
@@ -29,7 +29,7 @@ const AGAIN: &str = "save it again as a workbook (.xlsx), or as CSV";
 
 /// A file that counts what is read of it.
 struct Counted {
-    file: File,
+    file: Stream,
     read: Rc<Shared<u64>>,
 }
 
@@ -49,8 +49,8 @@ impl Seek for Counted {
 
 pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, IoError> {
     check_directory(input)?;
-    let file =
-        File::open(input.path()).map_err(|source| IoError::Read { path: input.path().to_owned(), source })?;
+    let opened = input.source().open();
+    let file = opened.map_err(|source| IoError::Read { path: input.path().to_owned(), source })?;
     let read = Rc::new(Shared::new(0));
     let counted = Counted { file, read: Rc::clone(&read) };
     let zip = ZipArchive::new(BufReader::new(counted))

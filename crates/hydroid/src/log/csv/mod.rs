@@ -17,9 +17,10 @@ mod header;
 mod rows;
 mod write;
 
-use std::fs::File;
 use std::io::{ErrorKind, Read};
 use std::path::Path;
+
+use hydroid_io::{LogFile, Stream};
 
 use super::error::LogError;
 use super::lines::Lines;
@@ -184,24 +185,23 @@ impl RawColumn {
 ///
 /// # Errors
 /// If the file cannot be read or is not a table with a header; see [`LogError`].
-pub fn read(path: &Path) -> Result<RawLog, LogError> {
-    read_planned(path, |_| None)
+pub fn read(source: impl Into<LogFile>) -> Result<RawLog, LogError> {
+    read_planned(source.into(), |_| None)
 }
 
 /// Reads the log in a file without the values of some columns, which `plan` decides from the header; `None` keeps all.
 pub(super) fn read_planned(
-    path: &Path,
+    source: LogFile,
     plan: impl FnOnce(&RawLog) -> Option<Plan>,
 ) -> Result<RawLog, LogError> {
-    assemble::read(open(path)?, &path.display().to_string(), chunks::CHUNK, plan)
+    assemble::read(open(&source)?, &source.name(), chunks::CHUNK, plan)
 }
 
-fn open(path: &Path) -> Result<File, LogError> {
-    let name = path.display().to_string();
-    if path.is_dir() {
-        return Err(LogError::IsDirectory { path: name });
+fn open(source: &LogFile) -> Result<Stream, LogError> {
+    if source.is_folder() {
+        return Err(LogError::IsDirectory { path: source.name() });
     }
-    File::open(path).map_err(|source| failed(name, source))
+    source.open().map_err(|error| failed(source.name(), error))
 }
 
 fn failed(path: String, source: std::io::Error) -> LogError {
@@ -215,7 +215,7 @@ fn failed(path: String, source: std::io::Error) -> LogError {
 /// The bytes of a file.
 pub(crate) fn bytes(path: &Path) -> Result<Vec<u8>, LogError> {
     let mut bytes = Vec::new();
-    let read = open(path)?.read_to_end(&mut bytes);
+    let read = open(&path.into())?.read_to_end(&mut bytes);
     read.map_err(|source| failed(path.display().to_string(), source))?;
     Ok(bytes)
 }

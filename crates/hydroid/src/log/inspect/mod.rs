@@ -18,7 +18,8 @@ pub(super) use pose::heading;
 pub use stats::{ColumnReport, Disagreement};
 
 use std::borrow::Cow;
-use std::path::Path;
+
+use hydroid_io::LogFile;
 
 use rayon::prelude::*;
 
@@ -85,11 +86,11 @@ pub fn inspect(
 /// # Errors
 /// As [`read`](super::read) and [`inspect()`].
 pub fn inspect_file(
-    path: &Path,
+    source: impl Into<LogFile>,
     selection: &Selection,
     options: &PrepareOptions,
 ) -> Result<(Inspection, Vec<Trajectory>), LogError> {
-    let log = csv::read_planned(path, |header| plan(header, selection, options))?;
+    let log = csv::read_planned(source.into(), |header| plan(header, selection, options))?;
     inspect_log(Cow::Owned(log), selection, options)
 }
 
