@@ -1,8 +1,8 @@
 //! Vectors of the width of the processor, with operators.
 //!
 //! Each operation acts on each number alone with IEEE 754 rounding; [`Pack::mul_add`] is fused on every path, in
-//! software where the processor lacks the instruction. On 32-bit ARM, where the software is forty times as slow, product
-//! and sum are rounded. Only [`Pack::sum`] depends on the vector width.
+//! software where the processor lacks the instruction. On 32-bit ARM and in WebAssembly, where the software is forty times
+//! as slow, product and sum are rounded. Only [`Pack::sum`] depends on the vector width.
 #![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 use core::fmt::Debug;
@@ -106,7 +106,7 @@ macro_rules! operations {
 
         #[inline(always)]
         fn mul_add<S: Simd>(simd: S, a: S::$v, b: S::$v, c: S::$v) -> S::$v {
-            if cfg!(target_arch = "arm") {
+            if cfg!(any(target_arch = "arm", target_arch = "wasm32")) {
                 <Self as Vectors>::add(simd, <Self as Vectors>::mul(simd, a, b), c)
             } else {
                 simd.$mul_add(a, b, c)

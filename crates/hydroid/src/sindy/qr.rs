@@ -319,11 +319,21 @@ impl WithSimd for AppendRows<'_> {
     }
 }
 
+/// `a b + c`, fused where the processor has an instruction for it.
+#[inline(always)]
+fn mul_add<S: Simd>(simd: S, a: S::f64s, b: S::f64s, c: S::f64s) -> S::f64s {
+    if cfg!(any(target_arch = "arm", target_arch = "wasm32")) {
+        simd.add_f64s(simd.mul_f64s(a, b), c)
+    } else {
+        simd.mul_add_f64s(a, b, c)
+    }
+}
+
 #[inline(always)]
 fn dot<S: Simd>(simd: S, a: &[S::f64s], b: &[S::f64s]) -> f64 {
     let mut sum = [simd.splat_f64s(0.0); 2];
     for (i, (&a, &b)) in a.iter().zip(b).enumerate() {
-        sum[i & 1] = simd.mul_add_f64s(a, b, sum[i & 1]);
+        sum[i & 1] = mul_add(simd, a, b, sum[i & 1]);
     }
     simd.reduce_sum_f64s(simd.add_f64s(sum[0], sum[1]))
 }
@@ -344,7 +354,7 @@ fn reflect<S: Simd, const N: usize>(
     let mut sums = [simd.splat_f64s(0.0); N];
     for i in 0..len {
         for n in 0..N {
-            sums[n] = simd.mul_add_f64s(v[i], columns[n][i], sums[n]);
+            sums[n] = mul_add(simd, v[i], columns[n][i], sums[n]);
         }
     }
     let mut weights = [simd.splat_f64s(0.0); N];
@@ -355,7 +365,7 @@ fn reflect<S: Simd, const N: usize>(
     }
     for i in 0..len {
         for n in 0..N {
-            columns[n][i] = simd.mul_add_f64s(weights[n], v[i], columns[n][i]);
+            columns[n][i] = mul_add(simd, weights[n], v[i], columns[n][i]);
         }
     }
 }
