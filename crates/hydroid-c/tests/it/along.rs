@@ -1,0 +1,193 @@
+//! Sessions and adapters in C along a run, against the Rust API to the last bit.
+
+use std::path::Path;
+use std::sync::OnceLock;
+
+use hydroid::adapt::{Method, Options};
+use hydroid::model::{CurrentEstimate, Model, decode, encode, write};
+use tempfile::TempDir;
+
+use crate::models;
+use crate::program::{CLANG, CPP, Compiler, GCC, Program, exists, sources};
+use crate::run::{Run, follow};
+
+const SAMPLES: usize = 320;
+
+/// As it is read back from its file.
+fn stored(model: &Model) -> Model {
+    decode(&encode(model).unwrap(), Path::new("model")).unwrap()
+}
+
+pub(crate) fn in_current(model: Model) -> Model {
+    let mut model = model;
+    model.description.current = Some(CurrentEstimate {
+        motion: [0, 1, 2],
+        window: 20,
+        deviations: [0.1, 0.1, 0.05],
+        initial_m_s: 0.3,
+        walk_m_s: 0.01,
+    });
+    model
+}
+
+/// Models of all kinds, by name.
+pub(crate) fn model(name: &str) -> Model {
+    static ALL: OnceLock<Vec<Model>> = OnceLock::new();
+    let all = ALL.get_or_init(models::all);
+    let found = all.iter().find(|model| model.description.name == name);
+    found.unwrap_or_else(|| panic!("no model {name}")).clone()
+}
+
+struct Case {
+    model: Model,
+    /// None for a session that does not learn; else whether it is guarded, and options as JSON.
+    learns: Option<(bool, &'static str)>,
+}
+
+fn case(name: &str, learns: Option<(bool, &'static str)>) -> Case {
+    Case { model: stored(&model(name)), learns }
+}
+
+/// Options in Rust that are written independently of the JSON.
+fn options(case: &Case, noise: &[f64]) -> Option<Options> {
+    let (guarded, json) = case.learns?;
+    let mut options = Options::of(&case.model);
+    if guarded {
+        options = options.guarded(&case.model);
+    }
+    match json {
+        "{}" => {}
+        r#"{"method": "kalman", "kalman": {"leak_s": null, "huber": 3}}"# => {
+            options.method = Method::Kalman;
+            options.kalman.leak_s = f64::INFINITY;
+            options.kalman.huber = 3.0;
+        }
+        r#"{"guard": {"factor": 1.5, "sensors": false}, "current_m_s": 0.25}"# => {
+            let guard = options.guard.as_mut().unwrap();
+            (guard.factor, guard.sensors) = (1.5, false);
+            options.current_m_s = Some(0.25);
+        }
+        r#"{"kalman": {"covariance": "blocks:2", "weight_variance": 0.05}}"# => {
+            options.kalman.covariance = "blocks:2".parse().unwrap();
+            options.kalman.weight_variance = 0.05;
+        }
+        other => panic!("{other}"),
+    }
+    options.kalman.noise = Some(noise.to_vec());
+    Some(options)
+}
+
+/// Equal to the last bit; all NaN are equal.
+pub(crate) fn same(title: &str, expected: &[f64], found: &[f64]) {
+    assert_eq!(expected.len(), found.len(), "{title}");
+    for (at, (a, b)) in expected.iter().zip(found).enumerate() {
+        assert!(a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan()), "{title}, number {at}: {a} {b}");
+    }
+}
+
+/// Numbers of a file of results.
+pub(crate) fn numbers(path: &Path) -> Vec<f64> {
+    let bytes = std::fs::read(path).unwrap();
+    bytes.as_chunks::<8>().0.iter().map(|bytes| f64::from_ne_bytes(*bytes)).collect()
+}
+
+fn compare(program: &Program, case: &Case) {
+    let folder = TempDir::new().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let title = format!("{} {:?}", case.model.description.name, case.learns);
+    write(&case.model, Path::new(&path("model"))).unwrap();
+    let run = Run::of(&case.model, SAMPLES, case.learns.is_some());
+    run.write(Path::new(&path("run")));
+    let (mode, json) = match case.learns {
+        None => ("session", "{}"),
+        Some((false, json)) => ("adapter", json),
+        Some((true, json)) => ("guarded", json),
+    };
+    program.run(&[&path("model"), &path("run"), &path("results"), mode, json, &path("memory"), &path("learned")]);
+    let (expected, learned) = follow(&case.model, &run, options(case, &run.noise).as_ref());
+    let found = numbers(Path::new(&path("results")));
+    assert!(expected.iter().filter(|x| x.is_finite()).count() > expected.len() / 3, "{title}");
+    same(&title, &expected, &found);
+    if let Some(learned) = learned {
+        let written = std::fs::read(path("learned")).unwrap();
+        assert!(written == encode(&learned).unwrap(), "{title}: the learned model");
+        let weights = encode(&case.model).unwrap();
+        assert_ne!(written, weights, "{title} has learned nothing");
+    }
+}
+
+fn sessions() -> Vec<Case> {
+    let names = [
+        "equations with past outputs",
+        "gru on equations",
+        "lstm with projection on hold, without feedback",
+        "committee",
+        "direct on equations",
+        "affine",
+        "otter",
+        "hydrofoil",
+        "equations behind a limit of the rate",
+    ];
+    let mut cases: Vec<Case> = names.iter().map(|name| case(name, None)).collect();
+    cases.push(Case { model: stored(&in_current(model("equations"))), learns: None });
+    cases
+}
+
+fn adapters() -> Vec<Case> {
+    let kalman = r#"{"method": "kalman", "kalman": {"leak_s": null, "huber": 3}}"#;
+    let in_current = Case {
+        model: stored(&in_current(model("equations"))),
+        learns: Some((true, r#"{"guard": {"factor": 1.5, "sensors": false}, "current_m_s": 0.25}"#)),
+    };
+    vec![
+        case("equations with lags", Some((false, "{}"))),
+        case("equations", Some((true, kalman))),
+        case("gru on hold", Some((false, r#"{"kalman": {"covariance": "blocks:2", "weight_variance": 0.05}}"#))),
+        case("lstm on nothing, without feedback", Some((true, "{}"))),
+        case("direct on hold", Some((false, "{}"))),
+        case("committee", Some((true, "{}"))),
+        case("hydrofoil", Some((false, "{}"))),
+        case("equations behind a limit of the rate", Some((true, "{}"))),
+        in_current,
+    ]
+}
+
+fn program(compiler: &Compiler) -> Program {
+    Program::of(compiler, &sources().join("follow.c"))
+}
+
+#[test]
+fn sessions_in_c_are_those_of_rust() {
+    let program = program(&GCC);
+    sessions().iter().for_each(|case| compare(&program, case));
+}
+
+#[test]
+fn adapters_in_c_are_those_of_rust() {
+    let program = program(&GCC);
+    adapters().iter().for_each(|case| compare(&program, case));
+}
+
+#[test]
+fn cpp_and_clang_compile_the_same() {
+    for compiler in [CPP, CLANG] {
+        if exists(&compiler) {
+            let program = program(&compiler);
+            compare(&program, &case("gru on equations", None));
+            compare(&program, &case("equations with lags", Some((false, "{}"))));
+        }
+    }
+}
+
+#[test]
+fn the_shared_library_does_the_same() {
+    let libraries = libraries();
+    let flags = Compiler { program: "cc", flags: &["-std=c99", "-O2"] };
+    let (folder, path) = (format!("-L{libraries}"), format!("-Wl,-rpath,{libraries}"));
+    let program = Program::linked(&flags, &sources().join("follow.c"), &[&folder, &path, "-lhydroid_c"]);
+    compare(&program, &case("lstm on nothing, without feedback", Some((true, "{}"))));
+}
+
+fn libraries() -> String {
+    crate::program::libraries().to_str().unwrap().to_owned()
+}
