@@ -17,7 +17,7 @@
  *
  * Memory. A function that makes a handle stores it behind its last argument, and the caller frees it once, by the function
  * of its type. Other arrays belong to the caller. Texts end with a zero; those that functions return belong to the handle.
- * Only functions whose comment says so allocate, and an error allocates its message.
+ * Only functions whose comment says so allocate, and an error allocates its message. A program that runs out of memory ends.
  *
  * Threads. Each function can be called by any thread. Calls on one session or one simulation wait for each other; those on a
  * model do not. A handle must not be freed while another call uses it.
@@ -408,7 +408,8 @@ hydroid_status hydroid_session_observe_heading(hydroid_session *session,
                                                double heading);
 
 /**
- * Takes the measurement of the present sample. An adapter learns from it.
+ * Takes the measurement of the present sample. An adapter learns from it. Allocates in the first test of a guard, and in
+ * the first window of an estimate of the current.
  *
  * y, y_len: the outputs in their units. NaN is a missing value, for which the session keeps its own prediction. An
  *     adapter rejects infinite values; a session that does not learn believes them.
@@ -428,7 +429,7 @@ hydroid_status hydroid_session_advance(hydroid_session *session,
 
 /**
  * hydroid_session_advance() and hydroid_session_observe() in one. A model may omit the prediction where a complete
- * measurement replaces it.
+ * measurement replaces it. Allocates as hydroid_session_observe().
  */
 hydroid_status hydroid_session_advance_observe(hydroid_session *session,
                                                const double *c,
@@ -454,8 +455,8 @@ hydroid_status hydroid_session_output_through_water(const hydroid_session *sessi
 hydroid_status hydroid_session_current(const hydroid_session *session, hydroid_current *current);
 
 /**
- * Predicts the next samples under given commands, and does not change the session. Allocates while the number of samples
- * is the largest so far.
+ * Predicts the next samples under given commands, and does not change the session. Allocates while its memory grows:
+ * in the first call of a size, and in the first calls of a guarded adapter.
  *
  * commands, commands_len: samples x inputs numbers, sample by sample; the first command acts from the present sample on.
  * y, y_len: receives samples x outputs numbers, sample by sample; the first row is the next sample. y_len determines the
@@ -469,7 +470,8 @@ hydroid_status hydroid_session_rollout(const hydroid_session *session,
 
 /**
  * Predicts under count sequences of commands from the present sample, side by side where the model can: for planners.
- * Results differ from those of hydroid_session_rollout() in the last digits. Allocates while the size is the largest so far.
+ * Results differ from those of hydroid_session_rollout() in the last digits. Allocates as
+ * that function.
  *
  * commands, commands_len: count x samples x inputs numbers, sequence by sequence.
  * y, y_len: receives count x samples x outputs numbers.
@@ -563,7 +565,7 @@ hydroid_status hydroid_session_active(const hydroid_session *session, hydroid_ex
 /**
  * Standard deviations of the measurements around the predictions of hydroid_session_rollout(), from the uncertainty of
  * weights and state and from the measurement noise. A band of HYDROID_BAND_80 standard deviations contains the
- * measurement with a probability of 80 %. Allocates while the size is the largest so far.
+ * measurement with a probability of 80 %. Allocates while its memory grows, with the size and with the first updates.
  *
  * commands, commands_len: samples x inputs numbers, as many samples as the last horizon.
  * horizons, horizons_len: samples ahead, ascending, from 1 on.

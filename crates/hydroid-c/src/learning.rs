@@ -2,8 +2,8 @@
 
 use hydroid::adapt;
 use hydroid::model::Model;
-use hydroid_core::adapt::guard;
 use hydroid_core::adapt::Rejection;
+use hydroid_core::adapt::guard;
 
 use crate::error::{Error, Outcome, Status, check_finite, check_length};
 use crate::session::{Learner, Session};
@@ -162,7 +162,8 @@ impl Session {
         let sizes = self.sizes;
         self.learner(|learner, _| {
             let Some(rehearsal) = learner.adapter.rehearsal() else {
-                let message = "the adapter does not rehearse: set the option kalman.rehearsal of a recurrent network";
+                let message =
+                    "the adapter does not rehearse: set the option kalman.rehearsal of a recurrent network";
                 return Err(Error::new(Status::Unsupported, message));
             };
             let least = rehearsal.samples.saturating_add(1);

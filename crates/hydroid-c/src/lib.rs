@@ -13,6 +13,8 @@
 //!
 //! Order of the modules, bottom to top: `error`, `options`, `session`, `learning`, `simulation`, `model`, `interface`.
 
+#![expect(clippy::doc_markdown, reason = "the comments of the header are for readers of C")]
+
 mod error;
 pub mod interface;
 mod learning;

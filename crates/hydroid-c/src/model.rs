@@ -12,7 +12,7 @@ use crate::session::{Learner, Session};
 
 /// A model: constant after it was read, so that any number of threads can use it.
 pub struct Model {
-    pub(crate) model: model::Model,
+    pub(crate) content: model::Model,
     pub(crate) name: CString,
     pub(crate) kind: CString,
     pub(crate) outputs: Vec<Channel>,
@@ -40,7 +40,7 @@ impl Model {
             kind: c_text(model.kind()),
             outputs: channels(&model.description.outputs),
             inputs: channels(&model.description.inputs),
-            model,
+            content: model,
         }
     }
 
@@ -53,14 +53,14 @@ impl Model {
     }
 
     pub(crate) fn write(&self, path: &str) -> Outcome {
-        model::write(&self.model, Path::new(path)).map_err(file)
+        model::write(&self.content, Path::new(path)).map_err(file)
     }
 
     /// A vessel at another sample time.
     pub(crate) fn at_step(&self, dt: f64) -> Outcome<Self> {
         let invalid = |message: String| Error::new(Status::Value, message);
-        let own = self.model.description.dt;
-        let model = self.model.clone().at_step(dt).map_err(|error| invalid(error.to_string()))?;
+        let own = self.content.description.dt;
+        let model = self.content.clone().at_step(dt).map_err(|error| invalid(error.to_string()))?;
         if model.description.dt == dt {
             return Ok(Self::of(model));
         }
@@ -70,21 +70,23 @@ impl Model {
     }
 
     pub(crate) fn frozen(&self) -> Self {
-        Self::of(self.model.frozen())
+        Self::of(self.content.frozen())
     }
 
     pub(crate) fn session(&self) -> Session {
-        Session::of(self.model.session())
+        Session::of(self.content.session())
     }
 
     /// A session that learns.
     pub(crate) fn adapter(&self, options: &Options) -> Outcome<Session> {
         let told = |error| self.told(error);
         let model = match options.current_m_s {
-            Some(initial_m_s) => self.model.with_current(initial_m_s).map_err(|error| told(error.into()))?,
-            None => self.model.clone(),
+            Some(initial_m_s) => {
+                self.content.with_current(initial_m_s).map_err(|error| told(error.into()))?
+            }
+            None => self.content.clone(),
         };
-        let (adapter, used) = adapt::adapter(&self.model, options, &[]).map_err(told)?;
+        let (adapter, used) = adapt::adapter(&self.content, options, &[]).map_err(told)?;
         let identity = identity(&model, options)?;
         Ok(Session::learning(Learner { adapter, model, used, identity }))
     }

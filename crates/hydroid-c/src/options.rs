@@ -7,10 +7,16 @@ use toml::{Table, Value};
 
 use crate::error::{Error, Outcome, Status};
 
+/// Largest horizon of a guard, and number of rehearsed samples: more memory than a program should ask for ends it.
+const LARGEST_HORIZON: usize = 10_000;
+const MOST_REHEARSED: f64 = 1e6;
+
 fn invalid(message: impl std::fmt::Display) -> Error {
     Error::new(
         Status::Options,
-        format!("the options of the adapter are invalid: {message}; hydroid_model_adapter_options gives the defaults"),
+        format!(
+            "the options of the adapter are invalid: {message}; hydroid_model_adapter_options gives the defaults"
+        ),
     )
 }
 
@@ -40,7 +46,26 @@ pub(crate) fn read(
     if let Some(noise) = noise {
         options.kalman.noise = Some(noise.to_vec());
     }
+    check_sizes(&options, model.description.dt)?;
     Ok(options)
+}
+
+fn check_sizes(options: &Options, dt: f64) -> Outcome {
+    if let Some(guard) = options.guard.as_ref().filter(|guard| guard.horizon > LARGEST_HORIZON) {
+        let horizon = guard.horizon;
+        return Err(invalid(format!(
+            "'guard.horizon' is {horizon} samples, at most {LARGEST_HORIZON} are possible"
+        )));
+    }
+    if let Some(rehearsal) = &options.kalman.rehearsal {
+        let samples = rehearsal.windows as f64 * (rehearsal.window_s / dt);
+        if samples.is_nan() || samples > MOST_REHEARSED {
+            return Err(invalid(format!(
+                "'kalman.rehearsal' has {samples} samples in its windows, at most {MOST_REHEARSED} are possible"
+            )));
+        }
+    }
+    Ok(())
 }
 
 fn over(defaults: &Options, text: &str, guarded: bool) -> Outcome<Options> {
@@ -53,7 +78,9 @@ fn over(defaults: &Options, text: &str, guarded: bool) -> Outcome<Options> {
     let Value::Table(mut all) = Value::try_from(defaults).map_err(invalid)? else {
         return Err(invalid("the defaults are no table"));
     };
-    let Json::Object(given) = given else { return Err(invalid("an object is needed, as {\"method\": \"kalman\"}")) };
+    let Json::Object(given) = given else {
+        return Err(invalid("an object is needed, as {\"method\": \"kalman\"}"));
+    };
     merge(&mut all, &known, given, "")?;
     Value::Table(all).try_into().map_err(|error: toml::de::Error| invalid(error.message()))
 }
@@ -61,11 +88,15 @@ fn over(defaults: &Options, text: &str, guarded: bool) -> Outcome<Options> {
 fn merge(into: &mut Table, known: &Json, given: serde_json::Map<String, Json>, path: &str) -> Outcome {
     for (key, value) in given {
         let path = format!("{path}{key}");
-        let Some(known) = known.get(&key) else { return Err(invalid(format!("there is no option '{path}'"))) };
+        let Some(known) = known.get(&key) else {
+            return Err(invalid(format!("there is no option '{path}'")));
+        };
         match (value, into.get_mut(&key)) {
             (Json::Null, Some(Value::Float(number))) => *number = f64::INFINITY,
             (Json::Null, _) => drop(into.remove(&key)),
-            (Json::Object(given), Some(Value::Table(table))) => merge(table, known, given, &format!("{path}."))?,
+            (Json::Object(given), Some(Value::Table(table))) => {
+                merge(table, known, given, &format!("{path}."))?;
+            }
             (value, _) => drop(into.insert(key, number_or_text(value, &path)?)),
         }
     }

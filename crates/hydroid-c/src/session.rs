@@ -35,7 +35,7 @@ struct State {
 
 enum Of {
     Predictor(Box<dyn Predictor>),
-    Adapter(Learner),
+    Adapter(Box<Learner>),
 }
 
 /// An adapter, and what the learned model and the memory need to know of it.
@@ -59,7 +59,10 @@ impl Session {
         let adapter = learner.adapter.as_ref();
         let memory = learner.identity.len() + adapter.memory_len();
         let sizes = Sizes::of(adapter, adapter.weights().len(), memory);
-        Self { sizes, state: Mutex::new(State { of: Of::Adapter(learner), work: Workspace::new() }) }
+        Self {
+            sizes,
+            state: Mutex::new(State { of: Of::Adapter(Box::new(learner)), work: Workspace::new() }),
+        }
     }
 
     pub(crate) const fn is_adapter(&self) -> bool {

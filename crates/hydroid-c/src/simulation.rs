@@ -26,7 +26,8 @@ impl Simulation {
     }
 
     fn with<T>(&self, act: impl FnOnce(&mut Plant) -> Outcome<T>) -> Outcome<T> {
-        let message = "an internal error ended an earlier call of this simulation: free it and make a new one";
+        let message =
+            "an internal error ended an earlier call of this simulation: free it and make a new one";
         let mut state = self.state.lock().map_err(|_| Error::new(Status::Failed, message))?;
         act(&mut state)
     }

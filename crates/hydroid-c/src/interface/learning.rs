@@ -10,7 +10,10 @@ use crate::session::Session;
 
 /// Effect of the last observed sample on the weights.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn hydroid_session_outcome(session: *const Session, outcome: *mut SampleOutcome) -> Status {
+pub unsafe extern "C" fn hydroid_session_outcome(
+    session: *const Session,
+    outcome: *mut SampleOutcome,
+) -> Status {
     // SAFETY: the rules of the header.
     call(|| unsafe { put(outcome, "outcome", handle(session, "session")?.outcome()?) })
 }
@@ -93,7 +96,7 @@ pub unsafe extern "C" fn hydroid_session_active(session: *const Session, expert:
 
 /// Standard deviations of the measurements around the predictions of hydroid_session_rollout(), from the uncertainty of
 /// weights and state and from the measurement noise. A band of HYDROID_BAND_80 standard deviations contains the
-/// measurement with a probability of 80 %. Allocates while the size is the largest so far.
+/// measurement with a probability of 80 %. Allocates while its memory grows, with the size and with the first updates.
 ///
 /// commands, commands_len: samples x inputs numbers, as many samples as the last horizon.
 /// horizons, horizons_len: samples ahead, ascending, from 1 on.

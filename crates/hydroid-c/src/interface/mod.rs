@@ -68,7 +68,10 @@ fn check_address<T>(pointer: *const T, name: &str) -> Outcome {
         return Err(Error::new(Status::Pointer, format!("{name} is null")));
     }
     if !pointer.is_aligned() {
-        return Err(Error::new(Status::Pointer, format!("the address of {name} is not aligned for its type")));
+        return Err(Error::new(
+            Status::Pointer,
+            format!("the address of {name} is not aligned for its type"),
+        ));
     }
     Ok(())
 }

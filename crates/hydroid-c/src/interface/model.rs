@@ -1,6 +1,6 @@
 //! Models: files, descriptions, and what is made of them.
 
-use std::ffi::{c_char, CString};
+use std::ffi::{CString, c_char};
 
 use super::{call, free, give, handle, optional_text, put, slice, slice_mut, text, value_or};
 use crate::error::{Error, Outcome, Status};
@@ -57,7 +57,11 @@ pub unsafe extern "C" fn hydroid_model_free(model: *mut Model) {
 ///
 /// changed: receives the model; NULL after an error. Freed by hydroid_model_free().
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn hydroid_model_at_step(model: *const Model, dt: f64, changed: *mut *mut Model) -> Status {
+pub unsafe extern "C" fn hydroid_model_at_step(
+    model: *const Model,
+    dt: f64,
+    changed: *mut *mut Model,
+) -> Status {
     // SAFETY: the rules of the header.
     call(|| unsafe { give(changed, "changed", || handle(model, "model")?.at_step(dt)) })
 }
@@ -90,7 +94,7 @@ pub unsafe extern "C" fn hydroid_model_inputs(model: *const Model) -> usize {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hydroid_model_dt(model: *const Model) -> f64 {
     // SAFETY: the rules of the header.
-    value_or(f64::NAN, || Ok(unsafe { handle(model, "model")? }.model.description.dt))
+    value_or(f64::NAN, || Ok(unsafe { handle(model, "model")? }.content.description.dt))
 }
 
 /// Whether the model predicts the motion through the water and estimates the current: its sessions need the heading of
@@ -98,7 +102,7 @@ pub unsafe extern "C" fn hydroid_model_dt(model: *const Model) -> f64 {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hydroid_model_needs_heading(model: *const Model) -> bool {
     // SAFETY: the rules of the header.
-    value_or(false, || Ok(unsafe { handle(model, "model")? }.model.description.current.is_some()))
+    value_or(false, || Ok(unsafe { handle(model, "model")? }.content.description.current.is_some()))
 }
 
 /// Name of the model, such as "gru". It belongs to the model; NULL after an error.
@@ -195,7 +199,7 @@ pub unsafe extern "C" fn hydroid_model_adapter(
             let noise = slice(noise, noise_len, "noise")?;
             let noise = Some(noise).filter(|noise| !noise.is_empty());
             let json = optional_text(options, "options")?;
-            model.adapter(&options::read(&model.model, guarded, json, noise)?)
+            model.adapter(&options::read(&model.content, guarded, json, noise)?)
         })
     })
 }
@@ -214,7 +218,7 @@ pub unsafe extern "C" fn hydroid_model_adapter_options(
 ) -> Status {
     // SAFETY: the rules of the header.
     call(|| unsafe {
-        let json = options::text(&handle(model, "model")?.model, guarded)?;
+        let json = options::text(&handle(model, "model")?.content, guarded)?;
         put(length, "length", json.len())?;
         let into = slice_mut(text.cast::<u8>(), capacity, "text")?;
         if into.is_empty() {
@@ -225,7 +229,8 @@ pub unsafe extern "C" fn hydroid_model_adapter_options(
 }
 
 fn write_text(text: &str, into: &mut [u8]) -> Outcome {
-    let Some((place, rest)) = into.split_at_mut_checked(text.len()).filter(|(_, rest)| !rest.is_empty()) else {
+    let Some((place, rest)) = into.split_at_mut_checked(text.len()).filter(|(_, rest)| !rest.is_empty())
+    else {
         let message = format!("the text has {} bytes and a zero: capacity is {}", text.len(), into.len());
         return Err(Error::new(Status::Length, message));
     };

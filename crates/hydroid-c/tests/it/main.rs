@@ -4,6 +4,7 @@
 mod allocations;
 mod along;
 mod calls;
+mod example;
 mod header;
 #[path = "../../../hydroid-export/tests/it/models.rs"]
 mod models;

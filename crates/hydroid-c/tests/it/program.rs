@@ -16,8 +16,10 @@ pub(crate) struct Compiler {
     pub(crate) flags: &'static [&'static str],
 }
 
-pub(crate) const GCC: Compiler =
-    Compiler { program: "cc", flags: &["-std=c99", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"] };
+pub(crate) const GCC: Compiler = Compiler {
+    program: "cc",
+    flags: &["-std=c99", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"],
+};
 
 /// Its sanitizers are packages of their own.
 pub(crate) const CLANG: Compiler = Compiler { program: "clang", flags: &["-std=c99", "-O2"] };

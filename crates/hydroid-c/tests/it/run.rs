@@ -57,7 +57,8 @@ impl Run {
     pub(crate) fn write(&self, path: &Path) {
         let all = [&self.noise, &self.headings, &self.y, &self.c];
         let numbers: Vec<f64> = all.into_iter().flatten().copied().collect();
-        let bytes = [numbers.len() as f64].iter().chain(&numbers).flat_map(|x| x.to_ne_bytes()).collect::<Vec<u8>>();
+        let bytes =
+            [numbers.len() as f64].iter().chain(&numbers).flat_map(|x| x.to_ne_bytes()).collect::<Vec<u8>>();
         std::fs::write(path, bytes).unwrap();
     }
 }

@@ -1,0 +1,82 @@
+//! The example, as the documents show it.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use hydroid::adapt::{self, Options};
+use hydroid::model::{Model, encode, read, write};
+use hydroid_core::vessel::VesselParams;
+use tempfile::TempDir;
+
+use crate::models::{commands, drawn};
+use crate::program::{GCC, Program};
+
+const SAMPLES: usize = 1500;
+
+/// A run of a heavier vessel: rows of outputs and commands.
+fn rows(model: &Model) -> Vec<[f64; 5]> {
+    let mut params = VesselParams::hydrofoil();
+    params.rigid_body.mass *= 1.5;
+    let plant = Model::of_vessel(&params, model.description.dt).unwrap();
+    let mut session = plant.session();
+    session.observe(&[1.0, 0.0, 0.0]);
+    let commands = commands(model, SAMPLES, 0.7);
+    let noise: Vec<f64> = model.description.outputs.iter().map(|port| port.noise.unwrap()).collect();
+    let mut rows = Vec::new();
+    for (k, c) in commands.chunks_exact(2).enumerate() {
+        let mut y = [0.0; 3];
+        session.output(&mut y);
+        for ((y, e), std) in y.iter_mut().zip(drawn(3, k as f64)).zip(&noise) {
+            *y += std * e;
+        }
+        if k % 50 == 7 {
+            y[1] = f64::NAN;
+        }
+        rows.push([y[0], y[1], y[2], c[0], c[1]]);
+        session.advance(c);
+    }
+    rows
+}
+
+fn log(model: &Model, rows: &[[f64; 5]]) -> String {
+    let inputs = &model.description.inputs;
+    let mut text =
+        format!("time [s],{} [1],{},r [rad/s],u [m/s],v\r\n", inputs[1].channel.name, inputs[0].channel.name);
+    for (k, [u, v, r, first, second]) in rows.iter().enumerate() {
+        let v = if v.is_nan() { String::new() } else { format!("{v:?}") };
+        let _ = writeln!(text, "{:?},{second:?},{first:?},{r:?},{u:?},{v}", 0.1 * k as f64);
+    }
+    text
+}
+
+#[test]
+fn the_example_adapts_along_a_log() {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/adapt.c");
+    let program = Program::of(&GCC, &source);
+    let model = read(Path::new("hydrofoil")).unwrap();
+    let rows = rows(&model);
+    let folder = TempDir::new().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    std::fs::write(path("log.csv"), log(&model, &rows)).unwrap();
+    let printed = program.run(&["hydrofoil", &path("log.csv"), &path("learned.toml")]);
+    let lines: Vec<&str> = printed.lines().collect();
+    assert_eq!(lines.len(), SAMPLES / 100 + 1, "{printed}");
+    assert!(
+        lines[0].contains("11.9 s:") && lines[0].contains(" +- ") && lines[0].ends_with("rad/s"),
+        "{printed}"
+    );
+    assert!(lines[15].starts_with("1500 samples, "), "{printed}");
+    // The same in Rust.
+    let (mut adapter, used) = adapt::adapter(&model, &Options::of(&model).guarded(&model), &[]).unwrap();
+    for [u, v, r, first, second] in rows {
+        adapter.observe(&[u, v, r]);
+        adapter.advance(&[first, second]);
+    }
+    let learned = adapt::learned(&model, adapter.weights(), &[&path("log.csv")], &used).unwrap();
+    assert!(std::fs::read(path("learned.toml")).unwrap() == encode(&learned).unwrap());
+    let mass = |model: &Model| model.plant().unwrap().params().rigid_body.mass;
+    assert_ne!(mass(&learned), mass(&model));
+    // The learned model is a model.
+    write(&learned, Path::new(&path("again.toml"))).unwrap();
+    program.run(&[&path("learned.toml"), &path("log.csv")]);
+}
