@@ -13,6 +13,10 @@
 //!
 //! Order of the modules, bottom to top: `error`, `options`, `session`, `learning`, `simulation`, `model`, `interface`.
 
+#![allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "units in brackets: the comments of the header are for readers of C"
+)]
 #![expect(clippy::doc_markdown, reason = "the comments of the header are for readers of C")]
 
 mod error;

@@ -16,6 +16,9 @@ use std::ffi::{CStr, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::error::{self, Error, Outcome, Status};
+use crate::model::Model;
+use crate::session::Session;
+use crate::simulation::Simulation;
 
 /// Half of the width of a band that contains a measurement with a probability of 80 %, in standard deviations.
 pub const HYDROID_BAND_80: f64 = 1.281_55;
@@ -75,6 +78,15 @@ fn check_address<T>(pointer: *const T, name: &str) -> Outcome {
     }
     Ok(())
 }
+
+/// What is behind a handle may be used by any thread.
+const fn is_shared<T: Send + Sync>() {}
+
+const _: () = {
+    is_shared::<Model>();
+    is_shared::<Session>();
+    is_shared::<Simulation>();
+};
 
 /// What is behind a handle.
 ///

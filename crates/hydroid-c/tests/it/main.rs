@@ -4,6 +4,7 @@
 mod allocations;
 mod along;
 mod calls;
+mod damage;
 mod example;
 mod header;
 #[path = "../../../hydroid-export/tests/it/models.rs"]
