@@ -1,5 +1,6 @@
 //! The example, as the documents show it.
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -79,4 +80,52 @@ fn the_example_adapts_along_a_log() {
     // The learned model is a model.
     write(&learned, Path::new(&path("again.toml"))).unwrap();
     program.run(&[&path("learned.toml"), &path("log.csv")]);
+}
+
+#[test]
+fn the_program_of_the_document_runs() {
+    let document = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/c-library.md");
+    let text = std::fs::read_to_string(document).unwrap();
+    let source = text.split("```c\n").nth(1).unwrap().split("```").next().unwrap();
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("boat.c");
+    std::fs::write(&path, source).unwrap();
+    let program = Program::of(&GCC, &path);
+    let printed = program.run(&["hydrofoil"]);
+    assert_eq!(printed.lines().count(), 6, "{printed}");
+    assert!(printed.lines().all(|line| line.starts_with("u = ") && line.ends_with(" m/s")), "{printed}");
+}
+
+/// Names of functions in a text.
+fn names(text: &str) -> BTreeSet<String> {
+    let is_part = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let words = text.split(|c| !is_part(c)).filter(|word| word.starts_with("hydroid_"));
+    words.map(str::to_owned).collect()
+}
+
+#[test]
+fn the_document_lists_each_function() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let header = std::fs::read_to_string(folder.join("include/hydroid.h")).unwrap();
+    let functions: BTreeSet<String> =
+        names(&header).into_iter().filter(|name| header.contains(&format!("{name}("))).collect();
+    assert!(functions.len() > 60, "{functions:?}");
+    let text = std::fs::read_to_string(folder.join("../../docs/c-library.md")).unwrap();
+    let table = text.split("## Functions").nth(1).unwrap().split("\n\n**").next().unwrap();
+    let mut listed = names(&text);
+    for row in table.lines().filter(|line| line.starts_with("| ")) {
+        let handle = match row {
+            row if row.contains("| `hydroid_model`:") => "hydroid_model",
+            row if row.contains("| `hydroid_simulation`:") => "hydroid_simulation",
+            _ => "hydroid_session",
+        };
+        let short = row.split('`').filter(|word| word.starts_with('_'));
+        listed.extend(short.map(|word| format!("{handle}{word}")));
+    }
+    let missing: Vec<_> = functions.difference(&listed).collect();
+    assert!(missing.is_empty(), "{missing:?}");
+    let known = |name: &String| functions.contains(name) || header.contains(&format!("}} {name};"));
+    let unknown: Vec<_> = listed.iter().filter(|name| !known(name)).collect();
+    let others = ["hydroid_c", "hydroid_model", "hydroid_session", "hydroid_simulation", "hydroid_"];
+    assert!(unknown.iter().all(|name| others.contains(&name.as_str())), "{unknown:?}");
 }
