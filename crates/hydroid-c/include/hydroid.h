@@ -347,6 +347,7 @@ hydroid_status hydroid_model_session(const hydroid_model *model, hydroid_session
  *     model as it was read.
  * options: JSON with the options that differ from hydroid_model_adapter_options(), such as
  *     "{\"kalman\": {\"leak_s\": 600}}", or NULL. null is infinite for a number, and "none" for what may be missing.
+ *     With the option current_m_s, the session needs the heading of each sample.
  * noise, noise_len: standard deviation of the measurement noise of each output, in its unit; or NULL and 0 for those of
  *     the model file. Kalman filters need one of the two.
  * adapter: receives the session; NULL after an error. Freed by hydroid_session_free().

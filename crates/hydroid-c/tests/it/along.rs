@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::OnceLock;
 
-use hydroid::adapt::{Method, Options};
+use hydroid::adapt::{Method, Options, Rehearse};
 use hydroid::model::{CurrentEstimate, Model, decode, encode, write};
 use tempfile::TempDir;
 
@@ -38,14 +38,19 @@ pub(crate) fn model(name: &str) -> Model {
     found.unwrap_or_else(|| panic!("no model {name}")).clone()
 }
 
+const REHEARSES: &str = r#"{"kalman": {"rehearsal":
+    {"windows": 4, "window_s": 2, "every": 2, "state_variance": 0.1, "noise_factor": 1}}}"#;
+
 struct Case {
+    /// Constant weights.
+    frozen: bool,
     model: Model,
     /// None for a session that does not learn; else whether it is guarded, and options as JSON.
     learns: Option<(bool, &'static str)>,
 }
 
 fn case(name: &str, learns: Option<(bool, &'static str)>) -> Case {
-    Case { model: stored(&model(name)), learns }
+    Case { frozen: false, model: stored(&model(name)), learns }
 }
 
 /// Options in Rust that are written independently of the JSON.
@@ -70,6 +75,12 @@ fn options(case: &Case, noise: &[f64]) -> Option<Options> {
         r#"{"kalman": {"covariance": "blocks:2", "weight_variance": 0.05}}"# => {
             options.kalman.covariance = "blocks:2".parse().unwrap();
             options.kalman.weight_variance = 0.05;
+        }
+        REHEARSES => {
+            let (windows, every) = (4, 2);
+            let (state_variance, noise_factor) = (0.1, 1.0);
+            options.kalman.rehearsal =
+                Some(Rehearse { windows, window_s: 2.0, every, state_variance, noise_factor });
         }
         other => panic!("{other}"),
     }
@@ -99,6 +110,7 @@ fn compare(program: &Program, case: &Case) {
     let run = Run::of(&case.model, SAMPLES, case.learns.is_some());
     run.write(Path::new(&path("run")));
     let (mode, json) = match case.learns {
+        None if case.frozen => ("frozen", "{}"),
         None => ("session", "{}"),
         Some((false, json)) => ("adapter", json),
         Some((true, json)) => ("guarded", json),
@@ -112,7 +124,8 @@ fn compare(program: &Program, case: &Case) {
         &path("memory"),
         &path("learned"),
     ]);
-    let (expected, learned) = follow(&case.model, &run, options(case, &run.noise).as_ref());
+    let of = if case.frozen { case.model.frozen() } else { case.model.clone() };
+    let (expected, learned) = follow(&of, &run, options(case, &run.noise).as_ref());
     let found = numbers(Path::new(&path("results")));
     assert!(expected.iter().filter(|x| x.is_finite()).count() > expected.len() / 3, "{title}");
     same(&title, &expected, &found);
@@ -137,13 +150,16 @@ fn sessions() -> Vec<Case> {
         "equations behind a limit of the rate",
     ];
     let mut cases: Vec<Case> = names.iter().map(|name| case(name, None)).collect();
-    cases.push(Case { model: stored(&in_current(model("equations"))), learns: None });
+    cases.push(Case { frozen: false, model: stored(&in_current(model("equations"))), learns: None });
+    // Its members adapt, unless it is frozen.
+    cases.push(Case { frozen: true, ..case("committee", None) });
     cases
 }
 
 fn adapters() -> Vec<Case> {
     let kalman = r#"{"method": "kalman", "kalman": {"leak_s": null, "huber": 3}}"#;
     let in_current = Case {
+        frozen: false,
         model: stored(&in_current(model("equations"))),
         learns: Some((true, r#"{"guard": {"factor": 1.5, "sensors": false}, "current_m_s": 0.25}"#)),
     };
@@ -155,6 +171,7 @@ fn adapters() -> Vec<Case> {
             Some((false, r#"{"kalman": {"covariance": "blocks:2", "weight_variance": 0.05}}"#)),
         ),
         case("lstm on nothing, without feedback", Some((true, "{}"))),
+        case("lstm on hold", Some((true, REHEARSES))),
         case("direct on hold", Some((false, "{}"))),
         case("committee", Some((true, "{}"))),
         case("hydrofoil", Some((false, "{}"))),

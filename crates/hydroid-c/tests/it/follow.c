@@ -1,6 +1,6 @@
 /* Follows a run with a session or an adapter, and writes all results as numbers. The test compares them with those of Rust.
  *
- * follow MODEL RUN RESULTS session
+ * follow MODEL RUN RESULTS session|frozen
  * follow MODEL RUN RESULTS adapter|guarded OPTIONS MEMORY LEARNED
  */
 #include <hydroid.h>
@@ -11,6 +11,7 @@
 #include <string.h>
 
 #define HORIZON 20
+#define WINDOW 45
 
 static FILE *results;
 
@@ -84,13 +85,37 @@ struct run {
     const double *noise, *headings, *y, *c;
 };
 
+/* A window of training data for the rehearsal. */
+static void store_window(hydroid_session *session)
+{
+    size_t n = hydroid_session_outputs(session), m = hydroid_session_inputs(session), k;
+    double *y = numbers(WINDOW * n), *c = numbers(WINDOW * m);
+    for (k = 0; k < WINDOW * n; ++k) {
+        y[k] = 0.3 + 0.01 * (double)(k % 5);
+    }
+    for (k = 0; k < WINDOW * m; ++k) {
+        c[k] = 0.2 - 0.01 * (double)(k % 7);
+    }
+    DO(hydroid_session_store_window(session, y, WINDOW * n, c, WINDOW * m));
+    free(y);
+    free(c);
+}
+
 static hydroid_session *begin(const hydroid_model *model, const char *mode, const char *options, const double *noise)
 {
     hydroid_session *session = NULL;
     if (strcmp(mode, "session") == 0) {
         DO(hydroid_model_session(model, &session));
+    } else if (strcmp(mode, "frozen") == 0) {
+        hydroid_model *frozen = NULL;
+        DO(hydroid_model_frozen(model, &frozen));
+        DO(hydroid_model_session(frozen, &session));
+        hydroid_model_free(frozen);
     } else {
         DO(hydroid_model_adapter(model, strcmp(mode, "guarded") == 0, options, noise, hydroid_model_outputs(model), &session));
+        if (strstr(options, "rehearsal") != NULL) {
+            store_window(session);
+        }
     }
     return session;
 }

@@ -12,6 +12,9 @@ use crate::models::{commands, drawn, first_outputs};
 
 const HORIZON: usize = 20;
 
+/// Samples of a window of training data.
+const WINDOW: usize = 45;
+
 /// A run: tables are flat, row by row.
 pub(crate) struct Run {
     pub(crate) samples: usize,
@@ -74,7 +77,13 @@ impl Session {
         match options {
             None => Self::Predictor(model.session()),
             Some(options) => {
-                let (adapter, used) = adapt::adapter(model, options, &[]).unwrap();
+                let (mut adapter, used) = adapt::adapter(model, options, &[]).unwrap();
+                if options.kalman.rehearsal.is_some() {
+                    let (n, m) = (adapter.outputs(), adapter.inputs());
+                    let y: Vec<f64> = (0..WINDOW * n).map(|k| 0.3 + 0.01 * (k % 5) as f64).collect();
+                    let c: Vec<f64> = (0..WINDOW * m).map(|k| 0.2 - 0.01 * (k % 7) as f64).collect();
+                    adapter.store_window(&y, &c);
+                }
                 Self::Adapter(adapter, used)
             }
         }
