@@ -288,6 +288,18 @@ impl Body<'_> {
                 let t = self.declare(id);
                 self.affine(&t, &format!("t{id}"), index, weights, bias, *x);
             }
+            Op::Product { matrix, x } => {
+                let columns = self.len(*x);
+                self.helper("product", id, (*matrix, *x), &format!("{len}, {columns}"));
+            }
+            Op::TransposedProduct { matrix, x } => {
+                let rows = self.len(*x);
+                self.helper("transposed_product", id, (*matrix, *x), &format!("{rows}, {len}"));
+            }
+            Op::Outer { a, b } => {
+                let sizes = format!("{}, {}", self.len(*a), self.len(*b));
+                self.helper("outer", id, (*a, *b), &sizes);
+            }
             Op::Median { values, votes } => self.median(id, index, values, votes),
             Op::Call { function, arguments } => {
                 let t = self.declare(id);
@@ -322,11 +334,21 @@ impl Body<'_> {
         }
     }
 
+    /// A call of a function of `helpers` with two arrays, their sizes, and the array of a node.
+    fn helper(&mut self, name: &str, id: Id, (a, b): (Id, Id), sizes: &str) {
+        let t = self.declare(id);
+        let (prefix, a, b) = (self.printer.prefix, self.array(a), self.array(b));
+        self.line(&format!("{prefix}_{name}({a}, {b}, {sizes}, {t});"));
+    }
+
     /// Whether a constant number is passed to a function or read as an array.
     fn is_address(&self, id: Id) -> bool {
         let reads = |op: &Op| match op {
             Op::Call { arguments, .. } | Op::Repeat { arguments, .. } => arguments.contains(&id),
             Op::Affine { x, .. } => *x == id,
+            Op::Product { matrix: a, x: b }
+            | Op::TransposedProduct { matrix: a, x: b }
+            | Op::Outer { a, b } => [*a, *b].contains(&id),
             Op::Gru { x, h, .. } => [*x, *h].contains(&id),
             Op::Lstm { x, c, h, .. } => [*x, *c, *h].contains(&id),
             _ => false,

@@ -98,6 +98,51 @@ static void NAME_affine(const REAL *restrict w, const REAL *restrict b, const RE
 }
 ";
 
+const PRODUCT: &str = "/* y = W x; W row by row. */
+static void NAME_product(const REAL *restrict w, const REAL *restrict x, size_t rows, size_t columns, REAL *restrict y)
+{
+    size_t i;
+    size_t j;
+    for (i = 0; i < rows; ++i) {
+        REAL sum = 0;
+        for (j = 0; j < columns; ++j) {
+            sum += w[i * columns + j] * x[j];
+        }
+        y[i] = sum;
+    }
+}
+";
+
+const TRANSPOSED_PRODUCT: &str = "/* y = W' x; W row by row. */
+static void NAME_transposed_product(const REAL *restrict w, const REAL *restrict x, size_t rows, size_t columns,
+                                    REAL *restrict y)
+{
+    size_t i;
+    size_t j;
+    for (j = 0; j < columns; ++j) {
+        y[j] = 0;
+    }
+    for (i = 0; i < rows; ++i) {
+        for (j = 0; j < columns; ++j) {
+            y[j] += w[i * columns + j] * x[i];
+        }
+    }
+}
+";
+
+const OUTER: &str = "/* W = a b', row by row. */
+static void NAME_outer(const REAL *restrict a, const REAL *restrict b, size_t rows, size_t columns, REAL *restrict w)
+{
+    size_t i;
+    size_t j;
+    for (i = 0; i < rows; ++i) {
+        for (j = 0; j < columns; ++j) {
+            w[i * columns + j] = a[i] * b[j];
+        }
+    }
+}
+";
+
 const GRU: &str = "/* h+ = (1 - z) n + z h with gates r, z, n; a = W_ih x + b_ih, b = W_hh h + b_hh. */
 static void NAME_gru(const REAL *restrict a, const REAL *restrict b, const REAL *restrict h, size_t n,
                      REAL *restrict next)
@@ -180,6 +225,9 @@ pub(super) fn needed(name: &str, precision: Precision, space: &StateSpace, funct
         (logistic, LOGISTIC),
         (tanh, TANH),
         (gru || lstm || uses(&|op| matches!(op, Op::Affine { .. })), AFFINE),
+        (uses(&|op| matches!(op, Op::Product { .. })), PRODUCT),
+        (uses(&|op| matches!(op, Op::TransposedProduct { .. })), TRANSPOSED_PRODUCT),
+        (uses(&|op| matches!(op, Op::Outer { .. })), OUTER),
         (gru, GRU),
         (lstm, LSTM),
         (uses(&|op| matches!(op, Op::Median { .. })), MEDIAN),

@@ -76,6 +76,13 @@ impl Builder {
         Vector { builder: self, id }
     }
 
+    /// A node of another function, whose operands are at `places`.
+    pub(super) fn copy<'a>(&'a self, node: &Node, places: &[Vector<'a>]) -> Vector<'a> {
+        let mut op = node.op.clone();
+        op.operands_mut().into_iter().for_each(|operand| *operand = places[*operand].id);
+        self.node(op, node.len)
+    }
+
     fn len(&self, id: Id) -> usize {
         self.nodes.borrow()[id].len
     }
@@ -203,7 +210,10 @@ impl Op {
         match self {
             Self::Argument(_) | Self::Constant(_) => Vec::new(),
             Self::Slice { of: x, .. } | Self::Affine { x, .. } | Self::Unary(_, x) => vec![x],
-            Self::Binary(_, a, b) => vec![a, b],
+            Self::Binary(_, a, b)
+            | Self::Outer { a, b }
+            | Self::Product { matrix: a, x: b }
+            | Self::TransposedProduct { matrix: a, x: b } => vec![a, b],
             Self::Select { a, b, then, otherwise, .. } => vec![a, b, then, otherwise],
             Self::Gru { x, h, .. } => vec![x, h],
             Self::Lstm { x, c, h, .. } => vec![x, c, h],
@@ -300,6 +310,21 @@ impl<'a> Vector<'a> {
     pub(crate) fn affine(self, weights: Matrix, bias: Vec<f64>) -> Self {
         let len = weights.rows;
         self.builder.node(Op::Affine { weights, bias, x: self.id }, len)
+    }
+
+    /// `W x` with the matrix `self`, row by row.
+    pub(crate) fn product(self, x: Self) -> Self {
+        self.builder.node(Op::Product { matrix: self.id, x: x.id }, self.len() / x.len())
+    }
+
+    /// `W' x` with the matrix `self`, row by row.
+    pub(crate) fn transposed_product(self, x: Self) -> Self {
+        self.builder.node(Op::TransposedProduct { matrix: self.id, x: x.id }, self.len() / x.len())
+    }
+
+    /// The matrix `a b'` of `self` and `b`, row by row.
+    pub(crate) fn outer(self, b: Self) -> Self {
+        self.builder.node(Op::Outer { a: self.id, b: b.id }, self.len() * b.len())
     }
 
     /// The next state of a gated recurrent unit with the input `self`.

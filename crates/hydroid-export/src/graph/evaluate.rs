@@ -103,6 +103,22 @@ impl Module {
                 Op::Select { test, a, b, then, otherwise } => {
                     all(&|i| at(if test.holds(at(*a, i), at(*b, i)) { *then } else { *otherwise }, i))
                 }
+                Op::Product { matrix, x } => {
+                    let (matrix, x) = (&values[*matrix], &values[*x]);
+                    matrix.chunks_exact(x.len()).map(|row| row.iter().zip(x).map(|(w, x)| w * x).sum()).collect()
+                }
+                Op::TransposedProduct { matrix, x } => {
+                    let (matrix, x) = (&values[*matrix], &values[*x]);
+                    (0..node.len)
+                        .map(|column| {
+                            let of_column = matrix[column..].iter().step_by(node.len);
+                            of_column.zip(x).map(|(w, x)| w * x).sum()
+                        })
+                        .collect()
+                }
+                Op::Outer { a, b } => {
+                    values[*a].iter().flat_map(|a| values[*b].iter().map(move |b| a * b)).collect()
+                }
                 Op::Median { values: of, votes } => all(&|i| {
                     let mut values: Vec<(f64, u32)> =
                         of.iter().zip(votes).map(|(&id, &votes)| (at(id, i), votes)).collect();

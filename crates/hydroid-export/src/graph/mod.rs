@@ -5,9 +5,11 @@
 //! language; [`evaluate`](Module::evaluate) computes them in `f64`.
 
 mod builder;
+mod derivative;
 mod evaluate;
 
 pub(crate) use builder::{Builder, Scalar, Vector};
+pub(crate) use derivative::vector_jacobian_product;
 
 /// Index of a node in its function.
 pub(crate) type Id = usize;
@@ -102,6 +104,21 @@ pub(crate) enum Op {
         then: Id,
         otherwise: Id,
     },
+    /// `W x` with a matrix that is a vector, row by row. Only models that learn have such matrices.
+    Product {
+        matrix: Id,
+        x: Id,
+    },
+    /// `W' x`.
+    TransposedProduct {
+        matrix: Id,
+        x: Id,
+    },
+    /// `a b'`, row by row.
+    Outer {
+        a: Id,
+        b: Id,
+    },
     /// Element by element, the weighted median of vectors: half of the votes are below it, half above. A value that is not a
     /// number counts as infinite.
     Median {
@@ -184,7 +201,10 @@ impl Op {
         match self {
             Self::Argument(_) | Self::Constant(_) => Vec::new(),
             Self::Slice { of: x, .. } | Self::Affine { x, .. } | Self::Unary(_, x) => vec![*x],
-            Self::Binary(_, a, b) => vec![*a, *b],
+            Self::Binary(_, a, b)
+            | Self::Outer { a, b }
+            | Self::Product { matrix: a, x: b }
+            | Self::TransposedProduct { matrix: a, x: b } => vec![*a, *b],
             Self::Select { a, b, then, otherwise, .. } => vec![*a, *b, *then, *otherwise],
             Self::Gru { x, h, .. } => vec![*x, *h],
             Self::Lstm { x, c, h, .. } => vec![*x, *c, *h],

@@ -16,9 +16,10 @@ pub(crate) mod committee;
 mod craft;
 mod direct;
 pub(crate) mod equations;
+pub(crate) mod network;
 mod plant;
 mod rate_limits;
-mod recurrent;
+pub(crate) mod recurrent;
 
 use hydroid::model::{Body, Model};
 use hydroid_core::vessel::Number as _;

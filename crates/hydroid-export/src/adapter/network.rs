@@ -1,0 +1,81 @@
+//! Recurrent networks that learn by an extended Kalman filter over hidden state and weights.
+//!
+//! The filter needs the rows of the Jacobians of transition and observation with respect to hidden state and weights. They
+//! are vector-Jacobian products with unit vectors.
+
+use std::sync::Arc;
+
+use hydroid_core::adapt::kalman::FilterOptions;
+use hydroid_core::model::recurrent::Recurrent;
+
+use crate::graph::{Function, vector_jacobian_product};
+use crate::state_space::recurrent::{Learning, Outputs};
+
+/// A network that learns.
+#[derive(Clone, Debug)]
+pub(crate) struct NetworkLearner {
+    pub(crate) options: FilterOptions,
+    pub(crate) network: Arc<Recurrent>,
+    /// Place of the hidden state in the state, which the weights follow.
+    pub(crate) front: usize,
+    /// `(state, command) -> input` of the network.
+    pub(crate) input: usize,
+    /// `(state, command) -> outputs` after a sample, without the correction by the network.
+    pub(crate) base: usize,
+    pub(crate) outputs: Outputs,
+    /// `(hidden, weights) -> output` of the network.
+    pub(crate) observation: usize,
+    /// `(hidden, input, weights, v) -> v' [df/dh df/dtheta]`.
+    pub(crate) of_transition: usize,
+    /// `(hidden, weights, v) -> v' [dg/dh dg/dtheta]`.
+    pub(crate) of_observation: usize,
+}
+
+impl NetworkLearner {
+    /// Adds the derivatives to the functions of a network that learns.
+    fn new(network: Arc<Recurrent>, learning: &mut Learning, options: FilterOptions) -> Self {
+        let space = &mut learning.space;
+        let functions = learning.network;
+        let mut derivative = |of: usize, arguments: &[usize], name: &'static str, about: &'static str| {
+            let of: &Function = space.function(of);
+            let product = vector_jacobian_product(of, arguments, name, about);
+            space.module.add(product)
+        };
+        Self {
+            of_transition: derivative(
+                functions.transition,
+                &[0, 2],
+                "transition_jacobian",
+                "The adjoint times the derivatives of the next hidden state by hidden state and weights",
+            ),
+            of_observation: derivative(
+                functions.observation,
+                &[0, 1],
+                "observation_jacobian",
+                "The adjoint times the derivatives of the output by hidden state and weights",
+            ),
+            observation: functions.observation,
+            front: learning.front,
+            input: learning.input,
+            base: learning.base,
+            outputs: learning.outputs,
+            options,
+            network,
+        }
+    }
+
+    /// Length of the hidden state.
+    pub(crate) fn hidden(&self) -> usize {
+        self.network.network.state_len()
+    }
+
+    /// Functions that the filter calls.
+    pub(crate) fn functions(&self) -> Vec<usize> {
+        let of_outputs = match self.outputs {
+            Outputs::OfHidden(shown) => vec![shown],
+            Outputs::Read { wait, base } => [wait].into_iter().chain(base).collect(),
+        };
+        let others = [self.input, self.base, self.observation, self.of_transition, self.of_observation];
+        others.into_iter().chain(of_outputs).collect()
+    }
+}
