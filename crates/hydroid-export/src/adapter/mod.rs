@@ -4,6 +4,7 @@
 
 mod committee;
 mod equations;
+mod network;
 
 use hydroid::adapt::{AdaptError, Method as MethodKind, Options};
 use hydroid::model::{Body, Model};
@@ -13,6 +14,7 @@ use crate::state_space::StateSpace;
 
 pub(crate) use committee::MemberLearner;
 pub(crate) use equations::EquationsLearner;
+pub(crate) use network::NetworkLearner;
 
 /// A model that learns.
 #[derive(Clone, Debug)]
@@ -24,6 +26,9 @@ pub(crate) struct Adapter {
     /// The function `(positions, command) -> positions` of actuators with a limited rate, whose positions come first in the
     /// state. The functions of the method are those of the state behind them.
     pub(crate) limit: Option<usize>,
+    /// The function `(outputs, command, weights) -> state` of a steady motion of the whole model, if the memory of the start
+    /// depends on the weights.
+    pub(crate) start: Option<usize>,
     pub(crate) method: Method,
 }
 
@@ -34,6 +39,8 @@ pub(crate) enum Method {
     Committee(Vec<MemberLearner>),
     /// Recursive least squares on increments over a window.
     Equations(Box<EquationsLearner>),
+    /// An extended Kalman filter over hidden state and weights.
+    Network(Box<NetworkLearner>),
 }
 
 impl Adapter {
@@ -47,6 +54,7 @@ impl Adapter {
             Body::Equations(equations) if options.method == MethodKind::LeastSquares => {
                 equations::adapter(model, equations, options)
             }
+            Body::Recurrent(recurrent) => network::adapter(model, recurrent, options),
             _ => Err(refusal(model)),
         }
     }
@@ -56,8 +64,9 @@ impl Adapter {
         let of_method = match &self.method {
             Method::Committee(members) => members.iter().map(|member| member.increment).collect(),
             Method::Equations(learner) => vec![learner.variables, learner.library],
+            Method::Network(learner) => learner.functions(),
         };
-        self.limit.into_iter().chain(of_method).collect()
+        self.limit.into_iter().chain(self.start).chain(of_method).collect()
     }
 
     /// Place of the state of the model behind the positions of its actuators.

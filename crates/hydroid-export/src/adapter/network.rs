@@ -5,19 +5,21 @@
 
 use std::sync::Arc;
 
+use hydroid::adapt::{CovarianceForm, Options, network_filter_options};
+use hydroid::model::Model;
 use hydroid_core::adapt::kalman::FilterOptions;
 use hydroid_core::model::recurrent::Recurrent;
 
-use crate::graph::{Function, vector_jacobian_product};
-use crate::state_space::recurrent::{Learning, Outputs};
+use super::{Adapter, Method};
+use crate::ExportError;
+use crate::graph::{Builder, Function, vector_jacobian_product};
+use crate::state_space::recurrent::{self, Learning, Outputs};
 
 /// A network that learns.
 #[derive(Clone, Debug)]
 pub(crate) struct NetworkLearner {
     pub(crate) options: FilterOptions,
     pub(crate) network: Arc<Recurrent>,
-    /// Place of the hidden state in the state, which the weights follow.
-    pub(crate) front: usize,
     /// `(state, command) -> input` of the network.
     pub(crate) input: usize,
     /// `(state, command) -> outputs` after a sample, without the correction by the network.
@@ -55,7 +57,6 @@ impl NetworkLearner {
                 "The adjoint times the derivatives of the output by hidden state and weights",
             ),
             observation: functions.observation,
-            front: learning.front,
             input: learning.input,
             base: learning.base,
             outputs: learning.outputs,
@@ -78,4 +79,47 @@ impl NetworkLearner {
         let others = [self.input, self.base, self.observation, self.of_transition, self.of_observation];
         others.into_iter().chain(of_outputs).collect()
     }
+}
+
+pub(super) fn adapter(
+    model: &Model,
+    network: &Arc<Recurrent>,
+    options: &Options,
+) -> Result<Adapter, ExportError> {
+    let unsupported = |reason: &str, remedy: &str| ExportError::Unsupported {
+        model: model.title(),
+        format: "C with an adapter",
+        reason: reason.to_owned(),
+        remedy: remedy.to_owned(),
+    };
+    if options.kalman.rehearsal.is_some() {
+        return Err(unsupported(
+            "rehearsal needs windows of the training data",
+            "export it without rehearsal",
+        ));
+    }
+    if options.kalman.covariance != CovarianceForm::Full {
+        return Err(unsupported(
+            "the filter in C has the full covariance of the weights",
+            "export it with the covariance full, or train a network with fewer cells",
+        ));
+    }
+    let filter = network_filter_options(model, network, &options.kalman)?;
+    let mut learning = recurrent::learning(network, model);
+    let learner = NetworkLearner::new(Arc::clone(network), &mut learning, filter);
+    let (start, inner) = (learning.start, learning.space.state.len());
+    let (mut space, limit) = learning.space.behind_limits(model);
+    let weights = network.weights.len();
+    let start = match limit {
+        None => start,
+        Some(_) => {
+            let (outputs, inputs) = (space.outputs(), space.inputs());
+            let b = Builder::new();
+            let (y, c) = (b.argument("outputs", outputs), b.argument("command", inputs));
+            let state = b.call(start, inner, &[y, c, b.argument("weights", weights)]);
+            let about = "State of a steady motion with learned weights";
+            space.module.add(b.finish("start_learned_limited", about, b.concat(&[c, state])))
+        }
+    };
+    Ok(Adapter { space, weights, limit, start: Some(start), method: Method::Network(Box::new(learner)) })
 }

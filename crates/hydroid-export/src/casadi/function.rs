@@ -155,7 +155,9 @@ impl Printer<'_> {
                 format!("_repeat({}, {times}, {})", self.name(*function), joined(arguments))
             }
             Op::Product { .. } | Op::TransposedProduct { .. } | Op::Outer { .. } => {
-                unreachable!("only a model that learns has weights that are no constants, and only C has such models")
+                unreachable!(
+                    "only a model that learns has weights that are no constants, and only C has such models"
+                )
             }
             Op::Gru { cell, x, h } => format!("_gru({}, {})", gates(cell, &of(x), &of(h)), of(h)),
             Op::Lstm { cell, x, c, h } => format!("_lstm({}, {})", gates(cell, &of(x), &of(h)), of(c)),

@@ -105,7 +105,10 @@ impl Module {
                 }
                 Op::Product { matrix, x } => {
                     let (matrix, x) = (&values[*matrix], &values[*x]);
-                    matrix.chunks_exact(x.len()).map(|row| row.iter().zip(x).map(|(w, x)| w * x).sum()).collect()
+                    matrix
+                        .chunks_exact(x.len())
+                        .map(|row| row.iter().zip(x).map(|(w, x)| w * x).sum())
+                        .collect()
                 }
                 Op::TransposedProduct { matrix, x } => {
                     let (matrix, x) = (&values[*matrix], &values[*x]);

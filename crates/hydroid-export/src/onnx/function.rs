@@ -110,7 +110,9 @@ impl Body<'_> {
                 self.repeat(*function, *times, &given, len)
             }
             Op::Product { .. } | Op::TransposedProduct { .. } | Op::Outer { .. } => {
-                unreachable!("only a model that learns has weights that are no constants, and only C has such models")
+                unreachable!(
+                    "only a model that learns has weights that are no constants, and only C has such models"
+                )
             }
             Op::Gru { cell, x, h } => {
                 let [x, h] = [x, h].map(|id| at(self, id));

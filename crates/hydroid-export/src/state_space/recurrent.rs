@@ -215,7 +215,8 @@ impl<'m> Lowering<'m> {
             });
             labels.extend(names.map(|name| Label::new(name, "1")));
         }
-        let space = StateSpace { module, state: labels, start, step, observe, output, rates: None, block: None };
+        let space =
+            StateSpace { module, state: labels, start, step, observe, output, rates: None, block: None };
         (space, learned)
     }
 }
@@ -231,8 +232,6 @@ pub(super) fn state_space(model: &Recurrent, sizes: Sizes, channels: &Channels) 
 pub(crate) struct Learning {
     pub(crate) space: StateSpace,
     pub(crate) network: NetworkFunctions,
-    /// Place of the hidden state.
-    pub(crate) front: usize,
     /// `(outputs, command, weights) -> state` of a steady motion.
     pub(crate) start: usize,
     /// `(state, command) -> input` of the network.
@@ -282,7 +281,7 @@ pub(crate) fn learning(recurrent: &Recurrent, model: &Model) -> Learning {
             base: (!feedback).then(|| add(lowering.waited(network))),
         },
     };
-    Learning { space, network, front: lowering.front(), start, input, base, outputs }
+    Learning { space, network, start, input, base, outputs }
 }
 
 impl Lowering<'_> {

@@ -4,6 +4,7 @@ mod adapter;
 mod c;
 mod casadi;
 mod coefficients;
+mod filter;
 mod models;
 #[path = "../../../hydroid-core/tests/it/module_order.rs"]
 mod module_order;

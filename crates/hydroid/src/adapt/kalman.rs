@@ -221,6 +221,20 @@ impl KalmanOptions {
     }
 }
 
+/// Options of the filter of a network whose measurement noise the options or the model state.
+///
+/// # Errors
+/// If the noise is unknown or not valid.
+#[doc(hidden)]
+pub fn network_filter_options(
+    model: &Model,
+    network: &Recurrent,
+    options: &KalmanOptions,
+) -> Result<FilterOptions, AdaptError> {
+    let noise = options.noise_of(model, &[])?;
+    Ok(options.filter_options(network, &noise, model.description.dt))
+}
+
 /// Adapter of a network and its resolved options. `runs` give the noise if options and model do not.
 pub(super) fn adapter(
     model: &Model,

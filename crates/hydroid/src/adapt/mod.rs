@@ -40,7 +40,7 @@ pub use plant::LearnedParameter;
 pub use {
     committee::ResolvedCommittee,
     events::LoggedEvent,
-    kalman::ResolvedKalman,
+    kalman::{ResolvedKalman, network_filter_options},
     last_layer::ResolvedLastLayer,
     least_squares::{ResolvedLeastSquares, recursive_options},
     metrics::{BAND_80, BAND_95},

@@ -1,12 +1,13 @@
 /* The extended Kalman filter of s = [h; theta], the hidden state and the weights of the network, in its scaled units.
  * P, the covariance of s, is symmetric: its lower triangle is stored, row by row. */
-#define UPPER_HIDDEN HIDDEN_LEN
+#define UPPER_HIDDEN WORD_HIDDEN
 #define UPPER_ESTIMATES (UPPER_HIDDEN + UPPER_WEIGHTS)
-#define UPPER_FIRST_ESTIMATE FIRST_ESTIMATE
-#define UPPER_NETWORK_INPUTS NETWORK_INPUTS
+#define UPPER_FIRST_ESTIMATE WORD_FIRST
+#define UPPER_NETWORK_INPUTS WORD_INPUTS
+#define UPPER_POSITIONS WORD_BEHIND
 #define UPPER_ROW(i) ((i) * ((i) + 1) / 2)
 
-TABLES
+WORD_TABLES
 /* Y = P X; X and Y row by row, with a number of columns. */
 static void NAME_covariance_times(const REAL *restrict p, const REAL *restrict x, size_t columns, REAL *restrict y)
 {
@@ -46,7 +47,7 @@ static void NAME_forget_hidden(NAME_adapter *adapter)
     for (i = 0; i < UPPER_ESTIMATES; ++i) {
         REAL *const row = adapter->p + UPPER_ROW(i);
         for (j = 0; j <= i && j < UPPER_HIDDEN; ++j) {
-            row[j] = (i == j) ? INITIAL_STATE : 0;
+            row[j] = (i == j) ? WORD_INITIAL_STATE : 0;
         }
     }
     adapter->stepped = 0;
@@ -92,7 +93,7 @@ static void NAME_restart(NAME_adapter *adapter, REAL *s)
  * a = (1 - leak) / sqrt(forgetting factor). */
 static void NAME_predict(NAME_adapter *adapter, const REAL *s, const REAL *x)
 {
-    const REAL growth = (adapter->frozen != 0U) ? 1 : GROWTH;
+    const REAL growth = (adapter->frozen != 0U) ? 1 : WORD_GROWTH;
     REAL *const g = adapter->jacobian;
     REAL *const gp = adapter->product;
     REAL unit[UPPER_HIDDEN] = {0};
@@ -113,7 +114,7 @@ static void NAME_predict(NAME_adapter *adapter, const REAL *s, const REAL *x)
         for (j = 0; j <= i; ++j) {
             p[j] = NAME_columns_product(g + i, gp + j, UPPER_HIDDEN);
         }
-        p[i] += STATE_NOISE;
+        p[i] += WORD_STATE_NOISE;
     }
     for (i = UPPER_HIDDEN; i < UPPER_ESTIMATES; ++i) {
         REAL *const p = adapter->p + UPPER_ROW(i);
@@ -142,7 +143,7 @@ static int NAME_cholesky(REAL s[UPPER_OUTPUTS * UPPER_OUTPUTS], size_t count)
             if (i > j) {
                 s[i * UPPER_OUTPUTS + j] = rest / s[j * UPPER_OUTPUTS + j];
             } else if (rest > 0 && isfinite(rest)) {
-                s[i * UPPER_OUTPUTS + i] = SQRT(rest);
+                s[i * UPPER_OUTPUTS + i] = WORD_SQRT(rest);
             } else {
                 return 0;
             }
@@ -175,8 +176,8 @@ static int NAME_correct(NAME_adapter *adapter, REAL *s, const REAL z[UPPER_OUTPU
     REAL unit[UPPER_OUTPUTS] = {0};
     REAL row[UPPER_ESTIMATES];
     REAL e[UPPER_OUTPUTS];
-    REAL l[UPPER_OUTPUTS * UPPER_OUTPUTS];
-    size_t measured[UPPER_OUTPUTS];
+    REAL l[UPPER_OUTPUTS * UPPER_OUTPUTS] = {0};
+WORD_DEVIATIONS    size_t measured[UPPER_OUTPUTS];
     size_t count = 0;
     size_t i;
     size_t j;
@@ -201,7 +202,7 @@ static int NAME_correct(NAME_adapter *adapter, REAL *s, const REAL z[UPPER_OUTPU
             l[i * UPPER_OUTPUTS + j] = NAME_columns_product(h + measured[i], ph + measured[j], UPPER_OUTPUTS);
         }
         l[i * UPPER_OUTPUTS + i] += NAME_noise[measured[i]];
-HUBER    }
+WORD_HUBER    }
     if (!NAME_cholesky(l, count)) {
         return 0;
     }
@@ -230,17 +231,38 @@ HUBER    }
     return 1;
 }
 
-/* After a sample: the leak of the weights; a hidden state that is not finite would remain so. */
-static void NAME_after_step(NAME_adapter *adapter, NAME_state *state)
+/* After the step of the model: the leak of the weights. Returns whether the hidden state is finite; it would not become so
+ * again, and starts at zero. */
+static int NAME_after_step(NAME_adapter *adapter, REAL *s)
 {
-    REAL *const s = state->x + UPPER_FIRST_ESTIMATE;
-    int finite = 1;
     size_t i;
     adapter->stepped = 1;
-LEAK    for (i = 0; i < UPPER_HIDDEN; ++i) {
-        finite = finite && isfinite(s[i]);
+WORD_LEAK    for (i = 0; i < UPPER_HIDDEN; ++i) {
+        if (!isfinite(s[i])) {
+            NAME_restart(adapter, s);
+            return 0;
+        }
     }
-    if (!finite) {
+    return 1;
+}
+
+/* Learns from outputs after a step. Without a measured output, or without a step before it, it does nothing. */
+static int NAME_update(NAME_adapter *adapter, REAL *s, const REAL outputs[UPPER_OUTPUTS])
+{
+    REAL z[UPPER_OUTPUTS];
+    size_t count = 0;
+    size_t i;
+    for (i = 0; i < UPPER_OUTPUTS; ++i) {
+        z[i] = (outputs[i] - adapter->base[i]) / NAME_correction_scale[i];
+        count += isfinite(z[i]) ? 1U : 0U;
+    }
+    if (adapter->stepped == 0U || count == 0) {
+        return UPPER_WAITING;
+    }
+    adapter->stepped = 0;
+    if (!NAME_correct(adapter, s, z)) {
         NAME_restart(adapter, s);
+        return UPPER_REJECTED;
     }
+    return UPPER_LEARNED;
 }

@@ -1,0 +1,194 @@
+//! The filter of recurrent networks in exported C, against that of hydroid.
+
+mod derivatives;
+mod program;
+
+use hydroid::adapt::{self, Options};
+use hydroid::model::{Body, Model};
+use hydroid_core::adapt::{Adapter, Outcome};
+use hydroid_core::predict::{Predictor, Workspace};
+use hydroid_export::Precision;
+
+use crate::models::{all, commands, drawn, first_outputs};
+use crate::run::steady;
+use program::{AHEAD, CLANG, FAST, Plan, SANITIZED};
+
+/// A run: commands and measurements, row by row.
+#[derive(Clone)]
+pub(crate) struct Run {
+    first: Vec<f64>,
+    held: Vec<f64>,
+    commands: Vec<f64>,
+    measured: Vec<f64>,
+}
+
+/// Measurements of a vessel that is not the model: each output follows a mixture of the commands, whose effect changes along
+/// the run, behind a lag. There are missing values, and an outlier.
+fn simulated(model: &Model, samples: usize) -> Run {
+    let (first, held) = (first_outputs(model), commands(model, 1, 0.4));
+    let (n, m) = (first.len(), held.len());
+    let given = commands(model, samples, 2.0);
+    let mut y = first.clone();
+    let mut measured = Vec::new();
+    for (k, c) in given.chunks_exact(m).enumerate() {
+        let effect = 0.8 - 0.5 * k as f64 / samples as f64;
+        for (i, y) in y.iter_mut().enumerate() {
+            let target: f64 = c.iter().enumerate().map(|(j, c)| effect * c / (1 + i + j) as f64).sum();
+            *y += (0.1 + 0.05 * i as f64) * (target - *y);
+        }
+        let noise = drawn(n, k as f64);
+        let mut row: Vec<f64> = y.iter().zip(noise).map(|(y, noise)| y + 0.01 * noise).collect();
+        if k % 97 == 13 {
+            row[k % n] = f64::NAN;
+        }
+        if k == samples / 3 {
+            row[k % n] += 1.0;
+        }
+        if (samples / 5..samples / 5 + 60).contains(&k) {
+            row.fill(f64::NAN);
+        }
+        measured.extend(row);
+    }
+    Run { first, held, commands: given, measured }
+}
+
+/// What happens along a run.
+#[derive(Debug, Default, PartialEq)]
+struct Learned {
+    /// Outputs after each step, and after each measurement.
+    outputs: Vec<f64>,
+    /// Whether each measurement was used: 0, 1, or 2 for a divergence.
+    results: Vec<f64>,
+    weights: Vec<f64>,
+    predicted: Vec<f64>,
+}
+
+/// Starts a run in the steady motion of the model with the present weights.
+fn start(adapter: &mut dyn Adapter, model: &Model, options: &Options, run: &Run) {
+    let (_, used) = adapt::adapter(model, options, &[]).unwrap();
+    let model = adapt::learned(model, adapter.weights(), &[], &used).unwrap();
+    let session = steady(&model, &run.first, &run.held);
+    let mut snapshot = vec![0.0; session.snapshot_len()];
+    session.snapshot(&mut snapshot);
+    snapshot.extend(adapter.weights());
+    adapter.reset();
+    adapter.restore(&snapshot);
+}
+
+impl Learned {
+    fn of(model: &Model, options: &Options, run: &Run, plan: &Plan) -> Self {
+        let (mut adapter, _) = adapt::adapter(model, options, &[]).unwrap();
+        let (n, m) = (run.first.len(), run.held.len());
+        let mut own = Self::default();
+        let mut work = Workspace::new();
+        let (mut y, mut ahead) = (vec![0.0; n], vec![0.0; AHEAD * n]);
+        for (k, (c, row)) in run.commands.chunks_exact(m).zip(run.measured.chunks_exact(n)).enumerate() {
+            if k == 0 || k == plan.anew {
+                start(adapter.as_mut(), model, options, run);
+            }
+            adapter.freeze((plan.frozen..plan.learning).contains(&k));
+            adapter.advance(c);
+            adapter.output(&mut y);
+            own.outputs.extend(&y);
+            adapter.observe(row);
+            adapter.output(&mut y);
+            own.outputs.extend(&y);
+            own.results.push(match adapter.outcome() {
+                Outcome::Rejected(_) => 2.0,
+                Outcome::Waiting => 0.0,
+                _ if (plan.frozen..plan.learning).contains(&k) => 0.0,
+                _ => 1.0,
+            });
+            if k % plan.every == 0 {
+                own.weights.extend(adapter.weights());
+                adapter.rollout(&run.commands[..AHEAD * m], &mut work, &mut ahead);
+                own.predicted.extend(&ahead);
+            }
+        }
+        own
+    }
+
+    /// From the numbers of the program.
+    fn read(numbers: &[f64], samples: usize, n: usize, weights: usize, plan: &Plan) -> Self {
+        let mut own = Self::default();
+        let mut rest = numbers;
+        let mut take = |count: usize| {
+            let (taken, after) = rest.split_at(count);
+            rest = after;
+            taken
+        };
+        for k in 0..samples {
+            own.outputs.extend(take(2 * n));
+            own.results.extend(take(1));
+            if k % plan.every == 0 {
+                own.weights.extend(take(weights));
+                own.predicted.extend(take(AHEAD * n));
+            }
+        }
+        assert!(rest.is_empty());
+        own
+    }
+}
+
+/// The largest difference of numbers, relative to the largest of them. A number that is not finite differs from all others.
+fn apart(a: &[f64], b: &[f64]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let largest = a.iter().filter(|a| a.is_finite()).map(|a| a.abs()).fold(1e-9, f64::max);
+    let of = |(a, b): (&f64, &f64)| match (a.is_finite(), b.is_finite()) {
+        (true, true) => (a - b).abs() / largest,
+        (false, false) => 0.0,
+        _ => f64::INFINITY,
+    };
+    a.iter().zip(b).map(of).fold(0.0, f64::max)
+}
+
+/// Learns along a run in C and in Rust. Returns the differences of weights, outputs and predictions.
+fn compare(
+    model: &Model,
+    options: &Options,
+    precision: Precision,
+    (run, plan): (&Run, &Plan),
+    flags: &[&str],
+) -> [f64; 3] {
+    let title = &model.description.name;
+    let expected = Learned::of(model, options, run, plan);
+    let (numbers, header) = program::run(model, (options, precision), (run, plan), flags);
+    let (n, samples) = (run.first.len(), run.commands.len() / run.held.len());
+    let weights = expected.weights.len() / samples.div_ceil(plan.every);
+    let (size, numbers) = numbers.split_first().unwrap();
+    assert!(header.contains(&format!("memory of the method: {size} bytes")), "{title}: {size}");
+    let found = Learned::read(numbers, samples, n, weights, plan);
+    if precision == Precision::Double {
+        assert_eq!(expected.results, found.results, "{title}");
+    }
+    let moved = apart(&expected.weights[..weights], &expected.weights[expected.weights.len() - weights..]);
+    assert!(moved > 1e-2, "{title}: nothing was learned");
+    [
+        apart(&expected.weights, &found.weights),
+        apart(&expected.outputs, &found.outputs),
+        apart(&expected.predicted, &found.predicted),
+    ]
+}
+
+fn networks() -> Vec<(Model, Options)> {
+    let recurrent = |model: &Model| matches!(model.body, Body::Recurrent(_));
+    let with_noise = |mut model: Model| {
+        model.description.outputs.iter_mut().for_each(|port| port.noise = Some(0.01));
+        let options = Options::of(&model);
+        (model, options)
+    };
+    all().into_iter().filter(recurrent).map(with_noise).collect()
+}
+
+#[test]
+fn the_filter_in_c_learns_as_in_hydroid() {
+    let samples = 10_000;
+    let plan = Plan { anew: 6000, frozen: 8000, learning: 8300, copied: samples / 2, every: 50 };
+    for (model, options) in networks() {
+        let run = simulated(&model, samples);
+        let [weights, outputs, predicted] =
+            compare(&model, &options, Precision::Double, (&run, &plan), &FAST);
+        let name = &model.description.name;
+        println!("{name}: weights {weights:.1e}, outputs {outputs:.1e}, predictions {predicted:.1e}");
+    }
+}
