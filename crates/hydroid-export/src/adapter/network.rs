@@ -25,6 +25,8 @@ pub(crate) struct NetworkLearner {
     /// `(state, command) -> outputs` after a sample, without the correction by the network.
     pub(crate) base: usize,
     pub(crate) outputs: Outputs,
+    /// `(hidden, input, weights) -> hidden` after a sample.
+    pub(crate) transition: usize,
     /// `(hidden, weights) -> output` of the network.
     pub(crate) observation: usize,
     /// `(hidden, input, weights, v) -> v' [df/dh df/dtheta]`.
@@ -56,6 +58,7 @@ impl NetworkLearner {
                 "observation_jacobian",
                 "The adjoint times the derivatives of the output by hidden state and weights",
             ),
+            transition: functions.transition,
             observation: functions.observation,
             input: learning.input,
             base: learning.base,

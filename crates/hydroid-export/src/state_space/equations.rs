@@ -293,6 +293,20 @@ fn shifted<'a>(
     b.concat(&parts)
 }
 
+/// A state of equations whose unknown lags (NaN) have reached the command.
+pub(super) fn with_known_lags<'a>(
+    b: &'a Builder,
+    equations: &Equations,
+    x: Vector<'a>,
+    c: Vector<'a>,
+) -> Vector<'a> {
+    let memory = Memory::of(equations);
+    let (n, lags) = (equations.outputs(), memory.lags.len());
+    let commands: Vec<Scalar<'_>> = memory.lags.iter().map(|(_, input, _)| c.at(*input)).collect();
+    let known = x.slice(n, lags).or(b.gather(&commands));
+    b.concat(&[x.slice(0, n), known, x.slice(n + lags, x.len() - n - lags)])
+}
+
 /// The state of a steady motion: outputs, commands behind their lags, and the same values in the past.
 pub(super) fn steady<'a>(b: &'a Builder, equations: &Equations, y: Vector<'a>, c: Vector<'a>) -> Vector<'a> {
     let memory = Memory::of(equations);

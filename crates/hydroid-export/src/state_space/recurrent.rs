@@ -304,7 +304,10 @@ impl Lowering<'_> {
         let [x, c] = self.arguments(&b);
         let front = x.slice(0, self.front());
         let front = match &self.base {
-            Some((_, lowered)) => b.call(lowered.wait, self.front(), &[front, c]),
+            Some((equations, lowered)) => {
+                let waited = b.call(lowered.wait, self.front(), &[front, c]);
+                equations::with_known_lags(&b, equations, waited, c)
+            }
             None => front,
         };
         let hidden = if self.model.feedback {

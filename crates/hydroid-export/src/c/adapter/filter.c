@@ -266,3 +266,14 @@ static int NAME_update(NAME_adapter *adapter, REAL *s, const REAL outputs[UPPER_
     }
     return UPPER_LEARNED;
 }
+
+static int NAME_outcome(const NAME_adapter *adapter, int result, const REAL outputs[UPPER_OUTPUTS])
+{
+    size_t i;
+    for (i = 0; i < UPPER_OUTPUTS; ++i) {
+        if (isinf(outputs[i])) {
+            return UPPER_REJECTED;
+        }
+    }
+    return (result == UPPER_LEARNED && adapter->frozen != 0U) ? UPPER_WAITING : result;
+}

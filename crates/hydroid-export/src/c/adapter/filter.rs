@@ -53,7 +53,7 @@ int NAME_adapter_observe(NAME_adapter *adapter, NAME_state *state, const REAL ou
     if (result != UPPER_WAITING) {
         NAME_show(state);
     }
-    return (result == UPPER_LEARNED && adapter->frozen != 0U) ? UPPER_WAITING : result;
+    return NAME_outcome(adapter, result, outputs);
 }
 ";
 
@@ -92,7 +92,7 @@ int NAME_adapter_observe(NAME_adapter *adapter, NAME_state *state, const REAL ou
 {
     const int result = NAME_update(adapter, state->x + UPPER_FIRST_ESTIMATE, outputs);
     NAME_observe(state, outputs);
-    return (result == UPPER_LEARNED && adapter->frozen != 0U) ? UPPER_WAITING : result;
+    return NAME_outcome(adapter, result, outputs);
 }
 ";
 
@@ -139,7 +139,8 @@ pub(super) fn code(of: &Learning<'_>, learner: &NetworkLearner) -> Code {
  *     h+ = f(h, x, theta) + noise        theta+ = theta_0 + {kept:?} (theta - theta_0) + noise
  *     z  = g(h, theta) + noise
  * z are the measured outputs less the prediction of the base, divided by their scale; theta_0 are the exported weights. A
- * divergence starts the estimation again, with the present weights. h is a part of the state, in front of the weights.
+ * divergence starts the estimation again, with the present weights: UPPER_REJECTED, as for an infinite value, which counts
+ * as missing. h stands in front of theta in the state.
 "
     );
     if options.forgetting < 1.0 {

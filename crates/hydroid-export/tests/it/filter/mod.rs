@@ -3,10 +3,13 @@
 mod derivatives;
 mod program;
 
+use std::sync::Arc;
+
 use hydroid::adapt::{self, Options};
 use hydroid::model::{Body, Model};
 use hydroid_core::adapt::{Adapter, Outcome};
-use hydroid_core::predict::{Predictor, Workspace};
+use hydroid_core::model::recurrent::{BaseModel, Recurrent};
+use hydroid_core::predict::Workspace;
 use hydroid_export::Precision;
 
 use crate::models::{all, commands, drawn, first_outputs};
@@ -159,7 +162,8 @@ fn compare(
     assert!(header.contains(&format!("memory of the method: {size} bytes")), "{title}: {size}");
     let found = Learned::read(numbers, samples, n, weights, plan);
     if precision == Precision::Double {
-        assert_eq!(expected.results, found.results, "{title}");
+        let differs = (0..samples).find(|&k| expected.results[k] != found.results[k]);
+        assert_eq!(differs, None, "{title}: first sample with another result");
     }
     let moved = apart(&expected.weights[..weights], &expected.weights[expected.weights.len() - weights..]);
     assert!(moved > 1e-2, "{title}: nothing was learned");
@@ -170,25 +174,94 @@ fn compare(
     ]
 }
 
+/// Networks with known noise of the measurements.
 fn networks() -> Vec<(Model, Options)> {
-    let recurrent = |model: &Model| matches!(model.body, Body::Recurrent(_));
-    let with_noise = |mut model: Model| {
+    let learns = |mut model: Model| {
+        let Body::Recurrent(network) = &model.body else { return None };
+        if network.base == BaseModel::Nothing {
+            // The network gives the outputs, not their increments.
+            let mut network = Recurrent::clone(network);
+            network.scaling.correction_scale.clone_from(&network.scaling.output_scale);
+            model.body = Body::Recurrent(Arc::new(network));
+        }
         model.description.outputs.iter_mut().for_each(|port| port.noise = Some(0.01));
         let options = Options::of(&model);
-        (model, options)
+        Some((model, options))
     };
-    all().into_iter().filter(recurrent).map(with_noise).collect()
+    all().into_iter().filter_map(learns).collect()
 }
+
+/// One network of each cell, with and without feedback, on each base.
+fn some() -> Vec<(Model, Options)> {
+    let names = [
+        "lstm with projection on hold",
+        "lstm on nothing, without feedback",
+        "gru on equations, without feedback",
+        "rnn on hold, without feedback",
+        "rnn on equations",
+    ];
+    let mut networks = networks();
+    networks.retain(|(model, _)| names.contains(&model.description.name.as_str()));
+    assert_eq!(networks.len(), names.len());
+    networks
+}
+
+/// Compares with the tolerance of a relative difference of 1e-9.
+fn check((model, options): &(Model, Options), run: &Run, plan: &Plan, flags: &[&str]) {
+    let [weights, outputs, predicted] = compare(model, options, Precision::Double, (run, plan), flags);
+    let name = &model.description.name;
+    println!("{name}: weights {weights:.1e}, outputs {outputs:.1e}, predictions {predicted:.1e}");
+    assert!(weights < 1e-9 && outputs < 1e-9 && predicted < 1e-9, "{name}: {weights} {outputs} {predicted}");
+}
+
+const SHORT: Plan = Plan { anew: 500, frozen: 600, learning: 650, copied: 400, every: 10 };
 
 #[test]
 fn the_filter_in_c_learns_as_in_hydroid() {
+    for network in some() {
+        check(&network, &simulated(&network.0, 800), &SHORT, &FAST);
+    }
+}
+
+#[test]
+#[ignore = "slow tier: .ci/run runs it"]
+fn all_filters_learn_along_a_long_run() {
     let samples = 10_000;
     let plan = Plan { anew: 6000, frozen: 8000, learning: 8300, copied: samples / 2, every: 50 };
-    for (model, options) in networks() {
-        let run = simulated(&model, samples);
-        let [weights, outputs, predicted] =
-            compare(&model, &options, Precision::Double, (&run, &plan), &FAST);
-        let name = &model.description.name;
-        println!("{name}: weights {weights:.1e}, outputs {outputs:.1e}, predictions {predicted:.1e}");
+    for network in networks() {
+        check(&network, &simulated(&network.0, samples), &plan, &FAST);
+    }
+}
+
+/// A run with commands and measurements that are not finite.
+fn disturbed(model: &Model, samples: usize) -> Run {
+    let mut run = simulated(model, samples);
+    let (n, m) = (run.first.len(), run.held.len());
+    run.commands[100 * m] = f64::NAN;
+    run.commands[220 * m + 1] = f64::INFINITY;
+    run.measured[300 * n + 1] = f64::INFINITY;
+    run.measured[420 * n] = f64::NEG_INFINITY;
+    // After each of them, some outputs are measured before others.
+    for k in [100, 101, 102, 220, 300, 301, 420, 421, 422, 423] {
+        run.measured[k * n + 2] = f64::NAN;
+    }
+    run
+}
+
+#[test]
+fn the_filter_in_c_recovers_as_in_hydroid() {
+    for network in some() {
+        let run = disturbed(&network.0, 800);
+        check(&network, &run, &SHORT, &FAST);
+    }
+}
+
+#[test]
+#[ignore = "slow tier: .ci/run runs it"]
+fn all_filters_recover() {
+    for network in networks() {
+        let run = disturbed(&network.0, 800);
+        check(&network, &run, &SHORT, &SANITIZED);
+        check(&network, &run, &SHORT, &CLANG);
     }
 }

@@ -223,6 +223,8 @@ impl ModelKind for NetworkKind {
                 rehearsal.begin_window();
             }
             self.session.hidden_mut().fill(0.0);
+            // The weights have leaked.
+            self.session.set_weights(filter.weights());
         }
     }
 
