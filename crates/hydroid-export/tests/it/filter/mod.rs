@@ -5,15 +5,15 @@ mod program;
 
 use std::sync::Arc;
 
-use hydroid::adapt::{self, Options};
+use hydroid::adapt::{self, CovarianceForm, Options};
 use hydroid::model::{Body, Model};
 use hydroid_core::adapt::{Adapter, Outcome};
 use hydroid_core::model::recurrent::{BaseModel, Recurrent};
 use hydroid_core::predict::Workspace;
-use hydroid_export::Precision;
+use hydroid_export::{COptions, Format, Precision, check, export};
 
 use crate::models::{all, commands, drawn, first_outputs};
-use crate::run::steady;
+use crate::run::{difference, rollout, steady};
 use program::{AHEAD, CLANG, FAST, Plan, SANITIZED};
 
 /// A run: commands and measurements, row by row.
@@ -166,7 +166,8 @@ fn compare(
         assert_eq!(differs, None, "{title}: first sample with another result");
     }
     let moved = apart(&expected.weights[..weights], &expected.weights[expected.weights.len() - weights..]);
-    assert!(moved > 1e-2, "{title}: nothing was learned");
+    let learns = options.kalman.weight_variance > 0.0;
+    assert!(if learns { moved > 1e-2 } else { moved == 0.0 }, "{title}: the weights move by {moved}");
     [
         apart(&expected.weights, &found.weights),
         apart(&expected.outputs, &found.outputs),
@@ -207,7 +208,7 @@ fn some() -> Vec<(Model, Options)> {
 }
 
 /// Compares with the tolerance of a relative difference of 1e-9.
-fn check((model, options): &(Model, Options), run: &Run, plan: &Plan, flags: &[&str]) {
+fn agree((model, options): &(Model, Options), run: &Run, plan: &Plan, flags: &[&str]) {
     let [weights, outputs, predicted] = compare(model, options, Precision::Double, (run, plan), flags);
     let name = &model.description.name;
     println!("{name}: weights {weights:.1e}, outputs {outputs:.1e}, predictions {predicted:.1e}");
@@ -219,7 +220,7 @@ const SHORT: Plan = Plan { anew: 500, frozen: 600, learning: 650, copied: 400, e
 #[test]
 fn the_filter_in_c_learns_as_in_hydroid() {
     for network in some() {
-        check(&network, &simulated(&network.0, 800), &SHORT, &FAST);
+        agree(&network, &simulated(&network.0, 800), &SHORT, &FAST);
     }
 }
 
@@ -229,7 +230,7 @@ fn all_filters_learn_along_a_long_run() {
     let samples = 10_000;
     let plan = Plan { anew: 6000, frozen: 8000, learning: 8300, copied: samples / 2, every: 50 };
     for network in networks() {
-        check(&network, &simulated(&network.0, samples), &plan, &FAST);
+        agree(&network, &simulated(&network.0, samples), &plan, &FAST);
     }
 }
 
@@ -252,7 +253,7 @@ fn disturbed(model: &Model, samples: usize) -> Run {
 fn the_filter_in_c_recovers_as_in_hydroid() {
     for network in some() {
         let run = disturbed(&network.0, 800);
-        check(&network, &run, &SHORT, &FAST);
+        agree(&network, &run, &SHORT, &FAST);
     }
 }
 
@@ -261,7 +262,110 @@ fn the_filter_in_c_recovers_as_in_hydroid() {
 fn all_filters_recover() {
     for network in networks() {
         let run = disturbed(&network.0, 800);
-        check(&network, &run, &SHORT, &SANITIZED);
-        check(&network, &run, &SHORT, &CLANG);
+        agree(&network, &run, &SHORT, &SANITIZED);
+        agree(&network, &run, &SHORT, &CLANG);
     }
+}
+
+/// Networks with other options of the filter than the defaults, and behind a limit of the rate.
+fn variants() -> Vec<(Model, Options)> {
+    let (model, defaults) = some().remove(0);
+    let named = |name: &str, change: &dyn Fn(&mut Model, &mut Options)| {
+        let (mut model, mut options) = (model.clone(), defaults.clone());
+        name.clone_into(&mut model.description.name);
+        change(&mut model, &mut options);
+        (model, options)
+    };
+    let limited = |model: &mut Model, _: &mut Options| model.description.inputs[1].rate_limit = Some(0.9);
+    let mut variants = vec![
+        named("Huber's loss", &|_, options| options.kalman.huber = 2.5),
+        named("forgetting", &|_, options| options.kalman.forgetting_s = 60.0),
+        named("no leak", &|_, options| options.kalman.leak_s = f64::INFINITY),
+        named("limit of the rate", &|model, options| limited(model, options)),
+    ];
+    for (mut model, mut options) in some() {
+        if model.description.name.contains("without feedback") {
+            limited(&mut model, &mut options);
+            model.description.name.push_str(", limit of the rate");
+            variants.push((model, options));
+        }
+    }
+    variants
+}
+
+#[test]
+fn all_options_of_the_filter_act_in_c_as_in_hydroid() {
+    for network in variants() {
+        agree(&network, &simulated(&network.0, 800), &SHORT, &FAST);
+    }
+    let (mut model, mut options) = some().remove(0);
+    model.description.name = String::from("constant weights");
+    (options.kalman.weight_variance, options.kalman.weight_noise_per_s) = (0.0, 0.0);
+    agree(&(model.clone(), options), &simulated(&model, 800), &SHORT, &FAST);
+}
+
+const BRIEF: Plan = Plan { anew: 250, frozen: 270, learning: 280, copied: 200, every: 10 };
+
+/// In single precision, along 300 samples. Networks of 3 to 6 cells that give the outputs, not their increments, amplify
+/// differences of the weights up to a hundred thousand times along such a run, in double precision, too.
+fn single((model, options): &(Model, Options), flags: &[&str]) {
+    let run = simulated(model, 300);
+    let far = compare(model, options, Precision::Float, (&run, &BRIEF), flags);
+    let name = &model.description.name;
+    println!("{name}: {:.1e} {:.1e} {:.1e}", far[0], far[1], far[2]);
+    let tolerance = if name.contains("nothing") { 5e-2 } else { 1e-3 };
+    assert!(far.iter().all(|far| *far < tolerance), "{name}: {far:?}");
+}
+
+#[test]
+fn the_filter_in_single_precision_stays_near() {
+    some().iter().for_each(|network| single(network, &FAST));
+}
+
+#[test]
+#[ignore = "slow tier: .ci/run runs it"]
+fn all_filters_in_single_precision() {
+    for network in networks() {
+        single(&network, &CLANG);
+        single(&network, &SANITIZED);
+    }
+}
+
+#[test]
+fn rollouts_with_weights_in_the_state_are_those_of_the_session() {
+    for (model, options) in networks().into_iter().chain(variants()) {
+        let (name, n) = (&model.description.name, model.description.outputs.len());
+        let (y, c) = (first_outputs(&model), commands(&model, 1, 0.4));
+        let mut run = check::Run::of_learning(&model, &options, &y, &c).unwrap();
+        let mut session = steady(&model, &y, &c);
+        let along = simulated(&model, 60);
+        for (c, row) in along.commands.chunks_exact(c.len()).zip(along.measured.chunks_exact(n)) {
+            session.advance(c);
+            session.observe(row);
+            run.step(c);
+            run.observe(row);
+        }
+        let ahead = commands(&model, 300, 1.0);
+        let far = difference(&rollout(&*session, &ahead), &run.rollout(&ahead), n);
+        assert!(far < 1e-12, "{name}: {far}");
+    }
+}
+
+#[test]
+fn options_that_c_does_not_have_are_refused() {
+    let (model, options) = some().remove(0);
+    let refusal = |change: &dyn Fn(&mut Options)| {
+        let mut options = options.clone();
+        change(&mut options);
+        let c = COptions { adapter: Some(Box::new(options)), ..COptions::default() };
+        let names = hydroid_export::Options { name: String::from("boat") };
+        export(&model, &Format::C(c), &names).unwrap_err().to_string()
+    };
+    let rehearsal = refusal(&|options| options.kalman.rehearsal = Some(adapt::Rehearse::default()));
+    assert!(rehearsal.contains("without rehearsal"), "{rehearsal}");
+    let blocks = CovarianceForm::Blocks { group: 2 };
+    let blocks = refusal(&|options| options.kalman.covariance = blocks);
+    assert!(blocks.contains("covariance"), "{blocks}");
+    let negative = refusal(&|options| options.kalman.noise = Some(vec![-1.0, 0.1, 0.1]));
+    assert!(negative.contains('u'), "{negative}");
 }
