@@ -113,16 +113,15 @@ pub(super) fn adapter(
     let (start, inner) = (learning.start, learning.space.state.len());
     let (mut space, limit) = learning.space.behind_limits(model);
     let weights = network.weights.len();
-    let start = match limit {
-        None => start,
-        Some(_) => {
-            let (outputs, inputs) = (space.outputs(), space.inputs());
-            let b = Builder::new();
-            let (y, c) = (b.argument("outputs", outputs), b.argument("command", inputs));
-            let state = b.call(start, inner, &[y, c, b.argument("weights", weights)]);
-            let about = "State of a steady motion with learned weights";
-            space.module.add(b.finish("start_learned_limited", about, b.concat(&[c, state])))
-        }
+    let start = if limit.is_some() {
+        let (outputs, inputs) = (space.outputs(), space.inputs());
+        let b = Builder::new();
+        let (y, c) = (b.argument("outputs", outputs), b.argument("command", inputs));
+        let state = b.call(start, inner, &[y, c, b.argument("weights", weights)]);
+        let about = "State of a steady motion with learned weights";
+        space.module.add(b.finish("start_learned_limited", about, b.concat(&[c, state])))
+    } else {
+        start
     };
     Ok(Adapter { space, weights, limit, start: Some(start), method: Method::Network(Box::new(learner)) })
 }

@@ -134,22 +134,23 @@ pub(super) fn code(of: &Learning<'_>, learner: &NetworkLearner) -> Code {
     let (hidden, weights, outputs) = (learner.hidden(), network.weights.len(), network.network.outputs);
     let estimates = hidden + weights;
     let (kept, leaks) = (1.0 - options.leak, options.leak > 0.0);
-    let mut about = format!(
+    let forgetting = if options.forgetting < 1.0 {
+        format!(
+            " * A sample has {:?} times the weight of the next one (forgetting factor).\n",
+            options.forgetting
+        )
+    } else {
+        String::new()
+    };
+    let about = format!(
         " * An extended Kalman filter of hidden state h ({hidden}) and weights theta ({weights}) of the network, in its scaled units:
  *     h+ = f(h, x, theta) + noise        theta+ = theta_0 + {kept:?} (theta - theta_0) + noise
  *     z  = g(h, theta) + noise
  * z are the measured outputs less the prediction of the base, divided by their scale; theta_0 are the exported weights. A
  * divergence starts the estimation again, with the present weights: UPPER_REJECTED, as for an infinite value, which counts
  * as missing. h stands in front of theta in the state.
-"
+{forgetting}"
     );
-    if options.forgetting < 1.0 {
-        about.push_str(&format!(
-            " * A sample has {:?} times the weight of the next one (forgetting factor).\n",
-            options.forgetting
-        ));
-    }
-
     let widest = hidden.max(outputs);
     let mut fields = Fields::default();
     let triangle = estimates * (estimates + 1) / 2;

@@ -319,7 +319,9 @@ fn single((model, options): &(Model, Options), flags: &[&str]) {
 
 #[test]
 fn the_filter_in_single_precision_stays_near() {
-    some().iter().for_each(|network| single(network, &FAST));
+    for network in some() {
+        single(&network, &FAST);
+    }
 }
 
 #[test]
