@@ -50,5 +50,5 @@ pub(super) fn adapter(model: &Model, committee: &Arc<Committee>) -> Result<Adapt
     };
     let method = Method::Committee(session.learners().into_iter().map(learner).collect());
     let (space, limit) = space.behind_limits(model);
-    Ok(Adapter { space, weights: committee.learned(), limit, start: None, method })
+    Ok(Adapter { space, weights: committee.learned(), limit, method })
 }

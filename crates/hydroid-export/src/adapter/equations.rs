@@ -63,5 +63,5 @@ pub(super) fn adapter(model: &Model, of: &Arc<Equations>, options: &Options) -> 
         constants,
     };
     let (space, limit) = space.behind_limits(model);
-    Ok(Adapter { space, weights, limit, start: None, method: Method::Equations(Box::new(learner)) })
+    Ok(Adapter { space, weights, limit, method: Method::Equations(Box::new(learner)) })
 }

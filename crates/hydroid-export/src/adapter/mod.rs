@@ -26,9 +26,6 @@ pub(crate) struct Adapter {
     /// The function `(positions, command) -> positions` of actuators with a limited rate, whose positions come first in the
     /// state. The functions of the method are those of the state behind them.
     pub(crate) limit: Option<usize>,
-    /// The function `(outputs, command, weights) -> state` of a steady motion of the whole model, if the memory of the start
-    /// depends on the weights.
-    pub(crate) start: Option<usize>,
     pub(crate) method: Method,
 }
 
@@ -66,7 +63,7 @@ impl Adapter {
             Method::Equations(learner) => vec![learner.variables, learner.library],
             Method::Network(learner) => learner.functions(),
         };
-        self.limit.into_iter().chain(self.start).chain(of_method).collect()
+        self.limit.into_iter().chain(of_method).collect()
     }
 
     /// Place of the state of the model behind the positions of its actuators.

@@ -12,7 +12,7 @@ use hydroid_core::model::recurrent::Recurrent;
 
 use super::{Adapter, Method};
 use crate::ExportError;
-use crate::graph::{Builder, Function, vector_jacobian_product};
+use crate::graph::{Function, vector_jacobian_product};
 use crate::state_space::recurrent::{self, Learning, Outputs};
 
 /// A network that learns.
@@ -110,18 +110,7 @@ pub(super) fn adapter(
     let filter = network_filter_options(model, network, &options.kalman)?;
     let mut learning = recurrent::learning(network, model);
     let learner = NetworkLearner::new(Arc::clone(network), &mut learning, filter);
-    let (start, inner) = (learning.start, learning.space.state.len());
-    let (mut space, limit) = learning.space.behind_limits(model);
-    let weights = network.weights.len();
-    let start = if limit.is_some() {
-        let (outputs, inputs) = (space.outputs(), space.inputs());
-        let b = Builder::new();
-        let (y, c) = (b.argument("outputs", outputs), b.argument("command", inputs));
-        let state = b.call(start, inner, &[y, c, b.argument("weights", weights)]);
-        let about = "State of a steady motion with learned weights";
-        space.module.add(b.finish("start_learned_limited", about, b.concat(&[c, state])))
-    } else {
-        start
-    };
-    Ok(Adapter { space, weights, limit, start: Some(start), method: Method::Network(Box::new(learner)) })
+    let (space, limit) = learning.space.behind_limits(model);
+    let (weights, method) = (network.weights.len(), Method::Network(Box::new(learner)));
+    Ok(Adapter { space, weights, limit, method })
 }

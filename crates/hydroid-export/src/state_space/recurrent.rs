@@ -150,23 +150,14 @@ impl<'m> Lowering<'m> {
         b.finish("step", "State after a sample with the command held", next)
     }
 
-    /// The state of a steady motion before the hidden state settles.
-    fn unsettled<'a>(&self, b: &'a Builder, y: Vector<'a>, c: Vector<'a>, weights: Vector<'a>) -> Vector<'a> {
+    /// The state after the warm-up of a session in a steady motion.
+    fn settled<'a>(&self, b: &'a Builder, settle: usize, [y, c]: [Vector<'a>; 2]) -> Vector<'a> {
         let rest = match &self.base {
             Some((equations, _)) => equations::steady(b, equations, y, c),
             None => y,
         };
-        b.concat(&[rest, b.constant(&vec![0.0; self.hidden()]), weights])
-    }
-
-    /// The state after the warm-up of a session.
-    fn settled<'a>(
-        &self,
-        b: &'a Builder,
-        settle: usize,
-        first: Vector<'a>,
-        [y, c]: [Vector<'a>; 2],
-    ) -> Vector<'a> {
+        let weights = if self.learned.is_some() { &self.model.weights[..] } else { &[] };
+        let first = b.concat(&[rest, b.constant(&vec![0.0; self.hidden()]), b.constant(weights)]);
         let of_base = self.base.as_ref().map_or(0, |(equations, _)| equations.warm_up() - 1);
         match self.model.wash_out.max(of_base) {
             0 => first,
@@ -174,8 +165,7 @@ impl<'m> Lowering<'m> {
         }
     }
 
-    /// The state space, and the function `(outputs, command, weights) -> state` of a steady motion with learned weights.
-    fn space(&self, mut module: Module, channels: &Channels) -> (StateSpace, usize) {
+    fn space(&self, mut module: Module, channels: &Channels) -> StateSpace {
         let Sizes { outputs: n, inputs: m, .. } = self.sizes;
         let states = self.states();
         let step = module.add(self.step());
@@ -190,19 +180,9 @@ impl<'m> Lowering<'m> {
 
         let b = Builder::new();
         let (y, c) = (b.argument("outputs", n), b.argument("command", m));
+        let state = self.settled(&b, settle, [y, c]);
         let about = "State of a steady motion, with the hidden state settled";
-        let [start, learned] = if self.learned.is_some() {
-            let weights = b.argument("weights", self.weights());
-            let state = self.settled(&b, settle, self.unsettled(&b, y, c, weights), [y, c]);
-            let learned = module.add(b.finish("start_learned", about, state));
-            let b = Builder::new();
-            let (y, c) = (b.argument("outputs", n), b.argument("command", m));
-            let state = b.call(learned, states, &[y, c, b.constant(&self.model.weights)]);
-            [module.add(b.finish("start", about, state)), learned]
-        } else {
-            let state = self.settled(&b, settle, self.unsettled(&b, y, c, b.constant(&[])), [y, c]);
-            [module.add(b.finish("start", about, state)); 2]
-        };
+        let start = module.add(b.finish("start", about, state));
 
         let mut labels = match &self.base {
             Some((_, lowered)) => lowered.state.clone(),
@@ -215,16 +195,14 @@ impl<'m> Lowering<'m> {
             });
             labels.extend(names.map(|name| Label::new(name, "1")));
         }
-        let space =
-            StateSpace { module, state: labels, start, step, observe, output, rates: None, block: None };
-        (space, learned)
+        StateSpace { module, state: labels, start, step, observe, output, rates: None, block: None }
     }
 }
 
 pub(super) fn state_space(model: &Recurrent, sizes: Sizes, channels: &Channels) -> StateSpace {
     let mut module = Module::default();
     let lowering = Lowering::new(&mut module, model, sizes, channels);
-    lowering.space(module, channels).0
+    lowering.space(module, channels)
 }
 
 /// A network that learns. States are `[outputs, memory of a base, hidden state, weights]`.
@@ -232,8 +210,6 @@ pub(super) fn state_space(model: &Recurrent, sizes: Sizes, channels: &Channels) 
 pub(crate) struct Learning {
     pub(crate) space: StateSpace,
     pub(crate) network: NetworkFunctions,
-    /// `(outputs, command, weights) -> state` of a steady motion.
-    pub(crate) start: usize,
     /// `(state, command) -> input` of the network.
     pub(crate) input: usize,
     /// `(state, command) -> outputs` after a sample, without the correction by the network.
@@ -262,7 +238,7 @@ pub(crate) fn learning(recurrent: &Recurrent, model: &Model) -> Learning {
     let network = NetworkFunctions::add(&mut module, &recurrent.network);
     let mut lowering = Lowering::new(&mut module, recurrent, sizes, &channels);
     lowering.learned = Some(network);
-    let (mut space, start) = lowering.space(module, &channels);
+    let mut space = lowering.space(module, &channels);
     let mut add = |function: Function| space.module.add(function);
 
     let b = Builder::new();
@@ -281,7 +257,7 @@ pub(crate) fn learning(recurrent: &Recurrent, model: &Model) -> Learning {
             base: (!feedback).then(|| add(lowering.waited(network))),
         },
     };
-    Learning { space, network, start, input, base, outputs }
+    Learning { space, network, input, base, outputs }
 }
 
 impl Lowering<'_> {

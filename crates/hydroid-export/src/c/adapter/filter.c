@@ -70,8 +70,10 @@ static void NAME_adapter_forget(NAME_adapter *adapter)
 static void NAME_adapter_begin(NAME_adapter *adapter, NAME_state *state, const REAL outputs[UPPER_OUTPUTS])
 {
     size_t i;
-    (void)state;
     (void)outputs;
+    for (i = 0; i < UPPER_HIDDEN; ++i) {
+        state->x[UPPER_FIRST_ESTIMATE + i] = 0;
+    }
     for (i = 0; i < UPPER_OUTPUTS; ++i) {
         adapter->base[i] = 0;
     }

@@ -146,9 +146,10 @@ pub(super) fn code(of: &Learning<'_>, learner: &NetworkLearner) -> Code {
         " * An extended Kalman filter of hidden state h ({hidden}) and weights theta ({weights}) of the network, in its scaled units:
  *     h+ = f(h, x, theta) + noise        theta+ = theta_0 + {kept:?} (theta - theta_0) + noise
  *     z  = g(h, theta) + noise
- * z are the measured outputs less the prediction of the base, divided by their scale; theta_0 are the exported weights. A
- * divergence starts the estimation again, with the present weights: UPPER_REJECTED, as for an infinite value, which counts
- * as missing. h stands in front of theta in the state.
+ * z are the measured outputs less the prediction of the base, divided by their scale; theta_0 are the exported weights. h
+ * stands in front of theta in the state. A run starts with h = 0 and its variance, not with the settled h of NAME_init. A
+ * divergence starts the estimation again with the present theta: UPPER_REJECTED, as for an infinite value, which counts as
+ * missing.
 {forgetting}"
     );
     let widest = hidden.max(outputs);

@@ -173,27 +173,16 @@ void NAME_adapter_start(NAME_adapter *adapter, NAME_state *state, const REAL out
     for (i = 0; i < UPPER_WEIGHTS; ++i) {{
         weights[i] = state->x[UPPER_FIRST_WEIGHT + i];
     }}
-{}    NAME_adapter_begin(adapter, state, outputs);
+    NAME_init(state, outputs, command);
+    for (i = 0; i < UPPER_WEIGHTS; ++i) {{
+        state->x[UPPER_FIRST_WEIGHT + i] = weights[i];
+    }}
+    NAME_adapter_begin(adapter, state, outputs);
 }}
 ",
-            self.code().source,
-            self.start()
+            self.code().source
         );
         self.named(&text)
-    }
-
-    /// Statements that start a run with the learned `weights`.
-    fn start(&self) -> String {
-        match self.adapter.start {
-            Some(start) => format!("    {}(outputs, command, weights, state->x);\n", self.function(start)),
-            None => String::from(
-                "    NAME_init(state, outputs, command);
-    for (i = 0; i < UPPER_WEIGHTS; ++i) {
-        state->x[UPPER_FIRST_WEIGHT + i] = weights[i];
-    }
-",
-            ),
-        }
     }
 
     /// A number, which may be infinite.

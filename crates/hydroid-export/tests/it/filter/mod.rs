@@ -66,15 +66,21 @@ struct Learned {
     predicted: Vec<f64>,
 }
 
-/// Starts a run in the steady motion of the model with the present weights.
-fn start(adapter: &mut dyn Adapter, model: &Model, options: &Options, run: &Run) {
-    let (_, used) = adapt::adapter(model, options, &[]).unwrap();
-    let model = adapt::learned(model, adapter.weights(), &[], &used).unwrap();
-    let session = steady(&model, &run.first, &run.held);
+/// Starts a run. The memory of a base and the positions of actuators are those of a steady motion.
+fn start(adapter: &mut dyn Adapter, model: &Model, run: &Run) {
+    adapter.reset();
+    let Body::Recurrent(network) = &model.body else { return };
+    if network.base == BaseModel::Nothing || network.base == BaseModel::Hold {
+        if model.description.inputs.iter().all(|port| port.rate_limit.is_none()) {
+            return adapter.observe(&run.first);
+        }
+    }
+    let session = steady(model, &run.first, &run.held);
     let mut snapshot = vec![0.0; session.snapshot_len()];
     session.snapshot(&mut snapshot);
+    let front = snapshot.len() - network.network.state_len();
+    snapshot[front..].fill(0.0);
     snapshot.extend(adapter.weights());
-    adapter.reset();
     adapter.restore(&snapshot);
 }
 
@@ -87,7 +93,7 @@ impl Learned {
         let (mut y, mut ahead) = (vec![0.0; n], vec![0.0; AHEAD * n]);
         for (k, (c, row)) in run.commands.chunks_exact(m).zip(run.measured.chunks_exact(n)).enumerate() {
             if k == 0 || k == plan.anew {
-                start(adapter.as_mut(), model, options, run);
+                start(adapter.as_mut(), model, run);
             }
             adapter.freeze((plan.frozen..plan.learning).contains(&k));
             adapter.advance(c);
