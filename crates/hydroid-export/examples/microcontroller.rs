@@ -1,7 +1,6 @@
 //! Writes models in C with a run and its predictions, for a microcontroller:
 //! `cargo run -p hydroid-export --example microcontroller -- FOLDER`.
 
-#[expect(dead_code, reason = "a part is for the tests")]
 #[path = "../tests/it/models.rs"]
 mod models;
 
@@ -63,8 +62,16 @@ fn learning(model: &Model, options: &adapt::Options, precision: Precision) -> Re
 
 fn main() -> Result<(), Box<dyn Error>> {
     let into = PathBuf::from(std::env::args().nth(1).ok_or("name a folder")?);
-    for model in models::timed() {
-        let method = adapt::Options::of(&model);
+    // A network whose filter fits into the memory of a board.
+    let small = models::all().into_iter().find(|model| model.description.name == "gru on hold");
+    for model in models::timed().into_iter().chain(small) {
+        let mut method = adapt::Options::of(&model);
+        method.kalman.noise = Some(vec![0.01; model.description.outputs.len()]);
+        let learns = match &model.body {
+            Body::Equations(_) | Body::Committee(_) => true,
+            Body::Recurrent(network) => network.weights.len() < 500,
+            _ => false,
+        };
         for (precision, suffix) in [(Precision::Double, "double"), (Precision::Float, "float")] {
             let write = |prefix: &str, options: COptions, run: String| -> Result<(), Box<dyn Error>> {
                 let name = identifier(&model.description.name);
@@ -77,7 +84,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 Ok(fs::write(folder.join("run.h"), run)?)
             };
             write("", precision.into(), rollout(&model, precision))?;
-            if matches!(model.body, Body::Equations(_) | Body::Committee(_)) {
+            if learns {
                 let options = COptions { precision, adapter: Some(Box::new(method.clone())) };
                 write("learning-", options, learning(&model, &method, precision)?)?;
             }

@@ -1,8 +1,6 @@
 //! Logs of other programs: every format of `hydroid-io`.
 
-use hydroid_io::{Sink, Topic};
-
-use crate::scratch;
+use hydroid_io::{LogFile, Sink, Topic};
 
 /// Number of fields of each topic, and whether its rows have a stamp of reception.
 #[derive(Default)]
@@ -34,9 +32,8 @@ impl Sink for Checked {
 
 /// A recording has a value for each field of a row, and its losses lie in the file.
 pub fn recording(bytes: &[u8]) {
-    let path = scratch::path("recording");
-    std::fs::write(&path, bytes).expect("the scratch file can be written");
-    let Ok(summary) = hydroid_io::scan(&path.to_string_lossy(), &mut Checked::default()) else { return };
+    let file = LogFile::in_memory("recording", bytes);
+    let Ok(summary) = hydroid_io::scan(&file, &mut Checked::default()) else { return };
     let losses = &summary.losses;
     assert!(losses.len() as u64 <= summary.lost_parts);
     assert!(losses.iter().all(|loss| loss.offset <= bytes.len() as u64), "{losses:?}");

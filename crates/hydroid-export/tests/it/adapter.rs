@@ -184,8 +184,8 @@ fn program(name: &str, run: &Run, warm_up: usize) -> String {
         ("EVERY", EVERY),
         ("WARM_UP", warm_up),
     ];
-    let defines: String = sizes.iter().map(|(name, size)| format!("#define {name} {size}\n")).collect();
-    defines + &PROGRAM.replace("UPPER", &name.to_ascii_uppercase()).replace("NAME", name)
+    let defines: Vec<String> = sizes.iter().map(|(name, size)| format!("#define {name} {size}\n")).collect();
+    defines.concat() + &PROGRAM.replace("UPPER", &name.to_ascii_uppercase()).replace("NAME", name)
 }
 
 /// The numbers that the program writes, and the text of the header.
@@ -320,7 +320,7 @@ fn learning_models() -> Vec<(Model, adapt::Options)> {
     let (model, defaults) = models.iter().find(|(model, _)| equations(model)).unwrap().clone();
     let mut add = |name: &str, change: &dyn Fn(&mut adapt::LeastSquaresOptions)| {
         let (mut model, mut options) = (model.clone(), defaults.clone());
-        model.description.name = name.to_owned();
+        name.clone_into(&mut model.description.name);
         change(&mut options.least_squares);
         models.push((model, options));
     };
@@ -384,7 +384,7 @@ fn models_without_an_adapter_in_c_are_refused() {
                 assert!(error.contains("without --adapter") && error.contains("C library"), "{error}");
             }
             _ => {
-                assert!(refused(model, &options).contains("cannot be adapted"), "{}", model.description.name)
+                assert!(refused(model, &options).contains("cannot be adapted"), "{}", model.description.name);
             }
         }
     }

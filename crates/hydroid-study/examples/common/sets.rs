@@ -86,7 +86,7 @@ impl Set {
     pub(crate) fn read(&self, data: &Path) -> anyhow::Result<(Vec<Vec<Trajectory>>, Reading)> {
         let files: Vec<PathBuf> =
             self.runs.iter().map(|run| data.join(self.folder).join(run).with_extension("csv")).collect();
-        let raw = files.iter().map(|file| log::read(file)).collect::<Result<Vec<_>, _>>()?;
+        let raw = files.iter().map(log::read).collect::<Result<Vec<_>, _>>()?;
         let wind = self.wind.then(|| "wind_velo_relative_mid,wind_dir_relative_mid".parse());
         let selection = Selection { wind: wind.transpose()?, ..Selection::of(self.outputs, self.inputs)? };
         let options = PrepareOptions::default();

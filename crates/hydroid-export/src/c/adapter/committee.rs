@@ -1,5 +1,7 @@
 //! Members of a committee that learn, in C.
 
+use std::fmt::Write as _;
+
 use super::least_squares::{self, NOISE};
 use super::{Code, Fields, Learning};
 use crate::adapter::MemberLearner;
@@ -157,10 +159,11 @@ pub(super) fn code(of: &Learning<'_>, members: &[MemberLearner]) -> Code {
         own.reals("z", member.outputs, "sum of the rates of the present row");
         own.inner("noise", "NAME_noise", &least_squares::noise(member.outputs));
         own.counter("increments", "in the present row");
-        types.push_str(&format!(
-            "\n/* Learning of member {index}: {terms} terms in the rates of {} outputs. */\ntypedef struct {{\n{}}} NAME_learner_{index};\n",
+        let _ = writeln!(
+            types,
+            "\n/* Learning of member {index}: {terms} terms in the rates of {} outputs. */\ntypedef struct {{\n{}}} NAME_learner_{index};",
             member.outputs, own.text
-        ));
+        );
         let name = format!("learner_{index}");
         fields.inner(&name, &format!("NAME_{name}"), &own);
         let (tables, body) = least_squares::forget(
@@ -175,13 +178,11 @@ pub(super) fn code(of: &Learning<'_>, members: &[MemberLearner]) -> Code {
         source.push_str(&replaced(of, FORGET_ROW, member));
         source.push_str(&replaced(of, LEARN, member));
         forget_all.push_str(&body);
-        forget_all.push_str(&format!("    NAME_forget_noise(&adapter->{name}.noise);\n"));
-        begin_all.push_str(&format!("    NAME_forget_row_{index}(&adapter->{name});\n"));
+        let _ = writeln!(forget_all, "    NAME_forget_noise(&adapter->{name}.noise);");
+        let _ = writeln!(begin_all, "    NAME_forget_row_{index}(&adapter->{name});");
         let first = of.adapter.first_weight() + member.constants.first;
-        learn_all.push_str(&format!(
-            "        outcome = NAME_learn_{index}(&adapter->{name}, {at}, state->x + {first}, adapter->measured);
-        result = (outcome == UPPER_WAITING) ? result : outcome;\n"
-        ));
+        let _ = writeln!(learn_all, "        outcome = NAME_learn_{index}(&adapter->{name}, {at}, state->x + {first}, adapter->measured);
+        result = (outcome == UPPER_WAITING) ? result : outcome;");
     }
     types.push('\n');
     fields.counter("measured", "consecutive samples without a missing value");

@@ -1,5 +1,7 @@
 //! Equations that learn, in C.
 
+use std::fmt::Write as _;
+
 use hydroid_core::adapt::GroupConstants;
 
 use super::least_squares::{self, NOISE};
@@ -174,17 +176,18 @@ fn group(of: &Learning<'_>, learner: &EquationsLearner, index: usize, group: &Gr
     for (&output, &first) in group.outputs.iter().zip(&group.firsts) {
         let at = format!("weights + {first}, ");
         if output != group.outputs[0] {
-            predict.push_str(&format!("    leverage[{output}] = leverage[{}];\n", group.outputs[0]));
+            let _ = writeln!(predict, "    leverage[{output}] = leverage[{}];", group.outputs[0]);
         }
-        predict.push_str(&format!(
-            "    e[{output}] = z[{output}] - NAME_expected(row{index}, {at}NAME_scale_{index}, {n});\n"
-        ));
-        correct
-            .push_str(&format!("    NAME_correct({at}gain{index}, NAME_scale_{index}, e[{output}], {n});\n"));
+        let _ = writeln!(
+            predict,
+            "    e[{output}] = z[{output}] - NAME_expected(row{index}, {at}NAME_scale_{index}, {n});"
+        );
+        let _ = writeln!(correct, "    NAME_correct({at}gain{index}, NAME_scale_{index}, e[{output}], {n});");
     }
     if constants.lambda < 1.0 {
         let restored = n as f64 * (1.0 - constants.lambda) * group.information;
-        correct.push_str(&format!(
+        let _ = writeln!(
+            correct,
             "    /* Data are forgotten, the prior is restored: one coefficient of each equation in turn. */
     turn = adapter->turn{index};
     adapter->turn{index} = (turn + 1U) % {n}U;
@@ -192,18 +195,16 @@ fn group(of: &Learning<'_>, learner: &EquationsLearner, index: usize, group: &Gr
         adapter->d{index}[i] *= {growth};
         f{index}[i] = (i > turn) ? adapter->u{index}[i * (i - 1) / 2 + turn] : (REAL)(i == turn);
     }}
-    NAME_absorb(adapter->u{index}, adapter->d{index}, f{index}, gain{index}, {noise}, {n});\n",
+    NAME_absorb(adapter->u{index}, adapter->d{index}, f{index}, gain{index}, {noise}, {n});",
             growth = of.number(1.0 / constants.lambda),
             noise = of.number(1.0 / restored),
-        ));
+        );
         if group.leak {
             for &first in &group.firsts {
                 tables
                     .push_str(&of.table(&format!("NAME_prior_{first}"), &learner.initial[first..first + n]));
-                correct.push_str(&format!(
-                    "    lost = (NAME_prior_{first}[turn] - weights[{first} + turn]) * NAME_scale_{index}[turn];
-    NAME_correct(weights + {first}, gain{index}, NAME_scale_{index}, lost, {n});\n"
-                ));
+                let _ = writeln!(correct, "    lost = (NAME_prior_{first}[turn] - weights[{first} + turn]) * NAME_scale_{index}[turn];
+    NAME_correct(weights + {first}, gain{index}, NAME_scale_{index}, lost, {n});");
             }
         }
     }

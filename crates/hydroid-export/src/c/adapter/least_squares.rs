@@ -1,5 +1,7 @@
 //! Recursive least squares in C, as [`hydroid_core::adapt::RecursiveLeastSquares`] and its gate.
 
+use std::fmt::Write as _;
+
 use hydroid_core::adapt::{NoiseConstants, UdFactor};
 
 use super::{Fields, Learning};
@@ -182,18 +184,16 @@ pub(super) fn forget(of: &Learning<'_>, factor: &UdFactor, index: &str, target: 
     );
     let u = target.replace('?', "u");
     if columns.is_empty() {
-        body.push_str(&format!("    {u}[0] = 0;\n"));
+        let _ = writeln!(body, "    {u}[0] = 0;");
     } else if columns.iter().all(|u| *u == 0.0) {
-        body.push_str(&format!(
-            "    for (i = 0; i < {}; ++i) {{\n        {u}[i] = 0;\n    }}\n",
-            columns.len()
-        ));
+        let _ = writeln!(body, "    for (i = 0; i < {}; ++i) {{\n        {u}[i] = 0;\n    }}", columns.len());
     } else {
         tables.push_str(&of.table(&format!("NAME_u_{index}"), columns));
-        body.push_str(&format!(
-            "    for (i = 0; i < {}; ++i) {{\n        {u}[i] = NAME_u_{index}[i];\n    }}\n",
+        let _ = writeln!(
+            body,
+            "    for (i = 0; i < {}; ++i) {{\n        {u}[i] = NAME_u_{index}[i];\n    }}",
             columns.len()
-        ));
+        );
     }
     (tables, body)
 }

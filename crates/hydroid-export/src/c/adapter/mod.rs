@@ -14,6 +14,8 @@ mod equations;
 mod filter;
 mod least_squares;
 
+use std::fmt::Write as _;
+
 use super::function::Printer;
 use super::number::Precision;
 use crate::adapter::{Adapter, Method};
@@ -44,18 +46,18 @@ struct Fields {
 impl Fields {
     /// An array of numbers.
     fn reals(&mut self, name: &str, len: usize, about: &str) {
-        self.text.push_str(&format!("    NAME_real {name}[{}]; /* {about} */\n", len.max(1)));
+        let _ = writeln!(self.text, "    NAME_real {name}[{}]; /* {about} */", len.max(1));
         self.reals += len.max(1);
     }
 
     fn counter(&mut self, name: &str, about: &str) {
-        self.text.push_str(&format!("    uint32_t {name}; /* {about} */\n"));
+        let _ = writeln!(self.text, "    uint32_t {name}; /* {about} */");
         self.counters += 1;
     }
 
     /// A field of a type of `inner`.
     fn inner(&mut self, name: &str, type_name: &str, inner: &Self) {
-        self.text.push_str(&format!("    {type_name} {name};\n"));
+        let _ = writeln!(self.text, "    {type_name} {name};");
         self.reals += inner.reals;
         self.counters += inner.counters;
         self.odd += inner.odd + inner.counters % 2;
@@ -205,5 +207,6 @@ void NAME_adapter_start(NAME_adapter *adapter, NAME_state *state, const REAL out
 
 /// Items with commas, six in a line.
 fn lines(items: &[String]) -> String {
-    items.chunks(6).map(|line| format!("    {},\n", line.join(", "))).collect()
+    let lines: Vec<String> = items.chunks(6).map(|line| format!("    {},", line.join(", "))).collect();
+    lines.join("\n") + "\n"
 }

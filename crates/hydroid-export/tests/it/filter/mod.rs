@@ -70,10 +70,9 @@ struct Learned {
 fn start(adapter: &mut dyn Adapter, model: &Model, run: &Run) {
     adapter.reset();
     let Body::Recurrent(network) = &model.body else { return };
-    if network.base == BaseModel::Nothing || network.base == BaseModel::Hold {
-        if model.description.inputs.iter().all(|port| port.rate_limit.is_none()) {
-            return adapter.observe(&run.first);
-        }
+    let unlimited = model.description.inputs.iter().all(|port| port.rate_limit.is_none());
+    if unlimited && matches!(network.base, BaseModel::Nothing | BaseModel::Hold) {
+        return adapter.observe(&run.first);
     }
     let session = steady(model, &run.first, &run.held);
     let mut snapshot = vec![0.0; session.snapshot_len()];

@@ -55,7 +55,8 @@ pub(super) fn run(
         ("COPIED", plan.copied),
         ("EVERY", plan.every),
     ];
-    let defines: String = sizes.iter().map(|(name, size)| format!("#define {name} {size}\n")).collect();
+    let defines: Vec<String> = sizes.iter().map(|(name, size)| format!("#define {name} {size}\n")).collect();
+    let defines = defines.concat();
     std::fs::write(folder.path().join("main.c"), defines + PROGRAM).unwrap();
     let parts = [&run.first, &run.held, &run.commands, &run.measured];
     let bytes: Vec<u8> = parts.iter().flat_map(|part| part.iter()).flat_map(|x| x.to_le_bytes()).collect();

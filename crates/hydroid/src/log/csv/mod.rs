@@ -186,15 +186,15 @@ impl RawColumn {
 /// # Errors
 /// If the file cannot be read or is not a table with a header; see [`LogError`].
 pub fn read(source: impl Into<LogFile>) -> Result<RawLog, LogError> {
-    read_planned(source.into(), |_| None)
+    read_planned(&source.into(), |_| None)
 }
 
 /// Reads the log in a file without the values of some columns, which `plan` decides from the header; `None` keeps all.
 pub(super) fn read_planned(
-    source: LogFile,
+    source: &LogFile,
     plan: impl FnOnce(&RawLog) -> Option<Plan>,
 ) -> Result<RawLog, LogError> {
-    assemble::read(open(&source)?, &source.name(), chunks::CHUNK, plan)
+    assemble::read(open(source)?, &source.name(), chunks::CHUNK, plan)
 }
 
 fn open(source: &LogFile) -> Result<Stream, LogError> {

@@ -90,7 +90,7 @@ pub fn inspect_file(
     selection: &Selection,
     options: &PrepareOptions,
 ) -> Result<(Inspection, Vec<Trajectory>), LogError> {
-    let log = csv::read_planned(source.into(), |header| plan(header, selection, options))?;
+    let log = csv::read_planned(&source.into(), |header| plan(header, selection, options))?;
     inspect_log(Cow::Owned(log), selection, options)
 }
 
