@@ -130,9 +130,9 @@ typedef struct {{
 {}}} NAME_adapter;
 
 /* Results of NAME_adapter_observe. */
-#define UPPER_WAITING 0  /* Nothing was learned: no row is complete, or a value is missing. */
+#define UPPER_WAITING 0  /* Nothing was learned: no row is complete, values are missing, or learning is frozen. */
 #define UPPER_LEARNED 1
-#define UPPER_REJECTED 2 /* The row is an outlier. */
+#define UPPER_REJECTED 2 /* An outlier, or a number that is not finite. */
 
 /* Starts a run in a steady motion, as NAME_init, with the coefficients and the covariance of the identification. */
 void NAME_adapter_init(NAME_adapter *adapter, NAME_state *state, const REAL outputs[UPPER_OUTPUTS],

@@ -1,142 +1,20 @@
 //! The filter of recurrent networks in exported C, against that of hydroid.
 
 mod derivatives;
+mod learned;
 mod program;
 
 use std::sync::Arc;
 
 use hydroid::adapt::{self, CovarianceForm, Options};
 use hydroid::model::{Body, Model};
-use hydroid_core::adapt::{Adapter, Outcome};
 use hydroid_core::model::recurrent::{BaseModel, Recurrent};
-use hydroid_core::predict::Workspace;
 use hydroid_export::{COptions, Format, Precision, check, export};
 
-use crate::models::{all, commands, drawn, first_outputs};
+use crate::models::{all, commands, first_outputs};
 use crate::run::{difference, rollout, steady};
-use program::{AHEAD, CLANG, FAST, Plan, SANITIZED};
-
-/// A run: commands and measurements, row by row.
-#[derive(Clone)]
-pub(crate) struct Run {
-    first: Vec<f64>,
-    held: Vec<f64>,
-    commands: Vec<f64>,
-    measured: Vec<f64>,
-}
-
-/// Measurements of a vessel that is not the model: each output follows a mixture of the commands, whose effect changes along
-/// the run, behind a lag. There are missing values, and an outlier.
-fn simulated(model: &Model, samples: usize) -> Run {
-    let (first, held) = (first_outputs(model), commands(model, 1, 0.4));
-    let (n, m) = (first.len(), held.len());
-    let given = commands(model, samples, 2.0);
-    let mut y = first.clone();
-    let mut measured = Vec::new();
-    for (k, c) in given.chunks_exact(m).enumerate() {
-        let effect = 0.8 - 0.5 * k as f64 / samples as f64;
-        for (i, y) in y.iter_mut().enumerate() {
-            let target: f64 = c.iter().enumerate().map(|(j, c)| effect * c / (1 + i + j) as f64).sum();
-            *y += (0.1 + 0.05 * i as f64) * (target - *y);
-        }
-        let noise = drawn(n, k as f64);
-        let mut row: Vec<f64> = y.iter().zip(noise).map(|(y, noise)| y + 0.01 * noise).collect();
-        if k % 97 == 13 {
-            row[k % n] = f64::NAN;
-        }
-        if k == samples / 3 {
-            row[k % n] += 1.0;
-        }
-        if (samples / 5..samples / 5 + 60).contains(&k) {
-            row.fill(f64::NAN);
-        }
-        measured.extend(row);
-    }
-    Run { first, held, commands: given, measured }
-}
-
-/// What happens along a run.
-#[derive(Debug, Default, PartialEq)]
-struct Learned {
-    /// Outputs after each step, and after each measurement.
-    outputs: Vec<f64>,
-    /// Whether each measurement was used: 0, 1, or 2 for a divergence.
-    results: Vec<f64>,
-    weights: Vec<f64>,
-    predicted: Vec<f64>,
-}
-
-/// Starts a run. The memory of a base and the positions of actuators are those of a steady motion.
-fn start(adapter: &mut dyn Adapter, model: &Model, run: &Run) {
-    adapter.reset();
-    let Body::Recurrent(network) = &model.body else { return };
-    let unlimited = model.description.inputs.iter().all(|port| port.rate_limit.is_none());
-    if unlimited && matches!(network.base, BaseModel::Nothing | BaseModel::Hold) {
-        return adapter.observe(&run.first);
-    }
-    let session = steady(model, &run.first, &run.held);
-    let mut snapshot = vec![0.0; session.snapshot_len()];
-    session.snapshot(&mut snapshot);
-    let front = snapshot.len() - network.network.state_len();
-    snapshot[front..].fill(0.0);
-    snapshot.extend(adapter.weights());
-    adapter.restore(&snapshot);
-}
-
-impl Learned {
-    fn of(model: &Model, options: &Options, run: &Run, plan: &Plan) -> Self {
-        let (mut adapter, _) = adapt::adapter(model, options, &[]).unwrap();
-        let (n, m) = (run.first.len(), run.held.len());
-        let mut own = Self::default();
-        let mut work = Workspace::new();
-        let (mut y, mut ahead) = (vec![0.0; n], vec![0.0; AHEAD * n]);
-        for (k, (c, row)) in run.commands.chunks_exact(m).zip(run.measured.chunks_exact(n)).enumerate() {
-            if k == 0 || k == plan.anew {
-                start(adapter.as_mut(), model, run);
-            }
-            adapter.freeze((plan.frozen..plan.learning).contains(&k));
-            adapter.advance(c);
-            adapter.output(&mut y);
-            own.outputs.extend(&y);
-            adapter.observe(row);
-            adapter.output(&mut y);
-            own.outputs.extend(&y);
-            own.results.push(match adapter.outcome() {
-                Outcome::Rejected(_) => 2.0,
-                Outcome::Waiting => 0.0,
-                _ if (plan.frozen..plan.learning).contains(&k) => 0.0,
-                _ => 1.0,
-            });
-            if k % plan.every == 0 {
-                own.weights.extend(adapter.weights());
-                adapter.rollout(&run.commands[..AHEAD * m], &mut work, &mut ahead);
-                own.predicted.extend(&ahead);
-            }
-        }
-        own
-    }
-
-    /// From the numbers of the program.
-    fn read(numbers: &[f64], samples: usize, n: usize, weights: usize, plan: &Plan) -> Self {
-        let mut own = Self::default();
-        let mut rest = numbers;
-        let mut take = |count: usize| {
-            let (taken, after) = rest.split_at(count);
-            rest = after;
-            taken
-        };
-        for k in 0..samples {
-            own.outputs.extend(take(2 * n));
-            own.results.extend(take(1));
-            if k % plan.every == 0 {
-                own.weights.extend(take(weights));
-                own.predicted.extend(take(AHEAD * n));
-            }
-        }
-        assert!(rest.is_empty());
-        own
-    }
-}
+use learned::{Learned, Run, simulated};
+use program::{CLANG, FAST, Plan, SANITIZED};
 
 /// The largest difference of numbers, relative to the largest of them. A number that is not finite differs from all others.
 fn apart(a: &[f64], b: &[f64]) -> f64 {
@@ -212,12 +90,26 @@ fn some() -> Vec<(Model, Options)> {
     networks
 }
 
-/// Compares with the tolerance of a relative difference of 1e-9.
-fn agree((model, options): &(Model, Options), run: &Run, plan: &Plan, flags: &[&str]) {
+/// By how much hydroid learns otherwise if the weights of the model differ by their rounding.
+fn sensitivity((model, options): &(Model, Options), run: &Run, plan: &Plan) -> f64 {
+    let Body::Recurrent(network) = &model.body else { return 0.0 };
+    let mut network = Recurrent::clone(network);
+    network.weights.iter_mut().for_each(|weight| *weight *= 1.0 + f64::EPSILON);
+    let rounded = Model { body: Body::Recurrent(Arc::new(network)), ..model.clone() };
+    let [exact, rounded] = [model, &rounded].map(|model| Learned::of(model, options, run, plan));
+    let far = apart(&exact.weights, &rounded.weights).max(apart(&exact.outputs, &rounded.outputs));
+    far.max(apart(&exact.predicted, &rounded.predicted))
+}
+
+const TOLERANCE: f64 = 1e-9;
+
+/// Compares, with a tolerance of the relative differences.
+fn agree((model, options): &(Model, Options), run: &Run, plan: &Plan, flags: &[&str], tolerance: f64) {
     let [weights, outputs, predicted] = compare(model, options, Precision::Double, (run, plan), flags);
     let name = &model.description.name;
     println!("{name}: weights {weights:.1e}, outputs {outputs:.1e}, predictions {predicted:.1e}");
-    assert!(weights < 1e-9 && outputs < 1e-9 && predicted < 1e-9, "{name}: {weights} {outputs} {predicted}");
+    let most = weights.max(outputs).max(predicted);
+    assert!(most < tolerance, "{name}: {weights} {outputs} {predicted}, tolerance {tolerance}");
 }
 
 const SHORT: Plan = Plan { anew: 500, frozen: 600, learning: 650, copied: 400, every: 10 };
@@ -225,7 +117,7 @@ const SHORT: Plan = Plan { anew: 500, frozen: 600, learning: 650, copied: 400, e
 #[test]
 fn the_filter_in_c_learns_as_in_hydroid() {
     for network in some() {
-        agree(&network, &simulated(&network.0, 800), &SHORT, &FAST);
+        agree(&network, &simulated(&network.0, 800), &SHORT, &FAST, TOLERANCE);
     }
 }
 
@@ -235,7 +127,7 @@ fn all_filters_learn_along_a_long_run() {
     let samples = 10_000;
     let plan = Plan { anew: 6000, frozen: 8000, learning: 8300, copied: samples / 2, every: 50 };
     for network in networks() {
-        agree(&network, &simulated(&network.0, samples), &plan, &FAST);
+        agree(&network, &simulated(&network.0, samples), &plan, &FAST, TOLERANCE);
     }
 }
 
@@ -254,11 +146,21 @@ fn disturbed(model: &Model, samples: usize) -> Run {
     run
 }
 
+/// The filter learns anew several times: a network that gives the outputs, not their increments, then amplifies roundings. The
+/// sensitivity of hydroid is the scale of the tolerance.
+fn recovers(network: &(Model, Options), compilers: &[&[&str]]) {
+    let run = disturbed(&network.0, 800);
+    let tolerance = TOLERANCE.max(10.0 * sensitivity(network, &run, &SHORT));
+    assert!(tolerance < 1e-7, "{}: {tolerance}", network.0.description.name);
+    for flags in compilers {
+        agree(network, &run, &SHORT, flags, tolerance);
+    }
+}
+
 #[test]
 fn the_filter_in_c_recovers_as_in_hydroid() {
     for network in some() {
-        let run = disturbed(&network.0, 800);
-        agree(&network, &run, &SHORT, &FAST);
+        recovers(&network, &[&FAST]);
     }
 }
 
@@ -266,9 +168,7 @@ fn the_filter_in_c_recovers_as_in_hydroid() {
 #[ignore = "slow tier: .ci/run runs it"]
 fn all_filters_recover() {
     for network in networks() {
-        let run = disturbed(&network.0, 800);
-        agree(&network, &run, &SHORT, &SANITIZED);
-        agree(&network, &run, &SHORT, &CLANG);
+        recovers(&network, &[&SANITIZED, &CLANG]);
     }
 }
 
@@ -301,31 +201,29 @@ fn variants() -> Vec<(Model, Options)> {
 #[test]
 fn all_options_of_the_filter_act_in_c_as_in_hydroid() {
     for network in variants() {
-        agree(&network, &simulated(&network.0, 800), &SHORT, &FAST);
+        agree(&network, &simulated(&network.0, 800), &SHORT, &FAST, TOLERANCE);
     }
     let (mut model, mut options) = some().remove(0);
     model.description.name = String::from("constant weights");
     (options.kalman.weight_variance, options.kalman.weight_noise_per_s) = (0.0, 0.0);
-    agree(&(model.clone(), options), &simulated(&model, 800), &SHORT, &FAST);
+    agree(&(model.clone(), options), &simulated(&model, 800), &SHORT, &FAST, TOLERANCE);
 }
 
 const BRIEF: Plan = Plan { anew: 250, frozen: 270, learning: 280, copied: 200, every: 10 };
 
-/// In single precision, along 300 samples. Networks of 3 to 6 cells that give the outputs, not their increments, amplify
-/// differences of the weights up to a hundred thousand times along such a run, in double precision, too.
-fn single((model, options): &(Model, Options), flags: &[&str]) {
+/// In single precision, along 300 samples. The tolerance of all networks is that of the one that amplifies roundings most.
+fn single((model, options): &(Model, Options), flags: &[&str], tolerance: f64) {
     let run = simulated(model, 300);
     let far = compare(model, options, Precision::Float, (&run, &BRIEF), flags);
     let name = &model.description.name;
     println!("{name}: {:.1e} {:.1e} {:.1e}", far[0], far[1], far[2]);
-    let tolerance = if name.contains("nothing") { 5e-2 } else { 1e-3 };
     assert!(far.iter().all(|far| *far < tolerance), "{name}: {far:?}");
 }
 
 #[test]
 fn the_filter_in_single_precision_stays_near() {
     for network in some() {
-        single(&network, &FAST);
+        single(&network, &FAST, 2e-3);
     }
 }
 
@@ -333,8 +231,36 @@ fn the_filter_in_single_precision_stays_near() {
 #[ignore = "slow tier: .ci/run runs it"]
 fn all_filters_in_single_precision() {
     for network in networks() {
-        single(&network, &CLANG);
-        single(&network, &SANITIZED);
+        single(&network, &CLANG, 2e-2);
+        single(&network, &SANITIZED, 2e-2);
+    }
+}
+
+/// Root of the mean square of the errors of the predictions by a sample, from a sample on.
+fn rms(learned: &Learned, run: &Run, from: usize) -> f64 {
+    let n = run.first.len();
+    let predicted = learned.outputs.chunks_exact(2 * n).map(|both| &both[..n]);
+    let rows = predicted.zip(run.measured.chunks_exact(n)).skip(from);
+    let errors = rows.flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| a - b)).filter(|e| !e.is_nan());
+    let (sum, count) = errors.fold((0.0, 0.0), |(sum, count), e| (sum + e * e, count + 1.0));
+    f64::sqrt(sum / count)
+}
+
+#[test]
+#[ignore = "slow tier: .ci/run runs it"]
+fn filters_in_single_precision_predict_as_well_along_a_long_run() {
+    let samples = 10_000;
+    let plan = Plan { anew: samples, frozen: samples, learning: samples, copied: samples, every: 5000 };
+    for (model, options) in networks() {
+        let (name, run) = (&model.description.name, simulated(&model, samples));
+        let double = Learned::of(&model, &options, &run, &plan);
+        let (numbers, _) = program::run(&model, (&options, Precision::Float), (&run, &plan), &FAST);
+        let single = Learned::read(&numbers[1..], samples, 3, double.weights.len() / 2, &plan);
+        assert_eq!(double.results, single.results, "{name}");
+        let [start, end, of_single] = [(&double, 100), (&double, 8000), (&single, 8000)]
+            .map(|(learned, from)| rms(learned, &run, from));
+        println!("{name}: {start:.4}, at the end {end:.4}, in single precision {of_single:.4}");
+        assert!((of_single / end - 1.0).abs() < 0.01, "{name}: {end} {of_single}");
     }
 }
 

@@ -7,7 +7,7 @@ use hydroid::model::Model;
 use hydroid_export::{COptions, Format, Options, Precision, export};
 use tempfile::TempDir;
 
-use super::Run;
+use super::learned::Run;
 
 /// Samples of a rollout.
 pub(super) const AHEAD: usize = 10;
