@@ -170,6 +170,7 @@ pub fn write(path: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<()>
             _ => Path::new("."),
         };
         std::fs::create_dir_all(folder)?;
+        #[cfg_attr(not(unix), expect(unused_mut, reason = "other systems have no such permissions"))]
         let mut builder = temporary_file();
         // Temporary files are private; the new file gets the permissions of other new files.
         #[cfg(unix)]
