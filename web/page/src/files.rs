@@ -1,0 +1,200 @@
+//! Logs that were dropped on the page.
+
+use std::ops::ControlFlow;
+
+use hydroid::config::{Config, Log, Logs};
+use hydroid::identify::{Method, identify_with_stages};
+use hydroid::log::{self, RawLog, Trajectory};
+use hydroid::manoeuvre::recognise;
+use hydroid::model::Reading;
+use hydroid::recording::{is_recording, read_logs, survey};
+use hydroid_io::LogFile;
+use serde::Deserialize;
+use serde_json::{Value, json};
+use wasm_bindgen::prelude::*;
+
+use crate::error::{failed, from_json, message, to_json};
+use crate::identified::Identified;
+use crate::series::Series;
+
+/// Parts of a series in a plot.
+const PARTS: usize = 600;
+
+/// Files in memory.
+#[wasm_bindgen]
+#[derive(Default)]
+pub struct Files(Vec<LogFile>);
+
+/// What the page asks for: names of files, methods, and the sections of `hydroid.toml`.
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct Request {
+    train: Vec<String>,
+    validate: Vec<String>,
+    test: Vec<String>,
+    methods: Vec<Method>,
+    config: Config,
+    title: String,
+}
+
+#[wasm_bindgen]
+impl Files {
+    /// No files.
+    #[wasm_bindgen(constructor)]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds a file, or replaces the one of this name.
+    pub fn add(&mut self, name: &str, content: Vec<u8>) {
+        self.remove(name);
+        self.0.push(LogFile::in_memory(name, content));
+    }
+
+    /// Removes a file.
+    pub fn remove(&mut self, name: &str) {
+        self.0.retain(|file| file.name() != name);
+    }
+
+    /// What is in a file, and what its columns look like: the survey and the proposal of a recording, the inspection of a
+    /// table, trials, or the error. `log` is the section `[log]`.
+    ///
+    /// # Errors
+    /// If the file is unknown, or `log` has a wrong form.
+    pub fn inspect(&self, name: &str, log: &str) -> Result<String, JsError> {
+        let file = self.file(name)?;
+        let Reading { selection, options } = from_json::<Log>(log)?.reading();
+        let mut document = json!({ "name": name });
+        let mut seen = || -> Result<(), log::LogError> {
+            let recording = is_recording(file)?;
+            let survey = survey(file)?;
+            document["proposal"] = json!(survey.proposal());
+            if recording {
+                document["survey"] = json!(survey);
+                if selection.outputs.is_empty() && selection.sensors.is_none() && survey.topics.len() != 1 {
+                    return Ok(());
+                }
+            }
+            let (inspection, runs) = if recording {
+                let mut selection = selection.clone();
+                let (mut logs, notes) = read_logs(&[file.clone()], &mut selection, options.dt, &mut quiet)?;
+                document["reading"] = json!(notes);
+                log::inspect_owned(logs.remove(0), &selection, &options)?
+            } else {
+                log::inspect_file(file, &selection, &options)?
+            };
+            document["inspection"] = json!(inspection);
+            document["trials"] = json!(runs.iter().flat_map(trials).collect::<Vec<Value>>());
+            document["runs"] = json!(runs.iter().map(curves).collect::<Vec<Value>>());
+            Ok(())
+        };
+        if let Err(error) = seen() {
+            document["error"] = json!(message(&error));
+        }
+        to_json(&document)
+    }
+
+    /// Curves of columns of a table, over its rows or its time column.
+    ///
+    /// # Errors
+    /// If the file is unknown, or no table.
+    pub fn columns(&self, name: &str, columns: Vec<String>) -> Result<String, JsError> {
+        let file = self.file(name)?;
+        let (logs, _) =
+            read_logs(&[file.clone()], &mut log::Selection::default(), None, &mut quiet).map_err(failed)?;
+        let table = &logs[0];
+        let time = time_column(table);
+        let curves: Vec<Series> = table
+            .columns
+            .iter()
+            .filter(|column| columns.contains(&column.name) && !column.values.is_empty())
+            .map(|column| {
+                let at = |k: usize| {
+                    time.map_or(k as f64, |t| table.columns[t].values[k] - table.columns[t].values[0])
+                };
+                let unit = column.unit.as_deref().unwrap_or_default();
+                Series::of(&column.name, unit, column.values.len(), PARTS, |k| (at(k), column.values[k]))
+            })
+            .collect();
+        to_json(&curves)
+    }
+
+    /// Identifies models. `told` is called with the stage and its fraction of the whole.
+    ///
+    /// # Errors
+    /// If the request has a wrong form, or as the command.
+    pub fn identify(&self, request: &str, told: &js_sys::Function) -> Result<Identified, JsError> {
+        let request: Request = from_json(request)?;
+        let mut reading = request.config.log.clone().reading();
+        let tell = |stage: &str, fraction: f64| {
+            // An error of the page does not stop the work.
+            let _ = told.call2(&JsValue::NULL, &JsValue::from_str(stage), &JsValue::from_f64(fraction));
+            ControlFlow::Continue(())
+        };
+        let names = Logs { train: request.train, validate: request.validate, test: request.test };
+        let files =
+            names.all().map(|name| self.file(name).cloned()).collect::<Result<Vec<LogFile>, JsError>>()?;
+        let (raw, read) =
+            read_logs(&files, &mut reading.selection, reading.options.dt, &mut |done| tell("reading", done))
+                .map_err(failed)?;
+        let mut raw = raw.into_iter();
+        let raw = names.map(|_| raw.next().unwrap_or_else(|| RawLog::without_rows("", Vec::new())));
+        let (job, mut notes) = request.config.job(reading, &raw, request.methods, None).map_err(failed)?;
+        drop(raw);
+        notes.splice(0..0, read);
+        let result = identify_with_stages(&job, &mut |stage| {
+            tell(stage.method.map_or("evaluation", Method::name), stage.fraction)
+        })
+        .map_err(failed)?;
+        let _ = tell("report", 1.0);
+        let sources = names.all().cloned().collect();
+        Identified::new(result, &job, notes, request.title, sources)
+    }
+
+    fn file(&self, name: &str) -> Result<&LogFile, JsError> {
+        let found = self.0.iter().find(|file| file.name() == name);
+        found.ok_or_else(|| {
+            JsError::new(&format!("{name}: the page has no such file any more; drop it again"))
+        })
+    }
+}
+
+fn quiet(_: f64) -> ControlFlow<()> {
+    ControlFlow::Continue(())
+}
+
+/// The column of the time, by its name.
+fn time_column(table: &RawLog) -> Option<usize> {
+    let is_time = |name: &str| {
+        ["t", "time", "t_s", "timestamp", "time_s"].iter().any(|of| name.eq_ignore_ascii_case(of))
+    };
+    table.columns.iter().position(|column| is_time(&column.name) && !column.values.is_empty())
+}
+
+fn trials(run: &Trajectory) -> Vec<Value> {
+    let time = |sample: usize| run.t0 + sample as f64 * run.dt;
+    let of = |trial: hydroid::manoeuvre::Recognised| json!({ "title": trial.title(), "from_s": time(trial.executes[0]), "to_s": time(trial.end) });
+    recognise(run).into_iter().map(of).collect()
+}
+
+/// Outputs and commands of a prepared run.
+fn curves(run: &Trajectory) -> Value {
+    let of = |table: &log::Table| -> Vec<Series> {
+        table
+            .channels()
+            .iter()
+            .enumerate()
+            .map(|(i, channel)| {
+                let point = |k: usize| (run.t0 + k as f64 * run.dt, table.row(k)[i]);
+                Series::of(&channel.name, &channel.unit, run.len(), PARTS, point)
+            })
+            .collect()
+    };
+    json!({
+        "name": run.name,
+        "dt": run.dt,
+        "samples": run.len(),
+        "outputs": of(&run.outputs),
+        "inputs": of(&run.inputs),
+    })
+}

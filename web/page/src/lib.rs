@@ -1,0 +1,31 @@
+//! hydroid in the browser: the functions that the page calls, from a worker.
+//!
+//! [`Files`] holds the logs that were dropped on the page, and identifies models from them. [`Identified`] is the result.
+//! [`Vessel`] is a model of it, or one from a file: it runs trials, and is driven. Texts are JSON, with the names that the
+//! command writes with `--json`; options are those of `hydroid.toml`.
+
+mod drive;
+mod error;
+mod files;
+mod identified;
+mod series;
+mod vessel;
+
+use wasm_bindgen::prelude::*;
+
+pub use drive::Drive;
+pub use files::Files;
+pub use identified::Identified;
+pub use vessel::Vessel;
+
+/// Writes panics to the console of the browser; without it they are traps without a message.
+#[wasm_bindgen(start)]
+fn start() {
+    console_error_panic_hook::set_once();
+}
+
+/// Version of hydroid.
+#[wasm_bindgen]
+pub fn version() -> String {
+    String::from(env!("CARGO_PKG_VERSION"))
+}
