@@ -240,3 +240,18 @@ def test_the_page_fits_its_window(tab, width, scheme):
     )
     assert unnamed == []
     shot(page, f"{scheme}-{width}")
+
+
+def test_a_boat_that_is_driven_leaves_a_track(tab):
+    page = tab(width=1180, height=900)
+    page.click("#example")
+    expect(page.locator("#driving .figures")).to_contain_text("m/s", timeout=20_000)
+    page.locator("#driving select").select_option("10")
+    for turn in [0.12, -0.3, 0.45, -0.2]:
+        page.evaluate("(turn) => view.set(0.6, turn)", turn)
+        page.wait_for_timeout(1300)
+    north, east = page.evaluate("[Math.max(...view.track.map((p) => p[0])), Math.max(...view.track.map((p) => p[1]))]")
+    assert north > 10 or east > 10
+    # The first picture of README.
+    SHOTS.mkdir(parents=True, exist_ok=True)
+    page.locator("#drive").screenshot(path=SHOTS / "drive.png")

@@ -61,7 +61,7 @@ class DriveView {
         make("div", { className: "side" },
           this.figures,
           driven ? pair : "",
-          make("details", { open: !driven }, make("summary", { text: TEXT.input }), ...this.sliders.map((s) => s.label)),
+          make("details", { open: !driven }, make("summary", { text: TEXT.commands }), ...this.sliders.map((s) => s.label)),
           make("details", {}, make("summary", { text: TEXT.current }),
             make("label", { className: "lever" }, make("span", { text: `${TEXT.current} [m/s]` }), speed),
             make("label", { className: "lever" }, make("span", { text: TEXT.from }), towards, flow)),
@@ -203,7 +203,7 @@ class DriveView {
       recent.r.shift();
     }
     this.heading = ((((psi * 180) / Math.PI) % 360) + 360) % 360;
-    this.figures.textContent = `${this.time.toFixed(1)} s · ${u.toFixed(2)} m/s · ${v.toFixed(2)} m/s · ${((r * 180) / Math.PI).toFixed(1)} °/s · ${this.heading.toFixed(0)}°`;
+    this.figures.textContent = `${this.time.toFixed(1)} s · u ${u.toFixed(2)} m/s · v ${v.toFixed(2)} m/s · r ${((r * 180) / Math.PI).toFixed(1)} °/s · ${TEXT.heading} ${this.heading.toFixed(0)}°`;
     this.draw();
     if (!this.plotted || this.time - this.plotted > 0.5 || this.time < this.plotted) this.curves();
   }

@@ -30,7 +30,7 @@ const TEXT = {
     sindy: "Equations: a short law that can be read",
     gru: "Neural network (GRU): minutes; may learn what equations cannot",
   },
-  throttle: "Propulsion", rudder: "Steering", current: "Current", from: "towards", restart: "Start again", pause: "Pause", goOn: "Go on",
+  commands: "Commands", throttle: "Propulsion", rudder: "Steering", current: "Current", from: "towards", restart: "Start again", pause: "Pause", goOn: "Go on",
   circle: "Turning circle", zigzag: "Zigzag", stopping: "Stopping", speed: "Speed",
   exports: { c: "C", casadi: "CasADi (Python)", onnx: "ONNX", sdf: "Gazebo", mss: "MSS", latex: "LaTeX" },
   model: "Model", vessel: "Vessel file", reportFile: "Report", summary: "Figures (JSON)", config: "Settings (hydroid.toml)",
