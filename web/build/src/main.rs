@@ -110,7 +110,7 @@ fn application(web: &Path) -> Result<String> {
     let mut text = String::from("\"use strict\";\n");
     text.push_str(&read(&web.join("../crates/hydroid-live/src/page/assets/uplot.js"))?);
     let example = read(&web.join("../vessels/otter.toml"))?;
-    text.push_str(&format!("\nconst EXAMPLE = {};\n", serde_json::to_string(&example)?));
+    text.extend(["\nconst EXAMPLE = ", &serde_json::to_string(&example)?, ";\n"]);
     for part in PARTS {
         text.push_str(&read(&web.join("page/app").join(part))?);
     }

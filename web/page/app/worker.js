@@ -24,7 +24,6 @@ const calls = {
   add: (id, name, content) => held.files.add(name, new Uint8Array(content)),
   remove: (id, name) => held.files.remove(name),
   inspect: (id, name, log) => JSON.parse(held.files.inspect(name, JSON.stringify(log))),
-  columns: (id, name, columns) => JSON.parse(held.files.columns(name, columns)),
   identify(id, request) {
     let last = 0;
     const told = (stage, done) => {

@@ -77,7 +77,8 @@ impl Files {
             }
             let (inspection, runs) = if recording {
                 let mut selection = selection.clone();
-                let (mut logs, notes) = read_logs(&[file.clone()], &mut selection, options.dt, &mut quiet)?;
+                let (mut logs, notes) =
+                    read_logs(std::slice::from_ref(file), &mut selection, options.dt, &mut quiet)?;
                 document["reading"] = json!(notes);
                 log::inspect_owned(logs.remove(0), &selection, &options)?
             } else {
@@ -92,31 +93,6 @@ impl Files {
             document["error"] = json!(message(&error));
         }
         to_json(&document)
-    }
-
-    /// Curves of columns of a table, over its rows or its time column.
-    ///
-    /// # Errors
-    /// If the file is unknown, or no table.
-    pub fn columns(&self, name: &str, columns: Vec<String>) -> Result<String, JsError> {
-        let file = self.file(name)?;
-        let (logs, _) =
-            read_logs(&[file.clone()], &mut log::Selection::default(), None, &mut quiet).map_err(failed)?;
-        let table = &logs[0];
-        let time = time_column(table);
-        let curves: Vec<Series> = table
-            .columns
-            .iter()
-            .filter(|column| columns.contains(&column.name) && !column.values.is_empty())
-            .map(|column| {
-                let at = |k: usize| {
-                    time.map_or(k as f64, |t| table.columns[t].values[k] - table.columns[t].values[0])
-                };
-                let unit = column.unit.as_deref().unwrap_or_default();
-                Series::of(&column.name, unit, column.values.len(), PARTS, |k| (at(k), column.values[k]))
-            })
-            .collect();
-        to_json(&curves)
     }
 
     /// Identifies models. `told` is called with the stage and its fraction of the whole.
@@ -161,14 +137,6 @@ impl Files {
 
 fn quiet(_: f64) -> ControlFlow<()> {
     ControlFlow::Continue(())
-}
-
-/// The column of the time, by its name.
-fn time_column(table: &RawLog) -> Option<usize> {
-    let is_time = |name: &str| {
-        ["t", "time", "t_s", "timestamp", "time_s"].iter().any(|of| name.eq_ignore_ascii_case(of))
-    };
-    table.columns.iter().position(|column| is_time(&column.name) && !column.values.is_empty())
 }
 
 fn trials(run: &Trajectory) -> Vec<Value> {

@@ -6,6 +6,7 @@ use hydroid::config::Manoeuvre;
 use hydroid::manoeuvre::Track;
 use hydroid::model::{self, Model};
 use hydroid::plant::InputMap;
+use hydroid_export::coefficients::CoefficientOptions;
 use hydroid_export::{Format, Options, Precision, export, identifier};
 use serde_json::{Value, json};
 use wasm_bindgen::prelude::*;
@@ -90,9 +91,9 @@ impl Vessel {
             "c" => Format::C(Precision::Double.into()),
             "casadi" => Format::Casadi,
             "onnx" => Format::Onnx(Precision::Double),
-            "sdf" => Format::Sdf(Default::default()),
-            "mss" => Format::Mss(Default::default()),
-            "latex" => Format::Latex(Default::default()),
+            "sdf" => Format::Sdf(CoefficientOptions::default()),
+            "mss" => Format::Mss(CoefficientOptions::default()),
+            "latex" => Format::Latex(CoefficientOptions::default()),
             other => return Err(JsError::new(&format!("the format '{other}' is unknown"))),
         };
         let files = export(&self.0, &format, &Options { name: identifier(name) }).map_err(failed)?;
