@@ -5,6 +5,7 @@ mod c;
 mod casadi;
 mod coefficients;
 mod filter;
+mod learning;
 mod models;
 #[path = "../../../hydroid-core/tests/it/module_order.rs"]
 mod module_order;

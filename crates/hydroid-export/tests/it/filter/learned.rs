@@ -6,47 +6,44 @@ use hydroid_core::adapt::{Adapter, Outcome};
 use hydroid_core::model::recurrent::BaseModel;
 use hydroid_core::predict::Workspace;
 
-use super::program::{AHEAD, Plan};
-use crate::models::{commands, drawn, first_outputs};
+use hydroid_export::Precision;
+
+use crate::learning::{AHEAD, Run, program};
 use crate::run::steady;
 
-/// A run: commands and measurements, row by row.
-#[derive(Clone)]
-pub(super) struct Run {
-    pub(super) first: Vec<f64>,
-    pub(super) held: Vec<f64>,
-    pub(super) commands: Vec<f64>,
-    pub(super) measured: Vec<f64>,
+/// Samples at which something happens.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Plan {
+    /// Another run starts.
+    pub(super) anew: usize,
+    /// Learning is frozen, and continues.
+    pub(super) frozen: usize,
+    pub(super) learning: usize,
+    /// The memory is copied, and the copy continues.
+    pub(super) copied: usize,
+    /// Samples between two comparisons of weights and rollouts.
+    pub(super) every: usize,
 }
 
-/// Measurements of a vessel that is not the model: each output follows a mixture of the commands, whose effect changes along
-/// the run, behind a lag. There are missing values, and an outlier.
 pub(super) fn simulated(model: &Model, samples: usize) -> Run {
-    let (first, held) = (first_outputs(model), commands(model, 1, 0.4));
-    let (n, m) = (first.len(), held.len());
-    let given = commands(model, samples, 2.0);
-    let mut y = first.clone();
-    let mut measured = Vec::new();
-    for (k, c) in given.chunks_exact(m).enumerate() {
-        let effect = 0.8 - 0.5 * k as f64 / samples as f64;
-        for (i, y) in y.iter_mut().enumerate() {
-            let target: f64 = c.iter().enumerate().map(|(j, c)| effect * c / (1 + i + j) as f64).sum();
-            *y += (0.1 + 0.05 * i as f64) * (target - *y);
-        }
-        let noise = drawn(n, k as f64);
-        let mut row: Vec<f64> = y.iter().zip(noise).map(|(y, noise)| y + 0.01 * noise).collect();
-        if k % 97 == 13 {
-            row[k % n] = f64::NAN;
-        }
-        if k == samples / 3 {
-            row[k % n] += 1.0;
-        }
-        if (samples / 5..samples / 5 + 60).contains(&k) {
-            row.fill(f64::NAN);
-        }
-        measured.extend(row);
-    }
-    Run { first, held, commands: given, measured }
+    Run::simulated(model, samples, samples / 5, |k| if k == samples / 3 { 1.0 } else { 0.0 })
+}
+
+/// The numbers that the filter in C writes along a run, and the text of its header.
+pub(super) fn in_c(
+    model: &Model,
+    method: (&Options, Precision),
+    (run, plan): (&Run, &Plan),
+    flags: &[&str],
+) -> (Vec<f64>, String) {
+    let sizes = [
+        ("ANEW", plan.anew),
+        ("FROZEN", plan.frozen),
+        ("LEARNING", plan.learning),
+        ("COPIED", plan.copied),
+        ("EVERY", plan.every),
+    ];
+    program(model, method, run, (include_str!("run.c"), &sizes), flags)
 }
 
 /// What happens along a run.

@@ -2,7 +2,6 @@
 
 mod derivatives;
 mod learned;
-mod program;
 
 use std::sync::Arc;
 
@@ -11,22 +10,10 @@ use hydroid::model::{Body, Model};
 use hydroid_core::model::recurrent::{BaseModel, Recurrent};
 use hydroid_export::{COptions, Format, Precision, check, export};
 
+use crate::learning::{CLANG, FAST, Run, SANITIZED, apart};
 use crate::models::{all, commands, first_outputs};
 use crate::run::{difference, rollout, steady};
-use learned::{Learned, Run, simulated};
-use program::{CLANG, FAST, Plan, SANITIZED};
-
-/// The largest difference of numbers, relative to the largest of them. A number that is not finite differs from all others.
-fn apart(a: &[f64], b: &[f64]) -> f64 {
-    assert_eq!(a.len(), b.len());
-    let largest = a.iter().filter(|a| a.is_finite()).map(|a| a.abs()).fold(1e-9, f64::max);
-    let of = |(a, b): (&f64, &f64)| match (a.is_finite(), b.is_finite()) {
-        (true, true) => (a - b).abs() / largest,
-        (false, false) => 0.0,
-        _ => f64::INFINITY,
-    };
-    a.iter().zip(b).map(of).fold(0.0, f64::max)
-}
+use learned::{Learned, Plan, in_c, simulated};
 
 /// Learns along a run in C and in Rust. Returns the differences of weights, outputs and predictions.
 fn compare(
@@ -38,7 +25,7 @@ fn compare(
 ) -> [f64; 3] {
     let title = &model.description.name;
     let expected = Learned::of(model, options, run, plan);
-    let (numbers, header) = program::run(model, (options, precision), (run, plan), flags);
+    let (numbers, header) = in_c(model, (options, precision), (run, plan), flags);
     let (n, samples) = (run.first.len(), run.commands.len() / run.held.len());
     let weights = expected.weights.len() / samples.div_ceil(plan.every);
     let (size, numbers) = numbers.split_first().unwrap();
@@ -254,7 +241,7 @@ fn filters_in_single_precision_predict_as_well_along_a_long_run() {
     for (model, options) in networks() {
         let (name, run) = (&model.description.name, simulated(&model, samples));
         let double = Learned::of(&model, &options, &run, &plan);
-        let (numbers, _) = program::run(&model, (&options, Precision::Float), (&run, &plan), &FAST);
+        let (numbers, _) = in_c(&model, (&options, Precision::Float), (&run, &plan), &FAST);
         let single = Learned::read(&numbers[1..], samples, 3, double.weights.len() / 2, &plan);
         assert_eq!(double.results, single.results, "{name}");
         let [start, end, of_single] = [(&double, 100), (&double, 8000), (&single, 8000)]
