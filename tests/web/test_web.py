@@ -4,6 +4,9 @@ import json
 import os
 import pathlib
 import re
+import subprocess
+import tempfile
+import time
 
 import pytest
 from playwright.sync_api import expect, sync_playwright
@@ -119,8 +122,10 @@ def test_a_log_becomes_the_model_of_the_command_and_survives_a_reload(tab):
     expect(page.locator("#curves details")).to_have_count(3)
     page.locator("#parts select").nth(1).select_option("validate")
     page.locator("#parts select").nth(2).select_option("test")
+    begun = time.monotonic()
     identify(page)
     expect(page.locator("#report")).to_be_visible(timeout=240_000)
+    print(f"identified in {time.monotonic() - begun:.1f} s")
     expect(page.locator("#verdicts li")).to_have_count(3)
     shot(page, "identified")
     summary = page.evaluate("state.result.summary")
@@ -135,9 +140,6 @@ def test_a_log_becomes_the_model_of_the_command_and_survives_a_reload(tab):
 
 def compare(summary, command):
     """The models of the page have the errors that the command states: it computes with rounded products and sums."""
-    import subprocess
-    import tempfile
-
     with tempfile.TemporaryDirectory() as folder:
         files = [SHIP / "random_run1.csv", "--validate", SHIP / "run1.csv", "--test", SHIP / "random_run3.csv"]
         channels = ["--outputs", "u=u_mps,v=v_mps,r=r_radps", "--inputs", ",".join(THRUSTERS)]

@@ -230,7 +230,7 @@ class DriveView {
 
   /// A trial, and its figures.
   async run(settings) {
-    this.message.textContent = TEXT.reading;
+    this.message.textContent = TEXT.inTrial;
     try {
       const document = await this.engine.call("trials", [settings]);
       this.message.textContent = "";

@@ -58,7 +58,6 @@ const calls = {
     held.drive.advance(command, samples);
     return { state: held.drive.state(), sound: held.drive.is_sound() };
   },
-  version: () => api.version(),
 };
 
 onmessage = async ({ data: { id, call, args } }) => {

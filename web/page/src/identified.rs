@@ -7,7 +7,6 @@ use hydroid_report::Context;
 use wasm_bindgen::prelude::*;
 
 use crate::error::failed;
-use crate::vessel::Vessel;
 
 /// Models with their errors, and the report.
 #[wasm_bindgen]
@@ -63,14 +62,6 @@ impl Identified {
     /// If there is no such model.
     pub fn file(&self, name: &str) -> Result<Vec<u8>, JsError> {
         model::encode(self.model(name)?).map_err(failed)
-    }
-
-    /// A model, to be driven.
-    ///
-    /// # Errors
-    /// If there is no such model.
-    pub fn vessel(&self, name: &str) -> Result<Vessel, JsError> {
-        Ok(Vessel::of(self.model(name)?.clone()))
     }
 
     fn model(&self, name: &str) -> Result<&model::Model, JsError> {

@@ -23,9 +23,3 @@ pub use vessel::Vessel;
 fn start() {
     console_error_panic_hook::set_once();
 }
-
-/// Version of hydroid.
-#[wasm_bindgen]
-pub fn version() -> String {
-    String::from(env!("CARGO_PKG_VERSION"))
-}

@@ -21,12 +21,6 @@ const POINTS: usize = 800;
 #[wasm_bindgen]
 pub struct Vessel(Model);
 
-impl Vessel {
-    pub(crate) fn of(model: Model) -> Self {
-        Self(model)
-    }
-}
-
 #[wasm_bindgen]
 impl Vessel {
     /// A model from its file, or a vessel from the text of its file.
@@ -35,14 +29,6 @@ impl Vessel {
     /// If the bytes are not those of a model.
     pub fn read(name: &str, bytes: &[u8]) -> Result<Self, JsError> {
         model::decode(bytes, Path::new(name)).map(Self).map_err(failed)
-    }
-
-    /// The file of the model.
-    ///
-    /// # Errors
-    /// If the model cannot be written.
-    pub fn file(&self) -> Result<Vec<u8>, JsError> {
-        model::encode(&self.0).map_err(failed)
     }
 
     /// Name, kind, channels with ranges, and which inputs push and turn the vessel.
