@@ -28,7 +28,7 @@ const TEXT = {
   kinds: {
     committee: "Committee: predicts well with little effort (default)",
     sindy: "Equations: a short law that can be read",
-    gru: "Neural network (GRU): minutes; may learn what equations cannot",
+    gru: "Neural network (GRU): takes longest; may learn what equations cannot",
   },
   commands: "Commands", throttle: "Propulsion", rudder: "Steering", current: "Current", from: "towards", restart: "Start again", pause: "Pause", goOn: "Go on",
   circle: "Turning circle", zigzag: "Zigzag", stopping: "Stopping", inTrial: "The trial is computed", speed: "Speed",
