@@ -2,8 +2,8 @@
 //!
 //! [`export`] writes a [`Model`] in a [`Format`]. The result is a set of files in memory; the caller stores them.
 //!
-//! Order of the modules, bottom to top: `name`, `graph`, `state_space`, `adapter`, `check`, `c`, `onnx`, `casadi`,
-//! `coefficients`, `fmu`.
+//! Order of the modules, bottom to top: `name`, `graph`, `state_space`, `adapter`, `check`, `json`, `c`, `onnx`,
+//! `casadi`, `coefficients`, `fmu`.
 
 mod adapter;
 mod c;
@@ -13,6 +13,7 @@ pub mod check;
 pub mod coefficients;
 pub mod fmu;
 mod graph;
+mod json;
 mod name;
 mod onnx;
 mod state_space;
@@ -96,4 +97,9 @@ pub fn export(model: &Model, format: &Format, options: &Options) -> Result<Vec<F
         Format::Mss(numbers) => coefficients::mss(model, options, numbers),
         Format::Latex(numbers) => coefficients::latex(model, options, numbers),
     }
+}
+
+/// The functions of a model with constant weights as JSON, for a page: start in a steady motion, a sample, and outputs.
+pub fn functions(model: &Model) -> serde_json::Value {
+    json::functions(model)
 }

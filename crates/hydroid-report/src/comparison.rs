@@ -31,8 +31,16 @@ pub struct ComparisonReport<'a> {
 /// # Errors
 /// If a figure cannot be written.
 pub fn comparisons(subject: &ComparisonReport<'_>) -> Result<String, ReportError> {
-    let mut sections = vec![summary(subject)];
-    for (i, comparison) in subject.comparisons.iter().enumerate() {
+    let mut all = vec![summary(subject)];
+    all.extend(sections(subject.comparisons)?);
+    all.push(definitions(subject));
+    Ok(page("Trials in logs", &all))
+}
+
+/// A section for each trial.
+pub(super) fn sections(comparisons: &[Comparison]) -> Result<Vec<Section>, ReportError> {
+    let mut sections = Vec::new();
+    for (i, comparison) in comparisons.iter().enumerate() {
         let Comparison { run, at_s, trial, .. } = comparison;
         let title = trial.title();
         let heading = format!("{run}, {at_s:.1} s: {title}");
@@ -45,8 +53,7 @@ pub fn comparisons(subject: &ComparisonReport<'_>) -> Result<String, ReportError
         figures.push(values(comparison));
         sections.push(Section::new(format!("trial-{i}"), heading, html! { (columns(&figures)) }));
     }
-    sections.push(definitions(subject));
-    Ok(page("Trials in logs", &sections))
+    Ok(sections)
 }
 
 impl ComparisonReport<'_> {

@@ -133,7 +133,8 @@ fn rows(test: &Evaluation) -> Vec<usize> {
     chosen.split_off(chosen.len().saturating_sub(ROWS))
 }
 
-fn channel_table(test: &Evaluation, c: usize) -> Markup {
+/// Errors of an output at rounded horizons.
+pub(super) fn channel_table(test: &Evaluation, c: usize) -> Markup {
     let unit = test.units.get(c).map_or("", String::as_str);
     let heads = [
         cell("ahead [s]"),

@@ -1,7 +1,8 @@
 //! Reports: self-contained HTML pages with figures.
 //!
 //! [`identification`] writes the page of an identification, [`closed_loop`](fn@closed_loop) that of a closed-loop run,
-//! [`manoeuvres`] that of manoeuvring trials.
+//! [`manoeuvres`] that of manoeuvring trials, [`model_report()`] that of a model, in which the model can be driven.
+//! [`driving`] is what a page needs to drive a model.
 //! A page loads no external resources; an inline script shows the values of curves. The same input gives the same
 //! bytes: date and duration are on the page only if the [`Context`] contains them.
 //!
@@ -15,6 +16,7 @@ mod coefficients;
 mod comparison;
 mod currents;
 mod data;
+pub mod driving;
 mod equations;
 #[doc(hidden)]
 pub mod formula;
@@ -24,6 +26,7 @@ mod growth;
 mod hidden;
 mod manoeuvre;
 mod methods;
+mod model_report;
 mod network;
 pub mod number;
 pub mod page;
@@ -44,6 +47,7 @@ use hydroid::log::{Note, Split, Trajectory};
 
 pub use closed_loop::{ClosedLoopReport, closed_loop};
 pub use comparison::{ComparisonReport, comparisons};
+pub use model_report::{ModelReport, model_report};
 pub use manoeuvre::{ManoeuvreReport, manoeuvres, simulated_track};
 
 /// Content of a report in addition to the result.

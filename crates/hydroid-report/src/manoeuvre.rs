@@ -42,10 +42,18 @@ pub(super) const MEMBER: Stroke = Stroke { colour: style::BAND, width: 0.5, dash
 /// # Errors
 /// If a figure cannot be written.
 pub fn manoeuvres(subject: &ManoeuvreReport<'_>) -> Result<String, ReportError> {
+    let mut all = vec![summary(subject)];
+    all.extend(sections(subject)?);
+    all.push(definitions(subject));
+    Ok(page(&subject.title(), &all))
+}
+
+/// A section for each trial.
+pub(super) fn sections(subject: &ManoeuvreReport<'_>) -> Result<Vec<Section>, ReportError> {
     let of = |wanted: fn(&TrialKind) -> bool| -> Vec<&Trial> {
         subject.trials.trials.iter().filter(|trial| wanted(&trial.kind)).collect()
     };
-    let mut sections = vec![summary(subject)];
+    let mut sections = Vec::new();
     let circles = of(|kind| matches!(kind, TrialKind::TurningCircle { .. }));
     if !circles.is_empty() {
         let caption = html! { "Tracks from the order on; the approach heads north. Thin lines are members of the model. Both axes have the same scale." };
@@ -80,8 +88,7 @@ pub fn manoeuvres(subject: &ManoeuvreReport<'_>) -> Result<String, ReportError> 
             sections.push(Section::new(id, heading, body));
         }
     }
-    sections.push(definitions(subject));
-    Ok(page(&subject.title(), &sections))
+    Ok(sections)
 }
 
 impl ManoeuvreReport<'_> {

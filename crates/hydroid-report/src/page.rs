@@ -4,7 +4,8 @@ use std::borrow::Cow;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::{number, style};
+use super::number;
+use super::style as look;
 use hydroid::log::Note;
 
 /// One section of a page.
@@ -30,6 +31,11 @@ impl Section {
 
 /// A page of sections.
 pub fn page(title: &str, sections: &[Section]) -> String {
+    page_with(title, sections, "", "")
+}
+
+/// A page of sections with a style and a script of its own.
+pub(super) fn page_with(title: &str, sections: &[Section], style: &str, script: &str) -> String {
     html! {
         (DOCTYPE)
         html lang="en" {
@@ -38,7 +44,7 @@ pub fn page(title: &str, sections: &[Section]) -> String {
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="generator" content="hydroid";
                 title { (title) }
-                style { (PreEscaped(style::SHEET)) }
+                style { (PreEscaped(look::SHEET)) (PreEscaped(style)) }
             }
             body {
                 main {
@@ -51,7 +57,8 @@ pub fn page(title: &str, sections: &[Section]) -> String {
                     }
                     footer { "Made by hydroid. This page is complete in itself and can be sent and kept as one file." }
                 }
-                script { (PreEscaped(style::SCRIPT)) }
+                script { (PreEscaped(look::SCRIPT)) }
+                @if !script.is_empty() { script { (PreEscaped(script)) } }
             }
         }
     }

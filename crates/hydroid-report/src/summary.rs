@@ -25,7 +25,7 @@ pub(super) fn section(subject: &Subject<'_>) -> Section {
         (headline(subject))
         @if let Some(candidate) = subject.candidate { p { (delivery(subject, candidate)) } }
         @if let Some(candidate) = subject.candidate {
-            div.tiles { @for verdict in &subject.result.verdicts { (tile(verdict, candidate)) } }
+            div.tiles { @for verdict in &subject.result.verdicts { (tile(verdict, &candidate.model.description.outputs)) } }
             @if !subject.result.verdicts.is_empty() { (legend(candidate)) }
         }
         (facts(subject))
@@ -174,14 +174,14 @@ fn horizon(candidate: &Candidate) -> String {
 
 const BAR_END: f64 = 1.5;
 
-fn tile(verdict: &Verdict, candidate: &Candidate) -> Markup {
+/// Grade and error of an output.
+pub(super) fn tile(verdict: &Verdict, outputs: &[Port]) -> Markup {
     let (word, symbol, class) = style::grade(verdict.grade);
     let scale = BAR_END;
     let share = |value: f64| {
         let percent = if value.is_nan() { 0.0 } else { 100.0 * (value / scale).clamp(0.0, 1.0) };
         format!("width:{percent:.1}%")
     };
-    let outputs = &candidate.model.description.outputs;
     let unit = outputs.iter().find(|port| port.channel.name == verdict.channel);
     html! {
         div class={ "tile " (class) } {

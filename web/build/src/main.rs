@@ -18,8 +18,9 @@ use wasm_bindgen_cli_support::Bindgen;
 
 const TARGET: &str = "wasm32-unknown-unknown";
 
-/// Parts of the application, in their order.
-const PARTS: [&str; 7] = ["texts.js", "dom.js", "engine.js", "store.js", "plots.js", "drive.js", "main.js"];
+/// Parts of the application behind those that the pages of hydroid share, in their order.
+const PARTS: [&str; 8] =
+    ["texts.js", "dom.js", "engine.js", "store.js", "notes.js", "columns.js", "result.js", "main.js"];
 
 /// What no page of hydroid does: connect, load, or send. `SCRIPTS` are those of the page and of the report.
 const POLICY: &str = "default-src 'none'; script-src SCRIPTS 'wasm-unsafe-eval' blob:; worker-src blob:; style-src STYLES 'unsafe-inline'; img-src data: blob:; connect-src 'none'; form-action 'none'; base-uri 'none'";
@@ -34,8 +35,8 @@ fn main() -> Result<()> {
     }
     let worker = worker(&web, &wasm)?;
     let application = application(&web)?;
-    let style = read(&web.join("../crates/hydroid-live/src/page/assets/uplot.css"))?
-        + &read(&web.join("page/app/style.css"))?;
+    let own = read(&web.join("page/app/style.css"))?;
+    let style = [hydroid_web::UPLOT_STYLE, &own, hydroid_web::DRIVE_STYLE].concat();
     let page = read(&web.join("page/app/index.html"))?;
     let report = read(&web.join("../crates/hydroid-report/src/hover.js"))?;
     for (name, text) in [("worker", &worker), ("application", &application)] {
@@ -108,7 +109,7 @@ fn worker(web: &Path, wasm: &Path) -> Result<String> {
 
 fn application(web: &Path) -> Result<String> {
     let mut text = String::from("\"use strict\";\n");
-    text.push_str(&read(&web.join("../crates/hydroid-live/src/page/assets/uplot.js"))?);
+    text.extend(hydroid_web::DRIVING);
     let example = read(&web.join("../vessels/otter.toml"))?;
     text.extend(["\nconst EXAMPLE = ", &serde_json::to_string(&example)?, ";\n"]);
     for part in PARTS {

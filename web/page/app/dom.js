@@ -1,17 +1,5 @@
-// Elements. Text is always text: nothing of a log becomes markup.
+// The page's own elements.
 const $ = (id) => document.getElementById(id);
-
-function make(tag, { text, ...properties } = {}, ...children) {
-  const element = document.createElement(tag);
-  if (text !== undefined) element.textContent = text;
-  for (const [name, value] of Object.entries(properties)) {
-    if (name === "data") Object.assign(element.dataset, value);
-    else if (name.startsWith("aria-")) element.setAttribute(name, value);
-    else element[name] = value;
-  }
-  element.append(...children);
-  return element;
-}
 
 function say(id, text, level = "") {
   const element = $(id);
@@ -23,12 +11,11 @@ function show(id, visible = true) {
   $(id).hidden = !visible;
 }
 
-/// A number with four digits.
-function figure(x) {
-  if (x === null || x === undefined || !Number.isFinite(x)) return "-";
-  const size = Math.abs(x);
-  if (size !== 0 && (size < 1e-3 || size >= 1e6)) return x.toExponential(3);
-  return String(Number(x.toPrecision(4)));
+/** Where the next step begins: a keyboard or a screen reader goes on there. */
+function lead(id) {
+  const title = $(`${id}-title`);
+  title.tabIndex = -1;
+  title.focus({ preventScroll: false });
 }
 
 function bytes(n) {
@@ -39,9 +26,30 @@ function bytes(n) {
 
 function download(name, content, type = "application/octet-stream") {
   const url = URL.createObjectURL(new Blob([content], { type }));
-  const link = make("a", { href: url, download: name });
-  link.click();
+  make("a", { href: url, download: name }).click();
   setTimeout(() => URL.revokeObjectURL(url), 1000);
 }
 
-for (const element of document.querySelectorAll("[data-text]")) element.textContent = TEXT[element.dataset.text];
+/** A text in which the words of the glossary explain themselves. */
+function explained(text) {
+  const words = Object.keys(TEXT.glossary);
+  const parts = text.split(new RegExp(`(${words.join("|")})`));
+  return parts.map((part) => (Object.hasOwn(TEXT.glossary, part) ? make("abbr", { text: part, title: TEXT.glossary[part], tabIndex: 0 }) : part));
+}
+
+/** A curve over time, with its range in words. */
+function curveBox({ name, unit, t, y }) {
+  const [factor, text] = shown(unit ?? "");
+  const values = y.map((x) => (x === null ? null : x * factor));
+  const known = values.filter((x) => x !== null);
+  const ends = known.length ? `${figure(known.reduce((a, b) => Math.min(a, b)))} ${TEXT.to} ${figure(known.reduce((a, b) => Math.max(a, b)))}` : "";
+  const caption = `${name}${text ? ` [${text}]` : ""}: ${ends}`;
+  const holder = make("div", { className: "canvas" });
+  const box = make("div", { className: "plot", role: "img", "aria-label": caption }, make("p", { className: "caption", text: caption }), holder);
+  // The place has its width once it is on the page.
+  requestAnimationFrame(() => Plots.plot(holder, { scales: { x: { time: false } }, series: [{}, Plots.curve("model", 1.5)] }, [t, values]));
+  return box;
+}
+
+for (const element of document.querySelectorAll("[data-text]")) element.replaceChildren(...explained(TEXT[element.dataset.text]));
+Plots.readColours();

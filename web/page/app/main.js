@@ -2,19 +2,26 @@
 const bench = new Engine();
 const helm = new Engine();
 // Names of files and columns are keys of maps: as names of properties, some would change the program.
-const state = { files: [], looks: new Map(), roles: new Map(), parts: new Map(), methods: ["committee", "sindy"], result: null, vessel: null };
+const state = {
+  files: [], looks: new Map(), roles: new Map(), parts: new Map(), methods: ["committee", "sindy"], options: {}, sensors: null, result: null, tries: [], vessel: null,
+};
 let view = null;
 
-const ROLES = ["none", "output", "input", "time", "heading"];
 const LARGEST = 2e9;
+const BUDGETS = [30, 120, 600];
 const isModel = (name) => /\.(safetensors|toml)$/i.test(name);
 
 async function remember() {
-  const { files, roles, parts, methods, result, vessel } = state;
-  await store.save("state", { files, roles, parts, methods, result, vessel });
+  const { looks, ...kept } = state;
+  await store.save("state", kept);
 }
 
-/// Files that were dropped or chosen.
+/** What was identified belongs to earlier logs or settings from now on. */
+function outdate() {
+  if (state.result) say("report-stale", TEXT.stale, "warning");
+}
+
+/** Files that were dropped or chosen. */
 async function take(list) {
   for (const file of list) {
     if (file.size > LARGEST) {
@@ -28,13 +35,16 @@ async function take(list) {
       }
       say("files-message", `${TEXT.reading} ${file.name}`);
       await bench.call("add", [file.name, await file.arrayBuffer()]);
+      const before = state.files.length;
       state.files = state.files.filter((f) => f.name !== file.name);
+      const replaced = state.files.length < before;
       state.files.push({ name: file.name, file });
       if (!state.parts.has(file.name)) state.parts.set(file.name, "train");
+      outdate();
       await look(file.name);
-      say("files-message", "");
+      say("files-message", replaced ? TEXT.replaced(file.name) : "");
     } catch (error) {
-      say("files-message", `${file.name}: ${error.message}`, "error");
+      say("files-message", `${file.name}: ${plain(error.message)}`, "error");
     }
   }
   listFiles();
@@ -47,7 +57,7 @@ async function look(name) {
   propose(seen);
 }
 
-/// Files again after a worker has ended.
+/** Files again after a worker has ended. */
 async function refill() {
   for (const { name, file } of state.files) await bench.call("add", [name, await file.arrayBuffer()]);
 }
@@ -55,131 +65,125 @@ async function refill() {
 function listFiles() {
   $("file-list").replaceChildren(...state.files.map(({ name, file }) => {
     const seen = state.looks.get(name) ?? {};
-    const rows = seen.inspection ? `${seen.inspection.rows} rows` : seen.survey ? `${seen.survey.format}, ${seen.survey.topics.length} topics` : "";
-    const remove = make("button", { type: "button", text: "✕", "aria-label": `remove ${name}`, onclick: () => forgetFile(name) });
-    const error = seen.error && !seen.inspection && !seen.survey ? make("p", { className: "message", data: { level: "error" }, text: seen.error }) : "";
+    const rows = seen.inspection ? `${seen.inspection.rows} ${TEXT.rows}` : seen.survey ? `${seen.survey.format}, ${seen.survey.topics.length} ${TEXT.topics}` : "";
+    const remove = make("button", { type: "button", text: "✕", "aria-label": TEXT.remove(name), onclick: () => forgetFile(name) });
+    const error = seen.error && !seen.inspection && !seen.survey ? make("p", { className: "message", data: { level: "error" }, text: plain(seen.error) }) : "";
     return make("li", {}, make("b", { text: name }), make("span", { text: ` ${bytes(file.size)} ${rows} ` }), remove, error);
   }));
   const usable = state.files.some(({ name }) => columnsOf(state.looks.get(name)).length > 0);
   show("columns", usable);
-  if (usable) listColumns();
+  if (!usable) return;
+  listColumns();
+  $("column-options").replaceChildren(make("summary", { text: TEXT.options }), numberField("dt", TEXT.dt), numberField("maxGap", TEXT.maxGap), numberField("delay", TEXT.delay, { negative: true }));
+}
+
+/** A field of a number in the options; empty is the default of hydroid. */
+function numberField(key, text, { negative = false } = {}) {
+  const field = make("input", { type: "text", inputMode: "decimal", size: 8, value: state.options[key] ?? "", placeholder: TEXT.automatic });
+  field.onchange = () => {
+    const value = Number(field.value.replace(",", "."));
+    const good = field.value.trim() !== "" && Number.isFinite(value) && (negative ? value !== 0 : value > 0);
+    state.options[key] = good ? value : undefined;
+    field.value = state.options[key] ?? "";
+    outdate();
+    remember();
+  };
+  return make("label", { className: "choice" }, make("span", { text }), field);
 }
 
 async function forgetFile(name) {
   state.files = state.files.filter((f) => f.name !== name);
   state.looks.delete(name);
   await bench.call("remove", [name]).catch(() => {});
+  outdate();
   listFiles();
   await remember();
 }
 
-/// Columns of a file: name, unit, range, missing.
-function columnsOf(seen) {
-  if (!seen) return [];
-  if (seen.survey) {
-    return seen.survey.topics.flatMap((topic) => topic.fields.map((f) => ({ name: f.column, unit: f.unit, low: f.low, high: f.high, missing: f.missing, rows: topic.rows })));
+/** Long work with progress and a button that cancels it. */
+async function work(place, button, act) {
+  const bar = make("progress", { max: 1, value: 0, "aria-label": TEXT.reading });
+  const stage = make("span", { role: "status" });
+  const box = make("div", { className: "progress" }, bar, stage, make("button", { type: "button", text: TEXT.cancel, className: "cancel", onclick: cancel }));
+  const begun = performance.now();
+  let part = 0;
+  $(`${place}-progress`).replaceChildren(box);
+  $(button).disabled = true;
+  try {
+    return await act((name, done) => {
+      bar.value = Math.max(part, done);
+      part = bar.value;
+      const [elapsed, text] = [(performance.now() - begun) / 1000, TEXT.stages[name] ?? TEXT[name] ?? name];
+      stage.textContent = `${text}, ${Math.round(100 * part)} %${elapsed > 3 && part > 0.1 ? `, ${TEXT.remaining((elapsed * (1 - part)) / part)}` : ""}`;
+    });
+  } finally {
+    $(`${place}-progress`).replaceChildren();
+    $(button).disabled = false;
   }
-  if (!seen.inspection) return [];
-  return seen.inspection.columns.map((c) => ({ name: c.name, unit: c.unit, low: c.min, high: c.max, missing: c.missing, rows: seen.inspection.rows }));
 }
 
-/// Roles of the columns by the proposal of hydroid, and by the names that the inspection recognises.
-function propose(seen) {
-  const set = (column, role, name) => {
-    if (!state.roles.has(column)) state.roles.set(column, { role, name: name ?? column, sign: 1 });
-  };
-  const take = (specs, role) => {
-    for (const spec of specs ?? []) {
-      // NAME=COLUMN [unit] * scale
-      const [name, ...rest] = spec.split("=");
-      const source = rest.length ? rest.join("=") : name;
-      set(source.replace(/ \[[^\]]*\].*$/, "").replace(/ \* [-\d.e]+$/, ""), role, name);
-    }
-  };
-  const selection = (seen.proposal && seen.proposal.selection) ?? {};
-  state.sensors = selection.sensors ?? state.sensors ?? null;
-  take(selection.outputs, "output");
-  take(selection.inputs, "input");
-  if (!seen.inspection) return;
-  const known = [[/^u([_ ]|$)|surge/i, "u"], [/^v([_ ]|$)|sway/i, "v"], [/^r([_ ]|$)|yaw_?rate|^rot\b/i, "r"]];
-  for (const [pattern, name] of known) {
-    if ([...state.roles.values()].some((own) => own.role === "output" && own.name === name)) continue;
-    const column = seen.inspection.columns.find((c) => pattern.test(c.name) && !/true|cmd/i.test(c.name));
-    if (column) set(column.name, "output", name);
-  }
-  for (const input of seen.inspection.inputs) if (seen.inspection.columns.some((c) => c.name === input.name)) set(input.name, "input");
+async function cancel() {
+  bench.end(new Error(TEXT.cancelled));
+  await refill();
 }
 
-function listColumns() {
-  const all = new Map();
-  for (const { name } of state.files) for (const column of columnsOf(state.looks.get(name))) if (!all.has(column.name)) all.set(column.name, column);
-  const head = make("tr", {}, ...[TEXT.column, TEXT.unit, TEXT.range, TEXT.missing, TEXT.role, TEXT.name, TEXT.sign].map((text) => make("th", { text, scope: "col" })));
-  const rows = [...all.values()].map((column) => {
-    if (!state.roles.has(column.name)) state.roles.set(column.name, { role: "none", name: column.name, sign: 1 });
-    const own = state.roles.get(column.name);
-    const role = make("select", { "aria-label": `${TEXT.role}: ${column.name}` }, ...ROLES.map((r) => make("option", { value: r, text: TEXT[r], selected: own.role === r })));
-    const name = make("input", { type: "text", value: own.name, "aria-label": `${TEXT.name}: ${column.name}`, size: 8, maxLength: 40 });
-    const unit = make("input", { type: "text", value: own.unit ?? column.unit ?? "", "aria-label": `${TEXT.unit}: ${column.name}`, size: 5, maxLength: 20 });
-    unit.onchange = () => { own.unit = unit.value.trim() === (column.unit ?? "") ? undefined : unit.value.trim(); remember(); };
-    const sign = make("select", { "aria-label": `${TEXT.sign}: ${column.name}` }, make("option", { value: "1", text: "+" }), make("option", { value: "-1", text: "−", selected: own.sign < 0 }));
-    role.onchange = () => { own.role = role.value; if (own.role !== "none") name.focus(); remember(); };
-    name.onchange = () => { own.name = name.value.trim() || column.name; remember(); };
-    sign.onchange = () => { own.sign = Number(sign.value); remember(); };
-    return make("tr", {}, make("th", { text: column.name, scope: "row" }), make("td", {}, unit),
-      make("td", { text: `${figure(column.low)} to ${figure(column.high)}` }),
-      make("td", { text: column.rows ? `${Math.round((100 * (column.missing ?? 0)) / column.rows)} %` : "" }),
-      make("td", {}, role), make("td", {}, name), make("td", {}, sign));
-  });
-  $("column-table").replaceChildren(make("thead", {}, head), make("tbody", {}, ...rows));
-}
-
-/// The section [log] of hydroid.toml.
-function logSection() {
-  const of = (role) => [...state.roles]
-    .filter(([column, own]) => own.role === role && hasColumn(column))
-    // The first sign of equality ends the name of the channel.
-    .map(([column, own]) => `${own.name.replaceAll("=", " ").trim() || "x"}=${column}${own.unit ? ` [${own.unit}]` : ""}${own.sign < 0 ? " * -1" : ""}`);
-  const log = { outputs: of("output"), inputs: of("input") };
-  const time = [...state.roles].find(([column, own]) => own.role === "time" && hasColumn(column));
-  const heading = of("heading")[0];
-  if (time) log.time = time[0];
-  if (heading) log.heading = heading;
-  if (!log.outputs.length && state.sensors) log.sensors = state.sensors;
-  return log;
-}
-
-function hasColumn(column) {
-  return state.files.some(({ name }) => columnsOf(state.looks.get(name)).some((c) => c.name === column));
-}
-
-/// Reads the logs with the chosen columns, and shows what becomes of them.
-async function check() {
-  say("columns-message", TEXT.reading);
-  $("check").disabled = true;
-  const boxes = [];
-  const notes = [];
+/** Reads the logs with the chosen columns, and shows what becomes of them. */
+async function check({ leads = true } = {}) {
+  const missing = !hasRole("input") ? TEXT.noInput : !hasRole("output") && !state.sensors ? TEXT.noOutput : "";
+  say("columns-message", missing, "error");
+  if (missing) return;
+  const [boxes, notes] = [[], []];
   let usable = false;
   try {
-    for (const { name } of state.files) {
-      const seen = await bench.call("inspect", [name, logSection()]);
-      for (const note of [...(seen.reading ?? []), ...((seen.inspection && seen.inspection.notes) ?? [])]) notes.push(note);
-      if (seen.error) notes.push({ level: "error", text: seen.error });
-      for (const run of seen.runs ?? []) {
-        usable = true;
-        const list = [...run.outputs, ...run.inputs];
-        boxes.push(make("details", { open: boxes.length === 0 }, make("summary", { text: `${run.name}: ${run.samples} samples of ${figure(run.dt)} s` }), make("div", { className: "plots" }, ...list.map((s) => plot(s)))));
+    await work("columns", "check", async (told) => {
+      for (const [i, { name }] of state.files.entries()) {
+        const seen = await bench.call("inspect", [name, logSection()], (stage, done) => told(stage, (i + done) / state.files.length));
+        for (const note of [...(seen.reading ?? []), ...((seen.inspection && seen.inspection.notes) ?? [])]) notes.push({ file: name, note });
+        if (seen.error) notes.push({ file: name, note: { severity: "error", message: seen.error } });
+        // What was estimated of the sensors of a single log is not estimated again.
+        if (seen.sensors && state.files.length === 1) state.sensors = seen.sensors;
+        for (const run of seen.runs ?? []) {
+          usable = true;
+          const plots = make("div", { className: "plots" });
+          const box = make("details", {}, make("summary", { text: `${run.name}: ${run.samples} × ${figure(run.dt)} s` }), plots);
+          const fill = () => { if (box.open && !plots.children.length) plots.append(...[...run.outputs, ...run.inputs].map(curveBox)); };
+          box.ontoggle = fill;
+          box.open = boxes.length === 0;
+          boxes.push(box);
+        }
       }
-    }
+    });
     say("columns-message", usable ? "" : TEXT.noCurves, usable ? "" : "error");
   } catch (error) {
-    say("columns-message", error.message, "error");
+    say("columns-message", plain(error.message), "error");
   }
-  $("check").disabled = false;
-  $("notes").replaceChildren(...notes.map((note) => make("li", { className: note.level ?? "info", text: note.remedy ? `${note.text ?? note.message}: ${note.remedy}` : note.text ?? note.message ?? String(note) })));
+  $("notes").replaceChildren(...listNotes(notes));
+  $("advice").replaceChildren(...advice(notes));
   $("curves").replaceChildren(...boxes);
   show("identify", usable);
-  if (usable) options();
+  if (usable) {
+    options();
+    if (leads) lead("identify");
+  }
   await remember();
+}
+
+/** What the user could change: neutral positions, columns that were left out. */
+function advice(notes) {
+  const list = [];
+  const neutral = [...neutralPositions(notes)].filter(([column]) => state.roles.get(column)?.role === "input" && !state.roles.get(column).zero);
+  if (neutral.length) {
+    const text = `${TEXT.neutralFound}: ${neutral.map(([column, zero]) => `${column} ${zero}`).join(", ")}`;
+    list.push(make("button", { type: "button", text, onclick: () => {
+      for (const [column, zero] of neutral) state.roles.get(column).zero = zero;
+      outdate();
+      listColumns();
+      check();
+    } }));
+  }
+  const left = likeCommands();
+  if (left.length && left.length <= 20) list.push(make("p", { className: "message", data: { level: "warning" }, text: TEXT.leftOut(left.join(", ")) }));
+  return list;
 }
 
 function options() {
@@ -188,104 +192,49 @@ function options() {
     box.onchange = () => { state.methods = box.checked ? [...state.methods, method] : state.methods.filter((m) => m !== method); remember(); };
     return make("label", { className: "choice" }, box, make("span", { text }));
   });
-  $("methods").replaceChildren(make("legend", { text: TEXT.methods }), ...boxes);
+  const budget = make("select", {}, ...BUDGETS.map((s) => make("option", { value: s, text: TEXT.seconds(s), selected: (state.options.budget ?? 120) === s })));
+  budget.onchange = () => { state.options.budget = Number(budget.value); remember(); };
+  $("methods").replaceChildren(make("legend", { text: TEXT.methods }), ...boxes, make("label", { className: "choice" }, make("span", { text: TEXT.budget }), budget));
   const rows = state.files.map(({ name }) => {
     const select = make("select", {}, ...["train", "validate", "test", "unused"].map((part) => make("option", { value: part, text: TEXT[part], selected: state.parts.get(name) === part })));
     select.onchange = () => { state.parts.set(name, select.value); remember(); };
     return make("label", { className: "choice" }, make("span", { text: name }), select);
   });
-  $("parts").replaceChildren(make("legend", { text: TEXT.parts }), ...rows);
+  $("parts").replaceChildren(make("legend", { text: TEXT.parts }), ...rows, numberField("first", TEXT.first), numberField("horizon", TEXT.horizon));
 }
 
-/// Identifies in the worker; the page stays free.
+/** Identifies in the worker; the page stays free. */
 async function identify() {
   const of = (part) => state.files.map((f) => f.name).filter((name) => state.parts.get(name) === part);
-  const request = { train: of("train"), validate: of("validate"), test: of("test"), methods: state.methods, config: { log: logSection() }, title: of("train")[0] ?? "" };
+  const { first, horizon, budget } = state.options;
+  const config = { log: logSection(), identify: { budget: `${budget ?? 120}s`, ...(horizon ? { horizon: `${horizon}s` } : {}) } };
+  const request = { train: of("train"), validate: of("validate"), test: of("test"), methods: state.methods, config, title: of("train").join(", "), first_s: first ?? null };
   say("identify-message", "");
-  show("progress");
-  show("cancel");
-  $("run").disabled = true;
-  const bar = $("progress").firstElementChild;
   try {
-    state.result = await bench.call("identify", [request], (stage, done) => {
-      bar.value = done;
-      $("stage").textContent = `${TEXT[stage] ?? stage}, ${Math.round(100 * done)} %`;
-    });
+    state.result = await work("identify", "run", (told) => bench.call("identify", [request], told));
+    keepTry(state.result, `${of("train").join(", ")}${first ? `, ${first} s` : ""}`);
+    say("report-stale", "");
     await showResult();
-    await remember();
+    lead("report");
   } catch (error) {
-    say("identify-message", error.message, "error");
+    say("identify-message", plain(error.message), "error");
   }
-  show("progress", false);
-  show("cancel", false);
-  $("run").disabled = false;
-}
-
-async function cancel() {
-  bench.end(new Error(TEXT.cancelled));
-  await refill();
-}
-
-async function showResult() {
-  const { summary, report, files } = state.result;
-  show("report");
-  const tiles = (summary.verdicts ?? []).map((v) => make("li", { className: `tile ${v.grade ?? ""}` }, make("b", { text: v.channel ?? v.name ?? "" }), make("span", { text: ` ${v.grade ?? ""}` }), make("p", { text: `NRMSE ${figure(v.nrmse)}`, title: TEXT.glossary.NRMSE })));
-  $("verdicts").replaceChildren(...tiles);
-  $("page").srcdoc = report;
-  if (files.length) await open(`${files[0].name}.safetensors`, files[0].bytes);
-}
-
-/// A model, to be driven.
-async function open(name, content) {
-  state.vessel = { name, bytes: content };
-  const vessel = await helm.call("vessel", [name, content]);
-  show("drive");
-  show("save");
-  downloads(vessel);
-  if (view) view.stop();
-  view = new DriveView($("driving"), helm, vessel);
-  if (vessel.not_driven) $("driving").append(make("p", { className: "message", text: vessel.not_driven }));
-  await view.start();
   await remember();
 }
 
-/// The settings as a file of the command.
-function settings() {
-  const list = (items) => `[${items.map((item) => JSON.stringify(item)).join(", ")}]`;
-  const lines = ["[log]"];
-  const log = logSection();
-  for (const [key, value] of Object.entries(log)) {
-    if (Array.isArray(value)) lines.push(`${key} = ${list(value)}`);
-    else if (typeof value === "string") lines.push(`${key} = ${JSON.stringify(value)}`);
+/** Logs of a simulated boat: a short one and a long one to learn from, and one to judge. */
+async function exampleLogs() {
+  const content = new TextEncoder().encode(EXAMPLE);
+  await helm.call("vessel", ["example.toml", content]);
+  const logs = [];
+  for (const [name, seconds, part] of [["short.csv", 60, "train"], ["long.csv", 600, "unused"], ["new.csv", 300, "test"]]) {
+    logs.push(new File([await helm.call("simulate", [seconds, logs.length + 1])], name));
+    state.parts.set(name, part);
   }
-  if (log.sensors) {
-    lines.push("", "[log.sensors]");
-    for (const [key, value] of Object.entries(log.sensors)) if (typeof value === "string") lines.push(`${key} = ${JSON.stringify(value)}`);
-  }
-  lines.push("", "[split]");
-  for (const part of ["train", "validate", "test"]) {
-    const names = state.files.map((f) => f.name).filter((name) => state.parts.get(name) === part);
-    if (names.length) lines.push(`${part} = ${list(names)}`);
-  }
-  return `${lines.join("\n")}\n`;
-}
-
-function downloads(vessel) {
-  const button = (text, act) => make("button", { type: "button", text, onclick: () => act().catch((error) => say("save-message", error.message, "error")) });
-  const list = [button(TEXT.model, async () => download(state.vessel.name, state.vessel.bytes))];
-  if (state.result) {
-    list.push(button(TEXT.reportFile, async () => download("report.html", state.result.report, "text/html")));
-    list.push(button(TEXT.config, async () => download("hydroid.toml", settings(), "text/plain")));
-    list.push(button(TEXT.summary, async () => download("identify.json", JSON.stringify(state.result.summary, null, 2), "application/json")));
-  }
-  for (const [format, text] of Object.entries(TEXT.exports)) {
-    list.push(button(text, async () => {
-      const files = await helm.call("exported", [format, vessel.name]);
-      for (const file of files) download(file.name, file.bytes);
-      say("save-message", files.map((f) => TEXT.kept(f.name)).join(", "));
-    }));
-  }
-  $("downloads").replaceChildren(...list);
+  // The neutral position of the pulse widths of the example.
+  for (const name of ["pwm_left", "pwm_right"]) state.roles.set(name, { role: "input", name, sign: 1, zero: 1500 });
+  await take(logs);
+  await check();
 }
 
 const drop = $("drop");
@@ -293,11 +242,19 @@ for (const name of ["dragenter", "dragover"]) drop.addEventListener(name, (event
 for (const name of ["dragleave", "drop"]) drop.addEventListener(name, (event) => { event.preventDefault(); delete drop.dataset.over; });
 drop.addEventListener("drop", (event) => take([...event.dataTransfer.files]));
 $("choose").onchange = () => take([...$("choose").files]);
-$("check").onclick = check;
+$("check").onclick = () => check();
 $("run").onclick = identify;
-$("cancel").onclick = cancel;
-$("example").onclick = () => open("example.toml", new TextEncoder().encode(EXAMPLE)).catch((error) => say("files-message", error.message, "error"));
-$("forget").onclick = async () => { await store.clear(); location.reload(); };
+const failed = (error) => say("files-message", plain(error.message), "error");
+$("example").onclick = () => open("example.toml", new TextEncoder().encode(EXAMPLE)).then(() => lead("drive")).catch(failed);
+$("example-logs").onclick = () => exampleLogs().catch(failed);
+$("forget").onclick = async () => {
+  if ($("forget").textContent !== TEXT.reallyForget) {
+    $("forget").textContent = TEXT.reallyForget;
+    return;
+  }
+  await store.clear();
+  location.reload();
+};
 
 (async () => {
   const kept = await store.load("state");
@@ -308,12 +265,12 @@ $("forget").onclick = async () => { await store.clear(); location.reload(); };
       await bench.call("add", [name, await file.arrayBuffer()]);
       await look(name);
     } catch (error) {
-      say("files-message", `${name}: ${error.message}`, "error");
+      say("files-message", `${name}: ${plain(error.message)}`, "error");
     }
   }
   listFiles();
   say("files-message", TEXT.restored);
-  if (logSection().inputs.length) await check();
+  if (hasRole("input")) await check({ leads: false });
   if (state.result) await showResult();
   else if (state.vessel) await open(state.vessel.name, state.vessel.bytes);
 })();

@@ -1,6 +1,6 @@
 // Runs hydroid. A message {id, call, args} is answered by {id, result} or {id, error}; long work tells {id, stage, done}.
 let api = null;
-const held = { files: null, identified: null, vessel: null, drive: null };
+const held = { files: null, vessel: null };
 
 async function inflate(text) {
   const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
@@ -14,31 +14,42 @@ const ready = (async () => {
   held.files = new api.Files();
 })();
 
-function replace(name, value) {
-  if (held[name]) held[name].free();
-  held[name] = value;
-  return value;
+/// Tells the page what is done, at most twenty times a second.
+function teller(id) {
+  let last = 0;
+  return (stage, done) => {
+    const now = Date.now();
+    if (now - last < 50 && done < 1) return;
+    last = now;
+    postMessage({ id, stage, done });
+  };
 }
 
 const calls = {
   add: (id, name, content) => held.files.add(name, new Uint8Array(content)),
   remove: (id, name) => held.files.remove(name),
-  inspect: (id, name, log) => JSON.parse(held.files.inspect(name, JSON.stringify(log))),
+  inspect: (id, name, log) => JSON.parse(held.files.inspect(name, JSON.stringify(log), teller(id))),
+  converted: (id, name, log) => held.files.converted(name, JSON.stringify(log)),
   identify(id, request) {
-    let last = 0;
-    const told = (stage, done) => {
-      const now = Date.now();
-      if (now - last < 50 && done < 1) return;
-      last = now;
-      postMessage({ id, stage, done });
-    };
-    const found = replace("identified", held.files.identify(JSON.stringify(request), told));
-    const models = found.models();
-    const files = models.map((name) => ({ name, bytes: found.file(name) }));
-    return { summary: JSON.parse(found.summary()), report: found.report(), files };
+    const found = held.files.identify(JSON.stringify(request), teller(id));
+    const models = JSON.parse(found.models());
+    const files = models.map(({ name }) => ({ name, bytes: found.file(name) }));
+    const result = { summary: JSON.parse(found.summary()), report: found.report(), models, files };
+    found.free();
+    return result;
+  },
+  compare(id, name, bytes, names) {
+    const vessel = api.Vessel.read(name, new Uint8Array(bytes));
+    try {
+      return JSON.parse(held.files.compare(vessel, names));
+    } finally {
+      vessel.free();
+    }
   },
   vessel(id, name, bytes) {
-    const vessel = replace("vessel", api.Vessel.read(name, new Uint8Array(bytes)));
+    const vessel = api.Vessel.read(name, new Uint8Array(bytes));
+    if (held.vessel) held.vessel.free();
+    held.vessel = vessel;
     return JSON.parse(vessel.describe());
   },
   trials: (id, settings) => JSON.parse(held.vessel.trials(JSON.stringify(settings))),
@@ -48,16 +59,7 @@ const calls = {
     for (let i = 0; i < list.length; i += 2) files.push({ name: list[i], bytes: list[i + 1] });
     return files;
   },
-  drive(id, north, east) {
-    replace("drive", held.vessel.drive(north, east));
-    return held.drive.state();
-  },
-  start: () => { held.drive.start(); return held.drive.state(); },
-  command: (id, push, turn) => held.drive.command(push, turn),
-  advance(id, command, samples) {
-    held.drive.advance(command, samples);
-    return { state: held.drive.state(), sound: held.drive.is_sound() };
-  },
+  simulate: (id, seconds, seed) => held.vessel.simulate(seconds, seed),
 };
 
 onmessage = async ({ data: { id, call, args } }) => {

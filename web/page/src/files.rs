@@ -5,10 +5,11 @@ use std::ops::ControlFlow;
 use hydroid::config::{Config, Log, Logs};
 use hydroid::identify::{Method, identify_with_stages};
 use hydroid::log::{self, RawLog, Trajectory};
-use hydroid::manoeuvre::recognise;
+use hydroid::manoeuvre::compare;
 use hydroid::model::Reading;
-use hydroid::recording::{is_recording, read_logs, survey};
+use hydroid::recording::{self, is_recording, read_logs, survey};
 use hydroid_io::LogFile;
+use hydroid_report::driving;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use wasm_bindgen::prelude::*;
@@ -16,6 +17,7 @@ use wasm_bindgen::prelude::*;
 use crate::error::{failed, from_json, message, to_json};
 use crate::identified::Identified;
 use crate::series::Series;
+use crate::vessel::Vessel;
 
 /// Parts of a series in a plot.
 const PARTS: usize = 600;
@@ -35,6 +37,8 @@ struct Request {
     methods: Vec<Method>,
     config: Config,
     title: String,
+    /// Only the first seconds of the runs to learn from.
+    first_s: Option<f64>,
 }
 
 #[wasm_bindgen]
@@ -57,11 +61,11 @@ impl Files {
     }
 
     /// What is in a file, and what its columns look like: the survey and the proposal of a recording, the inspection of a
-    /// table, trials, or the error. `log` is the section `[log]`.
+    /// table, or the error. `log` is the section `[log]`. `told` is called with `reading` and the part that is done.
     ///
     /// # Errors
     /// If the file is unknown, or `log` has a wrong form.
-    pub fn inspect(&self, name: &str, log: &str) -> Result<String, JsError> {
+    pub fn inspect(&self, name: &str, log: &str, told: &js_sys::Function) -> Result<String, JsError> {
         let file = self.file(name)?;
         let Reading { selection, options } = from_json::<Log>(log)?.reading();
         let mut document = json!({ "name": name });
@@ -77,15 +81,16 @@ impl Files {
             }
             let (inspection, runs) = if recording {
                 let mut selection = selection.clone();
+                let mut tell = |done| tell(told, "reading", done);
                 let (mut logs, notes) =
-                    read_logs(std::slice::from_ref(file), &mut selection, options.dt, &mut quiet)?;
+                    read_logs(std::slice::from_ref(file), &mut selection, options.dt, &mut tell)?;
                 document["reading"] = json!(notes);
+                document["sensors"] = json!(selection.sensors);
                 log::inspect_owned(logs.remove(0), &selection, &options)?
             } else {
                 log::inspect_file(file, &selection, &options)?
             };
             document["inspection"] = json!(inspection);
-            document["trials"] = json!(runs.iter().flat_map(trials).collect::<Vec<Value>>());
             document["runs"] = json!(runs.iter().map(curves).collect::<Vec<Value>>());
             Ok(())
         };
@@ -102,11 +107,7 @@ impl Files {
     pub fn identify(&self, request: &str, told: &js_sys::Function) -> Result<Identified, JsError> {
         let request: Request = from_json(request)?;
         let mut reading = request.config.log.clone().reading();
-        let tell = |stage: &str, fraction: f64| {
-            // An error of the page does not stop the work.
-            let _ = told.call2(&JsValue::NULL, &JsValue::from_str(stage), &JsValue::from_f64(fraction));
-            ControlFlow::Continue(())
-        };
+        let tell = |stage: &str, done: f64| tell(told, stage, done);
         let names = Logs { train: request.train, validate: request.validate, test: request.test };
         let files =
             names.all().map(|name| self.file(name).cloned()).collect::<Result<Vec<LogFile>, JsError>>()?;
@@ -115,8 +116,11 @@ impl Files {
                 .map_err(failed)?;
         let mut raw = raw.into_iter();
         let raw = names.map(|_| raw.next().unwrap_or_else(|| RawLog::without_rows("", Vec::new())));
-        let (job, mut notes) = request.config.job(reading, &raw, request.methods, None).map_err(failed)?;
+        let (mut job, mut notes) = request.config.job(reading, &raw, request.methods, None).map_err(failed)?;
         drop(raw);
+        if let Some(seconds) = request.first_s {
+            job.split.train = log::beginning(&job.split.train, seconds);
+        }
         notes.splice(0..0, read);
         let result = identify_with_stages(&job, &mut |stage| {
             tell(stage.method.map_or("evaluation", Method::name), stage.fraction)
@@ -127,6 +131,38 @@ impl Files {
         Identified::new(result, &job, notes, request.title, sources)
     }
 
+    /// The table that a file becomes, in CSV: time, outputs and inputs in SI units. `log` is the section `[log]`.
+    ///
+    /// # Errors
+    /// If the file cannot be read.
+    pub fn converted(&self, name: &str, log: &str) -> Result<Vec<u8>, JsError> {
+        let Reading { mut selection, options } = from_json::<Log>(log)?.reading();
+        let file = std::slice::from_ref(self.file(name)?);
+        let (raw, mut notes) = read_logs(file, &mut selection, options.dt, &mut quiet).map_err(failed)?;
+        let mut text = Vec::new();
+        for table in &raw {
+            let table = recording::converted(table, &selection, &mut notes).map_err(failed)?;
+            table.write_csv(&mut text).map_err(failed)?;
+        }
+        Ok(text)
+    }
+
+    /// Trials in files beside their predictions by a model, which states how the files are read.
+    ///
+    /// # Errors
+    /// If a file cannot be read, or does not fit the model.
+    pub fn compare(&self, vessel: &Vessel, names: Vec<String>) -> Result<String, JsError> {
+        let mut reading = vessel.0.description.reading.clone();
+        let files =
+            names.iter().map(|name| self.file(name).cloned()).collect::<Result<Vec<LogFile>, JsError>>()?;
+        let (raw, _) =
+            read_logs(&files, &mut reading.selection, reading.options.dt, &mut quiet).map_err(failed)?;
+        let runs = log::prepare(&raw, &reading.selection, &reading.options).map_err(failed)?.runs;
+        let model = vessel.0.clone().for_runs(&runs).map_err(failed)?;
+        let found = compare(&model, &runs, &mut quiet).map_err(failed)?;
+        to_json(&found.iter().map(driving::comparison).collect::<Vec<Value>>())
+    }
+
     fn file(&self, name: &str) -> Result<&LogFile, JsError> {
         let found = self.0.iter().find(|file| file.name() == name);
         found.ok_or_else(|| {
@@ -135,14 +171,14 @@ impl Files {
     }
 }
 
-fn quiet(_: f64) -> ControlFlow<()> {
+/// Tells the page what is done. An error of the page does not stop the work.
+fn tell(told: &js_sys::Function, stage: &str, done: f64) -> ControlFlow<()> {
+    let _ = told.call2(&JsValue::NULL, &JsValue::from_str(stage), &JsValue::from_f64(done));
     ControlFlow::Continue(())
 }
 
-fn trials(run: &Trajectory) -> Vec<Value> {
-    let time = |sample: usize| run.t0 + sample as f64 * run.dt;
-    let of = |trial: hydroid::manoeuvre::Recognised| json!({ "title": trial.title(), "from_s": time(trial.executes[0]), "to_s": time(trial.end) });
-    recognise(run).into_iter().map(of).collect()
+fn quiet(_: f64) -> ControlFlow<()> {
+    ControlFlow::Continue(())
 }
 
 /// Outputs and commands of a prepared run.

@@ -1,9 +1,13 @@
 //! The result of an identification.
 
-use hydroid::identify::{IdentifyResult, Job};
-use hydroid::log::Note;
+use std::ops::ControlFlow;
+
+use hydroid::evaluate::{Evaluation, Options, evaluate};
+use hydroid::identify::{Candidate, IdentifyResult, Job};
+use hydroid::log::{Note, Trajectory};
 use hydroid::model;
 use hydroid_report::Context;
+use serde_json::{Value, json};
 use wasm_bindgen::prelude::*;
 
 use crate::error::failed;
@@ -14,6 +18,7 @@ pub struct Identified {
     result: IdentifyResult,
     notes: Vec<Note>,
     report: String,
+    models: Vec<Value>,
 }
 
 impl Identified {
@@ -33,7 +38,9 @@ impl Identified {
             ..Context::default()
         };
         let report = hydroid_report::identification(&result, &job.split, &context).map_err(failed)?;
-        Ok(Self { result, notes, report })
+        let best = result.best.map(|best| &result.candidates[best]);
+        let models = result.candidates.iter().map(|one| overview(one, best, job)).collect();
+        Ok(Self { result, notes, report, models })
     }
 }
 
@@ -49,11 +56,9 @@ impl Identified {
         self.result.summary(&self.notes).to_string()
     }
 
-    /// Names of the models, the best one first.
-    pub fn models(&self) -> Vec<String> {
-        let name = |index: usize| self.result.candidates[index].model.description.name.clone();
-        let others = (0..self.result.candidates.len()).filter(|index| Some(*index) != self.result.best);
-        self.result.best.into_iter().chain(others).map(name).collect()
+    /// The models: names, and errors at the longest horizon on the runs that they were fitted to and on those that judge.
+    pub fn models(&self) -> String {
+        Value::from(self.models.clone()).to_string()
     }
 
     /// The file of a model.
@@ -70,4 +75,35 @@ impl Identified {
             .find(|model| model.description.name == name)
             .ok_or_else(|| JsError::new(&format!("there is no model '{name}' in this result")))
     }
+}
+
+/// Origins of the rollouts on the runs that a model was fitted to.
+const ORIGINS: usize = 1000;
+
+/// A model beside others.
+fn overview(candidate: &Candidate, best: Option<&Candidate>, job: &Job) -> Value {
+    let Candidate { model, .. } = candidate;
+    let runs: Vec<&Trajectory> = job.split.train.iter().collect();
+    let samples: usize = runs.iter().map(|run| run.len()).sum();
+    let origin_stride = samples.div_ceil(ORIGINS).max(job.origin_stride);
+    let options = Options { horizon: job.horizon, origin_stride, ..Options::default() };
+    let name = &model.description.name;
+    let mut session = model.session();
+    let fitted = evaluate(name, session.as_mut(), &model.output_ranges(), &runs, &options, &mut |_| {
+        ControlFlow::Continue(())
+    });
+    let last = |evaluation: &Evaluation| evaluation.nrmse.last().cloned();
+    let judged = candidate.judged();
+    json!({
+        "name": name,
+        "title": model.title(),
+        "best": best.is_some_and(|best| std::ptr::eq(best, candidate)),
+        "weights": model.weights(),
+        "channels": judged.channels,
+        "horizon_s": judged.horizons.last().map(|&steps| steps as f64 * judged.dt),
+        "fitted": fitted.ok().as_ref().and_then(last),
+        "judged": last(judged),
+        "persistence": judged.persistence.nrmse.last(),
+        "diverged": judged.diverged,
+    })
 }

@@ -1,10 +1,9 @@
 //! hydroid in the browser: the functions that the page calls, from a worker.
 //!
 //! [`Files`] holds the logs that were dropped on the page, and identifies models from them. [`Identified`] is the result.
-//! [`Vessel`] is a model of it, or one from a file: it runs trials, and is driven. Texts are JSON, with the names that the
-//! command writes with `--json`; options are those of `hydroid.toml`.
+//! [`Vessel`] is a model of it, or one from a file: it runs trials, and is described for driving. Texts are JSON, with the names that the
+//! command writes with `--json`; options are those of `hydroid.toml`. The page itself drives, by the scripts of `hydroid-web`.
 
-mod drive;
 mod error;
 mod files;
 mod identified;
@@ -13,7 +12,6 @@ mod vessel;
 
 use wasm_bindgen::prelude::*;
 
-pub use drive::Drive;
 pub use files::Files;
 pub use identified::Identified;
 pub use vessel::Vessel;

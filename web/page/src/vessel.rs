@@ -1,25 +1,22 @@
 //! A model on the page: what it is, its trials, and its exports.
 
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use hydroid::config::Manoeuvre;
-use hydroid::manoeuvre::Track;
 use hydroid::model::{self, Model};
-use hydroid::plant::InputMap;
+use hydroid::plant::{Commands, InputMap, RecordOptions, record};
 use hydroid_export::coefficients::CoefficientOptions;
 use hydroid_export::{Format, Options, Precision, export, identifier};
-use serde_json::{Value, json};
+use hydroid_report::driving;
+use serde_json::Value;
 use wasm_bindgen::prelude::*;
 
-use crate::drive::Drive;
 use crate::error::{failed, from_json, message, to_json};
-
-/// Points of a track in a plot.
-const POINTS: usize = 800;
 
 /// A model.
 #[wasm_bindgen]
-pub struct Vessel(Model);
+pub struct Vessel(pub(crate) Model);
 
 #[wasm_bindgen]
 impl Vessel {
@@ -31,41 +28,41 @@ impl Vessel {
         model::decode(bytes, Path::new(name)).map(Self).map_err(failed)
     }
 
-    /// Name, kind, channels with ranges, and which inputs push and turn the vessel.
+    /// What the driving view needs of the model.
     ///
     /// # Errors
     /// If a number cannot be written as JSON.
     pub fn describe(&self) -> Result<String, JsError> {
-        let Self(model) = self;
-        let d = &model.description;
-        let map = InputMap::find(model);
-        to_json(&json!({
-            "name": d.name,
-            "kind": model.kind(),
-            "title": model.title(),
-            "dt": d.dt,
-            "outputs": d.outputs,
-            "inputs": d.inputs,
-            "weights": model.weights(),
-            "steering": map.as_ref().ok().map(InputMap::steering),
-            "not_driven": map.err().map(|error| message(&error)),
-        }))
+        let map = InputMap::find(&self.0).map_err(|error| message(&error));
+        to_json(&driving::vessel(&self.0, map.as_ref().map_err(String::as_str)))
     }
 
-    /// Runs trials. `settings` are those of `hydroid manoeuvre`. The result has the document and the tracks.
+    /// Runs trials. `settings` are those of `hydroid manoeuvre`.
     ///
     /// # Errors
     /// If the settings do not fit the vessel, or a trial cannot be run.
     pub fn trials(&self, settings: &str) -> Result<String, JsError> {
         let settings: Manoeuvre = from_json(settings)?;
         let plan = settings.plan(&self.0).map_err(failed)?;
-        let trials = plan.run(&self.0, &mut |_| std::ops::ControlFlow::Continue(())).map_err(failed)?;
+        let trials = plan.run(&self.0, &mut |_| ControlFlow::Continue(())).map_err(failed)?;
         let Some(trials) = trials else { return Err(JsError::new("the trials were cancelled")) };
-        let mut document = trials.document(&self.0.description.name, &self.0, &plan.options);
-        for (of, trial) in trials.trials.iter().enumerate() {
-            document["trials"][of]["tracks"] = trial.tracks.iter().map(track).collect();
-        }
-        to_json(&document)
+        let shown: Vec<Value> =
+            trials.trials.iter().filter_map(|trial| driving::trial(trial, &trials)).collect();
+        to_json(&shown)
+    }
+
+    /// A log of the simulated vessel under changing commands, with measurement noise, in CSV.
+    ///
+    /// # Errors
+    /// If the model cannot be simulated.
+    pub fn simulate(&self, duration_s: f64, seed: u32) -> Result<Vec<u8>, JsError> {
+        let commands = Commands::Mixed { duration_s };
+        let options =
+            RecordOptions { commands, seed: seed.into(), noise: 1.0, process_noise: 0.0, current: [0.0; 2] };
+        let record = record(&self.0, None, &options, &mut |_| ControlFlow::Continue(())).map_err(failed)?;
+        let mut text = Vec::new();
+        record.write_csv(&mut text).map_err(failed)?;
+        Ok(text)
     }
 
     /// The files of an export: names and contents, one after the other.
@@ -91,22 +88,4 @@ impl Vessel {
             })
             .collect())
     }
-
-    /// The vessel in motion in a current (velocity of the water, north and east \[m/s\]).
-    ///
-    /// # Errors
-    /// If the model cannot be driven.
-    pub fn drive(&self, north: f64, east: f64) -> Result<Drive, JsError> {
-        Drive::new(&self.0, [north, east]).map_err(failed)
-    }
-}
-
-/// Positions of a track, north and east \[m\], with the heading \[rad\] and the time since the order \[s\].
-fn track(track: &Track) -> Value {
-    let step = track.len().div_ceil(POINTS).max(1);
-    let point = |k: usize| {
-        let [x, y, psi] = track.eta[k];
-        json!([track.time_s(k), x, y, psi])
-    };
-    (0..track.len()).step_by(step).map(point).collect()
 }

@@ -8,6 +8,7 @@ mod help;
 mod identify;
 mod live;
 mod manoeuvre;
+mod report;
 pub mod study;
 mod thesis;
 mod values;
@@ -28,6 +29,7 @@ pub use hydroid::config::{Duration, Horizon};
 pub use identify::Identify;
 pub use live::{Live, SessionArgs};
 pub use manoeuvre::Manoeuvre;
+pub use report::Report;
 pub use study::{GuardStudy, Study};
 pub use thesis::Thesis;
 pub use values::{Against, Method, NamedNumber, NamedRange, Origin};
@@ -49,6 +51,7 @@ use values::{Pair, parse_timing};
   hydroid control hydrofoil --controller fl --speed 4 --radius 30 -o run       closed loop with a model
   hydroid live new -c boat.toml                 on board: records, learns and steers over MAVLink
   hydroid export out/committee.safetensors --to c -o boat.c    the model for other tools
+  hydroid report out/committee.safetensors d.csv --interactive -o boat.html    a page on which the model is driven
 
 Exit status: 0 done, 1 done but a stated criterion was missed, 2 wrong input, 130 interrupted."
 )]
@@ -163,6 +166,7 @@ pub enum Command {
     Control(Box<Control>),
     Live(Box<Live>),
     Export(Export),
+    Report(Report),
     Thesis(Thesis),
     Study(Study),
 }

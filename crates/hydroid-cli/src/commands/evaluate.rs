@@ -3,7 +3,8 @@
 use anyhow::Context;
 use hydroid::evaluate::{self, BandCoverage, Evaluation, Options, PredictionCoverage};
 use hydroid::identify::{Grade, verdicts};
-use hydroid::model;
+use hydroid::log::Trajectory;
+use hydroid::model::{self, Model};
 use serde::Serialize;
 
 use super::{Outcome, table};
@@ -38,17 +39,7 @@ pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
         options.errors_at = quarters(options.horizon);
     }
     let runs: Vec<_> = prepared.runs.iter().collect();
-    let bar = ui::Bar::new("evaluating", global);
-    let evaluation = evaluate::evaluate(
-        &model.description.name,
-        model.session().as_mut(),
-        &model.output_ranges(),
-        &runs,
-        &options,
-        &mut bar.callback(),
-    )
-    .context("the logs cannot be evaluated")?;
-    drop(bar);
+    let evaluation = judge(&model, &runs, &options, global)?;
     let horizons = table::horizons(&evaluation);
     let band = evaluate::band_coverage(&model.member_sessions(), &runs, &options, &horizons);
     let coverage = bands.map(|bands| bands.coverage(&evaluation));
@@ -72,6 +63,20 @@ pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     }
     let sound = verdicts.iter().all(|v| v.grade != Grade::NotIdentified);
     Ok(if sound && evaluation.diverged == 0 { Outcome::Done } else { Outcome::Missed })
+}
+
+/// The errors of a model on runs.
+pub fn judge(model: &Model, runs: &[&Trajectory], options: &Options, global: Global) -> anyhow::Result<Evaluation> {
+    let bar = ui::Bar::new("evaluating", global);
+    evaluate::evaluate(
+        &model.description.name,
+        model.session().as_mut(),
+        &model.output_ranges(),
+        runs,
+        options,
+        &mut bar.callback(),
+    )
+    .context("the logs cannot be evaluated")
 }
 
 /// The quarters of a horizon \[samples\].

@@ -10,6 +10,7 @@ mod inspect;
 mod live;
 mod manoeuvre;
 mod previous_output;
+mod report;
 mod simulate;
 mod study;
 mod table;
@@ -56,6 +57,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         Command::Manoeuvre(manoeuvre) => manoeuvre::run(&manoeuvre, args.global),
         Command::Control(control) => control::run(&control, args.global),
         Command::Export(export) => export::run(&export, args.global),
+        Command::Report(report) => report::run(&report, args.global),
         Command::Live(live) => live::run(&live, args.global),
         Command::Thesis(thesis) => thesis::run(&thesis, args.global),
         Command::Study(study) => study::run(&study, args.global),

@@ -49,21 +49,20 @@ pub const MAX_SERIES: usize = 1200;
 /// Requests that wait for the service.
 const MAX_REQUESTS: usize = 16;
 
-/// A file of the folder `assets`.
-macro_rules! asset {
-    ($path:literal, $content_type:literal, $file:literal) => {
-        Asset { path: $path, content_type: $content_type, content: include_bytes!(concat!("assets/", $file)) }
-    };
-}
+const HTML: &str = "text/html; charset=utf-8";
+const STYLE: &str = "text/css; charset=utf-8";
+const SCRIPT: &str = "text/javascript; charset=utf-8";
+const TEXT: &str = "text/plain; charset=utf-8";
 
 /// The files of the page.
 pub const ASSETS: &[Asset] = &[
-    asset!("/", "text/html; charset=utf-8", "index.html"),
-    asset!("/page.css", "text/css; charset=utf-8", "page.css"),
-    asset!("/page.js", "text/javascript; charset=utf-8", "page.js"),
-    asset!("/uplot.css", "text/css; charset=utf-8", "uplot.css"),
-    asset!("/uplot.js", "text/javascript; charset=utf-8", "uplot.js"),
-    asset!("/licence.txt", "text/plain; charset=utf-8", "licence.txt"),
+    Asset::new("/", HTML, include_str!("assets/index.html")),
+    Asset::new("/page.css", STYLE, include_str!("assets/page.css")),
+    Asset::new("/page.js", SCRIPT, include_str!("assets/page.js")),
+    Asset::new("/plots.js", SCRIPT, hydroid_web::PLOTS),
+    Asset::new("/uplot.css", STYLE, hydroid_web::UPLOT_STYLE),
+    Asset::new("/uplot.js", SCRIPT, hydroid_web::UPLOT),
+    Asset::new("/licence.txt", TEXT, hydroid_web::UPLOT_LICENCE),
 ];
 
 /// Options of the server. They hold a secret, and are not printed.
@@ -86,6 +85,12 @@ pub struct Asset {
     pub content_type: &'static str,
     /// Content.
     pub content: &'static [u8],
+}
+
+impl Asset {
+    const fn new(path: &'static str, content_type: &'static str, content: &'static str) -> Self {
+        Self { path, content_type, content: content.as_bytes() }
+    }
 }
 
 /// An action for the service.

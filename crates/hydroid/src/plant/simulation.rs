@@ -74,6 +74,11 @@ impl Motion {
         Ok(Self { u: needed(0)?, v: find(1)?, r: needed(2)? })
     }
 
+    /// The places of surge, sway and yaw rate in the outputs.
+    pub const fn places(&self) -> [Option<usize>; 3] {
+        [Some(self.u), self.v, Some(self.r)]
+    }
+
     /// Surge, sway and yaw rate in a row of outputs; no sway where it is no output.
     pub fn nu(&self, y: &[f64]) -> [f64; 3] {
         [y[self.u], self.v.map_or(0.0, |v| y[v]), y[self.r]]
@@ -186,8 +191,7 @@ impl Simulation {
 
     /// Sets the motion in a row of outputs to zero.
     pub(crate) fn at_rest(&self, outputs: &mut [f64]) {
-        let Motion { u, v, r } = self.motion;
-        [Some(u), v, Some(r)].into_iter().flatten().for_each(|place| outputs[place] = 0.0);
+        self.motion.places().into_iter().flatten().for_each(|place| outputs[place] = 0.0);
     }
 
     /// Sets the surge velocity in a row of outputs, and the yaw rate to zero.

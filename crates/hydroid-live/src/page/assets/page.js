@@ -1,6 +1,8 @@
-// Page of `hydroid live`. Texts from the server are shown by textContent only, and every number is checked before use.
+// Page of `hydroid live`. Chart and plots are those of `hydroid-web` (`Plots`). Texts from the server are shown by textContent only,
+// and every number is checked before use.
 
 const $ = (id) => document.getElementById(id);
+const { bounded, colours, readColours } = Plots;
 const SILENT_MS = 2000; // the picture counts as old after this time without a new state
 const WINDOW_S = 60; // shown past of the speeds
 const calm = matchMedia("(prefers-reduced-motion: reduce)");
@@ -23,7 +25,6 @@ function attempt(run) {
     return undefined;
   }
 }
-const bounded = (x, low, high) => Math.min(Math.max(x, low), high);
 
 function words(x) {
   if (x === null || x === undefined || x === "") return DASH;
@@ -78,13 +79,6 @@ function each(parent, items, build, fill) {
 function progress(element, share) {
   if (number(share) === null) element.removeAttribute("value");
   else element.value = bounded(share, 0, 1);
-}
-
-let colours = {};
-function readColours() {
-  const style = getComputedStyle(document.documentElement);
-  for (const name of ["ink", "muted", "grid", "surface", "model", "band", "command", "alarm"])
-    colours[name] = style.getPropertyValue("--" + name).trim();
 }
 
 // ---- Data from the server ----
@@ -247,7 +241,8 @@ function status(s) {
 
 // ---- Chart ----
 
-const chartView = { follow: false };
+let follow = false;
+const map = new Plots.Chart($("chart"));
 
 const place = (north, east) => (number(north) === null || number(east) === null ? null : [north, east]);
 
@@ -267,35 +262,8 @@ function fenceOf(s) {
   return { outline, text: `Geofence: north ${m(south)} to ${m(north)} m, east ${m(west)} to ${m(east)} m.` };
 }
 
-/** Centre and scale so that all points are visible; changed in steps, because a scale that creeps is hard to read. */
-function look(points, boat, width, height) {
-  let [south, north, west, east] = [Infinity, -Infinity, Infinity, -Infinity];
-  const centre = chartView.follow && boat ? boat : null;
-  for (const [n, e] of points) {
-    [south, north] = [Math.min(south, n), Math.max(north, n)];
-    [west, east] = [Math.min(west, e), Math.max(east, e)];
-  }
-  if (!points.length) [south, north, west, east] = [-25, 25, -25, 25];
-  if (centre) {
-    const reach = Math.max(25, north - centre[0], centre[0] - south, east - centre[1], centre[1] - west);
-    [south, north, west, east] = [centre[0] - reach, centre[0] + reach, centre[1] - reach, centre[1] + reach];
-  }
-  const fit = Math.min(width / Math.max(east - west, 20), height / Math.max(north - south, 20));
-  const middle = [(north + south) / 2, (east + west) / 2];
-  const old = chartView;
-  const seen = Math.max(north - old.north, old.north - south) * old.scale < height / 2 && Math.max(east - old.east, old.east - west) * old.scale < width / 2;
-  if (!(seen && old.shape === `${width} ${height} ${!!centre}` && old.scale > 0.5 * fit))
-    Object.assign(old, { scale: 0.85 * fit, north: middle[0], east: middle[1], shape: `${width} ${height} ${!!centre}` });
-  if (centre) Object.assign(old, { north: centre[0], east: centre[1] });
-}
-
 function chart(s) {
-  const canvas = $("chart");
-  const [ratio, width, height] = [window.devicePixelRatio || 1, canvas.clientWidth, canvas.clientHeight];
-  if (!width || !height) return;
-  const pixels = [Math.round(width * ratio), Math.round(height * ratio)];
-  if (canvas.width !== pixels[0] || canvas.height !== pixels[1]) [canvas.width, canvas.height] = pixels;
-
+  if (!map.begin()) return;
   const motion = fields(s.motion);
   const boat = place(motion.north, motion.east);
   const ahead = fields(s.prediction);
@@ -309,108 +277,46 @@ function chart(s) {
   const close = predicted.filter(({ at }) => !boat || Math.hypot(at[0] - boat[0], at[1] - boat[1]) < 300);
   const ends = close.flatMap(({ at, radius }) => [-1, 1].map((side) => at.map((x) => x + side * bounded(radius, 0, 50))));
   const near = boat ? [...ends, boat] : ends;
-  look(chartView.follow && boat ? near : [...near, ...sailed.filter(Boolean), ...path, ...fence], boat, width, height);
+  const shown = follow && boat ? near : [...near, ...sailed.filter(Boolean), ...path, ...fence];
+  map.fit(shown, follow && boat ? { centre: boat, reach: 25 } : {});
 
-  const { scale, north, east } = chartView;
-  const x = (e) => width / 2 + (e - east) * scale;
-  const y = (n) => height / 2 - (n - north) * scale;
-  const g = canvas.getContext("2d");
-  g.setTransform(ratio, 0, 0, ratio, 0, 0);
-  g.fillStyle = colours.surface;
-  g.fillRect(0, 0, width, height);
-  g.font = "600 13px system-ui, sans-serif";
-  g.lineJoin = "round";
-  const label = (text, px, py, align = "left", colour = colours.ink) => {
-    Object.assign(g, { textAlign: align, lineWidth: 4, strokeStyle: colours.surface, fillStyle: colour });
-    g.strokeText(text, px, py);
-    g.fillText(text, px, py);
-  };
-  const line = (points, colour, thick, dash = []) => {
-    let pen = false;
-    Object.assign(g, { strokeStyle: colour, lineWidth: thick });
-    g.setLineDash(dash);
-    g.beginPath();
-    for (const point of points) {
-      if (point) g[pen ? "lineTo" : "moveTo"](x(point[1]), y(point[0]));
-      pen = point !== null;
-    }
-    g.stroke();
-    g.setLineDash([]);
-  };
-  const disc = (at, radius) => {
-    g.beginPath();
-    g.arc(x(at[1]), y(at[0]), radius, 0, 7);
-  };
+  const { g, width, height, scale } = map;
+  map.grid();
 
-  const raw = 60 / scale;
-  const ten = 10 ** Math.floor(Math.log10(raw));
-  const step = ten * [1, 2, 5, 10].find((m) => m * ten >= raw);
-  const digits = Math.max(0, -Math.floor(Math.log10(step)));
-  const labels = []; // drawn after the lines, which would cross them
-  const spread = [Math.ceil(width / scale / step), Math.ceil(height / scale / step)];
-  const first = [Math.floor((east - width / 2 / scale) / step), Math.floor((north - height / 2 / scale) / step)];
-  for (let i = 0; i <= spread[0] + 1; i += 1) {
-    const at = (first[0] + i) * step;
-    line([[north + height / scale, at], [north - height / scale, at]], colours.grid, 1);
-    if (x(at) > 50 && x(at) < width - 95) labels.push([figure(at, digits), x(at), height - 8, "center"]);
-  }
-  for (let i = 0; i <= spread[1] + 1; i += 1) {
-    const at = (first[1] + i) * step;
-    line([[at, east - width / scale], [at, east + width / scale]], colours.grid, 1);
-    if (y(at) > 45 && y(at) < height - 30) labels.push([figure(at, digits), 6, y(at) + 4, "left"]);
-  }
-  for (const one of labels) label(...one, colours.muted);
-
-  line(fence, colours.alarm, 2.5, [10, 6]);
+  map.line(fence, colours.alarm, 2.5, [10, 6]);
   if (path.length) {
-    line(path, colours.command, 3, [2, 5]);
+    map.line(path, colours.command, 3, [2, 5]);
     for (const [point, name] of [[path[0], "start"], [path[path.length - 1], "end"]]) {
-      disc(point, 4);
+      map.disc(point, 4);
       g.fillStyle = colours.command;
       g.fill();
-      label(name, x(point[1]) + 7, y(point[0]) - 6);
+      map.label(name, map.x(point[1]) + 7, map.y(point[0]) - 6);
     }
   }
   // A gap in time is no straight line on the water.
   const parts = sailed.map((point, i) => (i && track[i][0] - track[i - 1][0] > 5 ? [null, point] : [point]));
   const recent = track.findIndex((row) => row[0] > track[track.length - 1][0] - WINDOW_S);
-  line(parts.slice(0, recent + 1).flat(), colours.muted, 1.2);
-  line([...parts.slice(recent).flat(), boat], colours.ink, 2.5);
+  map.line(parts.slice(0, recent + 1).flat(), colours.muted, 1.2);
+  map.line([...parts.slice(recent).flat(), boat], colours.ink, 2.5);
   Object.assign(g, { fillStyle: colours.band, strokeStyle: colours.model, lineWidth: 1 });
   for (const point of predicted) {
     if (!(point.radius > 0)) continue;
-    disc(point.at, point.radius * scale);
+    map.disc(point.at, point.radius * scale);
     g.fill();
     g.stroke();
   }
-  line([boat, ...predicted.map((point) => point.at)].filter(Boolean), colours.model, 3);
+  map.line([boat, ...predicted.map((point) => point.at)].filter(Boolean), colours.model, 3);
   for (const point of predicted) {
-    disc(point.at, 3);
+    map.disc(point.at, 3);
     g.fillStyle = colours.model;
     g.fill();
   }
-  if (boat) {
-    g.save();
-    g.translate(x(boat[1]), y(boat[0]));
-    g.rotate(number(motion.psi) ?? 0);
-    g.beginPath();
-    // Without a heading the symbol has no bow.
-    if (number(motion.psi) === null) g.arc(0, 0, 8, 0, 7);
-    else for (const [px, py] of [[0, -14], [6, -4], [6, 10], [-6, 10], [-6, -4]]) g.lineTo(px, py);
-    g.closePath();
-    Object.assign(g, { fillStyle: colours.command, strokeStyle: colours.ink, lineWidth: 2 });
-    g.fill();
-    g.stroke();
-    g.restore();
-  } else label("no position", width / 2, height / 2, "center", colours.alarm);
+  if (boat) map.vessel(boat, number(motion.psi));
+  else map.label("no position", width / 2, height / 2, "center", colours.alarm);
   const last = predicted[predicted.length - 1];
   const side = boat && last?.at[1] < boat[1] ? -9 : 9; // away from the boat
-  if (last) label(`in ${figure(last.t, 0)} s`, x(last.at[1]) + side, y(last.at[0]) + 5, side < 0 ? "right" : "left");
-  label("north [m]", 6, 18, "left", colours.muted);
-  label("east [m]", width - 6, height - 8, "right", colours.muted);
-  label("N", width - 18, 50, "center");
-  Object.assign(g, { strokeStyle: colours.ink, lineWidth: 2 });
-  g.stroke(new Path2D(`M${width - 18} 36V10m-6 9l6-10 6 10`));
+  if (last) map.label(`in ${figure(last.t, 0)} s`, map.x(last.at[1]) + side, map.y(last.at[0]) + 5, side < 0 ? "right" : "left");
+  map.frame();
 }
 
 function motionFigures(s) {
@@ -435,20 +341,10 @@ let plots = [];
 /** Factor and unit of an output for display. */
 const display = (output) => (output?.unit === "rad/s" ? [180 / Math.PI, "deg/s"] : [1, words(output?.unit)]);
 
-function axes(unit) {
-  const common = { stroke: () => colours.ink, grid: { stroke: () => colours.grid, width: 1 }, ticks: { show: false }, font: "600 12px system-ui, sans-serif" };
-  const seconds = (_, ticks) => ticks.map((t) => (t !== 0 ? figure(t, t % 1 ? 1 : 0, "s") : unit === "past" ? "now" : "")); // a 0 beside that of the other axis reads as 0.00
-  // A step of 0.25 has two digits: 0.3 and 0.8 would be false.
-  const places = (step) => [0, 1, 2, 3].find((d) => Math.abs(step * 10 ** d - Math.round(step * 10 ** d)) < 1e-6 && step * 10 ** d > 0.5) ?? 4;
-  const digits = (_, ticks) => ticks.map((t) => figure(t, ticks.length > 1 ? places(ticks[1] - ticks[0]) : 2));
-  return [{ ...common, size: 24, gap: 4, values: seconds, space: 45 }, { ...common, size: 48, gap: 4, values: digits, space: 20 }];
-}
-
 function buildPlots(outputs) {
   for (const plot of plots) for (const u of [plot.past, plot.error]) u.destroy();
   $("outputs").replaceChildren();
-  const options = { width: 300, height: 118, legend: { show: false }, cursor: { show: false }, padding: [6, 10, 0, 0] };
-  const curve = (colour, width, more = {}) => ({ stroke: () => colours[colour], width, points: { show: false }, ...more });
+  const { curve } = Plots;
   const dots = (colour) => ({ points: { show: true, size: 8, width: 2, stroke: () => colours[colour], fill: () => colours[colour === "muted" ? "surface" : colour] } });
   plots = outputs.map((output) => {
     const [factor, unit] = display(output);
@@ -468,8 +364,8 @@ function buildPlots(outputs) {
       return [low - room, high + room];
     };
     const plot = { name, factor, unit, box, horizon: 10 };
-    plot.past = new uPlot({
-      ...options, axes: axes("past"),
+    plot.past = Plots.plot(left, {
+      axes: Plots.axes("now"), // a 0 beside that of the other axis reads as 0.00
       scales: { x: { time: false, range: () => [-WINDOW_S, plot.horizon] }, y: { range } },
       series: [{}, curve("band", 0), curve("band", 0), curve("model", 3.5), curve("ink", 1.3)],
       bands: [{ series: [2, 1], fill: () => colours.band }],
@@ -480,23 +376,14 @@ function buildPlots(outputs) {
           u.ctx.fillRect(px, u.bbox.top, Math.max(1, window.devicePixelRatio || 1), u.bbox.height);
         }],
       },
-    }, [[], [], [], [], []], left);
-    plot.error = new uPlot({
-      ...options, axes: axes("horizon"),
+    }, [[], [], [], [], []]);
+    plot.error = Plots.plot(right, {
+      axes: Plots.axes(""),
       scales: { x: { time: false, range: (_, low, high) => [0, (high ?? 10) * 1.06] }, y: { range: (_, low, high) => [0, high > 0 ? 1.15 * high : 1] } },
       series: [{}, curve("muted", 2, { dash: [4, 4], ...dots("muted") }), curve("model", 2.4, dots("model"))],
-    }, [[], [], []], right);
+    }, [[], [], []]);
     return plot;
   });
-  sizePlots();
-}
-
-function sizePlots() {
-  for (const { past, error } of plots)
-    for (const u of [past, error]) {
-      const width = u.root.parentElement.clientWidth;
-      if (width > 0 && width !== u.width) u.setSize({ width, height: u.height });
-    }
 }
 
 function speeds(s) {
@@ -803,7 +690,6 @@ function draw() {
 
 function redraw() {
   readColours();
-  sizePlots();
   for (const part of PARTS) part.last = -Infinity;
   draw();
 }
@@ -837,10 +723,10 @@ $("token-form").addEventListener("submit", (event) => {
   event.preventDefault();
   close(true);
 });
-for (const [id, follow] of [["view-fit", false], ["view-follow", true]])
+for (const [id, followed] of [["view-fit", false], ["view-follow", true]])
   $(id).addEventListener("click", () => {
-    chartView.follow = follow;
-    chartView.scale = undefined;
+    follow = followed;
+    map.scale = undefined;
     for (const other of ["view-fit", "view-follow"]) $(other).setAttribute("aria-pressed", String(other === id));
     redraw();
   });

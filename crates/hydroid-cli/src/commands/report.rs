@@ -1,0 +1,88 @@
+//! `hydroid report`.
+
+use std::path::Path;
+
+use anyhow::{Context as _, bail};
+use hydroid::atomic;
+use hydroid::config;
+use hydroid::evaluate::Evaluation;
+use hydroid::manoeuvre::{self, Comparison};
+use hydroid::model::{self, Model};
+use hydroid_report::{ModelReport, model_report};
+use serde_json::json;
+
+use super::{Outcome, evaluate};
+use crate::args::{Global, Report};
+use crate::{logs, outputs, ui};
+
+pub fn run(args: &Report, global: Global) -> anyhow::Result<Outcome> {
+    let model = model::read(&args.model)?;
+    let inputs: Vec<&Path> = std::iter::once(&args.model).chain(&args.logs).map(|path| &**path).collect();
+    outputs::check(&[("-o", Some(&args.output))], &inputs)?;
+    let (model, judged) = if args.logs.is_empty() { (model, None) } else { judge(args, model, global)? };
+    let settings = config::Manoeuvre {
+        push: args.push.clone(),
+        turn: args.turn.clone(),
+        length: args.length,
+        ..config::Manoeuvre::default()
+    };
+    let bar = ui::Bar::new("trials", global);
+    let plan = settings.plan(&model).map_err(anyhow::Error::from);
+    let trials = plan.and_then(|plan| Ok(plan.run(&model, &mut bar.callback())?));
+    drop(bar);
+    let stated = !args.push.is_empty() || !args.turn.is_empty() || args.length.is_some();
+    let trials = match trials {
+        Ok(Some(trials)) => Ok(trials),
+        Ok(None) => bail!("cancelled"),
+        // What was stated of the trials is an input; a model without trials has a page all the same.
+        Err(error) if stated => return Err(error),
+        Err(error) => Err(format!("{error:#}")),
+    };
+    let (evaluation, comparisons) = judged.unzip();
+    let command = ui::command_line();
+    let page = model_report(&ModelReport {
+        command: &command,
+        model: &model,
+        evaluation: evaluation.as_ref(),
+        comparisons: comparisons.as_deref().unwrap_or_default(),
+        trials: trials.as_ref().map_err(String::as_str),
+        length_m: args.length,
+        interactive: args.interactive,
+    })?;
+    atomic::write(&args.output, |out| out.write_all(page.as_bytes()))?;
+    if global.json {
+        super::print_json(&json!({
+            "model": args.model,
+            "report": args.output,
+            "evaluation": evaluation,
+            "comparisons": comparisons,
+            "trials": trials.ok(),
+        }))?;
+    } else {
+        outln!("{}", args.output.display());
+    }
+    Ok(Outcome::Done)
+}
+
+/// The errors on the logs, and their trials.
+fn judge(
+    args: &Report,
+    model: Model,
+    global: Global,
+) -> anyhow::Result<(Model, Option<(Evaluation, Vec<Comparison>)>)> {
+    let mut reading = logs::reading(model.description.reading.clone(), &args.log)?;
+    let (_, prepared) = logs::prepare(&args.logs, &mut reading, global)
+        .with_context(|| logs::cannot_use(&args.model, &model))?;
+    ui::print_notes(&prepared.notes, global);
+    let model = logs::with_step_of(model, &prepared.runs)?;
+    model.check(&prepared.runs)?;
+    ui::print_notes(model.outside(&prepared.runs).as_slice(), global);
+    let options = evaluate::options(args.evaluation, model.description.dt);
+    let runs: Vec<_> = prepared.runs.iter().collect();
+    let evaluation = evaluate::judge(&model, &runs, &options, global)?;
+    let bar = ui::Bar::new("trials of the logs", global);
+    // A model that is no plant has no trials.
+    let comparisons = manoeuvre::compare(&model, &prepared.runs, &mut bar.callback()).unwrap_or_default();
+    drop(bar);
+    Ok((model, Some((evaluation, comparisons))))
+}

@@ -1,0 +1,119 @@
+//! Driving a model on a page: what the scripts of `hydroid-web` need of it, and the section with the driving view.
+
+use hydroid::manoeuvre::{Comparison, Figure, Track, Trial, Trials};
+use hydroid::model::Model;
+use hydroid::plant::{self, InputMap, Motion, neutral};
+use maud::{PreEscaped, html};
+use serde_json::{Value, json};
+
+use super::page::Section;
+
+/// Points of a track on a page.
+const POINTS: usize = 600;
+
+/// A model for the driving view: name, kind, channels with ranges, functions, and the commands that push and turn the vessel.
+///
+/// `motion` contains the places of surge, sway and yaw rate in the outputs, and is `null`, with the reason in `not_driven`, for a
+/// model that predicts no motion. `map` is `null`, with the reason in `not_steered`, if no inputs push and turn the vessel.
+pub fn vessel(model: &Model, map: Result<&InputMap, &str>) -> Value {
+    let d = &model.description;
+    let motion = Motion::of(model);
+    let rest: Vec<f64> = plant::rest(model);
+    let zero = || d.inputs.iter().map(|port| neutral([port.range.low, port.range.high])).collect();
+    let at_rest: Vec<f64> = map.map_or_else(|_| zero(), |map| map.command(0.0, 0.0));
+    json!({
+        "name": d.name,
+        "kind": model.kind(),
+        "title": model.title(),
+        "dt": d.dt,
+        "length_m": model.craft().and_then(|craft| craft.hull.size).map(|[length, ..]| length),
+        "judged_s": d.bands.as_ref().and_then(|bands| bands.horizons.last()).map(|&steps| steps as f64 * d.dt),
+        "outputs": d.outputs,
+        "inputs": d.inputs,
+        "motion": motion.as_ref().ok().map(Motion::places),
+        "rest": rest,
+        "neutral": at_rest,
+        "map": map.ok(),
+        "functions": hydroid_export::functions(model),
+        "not_driven": motion.err().map(|error| error.to_string()),
+        "not_steered": map.err(),
+    })
+}
+
+/// A trial for the driving view: title, speed of the approach, figures with names and units, and the track; `None` for a trial
+/// without a track.
+pub fn trial(trial: &Trial, of: &Trials) -> Option<Value> {
+    Some(json!({
+        "title": trial.kind.title(&of.inputs),
+        "approach_m_s": of.approach_speed_m_s,
+        "figures": trial.figures.iter().map(figure).collect::<Vec<Value>>(),
+        "track": track(trial.tracks.first()?),
+    }))
+}
+
+/// A trial in a log beside its prediction, for the driving view.
+pub fn comparison(comparison: &Comparison) -> Value {
+    let Comparison { run, at_s, trial, measured, predicted, in_training, .. } = comparison;
+    let figures = measured.iter().zip(predicted).filter(|(measured, _)| measured.value.is_some());
+    let figures = figures.map(|(measured, predicted)| {
+        let (label, unit) = measured.name_and_unit();
+        json!({ "label": label, "unit": unit, "measured": measured.value, "predicted": predicted.value, "interval": predicted.interval })
+    });
+    json!({
+        "title": format!("{run}, {at_s:.0} s: {}", trial.title()),
+        "figures": figures.collect::<Vec<Value>>(),
+        "tracks": comparison.tracks.each_ref().map(track),
+        "note": in_training.then_some("The model was fitted to this run."),
+    })
+}
+
+fn figure(figure: &Figure) -> Value {
+    let (label, unit) = figure.name_and_unit();
+    json!({
+        "label": label,
+        "unit": unit,
+        "value": figure.value,
+        "interval": figure.interval,
+        "extrapolated": figure.extrapolated && figure.value.is_some(),
+    })
+}
+
+/// Times since the order \[s\], positions, north and east \[m\], and velocities over ground, `u` and `v` \[m/s\] and `r` \[rad/s\].
+fn track(track: &Track) -> Value {
+    let step = track.len().div_ceil(POINTS).max(1);
+    let point = |k: usize| {
+        let ([x, y, _], [u, v, r]) = (track.eta[k], track.nu[k]);
+        [track.time_s(k), x, y, u, v, r]
+    };
+    (0..track.len()).step_by(step).map(|k| json!(point(k))).collect()
+}
+
+/// The section with the driving view, and the script that starts it.
+pub(super) fn section(model: &Model, trials: Result<&Trials, &str>, comparisons: &[Comparison]) -> Section {
+    let shown = |trials: &Trials| trials.trials.iter().filter_map(|one| trial(one, trials)).collect();
+    let document = json!({
+        "vessel": vessel(model, trials.map(|trials| &trials.inputs)),
+        "trials": trials.map_or_else(|_| Vec::new(), shown),
+        "comparisons": comparisons.iter().map(comparison).collect::<Vec<Value>>(),
+    });
+    // A text of the model cannot end the element.
+    let document = document.to_string().replace('<', "\\u003c");
+    let body = html! {
+        div #driving {}
+        script #vessel type="application/json" { (PreEscaped(document)) }
+    };
+    Section::new("drive", "Drive it", body)
+}
+
+/// The scripts of a page with the driving view.
+pub(super) fn script() -> String {
+    let mut text = String::from("\"use strict\";\n");
+    text.extend(hydroid_web::DRIVING);
+    text.push_str(include_str!("driving.js"));
+    text
+}
+
+/// Its styles.
+pub(super) fn style() -> String {
+    [hydroid_web::UPLOT_STYLE, include_str!("driving.css"), hydroid_web::DRIVE_STYLE].concat()
+}

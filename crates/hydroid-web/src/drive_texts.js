@@ -1,0 +1,20 @@
+// Texts of the driving view. Another language is another object of this form.
+const DRIVE_TEXT = {
+  help: "Arrow keys up and down push, left and right turn, the space bar sets both to neutral. A gamepad works, too.",
+  chart: "Chart of the vessel and its track, north up",
+  propulsion: "Propulsion", steering: "Steering", commands: "Single commands", water: "Current and wind",
+  current: "Current [m/s]", towards: "towards [°]", wind: "Wind [m/s]", from: "direction of the wind [°], as in the log",
+  restart: "Start again", pause: "Pause", goOn: "Go on", follow: "Follow the vessel", pace: "Speed of time",
+  time: "time", surge: "ahead u", sway: "starboard v", rate: "yaw rate r", speed: "speed over ground", heading: "heading",
+  plots: { u: "Surge velocity u [m/s]", v: "Sway velocity v [m/s]", r: "Yaw rate r [°/s]" },
+  measured: "measured", predicted: "predicted", interval: "5 % to 95 %",
+  outside: "* The model extrapolates here: the trial leaves the speeds and commands of its logs.",
+  beyond: (lasts, judged) => `The trial lasts ${lasts} s; the model was judged on predictions ${judged} s ahead.`,
+  approach: (speed) => `Approach at ${speed} m/s.`,
+  inLogs: "Trials in the logs",
+  scale: "The vessel is not drawn to scale: its length is not known.",
+  computing: "The trial is computed.",
+  back: "Back to driving",
+  diverged: "The motion of the model is no longer finite. Start again.",
+  slow: "This device computes the model more slowly than the chosen speed of time.",
+};

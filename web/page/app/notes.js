@@ -1,0 +1,46 @@
+// Messages of hydroid in the words of the page.
+
+/** A message without the options of the command: their fields here, or nothing where the page has none. */
+function plain(text) {
+  const named = String(text).replace(/--([a-z-]+)(?: "[^"]*"| '[^']*'| [A-Z,=\d.][^\s;,]*)?/g, (whole, flag) => (flag === "inputs" && whole.includes(" - ") ? TEXT.flags.zero : TEXT.flags[flag] ?? whole));
+  return named.replace(/`hydroid [^`]*`/g, "the command");
+}
+
+/** A remedy, or nothing if it can be followed with the command alone. */
+function remedyOf(note) {
+  const text = note.remedy ? plain(note.remedy) : "";
+  return /--[a-z]|the command/.test(text) ? "" : text;
+}
+
+/** Notes as a list: those of several files once, the serious ones first. */
+function listNotes(notes) {
+  const order = ["error", "warning", "info"];
+  const all = new Map();
+  for (const { file, note } of notes) {
+    const text = note.message ?? note.text ?? String(note);
+    const body = text.startsWith(`${file}: `) ? text.slice(file.length + 2) : text;
+    const level = note.severity ?? note.level ?? "info";
+    const known = all.get(body) ?? { level, body, files: [], remedy: remedyOf(note) };
+    if (!known.files.includes(file)) known.files.push(file);
+    all.set(body, known);
+  }
+  const sorted = [...all.values()].sort((a, b) => order.indexOf(a.level) - order.indexOf(b.level));
+  return sorted.map(({ level, body, files, remedy }) => {
+    const text = plain(body);
+    return make("li", { className: level }, make("b", { text: `${files.join(", ")}: ` }), remedy ? `${text}: ${remedy}` : text);
+  });
+}
+
+/** Neutral positions that hydroid proposes: `--inputs "left=THR - 1500,.."` as a map of columns. */
+function neutralPositions(notes) {
+  const found = new Map();
+  for (const { note } of notes) {
+    const list = /--inputs "([^"]*)"/.exec(note.remedy ?? "");
+    for (const spec of list ? list[1].split(",") : []) {
+      const parts = /^(?:[^=]*=)?(.*?)(?: \[[^\]]*\])? - ([\d.]+)$/.exec(spec.trim());
+      if (parts) found.set(parts[1].trim(), [...(found.get(parts[1].trim()) ?? []), Number(parts[2])]);
+    }
+  }
+  // The median over the logs: a short one may rest elsewhere.
+  return new Map([...found].map(([column, values]) => [column, Number(values.sort((a, b) => a - b)[Math.floor(values.length / 2)].toPrecision(4))]));
+}

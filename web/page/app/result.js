@@ -1,0 +1,139 @@
+// What came out: grades, models, driving, downloads.
+
+/** Identified models, the latest first; a class compares them. */
+const MOST_TRIES = 12;
+
+const mean = (list) => (list && list.length ? list.reduce((a, b) => a + b, 0) / list.length : null);
+
+/** Takes a result into the list of models. */
+function keepTry(result, learnt) {
+  const fresh = result.models.map((model) => ({ ...model, learnt, bytes: result.files.find((file) => file.name === model.name).bytes }));
+  fresh.sort((a, b) => Number(b.best) - Number(a.best));
+  state.tries = [...fresh, ...state.tries].slice(0, MOST_TRIES);
+}
+
+async function showResult() {
+  const { summary, report, models } = state.result;
+  show("report");
+  const best = models.find((model) => model.best) ?? models[0];
+  const errors = summary.models.find((model) => model.name === best?.name);
+  const judged = errors && (errors.test ?? errors.validation);
+  const tiles = (summary.verdicts ?? []).map((verdict) => tile(verdict, judged));
+  $("verdicts").replaceChildren(...tiles);
+  $("ahead").replaceChildren(...(best && best.horizon_s ? explained(TEXT.ahead(figure(best.horizon_s, 3))) : []));
+  listTries();
+  $("page").srcdoc = report;
+  const tab = $("report-tab");
+  if (tab.href) URL.revokeObjectURL(tab.href);
+  tab.href = URL.createObjectURL(new Blob([report], { type: "text/html" }));
+  if (best) await open(`${best.name}.safetensors`, state.result.files.find((file) => file.name === best.name).bytes);
+}
+
+function tile({ channel, grade, nrmse, persistence }, judged) {
+  const place = judged ? judged.channels.indexOf(channel) : -1;
+  const [factor, unit] = shown(place < 0 ? "" : judged.units[place] ?? "");
+  const rmse = place < 0 ? null : judged.rmse[judged.rmse.length - 1]?.[place];
+  const bar = (name, value) => {
+    const fill = make("span", { className: "fill" });
+    fill.style.width = `${Math.min(100, (100 * value) / 1.5)}%`;
+    return make("div", { className: "bar" }, make("span", {}, ...explained(name)), make("span", { className: "track" }, fill), make("b", { text: figure(value, 2) }));
+  };
+  return make("li", { className: `tile ${grade}` }, make("p", {}, make("b", { text: channel }), ` ${TEXT.grades[grade] ?? grade}`),
+    bar(TEXT.modelError, nrmse), bar(TEXT.lastValue, persistence), make("p", { className: "caption", text: rmse ? `± ${figure(rmse * factor, 2)} ${unit}` : "" }));
+}
+
+function listTries() {
+  const rows = state.tries.map((one) => {
+    const drive = make("button", { type: "button", text: TEXT.driveThis, onclick: () => open(`${one.name}.safetensors`, one.bytes).then(() => lead("drive")) });
+    const [own, fresh] = [one.fitted, one.judged].map(mean);
+    return make("tr", {}, make("th", { scope: "row", text: `${TEXT.stages[one.name] ?? one.name}${one.best ? ` (${TEXT.best})` : ""}` }),
+      ...[String(one.weights), one.learnt, figure(own, 2), one.diverged ? "∞" : figure(fresh, 2)].map((text, i) => make("td", { text, data: { label: TEXT.tryHeads[i + 1] } })), make("td", {}, drive));
+  });
+  $("tries").replaceChildren(make("thead", {}, make("tr", {}, ...TEXT.tryHeads.map((text) => make("th", { text, scope: "col" })))), make("tbody", {}, ...rows));
+}
+
+/** A model, to be driven. */
+async function open(name, content) {
+  const vessel = await helm.call("vessel", [name, content]);
+  state.vessel = { name, bytes: content };
+  show("drive");
+  show("save");
+  downloads(vessel);
+  if (view) view.stop();
+  view = null;
+  $("drive-name").textContent = `${vessel.name}: ${vessel.title}`;
+  if (vessel.motion === null) $("driving").replaceChildren(make("p", { className: "message", text: plain(vessel.not_driven) }));
+  else {
+    view = new DriveView($("driving"), vessel, trialButtons(vessel));
+    view.start();
+  }
+  say("drive-message", vessel.not_steered && vessel.motion ? plain(vessel.not_steered) : "");
+  await remember();
+}
+
+function trialButtons(vessel) {
+  const simulated = (text, trial) => ({ text, run: async () => trialsShown(await helm.call("trials", [{ trials: [trial] }]), vessel) });
+  const list = vessel.map ? [simulated(TEXT.circle, "turning-circle"), simulated(TEXT.zigzag, "zigzag"), simulated(TEXT.stopping, "stopping")] : [];
+  const names = state.files.map((file) => file.name).filter((name) => state.parts.get(name) !== "unused");
+  if (names.length && state.result) list.push({ text: TEXT.inLogs, run: () => measured(names) });
+  return list;
+}
+
+/** Trials in the logs: a button for each. */
+async function measured(names) {
+  const { name, bytes: content } = state.vessel;
+  const found = await bench.call("compare", [name, content, names]);
+  if (!found.length) throw new Error(TEXT.noTrials);
+  view.addTrials(found.map((one) => ({ text: one.title, run: () => comparisonShown(one) })), TEXT.inLogs);
+  return comparisonShown(found[0]);
+}
+
+/** The settings as a file of the command. */
+function settings() {
+  const value = (item) => {
+    if (Array.isArray(item)) return `[${item.map(value).join(", ")}]`;
+    if (typeof item === "object") return `{ ${Object.entries(item).map(([key, of]) => `${key} = ${value(of)}`).join(", ")} }`;
+    return JSON.stringify(item);
+  };
+  const lines = ["[log]"];
+  const { sensors, ...log } = logSection();
+  for (const [key, item] of Object.entries(log)) lines.push(`${key} = ${value(item)}`);
+  if (sensors) {
+    lines.push("", "[log.sensors]");
+    for (const [key, item] of Object.entries(sensors)) if (["string", "number"].includes(typeof item) || Array.isArray(item)) lines.push(`${key} = ${value(item)}`);
+  }
+  lines.push("", "[split]");
+  for (const part of ["train", "validate", "test"]) {
+    const names = state.files.map((f) => f.name).filter((name) => state.parts.get(name) === part);
+    if (names.length) lines.push(`${part} = ${value(names)}`);
+  }
+  const { horizon } = state.options;
+  if (horizon) lines.push("", "[identify]", `horizon = "${horizon}s"`);
+  return `${lines.join("\n")}\n`;
+}
+
+function downloads(vessel) {
+  const failed = (error) => say("save-message", plain(error.message), "error");
+  const button = (text, act) => make("button", { type: "button", text, onclick: () => Promise.resolve().then(act).catch(failed) });
+  const keep = (name, content, type) => {
+    download(name, content, type);
+    say("save-message", TEXT.kept(name));
+  };
+  const list = [button(TEXT.downloads.model, () => keep(state.vessel.name, state.vessel.bytes))];
+  if (state.result) {
+    list.push(button(TEXT.downloads.report, () => keep("report.html", state.result.report, "text/html")));
+    list.push(button(TEXT.downloads.summary, () => keep("identify.json", JSON.stringify(state.result.summary, null, 2), "application/json")));
+    list.push(button(TEXT.downloads.config, () => keep("hydroid.toml", settings(), "text/plain")));
+  }
+  if (hasRole("input")) {
+    for (const { name } of state.files) {
+      list.push(button(TEXT.downloads.table(name), async () => keep(`${name.replace(/\.[^.]*$/, "")}-prepared.csv`, await bench.call("converted", [name, logSection()]), "text/csv")));
+    }
+  }
+  $("downloads").replaceChildren(...list);
+  $("exports").replaceChildren(...Object.entries(TEXT.exports).map(([format, text]) => button(text, async () => {
+    const files = await helm.call("exported", [format, vessel.name]);
+    for (const file of files) download(file.name, file.bytes);
+    say("save-message", files.map((f) => TEXT.kept(f.name)).join(", "));
+  })));
+}
