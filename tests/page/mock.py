@@ -17,15 +17,18 @@ import threading
 import time
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
-ASSETS = pathlib.Path(__file__).parents[2] / "crates/hydroid-live/src/page/assets"
+CRATES = pathlib.Path(__file__).parents[2] / "crates"
+PAGE = CRATES / "hydroid-live/src/page/assets"
+SHARED = CRATES / "hydroid-web/src"
 
 FILES = {
-    "/": ("index.html", "text/html; charset=utf-8"),
-    "/page.css": ("page.css", "text/css; charset=utf-8"),
-    "/page.js": ("page.js", "text/javascript; charset=utf-8"),
-    "/uplot.js": ("uplot.js", "text/javascript; charset=utf-8"),
-    "/uplot.css": ("uplot.css", "text/css; charset=utf-8"),
-    "/licence.txt": ("licence.txt", "text/plain; charset=utf-8"),
+    "/": (PAGE / "index.html", "text/html; charset=utf-8"),
+    "/page.css": (PAGE / "page.css", "text/css; charset=utf-8"),
+    "/page.js": (PAGE / "page.js", "text/javascript; charset=utf-8"),
+    "/plots.js": (SHARED / "plots.js", "text/javascript; charset=utf-8"),
+    "/uplot.js": (SHARED / "uplot.js", "text/javascript; charset=utf-8"),
+    "/uplot.css": (SHARED / "uplot.css", "text/css; charset=utf-8"),
+    "/licence.txt": (SHARED / "uplot-licence.txt", "text/plain; charset=utf-8"),
 }
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
@@ -324,9 +327,8 @@ def merge(target, patch):
 class Mock:
     """The server; `switches` and `patch` change what it sends, `requests` keeps the actions that it was sent."""
 
-    def __init__(self, port=0, token="secret", warm=240.0, root=None):
+    def __init__(self, port=0, token="secret", warm=240.0):
         self.token, self.warm, self.port = token, warm, port
-        self.root = pathlib.Path(root or ASSETS)
         self.switches, self.patch, self.requests, self.answer = set(), {}, [], None
         self.server = None
 
@@ -436,7 +438,7 @@ class Handler(BaseHTTPRequestHandler):
         mock, path = self.server.mock, self.path.split("?")[0]
         if path in FILES:
             name, kind = FILES[path]
-            data = (mock.root / name).read_bytes()
+            data = name.read_bytes()
             self.head(200, kind, len(data))
             self.wfile.write(data)
         elif path == "/events":

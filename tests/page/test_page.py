@@ -133,7 +133,7 @@ def ask(server, method, path, body=None, **headers):
     return response, data
 
 
-@pytest.mark.parametrize("path", ["/", "/page.css", "/page.js", "/uplot.js", "/uplot.css", "/licence.txt", "/events", "/nothing"])
+@pytest.mark.parametrize("path", ["/", "/page.css", "/page.js", "/plots.js", "/uplot.js", "/uplot.css", "/licence.txt", "/events", "/nothing"])
 def test_http_headers(server, path):
     response, _ = ask(server, "GET", path)
     assert response.status == (404 if path == "/nothing" else 200)

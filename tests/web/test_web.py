@@ -9,7 +9,7 @@ import tempfile
 import time
 
 import pytest
-from playwright.sync_api import expect, sync_playwright
+from playwright.sync_api import expect
 
 ROOT = pathlib.Path(__file__).parents[2]
 PAGE = ROOT / "web/dist/hydroid.html"
@@ -18,14 +18,6 @@ DATA = os.environ.get("HYDROID_DATA")
 SHIP = pathlib.Path(DATA or "") / "cybership-enterprise1"
 THRUSTERS = ["u1_vsp1_x", "u2_vsp1_y", "u3_vsp2_x", "u4_vsp2_y", "u5_bowthruster"]
 needs_data = pytest.mark.skipif(not DATA, reason="no HYDROID_DATA")
-
-
-@pytest.fixture(scope="session")
-def browser():
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 @pytest.fixture

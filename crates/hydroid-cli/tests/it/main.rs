@@ -27,6 +27,7 @@ mod manoeuvre;
 mod networks;
 mod packages;
 mod recordings;
+mod report;
 mod study;
 mod thesis;
 mod vessel_files;
