@@ -29,18 +29,30 @@ def hydroid(*words):
     assert done.returncode in (0, 1), done.stderr
 
 
-def opened(browser, path):
-    """The page of a report; an error in it fails the test, and so does a request."""
-    page = browser.new_context(offline=True).new_page()
-    faults = []
-    page.on("pageerror", lambda error: faults.append(str(error)))
-    page.on("console", lambda m: faults.append(m.text) if m.type in ("error", "warning") else None)
-    page.on("request", lambda r: faults.append(r.url[:80]) if not re.match("file:|blob:|data:", r.url) else None)
-    page.goto(pathlib.Path(path).as_uri())
-    return page, faults
+@pytest.fixture
+def opened(browser):
+    """Opens the page of a report; an error in it fails the test, and so does a request or a dialog."""
+    faults, contexts = [], []
+
+    def open_page(path):
+        context = browser.new_context(offline=True)
+        contexts.append(context)
+        page = context.new_page()
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        page.on("console", lambda m: faults.append(m.text) if m.type in ("error", "warning") else None)
+        page.on("dialog", lambda dialog: (faults.append(dialog.message), dialog.dismiss()))
+        page.on("request", lambda r: faults.append(r.url[:80]) if not re.match("file:|blob:|data:", r.url) else None)
+        page.goto(pathlib.Path(path).as_uri())
+        return page
+
+    yield open_page
+    # A page that is left open drives on.
+    for context in contexts:
+        context.close()
+    assert faults == []
 
 
-def replayed(browser, model, folder, steps=400):
+def replayed(opened, model, folder, steps=400):
     """The largest difference between the page and the command, relative to the largest value of each quantity."""
     log, report = folder / "log.csv", folder / "report.html"
     hydroid("simulate", model, "--duration", 40, "--noise", 0, "--seed", 5, "-o", log)
@@ -49,12 +61,11 @@ def replayed(browser, model, folder, steps=400):
         heads, *rows = csv.reader(file)
     names = [head.split(" [")[0] for head in heads]
     rows = [[float(x) for x in row] for row in rows[:steps]]
-    page, faults = opened(browser, report)
+    page = opened(report)
     channels = page.evaluate('() => { const { vessel } = JSON.parse(document.getElementById("vessel").textContent); return [vessel.inputs, vessel.outputs].map((l) => l.map((p) => p.channel.name)); }')
     inputs, outputs = ([names.index(name) for name in list_] for list_ in (channels[0], [f"{n}_true" for n in channels[1]]))
     truth = [[row[i] for i in [names.index("x"), names.index("y"), names.index("psi"), *outputs]] for row in rows]
     found = page.evaluate(REPLAY, [[row[i] for i in inputs] for row in rows])
-    assert faults == []
     assert len(found) == len(truth) > 100
     largest = [max(abs(row[c]) for row in truth) for c in range(len(truth[0]))]
     assert max(largest[3:]) > 0.1, "the vessel moves"
@@ -63,30 +74,30 @@ def replayed(browser, model, folder, steps=400):
 
 # `hydroid simulate hydrofoil` has an integration of its own.
 @pytest.mark.parametrize("vessel", ["mariner", "otter", "tug"])
-def test_a_vessel_moves_on_the_page_as_in_the_command(browser, tmp_path, vessel):
-    assert replayed(browser, ROOT / f"vessels/{vessel}.toml", tmp_path) < 1e-9
+def test_a_vessel_moves_on_the_page_as_in_the_command(opened, tmp_path, vessel):
+    assert replayed(opened, ROOT / f"vessels/{vessel}.toml", tmp_path) < 1e-9
 
 
 @pytest.mark.skipif(not DATA, reason="no HYDROID_DATA")
 @pytest.mark.parametrize("method", ["committee", "sindy", "gru", "lstm", "direct", "affine"])
-def test_a_model_moves_on_the_page_as_in_the_command(browser, tmp_path, method):
+def test_a_model_moves_on_the_page_as_in_the_command(opened, tmp_path, method):
     ship = pathlib.Path(DATA) / "cybership-enterprise1"
     files = [ship / "random_run1.csv", "--validate", ship / "run1.csv", "--test", ship / "random_run3.csv"]
     inputs = "u1_vsp1_x,u2_vsp1_y,u3_vsp2_x,u4_vsp2_y,u5_bowthruster"
     options = ["--methods", method, "--outputs", "u=u_mps,v=v_mps,r=r_radps", "--inputs", inputs, "--budget", "5s"]
     hydroid("identify", *files, *options, "-o", tmp_path / "out")
-    assert replayed(browser, tmp_path / f"out/{method}.safetensors", tmp_path) < 1e-9
+    assert replayed(opened, tmp_path / f"out/{method}.safetensors", tmp_path) < 1e-9
 
 
 @pytest.mark.skipif(not DATA, reason="no HYDROID_DATA")
-def test_a_report_is_driven_beside_the_trials_of_a_log(browser, tmp_path):
+def test_a_report_is_driven_beside_the_trials_of_a_log(opened, tmp_path):
     runs = pathlib.Path(DATA) / "esso-osaka"
     logs = [runs / f"random_{name}.csv" for name in ["03-Aug-2020_11_04_37", "06-Aug-2020_16_24_25_1"]]
     options = ["--methods", "committee", "--outputs", "u=u_velo,v=vm_velo,r=r_angvelo", "--inputs", "n=n_prop,delta=delta_rudder"]
     hydroid("identify", *logs, *options, "-o", tmp_path / "out")
     report = tmp_path / "report.html"
     hydroid("report", tmp_path / "out/committee.safetensors", runs / "zigzag_31-Jul-2020_13_22_52.csv", "--interactive", "-o", report)
-    page, faults = opened(browser, report)
+    page = opened(report)
     page.locator("canvas.chart").focus()
     page.keyboard.down("ArrowUp")
     page.wait_for_timeout(1500)
@@ -98,18 +109,15 @@ def test_a_report_is_driven_beside_the_trials_of_a_log(browser, tmp_path):
     expect(page.locator(".results")).to_contain_text("overshoot")
     page.get_by_role("button", name="Back to driving").click()
     expect(page.locator(".results")).to_have_count(0)
-    assert faults == []
 
 
-def test_a_name_of_a_model_is_text(browser, tmp_path):
+def test_a_name_of_a_model_is_text(opened, tmp_path):
     text = (ROOT / "vessels/otter.toml").read_text(encoding="utf-8")
     hostile = "</script><script>alert(1)</script><img src=x onerror=alert(2)>"
     vessel = tmp_path / "boat.toml"
     vessel.write_text(text.replace('name = "otter"', f'name = "{hostile}"', 1), encoding="utf-8")
     hydroid("report", vessel, "--interactive", "-o", tmp_path / "report.html")
-    page, faults = opened(browser, tmp_path / "report.html")
-    dialogs = []
-    page.on("dialog", lambda dialog: (dialogs.append(dialog.message), dialog.dismiss()))
+    page = opened(tmp_path / "report.html")
     expect(page.locator("h1")).to_contain_text(hostile)
     expect(page.locator(".driving .figures")).to_contain_text("m/s", timeout=10_000)
-    assert page.locator("img").count() == 0 and dialogs == [] and faults == []
+    assert page.locator("img").count() == 0

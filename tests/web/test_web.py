@@ -1,81 +1,32 @@
 """Tests of the page in a browser, from the single file: `pytest tests/web` after `build-page` (see web/README.md)."""
 
 import json
-import os
-import pathlib
-import re
 import subprocess
 import tempfile
 import time
 
 import pytest
 from playwright.sync_api import expect
-
-ROOT = pathlib.Path(__file__).parents[2]
-PAGE = ROOT / "web/dist/hydroid.html"
-SHOTS = ROOT / "target/web-shots"
-DATA = os.environ.get("HYDROID_DATA")
-SHIP = pathlib.Path(DATA or "") / "cybership-enterprise1"
-THRUSTERS = ["u1_vsp1_x", "u2_vsp1_y", "u3_vsp2_x", "u4_vsp2_y", "u5_bowthruster"]
-needs_data = pytest.mark.skipif(not DATA, reason="no HYDROID_DATA")
-
-
-@pytest.fixture
-def tab(browser):
-    """Opens the page; at the end it may have had no error, no violation of its policy, no dialog, and no request."""
-    faults, contexts = [], []
-
-    def open_tab(width=1280, height=900, **options):
-        context = browser.new_context(viewport={"width": width, "height": height}, offline=True, **options)
-        contexts.append(context)
-        page = context.new_page()
-        page.on("pageerror", lambda error: faults.append(f"script: {error}"))
-        page.on("dialog", lambda dialog: (faults.append(f"dialog: {dialog.message}"), dialog.dismiss()))
-        page.on("console", lambda m: faults.append(f"{m.type}: {m.text}") if m.type in ("error", "warning") else None)
-        page.on("request", lambda r: faults.append(f"request: {r.url[:80]}") if not re.match("file:|blob:|data:|about:", r.url) else None)
-        page.goto(PAGE.as_uri())
-        return page
-
-    yield open_tab
-    for context in contexts:
-        context.close()
-    assert faults == []
-
-
-def shot(page, name):
-    SHOTS.mkdir(parents=True, exist_ok=True)
-    page.screenshot(path=SHOTS / f"{name}.png", full_page=True)
-
-
-def choose(page, *files):
-    """Files by their paths, or as a name and a content."""
-    payload = [
-        str(f) if not isinstance(f, tuple) else {"name": f[0], "mimeType": "application/octet-stream", "buffer": f[1]} for f in files
-    ]
-    page.set_input_files("#choose", payload)
-
-
-def role(page, column, value):
-    row = page.locator("#column-table tbody tr", has=page.get_by_role("rowheader", name=column, exact=True))
-    row.locator("select").first.select_option(value)
-
-
-def check(page):
-    page.click("#check")
-    expect(page.locator("#check")).to_be_enabled(timeout=60_000)
-
-
-def identify(page, methods=("committee", "sindy")):
-    for box in page.locator("#methods input").all():
-        box.set_checked(False)
-    for method in methods:
-        page.evaluate("(m) => { state.methods = [...state.methods, m]; options(); }", method)
-    page.click("#run")
-
-
-def figures(page):
-    text = page.locator("#driving .figures").inner_text().replace("−", "-")
-    return [float(x) for x in re.findall(r"-?\d+\.?\d*", text)]
+from steps import (
+    COMMAND,
+    NAMES,
+    SHIP,
+    SHOTS,
+    THRUSTERS,
+    boat,
+    check,
+    choose,
+    columns_of,
+    csv,
+    driven,
+    figures,
+    identified,
+    identify,
+    needs_data,
+    role,
+    shot,
+    table,
+)
 
 
 def test_the_example_is_driven_and_turns_a_circle(tab):
@@ -105,8 +56,7 @@ def test_the_example_is_driven_and_turns_a_circle(tab):
 @needs_data
 def test_a_log_becomes_the_model_of_the_command_and_survives_a_reload(tab):
     page = tab()
-    choose(page, SHIP / "random_run1.csv", SHIP / "run1.csv", SHIP / "random_run3.csv")
-    expect(page.locator("#column-table tbody tr")).not_to_have_count(0, timeout=30_000)
+    columns_of(page, SHIP / "random_run1.csv", SHIP / "run1.csv", SHIP / "random_run3.csv")
     for column, name in [("u_mps", "u"), ("v_mps", "v"), ("r_radps", "r")]:
         assert page.evaluate("(c) => state.roles.get(c).role === 'output' && state.roles.get(c).name", column) == name
     for column in THRUSTERS:
@@ -122,9 +72,8 @@ def test_a_log_becomes_the_model_of_the_command_and_survives_a_reload(tab):
     expect(page.locator("#verdicts li")).to_have_count(3)
     shot(page, "identified")
     summary = page.evaluate("state.result.summary")
-    command = os.environ.get("HYDROID_COMMAND")
-    if command:
-        compare(summary, command)
+    if COMMAND:
+        compare(summary, COMMAND)
     page.reload()
     expect(page.locator("#verdicts li")).to_have_count(3, timeout=60_000)
     expect(page.locator("#driving .figures")).to_contain_text("m/s", timeout=20_000)
@@ -161,8 +110,7 @@ def compare(summary, command):
 @needs_data
 def test_a_cancelled_identification_can_be_started_again(tab):
     page = tab()
-    choose(page, SHIP / "random_run1.csv")
-    expect(page.locator("#column-table tbody tr")).not_to_have_count(0, timeout=30_000)
+    columns_of(page, SHIP / "random_run1.csv")
     for column in THRUSTERS:
         role(page, column, "input")
     check(page)
@@ -174,17 +122,6 @@ def test_a_cancelled_identification_can_be_started_again(tab):
     check(page)
     identify(page, ["sindy"])
     expect(page.locator("#report")).to_be_visible(timeout=240_000)
-
-
-NAMES = ["</script><script>alert(1)</script>", "<img src=x onerror=alert(1)>", "a\"'`]", "ü" * 30, "__proto__"]
-
-
-def table(names, rows=400):
-    head = "t," + ",".join('"' + n.replace('"', '""') + '"' for n in names)
-    lines = [head]
-    for k in range(rows):
-        lines.append(f"{0.1 * k}," + ",".join(str((k * (i + 3)) % 17 - 8 + 0.1 * i) for i in range(len(names))))
-    return "\n".join(lines).encode()
 
 
 def test_what_is_no_log_is_an_error_and_the_page_goes_on(tab):
@@ -202,6 +139,18 @@ def test_what_is_no_log_is_an_error_and_the_page_goes_on(tab):
     choose(page, ("good.csv", table(["u", "r", "n_cmd"])))
     expect(page.get_by_role("rowheader", name="n_cmd", exact=True)).to_be_visible(timeout=20_000)
     shot(page, "errors")
+
+
+def test_after_the_end_of_a_worker_the_logs_are_there(tab):
+    page = tab()
+    columns_of(page, ("boat.csv", csv(boat())), ("other.csv", csv(boat(seed=1))))
+    page.evaluate("bench.end(new Error(TEXT.lost))")
+    check(page)
+    expect(page.locator("#curves details")).to_have_count(2)
+    identified(page, ["sindy"])
+    page.evaluate("helm.end(new Error(TEXT.lost))")
+    page.get_by_role("button", name="Turning circle").click()
+    expect(page.locator(".driving .message")).to_contain_text("Approach", timeout=60_000)
 
 
 def test_names_of_a_log_are_text(tab):
@@ -241,7 +190,7 @@ def test_a_boat_that_is_driven_leaves_a_track(tab):
     page = tab(width=1180, height=900)
     page.click("#example")
     expect(page.locator("#driving .figures")).to_contain_text("m/s", timeout=20_000)
-    page.locator("#driving select").select_option("10")
+    page.get_by_label("Speed of time").select_option("10")
     for turn in [0.12, -0.3, 0.45, -0.2]:
         page.evaluate("(turn) => view.set(0.6, turn)", turn)
         page.wait_for_timeout(1300)
@@ -250,3 +199,73 @@ def test_a_boat_that_is_driven_leaves_a_track(tab):
     # The first picture of README.
     SHOTS.mkdir(parents=True, exist_ok=True)
     page.locator("#drive").screenshot(path=SHOTS / "drive.png")
+
+
+def test_a_short_log_shows_what_over_fitting_is(tab):
+    page = tab(width=390, height=780, has_touch=True)
+    page.click("#example-logs")
+    expect(page.locator("#identify")).to_be_visible(timeout=60_000)
+    assert page.locator("#advice button").count() == 0, "the neutral positions of the example are set"
+    identified(page)
+    page.locator("#parts select").nth(0).select_option("unused")
+    page.locator("#parts select").nth(1).select_option("train")
+    identified(page)
+    heads = page.locator("#tries thead th").all_inner_texts()
+    rows = page.evaluate("state.tries.map(({ name, learnt, weights, fitted, judged }) => [name, learnt, weights, ...[fitted, judged].map(mean)])")
+    print(heads, *rows, page.locator("#ahead").inner_text(), sep="\n")
+    errors = {(name, learnt): (own, new) for name, learnt, _, own, new in rows}
+    assert len(errors) == 4
+    own, new = errors["committee", "short.csv"]
+    assert new > 1.5 * own, "many numbers from a short log"
+    own, new = errors["sindy", "short.csv"]
+    assert new < 1.5 * own, "few numbers from a short log"
+    own, new = errors["committee", "long.csv"]
+    assert new < 1.5 * own and new < errors["committee", "short.csv"][1]
+    page.locator("#tries button").last.click()
+    expect(page.locator("#drive-name")).to_contain_text("Equations: short.csv")
+    driven(page)
+    page.reload()
+    expect(page.locator("#tries tbody tr")).to_have_count(4, timeout=60_000)
+    shot(page, "class")
+
+
+@needs_data
+def test_trials_of_the_logs_stand_beside_their_predictions(tab):
+    page = tab()
+    esso = SHIP.parent / "esso-osaka"
+    columns_of(page, esso / "random_03-Aug-2020_11_04_37.csv", esso / "zigzag_31-Jul-2020_13_22_52.csv")
+    assert page.evaluate("[...state.roles].filter(([, own]) => own.role === 'input').map(([name]) => name).sort()") == ["delta_rudder", "n_prop"]
+    assert page.evaluate("[...state.roles].filter(([, own]) => own.role === 'output').map(([, own]) => own.name).sort()") == ["r", "u", "v"]
+    check(page)
+    identified(page)
+    page.get_by_role("button", name="Trials in the logs", exact=True).click()
+    expect(page.locator(".results")).to_contain_text("overshoot", timeout=60_000)
+    expect(page.locator(".results thead")).to_contain_text("measured")
+    expect(page.get_by_role("button", name="zigzag of")).not_to_have_count(0)
+    shot(page, "trials")
+
+
+def test_without_a_command_the_page_asks_for_one(tab):
+    page = tab()
+    columns_of(page, ("still.csv", table(["u", "v", "r", "first", "second"])))
+    check(page)
+    expect(page.locator("#columns-message")).to_contain_text("No column is an input")
+    expect(page.locator("#identify")).to_be_hidden()
+    role(page, "first", "input")
+    check(page)
+    expect(page.locator("#identify")).to_be_visible()
+    assert "--" not in page.locator("#notes").inner_text()
+
+
+def test_a_result_of_earlier_settings_says_so(tab):
+    page = tab()
+    columns_of(page, ("boat.csv", csv(boat())))
+    check(page)
+    identified(page, ["sindy"])
+    expect(page.locator("#report-stale")).to_be_empty()
+    role(page, "v", "none")
+    expect(page.locator("#report-stale")).to_contain_text("earlier")
+    check(page)
+    identified(page, ["sindy"])
+    expect(page.locator("#report-stale")).to_be_empty()
+    expect(page.locator("#driving .figures")).to_contain_text("–")

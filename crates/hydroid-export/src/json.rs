@@ -50,7 +50,9 @@ fn node(node: &Node, place: &impl Fn(usize) -> Option<usize>) -> Value {
             json!({ "op": "select", "test": of_test(*test), "a": a, "b": b, "then": then, "otherwise": otherwise })
         }
         // Only models that learn have matrices of computed numbers.
-        Op::Product { .. } | Op::TransposedProduct { .. } | Op::Outer { .. } => json!({ "op": "of a model that learns" }),
+        Op::Product { .. } | Op::TransposedProduct { .. } | Op::Outer { .. } => {
+            json!({ "op": "of a model that learns" })
+        }
         Op::Median { values, votes } => json!({ "op": "median", "of": values, "votes": votes }),
         Op::Call { function, arguments } => {
             json!({ "op": "call", "function": place(*function), "of": arguments })

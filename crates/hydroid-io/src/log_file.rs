@@ -9,13 +9,23 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub struct LogFile {
     path: PathBuf,
-    content: Option<Arc<[u8]>>,
+    content: Option<Content>,
+}
+
+/// Bytes that several readers share. They stay where they are: a copy of a large file takes as much memory again.
+#[derive(Clone, Debug)]
+struct Content(Arc<Vec<u8>>);
+
+impl AsRef<[u8]> for Content {
+    fn as_ref(&self) -> &[u8] {
+        &self.0
+    }
 }
 
 impl LogFile {
     /// A file in memory; `name` stands for its path in messages.
-    pub fn in_memory(name: impl Into<PathBuf>, content: impl Into<Arc<[u8]>>) -> Self {
-        Self { path: name.into(), content: Some(content.into()) }
+    pub fn in_memory(name: impl Into<PathBuf>, content: impl Into<Vec<u8>>) -> Self {
+        Self { path: name.into(), content: Some(Content(Arc::new(content.into()))) }
     }
 
     /// Its path or name.
@@ -44,7 +54,7 @@ impl LogFile {
     /// If the file cannot be opened.
     pub fn open(&self) -> io::Result<Stream> {
         Ok(Stream(match &self.content {
-            Some(content) => Kind::Memory(Cursor::new(Arc::clone(content))),
+            Some(content) => Kind::Memory(Cursor::new(content.clone())),
             None => Kind::Disk(File::open(&self.path)?),
         }))
     }
@@ -77,7 +87,7 @@ pub struct Stream(Kind);
 #[derive(Debug)]
 enum Kind {
     Disk(File),
-    Memory(Cursor<Arc<[u8]>>),
+    Memory(Cursor<Content>),
 }
 
 impl Stream {
@@ -88,7 +98,7 @@ impl Stream {
     pub fn length(&self) -> io::Result<u64> {
         match &self.0 {
             Kind::Disk(file) => Ok(file.metadata()?.len()),
-            Kind::Memory(content) => Ok(content.get_ref().len() as u64),
+            Kind::Memory(content) => Ok(content.get_ref().0.len() as u64),
         }
     }
 }

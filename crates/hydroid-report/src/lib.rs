@@ -47,8 +47,8 @@ use hydroid::log::{Note, Split, Trajectory};
 
 pub use closed_loop::{ClosedLoopReport, closed_loop};
 pub use comparison::{ComparisonReport, comparisons};
-pub use model_report::{ModelReport, model_report};
 pub use manoeuvre::{ManoeuvreReport, manoeuvres, simulated_track};
+pub use model_report::{ModelReport, model_report};
 
 /// Content of a report in addition to the result.
 #[derive(Clone, Debug, PartialEq)]

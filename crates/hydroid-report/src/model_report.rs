@@ -107,11 +107,7 @@ fn channels(model: &Model) -> Markup {
 fn errors(evaluation: &Evaluation) -> Section {
     let heading = "Errors on logs";
     if evaluation.windows == 0 {
-        return Section::new(
-            "errors",
-            heading,
-            nothing("No rollout was possible, so the error is unknown."),
-        );
+        return Section::new("errors", heading, nothing("No rollout was possible, so the error is unknown."));
     }
     let last = evaluation.horizons.last().map_or(0.0, |&h| h as f64 * evaluation.dt);
     let tables: Vec<Markup> =

@@ -15,9 +15,6 @@ class DriveView {
     Plots.readColours();
     this.build(trials);
     this.restart();
-    const scheme = matchMedia("(prefers-color-scheme: dark)");
-    const redraw = () => { Plots.readColours(); this.plots.forEach(({ plot }) => plot.redraw()); };
-    scheme.addEventListener("change", redraw);
   }
 
   // ---- Elements ----
@@ -55,7 +52,7 @@ class DriveView {
           map ? make("div", {}, this.lever("push", DRIVE_TEXT.propulsion), this.lever("turn", DRIVE_TEXT.steering)) : "",
           make("details", { open: !map }, make("summary", { text: DRIVE_TEXT.commands }), ...this.inputs()),
           make("details", {}, make("summary", { text: DRIVE_TEXT.water }), ...this.water()),
-          make("p", {}, button(DRIVE_TEXT.restart, () => this.restart()), this.pauseButton, pace, make("label", { className: "check" }, follow, DRIVE_TEXT.follow))),
+          make("p", {}, button(DRIVE_TEXT.restart, () => { this.restart(); this.canvas.focus({ preventScroll: true }); }), this.pauseButton, pace, make("label", { className: "check" }, follow, DRIVE_TEXT.follow))),
         make("div", { className: "below" }, this.trials, this.message, this.results)),
       make("div", { className: "pair" }, ...this.plots.map((plot) => plot.box)));
   }
@@ -204,7 +201,6 @@ class DriveView {
     this.message.textContent = "";
     this.drive();
     this.set(0, 0);
-    this.canvas.focus({ preventScroll: true });
   }
 
   /** Leaves a trial. */
@@ -217,6 +213,7 @@ class DriveView {
 
   run(running) {
     this.running = running;
+    if (running) this.told = undefined;
     this.pauseButton.textContent = running ? DRIVE_TEXT.pause : this.trial ? DRIVE_TEXT.back : DRIVE_TEXT.goOn;
   }
 
@@ -273,7 +270,6 @@ class DriveView {
         slow = true;
       }
     }
-    if (slow !== this.slow) this.message.textContent = slow ? DRIVE_TEXT.slow : "";
     this.slow = slow;
   }
 
@@ -300,6 +296,18 @@ class DriveView {
     texts.forEach((text, i) => { this.values[i].textContent = this.trial ? "–" : text; });
     const past = this.trial ? this.trial.past : this.recent;
     for (const { name, plot } of this.plots) plot.setData([past.t, past[name]]);
+    if (!this.trial) this.warn();
+  }
+
+  /** Says where the model extrapolates, or the device is too slow. */
+  warn() {
+    const beyond = this.vessel.outputs.filter(({ range, training_range }, i) => {
+      const { low, high } = training_range ?? range;
+      const room = 0.1 * (high - low);
+      return this.plant.y[i] < low - room || this.plant.y[i] > high + room;
+    });
+    const text = beyond.length ? DRIVE_TEXT.extrapolates(beyond.map(({ channel }) => channel.name).join(", ")) : this.slow ? DRIVE_TEXT.slow : "";
+    if (this.plant.sound() && this.message.textContent !== text) this.message.textContent = text;
   }
 
   draw() {
@@ -334,6 +342,9 @@ class DriveView {
 
   /** A trial: its tracks on the chart, and its figures in a table. */
   async show(run) {
+    this.run(false);
+    this.trial ??= { tracks: [], past: { t: [], u: [], v: [], r: [] } };
+    this.results.replaceChildren();
     this.message.textContent = DRIVE_TEXT.computing;
     try {
       const { tracks, heads, rows, note } = await run();
@@ -348,8 +359,13 @@ class DriveView {
       this.results.replaceChildren(make("table", { className: "results" },
         make("thead", {}, make("tr", {}, ...heads.map((text) => make("th", { text, scope: "col" })))),
         make("tbody", {}, ...rows.map((row) => make("tr", {}, ...cells(row, "td"))))));
+      this.canvas.scrollIntoView({ block: "nearest" });
     } catch (error) {
+      this.drive();
+      this.run(false);
       this.message.textContent = error.message;
+      // Driving goes on when the message is read.
+      this.told = Infinity;
     }
   }
 }
@@ -362,8 +378,9 @@ function trialsShown(trials, vessel) {
   const { judged_s } = vessel;
   const notes = [DRIVE_TEXT.approach(figure(trials[0].approach_m_s, 3))];
   if (judged_s && lasts > judged_s) notes.push(DRIVE_TEXT.beyond(figure(lasts, 2), figure(judged_s, 2)));
+  if (trials.some(({ figures }) => figures.some((one) => one.interval))) notes.push(DRIVE_TEXT.members);
   if (trials.some(({ figures }) => figures.some((one) => one.extrapolated))) notes.push(DRIVE_TEXT.outside);
-  const value = (one) => (one ? `${quantity(one.value, one.unit)}${one.extrapolated ? " *" : ""}${one.interval ? ` (${one.interval.map((x) => figure(x)).join(" – ")})` : ""}` : "");
+  const value = (one) => (one ? `${quantity(one.value, one.unit)}${one.extrapolated ? " *" : ""}${one.interval ? ` (${one.interval.map((x) => figure(x, 3)).join(" – ")})` : ""}` : "");
   const labels = [...new Set(trials.flatMap(({ figures }) => figures.map((one) => one.label)))];
   const rows = labels.map((label) => [label, ...trials.map(({ figures }) => value(figures.find((one) => one.label === label)))]);
   return { tracks, heads: ["", ...trials.map(({ title }) => title)], rows, note: notes.join(" ") };
@@ -372,7 +389,7 @@ function trialsShown(trials, vessel) {
 /** What a trial in a log beside its prediction shows. */
 function comparisonShown({ title, figures, tracks: [measured, predicted], note }) {
   const columns = ["measured", "predicted"].map((name) => [name, (one) => quantity(one[name], one.unit)]);
-  if (figures.some((one) => one.interval)) columns.push(["interval", (one) => (one.interval ? one.interval.map((x) => figure(x)).join(" – ") : "")]);
+  if (figures.some((one) => one.interval)) columns.push(["interval", (one) => (one.interval ? one.interval.map((x) => figure(x, 3)).join(" – ") : "")]);
   const tracks = [{ name: DRIVE_TEXT.predicted, colour: "model", points: predicted }, { name: DRIVE_TEXT.measured, colour: "ink", points: measured }];
   return { tracks, heads: [title, ...columns.map(([name]) => DRIVE_TEXT[name])], rows: figures.map((one) => [one.label, ...columns.map(([, text]) => text(one))]), note };
 }

@@ -1,6 +1,6 @@
 // Texts of the driving view. Another language is another object of this form.
 const DRIVE_TEXT = {
-  help: "Arrow keys up and down push, left and right turn, the space bar sets both to neutral. A gamepad works, too.",
+  help: "Use the sliders, or click here and use the keys: up and down push, left and right turn, the space bar sets both to neutral. A gamepad works, too.",
   chart: "Chart of the vessel and its track, north up",
   propulsion: "Propulsion", steering: "Steering", commands: "Single commands", water: "Current and wind",
   current: "Current [m/s]", towards: "towards [°]", wind: "Wind [m/s]", from: "direction of the wind [°], as in the log",
@@ -13,7 +13,9 @@ const DRIVE_TEXT = {
   approach: (speed) => `Approach at ${speed} m/s.`,
   inLogs: "Trials in the logs",
   scale: "The vessel is not drawn to scale: its length is not known.",
-  computing: "The trial is computed.",
+  computing: "Computing the trial ..",
+  members: "In brackets: 5 % to 95 % of the members of the model.",
+  extrapolates: (names) => `The model extrapolates: its logs have no such ${names}.`,
   back: "Back to driving",
   diverged: "The motion of the model is no longer finite. Start again.",
   slow: "This device computes the model more slowly than the chosen speed of time.",

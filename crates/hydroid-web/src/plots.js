@@ -162,16 +162,24 @@ const Plots = (() => {
   /** A curve in a colour of the style sheet. */
   const curve = (colour, width, more = {}) => ({ stroke: () => colours[colour], width, points: { show: false }, ...more });
 
-  /** A plot that is as wide as its place. */
+  const all = new Set();
+
+  /** A plot that is as wide as its place, and changes its colours with the scheme. */
   function plot(holder, options, data) {
     const width = () => holder.clientWidth || 300;
     const base = { width: width(), height: 118, legend: { show: false }, cursor: { show: false }, padding: [6, 10, 0, 0], axes: axes() };
     const made = new uPlot({ ...base, ...options }, data, holder);
+    all.add(made);
     new ResizeObserver(() => {
       if (holder.clientWidth > 0 && holder.clientWidth !== made.width) made.setSize({ width: holder.clientWidth, height: made.height });
     }).observe(holder);
     return made;
   }
+
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+    readColours();
+    for (const one of all) if (one.root.isConnected) one.redraw(); else all.delete(one);
+  });
 
   return { colours, readColours, bounded, Chart, axes, curve, plot };
 })();

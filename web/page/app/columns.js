@@ -113,7 +113,8 @@ function logSection() {
   const time = [...state.roles].find(([column, own]) => own.role === "time" && columns.has(column));
   const heading = of("heading")[0];
   if (time) log.time = time[0];
-  if (heading) log.heading = heading;
+  // What is computed from sensors has a heading of its own.
+  if (heading && (log.outputs.length || !state.sensors)) log.heading = heading;
   const wind = [of("windSpeed")[0], of("windDirection")[0]];
   if (wind[0] && wind[1]) log.wind = { speed: wind[0], direction: wind[1] };
   if (!log.outputs.length && state.sensors) log.sensors = state.sensors;

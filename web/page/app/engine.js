@@ -1,6 +1,9 @@
-// A worker with hydroid in it. A panic or a lack of memory ends the worker; the next call begins with a new one.
+// A worker with hydroid in it. A panic or a lack of memory ends the worker; the next call begins with a new one, in which `prepare`
+// has called what it needs.
 class Engine {
-  constructor() {
+  constructor(prepare) {
+    this.prepare = prepare;
+    this.ready = null;
     this.url = null;
     this.worker = null;
     this.waiting = new Map();
@@ -44,12 +47,22 @@ class Engine {
     for (const call of waiting) call.reject(reason);
   }
 
-  call(name, args = [], told = null) {
-    if (!this.worker) this.start();
+  async call(name, args = [], told = null) {
+    if (!this.worker) {
+      this.start();
+      this.ready = this.prepare((...call) => this.send(...call));
+    }
+    await this.ready;
+    return this.send(name, args, told);
+  }
+
+  send(name, args = [], told = null) {
+    if (!this.worker) return Promise.reject(new Error(TEXT.lost));
     const id = this.next++;
     return new Promise((resolve, reject) => {
       this.waiting.set(id, { resolve, reject, told });
-      this.worker.postMessage({ id, call: name, args });
+      // Contents of files move to the worker: a copy takes as much memory again.
+      this.worker.postMessage({ id, call: name, args }, args.filter((arg) => arg instanceof ArrayBuffer));
     });
   }
 }

@@ -1,9 +1,13 @@
 // The way through the page: logs, columns, identification, report, driving, downloads.
-const bench = new Engine();
-const helm = new Engine();
+const bench = new Engine(async (send) => {
+  for (const { name, file } of state.files) await send("add", [name, await file.arrayBuffer()]);
+});
+const helm = new Engine(async (send) => {
+  if (state.vessel) await send("vessel", [state.vessel.name, state.vessel.bytes]);
+});
 // Names of files and columns are keys of maps: as names of properties, some would change the program.
 const state = {
-  files: [], looks: new Map(), roles: new Map(), parts: new Map(), methods: ["committee", "sindy"], options: {}, sensors: null, result: null, tries: [], vessel: null,
+  files: [], looks: new Map(), roles: new Map(), parts: new Map(), methods: ["committee", "sindy"], options: {}, sensors: null, stale: false, result: null, tries: [], vessel: null,
 };
 let view = null;
 
@@ -18,14 +22,20 @@ async function remember() {
 
 /** What was identified belongs to earlier logs or settings from now on. */
 function outdate() {
-  if (state.result) say("report-stale", TEXT.stale, "warning");
+  state.stale = Boolean(state.result);
+  tellAge();
+}
+
+function tellAge() {
+  say("report-stale", state.stale ? TEXT.stale : "", "warning");
 }
 
 /** Files that were dropped or chosen. */
 async function take(list) {
+  const messages = [];
   for (const file of list) {
     if (file.size > LARGEST) {
-      say("files-message", TEXT.tooLarge(file.name), "error");
+      messages.push(TEXT.tooLarge(file.name));
       continue;
     }
     try {
@@ -35,18 +45,24 @@ async function take(list) {
       }
       say("files-message", `${TEXT.reading} ${file.name}`);
       await bench.call("add", [file.name, await file.arrayBuffer()]);
-      const before = state.files.length;
+      if (state.files.some((f) => f.name === file.name)) messages.push(TEXT.replaced(file.name));
       state.files = state.files.filter((f) => f.name !== file.name);
-      const replaced = state.files.length < before;
+      const seen = await look(file.name);
+      if (!columnsOf(seen).length) {
+        // What cannot be read is not kept.
+        await bench.call("remove", [file.name]);
+        state.looks.delete(file.name);
+        messages.push(plain(seen.error ?? file.name));
+        continue;
+      }
       state.files.push({ name: file.name, file });
       if (!state.parts.has(file.name)) state.parts.set(file.name, "train");
       outdate();
-      await look(file.name);
-      say("files-message", replaced ? TEXT.replaced(file.name) : "");
     } catch (error) {
-      say("files-message", `${file.name}: ${plain(error.message)}`, "error");
+      messages.push(`${file.name}: ${plain(error.message)}`);
     }
   }
+  say("files-message", messages.join("\n"), messages.length ? "error" : "");
   listFiles();
   await remember();
 }
@@ -55,11 +71,7 @@ async function look(name) {
   const seen = await bench.call("inspect", [name, {}]);
   state.looks.set(name, seen);
   propose(seen);
-}
-
-/** Files again after a worker has ended. */
-async function refill() {
-  for (const { name, file } of state.files) await bench.call("add", [name, await file.arrayBuffer()]);
+  return seen;
 }
 
 function listFiles() {
@@ -67,8 +79,7 @@ function listFiles() {
     const seen = state.looks.get(name) ?? {};
     const rows = seen.inspection ? `${seen.inspection.rows} ${TEXT.rows}` : seen.survey ? `${seen.survey.format}, ${seen.survey.topics.length} ${TEXT.topics}` : "";
     const remove = make("button", { type: "button", text: "✕", "aria-label": TEXT.remove(name), onclick: () => forgetFile(name) });
-    const error = seen.error && !seen.inspection && !seen.survey ? make("p", { className: "message", data: { level: "error" }, text: plain(seen.error) }) : "";
-    return make("li", {}, make("b", { text: name }), make("span", { text: ` ${bytes(file.size)} ${rows} ` }), remove, error);
+    return make("li", {}, make("b", { text: name }), make("span", { text: ` ${bytes(file.size)} ${rows} ` }), remove);
   }));
   const usable = state.files.some(({ name }) => columnsOf(state.looks.get(name)).length > 0);
   show("columns", usable);
@@ -97,6 +108,7 @@ async function forgetFile(name) {
   await bench.call("remove", [name]).catch(() => {});
   outdate();
   listFiles();
+  if ($("parts").children.length) options();
   await remember();
 }
 
@@ -104,11 +116,13 @@ async function forgetFile(name) {
 async function work(place, button, act) {
   const bar = make("progress", { max: 1, value: 0, "aria-label": TEXT.reading });
   const stage = make("span", { role: "status" });
-  const box = make("div", { className: "progress" }, bar, stage, make("button", { type: "button", text: TEXT.cancel, className: "cancel", onclick: cancel }));
+  const end = make("button", { type: "button", text: TEXT.cancel, className: "cancel", onclick: cancel });
+  const box = make("div", { className: "progress" }, bar, stage, end);
   const begun = performance.now();
   let part = 0;
   $(`${place}-progress`).replaceChildren(box);
   $(button).disabled = true;
+  end.focus();
   try {
     return await act((name, done) => {
       bar.value = Math.max(part, done);
@@ -119,12 +133,12 @@ async function work(place, button, act) {
   } finally {
     $(`${place}-progress`).replaceChildren();
     $(button).disabled = false;
+    if (document.activeElement === document.body) $(button).focus();
   }
 }
 
-async function cancel() {
+function cancel() {
   bench.end(new Error(TEXT.cancelled));
-  await refill();
 }
 
 /** Reads the logs with the chosen columns, and shows what becomes of them. */
@@ -140,8 +154,6 @@ async function check({ leads = true } = {}) {
         const seen = await bench.call("inspect", [name, logSection()], (stage, done) => told(stage, (i + done) / state.files.length));
         for (const note of [...(seen.reading ?? []), ...((seen.inspection && seen.inspection.notes) ?? [])]) notes.push({ file: name, note });
         if (seen.error) notes.push({ file: name, note: { severity: "error", message: seen.error } });
-        // What was estimated of the sensors of a single log is not estimated again.
-        if (seen.sensors && state.files.length === 1) state.sensors = seen.sensors;
         for (const run of seen.runs ?? []) {
           usable = true;
           const plots = make("div", { className: "plots" });
@@ -174,7 +186,7 @@ function advice(notes) {
   const neutral = [...neutralPositions(notes)].filter(([column]) => state.roles.get(column)?.role === "input" && !state.roles.get(column).zero);
   if (neutral.length) {
     const text = `${TEXT.neutralFound}: ${neutral.map(([column, zero]) => `${column} ${zero}`).join(", ")}`;
-    list.push(make("button", { type: "button", text, onclick: () => {
+    list.push(make("button", { type: "button", className: "main", text, onclick: () => {
       for (const [column, zero] of neutral) state.roles.get(column).zero = zero;
       outdate();
       listColumns();
@@ -213,7 +225,8 @@ async function identify() {
   try {
     state.result = await work("identify", "run", (told) => bench.call("identify", [request], told));
     keepTry(state.result, `${of("train").join(", ")}${first ? `, ${first} s` : ""}`);
-    say("report-stale", "");
+    state.stale = false;
+    tellAge();
     await showResult();
     lead("report");
   } catch (error) {
@@ -233,6 +246,8 @@ async function exampleLogs() {
   }
   // The neutral position of the pulse widths of the example.
   for (const name of ["pwm_left", "pwm_right"]) state.roles.set(name, { role: "input", name, sign: 1, zero: 1500 });
+  // Both logs to learn from are long enough for it.
+  state.options.horizon = 5;
   await take(logs);
   await check();
 }
@@ -260,9 +275,8 @@ $("forget").onclick = async () => {
   const kept = await store.load("state");
   if (!kept) return;
   Object.assign(state, kept);
-  for (const { name, file } of state.files) {
+  for (const { name } of state.files) {
     try {
-      await bench.call("add", [name, await file.arrayBuffer()]);
       await look(name);
     } catch (error) {
       say("files-message", `${name}: ${plain(error.message)}`, "error");
@@ -271,6 +285,7 @@ $("forget").onclick = async () => {
   listFiles();
   say("files-message", TEXT.restored);
   if (hasRole("input")) await check({ leads: false });
+  tellAge();
   if (state.result) await showResult();
   else if (state.vessel) await open(state.vessel.name, state.vessel.bytes);
 })();

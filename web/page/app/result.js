@@ -7,9 +7,13 @@ const mean = (list) => (list && list.length ? list.reduce((a, b) => a + b, 0) / 
 
 /** Takes a result into the list of models. */
 function keepTry(result, learnt) {
-  const fresh = result.models.map((model) => ({ ...model, learnt, bytes: result.files.find((file) => file.name === model.name).bytes }));
+  const onLogs = Boolean(result.summary.models[0]?.test);
+  const fresh = result.models.map((model) => ({ ...model, learnt, onLogs, bytes: result.files.find((file) => file.name === model.name).bytes }));
   fresh.sort((a, b) => Number(b.best) - Number(a.best));
-  state.tries = [...fresh, ...state.tries].slice(0, MOST_TRIES);
+  // The same model again replaces the earlier one.
+  const key = (one) => JSON.stringify([one.name, one.learnt, one.horizon_s, one.channels, one.judged]);
+  const keys = fresh.map(key);
+  state.tries = [...fresh, ...state.tries.filter((one) => !keys.includes(key(one)))].slice(0, MOST_TRIES);
 }
 
 async function showResult() {
@@ -26,7 +30,7 @@ async function showResult() {
   const tab = $("report-tab");
   if (tab.href) URL.revokeObjectURL(tab.href);
   tab.href = URL.createObjectURL(new Blob([report], { type: "text/html" }));
-  if (best) await open(`${best.name}.safetensors`, state.result.files.find((file) => file.name === best.name).bytes);
+  if (best) await open(`${best.name}.safetensors`, state.result.files.find((file) => file.name === best.name).bytes, state.tries.find((one) => one.best)?.learnt);
 }
 
 function tile({ channel, grade, nrmse, persistence }, judged) {
@@ -44,16 +48,17 @@ function tile({ channel, grade, nrmse, persistence }, judged) {
 
 function listTries() {
   const rows = state.tries.map((one) => {
-    const drive = make("button", { type: "button", text: TEXT.driveThis, onclick: () => open(`${one.name}.safetensors`, one.bytes).then(() => lead("drive")) });
+    const drive = make("button", { type: "button", text: TEXT.driveThis, onclick: () => open(`${one.name}.safetensors`, one.bytes, one.learnt).then(() => lead("drive")) });
+    drive.setAttribute("aria-label", `${TEXT.driveThis}: ${TEXT.stages[one.name] ?? one.name}, ${one.learnt}`);
     const [own, fresh] = [one.fitted, one.judged].map(mean);
     return make("tr", {}, make("th", { scope: "row", text: `${TEXT.stages[one.name] ?? one.name}${one.best ? ` (${TEXT.best})` : ""}` }),
-      ...[String(one.weights), one.learnt, figure(own, 2), one.diverged ? "∞" : figure(fresh, 2)].map((text, i) => make("td", { text, data: { label: TEXT.tryHeads[i + 1] } })), make("td", {}, drive));
+      ...[String(one.weights), one.learnt, `${figure(one.horizon_s, 3)} s: ${one.channels.join(", ")}`, figure(own, 2), `${one.diverged ? "∞" : figure(fresh, 2)}${one.onLogs ? "" : ` ${TEXT.leftOutParts}`}`].map((text, i) => make("td", { text, data: { label: TEXT.tryHeads[i + 1] } })), make("td", {}, drive));
   });
   $("tries").replaceChildren(make("thead", {}, make("tr", {}, ...TEXT.tryHeads.map((text) => make("th", { text, scope: "col" })))), make("tbody", {}, ...rows));
 }
 
 /** A model, to be driven. */
-async function open(name, content) {
+async function open(name, content, learnt = "") {
   const vessel = await helm.call("vessel", [name, content]);
   state.vessel = { name, bytes: content };
   show("drive");
@@ -61,10 +66,12 @@ async function open(name, content) {
   downloads(vessel);
   if (view) view.stop();
   view = null;
-  $("drive-name").textContent = `${vessel.name}: ${vessel.title}`;
+  const known = TEXT.stages[vessel.name];
+  $("drive-name").textContent = [known ?? vessel.name, learnt || vessel.title].join(": ");
   if (vessel.motion === null) $("driving").replaceChildren(make("p", { className: "message", text: plain(vessel.not_driven) }));
   else {
     view = new DriveView($("driving"), vessel, trialButtons(vessel));
+    if (vessel.map) view.trials.append(approachChoice());
     view.start();
   }
   say("drive-message", vessel.not_steered && vessel.motion ? plain(vessel.not_steered) : "");
@@ -72,11 +79,27 @@ async function open(name, content) {
 }
 
 function trialButtons(vessel) {
-  const simulated = (text, trial) => ({ text, run: async () => trialsShown(await helm.call("trials", [{ trials: [trial] }]), vessel) });
+  const simulated = (text, trial) => ({ text, run: () => simulate(trial, vessel) });
   const list = vessel.map ? [simulated(TEXT.circle, "turning-circle"), simulated(TEXT.zigzag, "zigzag"), simulated(TEXT.stopping, "stopping")] : [];
   const names = state.files.map((file) => file.name).filter((name) => state.parts.get(name) !== "unused");
   if (names.length && state.result) list.push({ text: TEXT.inLogs, run: () => measured(names) });
   return list;
+}
+
+/** Trials from a steady approach with the chosen share of the propulsion. */
+async function simulate(trial, vessel) {
+  try {
+    return trialsShown(await helm.call("trials", [{ trials: [trial], propulsion: state.propulsion ?? 85 }]), vessel);
+  } catch (error) {
+    throw new Error(`${plain(error.message)}. ${TEXT.otherApproach}`);
+  }
+}
+
+/** The propulsion of the approach. */
+function approachChoice() {
+  const select = make("select", {}, ...[85, 60, 40, 25].map((value) => make("option", { value, text: `${value} %`, selected: value === (state.propulsion ?? 85) })));
+  select.onchange = () => { state.propulsion = Number(select.value); };
+  return make("label", { className: "choice" }, make("span", { text: TEXT.approach }), select);
 }
 
 /** Trials in the logs: a button for each. */

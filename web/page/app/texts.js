@@ -35,9 +35,11 @@ const TEXT = {
   modelError: "model", lastValue: "last value",
   triesTitle: "Models so far",
   triesHelp: "The same error for all outputs together: on the logs that a model was fitted to, and on logs that it has not seen. A model that is good on the first and poor on the second has learnt the noise of its logs: it is over-fitted. More data, or fewer numbers, help.",
-  tryHeads: ["Model", "numbers", "learnt from", "error on its own logs", "error on new logs", ""],
+  tryHeads: ["Model", "numbers", "learnt from", "predicts", "error on its own logs", "error on new logs", ""],
+  leftOutParts: "(on parts that were left out)",
+  approach: "Propulsion of the approach to a trial", otherApproach: "Another propulsion of the approach, or another model of the table above, may work.",
   driveThis: "Drive this one", best: "chosen",
-  wholeReport: "The whole report", newTab: "Open it in a tab of its own",
+  wholeReport: "The whole report", newTab: "Open the report in a tab of its own",
   driveTitle: "Drive it",
   circle: "Turning circle", zigzag: "Zigzag", stopping: "Stopping", inLogs: "Trials in the logs",
   noTrials: "The logs contain no turn by 90° under constant commands and no zigzag.",
@@ -67,7 +69,7 @@ const TEXT = {
   flags: {
     zero: "the column “zero at”", inputs: "the role “input”", outputs: "the role “output”", time: "the role “time”", heading: "the role “heading”", dt: "the sample time in the options",
     "max-gap": "the longest gap in the options", "input-delay": "the delay of the commands in the options", horizon: "the longest prediction in the options",
-    validate: "the use “choose”", test: "the use “judge”",
+    validate: "the use “choose”", test: "the use “judge”", turn: "the command", push: "the command", "keep-towed": "the command", "command-timing": "the command",
   },
   glossary: {
     NRMSE: "Normalized root mean square error: the error of the predictions, divided by the standard deviation of the quantity. 0 is perfect, 1 is no better than its mean.",

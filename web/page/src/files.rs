@@ -2,12 +2,12 @@
 
 use std::ops::ControlFlow;
 
-use hydroid::config::{Config, Log, Logs};
+use hydroid::config::{Config, Log, Logs, default_horizon};
 use hydroid::identify::{Method, identify_with_stages};
 use hydroid::log::{self, RawLog, Trajectory};
 use hydroid::manoeuvre::compare;
 use hydroid::model::Reading;
-use hydroid::recording::{self, is_recording, read_logs, survey};
+use hydroid::recording::{self, is_recording, survey};
 use hydroid_io::LogFile;
 use hydroid_report::driving;
 use serde::Deserialize;
@@ -16,6 +16,7 @@ use wasm_bindgen::prelude::*;
 
 use crate::error::{failed, from_json, message, to_json};
 use crate::identified::Identified;
+use crate::readings::Readings;
 use crate::series::Series;
 use crate::vessel::Vessel;
 
@@ -25,7 +26,10 @@ const PARTS: usize = 600;
 /// Files in memory.
 #[wasm_bindgen]
 #[derive(Default)]
-pub struct Files(Vec<LogFile>);
+pub struct Files {
+    list: Vec<LogFile>,
+    readings: Readings,
+}
 
 /// What the page asks for: names of files, methods, and the sections of `hydroid.toml`.
 #[derive(Default, Deserialize)]
@@ -52,12 +56,13 @@ impl Files {
     /// Adds a file, or replaces the one of this name.
     pub fn add(&mut self, name: &str, content: Vec<u8>) {
         self.remove(name);
-        self.0.push(LogFile::in_memory(name, content));
+        self.list.push(LogFile::in_memory(name, content));
     }
 
     /// Removes a file.
     pub fn remove(&mut self, name: &str) {
-        self.0.retain(|file| file.name() != name);
+        self.list.retain(|file| file.name() != name);
+        self.readings.forget(name);
     }
 
     /// What is in a file, and what its columns look like: the survey and the proposal of a recording, the inspection of a
@@ -81,11 +86,9 @@ impl Files {
             }
             let (inspection, runs) = if recording {
                 let mut selection = selection.clone();
-                let mut tell = |done| tell(told, "reading", done);
-                let (mut logs, notes) =
-                    read_logs(std::slice::from_ref(file), &mut selection, options.dt, &mut tell)?;
+                let (files, mut tell) = (std::slice::from_ref(file), |done| tell(told, "reading", done));
+                let (mut logs, notes) = self.readings.read(files, &mut selection, options.dt, &mut tell)?;
                 document["reading"] = json!(notes);
-                document["sensors"] = json!(selection.sensors);
                 log::inspect_owned(logs.remove(0), &selection, &options)?
             } else {
                 log::inspect_file(file, &selection, &options)?
@@ -111,15 +114,22 @@ impl Files {
         let names = Logs { train: request.train, validate: request.validate, test: request.test };
         let files =
             names.all().map(|name| self.file(name).cloned()).collect::<Result<Vec<LogFile>, JsError>>()?;
+        let (dt, mut progress) = (reading.options.dt, |done| tell("reading", done));
         let (raw, read) =
-            read_logs(&files, &mut reading.selection, reading.options.dt, &mut |done| tell("reading", done))
-                .map_err(failed)?;
+            self.readings.read(&files, &mut reading.selection, dt, &mut progress).map_err(failed)?;
         let mut raw = raw.into_iter();
         let raw = names.map(|_| raw.next().unwrap_or_else(|| RawLog::without_rows("", Vec::new())));
-        let (mut job, mut notes) = request.config.job(reading, &raw, request.methods, None).map_err(failed)?;
+        let horizon = request.config.identify.horizon;
+        let (mut job, mut notes) =
+            request.config.job(reading, &raw, request.methods, None).map_err(failed)?;
         drop(raw);
         if let Some(seconds) = request.first_s {
             job.split.train = log::beginning(&job.split.train, seconds);
+            if horizon.is_none() {
+                let cross_validated = job.split.validation.is_empty()
+                    && job.methods.iter().all(|method| method.is_cross_validated());
+                job.horizon = default_horizon(&job.split, cross_validated);
+            }
         }
         notes.splice(0..0, read);
         let result = identify_with_stages(&job, &mut |stage| {
@@ -138,7 +148,8 @@ impl Files {
     pub fn converted(&self, name: &str, log: &str) -> Result<Vec<u8>, JsError> {
         let Reading { mut selection, options } = from_json::<Log>(log)?.reading();
         let file = std::slice::from_ref(self.file(name)?);
-        let (raw, mut notes) = read_logs(file, &mut selection, options.dt, &mut quiet).map_err(failed)?;
+        let (raw, mut notes) =
+            self.readings.read(file, &mut selection, options.dt, &mut quiet).map_err(failed)?;
         let mut text = Vec::new();
         for table in &raw {
             let table = recording::converted(table, &selection, &mut notes).map_err(failed)?;
@@ -155,8 +166,10 @@ impl Files {
         let mut reading = vessel.0.description.reading.clone();
         let files =
             names.iter().map(|name| self.file(name).cloned()).collect::<Result<Vec<LogFile>, JsError>>()?;
-        let (raw, _) =
-            read_logs(&files, &mut reading.selection, reading.options.dt, &mut quiet).map_err(failed)?;
+        let (raw, _) = self
+            .readings
+            .read(&files, &mut reading.selection, reading.options.dt, &mut quiet)
+            .map_err(failed)?;
         let runs = log::prepare(&raw, &reading.selection, &reading.options).map_err(failed)?.runs;
         let model = vessel.0.clone().for_runs(&runs).map_err(failed)?;
         let found = compare(&model, &runs, &mut quiet).map_err(failed)?;
@@ -164,7 +177,7 @@ impl Files {
     }
 
     fn file(&self, name: &str) -> Result<&LogFile, JsError> {
-        let found = self.0.iter().find(|file| file.name() == name);
+        let found = self.list.iter().find(|file| file.name() == name);
         found.ok_or_else(|| {
             JsError::new(&format!("{name}: the page has no such file any more; drop it again"))
         })

@@ -7,6 +7,7 @@
 mod error;
 mod files;
 mod identified;
+mod readings;
 mod series;
 mod vessel;
 

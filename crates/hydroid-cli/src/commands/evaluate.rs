@@ -66,7 +66,12 @@ pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
 }
 
 /// The errors of a model on runs.
-pub fn judge(model: &Model, runs: &[&Trajectory], options: &Options, global: Global) -> anyhow::Result<Evaluation> {
+pub fn judge(
+    model: &Model,
+    runs: &[&Trajectory],
+    options: &Options,
+    global: Global,
+) -> anyhow::Result<Evaluation> {
     let bar = ui::Bar::new("evaluating", global);
     evaluate::evaluate(
         &model.description.name,

@@ -16,10 +16,10 @@ use crate::args::{Global, Report};
 use crate::{logs, outputs, ui};
 
 pub fn run(args: &Report, global: Global) -> anyhow::Result<Outcome> {
-    let model = model::read(&args.model)?;
+    let mut model = model::read(&args.model)?;
     let inputs: Vec<&Path> = std::iter::once(&args.model).chain(&args.logs).map(|path| &**path).collect();
     outputs::check(&[("-o", Some(&args.output))], &inputs)?;
-    let (model, judged) = if args.logs.is_empty() { (model, None) } else { judge(args, model, global)? };
+    let judged = if args.logs.is_empty() { None } else { Some(judge(args, &mut model, global)?) };
     let settings = config::Manoeuvre {
         push: args.push.clone(),
         turn: args.turn.clone(),
@@ -65,24 +65,20 @@ pub fn run(args: &Report, global: Global) -> anyhow::Result<Outcome> {
 }
 
 /// The errors on the logs, and their trials.
-fn judge(
-    args: &Report,
-    model: Model,
-    global: Global,
-) -> anyhow::Result<(Model, Option<(Evaluation, Vec<Comparison>)>)> {
+fn judge(args: &Report, model: &mut Model, global: Global) -> anyhow::Result<(Evaluation, Vec<Comparison>)> {
     let mut reading = logs::reading(model.description.reading.clone(), &args.log)?;
     let (_, prepared) = logs::prepare(&args.logs, &mut reading, global)
-        .with_context(|| logs::cannot_use(&args.model, &model))?;
+        .with_context(|| logs::cannot_use(&args.model, model))?;
     ui::print_notes(&prepared.notes, global);
-    let model = logs::with_step_of(model, &prepared.runs)?;
+    *model = logs::with_step_of(model.clone(), &prepared.runs)?;
     model.check(&prepared.runs)?;
     ui::print_notes(model.outside(&prepared.runs).as_slice(), global);
     let options = evaluate::options(args.evaluation, model.description.dt);
     let runs: Vec<_> = prepared.runs.iter().collect();
-    let evaluation = evaluate::judge(&model, &runs, &options, global)?;
+    let evaluation = evaluate::judge(model, &runs, &options, global)?;
     let bar = ui::Bar::new("trials of the logs", global);
     // A model that is no plant has no trials.
-    let comparisons = manoeuvre::compare(&model, &prepared.runs, &mut bar.callback()).unwrap_or_default();
+    let comparisons = manoeuvre::compare(model, &prepared.runs, &mut bar.callback()).unwrap_or_default();
     drop(bar);
-    Ok((model, Some((evaluation, comparisons))))
+    Ok((evaluation, comparisons))
 }

@@ -41,7 +41,9 @@ fn a_vessel_has_a_page_on_which_it_is_driven() {
     let folder = folder.path();
     done(folder, &["report", "simple", "-o", "still.html"]);
     let still = page(folder, "still.html");
-    assert!(still.contains("Turning circle") && still.contains("Zigzag") && !still.contains("id=\"driving\""));
+    assert!(
+        still.contains("Turning circle") && still.contains("Zigzag") && !still.contains("id=\"driving\"")
+    );
     done(folder, &["report", "simple", "--length", "2", "--interactive"]);
     let driven = page(folder, "report.html");
     assert!(driven.contains("criteria") || driven.contains("Limits for a length"));

@@ -104,8 +104,9 @@ fn select(vessel: &CraftFile, reading: &mut Reading) {
     }
 }
 
-/// Default longest horizon \[samples\]: 100, or half of a block where the folds are blocks of a log that is too short for that.
-fn default_horizon(split: &Split, cross_validated: bool) -> usize {
+/// Default longest horizon \[samples\]: 100, or half of a block where the folds of a cross-validation are blocks of a log that is too
+/// short for that.
+pub fn default_horizon(split: &Split, cross_validated: bool) -> usize {
     if !cross_validated {
         return HORIZON;
     }

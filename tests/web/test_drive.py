@@ -1,0 +1,53 @@
+"""The effort of driving, frame by frame."""
+
+import subprocess
+
+from steps import COMMAND, SHIP, THRUSTERS, check, columns_of, figures, identified, needs_data, role, saved
+
+SECONDS = 5
+# Counts the frames of some seconds, and the time that the view takes for each.
+FRAMES = """async (seconds) => {
+  const frame = view.frame;
+  let [frames, spent] = [0, 0];
+  view.frame = function (...args) {
+    const begun = performance.now();
+    frame.apply(this, args);
+    spent += performance.now() - begun;
+    frames += 1;
+  };
+  const begun = performance.now();
+  while (performance.now() - begun < 1000 * seconds) await new Promise(requestAnimationFrame);
+  view.frame = frame;
+  return [frames, spent / Math.max(frames, 1)];
+}"""
+
+
+@needs_data
+def test_a_committee_is_driven_frame_by_frame(tab, tmp_path):
+    page = tab()
+    columns_of(page, SHIP / "random_run1.csv", SHIP / "run1.csv")
+    for column in THRUSTERS:
+        role(page, column, "input")
+    check(page)
+    identified(page, ["committee"])
+    if COMMAND:
+        text = subprocess.run([COMMAND, "inspect", saved(page, "Model", tmp_path), "-q"], check=True, capture_output=True, text=True).stdout
+        print(next(line for line in text.splitlines() if "members" in line), page.evaluate("state.result.models[0].weights"), "weights")
+    page.locator("#drive").scroll_into_view_if_needed()
+    session = page.context.new_cdp_session(page)
+    session.send("Performance.enable")
+
+    def durations():
+        return {m["name"]: m["value"] for m in session.send("Performance.getMetrics")["metrics"] if m["name"].endswith("Duration")}
+
+    for pace in ["1", "10"]:
+        page.get_by_label("Speed of time").select_option(pace)
+        page.evaluate("view.set(0.7, 0.5)")
+        page.wait_for_timeout(500)
+        before, start = durations(), figures(page)[0]
+        frames, spent_ms = page.evaluate(FRAMES, SECONDS)
+        after, end = durations(), figures(page)[0]
+        per_frame = {name: round(1000 * (after[name] - before[name]) / frames, 2) for name in ("ScriptDuration", "LayoutDuration", "TaskDuration")}
+        print(f"pace {pace}: {frames / SECONDS:.1f} frames a second, {end - start:.1f} s driven in {SECONDS} s; per frame [ms]: {per_frame}")
+        print(f"the view takes {spent_ms:.2f} ms of each frame")
+        assert frames > 0 and end - start > 0.5 * SECONDS * int(pace), (start, end)
