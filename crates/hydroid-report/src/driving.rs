@@ -46,6 +46,7 @@ pub fn trial(trial: &Trial, of: &Trials) -> Option<Value> {
     Some(json!({
         "title": trial.kind.title(&of.inputs),
         "approach_m_s": of.approach_speed_m_s,
+        "diverged_s": trial.diverged_s,
         "figures": trial.figures.iter().map(figure).collect::<Vec<Value>>(),
         "track": track(trial.tracks.first()?),
     }))

@@ -6,7 +6,7 @@ const DRIVE_PAST = 120;
 /**
  * The driving view in an element. `vessel` is the document that hydroid writes of a model. `trials` are buttons: each has a `text`
  * and a function `run` that gives, now or later, what it shows: `{tracks, heads, rows, note}`. A track is `{name, colour, points}`
- * with rows `[t, north, east]`.
+ * with rows `[t, north, east, u, v, r]`.
  */
 class DriveView {
   constructor(box, vessel, trials = []) {
@@ -292,7 +292,7 @@ class DriveView {
     const heading = ((degrees(this.plant.eta[2]) % 360) + 360) % 360;
     const fixed = (x, digits, unit) => `${x.toFixed(digits).replace("-", "−")} ${unit}`;
     const sway = this.vessel.motion[1] === null ? "–" : fixed(v, 2, "m/s");
-    const texts = [fixed(this.plant.time, 1, "s"), fixed(u, 2, "m/s"), sway, fixed(degrees(r), 1, "°/s"), fixed(Math.hypot(u, v), 2, "m/s"), `${heading.toFixed(0)}°`];
+    const texts = [fixed(this.plant.time, 1, "s"), fixed(u, 2, "m/s"), sway, fixed(degrees(r), 1, "°/s"), fixed(Math.hypot(u, v), 2, "m/s"), `${Math.round(heading) % 360}°`];
     texts.forEach((text, i) => { this.values[i].textContent = this.trial ? "–" : text; });
     const past = this.trial ? this.trial.past : this.recent;
     for (const { name, plot } of this.plots) plot.setData([past.t, past[name]]);
@@ -378,6 +378,7 @@ function trialsShown(trials, vessel) {
   const { judged_s } = vessel;
   const notes = [DRIVE_TEXT.approach(figure(trials[0].approach_m_s, 3))];
   if (judged_s && lasts > judged_s) notes.push(DRIVE_TEXT.beyond(figure(lasts, 2), figure(judged_s, 2)));
+  for (const { title, diverged_s } of trials) if (diverged_s) notes.push(DRIVE_TEXT.divergedTrial(title, figure(diverged_s, 3)));
   if (trials.some(({ figures }) => figures.some((one) => one.interval))) notes.push(DRIVE_TEXT.members);
   if (trials.some(({ figures }) => figures.some((one) => one.extrapolated))) notes.push(DRIVE_TEXT.outside);
   const value = (one) => (one ? `${quantity(one.value, one.unit)}${one.extrapolated ? " *" : ""}${one.interval ? ` (${one.interval.map((x) => figure(x, 3)).join(" – ")})` : ""}` : "");

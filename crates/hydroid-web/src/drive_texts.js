@@ -10,6 +10,7 @@ const DRIVE_TEXT = {
   measured: "measured", predicted: "predicted", interval: "5 % to 95 %",
   outside: "* The model extrapolates here: the trial leaves the speeds and commands of its logs.",
   beyond: (lasts, judged) => `The trial lasts ${lasts} s; the model was judged on predictions ${judged} s ahead.`,
+  divergedTrial: (title, s) => `${title}: the motion diverges after ${s} s.`,
   approach: (speed) => `Approach at ${speed} m/s.`,
   inLogs: "Trials in the logs",
   scale: "The vessel is not drawn to scale: its length is not known.",

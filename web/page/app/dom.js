@@ -12,10 +12,10 @@ function show(id, visible = true) {
 }
 
 /** Where the next step begins: a keyboard or a screen reader goes on there. */
-function lead(id) {
+function lead(id, options = {}) {
   const title = $(`${id}-title`);
   title.tabIndex = -1;
-  title.focus({ preventScroll: false });
+  title.focus(options);
 }
 
 function bytes(n) {

@@ -16,8 +16,14 @@ const BUDGETS = [30, 120, 600];
 const isModel = (name) => /\.(safetensors|toml)$/i.test(name);
 
 async function remember() {
-  const { looks, ...kept } = state;
+  const { looks, files, ...kept } = state;
   await store.save("state", kept);
+}
+
+/** Logs are large, and are written only when they change. */
+async function rememberFiles() {
+  await store.save("files", state.files);
+  await remember();
 }
 
 /** What was identified belongs to earlier logs or settings from now on. */
@@ -64,7 +70,7 @@ async function take(list) {
   }
   say("files-message", messages.join("\n"), messages.length ? "error" : "");
   listFiles();
-  await remember();
+  await rememberFiles();
 }
 
 async function look(name) {
@@ -109,7 +115,7 @@ async function forgetFile(name) {
   outdate();
   listFiles();
   if ($("parts").children.length) options();
-  await remember();
+  await rememberFiles();
 }
 
 /** Long work with progress and a button that cancels it. */
@@ -175,7 +181,8 @@ async function check({ leads = true } = {}) {
   show("identify", usable);
   if (usable) {
     options();
-    if (leads) lead("identify");
+    // The curves and messages stay in view.
+    if (leads) lead("identify", { preventScroll: true });
   }
   await remember();
 }
@@ -274,7 +281,7 @@ $("forget").onclick = async () => {
 (async () => {
   const kept = await store.load("state");
   if (!kept) return;
-  Object.assign(state, kept);
+  Object.assign(state, kept, { files: (await store.load("files")) ?? [] });
   for (const { name } of state.files) {
     try {
       await look(name);
