@@ -71,6 +71,8 @@ def identify(page, methods=("committee", "sindy")):
 
 def identified(page, methods=("committee", "sindy"), timeout=240_000):
     """Identifies, and waits for the vessel that can be driven."""
+    # What is shown of an earlier model is no answer.
+    page.evaluate("$('verdicts').replaceChildren(); $('driving').replaceChildren()")
     identify(page, methods)
     page.wait_for_timeout(100)
     expect(page.locator("#run")).to_be_enabled(timeout=timeout)

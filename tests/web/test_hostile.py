@@ -8,7 +8,7 @@ HEAD = ["t", "u", "v", "r", "n_cmd", "delta_cmd"]
 
 
 def poisoned(cell, every=7, columns=(1, 2, 3, 4, 5)):
-    """Every so many rows have a cell of another content, in each of the columns."""
+    """Rows at equal distances have a cell of another content, in each of the columns."""
     rows = boat(600)
     for k in range(3, len(rows), every):
         for column in columns:

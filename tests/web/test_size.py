@@ -91,7 +91,7 @@ def test_72_000_samples_are_identified_within_a_gigabyte(large, tmp_path):
     expect(page.locator("#curves summary")).to_contain_text("72000")
     with timed("identification"):
         identified(page, timeout=280_000)
-    assert peaks.of("renderer") < 1e9, peaks
+    assert 0 < peaks.of("renderer") < 1e9, peaks
     with timed("the command on one thread"):
         channels = ["--outputs", "u,v,r", "--inputs", "pwm_left,pwm_right"]
         subprocess.run([COMMAND, "identify", log, *channels, "--threads", "1", "-o", tmp_path / "out", "-q"], check=True, capture_output=True)

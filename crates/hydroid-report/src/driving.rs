@@ -6,16 +6,18 @@ use hydroid::plant::{self, InputMap, Motion, neutral};
 use maud::{PreEscaped, html};
 use serde_json::{Value, json};
 
+use super::model_report::ModelReport;
+use super::number::text;
 use super::page::Section;
 
 /// Points of a track on a page.
 const POINTS: usize = 600;
 
-/// A model for the driving view: name, kind, channels with ranges, functions, and the commands that push and turn the vessel.
+/// A model for the driving view: name, length, channels with ranges, functions, and the commands that push and turn the vessel.
 ///
 /// `motion` contains the places of surge, sway and yaw rate in the outputs, and is `null`, with the reason in `not_driven`, for a
 /// model that predicts no motion. `map` is `null`, with the reason in `not_steered`, if no inputs push and turn the vessel.
-pub fn vessel(model: &Model, map: Result<&InputMap, &str>) -> Value {
+pub fn vessel(model: &Model, map: Result<&InputMap, &str>, length_m: Option<f64>) -> Value {
     let d = &model.description;
     let motion = Motion::of(model);
     let rest: Vec<f64> = plant::rest(model);
@@ -23,10 +25,9 @@ pub fn vessel(model: &Model, map: Result<&InputMap, &str>) -> Value {
     let at_rest: Vec<f64> = map.map_or_else(|_| zero(), |map| map.command(0.0, 0.0));
     json!({
         "name": d.name,
-        "kind": model.kind(),
         "title": model.title(),
         "dt": d.dt,
-        "length_m": model.craft().and_then(|craft| craft.hull.size).map(|[length, ..]| length),
+        "length_m": length_m.or_else(|| model.craft()?.hull.size.map(|[length, ..]| length)),
         "judged_s": d.bands.as_ref().and_then(|bands| bands.horizons.last()).map(|&steps| steps as f64 * d.dt),
         "outputs": d.outputs,
         "inputs": d.inputs,
@@ -54,17 +55,29 @@ pub fn trial(trial: &Trial, of: &Trials) -> Option<Value> {
 
 /// A trial in a log beside its prediction, for the driving view.
 pub fn comparison(comparison: &Comparison) -> Value {
-    let Comparison { run, at_s, trial, measured, predicted, in_training, .. } = comparison;
+    let Comparison { run, at_s, trial, measured, predicted, in_training, current: [north, east], .. } =
+        comparison;
     let figures = measured.iter().zip(predicted).filter(|(measured, _)| measured.value.is_some());
     let figures = figures.map(|(measured, predicted)| {
         let (label, unit) = measured.name_and_unit();
         json!({ "label": label, "unit": unit, "measured": measured.value, "predicted": predicted.value, "interval": predicted.interval })
     });
+    let mut notes = Vec::new();
+    if *in_training {
+        notes.push(String::from("The model was fitted to this run."));
+    }
+    if comparison.tracks[1].diverged {
+        notes.push(String::from("The predicted motion diverges."));
+    }
+    if [*north, *east] != [0.0; 2] {
+        let (north, east) = (text(*north, 2), text(*east, 2));
+        notes.push(format!("In an estimated current of {north} m/s north and {east} m/s east."));
+    }
     json!({
         "title": format!("{run}, {at_s:.0} s: {}", trial.title()),
         "figures": figures.collect::<Vec<Value>>(),
         "tracks": comparison.tracks.each_ref().map(track),
-        "note": in_training.then_some("The model was fitted to this run."),
+        "note": notes.join(" "),
     })
 }
 
@@ -86,14 +99,16 @@ fn track(track: &Track) -> Value {
         let ([x, y, _], [u, v, r]) = (track.eta[k], track.nu[k]);
         [track.time_s(k), x, y, u, v, r]
     };
-    (0..track.len()).step_by(step).map(|k| json!(point(k))).collect()
+    let last = track.len().saturating_sub(1);
+    (0..last).step_by(step).chain([last]).filter(|&k| k < track.len()).map(|k| json!(point(k))).collect()
 }
 
 /// The section with the driving view, and the script that starts it.
-pub(super) fn section(model: &Model, trials: Result<&Trials, &str>, comparisons: &[Comparison]) -> Section {
+pub(super) fn section(subject: &ModelReport<'_>) -> Section {
+    let ModelReport { model, trials, comparisons, map, length_m, .. } = *subject;
     let shown = |trials: &Trials| trials.trials.iter().filter_map(|one| trial(one, trials)).collect();
     let document = json!({
-        "vessel": vessel(model, trials.map(|trials| &trials.inputs)),
+        "vessel": vessel(model, map, length_m),
         "trials": trials.map_or_else(|_| Vec::new(), shown),
         "comparisons": comparisons.iter().map(comparison).collect::<Vec<Value>>(),
     });
@@ -108,10 +123,10 @@ pub(super) fn section(model: &Model, trials: Result<&Trials, &str>, comparisons:
 
 /// The scripts of a page with the driving view.
 pub(super) fn script() -> String {
-    let mut text = String::from("\"use strict\";\n");
-    text.extend(hydroid_web::DRIVING);
-    text.push_str(include_str!("driving.js"));
-    text
+    let mut script = String::from("\"use strict\";\n");
+    script.extend(hydroid_web::DRIVING);
+    script.push_str(include_str!("driving.js"));
+    script
 }
 
 /// Its styles.

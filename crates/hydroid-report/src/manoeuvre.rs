@@ -132,6 +132,28 @@ fn zigzags<'a>(subject: &ManoeuvreReport<'a>) -> Vec<Vec<&'a Trial>> {
     pairs
 }
 
+/// How the trials begin.
+pub(super) fn approach(subject: &ManoeuvreReport<'_>) -> Section {
+    let body = html! { p { "Each trial begins on a straight course, at " (approach_text(subject)) "." } };
+    Section::new("trials", "Trials", body)
+}
+
+/// Speed and commands of the approach.
+fn approach_text(subject: &ManoeuvreReport<'_>) -> String {
+    let trials = subject.trials;
+    let commands =
+        subject.model.description.inputs.iter().zip(&trials.approach_command).map(|(port, value)| {
+            let (value, unit) = match port.channel.unit.as_str() {
+                "rad" => (value.to_degrees(), "deg"),
+                "1" => (*value, ""),
+                unit => (*value, unit),
+            };
+            format!("{} {} {}", port.channel.name, text(value, 3), number::unit(unit)).trim_end().to_owned()
+        });
+    let commands = commands.collect::<Vec<_>>().join(", ");
+    format!("{} m/s through the water, with {}", text(trials.approach_speed_m_s, 3), readable(&commands))
+}
+
 fn summary(subject: &ManoeuvreReport<'_>) -> Section {
     let trials = subject.trials;
     let judged: Vec<&Value> =
@@ -157,16 +179,6 @@ fn summary(subject: &ManoeuvreReport<'_>) -> Section {
             format!("{missed} of {} criteria of IMO resolution MSC.137(76) are missed.", judged.len());
         ("bad", "Criteria missed.", words)
     };
-    let commands =
-        subject.model.description.inputs.iter().zip(&trials.approach_command).map(|(port, value)| {
-            let (value, unit) = match port.channel.unit.as_str() {
-                "rad" => (value.to_degrees(), "deg"),
-                "1" => (*value, ""),
-                unit => (*value, unit),
-            };
-            format!("{} {} {}", port.channel.name, text(value, 3), number::unit(unit)).trim_end().to_owned()
-        });
-    let commands = commands.collect::<Vec<_>>().join(", ");
     let body = html! {
         header {
             p.kicker { "hydroid · manoeuvring trials" }
@@ -175,7 +187,7 @@ fn summary(subject: &ManoeuvreReport<'_>) -> Section {
         div class={ "banner " (class) } role="status" { strong { (heading) } " " (words) (stability) }
         dl.facts {
             dt { "Model" } dd { (subject.model.title()) " (" (subject.model.kind()) ")" }
-            dt { "Approach" } dd { (text(trials.approach_speed_m_s, 3)) " m/s through the water, with " (readable(&commands)) }
+            dt { "Approach" } dd { (approach_text(subject)) }
             @if let Some(length) = subject.length_m { dt { "Length" } dd { (text(length, 4)) " m" } }
         }
     };
@@ -420,7 +432,8 @@ fn speed(name: &str, trials: &[&Trial]) -> Figure {
     Figure::new(name, "time [s]").panel(panel)
 }
 
-fn definitions(subject: &ManoeuvreReport<'_>) -> Section {
+/// Terms, and the command.
+pub(super) fn definitions(subject: &ManoeuvreReport<'_>) -> Section {
     let body = html! {
         p {
             "Advance and transfer are the distances along and across the initial course up to a change of heading by 90°, the tactical diameter is that across up to 180°. "

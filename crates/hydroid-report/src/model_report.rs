@@ -4,6 +4,7 @@ use hydroid::evaluate::Evaluation;
 use hydroid::identify::verdicts;
 use hydroid::manoeuvre::{Comparison, Trials};
 use hydroid::model::{Model, Port};
+use hydroid::plant::InputMap;
 use maud::{Markup, html};
 
 use super::growth::channel_table;
@@ -25,6 +26,8 @@ pub struct ModelReport<'a> {
     pub comparisons: &'a [Comparison],
     /// Simulated trials, or why the model cannot run them.
     pub trials: Result<&'a Trials, &'a str>,
+    /// The commands that push and turn the vessel, or why there are none.
+    pub map: Result<&'a InputMap, &'a str>,
     /// Length of the ship \[m\], if stated.
     pub length_m: Option<f64>,
     /// Whether the model can be driven on the page.
@@ -39,17 +42,26 @@ pub fn model_report(subject: &ModelReport<'_>) -> Result<String, ReportError> {
     let ModelReport { command, model, trials, length_m, comparisons, .. } = *subject;
     let mut sections = vec![summary(subject)];
     if subject.interactive {
-        sections.push(driving::section(model, trials, comparisons));
+        sections.push(driving::section(subject));
     }
     sections.extend(subject.evaluation.map(errors));
     sections.extend(comparison::sections(comparisons)?);
     match trials {
         Ok(trials) => {
-            sections.extend(manoeuvre::sections(&ManoeuvreReport { command, model, trials, length_m })?);
+            let of = ManoeuvreReport { command, model, trials, length_m };
+            sections.push(manoeuvre::approach(&of));
+            sections.extend(manoeuvre::sections(&of)?);
+            sections.push(manoeuvre::definitions(&of));
         }
-        Err(why) => sections.push(Section::new("trials", "Trials", nothing(why))),
+        Err(why) => {
+            sections.push(Section::new("trials", "Trials", nothing(why)));
+            sections.push(Section::new(
+                "settings",
+                "Command",
+                html! { pre.copy.wrap { (readable(command)) } },
+            ));
+        }
     }
-    sections.push(Section::new("settings", "Command", html! { pre.copy.wrap { (readable(command)) } }));
     let title = title(model);
     Ok(if subject.interactive {
         page_with(&title, &sections, &driving::style(), &driving::script())

@@ -4,8 +4,7 @@ use std::borrow::Cow;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::number;
-use super::style as look;
+use super::{number, style};
 use hydroid::log::Note;
 
 /// One section of a page.
@@ -35,7 +34,7 @@ pub fn page(title: &str, sections: &[Section]) -> String {
 }
 
 /// A page of sections with a style and a script of its own.
-pub(super) fn page_with(title: &str, sections: &[Section], style: &str, script: &str) -> String {
+pub(super) fn page_with(title: &str, sections: &[Section], own_style: &str, own_script: &str) -> String {
     html! {
         (DOCTYPE)
         html lang="en" {
@@ -44,7 +43,7 @@ pub(super) fn page_with(title: &str, sections: &[Section], style: &str, script: 
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="generator" content="hydroid";
                 title { (title) }
-                style { (PreEscaped(look::SHEET)) (PreEscaped(style)) }
+                style { (PreEscaped(style::SHEET)) (PreEscaped(own_style)) }
             }
             body {
                 main {
@@ -57,8 +56,8 @@ pub(super) fn page_with(title: &str, sections: &[Section], style: &str, script: 
                     }
                     footer { "Made by hydroid. This page is complete in itself and can be sent and kept as one file." }
                 }
-                script { (PreEscaped(look::SCRIPT)) }
-                @if !script.is_empty() { script { (PreEscaped(script)) } }
+                script { (PreEscaped(style::SCRIPT)) }
+                @if !own_script.is_empty() { script { (PreEscaped(own_script)) } }
             }
         }
     }

@@ -22,7 +22,7 @@ class DriveView {
   build(trials) {
     const { map } = this.vessel;
     const button = (text, act) => make("button", { type: "button", text, onclick: act });
-    this.canvas = make("canvas", { className: "chart", tabIndex: 0, role: "application", "aria-label": `${DRIVE_TEXT.chart}. ${DRIVE_TEXT.help}` });
+    this.canvas = make("canvas", { className: "chart", tabIndex: 0, role: "application", "aria-label": `${DRIVE_TEXT.chart}. ${map ? DRIVE_TEXT.help : ""}` });
     this.canvas.onkeydown = (event) => this.key(event, true);
     this.canvas.onkeyup = (event) => this.key(event, false);
     this.canvas.onblur = () => { this.keys = { push: 0, turn: 0 }; };
@@ -46,7 +46,7 @@ class DriveView {
     this.box.classList.add("driving");
     this.box.replaceChildren(
       make("div", { className: "helm" },
-        make("div", { className: "map" }, this.canvas, make("p", { className: "hint", text: `${DRIVE_TEXT.help}${this.vessel.length_m ? "" : ` ${DRIVE_TEXT.scale}`}` })),
+        make("div", { className: "map" }, this.canvas, make("p", { className: "hint", text: `${map ? DRIVE_TEXT.help : ""}${this.vessel.length_m ? "" : ` ${DRIVE_TEXT.scale}`}` })),
         make("div", { className: "side" },
           this.figures,
           map ? make("div", {}, this.lever("push", DRIVE_TEXT.propulsion), this.lever("turn", DRIVE_TEXT.steering)) : "",
@@ -141,6 +141,7 @@ class DriveView {
   // ---- Commands ----
 
   key(event, down) {
+    if (!this.vessel.map) return;
     const moves = { ArrowUp: ["push", 1], ArrowDown: ["push", -1], ArrowLeft: ["turn", -1], ArrowRight: ["turn", 1] };
     const move = Object.hasOwn(moves, event.key) ? moves[event.key] : null;
     if (!move && event.key !== " ") return;
@@ -178,6 +179,7 @@ class DriveView {
   }
 
   steer(elapsed) {
+    if (!this.vessel.map) return;
     const { push, turn } = this.keys;
     if (push || turn) this.set(this.levers.push + 0.5 * push * elapsed, this.levers.turn + turn * elapsed);
     const pads = navigator.getGamepads ? [...navigator.getGamepads()] : [];
@@ -205,6 +207,7 @@ class DriveView {
 
   /** Leaves a trial. */
   drive() {
+    this.shownTrial = null;
     this.trial = null;
     this.results.replaceChildren();
     this.chart.scale = undefined;
@@ -290,7 +293,7 @@ class DriveView {
     const [u, v, r] = this.plant.over_ground();
     const degrees = (rad) => (rad * 180) / Math.PI;
     const heading = ((degrees(this.plant.eta[2]) % 360) + 360) % 360;
-    const fixed = (x, digits, unit) => `${x.toFixed(digits).replace("-", "−")} ${unit}`;
+    const fixed = (x, digits, unit) => `${Plots.fixed(x, digits)} ${unit}`;
     const sway = this.vessel.motion[1] === null ? "–" : fixed(v, 2, "m/s");
     const texts = [fixed(this.plant.time, 1, "s"), fixed(u, 2, "m/s"), sway, fixed(degrees(r), 1, "°/s"), fixed(Math.hypot(u, v), 2, "m/s"), `${Math.round(heading) % 360}°`];
     texts.forEach((text, i) => { this.values[i].textContent = this.trial ? "–" : text; });
@@ -325,6 +328,13 @@ class DriveView {
       return;
     }
     // Between two samples the vessel is shown on the way.
+    if (!this.plant.sound()) {
+      chart.fit(track, { reach: this.reach() });
+      chart.grid();
+      chart.line(track, colours.model, 2.5);
+      chart.frame();
+      return;
+    }
     const share = Plots.bounded(this.ahead / this.vessel.dt, 0, 1);
     const [x, y, psi] = this.plant.eta.map((after, i) => this.before[i] + share * (after - this.before[i]));
     chart.fit(this.follow ? [[x, y]] : [...track, [x, y]], { centre: this.follow ? [x, y] : null, reach: this.reach() });
@@ -342,12 +352,16 @@ class DriveView {
 
   /** A trial: its tracks on the chart, and its figures in a table. */
   async show(run) {
+    // Driving, or another trial, may begin before this one is computed.
+    const own = {};
+    this.shownTrial = own;
     this.run(false);
     this.trial ??= { tracks: [], past: { t: [], u: [], v: [], r: [] } };
     this.results.replaceChildren();
     this.message.textContent = DRIVE_TEXT.computing;
     try {
       const { tracks, heads, rows, note } = await run();
+      if (this.shownTrial !== own) return;
       this.message.textContent = note ?? "";
       const [points] = tracks.map((track) => track.points);
       const column = (i, factor = 1) => points.map((row) => (row[i] === null ? null : row[i] * factor));
@@ -361,6 +375,7 @@ class DriveView {
         make("tbody", {}, ...rows.map((row) => make("tr", {}, ...cells(row, "td"))))));
       this.canvas.scrollIntoView({ block: "nearest" });
     } catch (error) {
+      if (this.shownTrial !== own) return;
       this.drive();
       this.run(false);
       this.message.textContent = error.message;

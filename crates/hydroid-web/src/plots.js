@@ -170,16 +170,21 @@ const Plots = (() => {
     const base = { width: width(), height: 118, legend: { show: false }, cursor: { show: false }, padding: [6, 10, 0, 0], axes: axes() };
     const made = new uPlot({ ...base, ...options }, data, holder);
     all.add(made);
-    new ResizeObserver(() => {
-      if (holder.clientWidth > 0 && holder.clientWidth !== made.width) made.setSize({ width: holder.clientWidth, height: made.height });
-    }).observe(holder);
+    const observer = new ResizeObserver(() => {
+      if (!holder.isConnected && all.delete(made)) {
+        // The page has removed it.
+        observer.disconnect();
+        made.destroy();
+      } else if (holder.clientWidth > 0 && holder.clientWidth !== made.width) made.setSize({ width: holder.clientWidth, height: made.height });
+    });
+    observer.observe(holder);
     return made;
   }
 
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
     readColours();
-    for (const one of all) if (one.root.isConnected) one.redraw(); else all.delete(one);
+    for (const one of all) one.redraw();
   });
 
-  return { colours, readColours, bounded, Chart, axes, curve, plot };
+  return { colours, readColours, bounded, fixed, Chart, axes, curve, plot };
 })();

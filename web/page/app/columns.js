@@ -32,16 +32,16 @@ function propose(seen) {
     }
   };
   const selection = (seen.proposal && seen.proposal.selection) ?? {};
-  state.sensors = selection.sensors ?? state.sensors ?? null;
   take(selection.outputs, "output");
   take(selection.inputs, "input");
   if (!seen.inspection) return;
   const { columns, inputs } = seen.inspection;
+  const present = new Set([...state.looks.values()].flatMap(columnsOf).map((column) => column.name));
   const time = columns.find((c) => /^(t|time|t_s|timestamp|time_s)$/i.test(c.name));
   if (time) set(time.name, "time");
   const known = [[/^u([_ ]|$)|surge/i, "u"], [/^vm?([_ ]|$)|sway/i, "v"], [/^r([_ ]|$)|yaw_?rate|^rot\b/i, "r"]];
   for (const [pattern, name] of known) {
-    if ([...state.roles.values()].some((own) => own.role === "output" && own.name === name)) continue;
+    if ([...state.roles].some(([column, own]) => present.has(column) && own.role === "output" && own.name === name)) continue;
     const column = columns.find((c) => pattern.test(c.name) && !/true|cmd/i.test(c.name));
     if (column) set(column.name, "output", name);
   }
@@ -99,9 +99,12 @@ function listColumns() {
     parts.push(make("details", {}, make("summary", { text: TEXT.unusedColumns(folded.length) }), make("div", { className: "scroll" }, table(folded, "unused-table"))));
   }
   $("column-tables").replaceChildren(...parts);
-  const sensors = !state.sensors || hasRole("output") ? [] : Object.values(state.sensors).filter((value) => typeof value === "string");
-  say("sensors", sensors.length ? TEXT.computed(sensors.join(", ")) : "");
+  const columns = hasRole("output") ? [] : Object.values(sensors() ?? {}).filter((value) => typeof value === "string");
+  say("sensors", columns.length ? TEXT.computed(columns.join(", ")) : "");
 }
+
+/** The sensors of the first recording, from which velocities are computed. */
+const sensors = () => [...state.looks.values()].map((seen) => seen.proposal?.selection?.sensors).find(Boolean) ?? null;
 
 const hasRole = (role) => [...state.roles].some(([column, own]) => own.role === role && allColumns().has(column));
 
@@ -114,10 +117,10 @@ function logSection() {
   const heading = of("heading")[0];
   if (time) log.time = time[0];
   // What is computed from sensors has a heading of its own.
-  if (heading && (log.outputs.length || !state.sensors)) log.heading = heading;
+  if (heading && (log.outputs.length || !sensors())) log.heading = heading;
   const wind = [of("windSpeed")[0], of("windDirection")[0]];
   if (wind[0] && wind[1]) log.wind = { speed: wind[0], direction: wind[1] };
-  if (!log.outputs.length && state.sensors) log.sensors = state.sensors;
+  if (!log.outputs.length && sensors()) log.sensors = sensors();
   const { dt, maxGap, delay } = state.options;
   if (dt) log.dt = dt;
   if (maxGap) log.max_gap_s = maxGap;

@@ -51,6 +51,7 @@ class Engine {
     if (!this.worker) {
       this.start();
       this.ready = this.prepare((...call) => this.send(...call));
+      this.ready.catch((error) => this.end(error));
     }
     await this.ready;
     return this.send(name, args, told);

@@ -1,15 +1,21 @@
 // The way through the page: logs, columns, identification, report, driving, downloads.
 const bench = new Engine(async (send) => {
-  for (const { name, file } of state.files) await send("add", [name, await file.arrayBuffer()]);
+  for (const { name, file } of state.files) {
+    const content = await file.arrayBuffer().catch(() => null);
+    // A file that has changed on the disk cannot be read any more: the next use of it says so.
+    if (content) await send("add", [name, content]);
+  }
 });
 const helm = new Engine(async (send) => {
   if (state.vessel) await send("vessel", [state.vessel.name, state.vessel.bytes]);
 });
 // Names of files and columns are keys of maps: as names of properties, some would change the program.
 const state = {
-  files: [], looks: new Map(), roles: new Map(), parts: new Map(), methods: ["committee", "sindy"], options: {}, sensors: null, stale: false, result: null, tries: [], vessel: null,
+  files: [], looks: new Map(), roles: new Map(), parts: new Map(), methods: ["committee", "sindy"], options: {}, stale: false, result: null, tries: [], vessel: null,
 };
 let view = null;
+/** The description of the model that is driven. */
+let driven = null;
 
 const LARGEST = 2e9;
 const BUDGETS = [30, 120, 600];
@@ -26,8 +32,12 @@ async function rememberFiles() {
   await remember();
 }
 
+/** Number of changes of logs and settings. */
+let changes = 0;
+
 /** What was identified belongs to earlier logs or settings from now on. */
 function outdate() {
+  changes += 1;
   state.stale = Boolean(state.result);
   tellAge();
 }
@@ -87,6 +97,7 @@ function listFiles() {
     const remove = make("button", { type: "button", text: "✕", "aria-label": TEXT.remove(name), onclick: () => forgetFile(name) });
     return make("li", {}, make("b", { text: name }), make("span", { text: ` ${bytes(file.size)} ${rows} ` }), remove);
   }));
+  if (driven) downloads(driven);
   const usable = state.files.some(({ name }) => columnsOf(state.looks.get(name)).length > 0);
   show("columns", usable);
   if (!usable) return;
@@ -149,7 +160,8 @@ function cancel() {
 
 /** Reads the logs with the chosen columns, and shows what becomes of them. */
 async function check({ leads = true } = {}) {
-  const missing = !hasRole("input") ? TEXT.noInput : !hasRole("output") && !state.sensors ? TEXT.noOutput : "";
+  if ($("check").disabled) return;
+  const missing = !hasRole("input") ? TEXT.noInput : !hasRole("output") && !sensors() ? TEXT.noOutput : "";
   say("columns-message", missing, "error");
   if (missing) return;
   const [boxes, notes] = [[], []];
@@ -208,15 +220,15 @@ function advice(notes) {
 function options() {
   const boxes = Object.entries(TEXT.kinds).map(([method, text]) => {
     const box = make("input", { type: "checkbox", checked: state.methods.includes(method) });
-    box.onchange = () => { state.methods = box.checked ? [...state.methods, method] : state.methods.filter((m) => m !== method); remember(); };
+    box.onchange = () => { state.methods = box.checked ? [...state.methods, method] : state.methods.filter((m) => m !== method); outdate(); remember(); };
     return make("label", { className: "choice" }, box, make("span", { text }));
   });
   const budget = make("select", {}, ...BUDGETS.map((s) => make("option", { value: s, text: TEXT.seconds(s), selected: (state.options.budget ?? 120) === s })));
-  budget.onchange = () => { state.options.budget = Number(budget.value); remember(); };
+  budget.onchange = () => { state.options.budget = Number(budget.value); outdate(); remember(); };
   $("methods").replaceChildren(make("legend", { text: TEXT.methods }), ...boxes, make("label", { className: "choice" }, make("span", { text: TEXT.budget }), budget));
   const rows = state.files.map(({ name }) => {
     const select = make("select", {}, ...["train", "validate", "test", "unused"].map((part) => make("option", { value: part, text: TEXT[part], selected: state.parts.get(name) === part })));
-    select.onchange = () => { state.parts.set(name, select.value); remember(); };
+    select.onchange = () => { state.parts.set(name, select.value); outdate(); remember(); };
     return make("label", { className: "choice" }, make("span", { text: name }), select);
   });
   $("parts").replaceChildren(make("legend", { text: TEXT.parts }), ...rows, numberField("first", TEXT.first), numberField("horizon", TEXT.horizon));
@@ -229,10 +241,12 @@ async function identify() {
   const config = { log: logSection(), identify: { budget: `${budget ?? 120}s`, ...(horizon ? { horizon: `${horizon}s` } : {}) } };
   const request = { train: of("train"), validate: of("validate"), test: of("test"), methods: state.methods, config, title: of("train").join(", "), first_s: first ?? null };
   say("identify-message", "");
+  const before = changes;
   try {
-    state.result = await work("identify", "run", (told) => bench.call("identify", [request], told));
-    keepTry(state.result, `${of("train").join(", ")}${first ? `, ${first} s` : ""}`);
-    state.stale = false;
+    const result = await work("identify", "run", (told) => bench.call("identify", [request], told));
+    state.result = { ...result, request };
+    keepTry(state.result, `${request.train.join(", ")}${first ? `, ${first} s` : ""}`);
+    state.stale = changes !== before;
     tellAge();
     await showResult();
     lead("report");
@@ -245,10 +259,9 @@ async function identify() {
 /** Logs of a simulated boat: a short one and a long one to learn from, and one to judge. */
 async function exampleLogs() {
   const content = new TextEncoder().encode(EXAMPLE);
-  await helm.call("vessel", ["example.toml", content]);
   const logs = [];
   for (const [name, seconds, part] of [["short.csv", 60, "train"], ["long.csv", 600, "unused"], ["new.csv", 300, "test"]]) {
-    logs.push(new File([await helm.call("simulate", [seconds, logs.length + 1])], name));
+    logs.push(new File([await helm.call("simulate", ["example.toml", content, seconds, logs.length + 1])], name));
     state.parts.set(name, part);
   }
   // The neutral position of the pulse widths of the example.
@@ -263,7 +276,12 @@ const drop = $("drop");
 for (const name of ["dragenter", "dragover"]) drop.addEventListener(name, (event) => { event.preventDefault(); drop.dataset.over = "1"; });
 for (const name of ["dragleave", "drop"]) drop.addEventListener(name, (event) => { event.preventDefault(); delete drop.dataset.over; });
 drop.addEventListener("drop", (event) => take([...event.dataTransfer.files]));
-$("choose").onchange = () => take([...$("choose").files]);
+$("choose").onchange = () => {
+  const files = [...$("choose").files];
+  // The same file can be chosen again.
+  $("choose").value = "";
+  take(files);
+};
 $("check").onclick = () => check();
 $("run").onclick = identify;
 const failed = (error) => say("files-message", plain(error.message), "error");
@@ -293,6 +311,7 @@ $("forget").onclick = async () => {
   say("files-message", TEXT.restored);
   if (hasRole("input")) await check({ leads: false });
   tellAge();
+  const { vessel } = state;
   if (state.result) await showResult();
-  else if (state.vessel) await open(state.vessel.name, state.vessel.bytes);
-})();
+  if (vessel) await open(vessel.name, vessel.bytes, vessel.learnt);
+})().catch(failed);

@@ -37,7 +37,7 @@ function neutralPositions(notes) {
   for (const { note } of notes) {
     const list = /--inputs "([^"]*)"/.exec(note.remedy ?? "");
     for (const spec of list ? list[1].split(",") : []) {
-      const parts = /^(?:[^=]*=)?(.*?)(?: \[[^\]]*\])? - ([\d.]+)$/.exec(spec.trim());
+      const parts = /^(?:[^=]*=)?\(?(.*?)(?: \[[^\]]*\])? - ([\d.]+)\)?(?: \* -?[\d.]+)?$/.exec(spec.trim());
       if (parts) found.set(parts[1].trim(), [...(found.get(parts[1].trim()) ?? []), Number(parts[2])]);
     }
   }

@@ -3,6 +3,9 @@
 /** Identified models, the latest first; a class compares them. */
 const MOST_TRIES = 12;
 
+/** What the page calls a model. */
+const called = (name) => (Object.hasOwn(TEXT.stages, name) ? TEXT.stages[name] : name);
+
 const mean = (list) => (list && list.length ? list.reduce((a, b) => a + b, 0) / list.length : null);
 
 /** Takes a result into the list of models. */
@@ -48,10 +51,10 @@ function tile({ channel, grade, nrmse, persistence }, judged) {
 
 function listTries() {
   const rows = state.tries.map((one) => {
-    const drive = make("button", { type: "button", text: TEXT.driveThis, onclick: () => open(`${one.name}.safetensors`, one.bytes, one.learnt).then(() => lead("drive")) });
-    drive.setAttribute("aria-label", `${TEXT.driveThis}: ${TEXT.stages[one.name] ?? one.name}, ${one.learnt}`);
+    const drive = make("button", { type: "button", text: TEXT.driveThis, onclick: () => open(`${one.name}.safetensors`, one.bytes, one.learnt).then(() => lead("drive")).catch(failed) });
+    drive.setAttribute("aria-label", `${TEXT.driveThis}: ${called(one.name)}, ${one.learnt}`);
     const [own, fresh] = [one.fitted, one.judged].map(mean);
-    return make("tr", {}, make("th", { scope: "row", text: `${TEXT.stages[one.name] ?? one.name}${one.best ? ` (${TEXT.best})` : ""}` }),
+    return make("tr", {}, make("th", { scope: "row", text: `${called(one.name)}${one.best ? ` (${TEXT.best})` : ""}` }),
       ...[String(one.weights), one.learnt, `${figure(one.horizon_s, 3)} s: ${one.channels.join(", ")}`, figure(own, 2), `${one.diverged ? "∞" : figure(fresh, 2)}${one.onLogs ? "" : ` ${TEXT.leftOutParts}`}`].map((text, i) => make("td", { text, data: { label: TEXT.tryHeads[i + 1] } })), make("td", {}, drive));
   });
   $("tries").replaceChildren(make("thead", {}, make("tr", {}, ...TEXT.tryHeads.map((text) => make("th", { text, scope: "col" })))), make("tbody", {}, ...rows));
@@ -60,14 +63,14 @@ function listTries() {
 /** A model, to be driven. */
 async function open(name, content, learnt = "") {
   const vessel = await helm.call("vessel", [name, content]);
-  state.vessel = { name, bytes: content };
+  state.vessel = { name, bytes: content, learnt };
+  driven = vessel;
   show("drive");
   show("save");
   downloads(vessel);
   if (view) view.stop();
   view = null;
-  const known = TEXT.stages[vessel.name];
-  $("drive-name").textContent = [known ?? vessel.name, learnt || vessel.title].join(": ");
+  $("drive-name").textContent = `${called(vessel.name)}: ${learnt || vessel.title}`;
   if (vessel.motion === null) $("driving").replaceChildren(make("p", { className: "message", text: plain(vessel.not_driven) }));
   else {
     view = new DriveView($("driving"), vessel, trialButtons(vessel));
@@ -81,8 +84,7 @@ async function open(name, content, learnt = "") {
 function trialButtons(vessel) {
   const simulated = (text, trial) => ({ text, run: () => simulate(trial, vessel) });
   const list = vessel.map ? [simulated(TEXT.circle, "turning-circle"), simulated(TEXT.zigzag, "zigzag"), simulated(TEXT.stopping, "stopping")] : [];
-  const names = state.files.map((file) => file.name).filter((name) => state.parts.get(name) !== "unused");
-  if (names.length && state.result) list.push({ text: TEXT.inLogs, run: () => measured(names) });
+  if (state.result) list.push({ text: TEXT.inLogs, run: measured });
   return list;
 }
 
@@ -103,11 +105,12 @@ function approachChoice() {
 }
 
 /** Trials in the logs: a button for each. */
-async function measured(names) {
-  const { name, bytes: content } = state.vessel;
+async function measured() {
+  const [own, { name, bytes: content }] = [view, state.vessel];
+  const names = state.files.map((file) => file.name).filter((file) => state.parts.get(file) !== "unused");
   const found = await bench.call("compare", [name, content, names]);
   if (!found.length) throw new Error(TEXT.noTrials);
-  view.addTrials(found.map((one) => ({ text: one.title, run: () => comparisonShown(one) })), TEXT.inLogs);
+  own.addTrials(found.map((one) => ({ text: one.title, run: () => comparisonShown(one) })), TEXT.inLogs);
   return comparisonShown(found[0]);
 }
 
@@ -119,19 +122,16 @@ function settings() {
     return JSON.stringify(item);
   };
   const lines = ["[log]"];
-  const { sensors, ...log } = logSection();
+  const { request } = state.result;
+  const { sensors: own, ...log } = request.config.log;
   for (const [key, item] of Object.entries(log)) lines.push(`${key} = ${value(item)}`);
-  if (sensors) {
+  if (own) {
     lines.push("", "[log.sensors]");
-    for (const [key, item] of Object.entries(sensors)) if (["string", "number"].includes(typeof item) || Array.isArray(item)) lines.push(`${key} = ${value(item)}`);
+    for (const [key, item] of Object.entries(own)) if (["string", "number"].includes(typeof item) || Array.isArray(item)) lines.push(`${key} = ${value(item)}`);
   }
   lines.push("", "[split]");
-  for (const part of ["train", "validate", "test"]) {
-    const names = state.files.map((f) => f.name).filter((name) => state.parts.get(name) === part);
-    if (names.length) lines.push(`${part} = ${value(names)}`);
-  }
-  const { horizon } = state.options;
-  if (horizon) lines.push("", "[identify]", `horizon = "${horizon}s"`);
+  for (const part of ["train", "validate", "test"]) if (request[part].length) lines.push(`${part} = ${value(request[part])}`);
+  lines.push("", "[identify]", ...Object.entries(request.config.identify).map(([key, item]) => `${key} = ${value(item)}`));
   return `${lines.join("\n")}\n`;
 }
 

@@ -18,7 +18,7 @@ const TEXT = {
   check: "Check the log",
   options: "Options",
   dt: "Sample time [s]", maxGap: "Longest gap [s]", delay: "Delay of the commands [s]", horizon: "Longest prediction [s]",
-  first: "Learn from the first … s of the logs only", budget: "Time for the neural network", seconds: (s) => (s < 60 ? `${s} s` : `${s / 60} min`),
+  first: "Learn from the first … s only", budget: "Time for the neural network", seconds: (s) => (s < 60 ? `${s} s` : `${s / 60} min`),
   automatic: "automatic",
   identifyTitle: "Identify",
   identifyHelp: "A model is fitted to the logs to learn from, chosen on those to choose with, and judged on those it has never seen. With logs to learn from alone, each part of them is predicted by a model of the others.",

@@ -59,7 +59,14 @@ const calls = {
     for (let i = 0; i < list.length; i += 2) files.push({ name: list[i], bytes: list[i + 1] });
     return files;
   },
-  simulate: (id, seconds, seed) => held.vessel.simulate(seconds, seed),
+  simulate(id, name, bytes, seconds, seed) {
+    const vessel = api.Vessel.read(name, new Uint8Array(bytes));
+    try {
+      return vessel.simulate(seconds, seed);
+    } finally {
+      vessel.free();
+    }
+  },
 };
 
 onmessage = async ({ data: { id, call, args } }) => {

@@ -2,12 +2,12 @@
 
 use std::ops::ControlFlow;
 
-use hydroid::config::{Config, Log, Logs, default_horizon};
+use hydroid::config::{Config, Log, Logs, default_horizon, default_origin_stride};
 use hydroid::identify::{Method, identify_with_stages};
 use hydroid::log::{self, RawLog, Trajectory};
 use hydroid::manoeuvre::compare;
 use hydroid::model::Reading;
-use hydroid::recording::{self, is_recording, survey};
+use hydroid::recording::{self, is_recording, read_logs, survey};
 use hydroid_io::LogFile;
 use hydroid_report::driving;
 use serde::Deserialize;
@@ -125,11 +125,12 @@ impl Files {
         drop(raw);
         if let Some(seconds) = request.first_s {
             job.split.train = log::beginning(&job.split.train, seconds);
+            let cross_validated = job.split.validation.is_empty()
+                && job.methods.iter().all(|method| method.is_cross_validated());
             if horizon.is_none() {
-                let cross_validated = job.split.validation.is_empty()
-                    && job.methods.iter().all(|method| method.is_cross_validated());
                 job.horizon = default_horizon(&job.split, cross_validated);
             }
+            job.origin_stride = default_origin_stride(&job.split, cross_validated);
         }
         notes.splice(0..0, read);
         let result = identify_with_stages(&job, &mut |stage| {
@@ -166,10 +167,8 @@ impl Files {
         let mut reading = vessel.0.description.reading.clone();
         let files =
             names.iter().map(|name| self.file(name).cloned()).collect::<Result<Vec<LogFile>, JsError>>()?;
-        let (raw, _) = self
-            .readings
-            .read(&files, &mut reading.selection, reading.options.dt, &mut quiet)
-            .map_err(failed)?;
+        let (raw, _) =
+            read_logs(&files, &mut reading.selection, reading.options.dt, &mut quiet).map_err(failed)?;
         let runs = log::prepare(&raw, &reading.selection, &reading.options).map_err(failed)?.runs;
         let model = vessel.0.clone().for_runs(&runs).map_err(failed)?;
         let found = compare(&model, &runs, &mut quiet).map_err(failed)?;

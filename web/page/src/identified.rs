@@ -96,14 +96,12 @@ fn overview(candidate: &Candidate, best: Option<&Candidate>, job: &Job) -> Value
     let judged = candidate.judged();
     json!({
         "name": name,
-        "title": model.title(),
         "best": best.is_some_and(|best| std::ptr::eq(best, candidate)),
         "weights": model.weights(),
         "channels": judged.channels,
         "horizon_s": judged.horizons.last().map(|&steps| steps as f64 * judged.dt),
         "fitted": fitted.ok().as_ref().and_then(last),
         "judged": last(judged),
-        "persistence": judged.persistence.nrmse.last(),
         "diverged": judged.diverged,
     })
 }

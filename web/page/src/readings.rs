@@ -1,5 +1,6 @@
 //! Logs as tables. A reading that computes the velocities from sensors takes most of the time of an identification: it is
-//! kept, so that a log that was checked is not read once more.
+//! kept, so that a single log that was checked is not read once more. Several logs of a vessel are read together, since their
+//! sensors are estimated together.
 
 use std::cell::RefCell;
 

@@ -34,7 +34,7 @@ impl Vessel {
     /// If a number cannot be written as JSON.
     pub fn describe(&self) -> Result<String, JsError> {
         let map = InputMap::find(&self.0).map_err(|error| message(&error));
-        to_json(&driving::vessel(&self.0, map.as_ref().map_err(String::as_str)))
+        to_json(&driving::vessel(&self.0, map.as_ref().map_err(String::as_str), None))
     }
 
     /// Runs trials. `settings` are those of `hydroid manoeuvre`.

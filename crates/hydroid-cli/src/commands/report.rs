@@ -8,6 +8,7 @@ use hydroid::config;
 use hydroid::evaluate::Evaluation;
 use hydroid::manoeuvre::{self, Comparison};
 use hydroid::model::{self, Model};
+use hydroid::plant::{InputMap, Motion};
 use hydroid_report::{ModelReport, model_report};
 use serde_json::json;
 
@@ -38,6 +39,7 @@ pub fn run(args: &Report, global: Global) -> anyhow::Result<Outcome> {
         Err(error) if stated => return Err(error),
         Err(error) => Err(format!("{error:#}")),
     };
+    let map = InputMap::with(&model, &args.push, &args.turn).map_err(|error| error.to_string());
     let (evaluation, comparisons) = judged.unzip();
     let command = ui::command_line();
     let page = model_report(&ModelReport {
@@ -46,6 +48,7 @@ pub fn run(args: &Report, global: Global) -> anyhow::Result<Outcome> {
         evaluation: evaluation.as_ref(),
         comparisons: comparisons.as_deref().unwrap_or_default(),
         trials: trials.as_ref().map_err(String::as_str),
+        map: map.as_ref().map_err(String::as_str),
         length_m: args.length,
         interactive: args.interactive,
     })?;
@@ -77,8 +80,11 @@ fn judge(args: &Report, model: &mut Model, global: Global) -> anyhow::Result<(Ev
     let runs: Vec<_> = prepared.runs.iter().collect();
     let evaluation = evaluate::judge(model, &runs, &options, global)?;
     let bar = ui::Bar::new("trials of the logs", global);
-    // A model that is no plant has no trials.
-    let comparisons = manoeuvre::compare(model, &prepared.runs, &mut bar.callback()).unwrap_or_default();
+    // A model without the motion of a vessel has no trials.
+    let comparisons = match Motion::of(model) {
+        Ok(_) => manoeuvre::compare(model, &prepared.runs, &mut bar.callback())?,
+        Err(_) => Vec::new(),
+    };
     drop(bar);
     Ok((evaluation, comparisons))
 }

@@ -67,7 +67,9 @@ impl Config {
         };
         let job = Job {
             methods,
-            origin_stride: identify.origin_stride.unwrap_or_else(|| origin_stride(&split, cross_validated)),
+            origin_stride: identify
+                .origin_stride
+                .unwrap_or_else(|| default_origin_stride(&split, cross_validated)),
             split,
             reading,
             horizon,
@@ -115,8 +117,8 @@ pub fn default_horizon(split: &Split, cross_validated: bool) -> usize {
     if longest > HORIZON || !folds.has_blocks() { HORIZON } else { (longest / 2).max(1) }
 }
 
-/// Every sample is an origin of the evaluation on test runs; in a cross-validation, the origins are spread over all runs.
-fn origin_stride(split: &Split, cross_validated: bool) -> usize {
+/// Default samples between two origins: every sample is one on test runs; in a cross-validation, the origins are spread over all runs.
+pub fn default_origin_stride(split: &Split, cross_validated: bool) -> usize {
     let samples: usize = split.train.iter().map(Trajectory::len).sum();
     if cross_validated { (samples / CROSS_VALIDATION_ORIGINS).max(1) } else { 1 }
 }

@@ -22,7 +22,7 @@ use crate::model::Reading;
 use crate::toml_file::{self, TomlError};
 
 pub use error::SettingError;
-pub use job::{Logs, default_horizon};
+pub use job::{Logs, default_horizon, default_origin_stride};
 pub use manoeuvre::{Manoeuvre, TrialName, TrialPlan, ZigzagAngles};
 pub use quantity::{Duration, Horizon};
 pub use simulate::{Drive, ModelPlan, Plan, Plant, PlantKind, Simulate};

@@ -61,8 +61,7 @@ pub fn check_value(channel: &Channel, value: f64, path: &str, line: u64) -> Resu
             path: path.to_owned(),
             line,
             column: channel.name.clone(),
-            // With {:?} a number beyond 1e16 has an exponent, not 300 digits.
-            value: format!("{value:?} {unit} is more than any vessel does ({limit} {unit})"),
+            value: format!("{} {unit} is more than any vessel does ({limit} {unit})", short(value)),
             remedy: "if the unit is another, state it (`name [deg/s]`, `name [km/h]`); if it is a spike, blank the cell",
         }),
         _ => Ok(()),
@@ -88,7 +87,12 @@ fn spike(columns: &Columns, channel: &Channel, values: &[f64]) -> Result<(), Log
         path: columns.path.clone(),
         line: columns.lines.get(k),
         column: channel.name.clone(),
-        value: format!("{:?} is a million times the channel's typical size ({median:.3e})", values[k]),
+        value: format!("{} is a million times the channel's typical size ({median:.3e})", short(values[k])),
         remedy: "blank the cell if it is a spike",
     })
+}
+
+/// A number as text; beyond 1e16 with an exponent in place of up to 300 digits.
+fn short(value: f64) -> String {
+    if value.abs() < 1e16 { value.to_string() } else { format!("{value:e}") }
 }
