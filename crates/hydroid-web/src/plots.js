@@ -164,7 +164,7 @@ const Plots = (() => {
 
   const all = new Set();
 
-  /** A plot that is as wide as its place, and changes its colours with the scheme. */
+  /** A plot that is as wide as its place, and changes its colours with the scheme. It ends when its place leaves the page. */
   function plot(holder, options, data) {
     const width = () => holder.clientWidth || 300;
     const base = { width: width(), height: 118, legend: { show: false }, cursor: { show: false }, padding: [6, 10, 0, 0], axes: axes() };

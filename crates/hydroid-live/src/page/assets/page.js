@@ -342,7 +342,6 @@ let plots = [];
 const display = (output) => (output?.unit === "rad/s" ? [180 / Math.PI, "deg/s"] : [1, words(output?.unit)]);
 
 function buildPlots(outputs) {
-  for (const plot of plots) for (const u of [plot.past, plot.error]) u.destroy();
   $("outputs").replaceChildren();
   const { curve } = Plots;
   const dots = (colour) => ({ points: { show: true, size: 8, width: 2, stroke: () => colours[colour], fill: () => colours[colour === "muted" ? "surface" : colour] } });
