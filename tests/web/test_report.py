@@ -24,6 +24,15 @@ REPLAY = """(rows) => {
 }"""
 
 
+# The velocities in a turning circle, after an approach with the propulsion of its first command.
+TURN = """(commands) => {
+  const { vessel } = JSON.parse(document.getElementById("vessel").textContent);
+  const plant = new Plant(vessel);
+  for (let k = 0; k < 20000; k += 1) plant.advance([commands[0][0], 0]);
+  return commands.map((command) => { const row = plant.nu(); plant.advance(command); return row; });
+}"""
+
+
 def hydroid(*words):
     done = subprocess.run([COMMAND, *map(str, words), "-q"], capture_output=True, text=True, check=False)
     # 1: a model that is not good enough is a model.
@@ -78,6 +87,21 @@ def replayed(opened, model, folder, steps=400):
 @pytest.mark.parametrize("vessel", ["mariner", "otter", "tug"])
 def test_a_vessel_moves_on_the_page_as_in_the_command(opened, tmp_path, vessel):
     assert replayed(opened, ROOT / f"vessels/{vessel}.toml", tmp_path) < 1e-9
+
+
+@pytest.mark.parametrize("plant", ["simple", "hydrofoil"])
+def test_a_built_in_vessel_turns_on_the_page_as_in_the_command(opened, tmp_path, plant):
+    """The velocities of a turning circle. `hydroid manoeuvre` samples it every 0.01 s, the page every 0.1 s."""
+    hydroid("manoeuvre", plant, "--trial", "turning-circle", "-o", tmp_path)
+    hydroid("report", plant, "--interactive", "-o", tmp_path / "boat.html")
+    with open(tmp_path / "tracks.csv", encoding="utf-8") as file:
+        heads, *rows = csv.reader(file)
+    assert heads[8:11] == ["u [m/s]", "v [m/s]", "r [rad/s]"]
+    truth = [[float(x) for x in row[2:]] for row in rows if row[0] == "0"][::10]
+    assert [round(row[0], 9) for row in truth[:3]] == [0, 0.1, 0.2]
+    found = opened(tmp_path / "boat.html").evaluate(TURN, [row[1:3] for row in truth])
+    largest = [max(abs(row[c]) for row in truth) for c in (6, 7, 8)]
+    assert max(abs(a[i] - b[6 + i]) / largest[i] for a, b in zip(found, truth) for i in range(3)) < 1e-6
 
 
 @pytest.mark.skipif(not DATA, reason="no HYDROID_DATA")

@@ -10,7 +10,7 @@ use super::{EvaluationArgs, LogArgs};
 ///
 /// The page is one file. It loads nothing and can be mailed. With logs, it states the errors of the model on them, and sets their
 /// turns and zigzags beside the predictions. Trials are those of `hydroid manoeuvre`. With --interactive, the model is driven on
-/// the page: with keys, sliders or a gamepad, in a current, beside the tracks of the trials.
+/// the page: with keys, sliders or a gamepad, in a current, and with wind if it is an input. A click shows a trial in its place.
 #[derive(Debug, ClapArgs)]
 #[command(after_help = "Examples:
   hydroid report out/committee.safetensors -o boat.html                        the model and its trials
