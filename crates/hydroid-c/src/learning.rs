@@ -218,8 +218,8 @@ impl Session {
 
     /// The model with the learned weights; `run` is the name of the run, for the provenance.
     pub(crate) fn learned(&self, run: Option<&str>) -> Outcome<Model> {
-        self.learner(|Learner { adapter, model, used, .. }, _| {
-            adapt::learned(model, adapter.weights(), run.as_slice(), used)
+        self.learner(|Learner { adapter, model, options, used, .. }, _| {
+            adapt::learned(model, options, adapter.weights(), run.as_slice(), used)
                 .map_err(|error| Error::new(Status::Unsupported, error.to_string()))
         })
     }

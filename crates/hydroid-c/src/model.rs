@@ -79,16 +79,10 @@ impl Model {
 
     /// A session that learns.
     pub(crate) fn adapter(&self, options: &Options) -> Outcome<Session> {
-        let told = |error| self.told(error);
-        let model = match options.current_m_s {
-            Some(initial_m_s) => {
-                self.content.with_current(initial_m_s).map_err(|error| told(error.into()))?
-            }
-            None => self.content.clone(),
-        };
-        let (adapter, used) = adapt::adapter(&self.content, options, &[]).map_err(told)?;
-        let identity = identity(&model, options)?;
-        Ok(Session::learning(Learner { adapter, model, used, identity }))
+        let (model, options) = (self.content.clone(), options.clone());
+        let (adapter, used) = adapt::adapter(&model, &options, &[]).map_err(|error| self.told(error))?;
+        let identity = identity(&model, &options)?;
+        Ok(Session::learning(Learner { adapter, model, options, used, identity }))
     }
 
     /// An error of an adaptation, with the remedies of this library.

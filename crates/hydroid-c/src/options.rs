@@ -7,10 +7,6 @@ use toml::{Table, Value};
 
 use crate::error::{Error, Outcome, Status};
 
-/// Largest horizon of a guard, and number of rehearsed samples: more memory than a program should ask for ends it.
-const LARGEST_HORIZON: usize = 10_000;
-const MOST_REHEARSED: f64 = 1e6;
-
 fn invalid(message: impl std::fmt::Display) -> Error {
     Error::new(
         Status::Options,
@@ -46,26 +42,7 @@ pub(crate) fn read(
     if let Some(noise) = noise {
         options.kalman.noise = Some(noise.to_vec());
     }
-    check_sizes(&options, model.description.dt)?;
     Ok(options)
-}
-
-fn check_sizes(options: &Options, dt: f64) -> Outcome {
-    if let Some(guard) = options.guard.as_ref().filter(|guard| guard.horizon > LARGEST_HORIZON) {
-        let horizon = guard.horizon;
-        return Err(invalid(format!(
-            "'guard.horizon' is {horizon} samples, at most {LARGEST_HORIZON} are possible"
-        )));
-    }
-    if let Some(rehearsal) = &options.kalman.rehearsal {
-        let samples = rehearsal.windows as f64 * (rehearsal.window_s / dt);
-        if samples.is_nan() || samples > MOST_REHEARSED {
-            return Err(invalid(format!(
-                "'kalman.rehearsal' has {samples} samples in its windows, at most {MOST_REHEARSED} are possible"
-            )));
-        }
-    }
-    Ok(())
 }
 
 fn over(defaults: &Options, text: &str, guarded: bool) -> Outcome<Options> {

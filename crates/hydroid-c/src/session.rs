@@ -2,7 +2,7 @@
 
 use std::sync::Mutex;
 
-use hydroid::adapt::ResolvedOptions;
+use hydroid::adapt::{Options, ResolvedOptions};
 use hydroid::model::Model;
 use hydroid_core::adapt::Adapter;
 use hydroid_core::predict::{Current, Predictor, Workspace};
@@ -41,8 +41,8 @@ enum Of {
 /// An adapter, and what the learned model and the memory need to know of it.
 pub(crate) struct Learner {
     pub(crate) adapter: Box<dyn Adapter>,
-    /// The model with the estimate of the current of the options.
     pub(crate) model: Model,
+    pub(crate) options: Options,
     pub(crate) used: ResolvedOptions,
     /// Fingerprint of model, options and version, as two whole numbers.
     pub(crate) identity: [f64; 2],

@@ -1,6 +1,6 @@
 """An FMU in FMPy, version 2 or 3, by names of variables."""
 
-import shutil
+import tempfile
 
 import fmpy
 import numpy as np
@@ -19,8 +19,9 @@ VERSIONS = [2, 3]
 class Importer:
     def __init__(self, path, version, exchange=False, unpacked=None):
         self.version = version
-        self.own = None if unpacked else fmpy.extract(str(path))
-        self.folder = unpacked or self.own
+        # Deleted with the interpreter, also after an error.
+        self.own = None if unpacked else tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
+        self.folder = unpacked or fmpy.extract(str(path), self.own.name)
         self.description = fmpy.read_model_description(str(self.folder), validate=False)
         self.references = {v.name: v.valueReference for v in self.description.modelVariables}
         kinds = {2: (FMU2Slave, FMU2Model), 3: (FMU3Slave, FMU3Model)}
@@ -70,7 +71,7 @@ class Importer:
         """Frees the instance. The library stays loaded where another instance uses it."""
         self.fmu.freeInstance()
         if self.own:
-            shutil.rmtree(self.own, ignore_errors=True)
+            self.own.cleanup()
 
 
 def difference(a, b):

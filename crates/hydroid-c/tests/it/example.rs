@@ -68,12 +68,13 @@ fn the_example_adapts_along_a_log() {
     );
     assert!(lines[15].starts_with("1500 samples, "), "{printed}");
     // The same in Rust.
-    let (mut adapter, used) = adapt::adapter(&model, &Options::of(&model).guarded(&model), &[]).unwrap();
+    let options = Options::of(&model).guarded(&model);
+    let (mut adapter, used) = adapt::adapter(&model, &options, &[]).unwrap();
     for [u, v, r, first, second] in rows {
         adapter.observe(&[u, v, r]);
         adapter.advance(&[first, second]);
     }
-    let learned = adapt::learned(&model, adapter.weights(), &[&path("log.csv")], &used).unwrap();
+    let learned = adapt::learned(&model, &options, adapter.weights(), &[&path("log.csv")], &used).unwrap();
     assert!(std::fs::read(path("learned.toml")).unwrap() == encode(&learned).unwrap());
     let mass = |model: &Model| model.plant().unwrap().params().rigid_body.mass;
     assert_ne!(mass(&learned), mass(&model));

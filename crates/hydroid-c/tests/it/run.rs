@@ -194,11 +194,7 @@ pub(crate) fn follow(model: &Model, run: &Run, options: Option<&Options>) -> (Ve
     let learned = if let Session::Adapter(adapter, used) = &mut session {
         results.extend(adapter.weights());
         results.extend([adapter.health().least_variance, adapter.health().min_s_over_r]);
-        let model = match options.and_then(|options| options.current_m_s) {
-            Some(initial_m_s) => &model.with_current(initial_m_s).unwrap(),
-            None => model,
-        };
-        let learned = adapt::learned(model, adapter.weights(), &["the run"], used).unwrap();
+        let learned = adapt::learned(model, options.unwrap(), adapter.weights(), &["the run"], used).unwrap();
         adapter.freeze(true);
         adapter.restart();
         Some(learned)

@@ -205,5 +205,9 @@ fn inconsistent_parts_are_refused() {
     assert!(make(&RANGES, &[0.01, 0.0, 0.01], settings.clone()).is_some());
     assert!(make(&RANGES, &NOISE, GuardOptions { stride: 0, ..settings.clone() }).is_some());
     assert!(make(&RANGES, &NOISE, GuardOptions { factor: f64::NAN, ..settings.clone() }).is_some());
+    // More memory than there is.
+    let horizon = 1 << 60;
+    let endless = GuardOptions { horizon, stride: horizon / 4, window: horizon, ..settings.clone() };
+    assert!(make(&RANGES, &NOISE, endless).is_some());
     assert!(make(&RANGES, &NOISE, settings).is_none());
 }

@@ -8,6 +8,7 @@ use hydroid_core::adapt::kalman::{
 };
 use hydroid_core::adapt::{Learning, Outcome, Rejection, SaveState};
 use hydroid_core::model::recurrent::{BaseModel, Linearization, Network, Packed, Recurrent, Scaling};
+use hydroid_core::model::sparse::{Equations, Term};
 use hydroid_core::predict::{Predictor, Workspace};
 use proptest::prelude::*;
 
@@ -167,6 +168,28 @@ fn formulations() -> [KalmanNetwork; 3] {
         session(cells()[0], BaseModel::Nothing, true),
         session(cells()[3], BaseModel::Hold, true),
     ]
+}
+
+#[test]
+fn nothing_is_learned_before_all_outputs_were_measured() {
+    let terms = (0..4).map(|v| Term::monomial(&[v])).collect();
+    let coefficients = vec![-0.8, 0.1, 0.2, 0.1, -0.2, -1.1, 0.5, 0.1];
+    let equations = Equations::with_signals(terms, coefficients, 2, 2, Vec::new(), 0.1, 1).unwrap();
+    let network = cells().into_iter().find(|network| network.outputs == 2).unwrap();
+    for base in [BaseModel::Hold, BaseModel::Equations(Arc::new(equations))] {
+        for feedback in [false, true] {
+            let mut session = session(network, base.clone(), feedback);
+            let given = session.weights().to_vec();
+            for k in 0..40 {
+                let (command, _) = sample(k, 2);
+                let second = if k < 20 { f64::NAN } else { 0.2 };
+                session.observe(&[0.3, second]);
+                assert_eq!(session.outcome() == Outcome::Waiting, k <= 20, "{base:?} {feedback} {k}");
+                assert_eq!(session.weights() == given, k <= 20, "{base:?} {feedback} {k}");
+                session.advance(&command);
+            }
+        }
+    }
 }
 
 /// Adaptation reduces the prediction errors for an unknown vessel.

@@ -99,6 +99,20 @@ fn forgotten(weights: &[f64]) -> f64 {
 }
 
 #[test]
+fn impossible_rehearsals_are_refused() {
+    for wrong in [
+        RehearsalOptions { windows: 0, ..REHEARSAL },
+        RehearsalOptions { noise_factor: f64::NAN, ..REHEARSAL },
+        RehearsalOptions { windows: 1 << 40, ..REHEARSAL },
+        RehearsalOptions { samples: usize::MAX, ..REHEARSAL },
+    ] {
+        let made = KalmanNetwork::with_rehearsal(model(shore()), options(CovarianceForm::Full), Some(wrong));
+        let message = made.map(|_| ()).unwrap_err().to_string();
+        assert!(message.contains("at most 1000000 samples"), "{message}");
+    }
+}
+
+#[test]
 fn rehearsal_keeps_the_old_regime_and_learns_the_new_regime() {
     let sea = new_water(1200);
     for covariance in [CovarianceForm::Full, CovarianceForm::Blocks { group: 2 }] {

@@ -76,11 +76,10 @@ impl NetworkLearner {
     /// Functions that the filter calls.
     pub(crate) fn functions(&self) -> Vec<usize> {
         let of_outputs = match self.outputs {
-            Outputs::OfHidden(shown) => vec![shown],
-            Outputs::Read { wait, base } => [wait].into_iter().chain(base).collect(),
+            Outputs::OfHidden(shown) => shown,
+            Outputs::Read { wait } => wait,
         };
-        let others = [self.input, self.base, self.observation, self.of_transition, self.of_observation];
-        others.into_iter().chain(of_outputs).collect()
+        vec![self.input, self.base, self.observation, self.of_transition, self.of_observation, of_outputs]
     }
 }
 

@@ -226,8 +226,6 @@ pub(crate) enum Outputs {
     Read {
         /// `(state, command) -> state` after a sample that begins with unknown outputs.
         wait: usize,
-        /// `(state) -> outputs` after such a sample, without the correction by the network; none if the network waits, too.
-        base: Option<usize>,
     },
 }
 
@@ -252,10 +250,7 @@ pub(crate) fn learning(recurrent: &Recurrent, model: &Model) -> Learning {
 
     let outputs = match (&recurrent.base, recurrent.feedback) {
         (BaseModel::Nothing, false) => Outputs::OfHidden(add(lowering.of_hidden(network))),
-        (_, feedback) => Outputs::Read {
-            wait: add(lowering.wait()),
-            base: (!feedback).then(|| add(lowering.waited(network))),
-        },
+        _ => Outputs::Read { wait: add(lowering.wait()) },
     };
     Learning { space, network, input, base, outputs }
 }
@@ -293,13 +288,5 @@ impl Lowering<'_> {
         };
         let next = b.concat(&[front, hidden, x.slice_last(self.weights())]);
         b.finish("wait", "State after a sample that begins with unknown outputs", next)
-    }
-
-    fn waited(&self, network: NetworkFunctions) -> Function {
-        let b = Builder::new();
-        let x = b.argument("state", self.states());
-        let y = x.slice(0, self.sizes.outputs);
-        let y = if self.base.is_some() { y - self.correction(&b, network, x) } else { y };
-        b.finish("waited", "Outputs after such a sample, without the correction by the network", y)
     }
 }

@@ -169,8 +169,9 @@ impl Forgetting {
 
 /// Errors along a record with frozen weights and a state filter.
 fn held(learned: &Learned, weights: &[f64], loaded: &LoadedRecord) -> Result<[f64; 3], StudyError> {
-    let (_, used) = adapt::adapter(&learned.model, &Options::default(), &[&loaded.run])?;
-    let model = adapt::learned(&learned.model, weights, &[], &used)?;
+    let options = Options::default();
+    let (_, used) = adapt::adapter(&learned.model, &options, &[&loaded.run])?;
+    let model = adapt::learned(&learned.model, &options, weights, &[], &used)?;
     let sure = KalmanOptions {
         weight_variance: 0.0,
         weight_noise_per_s: 0.0,

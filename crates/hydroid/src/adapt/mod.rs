@@ -457,7 +457,7 @@ pub fn adapt_by(
         progress(0.5 + 0.5 * done)
     })?;
     let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
-    let after = learned(&*in_current(model, options)?, watched.weights(), &names, &used)?;
+    let after = learned(model, options, watched.weights(), &names, &used)?;
     let report = Report {
         frozen: frozen.restarted,
         frozen_filtered: frozen.filtered,
@@ -472,16 +472,19 @@ pub fn adapt_by(
     Ok(Adapted { model: after, report })
 }
 
-/// The model with the weights of an adapter of [`adapter`]; its provenance states the runs and the settings.
+/// The model with the weights of an adapter of [`adapter`], and with the estimate of the current of the options; its provenance
+/// states the runs and the settings.
 ///
 /// # Errors
 /// If the weights do not fit the model and the settings.
 pub fn learned(
     model: &Model,
+    options: &Options,
     weights: &[f64],
     runs: &[&str],
     used: &ResolvedOptions,
 ) -> Result<Model, AdaptError> {
+    let model = &*in_current(model, options)?;
     let mut model = match &model.body {
         Body::Equations(_) => {
             let all_terms = matches!(used, ResolvedOptions::LeastSquares(used) if used.all_terms);

@@ -559,7 +559,7 @@ fn adaptation_follows_a_vessel_whose_gain_changed() {
             adapter.advance(run.inputs.row(k));
         }
     }
-    let learned = adapt::learned(&model, adapter.weights(), &["x"], &used).unwrap();
+    let learned = adapt::learned(&model, &options(), adapter.weights(), &["x"], &used).unwrap();
     let members = |model: &Model| match &model.body {
         Body::Committee(committee) => committee.members().to_vec(),
         other => panic!("{other:?}"),
@@ -577,8 +577,8 @@ fn adaptation_follows_a_vessel_whose_gain_changed() {
     let next = run(0.4 * GAIN, 9_000, 400);
     let (then, now) = (own(&frozen, &next), own(&adapted.model.frozen(), &next));
     assert!(yaw(&now) < 0.7 * yaw(&then), "{} {}", yaw(&now), yaw(&then));
-    assert!(adapt::learned(&model, &adapter.weights()[1..], &["x"], &used).is_err());
-    assert!(adapt::learned(&model, &[f64::NAN; 12], &["x"], &used).is_err());
+    assert!(adapt::learned(&model, &options(), &adapter.weights()[1..], &["x"], &used).is_err());
+    assert!(adapt::learned(&model, &options(), &[f64::NAN; 12], &["x"], &used).is_err());
 }
 
 #[test]

@@ -277,7 +277,11 @@ fn a_model_with_known_errors_can_estimate_a_current() {
     let adapting =
         adapt::Options { current_m_s: Some(0.3), evaluate: options.clone(), ..adapt::Options::of(model) };
     let adapted = adapt::adapt(model, &[&other], &adapting, &mut silent()).unwrap();
-    assert_eq!(adapted.model.description.current, model.with_current(0.3).unwrap().description.current);
+    let estimate = model.with_current(0.3).unwrap().description.current;
+    assert_eq!(adapted.model.description.current, estimate);
+    let (adapter, used) = adapt::adapter(model, &adapting, &[&other]).unwrap();
+    let learned = adapt::learned(model, &adapting, adapter.weights(), &[], &used).unwrap();
+    assert_eq!(learned.description.current, estimate);
     assert!(adapted.report.adapted.score() < 0.6 * still);
 
     let error = |model: &Model, deviation| model.with_current(deviation).unwrap_err().to_string();

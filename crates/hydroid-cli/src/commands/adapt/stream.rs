@@ -24,6 +24,7 @@ use crate::ui;
 pub struct Service {
     pub stream: Stream,
     pub model: Model,
+    pub learning: adapt::Options,
     pub used: ResolvedOptions,
     pub name: String,
     pub output: Option<PathBuf>,
@@ -143,6 +144,7 @@ pub fn run(
     let service = Service {
         stream,
         model: model.clone(),
+        learning,
         used,
         name,
         output: args.output.clone(),
@@ -267,7 +269,8 @@ impl Service {
             let run = Path::new(&self.name)
                 .file_name()
                 .map_or(Cow::Borrowed(self.name.as_str()), |name| name.to_string_lossy());
-            let learned = adapt::learned(&self.model, self.stream.weights(), &[&run], &self.used)?;
+            let learned =
+                adapt::learned(&self.model, &self.learning, self.stream.weights(), &[&run], &self.used)?;
             model::write(&learned, path)?;
         }
         Ok(())

@@ -105,6 +105,7 @@ pub(super) fn run(args: &Control, global: Global, steered: &Steered<'_>) -> anyh
     let service = stream::Service {
         stream: live,
         model: model.clone(),
+        learning,
         used,
         name: source.name,
         output: None,

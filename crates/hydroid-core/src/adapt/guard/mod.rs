@@ -58,7 +58,7 @@ impl core::fmt::Display for GuardError {
         match self {
             Self::Settings => write!(
                 f,
-                "the guard needs positive times, a stride up to its horizon, a horizon up to its window, and a factor of at least 1"
+                "the guard needs positive times, a stride that divides its horizon, a horizon up to its window and up to 10000 samples, and a factor of at least 1"
             ),
             Self::Ranges => write!(
                 f,

@@ -1,11 +1,14 @@
 //! Options of a guard.
 
+/// Longest horizon of the tests \[samples\], which bounds their memory.
+const LONGEST_HORIZON: usize = 10_000;
+
 /// Options of a [`Guard`](super::Guard). Times are in samples.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct GuardOptions {
-    /// Horizon `H` of the tests \[samples\].
+    /// Horizon `H` of the tests \[samples\], at most 10,000.
     pub horizon: usize,
     /// Interval of the tests \[samples\].
     pub stride: usize,
@@ -51,6 +54,7 @@ impl GuardOptions {
 
     pub(super) fn is_sound(&self) -> bool {
         [self.horizon, self.stride, self.window].iter().all(|&n| n > 0)
+            && self.horizon <= LONGEST_HORIZON
             && self.horizon.is_multiple_of(self.stride)
             && self.window >= self.horizon
             && self.repeats > 1

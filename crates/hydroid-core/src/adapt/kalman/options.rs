@@ -85,6 +85,8 @@ pub enum FilterOptionsError {
     Noise,
     /// No weight is learned, and the state has no variance.
     Nothing,
+    /// A number of the rehearsal is outside its range.
+    Rehearsal,
 }
 
 impl core::fmt::Display for FilterOptionsError {
@@ -94,6 +96,10 @@ impl core::fmt::Display for FilterOptionsError {
             Self::Length(name) => write!(f, "one {name} is needed for each weight, or output"),
             Self::Noise => write!(f, "the variance of the measurement noise must be positive"),
             Self::Nothing => write!(f, "nothing is learned: give the weights an initial variance or a noise"),
+            Self::Rehearsal => write!(
+                f,
+                "the rehearsal needs positive numbers, and has at most 1000000 samples in all of its windows"
+            ),
         }
     }
 }

@@ -9,10 +9,13 @@ use super::filter::{Correction, Filter};
 use super::learnable::{Learnable, SharedWeightStates};
 use crate::adapt::memory::{Reader, Writer};
 
+/// Most samples of all windows together, which bounds their memory.
+const MOST_SAMPLES: usize = 1_000_000;
+
 /// Options of rehearsal (experience replay).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RehearsalOptions {
-    /// Largest number of stored windows.
+    /// Largest number of stored windows. All of them have at most 1,000,000 samples together.
     pub windows: usize,
     /// Samples of a window.
     pub samples: usize,
@@ -28,7 +31,11 @@ impl RehearsalOptions {
     pub(super) fn is_valid(&self) -> bool {
         let Self { windows, samples, every, initial_state, noise_factor } = *self;
         let finite = initial_state.is_finite() && noise_factor.is_finite();
-        windows.min(samples).min(every) > 0 && finite && initial_state >= 0.0 && noise_factor > 0.0
+        windows.min(samples).min(every) > 0
+            && windows.saturating_mul(samples) <= MOST_SAMPLES
+            && finite
+            && initial_state >= 0.0
+            && noise_factor > 0.0
     }
 }
 

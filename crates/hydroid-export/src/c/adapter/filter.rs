@@ -113,11 +113,12 @@ const STEP_WITHOUT_FEEDBACK: &str = "    F_INPUT(X_STATE, X_COMMAND, input);
     NAME_predict(adapter, state->x + UPPER_FIRST_ESTIMATE, input);
     if (NAME_waits(X_STATE)) {
         NAME_wait(state, X_COMMAND);
-        F_WAITED(X_STATE, adapter->base);
-    } else {
-        F_BASE(X_STATE, X_COMMAND, adapter->base);
-        NAME_sample(state, command);
+        (void)NAME_after_step(adapter, state->x + UPPER_FIRST_ESTIMATE);
+        adapter->stepped = 0;
+        return;
     }
+    F_BASE(X_STATE, X_COMMAND, adapter->base);
+    NAME_sample(state, command);
 ";
 
 const LIMITED: &str = "    REAL positions[UPPER_INPUTS];
@@ -211,8 +212,8 @@ pub(super) fn code(of: &Learning<'_>, learner: &NetworkLearner) -> Code {
 fn run(learner: &NetworkLearner) -> String {
     let step = match learner.outputs {
         Outputs::OfHidden(_) => return OF_HIDDEN.to_owned(),
-        Outputs::Read { base: None, .. } => STEP_WITH_FEEDBACK,
-        Outputs::Read { base: Some(_), .. } => STEP_WITHOUT_FEEDBACK,
+        Outputs::Read { .. } if learner.network.feedback => STEP_WITH_FEEDBACK,
+        Outputs::Read { .. } => STEP_WITHOUT_FEEDBACK,
     };
     READ.replace("WORD_STEP", step)
 }
@@ -228,10 +229,7 @@ fn functions(of: &Learning<'_>, learner: &NetworkLearner) -> Vec<(&'static str, 
     ];
     match learner.outputs {
         Outputs::OfHidden(shown) => functions.push(("F_SHOWN", shown)),
-        Outputs::Read { wait, base } => {
-            functions.extend(base.map(|base| ("F_WAITED", base)));
-            functions.push(("F_WAIT", wait));
-        }
+        Outputs::Read { wait } => functions.push(("F_WAIT", wait)),
     }
     functions.extend(of.adapter.limit.map(|limit| ("F_LIMIT", limit)));
     functions.into_iter().map(|(word, index)| (word, of.function(index))).collect()

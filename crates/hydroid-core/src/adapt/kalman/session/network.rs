@@ -76,8 +76,7 @@ impl KalmanNetwork {
         rehearsal: Option<RehearsalOptions>,
     ) -> Result<Self, KalmanError> {
         if rehearsal.as_ref().is_some_and(|rehearsal| !rehearsal.is_valid()) {
-            let error = FilterOptionsError::Number("number of the rehearsal");
-            return Err(KalmanError::Options(error));
+            return Err(KalmanError::Options(FilterOptionsError::Rehearsal));
         }
         let session = RecurrentSession::with_own_weights(model).map_err(KalmanError::Model)?;
         Self::around(session, options, rehearsal)
@@ -192,7 +191,9 @@ impl ModelKind for NetworkKind {
     }
 
     fn advance(&mut self, filter: &mut Filter<Self::Model>, c: &[f64]) {
-        if self.session.is_waiting() {
+        // Before all outputs were measured there is no prediction to learn from; a network without feedback follows the commands.
+        let waiting = self.session.is_waiting();
+        if waiting {
             self.base.fill(f64::NAN);
             if self.session.model().feedback {
                 return self.session.advance(c);
@@ -200,12 +201,13 @@ impl ModelKind for NetworkKind {
         }
         self.session.inputs_of_network(c, &mut self.x);
         match &self.session.model().base {
+            _ if waiting => {}
             BaseModel::Nothing => self.base.copy_from_slice(&self.session.model().scaling.output_mean),
             BaseModel::Hold => self.session.output(&mut self.base),
             BaseModel::Equations(_) => {}
         }
         self.session.advance(c);
-        if let BaseModel::Equations(_) = self.session.model().base {
+        if !waiting && let BaseModel::Equations(_) = self.session.model().base {
             // The prediction of the equations is the output less the correction by the network.
             self.session.output(&mut self.base);
             self.session.correction(&mut self.correction);
