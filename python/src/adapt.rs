@@ -187,7 +187,9 @@ impl Adapter {
     #[pyo3(signature = (runs=Vec::new()))]
     fn model(&self, runs: Vec<String>) -> PyResult<Model> {
         let names: Vec<&str> = runs.iter().map(String::as_str).collect();
-        adapt::learned(&self.model, &self.options, self.learner.weights(), &names, &self.used).map(Model::of).map_err(value)
+        adapt::learned(&self.model, &self.options, self.learner.weights(), &names, &self.used)
+            .map(Model::of)
+            .map_err(value)
     }
 
     #[getter]

@@ -1,7 +1,9 @@
-"""The effort of driving, frame by frame."""
+"""A committee of a model ship is driven: the effort, frame by frame, and a trial."""
 
+import re
 import subprocess
 
+from playwright.sync_api import expect
 from steps import COMMAND, SHIP, THRUSTERS, check, columns_of, figures, identified, needs_data, role, saved
 
 SECONDS = 5
@@ -51,3 +53,22 @@ def test_a_committee_is_driven_frame_by_frame(tab, tmp_path):
         print(f"pace {pace}: {frames / SECONDS:.1f} frames a second, {end - start:.1f} s driven in {SECONDS} s; per frame [ms]: {per_frame}")
         print(f"the view takes {spent_ms:.2f} ms of each frame")
         assert frames > 0 and end > start, (start, end)
+
+
+@needs_data
+def test_a_trial_begins_at_a_propulsion_at_which_the_vessel_holds_a_course(tab):
+    page = tab()
+    columns_of(page, SHIP / "dptest1.csv", SHIP / "run1.csv")
+    for column in THRUSTERS:
+        role(page, column, "input")
+    check(page)
+    identified(page, ["committee"])
+    circle = page.get_by_role("button", name="Turning circle")
+    circle.click()
+    # With 85 %, beyond its logs, this model turns to starboard whatever the steering.
+    expect(page.locator("#drive")).to_contain_text(re.compile(r"Approach at .* m/s, (60|40|25) % of the propulsion"), timeout=60_000)
+    expect(page.locator(".results")).to_contain_text("tactical")
+    page.get_by_role("button", name="Back to driving").click()
+    page.get_by_label("Propulsion of the approach").select_option("85")
+    circle.click()
+    expect(page.locator("#drive")).to_contain_text("cannot hold a straight course", timeout=60_000)

@@ -41,12 +41,13 @@ pub fn vessel(model: &Model, map: Result<&InputMap, &str>, length_m: Option<f64>
     })
 }
 
-/// A trial for the driving view: title, speed of the approach, figures with names and units, and the track; `None` for a trial
+/// A trial for the driving view: title, speed and propulsion of the approach, figures with names and units, and the track; `None` for a trial
 /// without a track.
 pub fn trial(trial: &Trial, of: &Trials) -> Option<Value> {
     Some(json!({
         "title": trial.kind.title(&of.inputs),
         "approach_m_s": of.approach_speed_m_s,
+        "approach_percent": 100.0 * of.propulsion,
         "diverged_s": trial.diverged_s,
         "figures": trial.figures.iter().map(figure).collect::<Vec<Value>>(),
         "track": track(trial.tracks.first()?),

@@ -391,7 +391,7 @@ function trialsShown(trials, vessel) {
   const tracks = trials.map(({ title, track }, i) => ({ name: title, colour: colours[i % colours.length], points: track }));
   const lasts = Math.max(...trials.map(({ track }) => track[track.length - 1][0]));
   const { judged_s } = vessel;
-  const notes = [DRIVE_TEXT.approach(figure(trials[0].approach_m_s, 3))];
+  const notes = [DRIVE_TEXT.approach(figure(trials[0].approach_m_s, 3), figure(trials[0].approach_percent, 3))];
   if (judged_s && lasts > judged_s) notes.push(DRIVE_TEXT.beyond(figure(lasts, 2), figure(judged_s, 2)));
   for (const { title, diverged_s } of trials) if (diverged_s) notes.push(DRIVE_TEXT.divergedTrial(title, figure(diverged_s, 3)));
   if (trials.some(({ figures }) => figures.some((one) => one.interval))) notes.push(DRIVE_TEXT.members);

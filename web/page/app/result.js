@@ -88,18 +88,26 @@ function trialButtons(vessel) {
   return list;
 }
 
-/** Trials from a steady approach with the chosen share of the propulsion. */
+/** Shares of full propulsion for the approach to a trial [%], from that of the test speed of the IMO down. */
+const SHARES = [85, 60, 40, 25];
+
+/** A trial from a steady approach with the chosen share of the propulsion, or with the highest one at which the vessel holds a course. */
 async function simulate(trial, vessel) {
-  try {
-    return trialsShown(await helm.call("trials", [{ trials: [trial], propulsion: state.propulsion ?? 85 }]), vessel);
-  } catch (error) {
-    throw new Error(`${plain(error.message)}. ${TEXT.otherApproach}`);
+  let highest = null;
+  for (const propulsion of state.propulsion ? [state.propulsion] : SHARES) {
+    try {
+      return trialsShown(await helm.call("trials", [{ trials: [trial], propulsion }]), vessel);
+    } catch (error) {
+      highest ??= error;
+    }
   }
+  throw new Error(`${plain(highest.message)}. ${TEXT.otherApproach}`);
 }
 
 /** The propulsion of the approach. */
 function approachChoice() {
-  const select = make("select", {}, ...[85, 60, 40, 25].map((value) => make("option", { value, text: `${value} %`, selected: value === (state.propulsion ?? 85) })));
+  const option = (value, text) => make("option", { value, text, selected: value === (state.propulsion ?? 0) });
+  const select = make("select", {}, option(0, TEXT.highest(SHARES[0])), ...SHARES.map((value) => option(value, `${value} %`)));
   select.onchange = () => { state.propulsion = Number(select.value); };
   return make("label", { className: "choice" }, make("span", { text: TEXT.approach }), select);
 }
