@@ -41,8 +41,8 @@ pub fn vessel(model: &Model, map: Result<&InputMap, &str>, length_m: Option<f64>
     })
 }
 
-/// A trial for the driving view: title, speed and propulsion of the approach, figures with names and units, and the track; `None` for a trial
-/// without a track.
+/// A trial for the driving view: title, speed and propulsion of the approach, figures with names and units, and the track;
+/// `None` for a trial without a track.
 pub fn trial(trial: &Trial, of: &Trials) -> Option<Value> {
     Some(json!({
         "title": trial.kind.title(&of.inputs),
