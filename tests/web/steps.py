@@ -56,6 +56,12 @@ def role(page, column, value):
     row.locator("select").first.select_option(value)
 
 
+def thrusters(page):
+    """The thrusters of the model ship are inputs."""
+    for column in THRUSTERS:
+        role(page, column, "input")
+
+
 def check(page, timeout=60_000):
     page.click("#check")
     expect(page.locator("#check")).to_be_enabled(timeout=timeout)

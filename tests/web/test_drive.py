@@ -4,7 +4,7 @@ import re
 import subprocess
 
 from playwright.sync_api import expect
-from steps import COMMAND, SHIP, THRUSTERS, check, columns_of, figures, identified, needs_data, role, saved
+from steps import COMMAND, SHIP, check, columns_of, figures, identified, needs_data, saved, thrusters
 
 SECONDS = 5
 # Counts the frames of some seconds, and the time that the view takes for each.
@@ -28,8 +28,7 @@ FRAMES = """async (seconds) => {
 def test_a_committee_is_driven_frame_by_frame(tab, tmp_path):
     page = tab()
     columns_of(page, SHIP / "random_run1.csv", SHIP / "run1.csv")
-    for column in THRUSTERS:
-        role(page, column, "input")
+    thrusters(page)
     check(page)
     identified(page, ["committee"])
     if COMMAND:
@@ -59,8 +58,7 @@ def test_a_committee_is_driven_frame_by_frame(tab, tmp_path):
 def test_a_trial_begins_at_a_propulsion_at_which_the_vessel_holds_a_course(tab):
     page = tab()
     columns_of(page, SHIP / "dptest1.csv", SHIP / "run1.csv")
-    for column in THRUSTERS:
-        role(page, column, "input")
+    thrusters(page)
     check(page)
     identified(page, ["committee"])
     circle = page.get_by_role("button", name="Turning circle")

@@ -11,7 +11,6 @@ from steps import (
     COMMAND,
     DATA,
     SHIP,
-    THRUSTERS,
     check,
     columns_of,
     driven,
@@ -19,9 +18,9 @@ from steps import (
     identified,
     needs_command,
     needs_data,
-    role,
     saved,
     shot,
+    thrusters,
     timed,
 )
 
@@ -36,8 +35,7 @@ def test_a_log_of_each_kind_leads_to_a_vessel_that_is_driven(tab, kind):
     with timed(f"{kind}: columns"):
         columns_of(page, LOGS[kind])
     if kind == "table":
-        for column in THRUSTERS:
-            role(page, column, "input")
+        thrusters(page)
     with timed(f"{kind}: check"):
         check(page, timeout=200_000)
     expect(page.locator("#curves canvas").first).to_be_visible()

@@ -26,6 +26,7 @@ from steps import (
     role,
     shot,
     table,
+    thrusters,
 )
 
 
@@ -59,8 +60,7 @@ def test_a_log_becomes_the_model_of_the_command_and_survives_a_reload(tab):
     columns_of(page, SHIP / "random_run1.csv", SHIP / "run1.csv", SHIP / "random_run3.csv")
     for column, name in [("u_mps", "u"), ("v_mps", "v"), ("r_radps", "r")]:
         assert page.evaluate("(c) => state.roles.get(c).role === 'output' && state.roles.get(c).name", column) == name
-    for column in THRUSTERS:
-        role(page, column, "input")
+    thrusters(page)
     check(page)
     expect(page.locator("#curves details")).to_have_count(3)
     page.locator("#parts select").nth(1).select_option("validate")
@@ -111,8 +111,7 @@ def compare(summary, command):
 def test_a_cancelled_identification_can_be_started_again(tab):
     page = tab()
     columns_of(page, SHIP / "random_run1.csv")
-    for column in THRUSTERS:
-        role(page, column, "input")
+    thrusters(page)
     check(page)
     identify(page)
     expect(page.locator(".progress")).to_be_visible()

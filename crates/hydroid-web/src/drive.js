@@ -327,7 +327,6 @@ class DriveView {
       chart.frame();
       return;
     }
-    // Between two samples the vessel is shown on the way.
     if (!this.plant.sound()) {
       chart.fit(track, { reach: this.reach() });
       chart.grid();
@@ -335,6 +334,7 @@ class DriveView {
       chart.frame();
       return;
     }
+    // Between two samples the vessel is shown on the way.
     const share = Plots.bounded(this.ahead / this.vessel.dt, 0, 1);
     const [x, y, psi] = this.plant.eta.map((after, i) => this.before[i] + share * (after - this.before[i]));
     chart.fit(this.follow ? [[x, y]] : [...track, [x, y]], { centre: this.follow ? [x, y] : null, reach: this.reach() });

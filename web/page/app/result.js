@@ -91,7 +91,7 @@ function trialButtons(vessel) {
 /** Shares of full propulsion for the approach to a trial [%], from that of the test speed of the IMO down. */
 const SHARES = [85, 60, 40, 25];
 
-/** A trial from a steady approach with the chosen share of the propulsion, or with the highest one at which the vessel holds a course. */
+/** A trial from a steady approach with the chosen share of the propulsion, or with the highest one that has a steady approach. */
 async function simulate(trial, vessel) {
   let highest = null;
   for (const propulsion of state.propulsion ? [state.propulsion] : SHARES) {

@@ -210,4 +210,5 @@ fn inconsistent_parts_are_refused() {
     let endless = GuardOptions { horizon, stride: horizon / 4, window: horizon, ..settings.clone() };
     assert!(make(&RANGES, &NOISE, endless).is_some());
     assert!(make(&RANGES, &NOISE, settings).is_none());
+    assert!(make(&RANGES, &NOISE, GuardOptions::new(1e-9)).is_none());
 }

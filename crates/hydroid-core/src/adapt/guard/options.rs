@@ -29,12 +29,12 @@ pub struct GuardOptions {
 }
 
 impl GuardOptions {
-    /// For samples of `dt` seconds: five tests over a horizon of 2 s, and a guarantee over a minute.
+    /// For samples of `dt` seconds: five tests over a horizon of 2 s or 10,000 samples, and a guarantee over a minute.
     pub fn new(dt: f64) -> Self {
         // Casts saturate, and NaN is 0.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let samples = |time_s: f64, least: usize| (num_traits::Float::round(time_s / dt) as usize).max(least);
-        let horizon = samples(2.0, 4);
+        let horizon = samples(2.0, 4).min(LONGEST_HORIZON);
         let stride = (horizon / 5).max(1);
         // Origins coincide with tests.
         let horizon = horizon - horizon % stride;
