@@ -17,12 +17,12 @@ use hydroid_report::figure::{Figure, Key, Line, Mark, Panel, Stroke};
 use hydroid_report::style;
 
 /// Steps of a window.
-pub const STEPS: usize = 20;
+pub(super) const STEPS: usize = 20;
 /// Windows of an `Error(k)`.
-pub const WINDOWS: usize = 10;
+pub(super) const WINDOWS: usize = 10;
 const FIRST: usize = 3;
 /// Speed of the change of mode of the hydrofoil \[m/s\].
-pub const TRANSITION: f64 = 2.5;
+pub(super) const TRANSITION: f64 = 2.5;
 /// Origin stride for the noise floor.
 const STRIDE: usize = 5;
 /// Integration step of a plant \[s\].
@@ -33,39 +33,39 @@ const LEAST: f64 = 1e-4;
 const OUTPUTS: usize = 3;
 
 /// Speed ranges of the blocks, see [`is`].
-pub const PLACES: [&str; 3] = ["all", "below the transition", "mean u above it"];
+pub(super) const PLACES: [&str; 3] = ["all", "below the transition", "mean u above it"];
 
 /// Mean absolute errors of `u`, `v`, `r`.
-pub type Errors = [f64; OUTPUTS];
+pub(super) type Errors = [f64; OUTPUTS];
 
 /// A log with quantities that only a simulation provides.
 #[derive(Clone, Debug)]
-pub struct Record {
+pub(super) struct Record {
     /// Outputs `u`, `v`, `r`, and the commands of propeller and rudder.
-    pub run: Trajectory,
+    pub(super) run: Trajectory,
     /// True outputs, row by row.
-    pub truth: Vec<f64>,
+    pub(super) truth: Vec<f64>,
     /// True force of the propeller \[N\].
-    pub force: Vec<f64>,
+    pub(super) force: Vec<f64>,
 }
 
 /// One block of Error(k).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Block {
+pub(super) struct Block {
     /// First sample.
-    pub k: usize,
+    pub(super) k: usize,
     /// Mean true speed \[m/s\].
-    pub mean_u: f64,
+    pub(super) mean_u: f64,
     /// Largest true speed \[m/s\].
-    pub max_u: f64,
+    pub(super) max_u: f64,
     /// Errors of the model.
-    pub model: Errors,
+    pub(super) model: Errors,
     /// Errors of C0.
     pub c0: Errors,
 }
 
 /// Whether a block lies in a speed range of [`PLACES`].
-pub fn is(block: &Block, place: usize) -> bool {
+pub(super) fn is(block: &Block, place: usize) -> bool {
     match place {
         1 => block.max_u < TRANSITION,
         2 => block.mean_u > TRANSITION,
@@ -78,7 +78,7 @@ impl Record {
     ///
     /// # Errors
     /// If the simulation lacks an output `u`, `v` or `r`.
-    pub fn of(simulated: &Simulated) -> Result<Self, StudyError> {
+    pub(super) fn of(simulated: &Simulated) -> Result<Self, StudyError> {
         let run = simulated.to_trajectory(&["u", "v", "r"])?;
         let states = simulated.states();
         let truth = states.iter().flat_map(|state| [state.u, state.v, state.r]).collect();
@@ -86,7 +86,7 @@ impl Record {
     }
 
     /// True outputs at a sample.
-    pub fn truth(&self, k: usize) -> Errors {
+    pub(super) fn truth(&self, k: usize) -> Errors {
         std::array::from_fn(|c| self.truth[k * OUTPUTS + c])
     }
 
@@ -96,7 +96,7 @@ impl Record {
     }
 
     /// Mean absolute error of a plant over a window.
-    pub fn of_plant(&self, plant: &Plant, from: Errors, origin: usize) -> Errors {
+    pub(super) fn of_plant(&self, plant: &Plant, from: Errors, origin: usize) -> Errors {
         let mut state = State { u: from[0], v: from[1], r: from[2], p_f: self.force[origin], ..State::REST };
         let mut sums = [0.0; OUTPUTS];
         let step = self.run.dt / (self.run.dt / INTERNAL_S).round().max(1.0);
@@ -114,7 +114,7 @@ impl Record {
 }
 
 /// Adds errors to a mean of `of` values.
-pub fn add(sums: &mut Errors, errors: Errors, of: usize) {
+pub(super) fn add(sums: &mut Errors, errors: Errors, of: usize) {
     for (sum, error) in sums.iter_mut().zip(errors) {
         *sum += error / of as f64;
     }
@@ -146,7 +146,7 @@ fn windows(record: &Record, session: &mut dyn Predictor) -> Vec<Option<Errors>> 
 ///
 /// # Errors
 /// If C0 cannot be built; this does not happen.
-pub fn blocks(record: &Record, session: &mut dyn Predictor) -> Result<Vec<Block>, StudyError> {
+pub(super) fn blocks(record: &Record, session: &mut dyn Predictor) -> Result<Vec<Block>, StudyError> {
     let c0 = plant(&VesselParams::hydrofoil_low_speed())?;
     let windows = windows(record, session);
     let span = STEPS * WINDOWS;
@@ -170,7 +170,7 @@ pub fn blocks(record: &Record, session: &mut dyn Predictor) -> Result<Vec<Block>
 ///
 /// # Errors
 /// If the plant cannot be built; this does not happen.
-pub fn noise_floor(record: &Record) -> Result<Errors, StudyError> {
+pub(super) fn noise_floor(record: &Record) -> Result<Errors, StudyError> {
     let plant = plant(&VesselParams::hydrofoil())?;
     let origins: Vec<usize> = (FIRST..record.run.len().saturating_sub(STEPS)).step_by(STRIDE).collect();
     let mut sums = [0.0; OUTPUTS];
@@ -186,7 +186,7 @@ fn plant(vessel: &VesselParams) -> Result<Plant, StudyError> {
 }
 
 /// Speed (upper panel) and errors on logarithmic axes.
-pub fn figure(blocks: &[Block], name: &str, stroke: Stroke, dt: f64) -> Figure {
+pub(super) fn figure(blocks: &[Block], name: &str, stroke: Stroke, dt: f64) -> Figure {
     let time = |block: &Block| block.k as f64 * dt;
     let line = |value: &dyn Fn(&Block) -> f64, stroke: Stroke| {
         Mark::Line(Line::new(blocks.iter().map(|block| (time(block), value(block))).collect(), stroke))

@@ -6,9 +6,8 @@
 
 mod claims;
 mod error;
-pub mod error_k;
+mod error_k;
 mod experiment;
-pub mod guard;
 mod outcome;
 mod page;
 mod palette;
@@ -28,13 +27,13 @@ use serde::Serialize;
 
 use hydroid::atomic;
 use outcome::{Outcome, Picture, Sheet};
-use runner::Runner;
 
 pub use claims::{Holds, Judged};
 pub use error::StudyError;
 pub use experiment::Kind;
 pub use plan::{Bound, Claim, Drive, Experiment, ModelPlan, Plan, Record};
-pub use store::{Key, Store, program};
+pub use runner::{Learned, LoadedRecord, Runner};
+pub use store::{Store, program};
 
 /// Progress of a study.
 #[derive(Clone, Copy, Debug)]

@@ -20,20 +20,24 @@ use hydroid::model::{Model, Reading};
 use hydroid::progress::Cancelled;
 use hydroid::simulate::{self, Simulated, simulate};
 
+/// A simulated record.
 #[derive(Debug)]
-pub(super) struct LoadedRecord {
+pub struct LoadedRecord {
     pub(super) name: String,
     pub(super) key: Key,
     pub(super) simulated: Simulated,
-    pub(super) run: Trajectory,
+    /// The record as a log of `u`, `v` and `r`.
+    pub run: Trajectory,
 }
 
 /// A model of one seed with its key.
 #[derive(Debug)]
-pub(super) struct Learned {
+pub struct Learned {
     pub(super) key: Key,
-    pub(super) seed: u64,
-    pub(super) model: Model,
+    /// The seed.
+    pub seed: u64,
+    /// The model.
+    pub model: Model,
     pub(super) about: About,
 }
 
@@ -45,7 +49,8 @@ pub(super) struct About {
     pub(super) peak_mb: Option<f64>,
 }
 
-pub(super) struct Runner<'a> {
+/// Records and models of a plan; models are stored.
+pub struct Runner<'a> {
     plan: &'a Plan,
     pub(super) store: &'a Store,
     watch: Watch<'a>,
@@ -57,7 +62,8 @@ pub(super) struct Runner<'a> {
 }
 
 impl<'a> Runner<'a> {
-    pub(super) fn new(plan: &'a Plan, store: &'a Store, watch: Watch<'a>) -> Self {
+    /// A runner without records and models.
+    pub fn new(plan: &'a Plan, store: &'a Store, watch: Watch<'a>) -> Self {
         let (records, models) = (Mutex::default(), Mutex::default());
         Self { plan, store, watch, place: (0, 1), at: String::new(), records, models }
     }
@@ -86,7 +92,11 @@ impl<'a> Runner<'a> {
         StudyError::Cannot { name: self.at.clone(), why: why.to_string() }
     }
 
-    pub(super) fn record(&self, name: &str) -> Result<Arc<LoadedRecord>, StudyError> {
+    /// A record, simulated on first use.
+    ///
+    /// # Errors
+    /// If it is unknown, or cannot be simulated.
+    pub fn record(&self, name: &str) -> Result<Arc<LoadedRecord>, StudyError> {
         let there = |records: &Mutex<BTreeMap<String, Arc<LoadedRecord>>>| {
             records.lock().unwrap_or_else(PoisonError::into_inner).get(name).map(Arc::clone)
         };
@@ -120,7 +130,10 @@ impl<'a> Runner<'a> {
 
     /// The models of a name, one per seed. They are trained sequentially, each on all cores, so that training times are
     /// comparable.
-    pub(super) fn models(&self, name: &str) -> Result<Arc<Vec<Learned>>, StudyError> {
+    ///
+    /// # Errors
+    /// If the name is unknown, or a model cannot be identified or stored.
+    pub fn models(&self, name: &str) -> Result<Arc<Vec<Learned>>, StudyError> {
         if let Some(models) = self.models.lock().unwrap_or_else(PoisonError::into_inner).get(name) {
             return Ok(Arc::clone(models));
         }

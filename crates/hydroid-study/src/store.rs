@@ -16,7 +16,7 @@ use hydroid::model::{self, Model};
 
 /// Fingerprint of a result and its dependencies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-pub struct Key(u64);
+pub(super) struct Key(u64);
 
 /// A folder of stored results.
 #[derive(Clone, Debug)]

@@ -9,7 +9,6 @@ mod identify;
 mod live;
 mod manoeuvre;
 mod report;
-pub mod study;
 mod thesis;
 mod values;
 
@@ -30,7 +29,6 @@ pub use identify::Identify;
 pub use live::{Live, SessionArgs};
 pub use manoeuvre::Manoeuvre;
 pub use report::Report;
-pub use study::{GuardStudy, Study};
 pub use thesis::Thesis;
 pub use values::{Against, Method, NamedNumber, NamedRange, Origin};
 use values::{Pair, parse_timing};
@@ -168,7 +166,6 @@ pub enum Command {
     Export(Export),
     Report(Report),
     Thesis(Thesis),
-    Study(Study),
 }
 
 /// Simulate a vessel and write its log

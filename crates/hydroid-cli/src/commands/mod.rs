@@ -12,7 +12,6 @@ mod manoeuvre;
 mod previous_output;
 mod report;
 mod simulate;
-mod study;
 mod table;
 mod thesis;
 
@@ -60,7 +59,6 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         Command::Report(report) => report::run(&report, args.global),
         Command::Live(live) => live::run(&live, args.global),
         Command::Thesis(thesis) => thesis::run(&thesis, args.global),
-        Command::Study(study) => study::run(&study, args.global),
     }
 }
 

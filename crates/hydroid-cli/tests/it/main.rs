@@ -28,6 +28,5 @@ mod networks;
 mod packages;
 mod recordings;
 mod report;
-mod study;
 mod thesis;
 mod vessel_files;

@@ -36,6 +36,8 @@ mod rate_limits;
 mod real_ships;
 mod recording;
 mod refine;
+#[allow(dead_code)] // the program of the baseline uses all of it
+mod ridge_baseline;
 mod search_parts;
 mod simulate_input;
 mod simulate_records;
@@ -56,5 +58,3 @@ mod module_order;
 #[path = "../../../hydroid-core/tests/it/networks.rs"]
 #[allow(dead_code)] // the tests of this crate use a part of it
 mod networks;
-#[path = "../../../hydroid-study/examples/ridge_baseline.rs"]
-mod ridge_baseline;

@@ -2,18 +2,15 @@
 //! identified again from all other runs.
 //!
 //! ```text
-//! HYDROID_DATA=... cargo run --release -p hydroid-study --example leave_one_run_out -- [method,method[,over-ground][=S]] [SET ...]
+//! HYDROID_DATA=... cargo run --release --manifest-path research/Cargo.toml --bin leave_one_run_out -- [method,method[,over-ground][=S]] [SET ...]
 //! ```
 //!
 //! With `over-ground`, no current is estimated. `=S` is the time budget of the networks of an identification \[s\].
-//! `-- write FOLDER` writes the prepared runs for other programs (`benches/peers/pysindy_leave_one_run_out.py`).
+//! `-- write FOLDER` writes the prepared runs for other programs (`research/peers/pysindy_leave_one_run_out.py`).
 //!
 //! The table has the NRMSE of each output at the horizon, over the windows of all runs together, from every fifth sample
 //! on; `frozen` is the committee with constant coefficients. The last column is the smallest and the largest share of the
 //! measurements inside each prediction band of the best model, over outputs and quarters of the horizon.
-
-#[path = "common/sets.rs"]
-mod sets;
 
 use std::path::Path;
 use std::time::Instant;
@@ -23,7 +20,7 @@ use hydroid::identify::{Method, MotionOption, identify, output_ranges};
 use hydroid::log::Trajectory;
 use hydroid::progress::silent;
 use hydroid_core::predict::Predictor;
-use sets::{SETS, Set, methods};
+use hydroid_research::sets::{SETS, Set, methods};
 
 /// Share of the measurements inside prediction bands, for each level, quarter of the horizon and output.
 #[derive(Default)]

@@ -1,7 +1,7 @@
 //! A controller with one model of a vessel steers another model of it along a lawn-mower.
 //!
 //! ```text
-//! HYDROID_DATA=... cargo run --release -p hydroid-study --example steer_fleet -- [law] [model] [plant] [VESSEL ...]
+//! HYDROID_DATA=... cargo run --release --manifest-path research/Cargo.toml --bin steer_fleet -- [law] [model] [plant] [VESSEL ...]
 //! ```
 //!
 //! For each vessel of the simulated fleet, the model of the controller (method `sindy` unless another is given) is identified
@@ -9,9 +9,6 @@
 //! for the model. Twenty seeds, each with measurement noise, the process noise of the plant, and a current of up to 0.3 m/s
 //! from another direction. The table has the median and the largest RMS cross-track error over the seeds, the limit of 5 % of
 //! the length of the vessel plus 0.2 m, the seeds that held the track, and the commands beyond a limit.
-
-#[path = "common/sets.rs"]
-mod sets;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -26,7 +23,7 @@ use hydroid::manoeuvre::{Approach, Options, Response};
 use hydroid::model::{Model, Reading};
 use hydroid::plant::{InputMap, Simulation};
 use hydroid::progress::silent;
-use sets::{SETS, Set, methods};
+use hydroid_research::sets::{SETS, Set, methods};
 
 /// Lengths of the vessels \[m\].
 const LENGTHS: [(&str, f64); 5] =

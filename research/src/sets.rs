@@ -7,14 +7,14 @@ use hydroid::log::{self, LogError, PrepareOptions, Selection, Split, Trajectory,
 use hydroid::model::Reading;
 
 /// Runs of a vessel.
-pub(crate) struct Set {
-    pub(crate) name: &'static str,
-    pub(crate) folder: &'static str,
-    pub(crate) runs: &'static [&'static str],
+pub struct Set {
+    pub name: &'static str,
+    pub folder: &'static str,
+    pub runs: &'static [&'static str],
     outputs: &'static str,
     inputs: &'static str,
     wind: bool,
-    pub(crate) horizon_s: f64,
+    pub horizon_s: f64,
 }
 
 const ESSO: Set = Set {
@@ -44,7 +44,7 @@ const FLEET: Set = Set {
     horizon_s: 30.0,
 };
 
-pub(crate) const SETS: [Set; 9] = [
+pub const SETS: [Set; 9] = [
     Set {
         name: "cybership",
         folder: "cybership-enterprise1",
@@ -83,7 +83,7 @@ pub(crate) const SETS: [Set; 9] = [
 
 impl Set {
     /// The runs, by the file that each comes from.
-    pub(crate) fn read(&self, data: &Path) -> anyhow::Result<(Vec<Vec<Trajectory>>, Reading)> {
+    pub fn read(&self, data: &Path) -> anyhow::Result<(Vec<Vec<Trajectory>>, Reading)> {
         let files: Vec<PathBuf> =
             self.runs.iter().map(|run| data.join(self.folder).join(run).with_extension("csv")).collect();
         let raw = files.iter().map(log::read).collect::<Result<Vec<_>, _>>()?;
@@ -99,7 +99,7 @@ impl Set {
     }
 
     /// The horizon \[samples\].
-    pub(crate) fn horizon(&self, dt: f64) -> usize {
+    pub fn horizon(&self, dt: f64) -> usize {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -110,7 +110,7 @@ impl Set {
     }
 
     /// The identification from all runs but one, which is the test run.
-    pub(crate) fn job(
+    pub fn job(
         &self,
         runs: &[Vec<Trajectory>],
         reading: &Reading,
@@ -140,7 +140,7 @@ impl Set {
 }
 
 /// Methods by their names, separated by commas.
-pub(crate) fn methods(list: &str) -> anyhow::Result<Vec<Method>> {
+pub fn methods(list: &str) -> anyhow::Result<Vec<Method>> {
     let method = |name: &str| Ok(serde_json::from_value(serde_json::Value::from(name))?);
     list.split(',').map(method).collect()
 }

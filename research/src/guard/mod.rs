@@ -17,19 +17,20 @@ mod along;
 mod day;
 mod summary;
 
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 
+use anyhow::{Context as _, ensure};
 use hydroid::adapt::{self, KalmanOptions, Options};
 use hydroid::log::Trajectory;
 use hydroid::model::{Body, Model};
 use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::guard::GuardOptions;
+use hydroid_study::{Plan, Runner, Store};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 use serde::Serialize;
 
-use super::runner::Runner;
-use super::{Plan, Store, StudyError, Watch};
 pub use summary::{Summary, summary};
 
 use along::{Along, Detections, along};
@@ -93,13 +94,9 @@ pub struct Campaign {
 
 /// The built-in cases: equations, direct and recurrent networks on the simple vessel and the hydrofoil. Networks are
 /// trained on first use, and stored in `store`.
-///
-/// # Errors
-/// If a model cannot be identified or stored, or the campaign is cancelled.
-pub fn built_in(quick: bool, store: &Store, watch: Watch<'_>) -> Result<Vec<Case>, StudyError> {
+pub fn built_in(quick: bool, store: &Store) -> anyhow::Result<Vec<Case>> {
     let plan = Plan::built_in(quick)?;
-    let mut runner = Runner::new(&plan, store, watch);
-    "guard".clone_into(&mut runner.at);
+    let runner = Runner::new(&plan, store, &|_| ControlFlow::Continue(()));
     let lawns = ["lawn_1", "lawn_2", "lawn_3"];
     let models: [(&str, &str, &[&str]); 6] = [
         ("sindy_simple", "simple_train", &["simple_test"]),
@@ -113,7 +110,7 @@ pub fn built_in(quick: bool, store: &Store, watch: Watch<'_>) -> Result<Vec<Case
     for (name, training, logs) in models {
         let learned = runner.models(name)?;
         for one in learned.iter() {
-            let logs: Result<_, StudyError> =
+            let logs: anyhow::Result<_> =
                 logs.iter().map(|log| Ok(start(&runner.record(log)?.run, LONGEST))).collect();
             cases.push(Case {
                 name: format!("{name}-seed{}", one.seed),
@@ -146,56 +143,42 @@ impl Case {
         Self { name, model, logs: logs.iter().map(|run| start(run, LONGEST)).collect(), training: None }
     }
 
-    /// Why no day can be drawn.
-    fn defect(&self) -> Option<String> {
-        if self.logs.is_empty() {
-            return Some(String::from("every model needs a log: give one with --log"));
-        }
-        if self.model.description.inputs.is_empty() {
-            return Some(format!("the model {} has no inputs, and faults of commands need one", self.name));
-        }
+    /// An error if no day can be drawn.
+    fn check(&self) -> anyhow::Result<()> {
+        ensure!(!self.logs.is_empty(), "every model needs a log: give one with --log");
+        let inputs = &self.model.description.inputs;
+        ensure!(!inputs.is_empty(), "the model {} has no inputs, and faults of commands need one", self.name);
         let least = SHORTEST + GuardOptions::new(self.model.description.dt).horizon;
-        let short = self.logs.iter().find(|run| run.len() < least)?;
-        Some(format!(
-            "the log {} has {} samples, and a day needs at least {least}: give a longer log",
-            short.name,
-            short.len()
-        ))
+        for Trajectory { name, outputs, .. } in &self.logs {
+            ensure!(
+                outputs.len() >= least,
+                "the log {name} has {} samples, and a day needs at least {least}: give a longer log",
+                outputs.len()
+            );
+        }
+        Ok(())
     }
 }
 
 /// Runs the bad days of the seeds, and the clean days.
-///
-/// # Errors
-/// If a model cannot be adapted, a log is missing or too short, or the campaign is cancelled.
-pub fn campaign(
-    cases: &[Case],
-    seeds: Range<u64>,
-    clean: bool,
-    watch: Watch<'_>,
-) -> Result<Campaign, StudyError> {
+pub fn campaign(cases: &[Case], seeds: Range<u64>, clean: bool) -> anyhow::Result<Campaign> {
+    cases.iter().try_for_each(Case::check)?;
     let of_case = |case: usize| (0..cases[case].logs.len()).map(move |log| (case, log));
     let clean_days: Vec<(usize, usize)> =
         if clean { (0..cases.len()).flat_map(of_case).collect() } else { Vec::new() };
-    let (plan, store) = (Plan::built_in(true)?, Store::new("", 0));
-    let mut runner = Runner::new(&plan, &store, watch);
-    "guard".clone_into(&mut runner.at);
-    if let Some(defect) = cases.iter().find_map(Case::defect) {
-        return Err(runner.cannot(defect));
-    }
-    let drawn: Vec<u64> = seeds.collect();
-    let bad = runner.each("bad days", &drawn, |&seed| bad_day(cases, seed))?;
-    let clean = runner.each("clean days", &clean_days, |&(case, log)| {
+    let bad = seeds.into_par_iter().map(|seed| bad_day(cases, seed)).collect::<anyhow::Result<_>>()?;
+    let clean_day = |(case, log): (usize, usize)| {
         let case = &cases[case];
         let run = &case.logs[log];
         let noise = noise_of(&case.model, run);
         let options = with_noise(&case.model, &noise);
         judge(case, &case.model, &Day::clean(run), &noise, &options, None, &run.name)
-    })?;
+    };
+    let clean = clean_days.into_par_iter().map(clean_day).collect::<anyhow::Result<_>>()?;
     Ok(Campaign { bad, clean })
 }
 
-fn bad_day(cases: &[Case], seed: u64) -> Result<DayResult, StudyError> {
+fn bad_day(cases: &[Case], seed: u64) -> anyhow::Result<DayResult> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let case = &cases[rng.random_range(0..cases.len())];
     let run = &case.logs[rng.random_range(0..case.logs.len())];
@@ -249,14 +232,13 @@ fn judge(
     options: &Options,
     seed: Option<u64>,
     log: &str,
-) -> Result<DayResult, StudyError> {
+) -> anyhow::Result<DayResult> {
     let ports = &model.description.outputs;
     let scale: Vec<f64> = ports.iter().map(|port| 0.5 * (port.range.high - port.range.low)).collect();
     let settings = GuardOptions::new(model.description.dt);
-    let failed =
-        |error: adapt::AdaptError| StudyError::Cannot { name: case.name.clone(), why: error.to_string() };
-    let adapter = |options: &Options| -> Result<Box<dyn Adapter>, StudyError> {
-        let mut session = adapt::adapter(model, options, &[&day.run]).map_err(failed)?.0;
+    let failed = || format!("the model {} cannot be adapted", case.name);
+    let adapter = |options: &Options| -> anyhow::Result<Box<dyn Adapter>> {
+        let mut session = adapt::adapter(model, options, &[&day.run]).with_context(failed)?.0;
         if let Some(training) = &case.training {
             adapt::replay_training_runs(session.as_mut(), &[training]);
         }
@@ -269,7 +251,7 @@ fn judge(
     let alone = follow(adapter(options)?.as_mut(), None, &mut Vec::new());
     let guarded_options = Options { guard: Some(settings.clone()), ..options.clone() };
     let guarded = follow(adapter(&guarded_options)?.as_mut(), None, &mut used);
-    let mut reference = adapt::reference(model, options, &[&day.run]).map_err(failed)?;
+    let mut reference = adapt::reference(model, options, &[&day.run]).with_context(failed)?;
     let reference = follow(reference.as_mut(), Some(&used), &mut Vec::new());
     let floor =
         noise.iter().zip(&scale).map(|(noise, scale)| noise / scale).sum::<f64>() / noise.len() as f64;

@@ -1,6 +1,6 @@
 """Times of the Python package as ratios within one run: what Python adds to the core, and what a sweep adds to its tasks.
 
-    python python/benches/run.py [--sweep]
+    python research/peers/python_package.py [--sweep]
 
 `--sweep` runs 64 identifications of 20,000 samples, first in this process, then on Ray with two workers.
 """

@@ -5,7 +5,7 @@ batch that is there. hydroid: all of a training (`cargo bench -p hydroid --bench
 judging. The two take turns, and of each the fastest round counts: what else runs on the machine slows some rounds, and does
 not speed up any.
 
-    python3 benches/peers/direct.py [--rounds 5]
+    python3 research/peers/direct.py [--rounds 5]
 """
 
 import argparse

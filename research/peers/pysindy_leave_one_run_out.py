@@ -1,7 +1,7 @@
-"""Leave-one-run-out with PySINDy, on the runs and windows of hydroid's example `leave_one_run_out`.
+"""Leave-one-run-out with PySINDy, on the runs and windows of the program `leave_one_run_out`.
 
-    HYDROID_DATA=... cargo run --release -p hydroid-study --example leave_one_run_out -- write FOLDER
-    python benches/peers/pysindy_leave_one_run_out.py FOLDER [SET ...]
+    HYDROID_DATA=... cargo run --release --manifest-path research/Cargo.toml --bin leave_one_run_out -- write FOLDER
+    python research/peers/pysindy_leave_one_run_out.py FOLDER [SET ...]
 
 PySINDy is given what hydroid takes for granted: scaled channels, a clock step of a thirtieth of the horizon, and the choice
 of library, threshold and ridge penalty by cross-validated rollouts over the training runs. Each run is the test run once.

@@ -1,7 +1,7 @@
 //! Turns and zigzags in logs beside the predictions of models that were identified without them.
 //!
 //! ```text
-//! HYDROID_DATA=... cargo run --release -p hydroid-study --example trials_in_logs -- [method] [SET ...]
+//! HYDROID_DATA=... cargo run --release --manifest-path research/Cargo.toml --bin trials_in_logs -- [method] [SET ...]
 //! ```
 //!
 //! Each run of the simulated fleet is left out once. The best model (of `committee`, or of the given method), identified
@@ -9,15 +9,12 @@
 //! error over all trials of a vessel, relative to the measured value for advance and tactical diameter, and the number of
 //! trials.
 
-#[path = "common/sets.rs"]
-mod sets;
-
 use std::path::Path;
 
 use hydroid::identify::{Method, MotionOption, identify};
 use hydroid::manoeuvre::{Comparison, Figure, compare};
 use hydroid::progress::silent;
-use sets::{SETS, Set, methods};
+use hydroid_research::sets::{SETS, Set, methods};
 
 /// A column of the table: figure, factor of relative errors (`None`: absolute), unit.
 const COLUMNS: [(&str, bool, &str); 4] = [

@@ -1,7 +1,7 @@
 //! Online adaptation of direct predictors on logs with truth, by several methods, compared with the frozen networks.
 //!
 //! ```text
-//! cargo run --release --example direct_at_sea -- MODEL[,MODEL ..] LOG[,LOG ..] [KEY=VALUE ..]
+//! cargo run --release --manifest-path research/Cargo.toml --bin direct_at_sea -- MODEL[,MODEL ..] LOG[,LOG ..] [KEY=VALUE ..]
 //! ```
 //!
 //! Models are direct predictors with at least 20 steps; errors are medians over the models. `frozen`: as trained;
@@ -15,9 +15,6 @@
 //! Origins are samples 100, 105, ..; errors are mean absolute differences from the truth at 1, 5 and 20 steps, and
 //! times are medians per sample.
 
-#[path = "shared/hydrofoil.rs"]
-mod hydrofoil;
-#[path = "direct_at_sea/replay.rs"]
 mod replay;
 
 use std::collections::BTreeMap;
@@ -25,9 +22,8 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use hydrofoil::read;
 use hydroid::adapt::{LeastSquaresOptions, Options, adapter, replay_training_runs};
-use hydroid::log::Trajectory;
+use hydroid::log::{self, PrepareOptions, Selection, Trajectory};
 use hydroid::model::{self, Model};
 use hydroid_core::adapt::Adapter;
 use hydroid_core::model::direct::Direct;
@@ -108,6 +104,15 @@ fn main() -> Result<(), Failure> {
         }
     }
     Ok(())
+}
+
+/// Reads a log with outputs `u`, `v`, `r`, or `u_meas` .. if these are missing.
+fn read(path: impl AsRef<str>) -> Result<Trajectory, Failure> {
+    let raw = log::read(Path::new(path.as_ref()))?;
+    let outputs = if raw.position("u").is_some() { "u,v,r" } else { "u=u_meas,v=v_meas,r=r_meas" };
+    let selection = Selection::of(outputs, "PP_cmd,RD_ang")?;
+    let mut prepared = log::prepare(&[raw], &selection, &PrepareOptions::default())?;
+    Ok(prepared.runs.remove(0))
 }
 
 /// Runs a network along a log, then along one at low speed.

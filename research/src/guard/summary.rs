@@ -35,13 +35,6 @@ pub struct Summary {
     pub stuck: [usize; 2],
 }
 
-impl Summary {
-    /// Whether a day of the guarded model exceeds the guarantee.
-    pub fn exceeded(&self) -> bool {
-        self.exceeded[1] + self.clean_days.1 > 0
-    }
-}
-
 fn geometric(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0_u32), |(sum, n), x| (sum + x.ln(), n + 1));
     (sum / f64::from(count)).exp()

@@ -6,7 +6,7 @@ rounds, and does not speed up any. A peer that is not installed is left out. PyT
 projection: the second line for it is an LSTM of its fast path, without projection and with a linear read-out, which
 has more weights; hydroid's time is that with the projection in both.
 
-    python3 benches/peers/recurrent.py [--batch 64] [--rounds 5]
+    python3 research/peers/recurrent.py [--batch 64] [--rounds 5]
 """
 
 import argparse

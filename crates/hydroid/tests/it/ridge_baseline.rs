@@ -1,18 +1,12 @@
 //! Baseline of the identified equations: ridge regression of the increment over a coarse step with a fixed list of
 //! terms, on the splits of the real ships.
 //!
-//! ```text
-//! HYDROID_DATA=... cargo run --release --example ridge_baseline [-- keep-towed]
-//! ```
-//!
-//! Towed ends of a log are removed, as for the equations; `keep-towed` keeps them.
-//!
 //! `y_{k+s} - y_k = step * Xi theta(y_k, c)`, simulated with the coarse step (0.5 s for the tug, 1 s for the tanker).
 //! `theta` is `{1, u, v, r, u|u|, v|v|, r|r|, uv, ur, vr, commands, commands |commands|}`; the command is that at the
 //! start of the step or its mean over the step. Columns have unit RMS, and the penalty is `lambda` per row. Every
 //! sample of a test run is an origin, as for the equations.
 
-// A test includes this file as a module.
+// A program of research/ includes this file.
 #![allow(unreachable_pub, missing_docs)]
 
 use std::path::{Path, PathBuf};
@@ -298,40 +292,4 @@ pub fn last(evaluation: &Evaluation) -> (Vec<f64>, f64) {
     let nrmse = evaluation.nrmse.last().unwrap().clone();
     let mean = nrmse.iter().sum::<f64>() / nrmse.len() as f64;
     (nrmse, mean)
-}
-
-#[allow(dead_code)] // the tests include this file for the functions above
-fn main() {
-    let Some(data) = std::env::var_os("HYDROID_DATA").map(PathBuf::from) else {
-        println!("skipped: no HYDROID_DATA");
-        return;
-    };
-    let keep_towed = std::env::args().any(|argument| argument == "keep-towed");
-    for ship in [CYBERSHIP, ESSO].map(|ship| Ship { keep_towed, ..ship }) {
-        println!("\n{}: ridge on a fixed list, NRMSE on the test run at {} samples", ship.name, ship.horizon);
-        println!(
-            "{:>8} {:>8} {:>12} {:>30} {:>8} {:>9}",
-            "command", "lambda", "validation", "u v r", "mean", "diverged"
-        );
-        let rows = baseline(&ship, &data);
-        for row in &rows {
-            let (nrmse, mean) = last(&row.test);
-            let text: Vec<String> = nrmse.iter().map(|x| format!("{x:.3}")).collect();
-            println!(
-                "{:>8} {:>8} {:>12.3} {:>30} {mean:>8.3} {:>9}",
-                format!("{:?}", row.held),
-                row.lambda,
-                row.validation,
-                text.join(" "),
-                row.test.diverged
-            );
-        }
-        let row = chosen(&rows);
-        println!(
-            "chosen by validation: {:?}, lambda {}, mean {:.3}",
-            row.held,
-            row.lambda,
-            last(&row.test).1
-        );
-    }
 }

@@ -1,0 +1,4 @@
+//! What the programs of `src/bin` share.
+
+pub mod guard;
+pub mod sets;
