@@ -6,7 +6,7 @@ use hydroid::config::Horizon;
 use hydroid::evaluate as judge;
 use hydroid::evaluate::{DesignRange, EvaluateError, Evaluation, Options};
 use hydroid::log::Trajectory;
-use hydroid_core::predict::{Predictor, Workspace};
+use hydroid_core::predict::{Predictor, Workspace, plain};
 use numpy::PyArray2;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySlice};
@@ -74,6 +74,8 @@ impl Function {
 }
 
 impl Predictor for Function {
+    plain!(over_ground advance_observe rollout_batch rollout_snapshots);
+
     fn outputs(&self) -> usize {
         self.widths[0]
     }

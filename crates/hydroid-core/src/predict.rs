@@ -12,9 +12,16 @@
 //! weights. [`Predictor::snapshot`] copies the part on which predictions depend into a flat slice, and
 //! [`Predictor::restore`] puts it back: evaluation follows a run once and rolls out from many origins in parallel.
 
+mod methods;
+
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::any::Any;
+
+#[doc(hidden)]
+pub use crate::delegate_session as delegate;
+#[doc(inline)]
+pub use crate::plain_session as plain;
 
 /// Scratch memory for rollouts. Only the first call of a size and model allocates. A clone is empty.
 #[derive(Debug, Default)]
@@ -79,6 +86,9 @@ pub struct Current {
 ///
 /// `y` has [`outputs`](Self::outputs) numbers, `c` has [`inputs`](Self::inputs) numbers, in the units of the model's
 /// channels. Sequences are flat, row by row. Only [`fork`](Self::fork) allocates once the workspace has grown.
+///
+/// No method has a default: a session around another one that forgets a method would answer without the other one. Sessions
+/// around no other write the plain behaviour by name with [`plain!`](plain).
 pub trait Predictor: Send + Sync {
     /// Number of outputs.
     fn outputs(&self) -> usize;
@@ -87,9 +97,7 @@ pub trait Predictor: Send + Sync {
     fn inputs(&self) -> usize;
 
     /// Number of samples that the session must observe before its predictions are valid.
-    fn warm_up(&self) -> usize {
-        1
-    }
+    fn warm_up(&self) -> usize;
 
     /// Returns to the start of a run and clears outputs, hidden and lag states. Whether an adapted session also resets
     /// its weights is an option of the session.
@@ -97,19 +105,13 @@ pub trait Predictor: Send + Sync {
 
     /// Takes the heading \[rad\], clockwise from north, of the sample that is observed next. Models of the motion over
     /// ground ignore it; see [`ThroughWater`](crate::current::ThroughWater).
-    fn observe_heading(&mut self, heading: f64) {
-        let _ = heading;
-    }
+    fn observe_heading(&mut self, heading: f64);
 
     /// The estimate of the current; `None` for a model of the motion over ground.
-    fn current(&self) -> Option<&Current> {
-        None
-    }
+    fn current(&self) -> Option<&Current>;
 
     /// As [`output`](Self::output), with the motion through the water.
-    fn output_through_water(&self, y: &mut [f64]) {
-        self.output(y);
-    }
+    fn output_through_water(&self, y: &mut [f64]);
 
     /// Takes the measurement `y_k`. A NaN is a missing value, for which the session keeps its own prediction.
     fn observe(&mut self, y: &[f64]);
@@ -119,10 +121,7 @@ pub trait Predictor: Send + Sync {
 
     /// [`advance`](Self::advance) and [`observe`](Self::observe) in one. A model may omit the prediction where a complete
     /// measurement replaces it.
-    fn advance_observe(&mut self, c: &[f64], y: &[f64]) {
-        self.advance(c);
-        self.observe(y);
-    }
+    fn advance_observe(&mut self, c: &[f64], y: &[f64]);
 
     /// The estimate of the present outputs; NaN where there is none yet.
     fn output(&self, y: &mut [f64]);
@@ -137,15 +136,13 @@ pub trait Predictor: Send + Sync {
     /// Rolls out `count` command sequences from the present state: `commands` are `count x H x inputs`, `y` are
     /// `count x H x outputs`, sequence by sequence.
     ///
-    /// This default runs [`rollout`](Self::rollout) for each sequence. Equations, recurrent networks, direct predictors
+    /// The plain form runs [`rollout`](Self::rollout) for each sequence. Equations, recurrent networks, direct predictors
     /// and vessels compute sequences side by side, with sums in another order or another logistic function, and results
     /// differ in the last digits. Their memory in `work` grows with `count`; [`BATCH`] sequences fill the vector units.
     ///
     /// # Panics
     /// If `commands` and `y` do not hold `count` sequences of the same whole number of rows.
-    fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
-        rollout_each(self, count, commands, work, y);
-    }
+    fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]);
 
     /// Length of a snapshot; constant over the life of a session.
     fn snapshot_len(&self) -> usize;
@@ -167,7 +164,7 @@ pub trait Predictor: Send + Sync {
     /// `commands` and `y` as in [`rollout_batch`](Self::rollout_batch). The state of the session afterwards is that of one
     /// of the snapshots.
     ///
-    /// This default restores and rolls out one snapshot after another. Equations compute all of them side by side; they
+    /// The plain form restores and rolls out one snapshot after another. Equations compute all of them side by side; they
     /// add sums in another order, and results differ in the last digits.
     ///
     /// # Panics
@@ -179,53 +176,22 @@ pub trait Predictor: Send + Sync {
         commands: &[f64],
         work: &mut Workspace,
         y: &mut [f64],
-    ) {
-        restore_and_roll_out(self, count, snapshots, commands, work, y);
-    }
+    );
 
     /// A new session with the same predictions; constant weights are shared. The fork of a session that learns does not
     /// learn.
     fn fork(&self) -> Box<dyn Predictor>;
 }
 
-/// Methods of [`Predictor`] that call the method of a field.
-macro_rules! delegate {
-    ($field:ident: $($method:ident)*) => { $($crate::predict::delegate!(@$method $field);)* };
-    (@outputs $field:ident) => { fn outputs(&self) -> usize { self.$field.outputs() } };
-    (@inputs $field:ident) => { fn inputs(&self) -> usize { self.$field.inputs() } };
-    (@warm_up $field:ident) => { fn warm_up(&self) -> usize { self.$field.warm_up() } };
-    (@reset $field:ident) => { fn reset(&mut self) { self.$field.reset(); } };
-    (@observe $field:ident) => { fn observe(&mut self, y: &[f64]) { self.$field.observe(y); } };
-    (@advance $field:ident) => { fn advance(&mut self, c: &[f64]) { self.$field.advance(c); } };
-    (@output $field:ident) => { fn output(&self, y: &mut [f64]) { self.$field.output(y); } };
-    (@rollout $field:ident) => {
-        fn rollout(&self, commands: &[f64], work: &mut $crate::predict::Workspace, y: &mut [f64]) {
-            self.$field.rollout(commands, work, y);
-        }
-    };
-    (@rollout_batch $field:ident) => {
-        fn rollout_batch(
-            &self,
-            count: usize,
-            commands: &[f64],
-            work: &mut $crate::predict::Workspace,
-            y: &mut [f64],
-        ) {
-            self.$field.rollout_batch(count, commands, work, y);
-        }
-    };
-    (@snapshot_len $field:ident) => { fn snapshot_len(&self) -> usize { self.$field.snapshot_len() } };
-    (@snapshot $field:ident) => { fn snapshot(&self, into: &mut [f64]) { self.$field.snapshot(into); } };
-    (@fork $field:ident) => {
-        fn fork(&self) -> alloc::boxed::Box<dyn $crate::predict::Predictor> { self.$field.fork() }
-    };
-}
-pub(crate) use delegate;
+/// What [`Predictor::fork`] gives.
+#[doc(hidden)]
+pub type Fork = Box<dyn Predictor>;
 
 /// Number of command sequences that callers of [`Predictor::rollout_batch`] should pass at a time.
 pub const BATCH: usize = 64;
 
-pub(crate) fn rollout_each<P: Predictor + ?Sized>(
+#[doc(hidden)]
+pub fn rollout_each<P: Predictor + ?Sized>(
     session: &P,
     count: usize,
     commands: &[f64],
@@ -240,7 +206,8 @@ pub(crate) fn rollout_each<P: Predictor + ?Sized>(
     }
 }
 
-pub(crate) fn restore_and_roll_out<P: Predictor + ?Sized>(
+#[doc(hidden)]
+pub fn restore_and_roll_out<P: Predictor + ?Sized>(
     session: &mut P,
     count: usize,
     snapshots: &[f64],

@@ -15,8 +15,8 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use crate::adapt::memory::{Reader, Writer};
-use crate::adapt::{Adapter, Health, Innovation, Learning, Outcome, Rehearsing, SaveState, kalman};
-use crate::predict::{Current, Predictor, Workspace};
+use crate::adapt::{Adapter, Learning, Rehearsing, SaveState};
+use crate::predict::{Predictor, Workspace, delegate};
 
 /// Positions of the actuators behind a row of commands.
 #[derive(Clone, Debug, PartialEq)]
@@ -116,37 +116,11 @@ fn scratch(work: &mut Workspace, commands: usize, inputs: usize) -> (&mut [f64],
 }
 
 impl<P: Predictor + ?Sized> Predictor for RateLimited<P> {
-    fn outputs(&self) -> usize {
-        self.inner.outputs()
-    }
-
-    fn inputs(&self) -> usize {
-        self.inner.inputs()
-    }
-
-    fn warm_up(&self) -> usize {
-        self.inner.warm_up()
-    }
+    delegate!(inner: outputs inputs warm_up observe_heading current output output_through_water observe);
 
     fn reset(&mut self) {
         self.limiter.reset();
         self.inner.reset();
-    }
-
-    fn observe_heading(&mut self, heading: f64) {
-        self.inner.observe_heading(heading);
-    }
-
-    fn current(&self) -> Option<&Current> {
-        self.inner.current()
-    }
-
-    fn output_through_water(&self, y: &mut [f64]) {
-        self.inner.output_through_water(y);
-    }
-
-    fn observe(&mut self, y: &[f64]) {
-        self.inner.observe(y);
     }
 
     fn advance(&mut self, c: &[f64]) {
@@ -157,10 +131,6 @@ impl<P: Predictor + ?Sized> Predictor for RateLimited<P> {
     fn advance_observe(&mut self, c: &[f64], y: &[f64]) {
         self.take_command(c);
         self.inner.advance_observe(&self.row, y);
-    }
-
-    fn output(&self, y: &mut [f64]) {
-        self.inner.output(y);
     }
 
     fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
@@ -235,33 +205,7 @@ impl<P: Predictor + ?Sized> Predictor for RateLimited<P> {
 }
 
 impl Learning for RateLimited<dyn Adapter> {
-    fn outcome(&self) -> Outcome {
-        self.inner.outcome()
-    }
-
-    fn innovations(&self) -> &[Innovation] {
-        self.inner.innovations()
-    }
-
-    fn weights(&self) -> &[f64] {
-        self.inner.weights()
-    }
-
-    fn freeze(&mut self, frozen: bool) {
-        self.inner.freeze(frozen);
-    }
-
-    fn scale_noise(&mut self, factor: f64) {
-        self.inner.scale_noise(factor);
-    }
-
-    fn restart(&mut self) {
-        self.inner.restart();
-    }
-
-    fn health(&self) -> Health {
-        self.inner.health()
-    }
+    delegate!(inner: outcome innovations weights freeze scale_noise restart health guard);
 
     fn deviations(
         &mut self,
@@ -278,6 +222,8 @@ impl Learning for RateLimited<dyn Adapter> {
 }
 
 impl SaveState for RateLimited<dyn Adapter> {
+    delegate!(inner: is_sound);
+
     fn memory_len(&self) -> usize {
         self.inner.inputs() + self.inner.memory_len()
     }
@@ -289,10 +235,6 @@ impl SaveState for RateLimited<dyn Adapter> {
         self.inner.save(into.part(self.inner.memory_len()));
     }
 
-    fn is_sound(&self) -> bool {
-        self.inner.is_sound()
-    }
-
     fn load(&mut self, from: &[f64]) {
         assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
         let mut from = Reader::new(from);
@@ -302,9 +244,7 @@ impl SaveState for RateLimited<dyn Adapter> {
 }
 
 impl Rehearsing for RateLimited<dyn Adapter> {
-    fn rehearsal(&self) -> Option<&kalman::RehearsalOptions> {
-        self.inner.rehearsal()
-    }
+    delegate!(inner: rehearsal);
 
     fn store_window(&mut self, outputs: &[f64], commands: &[f64]) {
         let mut rows = commands.to_vec();

@@ -8,12 +8,14 @@ use hydroid_c::interface::session::{
 };
 use hydroid_c::interface::{HYDROID_BAND_80, HYDROID_BAND_95, hydroid_last_error};
 use hydroid_c::{Session, Status};
-use hydroid_core::predict::{Predictor, Workspace};
+use hydroid_core::predict::{Predictor, Workspace, plain};
 
 /// A session that panics in the middle of a step.
 struct Broken;
 
 impl Predictor for Broken {
+    plain!(warm_up over_ground advance_observe rollout_batch rollout_snapshots);
+
     fn outputs(&self) -> usize {
         1
     }

@@ -15,7 +15,7 @@ use super::prediction_variance::PredictionVariance;
 use super::scale::{rms_over_range, unit_columns};
 use super::{Innovation, Outcome, Rejection};
 use crate::model::sparse::{Equations, EquationsError, Program, Term};
-use crate::predict::{Predictor, delegate};
+use crate::predict::{Predictor, delegate, plain};
 
 pub use constants::{EquationsConstants, GroupConstants};
 
@@ -332,6 +332,7 @@ fn adaptable(equations: &Equations, places: &[usize]) -> Result<Equations, Recur
 }
 
 impl Predictor for RecursiveEquations {
+    plain!(over_ground advance_observe rollout_snapshots);
     delegate!(session: outputs inputs warm_up output rollout rollout_batch snapshot_len snapshot fork);
 
     fn reset(&mut self) {

@@ -23,7 +23,7 @@ use super::options::{MOST_EXPERTS, MOST_SAMPLES, RecursiveOptions, RecursiveOpti
 use super::parametric_session::ParametricSession;
 use super::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState, are_variances};
 use crate::model::sparse::Equations;
-use crate::predict::{Predictor, Workspace, delegate};
+use crate::predict::{Predictor, Workspace, delegate, plain};
 
 /// Options of an [`ExpertMixture`].
 #[derive(Clone, Debug, PartialEq)]
@@ -231,6 +231,7 @@ impl ExpertMixture {
 const DEVIATIONS: f64 = 5.0;
 
 impl Predictor for ExpertMixture {
+    plain!(over_ground advance_observe rollout_snapshots);
     delegate!(mixture: outputs inputs warm_up output rollout rollout_batch snapshot_len snapshot fork);
 
     fn reset(&mut self) {
@@ -270,6 +271,8 @@ impl Predictor for ExpertMixture {
 }
 
 impl Learning for ExpertMixture {
+    plain!(no_guard);
+
     /// Outcome of the first expert; the gates of the others can differ.
     fn outcome(&self) -> Outcome {
         self.experts[0].outcome()
@@ -350,4 +353,6 @@ impl SaveState for ExpertMixture {
     }
 }
 
-impl Rehearsing for ExpertMixture {}
+impl Rehearsing for ExpertMixture {
+    plain!(no_rehearsal);
+}

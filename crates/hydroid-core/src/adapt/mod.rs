@@ -78,9 +78,7 @@ pub trait Learning: Predictor {
     fn health(&self) -> Health;
 
     /// This session as a guard, if it is one.
-    fn guard(&self) -> Option<&guard::Guard> {
-        None
-    }
+    fn guard(&self) -> Option<&guard::Guard>;
 
     /// Standard deviations of the measurements at the `horizons` \[samples\] (ascending, at least 1) under the commands
     /// `c_k, ..` (rows of `commands`, as many as the last horizon), from the uncertainty of weights and state and from
@@ -120,9 +118,7 @@ pub trait SaveState {
     /// Whether the memory can be that of a session: weights and states are finite, variances finite and not negative.
     /// A file or a fault of the arithmetic may violate this; [`load`](Self::load) of a sound memory repairs it. Cheap
     /// beside an update.
-    fn is_sound(&self) -> bool {
-        true
-    }
+    fn is_sound(&self) -> bool;
 }
 
 /// Whether all numbers are finite and none is negative.
@@ -130,18 +126,14 @@ pub(crate) fn are_variances(numbers: &[f64]) -> bool {
     numbers.iter().all(|x| x.is_finite() && *x >= 0.0)
 }
 
-/// Rehearsal of windows of the training data beside the run. The defaults are for adapters that do not rehearse.
+/// Rehearsal of windows of the training data beside the run.
 pub trait Rehearsing {
     /// Options of the rehearsal; `None` without rehearsal.
-    fn rehearsal(&self) -> Option<&kalman::RehearsalOptions> {
-        None
-    }
+    fn rehearsal(&self) -> Option<&kalman::RehearsalOptions>;
 
     /// Stores a window while there is room: measured `outputs` and `commands` of consecutive samples, row by row. The
     /// last [`samples`](kalman::RehearsalOptions::samples) are stored, the samples before settle the state. Allocates.
-    fn store_window(&mut self, outputs: &[f64], commands: &[f64]) {
-        let _ = (outputs, commands);
-    }
+    fn store_window(&mut self, outputs: &[f64], commands: &[f64]);
 }
 
 /// A session that learns, can be saved, and may rehearse.

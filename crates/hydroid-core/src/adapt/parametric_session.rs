@@ -5,7 +5,7 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 
 use crate::model::sparse::{Equations, EquationsSession};
-use crate::predict::{Predictor, delegate};
+use crate::predict::{Predictor, delegate, plain};
 
 /// A session of equations whose coefficients are part of its snapshots.
 ///
@@ -66,7 +66,9 @@ impl ParametricSession {
 }
 
 impl Predictor for ParametricSession {
-    delegate!(session: outputs inputs warm_up reset observe advance output rollout rollout_batch);
+    plain!(advance_observe rollout_snapshots);
+    delegate!(session: outputs inputs warm_up reset observe_heading current output_through_water observe advance);
+    delegate!(session: output rollout rollout_batch);
 
     fn snapshot_len(&self) -> usize {
         self.session.snapshot_len() + self.places.len()

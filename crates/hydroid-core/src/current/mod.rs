@@ -24,8 +24,8 @@ use alloc::vec::Vec;
 use num_traits::Float;
 
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
-use crate::adapt::{Adapter, Health, Innovation, Learning, Outcome, Rehearsing, SaveState, are_variances};
-use crate::predict::{Current, Predictor, Workspace, rollout_steps};
+use crate::adapt::{Adapter, Learning, Rehearsing, SaveState, are_variances};
+use crate::predict::{Current, Predictor, Workspace, delegate, plain, rollout_steps};
 use jump::Jump;
 use past::Past;
 use symmetric::quadratic;
@@ -324,17 +324,7 @@ fn initial_slopes(options: &CurrentOptions) -> [[f64; 2]; 3] {
 const OWN: usize = 7;
 
 impl<P: Inner + ?Sized> Predictor for ThroughWater<P> {
-    fn outputs(&self) -> usize {
-        self.inner.outputs()
-    }
-
-    fn inputs(&self) -> usize {
-        self.inner.inputs()
-    }
-
-    fn warm_up(&self) -> usize {
-        self.inner.warm_up()
-    }
+    delegate!(inner: outputs inputs warm_up);
 
     /// The next run may have another current.
     fn reset(&mut self) {
@@ -498,17 +488,7 @@ impl<P: Inner + ?Sized> Predictor for ThroughWater<P> {
 }
 
 impl Learning for ThroughWater<dyn Adapter> {
-    fn outcome(&self) -> Outcome {
-        self.inner.outcome()
-    }
-
-    fn innovations(&self) -> &[Innovation] {
-        self.inner.innovations()
-    }
-
-    fn weights(&self) -> &[f64] {
-        self.inner.weights()
-    }
+    delegate!(inner: outcome innovations weights restart health guard);
 
     fn freeze(&mut self, frozen: bool) {
         self.frozen = frozen;
@@ -517,14 +497,6 @@ impl Learning for ThroughWater<dyn Adapter> {
 
     fn scale_noise(&mut self, factor: f64) {
         self.inflation = factor;
-    }
-
-    fn restart(&mut self) {
-        self.inner.restart();
-    }
-
-    fn health(&self) -> Health {
-        self.inner.health()
     }
 
     /// Those of the model, with the uncertainty of the current. The effect of the current grows over a window, and stays.
@@ -615,4 +587,6 @@ impl SaveState for ThroughWater<dyn Adapter> {
 }
 
 /// Without rehearsal: the currents of the training runs are not known to the session.
-impl Rehearsing for ThroughWater<dyn Adapter> {}
+impl Rehearsing for ThroughWater<dyn Adapter> {
+    plain!(no_rehearsal);
+}

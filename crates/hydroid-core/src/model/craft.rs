@@ -9,7 +9,7 @@ use num_traits::Float;
 
 use super::plant::PlantModelError;
 use crate::craft::{Craft, Dynamics, MAX_SERVOS};
-use crate::predict::{Predictor, Workspace, rollout_steps};
+use crate::predict::{Predictor, Workspace, plain, rollout_steps};
 use crate::vessel::Dual;
 
 /// A [`Craft`] over samples with held commands: outputs `u, v, r`, inputs its commands, hidden states the positions of its
@@ -201,6 +201,8 @@ impl CraftSession {
 }
 
 impl Predictor for CraftSession {
+    plain!(warm_up over_ground advance_observe rollout_batch rollout_snapshots);
+
     fn outputs(&self) -> usize {
         3
     }

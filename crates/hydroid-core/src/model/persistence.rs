@@ -4,7 +4,7 @@ use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use crate::predict::{Predictor, Workspace, rollout_steps};
+use crate::predict::{Predictor, Workspace, plain, rollout_steps};
 
 /// Predicts that every output keeps its last measured value.
 #[derive(Clone, Debug)]
@@ -21,6 +21,8 @@ impl Persistence {
 }
 
 impl Predictor for Persistence {
+    plain!(warm_up over_ground advance_observe rollout_batch rollout_snapshots);
+
     fn outputs(&self) -> usize {
         self.last.len()
     }

@@ -5,7 +5,7 @@ use alloc::boxed::Box;
 use num_traits::Float;
 use pulp::{Arch, Simd, WithSimd};
 
-use crate::predict::{Predictor, Workspace, rollout_steps};
+use crate::predict::{Predictor, Workspace, plain, rollout_steps};
 use crate::vessel::{Actuation, Command, Form, Lanes, Number as _, Numbers, Plant, VesselParams};
 
 /// The longest integration step \[s\], as in simulation (see [`Plant::advance`]).
@@ -236,6 +236,8 @@ impl WithSimd for BatchRollout<'_> {
 }
 
 impl Predictor for PlantSession {
+    plain!(warm_up over_ground advance_observe rollout_snapshots);
+
     fn outputs(&self) -> usize {
         PlantModel::OUTPUTS
     }

@@ -1,8 +1,7 @@
 //! Wrapper that records the calls of an adapter.
 
-use hydroid_core::adapt::guard::Guard;
-use hydroid_core::adapt::{Adapter, Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
-use hydroid_core::predict::{Current, Predictor, Workspace};
+use hydroid_core::adapt::{Adapter, Learning, Rehearsing, SaveState};
+use hydroid_core::predict::{Predictor, Workspace, delegate, plain};
 
 use super::{BlackBoxError, Recorder};
 use hydroid::log::Note;
@@ -59,17 +58,9 @@ impl<'a> RecordingAdapter<'a> {
 }
 
 impl Predictor for RecordingAdapter<'_> {
-    fn outputs(&self) -> usize {
-        self.adapter.outputs()
-    }
-
-    fn inputs(&self) -> usize {
-        self.adapter.inputs()
-    }
-
-    fn warm_up(&self) -> usize {
-        self.adapter.warm_up()
-    }
+    plain!(advance_observe);
+    delegate!(adapter: outputs inputs warm_up current output output_through_water rollout rollout_batch);
+    delegate!(adapter: snapshot_len snapshot fork);
 
     fn reset(&mut self) {
         if let Some(recorder) = &mut self.recorder {
@@ -80,14 +71,6 @@ impl Predictor for RecordingAdapter<'_> {
 
     fn observe_heading(&mut self, heading: f64) {
         self.heading = heading;
-    }
-
-    fn current(&self) -> Option<&Current> {
-        self.adapter.current()
-    }
-
-    fn output_through_water(&self, y: &mut [f64]) {
-        self.adapter.output_through_water(y);
     }
 
     fn observe(&mut self, y: &[f64]) {
@@ -109,48 +92,26 @@ impl Predictor for RecordingAdapter<'_> {
         self.adapter.advance(c);
     }
 
-    fn output(&self, y: &mut [f64]) {
-        self.adapter.output(y);
-    }
-
-    fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
-        self.adapter.rollout(commands, work, y);
-    }
-
-    fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
-        self.adapter.rollout_batch(count, commands, work, y);
-    }
-
-    fn snapshot_len(&self) -> usize {
-        self.adapter.snapshot_len()
-    }
-
-    fn snapshot(&self, into: &mut [f64]) {
-        self.adapter.snapshot(into);
-    }
-
     fn restore(&mut self, from: &[f64]) {
         self.changed();
         self.adapter.restore(from);
     }
 
-    fn fork(&self) -> Box<dyn Predictor> {
-        self.adapter.fork()
+    fn rollout_snapshots(
+        &mut self,
+        count: usize,
+        snapshots: &[f64],
+        commands: &[f64],
+        work: &mut Workspace,
+        y: &mut [f64],
+    ) {
+        self.changed();
+        self.adapter.rollout_snapshots(count, snapshots, commands, work, y);
     }
 }
 
 impl Learning for RecordingAdapter<'_> {
-    fn outcome(&self) -> Outcome {
-        self.adapter.outcome()
-    }
-
-    fn innovations(&self) -> &[Innovation] {
-        self.adapter.innovations()
-    }
-
-    fn weights(&self) -> &[f64] {
-        self.adapter.weights()
-    }
+    delegate!(adapter: outcome innovations weights health guard deviations);
 
     fn freeze(&mut self, frozen: bool) {
         self.changed();
@@ -166,38 +127,10 @@ impl Learning for RecordingAdapter<'_> {
         self.changed();
         self.adapter.restart();
     }
-
-    fn health(&self) -> Health {
-        self.adapter.health()
-    }
-
-    fn guard(&self) -> Option<&Guard> {
-        self.adapter.guard()
-    }
-
-    fn deviations(
-        &mut self,
-        commands: &[f64],
-        horizons: &[usize],
-        work: &mut Workspace,
-        deviations: &mut [f64],
-    ) {
-        self.adapter.deviations(commands, horizons, work, deviations);
-    }
 }
 
 impl SaveState for RecordingAdapter<'_> {
-    fn memory_len(&self) -> usize {
-        self.adapter.memory_len()
-    }
-
-    fn save(&self, into: &mut [f64]) {
-        self.adapter.save(into);
-    }
-
-    fn is_sound(&self) -> bool {
-        self.adapter.is_sound()
-    }
+    delegate!(adapter: memory_len save is_sound);
 
     fn load(&mut self, from: &[f64]) {
         self.changed();
@@ -205,4 +138,11 @@ impl SaveState for RecordingAdapter<'_> {
     }
 }
 
-impl Rehearsing for RecordingAdapter<'_> {}
+impl Rehearsing for RecordingAdapter<'_> {
+    delegate!(adapter: rehearsal);
+
+    fn store_window(&mut self, outputs: &[f64], commands: &[f64]) {
+        self.changed();
+        self.adapter.store_window(outputs, commands);
+    }
+}

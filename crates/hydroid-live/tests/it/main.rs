@@ -3,6 +3,7 @@
 mod black_box;
 mod boat;
 mod campaign;
+mod decorators;
 mod experiment;
 mod helm;
 mod page;

@@ -2,7 +2,7 @@
 
 use hydroid_core::adapt::guard::{Action, Event};
 use hydroid_core::adapt::{Adapter, Outcome};
-use hydroid_core::predict::{Current, Predictor, Workspace};
+use hydroid_core::predict::{Predictor, delegate, plain};
 use serde::Serialize;
 use web_time::Instant;
 
@@ -49,7 +49,8 @@ pub use crate::evaluate::BAND_80;
 /// Half-width of the 95 % band of a normal distribution \[standard deviations\].
 pub const BAND_95: f64 = 1.959_96;
 
-pub(super) struct MeteredAdapter<'a> {
+/// An adapter whose outcomes are counted and whose calls are timed.
+pub struct MeteredAdapter<'a> {
     adapter: &'a mut dyn Adapter,
     counts: Counts,
     events: Vec<Event>,
@@ -61,7 +62,8 @@ pub(super) struct MeteredAdapter<'a> {
 }
 
 impl<'a> MeteredAdapter<'a> {
-    pub(super) fn new(adapter: &'a mut dyn Adapter) -> Self {
+    /// Counts and measures the calls of an adapter.
+    pub fn new(adapter: &'a mut dyn Adapter) -> Self {
         Self {
             adapter,
             counts: Counts::default(),
@@ -124,29 +126,9 @@ impl<'a> MeteredAdapter<'a> {
 }
 
 impl Predictor for MeteredAdapter<'_> {
-    fn outputs(&self) -> usize {
-        self.adapter.outputs()
-    }
-
-    fn inputs(&self) -> usize {
-        self.adapter.inputs()
-    }
-
-    fn warm_up(&self) -> usize {
-        self.adapter.warm_up()
-    }
-
-    fn reset(&mut self) {
-        self.adapter.reset();
-    }
-
-    fn observe_heading(&mut self, heading: f64) {
-        self.adapter.observe_heading(heading);
-    }
-
-    fn current(&self) -> Option<&Current> {
-        self.adapter.current()
-    }
+    plain!(advance_observe);
+    delegate!(adapter: outputs inputs warm_up reset observe_heading current output output_through_water rollout);
+    delegate!(adapter: rollout_batch rollout_snapshots snapshot_len snapshot restore fork);
 
     fn observe(&mut self, y: &[f64]) {
         let start = Instant::now();
@@ -161,29 +143,5 @@ impl Predictor for MeteredAdapter<'_> {
         let us = self.observing_us + start.elapsed().as_secs_f64() * 1e6;
         #[allow(clippy::cast_possible_truncation)] // times need no more digits
         self.times.push(us as f32);
-    }
-
-    fn output(&self, y: &mut [f64]) {
-        self.adapter.output(y);
-    }
-
-    fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
-        self.adapter.rollout(commands, work, y);
-    }
-
-    fn snapshot_len(&self) -> usize {
-        self.adapter.snapshot_len()
-    }
-
-    fn snapshot(&self, into: &mut [f64]) {
-        self.adapter.snapshot(into);
-    }
-
-    fn restore(&mut self, from: &[f64]) {
-        self.adapter.restore(from);
-    }
-
-    fn fork(&self) -> Box<dyn Predictor> {
-        self.adapter.fork()
     }
 }

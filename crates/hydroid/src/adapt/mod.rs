@@ -26,7 +26,6 @@ use crate::evaluate::{self, EvaluateError, Evaluation, evaluate};
 use crate::log::Trajectory;
 use crate::model::{Body, CurrentError, Model};
 use crate::progress::Progress;
-use metrics::MeteredAdapter;
 
 pub use guarded::reference;
 pub use hydroid_core::adapt::InnovationGate;
@@ -34,6 +33,8 @@ pub use hydroid_core::adapt::guard::GuardOptions;
 pub use hydroid_core::adapt::kalman::CovarianceForm;
 pub use kalman::{KalmanOptions, Rehearse};
 pub use least_squares::LeastSquaresOptions;
+#[doc(hidden)]
+pub use metrics::MeteredAdapter;
 pub use metrics::{Counts, Coverage, Times};
 pub use plant::LearnedParameter;
 #[doc(hidden)]

@@ -12,7 +12,7 @@ use hydroid::evaluate::{
 use hydroid::log::Trajectory;
 use hydroid::progress::silent;
 use hydroid_core::model::Persistence;
-use hydroid_core::predict::{Predictor, Workspace, rollout_steps};
+use hydroid_core::predict::{Predictor, Workspace, plain, rollout_steps};
 
 /// A predictor with a given error of every prediction.
 #[derive(Clone)]
@@ -30,6 +30,8 @@ impl Oracle {
 }
 
 impl Predictor for Oracle {
+    plain!(over_ground advance_observe rollout_batch rollout_snapshots);
+
     fn outputs(&self) -> usize {
         2
     }

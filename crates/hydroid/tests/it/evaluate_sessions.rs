@@ -7,7 +7,7 @@ use crate::judged::{DT, judge, options, run, wave};
 use hydroid::evaluate::{DesignRange, evaluate};
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
-use hydroid_core::predict::{Predictor, Workspace};
+use hydroid_core::predict::{Predictor, Workspace, plain};
 
 /// A coupled nonlinear model, sensitive to the last bit.
 fn equations() -> EquationsSession {
@@ -52,6 +52,8 @@ struct Memory {
 }
 
 impl Predictor for Memory {
+    plain!(warm_up over_ground advance_observe rollout_batch rollout_snapshots);
+
     fn outputs(&self) -> usize {
         2
     }
@@ -112,6 +114,8 @@ struct Learner {
 }
 
 impl Predictor for Learner {
+    plain!(warm_up over_ground advance_observe rollout_batch rollout_snapshots);
+
     fn outputs(&self) -> usize {
         1
     }

@@ -17,7 +17,7 @@ use hydroid::log::{self, PrepareOptions, Selection, Table, Trajectory};
 use hydroid::progress::silent;
 use hydroid::sindy::{BLOCK_ROWS, QrFactor};
 use hydroid_core::model::sparse::Term;
-use hydroid_core::predict::{Predictor, Workspace, rollout_steps};
+use hydroid_core::predict::{Predictor, Workspace, plain, rollout_steps};
 
 /// Logs of a ship by use, and their preparation.
 pub struct Ship {
@@ -199,6 +199,8 @@ impl Ridge {
 }
 
 impl Predictor for Ridge {
+    plain!(warm_up over_ground advance_observe rollout_batch rollout_snapshots);
+
     fn outputs(&self) -> usize {
         self.state.len()
     }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use hydroid_core::adapt::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
 use hydroid_core::model::direct::{Batch, Direct, DirectError, DirectSession};
 use hydroid_core::model::recurrent::BaseModel;
-use hydroid_core::predict::{Predictor, Workspace};
+use hydroid_core::predict::{Predictor, Workspace, delegate, plain};
 
 pub(crate) struct ReplaySettings {
     pub(crate) rate: f64,
@@ -107,15 +107,10 @@ impl Replay {
 }
 
 impl Predictor for Replay {
-    fn outputs(&self) -> usize {
-        self.session.outputs()
-    }
-    fn inputs(&self) -> usize {
-        self.session.inputs()
-    }
-    fn warm_up(&self) -> usize {
-        self.session.warm_up()
-    }
+    plain!(advance_observe rollout_batch rollout_snapshots);
+    delegate!(session: outputs inputs warm_up observe_heading current output output_through_water rollout);
+    delegate!(session: snapshot_len snapshot fork);
+
     fn reset(&mut self) {
         self.session.reset();
         self.outputs.clear();
@@ -156,28 +151,15 @@ impl Predictor for Replay {
         self.commands.extend(c.iter().enumerate().map(scaled));
     }
 
-    fn output(&self, y: &mut [f64]) {
-        self.session.output(y);
-    }
-    fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
-        self.session.rollout(commands, work, y);
-    }
-    fn snapshot_len(&self) -> usize {
-        self.session.snapshot_len()
-    }
-    fn snapshot(&self, into: &mut [f64]) {
-        self.session.snapshot(into);
-    }
     fn restore(&mut self, from: &[f64]) {
         self.session.restore(from);
-    }
-    fn fork(&self) -> Box<dyn Predictor> {
-        self.session.fork()
     }
 }
 
 /// The part of the interface that this comparison uses: sessions and freezing.
 impl Learning for Replay {
+    plain!(no_guard);
+
     fn outcome(&self) -> Outcome {
         Outcome::Waiting
     }
@@ -214,7 +196,13 @@ impl SaveState for Replay {
 
     fn save(&self, _: &mut [f64]) {}
 
+    fn is_sound(&self) -> bool {
+        true
+    }
+
     fn load(&mut self, _: &[f64]) {}
 }
 
-impl Rehearsing for Replay {}
+impl Rehearsing for Replay {
+    plain!(no_rehearsal);
+}

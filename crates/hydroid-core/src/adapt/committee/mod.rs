@@ -11,7 +11,7 @@ use super::innovation_gate::InnovationGate;
 use super::memory::{MOST_COUNTED, Reader, Writer};
 use super::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
 use crate::model::committee::{Committee, CommitteeError, Limits, MOST_MEMBERS, Past, weighted_median};
-use crate::predict::{Predictor, Workspace, rollout_steps};
+use crate::predict::{Predictor, Workspace, plain, rollout_steps};
 use learner::Learner;
 
 pub use learner::{LearnerConstants, increment_stride};
@@ -176,6 +176,8 @@ impl CommitteeSession {
 }
 
 impl Predictor for CommitteeSession {
+    plain!(over_ground rollout_batch rollout_snapshots);
+
     fn outputs(&self) -> usize {
         self.committee.outputs()
     }
@@ -313,6 +315,8 @@ impl Predictor for CommitteeSession {
 }
 
 impl Learning for CommitteeSession {
+    plain!(no_guard);
+
     /// Outcome of the last member that completed a row at this sample; the gates of the others can differ.
     fn outcome(&self) -> Outcome {
         self.outcome
@@ -389,4 +393,6 @@ impl SaveState for CommitteeSession {
     }
 }
 
-impl Rehearsing for CommitteeSession {}
+impl Rehearsing for CommitteeSession {
+    plain!(no_rehearsal);
+}

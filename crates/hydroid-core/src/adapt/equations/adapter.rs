@@ -4,9 +4,11 @@ use super::super::memory::{MOST_COUNTED, Reader, Writer};
 use super::super::prediction_variance::PredictionVariance;
 use super::super::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
 use super::{Group, RecursiveEquations};
-use crate::predict::{Predictor, Workspace};
+use crate::predict::{Predictor, Workspace, plain};
 
 impl Learning for RecursiveEquations {
+    plain!(no_guard);
+
     fn outcome(&self) -> Outcome {
         self.outcome
     }
@@ -134,4 +136,6 @@ impl SaveState for RecursiveEquations {
     }
 }
 
-impl Rehearsing for RecursiveEquations {}
+impl Rehearsing for RecursiveEquations {
+    plain!(no_rehearsal);
+}

@@ -6,10 +6,9 @@ use super::Guard;
 use super::bounded::{Bounded, GuardFork};
 use super::event::Expert;
 use super::sensor::Sensor;
-use crate::adapt::kalman::RehearsalOptions;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
-use crate::adapt::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
-use crate::predict::{Current, Predictor, Workspace, delegate};
+use crate::adapt::{Learning, Outcome, Rehearsing, SaveState};
+use crate::predict::{Current, Predictor, Workspace, delegate, plain};
 
 impl Guard {
     fn bounded(&self) -> Bounded<'_> {
@@ -23,6 +22,7 @@ impl Guard {
 }
 
 impl Predictor for Guard {
+    plain!(advance_observe rollout_snapshots);
     delegate!(learner: outputs inputs warm_up);
 
     fn reset(&mut self) {
@@ -123,30 +123,12 @@ impl Learning for Guard {
         self.outcome
     }
 
-    fn innovations(&self) -> &[Innovation] {
-        self.learner.innovations()
-    }
-
-    /// The weights of the learner, even if the reference model is active.
-    fn weights(&self) -> &[f64] {
-        self.learner.weights()
-    }
-
-    fn freeze(&mut self, frozen: bool) {
-        self.learner.freeze(frozen);
-    }
+    // Also the weights are those of the learner, even if the reference model is active.
+    delegate!(learner: innovations weights freeze restart health);
 
     fn scale_noise(&mut self, factor: f64) {
         self.learner.scale_noise(factor);
         self.reference.scale_noise(factor);
-    }
-
-    fn restart(&mut self) {
-        self.learner.restart();
-    }
-
-    fn health(&self) -> Health {
-        self.learner.health()
     }
 
     fn guard(&self) -> Option<&Guard> {
@@ -218,11 +200,5 @@ impl SaveState for Guard {
 }
 
 impl Rehearsing for Guard {
-    fn rehearsal(&self) -> Option<&RehearsalOptions> {
-        self.learner.rehearsal()
-    }
-
-    fn store_window(&mut self, outputs: &[f64], commands: &[f64]) {
-        self.learner.store_window(outputs, commands);
-    }
+    delegate!(learner: rehearsal store_window);
 }

@@ -11,7 +11,7 @@
 
 use alloc::boxed::Box;
 
-use crate::predict::{Predictor, Workspace, delegate};
+use crate::predict::{Predictor, Workspace, delegate, plain};
 
 /// Error, in half design ranges, at which a prediction counts as diverged: ten times the range.
 const DIVERGED: f64 = 20.0;
@@ -113,11 +113,17 @@ impl GuardFork {
 }
 
 impl Predictor for GuardFork {
-    delegate!(model: outputs inputs warm_up output);
+    plain!(advance_observe rollout_snapshots);
+    delegate!(model: outputs inputs warm_up current output output_through_water);
 
     fn reset(&mut self) {
         self.model.reset();
         self.reference.reset();
+    }
+
+    fn observe_heading(&mut self, heading: f64) {
+        self.model.observe_heading(heading);
+        self.reference.observe_heading(heading);
     }
 
     fn observe(&mut self, y: &[f64]) {

@@ -4,9 +4,11 @@ use super::DirectLastLayer;
 use crate::adapt::are_variances;
 use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
 use crate::adapt::{Health, Innovation, Learning, Outcome, RecursiveLeastSquares, Rehearsing, SaveState};
-use crate::predict::{Predictor, Workspace};
+use crate::predict::{Predictor, Workspace, plain};
 
 impl Learning for DirectLastLayer {
+    plain!(no_guard);
+
     fn outcome(&self) -> Outcome {
         self.outcome
     }
@@ -125,4 +127,6 @@ impl SaveState for DirectLastLayer {
     }
 }
 
-impl Rehearsing for DirectLastLayer {}
+impl Rehearsing for DirectLastLayer {
+    plain!(no_rehearsal);
+}

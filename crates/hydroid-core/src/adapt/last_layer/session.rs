@@ -2,9 +2,10 @@
 
 use super::DirectLastLayer;
 use crate::adapt::{Outcome, Rejection};
-use crate::predict::{Predictor, delegate};
+use crate::predict::{Predictor, delegate, plain};
 
 impl Predictor for DirectLastLayer {
+    plain!(over_ground advance_observe rollout_snapshots);
     delegate!(session: outputs inputs warm_up output rollout rollout_batch snapshot_len snapshot fork);
 
     fn reset(&mut self) {

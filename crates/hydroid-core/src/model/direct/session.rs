@@ -11,7 +11,7 @@ use super::check::DirectError;
 use super::forward_pass::ForwardPass;
 use super::model::Direct;
 use super::window::{Window, push};
-use crate::predict::{Predictor, Workspace, rollout_each, rollout_steps};
+use crate::predict::{Predictor, Workspace, plain, rollout_each, rollout_steps};
 
 /// A run of a [`Direct`] model. Measurements replace the present output; missing ones are predicted.
 ///
@@ -135,6 +135,8 @@ impl DirectSession {
 }
 
 impl Predictor for DirectSession {
+    plain!(over_ground advance_observe rollout_snapshots);
+
     fn outputs(&self) -> usize {
         self.window.n
     }

@@ -15,7 +15,7 @@ use super::learnable::Learnable;
 use super::rehearsal::RehearsalOptions;
 use crate::adapt::memory::{Reader, Writer};
 use crate::adapt::{Health, Innovation, Learning, Outcome, Rehearsing, Rejection, SaveState};
-use crate::predict::{Predictor, Workspace};
+use crate::predict::{Predictor, Workspace, plain};
 
 pub use equations::{EquationsKind, KalmanEquations};
 pub use network::{KalmanError, KalmanNetwork, NetworkKind};
@@ -148,6 +148,8 @@ impl<K: ModelKind> KalmanSession<K> {
 }
 
 impl<K: ModelKind> Predictor for KalmanSession<K> {
+    plain!(over_ground advance_observe rollout_snapshots);
+
     fn outputs(&self) -> usize {
         self.kind.session().outputs()
     }
@@ -219,6 +221,8 @@ impl<K: ModelKind> Predictor for KalmanSession<K> {
 }
 
 impl<K: ModelKind> Learning for KalmanSession<K> {
+    plain!(no_guard);
+
     fn outcome(&self) -> Outcome {
         self.outcome
     }

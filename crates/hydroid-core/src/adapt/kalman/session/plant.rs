@@ -13,7 +13,7 @@ use super::super::learnable::{Learnable, LearnablePlant};
 use super::super::options::{FilterOptions, FilterOptionsError};
 use super::{KalmanSession, ModelKind};
 use crate::model::{PlantModel, PlantSession};
-use crate::predict::{Predictor, Workspace, delegate};
+use crate::predict::{Predictor, Workspace, delegate, plain};
 
 const OUTPUTS: usize = PlantModel::OUTPUTS;
 
@@ -53,7 +53,9 @@ impl ParametricPlant {
 }
 
 impl Predictor for ParametricPlant {
-    delegate!(session: outputs inputs reset observe advance output rollout rollout_batch);
+    plain!(advance_observe rollout_snapshots);
+    delegate!(session: outputs inputs warm_up reset observe_heading current output_through_water observe advance);
+    delegate!(session: output rollout rollout_batch);
 
     fn snapshot_len(&self) -> usize {
         STATE + self.weights.len()
