@@ -5,6 +5,7 @@
 //! [`boat`] is the session on board: it takes what the autopilot of a [`link`] reports, lets models follow the vessel, runs
 //! [experiments](experiment), steers, [records](record), and shows all of it on a [`page`].
 
+mod axis;
 pub mod black_box;
 pub mod boat;
 pub mod experiment;
@@ -12,3 +13,5 @@ pub mod link;
 pub mod page;
 pub mod record;
 pub mod stream;
+
+pub use axis::Axis;

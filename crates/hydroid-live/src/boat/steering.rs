@@ -14,7 +14,7 @@ use hydroid::recording::LiveColumn;
 use hydroid_core::guidance::Path;
 
 use super::{Boat, Level, Settings};
-use crate::experiment::{self, Experiment, Explored, Fence, Input, Kind, Seen, Step};
+use crate::experiment::{self, Experiment, Explored, Fence, Kind, Seen, Step};
 use crate::link::{Axis, Link};
 
 /// Names of the experiments.
@@ -95,12 +95,12 @@ fn rest([low, high]: [f64; 2]) -> f64 {
 }
 
 /// The inputs of experiments.
-pub(super) fn inputs(link: &impl Link, settings: &Settings, columns: &[LiveColumn]) -> Vec<Input> {
+pub(super) fn inputs(link: &impl Link, settings: &Settings, columns: &[LiveColumn]) -> Vec<crate::Axis> {
     let all = columns.iter().map(|column| {
         let name = column.source.channel.name.clone();
         let stated = settings.limits.get(&name).copied();
-        let [low, high] = stated.or(limits(link, settings, column).ok().flatten()).unwrap_or([-1.0, 1.0]);
-        Input { name, low, high, rest: rest([low, high]) }
+        let limits = stated.or(limits(link, settings, column).ok().flatten()).unwrap_or([-1.0, 1.0]);
+        crate::Axis::new(name, limits, rest(limits))
     });
     all.collect()
 }

@@ -4,12 +4,12 @@
 //! range on that side of rest. Where the sum exceeds a range, the turn is kept and the push gives way: the turn brings
 //! the boat back into its fence.
 
-use super::settings::Input;
+use crate::Axis;
 
 /// An input with its weights.
 #[derive(Clone, Debug, PartialEq)]
 struct Share {
-    input: Input,
+    input: Axis,
     push: f64,
     turn: f64,
     /// Limits in shares of the range: 0 where there is none on that side of rest.
@@ -32,11 +32,7 @@ const NOTHING: f64 = 1e-9;
 const WEAKEST_TURN: f64 = 0.2;
 
 impl Allocation {
-    pub(super) fn new(
-        inputs: &[Input],
-        push: &[(usize, f64)],
-        turn: &[(usize, f64)],
-    ) -> Result<Self, String> {
+    pub(super) fn new(inputs: &[Axis], push: &[(usize, f64)], turn: &[(usize, f64)]) -> Result<Self, String> {
         let mut shares = inputs.iter().map(Share::new).collect::<Result<Vec<_>, String>>()?;
         for (what, weights) in [("push", push), ("turn", turn)] {
             if weights.is_empty() {
@@ -146,10 +142,6 @@ impl Allocation {
         }
     }
 
-    pub(super) fn inputs(&self) -> impl Iterator<Item = &Input> {
-        self.shares.iter().map(|share| &share.input)
-    }
-
     /// Whether each input pushes or turns.
     pub(super) fn is_used(&self) -> impl Iterator<Item = bool> {
         self.shares.iter().map(|share| share.push != 0.0 || share.turn != 0.0)
@@ -157,8 +149,8 @@ impl Allocation {
 }
 
 impl Share {
-    fn new(input: &Input) -> Result<Self, String> {
-        let Input { name, low, high, rest } = input;
+    fn new(input: &Axis) -> Result<Self, String> {
+        let Axis { name, low, high, rest, .. } = input;
         if !(low.is_finite() && high.is_finite() && low < high) {
             return Err(format!("the limits of {name} are [{low}, {high}]; give two ascending numbers"));
         }
@@ -174,13 +166,13 @@ impl Share {
     }
 
     fn command(&self, share: f64) -> f64 {
-        let Input { low, high, rest, .. } = self.input;
+        let Axis { low, high, rest, .. } = self.input;
         let side = if share >= 0.0 { high - rest } else { rest - low };
         (rest + share * side).clamp(low, high)
     }
 
     fn share(&self, command: f64) -> f64 {
-        let Input { low, high, rest, .. } = self.input;
+        let Axis { low, high, rest, .. } = self.input;
         let side = if command >= rest { high - rest } else { rest - low };
         if side > NOTHING * (high - low) { ((command - rest) / side).clamp(-1.0, 1.0) } else { 0.0 }
     }

@@ -3,7 +3,7 @@
 use rand::{Rng, RngExt as _};
 
 use super::allocation::Allocation;
-use super::settings::Input;
+use crate::Axis;
 
 /// Bins of a range.
 pub const BINS: usize = 20;
@@ -35,12 +35,8 @@ const GAP_S: f64 = 5.0;
 /// What is known of one command.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
-    /// Name, for messages.
-    pub name: String,
-    /// Lower limit.
-    pub low: f64,
-    /// Upper limit.
-    pub high: f64,
+    /// Its name and range.
+    pub axis: Axis,
     /// Time spent in each of the equal parts of the range \[s\].
     pub seconds: [f64; BINS],
     /// Number of changes by more than a tenth of the range between the means of successive windows, for windows of
@@ -59,11 +55,9 @@ struct Window {
 }
 
 impl Channel {
-    fn new(name: &str, low: f64, high: f64) -> Self {
+    fn new(axis: Axis) -> Self {
         Self {
-            name: name.into(),
-            low,
-            high,
+            axis,
             seconds: [0.0; BINS],
             changes: [0; WINDOWS],
             windows: [Window::default(); WINDOWS],
@@ -72,22 +66,23 @@ impl Channel {
     }
 
     fn bin_width(&self) -> f64 {
-        (self.high - self.low) / BINS as f64
+        (self.axis.high - self.axis.low) / BINS as f64
     }
 
     /// Interval of a bin.
     fn bin(&self, bin: usize) -> [f64; 2] {
-        [self.low + bin as f64 * self.bin_width(), self.low + (bin + 1) as f64 * self.bin_width()]
+        let low = self.axis.low;
+        [low + bin as f64 * self.bin_width(), low + (bin + 1) as f64 * self.bin_width()]
     }
 
     /// Adds a command; returns whether it differs significantly from the last significant one.
     fn see(&mut self, dt: f64, value: f64) -> bool {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // `as` saturates
-        let bin = ((value - self.low) / self.bin_width()) as usize;
+        let bin = ((value - self.axis.low) / self.bin_width()) as usize;
         if let Some(seconds) = self.seconds.get_mut(bin.min(BINS - 1)) {
             *seconds += dt;
         }
-        let threshold = CHANGE * (self.high - self.low);
+        let threshold = CHANGE * (self.axis.high - self.axis.low);
         let mut length_s = SHORTEST_WINDOW_S;
         for (window, changes) in self.windows.iter_mut().zip(&mut self.changes) {
             window.sum += dt * value;
@@ -144,7 +139,7 @@ impl Channel {
             gaps.into_iter().map(|[from, to]| format!("{} to {}", short(from), short(to))).collect();
         Some(format!(
             "{}: {:.0} % of the range has been used for at least {dwell_s:.1} s per twentieth, {:.0} % are needed; unused: {}",
-            self.name,
+            self.axis.name,
             100.0 * visited as f64 / bins.len().max(1) as f64,
             100.0 * share,
             gaps.join(", ")
@@ -158,7 +153,7 @@ impl Channel {
             return (enough < 3).then(|| {
                 format!(
                     "{}: {CHANGES} changes at each of three time scales are needed; complete time scales: {enough}",
-                    self.name
+                    self.axis.name
                 )
             });
         };
@@ -176,7 +171,7 @@ impl Channel {
         (!missing.is_empty()).then(|| {
             format!(
                 "{}: {CHANGES} changes are needed at each time scale; there are {}",
-                self.name,
+                self.axis.name,
                 missing.join(", ")
             )
         })
@@ -233,12 +228,12 @@ impl Explored {
     ///
     /// # Errors
     /// If the inputs cannot push ahead or turn to both sides.
-    pub fn new(inputs: &[Input], push: &[(usize, f64)], turn: &[(usize, f64)]) -> Result<Self, String> {
+    pub fn new(inputs: &[Axis], push: &[(usize, f64)], turn: &[(usize, f64)]) -> Result<Self, String> {
         let allocation = Allocation::new(inputs, push, turn)?;
         Ok(Self {
-            inputs: inputs.iter().map(|input| Channel::new(&input.name, input.low, input.high)).collect(),
-            push: Channel::new("push", allocation.astern, 1.0),
-            turn: Channel::new("turn", -allocation.turn, allocation.turn),
+            inputs: inputs.iter().cloned().map(Channel::new).collect(),
+            push: Channel::new(Axis::new("push", [allocation.astern, 1.0], 0.0)),
+            turn: Channel::new(Axis::new("turn", [-allocation.turn, allocation.turn], 0.0)),
             allocation,
             excited_s: 0.0,
             since_change_s: f64::INFINITY,
@@ -321,12 +316,9 @@ impl Explored {
     pub fn missing(&self) -> Vec<String> {
         let mut missing = self.missing_time();
         let [push_s, turn_s] = self.scales();
-        for ((channel, input), used) in
-            self.inputs.iter().zip(self.allocation.inputs()).zip(self.allocation.is_used())
-        {
-            if used {
-                missing.extend(channel.missing_range(input.low, input.high, FULL_RANGE, push_s.min(turn_s)));
-            }
+        for (channel, _) in self.inputs.iter().zip(self.allocation.is_used()).filter(|(_, used)| *used) {
+            let Axis { low, high, .. } = channel.axis;
+            missing.extend(channel.missing_range(low, high, FULL_RANGE, push_s.min(turn_s)));
         }
         missing
     }
@@ -346,7 +338,7 @@ impl Explored {
             .filter(|(channel, used)| !used && channel.changes.iter().all(|&changes| changes < CHANGES))
         {
             text += "; ";
-            text += &channel.name;
+            text += &channel.axis.name;
             text += " neither pushes nor turns and hardly moved: its effect stays unknown";
         }
         text

@@ -20,4 +20,4 @@ pub use fence::Fence;
 pub use kind::Kind;
 pub use motion::Seen;
 pub use run::{Experiment, Step};
-pub use settings::{Input, Settings};
+pub use settings::Settings;

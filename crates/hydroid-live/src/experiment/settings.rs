@@ -2,25 +2,13 @@
 
 use super::allocation::Allocation;
 use super::fence::Fence;
-
-/// One input of the boat, in the units of the model.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Input {
-    /// Name, for messages.
-    pub name: String,
-    /// Lower limit.
-    pub low: f64,
-    /// Upper limit.
-    pub high: f64,
-    /// Command at which the input has no effect.
-    pub rest: f64,
-}
+use crate::Axis;
 
 /// Settings of an experiment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// The inputs, in the order of the commands.
-    pub inputs: Vec<Input>,
+    /// The inputs in the units of the model, in the order of the commands.
+    pub inputs: Vec<Axis>,
     /// Inputs that push ahead, with weight: 1, or -1 for a reversed input.
     pub push: Vec<(usize, f64)>,
     /// Inputs that turn to starboard, with weight. Two thrusters push with `left, right` and turn with `left, -right`.

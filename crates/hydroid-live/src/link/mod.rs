@@ -127,20 +127,8 @@ pub enum HelmEvent {
     HandsOff(String),
 }
 
-/// An input of the model as a command. Values are those of the field of the topic.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Axis {
-    /// Name of the input, for messages.
-    pub name: String,
-    /// Topic and field where its values go.
-    pub place: [usize; 2],
-    /// Lower limit.
-    pub low: f64,
-    /// Upper limit.
-    pub high: f64,
-    /// Neutral command.
-    pub rest: f64,
-}
+/// An input of the model as a command: topic and field where its values go, which are those of the field.
+pub type Axis = crate::Axis<[usize; 2]>;
 
 /// Clock of the sender against that of this computer.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -23,7 +23,7 @@ const HOLD: u32 = 4;
 const GUIDED: u32 = 15;
 
 fn axis(name: &str, target: Target, low: f64, high: f64, rest: f64) -> Axis {
-    Axis { name: name.to_owned(), target, low, high, rest }
+    Axis { name: name.to_owned(), place: target, low, high, rest }
 }
 
 fn channels() -> Vec<Axis> {
@@ -90,7 +90,7 @@ struct Boat {
 
 impl Boat {
     fn new(axes: Vec<Axis>, options: Options) -> Self {
-        let mode = if matches!(axes[0].target, Target::Channel(_)) { MANUAL } else { GUIDED };
+        let mode = if matches!(axes[0].place, Target::Channel(_)) { MANUAL } else { GUIDED };
         Self {
             helm: Helm::new(axes, options).unwrap(),
             now: START,
@@ -954,7 +954,7 @@ impl Watch {
                     let axis = self
                         .axes
                         .iter()
-                        .find(|axis| axis.target == Target::Channel(u8::try_from(index + 1).unwrap()));
+                        .find(|axis| axis.place == Target::Channel(u8::try_from(index + 1).unwrap()));
                     match axis {
                         None => assert_eq!(pulse, LEAVE),
                         Some(axis) if is_commanding => {

@@ -1,6 +1,7 @@
 //! Simulated boats of first order, for experiments.
 
-use hydroid_live::experiment::{Experiment, Explored, Fence, Input, Kind, Seen, Settings, Step};
+use hydroid_live::Axis;
+use hydroid_live::experiment::{Experiment, Explored, Fence, Kind, Seen, Settings, Step};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
@@ -150,7 +151,7 @@ impl Boat {
 
     pub(crate) fn settings(&self, seed: u64) -> Settings {
         let low = if self.astern { -1.0 } else { 0.0 };
-        let input = |name: &str, low: f64, high: f64| Input { name: name.into(), low, high, rest: 0.0 };
+        let input = |name: &str, low: f64, high: f64| Axis::new(name, [low, high], 0.0);
         let (inputs, push, turn) = match self.drive {
             Drive::Rudder => (
                 vec![input("throttle", low, 1.0), input("rudder", -35.0, 35.0)],

@@ -67,10 +67,7 @@ impl Link for MavLink {
             is_allowed: self.settings.may_command,
             is_dry_run: self.settings.is_dry_run,
         };
-        let of = |axis: Axis| {
-            let Axis { name, place, low, high, rest } = axis;
-            Ok(helm::Axis { name, target: target(place)?, low, high, rest })
-        };
+        let of = |axis: Axis| target(axis.place).map(|target| axis.at(target));
         let axes = axes.and_then(|axes| axes.into_iter().map(of).collect::<Result<_, String>>());
         self.helm = axes.and_then(|axes| Helm::new(axes, options));
         let mut rates: Vec<(usize, f64)> =

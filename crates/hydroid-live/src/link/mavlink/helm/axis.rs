@@ -71,36 +71,24 @@ pub(super) enum Kind {
     SetPoints,
 }
 
-/// An input of the model as a command. Values are raw: microseconds, m/s, rad/s.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Axis {
-    /// Name of the input, for messages.
-    pub name: String,
-    /// Where its values go.
-    pub target: Target,
-    /// Lower limit.
-    pub low: f64,
-    /// Upper limit.
-    pub high: f64,
-    /// Neutral command; 0 for speeds and rates.
-    pub rest: f64,
-}
+/// An input of the model as a command. Values are raw: microseconds, m/s, rad/s. The neutral speed or rate is 0.
+pub type Axis = crate::Axis<Target>;
 
 impl Axis {
     /// Number of the channel; 0 for set-points.
     pub(super) fn channel(&self) -> f64 {
-        if let Target::Channel(channel) = self.target { channel.into() } else { 0.0 }
+        if let Target::Channel(channel) = self.place { channel.into() } else { 0.0 }
     }
 
     /// A value that can be sent.
     pub(super) fn limited(&self, value: Option<f64>) -> f64 {
         let value = value.filter(|value| value.is_finite()).unwrap_or(self.rest).clamp(self.low, self.high);
-        if self.target.is_channel() { value.round() } else { inward(value, self.low, self.high) }
+        if self.place.is_channel() { value.round() } else { inward(value, self.low, self.high) }
     }
 
     /// Checks limits and neutral command; pulses become whole ones.
     fn check(&mut self) -> Result<(), String> {
-        let Self { name, target, low, high, rest } = self;
+        let Self { name, place: target, low, high, rest } = self;
         if let Target::Channel(channel) = target {
             if !(1..=CHANNELS).contains(&usize::from(*channel)) {
                 return Err(format!("'{name}' commands channel {channel}: overrides have channels 1 to 8"));
@@ -126,19 +114,19 @@ impl Axis {
 /// Checks that axes fit together, and makes their pulses whole.
 pub(super) fn checked(axes: &mut [Axis]) -> Result<Kind, String> {
     let first = axes.first().ok_or("no input of the model is commanded: select at least one")?;
-    let is_channel = first.target.is_channel();
+    let is_channel = first.place.is_channel();
     let mut seen = Vec::new();
     for axis in axes {
-        if axis.target.is_channel() != is_channel {
+        if axis.place.is_channel() != is_channel {
             return Err(format!(
                 "'{}' mixes channels (mode MANUAL) with set-points (mode GUIDED): select inputs of one kind",
                 axis.name
             ));
         }
-        if seen.contains(&axis.target) {
-            return Err(format!("'{}' commands {:?}, as another input does", axis.name, axis.target));
+        if seen.contains(&axis.place) {
+            return Err(format!("'{}' commands {:?}, as another input does", axis.name, axis.place));
         }
-        seen.push(axis.target);
+        seen.push(axis.place);
         axis.check()?;
     }
     Ok(if is_channel { Kind::Overrides } else { Kind::SetPoints })
@@ -165,7 +153,7 @@ fn inward(value: f64, low: f64, high: f64) -> f64 {
 pub(super) fn pulses(axes: &[Axis], value: impl Fn(usize) -> f64) -> [u16; CHANNELS] {
     let mut pulses = [LEAVE; CHANNELS];
     for (index, axis) in axes.iter().enumerate() {
-        if let Target::Channel(channel) = axis.target {
+        if let Target::Channel(channel) = axis.place {
             pulses[usize::from(channel) - 1] = value(index) as u16;
         }
     }
@@ -205,7 +193,7 @@ pub(super) fn set_point_message(
 ) -> MavMessage {
     let mut data = SET_POSITION_TARGET_LOCAL_NED_DATA::DEFAULT;
     for (index, axis) in axes.iter().enumerate() {
-        match axis.target {
+        match axis.place {
             Target::Surge => data.vx = value(index) as f32,
             Target::YawRate => data.yaw_rate = value(index) as f32,
             Target::Channel(_) => {}
