@@ -1,7 +1,6 @@
 //! The `hydroid` command: arguments, progress, exit codes; no mathematics.
 //!
-//! [`main`] is the command. [`on_board`] runs sessions over other links than those of `hydroid live`: `hydroid-ros` uses it.
-//! The crates of hydroid alone use this library.
+//! [`main`] is the command.
 //!
 //! Exit status: 0 done, 1 done but a stated criterion was missed, 2 wrong input, 130 interrupted.
 
@@ -15,11 +14,13 @@ mod ui;
 
 mod args;
 mod commands;
+mod global;
 mod logs;
-pub mod on_board;
 mod outputs;
 
 use std::process::ExitCode;
+
+use hydroid_live::program::{interrupt, text};
 
 /// Runs the command with the arguments of the process.
 pub fn main() -> ExitCode {
@@ -27,12 +28,12 @@ pub fn main() -> ExitCode {
         Ok(args) => args,
         Err(error) => return failure(&error, std::env::args().any(|word| word == "--json")),
     };
-    ui::catch_interrupt();
+    interrupt::catch_interrupt();
     let json = args.global.json;
     match commands::run(args) {
         Ok(outcome) => outcome.into(),
-        Err(error) if ui::interrupted() => {
-            ui::print_error(&error);
+        Err(error) if interrupt::interrupted() => {
+            text::print_error(&error);
             ExitCode::from(130)
         }
         Err(error) => failure(&error, json),
@@ -42,8 +43,8 @@ pub fn main() -> ExitCode {
 /// Reports wrong input, with `--json` also as a JSON document.
 fn failure(error: &anyhow::Error, json: bool) -> ExitCode {
     if json {
-        outln!("{}", serde_json::json!({ "error": ui::error_text(error) }));
+        outln!("{}", serde_json::json!({ "error": text::error_text(error) }));
     }
-    ui::print_error(error);
+    text::print_error(error);
     ExitCode::from(2)
 }

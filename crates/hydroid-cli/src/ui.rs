@@ -1,75 +1,16 @@
-//! Progress, notes and errors on standard error; results on standard output.
+//! Progress, notes and errors on standard error. `outln` prints results on standard output.
 
-use std::borrow::Cow;
-use std::io::{IsTerminal, Write as _};
+use std::io::IsTerminal;
 use std::ops::ControlFlow;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::time::Duration;
 
-use hydroid::atomic;
 use hydroid::identify::Stage;
 use hydroid::log::{Note, Severity};
+use hydroid_live::program::interrupt::interrupted;
+use hydroid_live::program::text::printable;
+pub use hydroid_live::program::text::write_out;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::args::Global;
-
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-
-/// Action at an interruption, for threads that wait for input.
-static AT_INTERRUPT: Mutex<Option<Box<dyn FnOnce() + Send>>> = Mutex::new(None);
-
-/// Time after which an interrupted program ends wherever it is \[ms\].
-static GRACE_MS: AtomicU64 = AtomicU64::new(800);
-
-/// Longest time to wait for a file that is being written.
-const WRITING: Duration = Duration::from_secs(5);
-
-/// Installs the signal handler: the first ctrl-C, SIGTERM or SIGHUP requests a stop, and ends a program that is blocked after
-/// [`GRACE_MS`]; the second ends it at once.
-pub fn catch_interrupt() {
-    // Without a handler, ctrl-C ends the program at once; files are written atomically in either case.
-    let _ = ctrlc::set_handler(|| {
-        if INTERRUPTED.swap(true, Ordering::SeqCst) {
-            std::process::exit(130);
-        }
-        // In threads, so that the handler receives a second ctrl-C.
-        if let Some(act) = AT_INTERRUPT.lock().ok().and_then(|mut act| act.take()) {
-            std::thread::spawn(act);
-        }
-        std::thread::spawn(|| {
-            std::thread::sleep(Duration::from_millis(GRACE_MS.load(Ordering::Relaxed)));
-            let _settled = atomic::settle(WRITING);
-            std::process::exit(130);
-        });
-    });
-}
-
-/// Text for a terminal: control characters of names and cells from files are escaped, as in JSON.
-fn printable(text: &str) -> Cow<'_, str> {
-    let hostile = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
-    if !text.contains(hostile) {
-        return Cow::Borrowed(text);
-    }
-    let escaped = |c: char| if hostile(c) { format!("\\u{:04x}", u32::from(c)) } else { c.to_string() };
-    Cow::Owned(text.chars().map(escaped).collect())
-}
-
-/// Gives an interrupted program more time to end.
-pub fn grant(time: Duration) {
-    GRACE_MS.store(u64::try_from(time.as_millis()).unwrap_or(u64::MAX), Ordering::Relaxed);
-}
-
-/// Sets the action at an interruption. It runs in a thread and must end the program.
-pub fn at_interrupt(act: impl FnOnce() + Send + 'static) {
-    if let Ok(mut place) = AT_INTERRUPT.lock() {
-        *place = Some(Box::new(act));
-    }
-}
-
-pub fn interrupted() -> bool {
-    INTERRUPTED.load(Ordering::SeqCst)
-}
+use crate::global::Global;
 
 /// A progress bar if standard error is a terminal.
 pub struct Bar(ProgressBar);
@@ -156,23 +97,6 @@ pub fn print_notes(notes: &[Note], global: Global) {
     }
 }
 
-pub fn print_error(error: &anyhow::Error) {
-    eprintln!("error: {}", printable(&error_text(error)));
-}
-
-/// An error with its causes, without repeated text.
-pub fn error_text(error: &anyhow::Error) -> String {
-    let mut text = String::new();
-    for cause in error.chain().map(ToString::to_string) {
-        if text.is_empty() {
-            text = cause;
-        } else if !text.contains(&cause) {
-            text = format!("{text}: {cause}");
-        }
-    }
-    text
-}
-
 /// The command line, quoted for a shell.
 pub fn command_line() -> String {
     let quoted = |word: String| {
@@ -184,18 +108,6 @@ pub fn command_line() -> String {
     };
     let words = std::iter::once(String::from("hydroid")).chain(std::env::args().skip(1)).map(quoted);
     words.collect::<Vec<_>>().join(" ")
-}
-
-/// Writes results to standard output; a closed pipe (`| head`) ends the program without an error.
-pub fn write_out(text: std::fmt::Arguments<'_>) {
-    let text = text.to_string();
-    if let Err(error) = std::io::stdout().lock().write_all(printable(&text).as_bytes()) {
-        if error.kind() == std::io::ErrorKind::BrokenPipe {
-            std::process::exit(0);
-        }
-        eprintln!("error: standard output cannot be written: {error}");
-        std::process::exit(2);
-    }
 }
 
 macro_rules! outln {

@@ -11,6 +11,8 @@ pub mod boat;
 pub mod experiment;
 pub mod link;
 pub mod page;
+#[cfg(feature = "program")]
+pub mod program;
 pub mod record;
 pub mod stream;
 

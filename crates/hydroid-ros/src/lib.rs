@@ -15,10 +15,14 @@ mod outputs;
 pub mod settings;
 pub mod value;
 
+use std::ffi::OsString;
+use std::path::Path;
 use std::process::ExitCode;
 
-use clap::{Args as ClapArgs, Parser};
-use hydroid_cli::on_board::{self, Outcome, Session, SessionArgs};
+use clap::{Args as ClapArgs, CommandFactory as _, FromArgMatches as _, Parser};
+use hydroid::config;
+use hydroid_live::program::file::{self, FromFile};
+use hydroid_live::program::{Session, SessionArgs, config_file, interrupt, text};
 
 use self::graph::Graph;
 use self::link::RosLink;
@@ -75,21 +79,45 @@ pub fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    let unset = names.unset.clone();
-    on_board::program::<Args>(&words, &unset, |args| &args.session, |args| run(args, names))
+    interrupt::catch_interrupt();
+    match parse(words, &names.unset).and_then(|args| run(&args, names)) {
+        Ok(code) => code,
+        Err(error) => {
+            text::print_error(&error);
+            ExitCode::from(if interrupt::interrupted() { 130 } else { 2 })
+        }
+    }
 }
 
-fn run(args: &Args, names: Names) -> anyhow::Result<Outcome> {
+/// The arguments with those of the section `[live]` of the configuration file, but for the flags of `unset`.
+fn parse(words: Vec<OsString>, unset: &[String]) -> anyhow::Result<Args> {
+    let command = Args::command();
+    // Required options may be in the file.
+    let given = command.clone().ignore_errors(true).try_get_matches_from(&words).ok();
+    let stated = given.as_ref().and_then(|given| Args::from_arg_matches(given).ok()?.session.config);
+    let path = stated.or_else(|| Path::new(config::FILE).exists().then(|| config::FILE.into()));
+    let from_file = match (&given, path) {
+        (Some(_), Some(path)) => {
+            let mut arguments = file::section(&command, command.get_name(), "live", &path, given.as_ref())?;
+            arguments.retain(|word| !unset.iter().any(|name| word.to_str() == Some(&format!("--{name}"))));
+            Some(FromFile { path, verb: "live", arguments })
+        }
+        _ => None,
+    };
+    file::parse(&command, words, from_file, 1)
+}
+
+fn run(args: &Args, names: Names) -> anyhow::Result<ExitCode> {
     if args.session.print_config {
-        on_board::print(EXAMPLE.trim_end());
-        return Ok(Outcome::Done);
+        text::write_out(format_args!("{}\n", EXAMPLE.trim_end()));
+        return Ok(ExitCode::SUCCESS);
     }
     anyhow::ensure!(
         args.session.time_scale == 1.0,
         "--time-scale {}: the stamps of messages are those of the clock",
         args.session.time_scale
     );
-    let file = on_board::config_file(&args.session, "hydroid-ros")?;
+    let file = config_file(&args.session, "hydroid-ros")?;
     let ros = Ros::read(&file)?;
     let topics = ros.subscribed()?;
     let domain = graph::domain()?;
@@ -112,5 +140,5 @@ fn run(args: &Args, names: Names) -> anyhow::Result<Outcome> {
             graph.port(&topics, commanded, clock).map_err(std::io::Error::other)
         }) as Box<_>
     };
-    session.run(link, open, args.ros.quiet, &mut |boat, now_ns| outputs.publish(boat, now_ns))
+    match session.run(link, open, args.ros.quiet, &mut |boat, now_ns| outputs.publish(boat, now_ns))? {}
 }

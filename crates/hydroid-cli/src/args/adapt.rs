@@ -2,13 +2,11 @@
 
 use std::path::PathBuf;
 
-use clap::{Args as ClapArgs, ValueEnum};
+use clap::Args as ClapArgs;
 use hydroid::adapt::CovarianceForm;
 use hydroid::faults::Faults;
 
-use super::Duration;
-use super::values::NamedNumber;
-use super::{EvaluationArgs, LogArgs};
+use super::{AnswerArgs, Duration, EvaluationArgs, Learner, LogArgs, NamedNumber};
 
 /// Recursive least squares: equations of motion, and the last layer of direct predictors.
 #[derive(Clone, Debug, Default, PartialEq, ClapArgs)]
@@ -63,15 +61,6 @@ pub struct KalmanArgs {
     pub covariance: Option<CovarianceForm>,
 }
 
-/// Methods of adaptation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Learner {
-    /// Recursive least squares on increments (equations) or on the last layer (direct predictors)
-    LeastSquares,
-    /// An extended Kalman filter over state and weights, which also filters the measurement noise
-    Kalman,
-}
-
 /// Method of adaptation and its options.
 #[derive(Clone, Debug, Default, PartialEq, ClapArgs)]
 pub struct MethodArgs {
@@ -120,33 +109,6 @@ pub struct StreamArgs {
     pub stream: bool,
     #[command(flatten)]
     pub answers: AnswerArgs,
-}
-
-/// Answers and state of a live stream.
-#[derive(Clone, Debug, Default, ClapArgs)]
-#[command(next_help_heading = "Live stream")]
-pub struct AnswerArgs {
-    /// Horizons of the predictions in each answer [samples], ascending (default: 1,10,50,100)
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
-    pub horizons: Option<Vec<usize>>,
-    /// Save the state of model and controller in this file once a second, and resume from it; lines that were answered before are not used again
-    #[arg(long, value_name = "FILE")]
-    pub state: Option<PathBuf>,
-    /// Add the computing time to each answer [us]
-    #[arg(long)]
-    pub timing: bool,
-}
-
-impl AnswerArgs {
-    /// Horizons of the predictions \[samples\].
-    pub fn horizons(&self) -> Vec<usize> {
-        self.horizons.clone().unwrap_or_else(|| vec![1, 10, 50, 100])
-    }
-
-    /// Whether an option is given.
-    pub fn is_given(&self) -> bool {
-        self.horizons.is_some() || self.state.is_some() || self.timing
-    }
 }
 
 /// A black box.

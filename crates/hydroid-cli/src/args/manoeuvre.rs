@@ -7,7 +7,7 @@ use hydroid::config::{self, ZigzagAngles};
 
 use super::Duration;
 use super::LogArgs;
-use super::values::Pair;
+use super::Pair;
 
 /// Trials.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

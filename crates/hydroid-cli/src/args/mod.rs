@@ -1,9 +1,8 @@
 //! Arguments of the command line.
 
 mod adapt;
-mod control;
 mod export;
-pub mod file;
+mod file;
 mod help;
 mod identify;
 mod live;
@@ -15,23 +14,24 @@ mod values;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use anyhow::anyhow;
-use clap::{Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{Args as ClapArgs, CommandFactory, Parser, Subcommand};
 use hydroid::config;
 use hydroid::log::{CommandTiming, InputDelay};
 
-pub use adapt::{Adapt, AnswerArgs, KalmanArgs, Learner, LeastSquaresArgs, MethodArgs};
-pub use control::{Control, ControllerKind, TaskKind, TimingKind};
+pub use crate::global::Global;
+pub use adapt::{Adapt, KalmanArgs, LeastSquaresArgs, MethodArgs};
 pub use export::{Export, Target};
-pub use file::FromFile;
 pub use hydroid::config::{Duration, Horizon};
+pub use hydroid_live::program::control::{AnswerArgs, Control};
+use hydroid_live::program::file::parse;
+pub use hydroid_live::program::values::{Learner, NamedNumber, NamedRange, Pair};
 pub use identify::Identify;
-pub use live::{Live, SessionArgs};
+pub use live::Live;
 pub use manoeuvre::Manoeuvre;
 pub use report::Report;
 pub use thesis::Thesis;
-pub use values::{Against, Method, NamedNumber, NamedRange, Origin};
-use values::{Pair, parse_timing};
+use values::parse_timing;
+pub use values::{Against, Method, Origin};
 
 /// Identifies the dynamics of surface vessels from logs, adapts the model online, and controls the vessel.
 #[derive(Debug, Parser)]
@@ -82,73 +82,6 @@ impl Args {
         let after = from_file.as_ref().and_then(|file| words.iter().position(|word| word == file.verb));
         parse(&command, words, from_file, after.map_or(0, |at| at + 1))
     }
-}
-
-/// Parses words, with those of a file behind the first ones. Help and invalid arguments end the program.
-///
-/// # Errors
-/// The words of the file are invalid.
-pub fn parse<A: FromArgMatches>(
-    command: &clap::Command,
-    mut words: Vec<OsString>,
-    from_file: Option<FromFile>,
-    after: usize,
-) -> anyhow::Result<A> {
-    let of = |words: &[OsString]| {
-        let matches = command.clone().try_get_matches_from(words)?;
-        A::from_arg_matches(&matches)
-    };
-    let Some(FromFile { path, verb, arguments }) = from_file else {
-        return Ok(of(&words).unwrap_or_else(|error| error.exit()));
-    };
-    words.splice(after..after, arguments);
-    of(&words).map_err(|error| {
-        if !error.use_stderr() {
-            error.exit();
-        }
-        let text = error.render().to_string();
-        let text = text.trim_start_matches("error: ").trim_end();
-        anyhow!("with the section [{verb}] of {}: {text}", path.display())
-    })
-}
-
-/// The arguments of `hydroid control` in a configuration file.
-///
-/// # Errors
-/// If the section [control] cannot be used.
-pub fn control_of(file: &std::path::Path) -> anyhow::Result<Control> {
-    let command = Args::command();
-    let mut words: Vec<OsString> = vec!["hydroid".into(), "control".into()];
-    if let Some(control) = command.find_subcommand("control") {
-        words.extend(file::section(control, "hydroid control", "control", file, None)?);
-    }
-    let matches = command.try_get_matches_from(words);
-    let args = matches.and_then(|matches| Args::from_arg_matches(&matches)).map_err(|error| {
-        let text = error.render().to_string();
-        anyhow!(
-            "with the section [control] of {}: {}",
-            file.display(),
-            text.trim_start_matches("error: ").trim_end()
-        )
-    })?;
-    match args.command {
-        Command::Control(control) => Ok(*control),
-        _ => Err(anyhow!("the section [control] of {} cannot be used", file.display())),
-    }
-}
-
-/// Options of every command.
-#[derive(Clone, Copy, Debug, ClapArgs)]
-pub struct Global {
-    /// Print one JSON document on standard output, and nothing else
-    #[arg(long, global = true)]
-    pub json: bool,
-    /// Number of threads (default: one per core); the result does not depend on it
-    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub threads: Option<u16>,
-    /// Hide the progress bar and notes; results, warnings and errors remain
-    #[arg(long, short, global = true)]
-    pub quiet: bool,
 }
 
 /// Subcommands.

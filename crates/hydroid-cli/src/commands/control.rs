@@ -1,6 +1,5 @@
 //! `hydroid control`.
 
-pub(crate) mod options;
 mod service;
 
 use std::path::Path;
@@ -16,7 +15,7 @@ use crate::args::{Control, Global};
 use crate::ui;
 
 pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
-    let options = options::of(args);
+    let options = args.options();
     options.check()?;
     service::check_options(args, &options)?;
     let read = |path: Option<&Path>| path.map(NamedModel::read).transpose();

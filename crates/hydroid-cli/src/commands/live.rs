@@ -3,10 +3,10 @@
 use hydroid_live::link::mavlink::port::Port;
 use hydroid_live::link::mavlink::transport::Address;
 use hydroid_live::link::mavlink::{MavLink, Settings};
+use hydroid_live::program::{Session, check_positive, config_file};
 
 use super::Outcome;
 use crate::args::{Global, Live};
-use crate::on_board::{self, Session};
 
 /// An example of the configuration file, for ArduPilot Rover.
 const EXAMPLE: &str = include_str!("live/boat.toml");
@@ -16,9 +16,9 @@ pub fn run(args: &Live, global: Global) -> anyhow::Result<Outcome> {
         outln!("{}", EXAMPLE.trim_end());
         return Ok(Outcome::Done);
     }
-    let file = on_board::config_file(&args.session, "hydroid live")?;
+    let file = config_file(&args.session, "hydroid live")?;
     let address: Address = args.link.parse().map_err(anyhow::Error::msg)?;
-    on_board::check_positive("rate", args.rate)?;
+    check_positive("rate", args.rate)?;
     let system = args.system;
     let link = MavLink::new(Settings {
         system,
@@ -29,5 +29,5 @@ pub fn run(args: &Live, global: Global) -> anyhow::Result<Outcome> {
     });
     let session = Session { args: &args.session, file, address: args.link.clone() };
     let open = move |clock| Box::new(move || Port::open(&address, system, clock)) as Box<_>;
-    session.run(link, open, global.quiet, &mut |_, _| {})
+    match session.run(link, open, global.quiet, &mut |_, _| {})? {}
 }

@@ -1,7 +1,7 @@
 //! Subcommands, one file each.
 
 mod adapt;
-pub(crate) mod control;
+mod control;
 mod convert;
 mod evaluate;
 mod export;

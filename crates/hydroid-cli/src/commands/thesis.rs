@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::time::Instant;
 
+use hydroid_live::program::interrupt;
 use hydroid_study::{Holds, Plan, Status, Summary};
 
 use super::Outcome;
@@ -40,7 +41,7 @@ pub fn run(args: &Thesis, global: Global) -> anyhow::Result<Outcome> {
             *last = text;
         }
         bar.set_fraction(fraction);
-        if ui::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if interrupt::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let summary = hydroid_study::run(&plan, &args.only, &args.output, program, &command(args), &report)?;
     drop(bar);

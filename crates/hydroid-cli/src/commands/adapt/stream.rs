@@ -12,6 +12,7 @@ use hydroid::atomic::{self, Lock};
 use hydroid::log::{LogError, Note};
 use hydroid::model::{self, Model, Reading};
 use hydroid_live::black_box::{Recorder, Source};
+use hydroid_live::program::{interrupt, text};
 use hydroid_live::stream::{Lines, Options, Stream, StreamError, fingerprint};
 
 use serde_json::{Value, json};
@@ -191,7 +192,7 @@ pub fn serve(reader: Box<dyn BufRead>, service: Service) -> anyhow::Result<Outco
     let service = &Arc::new(Mutex::new(service));
     let interrupted = Arc::clone(service);
     // The main thread may wait for input.
-    ui::at_interrupt(move || {
+    interrupt::at_interrupt(move || {
         let mut service = lock(&interrupted);
         let _held = atomic::hold();
         service.end_interrupted();
@@ -220,7 +221,7 @@ fn answer_lines(reader: Box<dyn BufRead>, service: &Mutex<Service>) -> anyhow::R
         let mut held = Some(atomic::hold());
         let mut out = Answers { out: std::io::stdout(), held: &mut held };
         let served = service.stream.serve(line, &mut out);
-        if ui::interrupted() {
+        if interrupt::interrupted() {
             service.end_interrupted();
         }
         drop(held);
@@ -243,7 +244,7 @@ impl Service {
         let status = match self.finish() {
             Ok(()) => 130,
             Err(error) => {
-                ui::print_error(&error);
+                text::print_error(&error);
                 2
             }
         };

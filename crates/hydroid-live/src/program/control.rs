@@ -1,12 +1,14 @@
-//! Arguments of `hydroid control`.
+//! Arguments of `hydroid control`, whose section of the configuration file has the path and the controller on board.
+
+mod options;
 
 use std::path::PathBuf;
 
 use clap::{Args as ClapArgs, ValueEnum};
 
-use super::Duration;
-use super::values::{NamedNumber, NamedRange, Pair, Points, Triple};
-use super::{AnswerArgs, Learner};
+use hydroid::config::Duration;
+
+use super::values::{Learner, NamedNumber, NamedRange, Pair, Points, Triple};
 
 /// Controllers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -241,10 +243,38 @@ pub struct MonteCarloArgs {
     pub wind_variation: Option<f64>,
 }
 
+/// Answers and state of a live stream.
+#[derive(Clone, Debug, Default, ClapArgs)]
+#[command(next_help_heading = "Live stream")]
+pub struct AnswerArgs {
+    /// Horizons of the predictions in each answer [samples], ascending (default: 1,10,50,100)
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub horizons: Option<Vec<usize>>,
+    /// Save the state of model and controller in this file once a second, and resume from it; lines that were answered before are not used again
+    #[arg(long, value_name = "FILE")]
+    pub state: Option<PathBuf>,
+    /// Add the computing time to each answer [us]
+    #[arg(long)]
+    pub timing: bool,
+}
+
+impl AnswerArgs {
+    /// Horizons of the predictions \[samples\].
+    pub fn horizons(&self) -> Vec<usize> {
+        self.horizons.clone().unwrap_or_else(|| vec![1, 10, 50, 100])
+    }
+
+    /// Whether an option is given.
+    pub fn is_given(&self) -> bool {
+        self.horizons.is_some() || self.state.is_some() || self.timing
+    }
+}
+
 /// A live stream.
 #[derive(Clone, Debug, Default, ClapArgs)]
 #[command(next_help_heading = "Live stream")]
 pub struct ServiceArgs {
+    /// Answers.
     #[command(flatten)]
     pub answers: AnswerArgs,
     /// Record samples, updates and events of the adaptation of the last minutes in this file, for hydroid inspect and
@@ -314,16 +344,22 @@ pub struct Control {
     /// Print all options
     #[arg(long)]
     pub help_advanced: bool,
+    /// Controller.
     #[command(flatten)]
     pub controller: ControllerArgs,
+    /// Task.
     #[command(flatten)]
     pub task: TaskArgs,
+    /// Disturbances.
     #[command(flatten)]
     pub disturbances: DisturbanceArgs,
+    /// Online adaptation.
     #[command(flatten)]
     pub adaptation: AdaptationArgs,
+    /// Monte Carlo trials.
     #[command(flatten)]
     pub monte_carlo: MonteCarloArgs,
+    /// Live stream.
     #[command(flatten)]
     pub service: ServiceArgs,
 }

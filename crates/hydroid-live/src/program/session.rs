@@ -1,68 +1,22 @@
 //! A session on board over any link: settings from arguments and the configuration file, page, identification beside it.
 
-use std::ffi::OsString;
+use std::convert::Infallible;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::{Context as _, bail, ensure};
-use clap::{CommandFactory, FromArgMatches};
 use hydroid::config::{self, Config};
 use hydroid::log::ChannelSpec;
 use hydroid::model;
-use hydroid_live::boat::{
-    Boat, ExperimentLimits, Identified, Identify, Level, Open, Said, Service, Settings,
-};
-use hydroid_live::link::{Link, Port, UtcClock};
-use hydroid_live::page::{self, Page};
 
-pub use crate::args::SessionArgs;
-use crate::args::{self, FromFile};
-pub use crate::commands::Outcome;
-use crate::{commands, ui};
-
-/// Runs a program of one command: its arguments with those of the section `[live]` of its configuration file, but for flags
-/// that are switched off, its errors on standard error, and its exit status.
-pub fn program<A: CommandFactory + FromArgMatches>(
-    words: &[OsString],
-    unset: &[String],
-    session: impl FnOnce(&A) -> &SessionArgs,
-    run: impl FnOnce(&A) -> anyhow::Result<Outcome>,
-) -> std::process::ExitCode {
-    ui::catch_interrupt();
-    let command = A::command();
-    let name = command.get_name().to_owned();
-    let of_file = || {
-        // Required options may be in the file.
-        let Ok(matches) = command.clone().ignore_errors(true).try_get_matches_from(words) else {
-            return Ok(None);
-        };
-        let given = A::from_arg_matches(&matches).ok();
-        let stated = given.as_ref().and_then(|args| session(args).config.clone());
-        let path = stated.or_else(|| Path::new(config::FILE).exists().then(|| config::FILE.into()));
-        let Some(path) = path else { return Ok(None) };
-        let mut arguments = args::file::section(&command, &name, "live", &path, Some(&matches))?;
-        arguments.retain(|word| !unset.iter().any(|name| word.to_str() == Some(&format!("--{name}"))));
-        anyhow::Ok(Some(FromFile { path, verb: "live", arguments }))
-    };
-    let done =
-        of_file().and_then(|file| args::parse(&command, words.to_vec(), file, 1)).and_then(|args| run(&args));
-    match done {
-        Ok(outcome) => outcome.into(),
-        Err(error) => {
-            ui::print_error(&error);
-            std::process::ExitCode::from(if ui::interrupted() { 130 } else { 2 })
-        }
-    }
-}
-
-/// Prints a text on standard output.
-pub fn print(text: &str) {
-    outln!("{text}");
-}
+use super::arguments::SessionArgs;
+use super::{file, identification, interrupt};
+use crate::boat::{Boat, ExperimentLimits, Level, Open, Said, Service, Settings};
+use crate::link::{Link, Port, UtcClock};
+use crate::page::{self, Page};
 
 /// The configuration file of a session.
 ///
@@ -110,7 +64,7 @@ impl Session<'_> {
         open: impl FnOnce(UtcClock) -> Open<P>,
         quiet: bool,
         each: &mut dyn FnMut(&Boat<L>, i64),
-    ) -> anyhow::Result<Outcome> {
+    ) -> anyhow::Result<Infallible> {
         let Self { args, file, address } = self;
         let config = config::read(file).context("the configuration file cannot be used")?;
         let settings = settings(args, address, config, file)?;
@@ -123,7 +77,7 @@ impl Session<'_> {
             boat.take_on(&name, &read).with_context(|| format!("{name} cannot be taken on board"))?;
         }
         let stop = Arc::new(AtomicBool::new(false));
-        boat.identify_by(identification(file.clone(), Arc::clone(&stop)));
+        boat.identify_by(identification::by_command(file.clone(), Arc::clone(&stop)));
         if let Some(name) = &args.commands.experiment {
             boat.plan_experiment(name).map_err(anyhow::Error::msg)?;
         }
@@ -133,9 +87,9 @@ impl Session<'_> {
         }
         let mut service = Service::open(boat, open(clock), clock, page.map(|(page, _)| page))?;
         // Commands are released first, and then the recording is closed.
-        ui::grant(Duration::from_secs(10));
+        interrupt::grant(Duration::from_secs(10));
         let ended = Arc::clone(&stop);
-        ui::at_interrupt(move || ended.store(true, Ordering::SeqCst));
+        interrupt::at_interrupt(move || ended.store(true, Ordering::SeqCst));
         service.run(&stop, |said| tell(said, quiet), each);
         // Everything is written; as every command that is interrupted.
         std::process::exit(130)
@@ -164,7 +118,7 @@ fn settings(args: &SessionArgs, address: &str, config: Config, file: &Path) -> a
         ensure!(given.range.unit.is_none(), "--limit {}: limits are in the unit of the model", given.name);
         limits.insert(given.name.clone(), [given.range.low, given.range.high]);
     }
-    let control = commands::control::options::of(&args::control_of(file)?);
+    let control = file::control_of(file)?.options();
     Ok(Settings {
         address: address.to_owned(),
         selection: reading.selection,
@@ -220,95 +174,4 @@ fn tell(said: &Said, quiet: bool) {
         let colon = if level.is_empty() { "" } else { ": " };
         eprintln!("{text} {level}{colon}{}", said.text);
     }
-}
-
-/// `hydroid identify` as another process, which cannot delay the commands.
-fn identification(config: PathBuf, stop: Arc<AtomicBool>) -> Identify {
-    Arc::new(move |recordings, folder| {
-        identify(&config, recordings, folder, &stop).map_err(|error| ui::error_text(&error))
-    })
-}
-
-/// The command `hydroid`: this program, that in its folder, or that of the search path.
-fn command() -> anyhow::Result<PathBuf> {
-    let own = std::env::current_exe().context("the program does not find itself")?;
-    if own.file_stem().is_some_and(|name| name == "hydroid") {
-        return Ok(own);
-    }
-    let beside = own.with_file_name(format!("hydroid{}", std::env::consts::EXE_SUFFIX));
-    Ok(if beside.exists() { beside } else { "hydroid".into() })
-}
-
-fn identify(
-    config: &Path,
-    recordings: &[PathBuf],
-    folder: &Path,
-    stop: &AtomicBool,
-) -> anyhow::Result<Identified> {
-    let program = command()?;
-    let output = free_folder(folder);
-    let mut child = Command::new(program)
-        .arg("identify")
-        .args(recordings)
-        .arg("--config")
-        .arg(config)
-        .arg("-o")
-        .arg(&output)
-        .args(["--quiet", "--threads", "1"])
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .context("the command hydroid cannot be started: install hydroid-cli")?;
-    let said = child.stderr.take();
-    let said = std::thread::spawn(move || {
-        said.map(|mut said| {
-            let mut text = Vec::new();
-            let _ = std::io::Read::read_to_end(&mut said, &mut text);
-            String::from_utf8_lossy(&text).into_owned()
-        })
-    });
-    let status = loop {
-        if let Some(status) = child.try_wait()? {
-            break status;
-        }
-        if stop.load(Ordering::SeqCst) {
-            let _ = child.kill();
-        }
-        std::thread::sleep(Duration::from_millis(100));
-    };
-    let said = said.join().ok().flatten().unwrap_or_default();
-    // 1: it was identified, and is not usable by the criteria of the report, which the crew reads.
-    if !matches!(status.code(), Some(0 | 1)) {
-        bail!("{}", said.trim().trim_start_matches("error: "));
-    }
-    let text = std::fs::read_to_string(output.join("identify.json"))?;
-    let summary: serde_json::Value = serde_json::from_str(&text)?;
-    let models = summary["models"].as_array().map(Vec::as_slice).unwrap_or_default();
-    let best = models.iter().find(|model| model["name"] == summary["best"]).or(models.first());
-    let best = best.context("the identification has no model")?;
-    let name = best["file"].as_str().context("the model has no file")?;
-    let path = output.join(Path::new(name).file_name().unwrap_or_default());
-    let model = model::read(&path)?;
-    Ok(Identified { name: path.display().to_string(), model, text: grades(&summary) })
-}
-
-/// A folder that does not exist yet.
-fn free_folder(folder: &Path) -> PathBuf {
-    let mut all = (1..100_000).map(|k| folder.join(format!("model-{k}")));
-    all.find(|path| !path.exists()).unwrap_or_else(|| folder.join("model"))
-}
-
-/// Grades and errors of the outputs.
-fn grades(summary: &serde_json::Value) -> String {
-    let verdicts = summary["verdicts"].as_array().map(Vec::as_slice).unwrap_or_default();
-    let of = |verdict: &serde_json::Value| {
-        Some(format!(
-            "{} {} (NRMSE {:.3})",
-            verdict["channel"].as_str()?,
-            verdict["grade"].as_str()?.replace('_', " "),
-            verdict["nrmse"].as_f64()?
-        ))
-    };
-    verdicts.iter().filter_map(of).collect::<Vec<_>>().join(", ")
 }
