@@ -22,6 +22,13 @@ use std::process::ExitCode;
 
 use hydroid_live::program::{interrupt, text};
 
+/// The arguments of the command: the tests compare the documents with them.
+#[doc(hidden)]
+#[must_use]
+pub fn arguments() -> clap::Command {
+    <args::Args as clap::CommandFactory>::command()
+}
+
 /// Runs the command with the arguments of the process.
 pub fn main() -> ExitCode {
     let args = match args::Args::read() {
