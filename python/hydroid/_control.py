@@ -356,7 +356,7 @@ def control(
     return ClosedLoop(inner)
 
 
-#: Arguments that are no options of the loop.
+#: Arguments that are not options of the loop.
 _OTHERS = {"plant", "model", "guard", "training_log", "training_time", "threads", "progress"}
 
 

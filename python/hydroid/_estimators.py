@@ -23,7 +23,7 @@ except ImportError as error:
 
 Runs = Union[ArrayLike, Log, Run, Sequence[Any]]
 
-#: Parameters that are no options of the method.
+#: Parameters that are not options of the method.
 _COMMON = ("dt", "horizon", "outputs", "inputs", "log", "random_state", "n_jobs")
 
 

@@ -31,7 +31,7 @@ class Log:
     Raises
     ------
     TypeError, ValueError
-        If a column is no array of numbers, or the columns have different lengths; the message names the column.
+        If a column is not an array of numbers, or the columns have different lengths; the message names the column.
     """
 
     def __new__(cls, data: Any, *, units: Mapping[str, str] | None = None, name: str = "log") -> Log: ...

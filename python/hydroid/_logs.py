@@ -33,7 +33,7 @@ def read_log(path: str | os.PathLike[str], config: str | os.PathLike[str] | None
     FileNotFoundError, OSError
         If the file cannot be read.
     ValueError
-        If it is no log; the message names line, column and remedy.
+        If it is not a log; the message names line, column and remedy.
 
     Warns
     -----

@@ -28,7 +28,7 @@ pub(crate) fn doubles<'py>(
     };
     let any = numpy.call_method1("asarray", (given,)).map_err(|_| wrong(given))?;
     let kind: String = any.getattr("dtype")?.getattr("kind")?.extract()?;
-    // Booleans, integers and floats; complex numbers, text and objects are no quantities.
+    // Booleans, integers and floats; complex numbers, text and objects are not quantities.
     if !"biuf".contains(&kind) {
         return Err(wrong(&any));
     }

@@ -202,6 +202,6 @@ def test_the_checks_of_scikit_learn(estimator):
         results = check_estimator(estimator, expected_failed_checks=EXPECTED, on_fail=None)
     failed = {r["check_name"]: repr(r["exception"])[:300] for r in results if r["status"] == "failed"}
     assert not failed, failed
-    # A check that passes is no exception.
+    # A check that passes is not an exception.
     assert {r["check_name"] for r in results if r["status"] == "xfail"} == set(EXPECTED)
     assert sum(r["status"] == "passed" for r in results) >= 35

@@ -1,4 +1,4 @@
-"""Peak memory of a browser, as the kernel states it: the memory of WebAssembly is no part of what a page can ask for."""
+"""Peak memory of a browser, as the kernel states it: the memory of WebAssembly is not part of what a page can ask for."""
 
 import os
 import pathlib

@@ -77,7 +77,7 @@ def identify(page, methods=("committee", "sindy")):
 
 def identified(page, methods=("committee", "sindy"), timeout=240_000):
     """Identifies, and waits for the vessel that can be driven."""
-    # What is shown of an earlier model is no answer.
+    # What is shown of an earlier model is not an answer.
     page.evaluate("$('verdicts').replaceChildren(); $('driving').replaceChildren()")
     identify(page, methods)
     page.wait_for_timeout(100)

@@ -662,7 +662,7 @@ size_t hydroid_simulation_outputs_len(const hydroid_simulation *simulation);
 size_t hydroid_simulation_inputs_len(const hydroid_simulation *simulation);
 
 /**
- * Starts at a pose in a steady motion: outputs and command hold since long. Allocates.
+ * Starts at a pose in a steady motion: outputs and command have been constant for a long time. Allocates.
  *
  * eta, eta_len: 3 numbers: position north and east [m], heading [rad] clockwise from north.
  * y, y_len: outputs, with the motion through the water.

@@ -53,7 +53,7 @@ fn over(defaults: &Options, text: &str, guarded: bool) -> Outcome<Options> {
     // TOML has infinite numbers, and leaves out what is not set; JSON has `null` for both.
     let known = serde_json::to_value(defaults).map_err(invalid)?;
     let Value::Table(mut all) = Value::try_from(defaults).map_err(invalid)? else {
-        return Err(invalid("the defaults are no table"));
+        return Err(invalid("the defaults are not a table"));
     };
     let Json::Object(given) = given else {
         return Err(invalid("an object is needed, as {\"method\": \"kalman\"}"));

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::ensure;
 
 /// Refuses an output that is also an input or another output. An option without a file is `None`. Devices and pipes may
-/// be named more than once; an input that is no file is a name.
+/// be named more than once; an input that is not a file is a name.
 pub fn check(outputs: &[(&str, Option<&Path>)], inputs: &[&Path]) -> anyhow::Result<()> {
     let replaceable = |path: &Path| path.metadata().map_or(true, |metadata| metadata.is_file());
     let given: Vec<(&str, &Path)> = outputs

@@ -43,7 +43,7 @@ impl State {
 
     /// Reads [`bytes`](Self::bytes).
     pub(crate) fn read(bytes: &[u8]) -> Result<Self, String> {
-        let damaged = || String::from("the bytes are no state of this FMU, or they are damaged");
+        let damaged = || String::from("the bytes are not a state of this FMU, or they are damaged");
         let (content, sum) = bytes.split_at_checked(bytes.len().saturating_sub(TAIL)).ok_or_else(damaged)?;
         if content.len() < HEAD || !content.len().wrapping_sub(HEAD).is_multiple_of(8) {
             return Err(damaged());

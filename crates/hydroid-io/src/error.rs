@@ -2,7 +2,7 @@
 
 use std::io;
 
-/// Error of a file. A damaged part of a file is no error but a [`Loss`](crate::Loss).
+/// Error of a file. A damaged part of a file is not an error but a [`Loss`](crate::Loss).
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum IoError {

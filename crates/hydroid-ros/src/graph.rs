@@ -48,7 +48,7 @@ pub(crate) struct Graph {
 /// The domain of the environment: `ROS_DOMAIN_ID`.
 ///
 /// # Errors
-/// If it is no number.
+/// If it is not a number.
 pub(crate) fn domain() -> anyhow::Result<u16> {
     match std::env::var("ROS_DOMAIN_ID") {
         Ok(text) if !text.trim().is_empty() => text
@@ -102,7 +102,7 @@ impl Graph {
         let full = self.names.topic(name);
         let parsed = Name::parse(&full).map_err(|error| anyhow!("the topic {full}: {error}"))?;
         let (package, of) =
-            of.split_once("/msg/").with_context(|| format!("{of} is no type of a message"))?;
+            of.split_once("/msg/").with_context(|| format!("{of} is not a type of a message"))?;
         self.node
             .create_topic(&parsed, MessageTypeName::new(package, of), &QOS)
             .map_err(|error| anyhow!("the topic {full}: {error}"))

@@ -155,7 +155,7 @@ impl Link for RosLink {
             return Ok(None);
         }
         Err(format!(
-            "{}.{} cannot be commanded: it is no number of the message",
+            "{}.{} cannot be commanded: it is not a number of the message",
             of.name,
             of.fields.names()[field]
         ))

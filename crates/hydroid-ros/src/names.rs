@@ -45,7 +45,7 @@ impl Names {
                 own.push(word);
                 continue;
             }
-            let text = word.to_str().ok_or("an argument behind --ros-args is no text")?;
+            let text = word.to_str().ok_or("an argument behind --ros-args is not a text")?;
             let mut value = || {
                 let next = words.next().and_then(|next| next.into_string().ok());
                 next.ok_or_else(|| format!("{text} needs a value"))

@@ -120,7 +120,7 @@ impl Ros {
             })?;
             ensure!(
                 matches!(of.shape, RosShape::Struct(..)),
-                "[ros] topic {name}: {} is no message",
+                "[ros] topic {name}: {} is not a message",
                 of.name
             );
             Ok(Subscribed::new(name, of))

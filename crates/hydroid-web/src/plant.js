@@ -37,7 +37,7 @@ const Functions = (() => {
     return { a, b, compute(x, h) { of_x(x, a); of_h(h, b); } };
   }
 
-  /** The weighted median: half of the votes are below it, half above. What is no number counts as infinite. */
+  /** The weighted median: half of the votes are below it, half above. What is not a number counts as infinite. */
   function median(values, votes) {
     const order = values.map((x, i) => [x === x ? x : Infinity, votes[i]]).sort((p, q) => (p[0] < q[0] ? -1 : p[0] > q[0] ? 1 : 0));
     const all = votes.reduce((sum, vote) => sum + vote, 0);

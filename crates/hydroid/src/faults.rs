@@ -72,7 +72,7 @@ pub struct Faults {
 pub enum FaultError {
     /// Unknown form.
     #[error(
-        "'{0}' is no fault: write spikes=0.01, dropout=u:10s, stuck=r:5s or bias=v:0.2, with @TIME at the end for a start at that time [s]"
+        "'{0}' is not a fault: write spikes=0.01, dropout=u:10s, stuck=r:5s or bias=v:0.2, with @TIME at the end for a start at that time [s]"
     )]
     Form(String),
     /// Unknown output.

@@ -7,7 +7,7 @@
 //! (sparse regression), `grey_box` (numbers of a vessel file from logs), `committee` (difference equations combined by cross-validation), `adapt` (online adaptation along a log), `train` (networks), `closed_loop` (controllers on a
 //! simulated vessel), `identify` (from runs to an evaluated model), `config` (settings as data).
 //!
-//! Items that are hidden in this documentation serve the other crates of the workspace and its tests. They are no part
+//! Items that are hidden in this documentation serve the other crates of the workspace and its tests. They are not part
 //! of the API.
 
 pub mod adapt;

@@ -78,7 +78,7 @@ def test_jacobians_are_those_of_differences(model, run):
         step = model.step_with_pose if with_pose else model.step
         a, b = (np.array(m) for m in model.jacobians(with_pose)(x, c))
         assert a.shape == (len(x), len(x)) and b.shape == (len(x), len(c))
-        # Counters of samples are no continuous variables, and limits that are absent are the largest numbers.
+        # Counters of samples are not continuous variables, and limits that are absent are the largest numbers.
         smooth = np.array([not name.startswith("samples since") for name in model.STATES] + [True] * 3)[: len(x)]
         smooth &= abs(x) < 1e100
         assert smooth.sum() >= len(x) - 10

@@ -24,7 +24,7 @@ async function transact(mode, act) {
   }
 }
 
-// A browser that keeps nothing (private windows) is no error.
+// A browser that keeps nothing (private windows) is not an error.
 const store = {
   save: (key, value) => transact("readwrite", (s) => s.put(value, key)).catch(() => {}),
   load: (key) => transact("readonly", (s) => s.get(key)).catch(() => undefined),

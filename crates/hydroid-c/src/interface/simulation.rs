@@ -46,7 +46,7 @@ pub unsafe extern "C" fn hydroid_simulation_inputs_len(simulation: *const Simula
     value_or(0, || Ok(unsafe { handle(simulation, "simulation")? }.inputs))
 }
 
-/// Starts at a pose in a steady motion: outputs and command hold since long. Allocates.
+/// Starts at a pose in a steady motion: outputs and command have been constant for a long time. Allocates.
 ///
 /// eta, eta_len: 3 numbers: position north and east [m], heading [rad] clockwise from north.
 /// y, y_len: outputs, with the motion through the water.

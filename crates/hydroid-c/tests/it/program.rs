@@ -53,7 +53,7 @@ impl Program {
         let include = Path::new(env!("CARGO_MANIFEST_DIR")).join("include");
         let mut command = Command::new(compiler.program);
         command.args(compiler.flags).args(WARNINGS).arg("-I").arg(include).arg(source);
-        // Later inputs are no sources of C++.
+        // Later inputs are not sources of C++.
         command.args(if compiler.flags.contains(&"-x") { &["-x", "none"][..] } else { &[] });
         command.args(link).args(SYSTEM).arg("-o").arg(folder.path().join("program"));
         let output = command.output().unwrap();

@@ -64,7 +64,7 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
         Faults { seed: args.guard.seed, ..faults.clone() }
             .inject(&mut prepared.runs)
             .context("--inject does not fit the log")?;
-        // Faulty measurements are no reference for errors.
+        // Faulty measurements are not a reference for errors.
         options.evaluate.against = hydroid::evaluate::Against::Truth;
     }
     let guard = &args.guard;

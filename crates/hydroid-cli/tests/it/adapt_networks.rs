@@ -143,7 +143,7 @@ fn invalid_input_is_refused() {
         ("--weight-variance=-1", "initial variance"),
         ("--prior 3", "recursive least squares"),
         ("--forgetting 0", "forgetting"),
-        ("--inject leak=u:3", "is no fault"),
+        ("--inject leak=u:3", "is not a fault"),
         ("--inject bias=w:1", "the outputs are u, v, r"),
         ("--stream --inject spikes=0.1", "cannot be used with a live stream"),
         ("--training-log nowhere.csv", "nowhere.csv"),

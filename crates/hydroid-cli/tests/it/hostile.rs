@@ -95,7 +95,7 @@ fn outputs_that_are_inputs_are_refused() {
     refused(at, &["adapt", "hydrofoil", "-", "--state", "st", "--black-box", "./st"], "name two files");
 }
 
-/// Names of built-in vessels are no files, and a device may be named twice.
+/// Names of built-in vessels are not files, and a device may be named twice.
 #[cfg(unix)]
 #[test]
 fn names_that_are_no_files_are_no_conflict() {

@@ -91,7 +91,7 @@ fn the_quick_study_writes_all_results() {
         if name.starts_with("figures/") {
             assert!(
                 content.starts_with("<svg ") && content.contains("xmlns="),
-                "{name} is no file of its own"
+                "{name} is not a file of its own"
             );
         }
         if Path::new(name).extension().is_some_and(|e| e == "csv") {

@@ -136,7 +136,7 @@ impl Noise {
         let mut deviations = 0.0f64;
         for (innovation, variance) in innovations.iter().zip(&self.variance) {
             let predicted = variance * (1.0 + innovation.deviation.min(MOST_LEVERAGE));
-            // An innovation of zero is no outlier, even with zero variance.
+            // An innovation of zero is not an outlier, even with zero variance.
             if innovation.value != 0.0 {
                 deviations = deviations.max(innovation.value.abs() / num_traits::Float::sqrt(predicted));
             }

@@ -36,7 +36,7 @@ pub enum NotAffine {
         /// The command, from 0.
         input: usize,
     },
-    /// An output other than `u`, `v`, `r` is in the equations but is no actuator: its equation is not linear in itself,
+    /// An output other than `u`, `v`, `r` is in the equations but is not an actuator: its equation is not linear in itself,
     /// one command and a constant.
     Output {
         /// The output.

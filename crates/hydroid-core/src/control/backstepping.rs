@@ -197,7 +197,7 @@ impl<M: Affine> Controller for Backstepping<M> {
         let (mut status, missing) = self.point.accelerate(estimate, wanted, command);
 
         let BacksteppingOptions { weather, body, .. } = self.options;
-        // The missing acceleration alone drives z_2 to missing / k_2 within 1 / k_2. This part is no disturbance.
+        // The missing acceleration alone drives z_2 to missing / k_2 within 1 / k_2. This part is not a disturbance.
         let unexplained: [f64; 2] = core::array::from_fn(|i| z_2[i] - missing[i] / k_2);
         if !cut && unexplained.iter().all(|x| x.is_finite()) {
             let dt = self.point.dt();

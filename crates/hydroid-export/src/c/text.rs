@@ -119,7 +119,7 @@ typedef struct {{
     {name}_real x[{upper}_STATES];
 }} {name}_state;
 
-/* Starts a run in a steady motion: the outputs and the command hold since long. */
+/* Starts a run in a steady motion: outputs and command have been constant for a long time. */
 void {name}_init({name}_state *state, const {name}_real outputs[{upper}_OUTPUTS],
                  const {name}_real command[{upper}_INPUTS]);
 

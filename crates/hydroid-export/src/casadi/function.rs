@@ -156,7 +156,7 @@ impl Printer<'_> {
             }
             Op::Product { .. } | Op::TransposedProduct { .. } | Op::Outer { .. } => {
                 unreachable!(
-                    "only a model that learns has weights that are no constants, and only C has such models"
+                    "only a model that learns has weights that are not constants, and only C has such models"
                 )
             }
             Op::Gru { cell, x, h } => format!("_gru({}, {})", gates(cell, &of(x), &of(h)), of(h)),

@@ -103,7 +103,7 @@ impl Variable {
         }
     }
 
-    /// The factors as text, magnitudes first: `|u| v`; `u v`; `1` without factors.
+    /// The factors as text, magnitudes first: `|u| v`; `u v`; `0` without factors, as in the subscript of a constant force.
     fn factors(self, magnitude: impl Fn(&str) -> String, rate: impl Fn(&str) -> String) -> String {
         match self {
             Self::Acceleration(i) => rate(VELOCITY[i]),

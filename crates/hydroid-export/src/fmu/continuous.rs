@@ -12,7 +12,7 @@ use hydroid_core::vessel::{Command, Dual, Number, Plant, Real, RudderLaw, State}
 /// A number with its derivative in one direction.
 pub type Directional = Dual<1>;
 
-/// A state that is no output: the position of an actuator.
+/// A state that is not an output: the position of an actuator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hidden {
     /// Name.
@@ -100,7 +100,7 @@ impl Continuous {
         self.outputs + self.hidden.len() + if self.motion.is_some() { 3 } else { 0 }
     }
 
-    /// Writes the hidden states of a steady motion: the outputs `y` and the command `c` hold since long.
+    /// Writes the hidden states of a steady motion with the outputs `y`: the command `c` has been held for a long time.
     pub fn settle(&self, y: &[f64], c: &[f64], hidden: &mut [f64]) {
         match &self.field {
             Field::Plant(field) => hidden[0] = field.plant.holding_force(y[0]),

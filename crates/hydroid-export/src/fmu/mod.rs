@@ -75,7 +75,7 @@ pub enum FmuError {
     },
     /// Not a library of a known platform.
     #[error(
-        "{} is no library for Linux, macOS or Windows with 64 bits (x86-64 or aarch64): build it with `cargo build --release -p hydroid-fmu`; take a universal library of macOS apart with `lipo -thin`",
+        "{} is not a library for Linux, macOS or Windows with 64 bits (x86-64 or aarch64): build it with `cargo build --release -p hydroid-fmu`; take a universal library of macOS apart with `lipo -thin`",
         path.display()
     )]
     Platform {

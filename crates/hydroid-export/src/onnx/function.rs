@@ -111,7 +111,7 @@ impl Body<'_> {
             }
             Op::Product { .. } | Op::TransposedProduct { .. } | Op::Outer { .. } => {
                 unreachable!(
-                    "only a model that learns has weights that are no constants, and only C has such models"
+                    "only a model that learns has weights that are not constants, and only C has such models"
                 )
             }
             Op::Gru { cell, x, h } => {

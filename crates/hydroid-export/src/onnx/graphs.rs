@@ -98,7 +98,7 @@ impl<'a> Graphs<'a> {
     }
 
     pub(super) fn start(&self) -> FileGraph {
-        let about = "state of a steady motion: the outputs and the command hold since long";
+        let about = "state of a steady motion: outputs and command have been constant for a long time";
         let input = [self.outputs(""), self.command()];
         self.one_call(("start", about), self.space.start, input, self.state("state"))
     }

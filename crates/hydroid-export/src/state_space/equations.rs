@@ -28,7 +28,7 @@ pub(super) fn rates<'a>(
     let rows: Vec<Scalar<'_>> = coefficients
         .chunks_exact(terms.len().max(1))
         .map(|row| {
-            // A term with the coefficient zero is no part of the sum.
+            // A term with the coefficient zero is not part of the sum.
             let product = |(of, xi): (&Term, &Scalar<'a>)| match xi {
                 Scalar::Constant(0.0) => Scalar::Constant(0.0),
                 xi => term(of, variables) * *xi,

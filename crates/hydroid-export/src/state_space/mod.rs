@@ -1,7 +1,7 @@
 //! A model as a state space: functions of the [graph](crate::graph) for start, step, measurement and output.
 //!
 //! ```text
-//! x_0     = start(y, c)          in motion with the outputs y under the command c since long
+//! x_0     = start(y, c)          steady motion: outputs y, and the command c held for a long time
 //! x_{k+1} = step(x_k, c_k)       the command is held over a sample of dt seconds
 //! x_k     = observe(x_k, y_k)    measured outputs; a NaN is a missing value, for which the prediction stays
 //! y_k     = output(x_k)

@@ -9,7 +9,7 @@ use crate::graph::{Binary, Builder};
 /// a_k = sat(c_k, a_{k-1} - rate dt, a_{k-1} + rate dt)
 /// ```
 ///
-/// The index is that of the function `(positions, command) -> positions`; none without a limit. The result has no rates, because positions that follow their commands at once are no states of differential equations.
+/// The index is that of the function `(positions, command) -> positions`; none without a limit. The result has no rates, because positions that follow their commands at once are not states of differential equations.
 pub(super) fn behind(
     space: StateSpace,
     rates: &[Option<f64>],

@@ -117,7 +117,7 @@ fn libraries_that_do_not_fit_are_refused_with_a_remedy() {
     std::fs::write(&other, elf(62)).unwrap();
     for (libraries, told) in [
         (vec![folder.path().join("none")], "cannot read the library"),
-        (vec![text], "no library for Linux"),
+        (vec![text], "not a library for Linux"),
         (vec![other], "is not the library hydroid-fmu of this version"),
         (vec![good, again], "second library for x86_64-linux"),
     ] {

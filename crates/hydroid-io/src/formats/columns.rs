@@ -55,7 +55,7 @@ pub(crate) fn clock(first: f64, unit_ns: Option<i64>) -> (i64, Clock) {
 pub(crate) fn stamp(value: f64, ns: i64) -> Option<i64> {
     // The fraction is scaled by itself: the product would be rounded to the 256 ns of a double of this size.
     let whole = value.trunc();
-    // False for what is no number, too.
+    // False for what is not a number, too.
     let fits = whole.abs() < 9.2e18;
     if !fits {
         return None;

@@ -88,7 +88,7 @@ fn sample_has_what_its_description_says() {
     let reasons: Vec<&str> = log.summary.losses.iter().map(|loss| &loss.reason[..]).collect();
     assert_eq!(
         reasons,
-        ["a sentence with a wrong checksum", "a sentence that is cut", "bytes that are no text"]
+        ["a sentence with a wrong checksum", "a sentence that is cut", "bytes that are not text"]
     );
     assert_eq!(log.summary.lost_parts, 3);
     let bytes = fs::read(&path).expect("a file");

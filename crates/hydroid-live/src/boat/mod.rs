@@ -107,7 +107,7 @@ pub struct Boat<L> {
     remark: String,
 }
 
-/// A remark without its numbers: the same one with others is no news.
+/// A remark without its numbers: the same one with others is not news.
 fn words(remark: &str) -> String {
     remark.chars().filter(|c| !c.is_ascii_digit()).collect()
 }

@@ -83,7 +83,7 @@ pub(super) fn check_limits(settings: &Settings, columns: &[LiveColumn]) -> Resul
         None => Ok(()),
         Some(name) => Err(LogError::Unusable {
             path: "the settings".to_owned(),
-            reason: format!("limits are stated of {name}, which is no input"),
+            reason: format!("limits are stated of {name}, which is not an input"),
             remedy: format!("the inputs are {}", names.join(", ")),
         }),
     }

@@ -1,7 +1,7 @@
 //! Allocation of a push and a turn to the inputs.
 //!
 //! A push of 1 is full ahead, a turn of 1 full to starboard. An input receives the weighted sum of both, in shares of its
-//! range on that side of rest. Where the sum exceeds a range, the turn is kept and the push gives way: the turn brings
+//! range on that side of rest. Where the sum exceeds a range, the turn is kept and the push is reduced: the turn brings
 //! the boat back into its fence.
 
 use crate::Axis;

@@ -210,7 +210,7 @@ impl Follower {
         }
     }
 
-    /// A second line in a row beside the time grid is no wrong stamp: the command in force is of unknown age.
+    /// A second line in a row beside the time grid is not a wrong stamp: the command in force is of unknown age.
     fn wait_for_clock(&mut self) {
         if self.clock.set_aside() > 1 && self.session.rest(&mut self.commands) {
             say(&mut self.note, format_args!("the commands rest until the time is known"));

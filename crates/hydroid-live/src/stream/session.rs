@@ -348,7 +348,7 @@ impl Session {
         &self.through_water
     }
 
-    /// Length of the deviations of one sample, where it is no horizon of the answers.
+    /// Length of the deviations of one sample, where it is not a horizon of the answers.
     fn hidden(&self) -> usize {
         (self.computed.len() - self.horizons.len()) * self.missing.len()
     }

@@ -322,8 +322,8 @@ fn columns_are_inverted() {
     for (topic, field, why) in [
         ("SERVO_OUTPUT_RAW", "servo1_raw", "output of the mixer"),
         ("RC_CHANNELS", "chan9_raw", "channels 1 to 8 only"),
-        ("RC_CHANNELS", "chan0_raw", "no pulse"),
-        ("RC_CHANNELS", "rssi", "no pulse"),
+        ("RC_CHANNELS", "chan0_raw", "not a pulse"),
+        ("RC_CHANNELS", "rssi", "not a pulse"),
         ("SET_POSITION_TARGET_LOCAL_NED", "vy", "takes no such command"),
         ("ATTITUDE", "yaw", "takes no such command"),
     ] {

@@ -561,7 +561,7 @@ fn the_last_second_may_be_sent_again() {
     assert!(told[10..].iter().all(|status| ["accepted", "waiting"].contains(status)), "{told:?}");
 }
 
-/// Noise on the line before the first sample is no sign that the source begins again.
+/// Noise on the line before the first sample is not a sign that the source begins again.
 #[test]
 fn unreadable_first_lines_do_not_tell_where_the_source_begins() {
     let folder = tempfile::tempdir().unwrap();

@@ -89,7 +89,7 @@ pub enum ClosedLoopError {
         /// Coefficients of the law's model.
         coefficients: usize,
     },
-    /// The sample time of the loop is no multiple of the integration step.
+    /// The sample time of the loop is not a multiple of the integration step.
     #[error("the sample time of {dt_s} s is not a whole number of integration steps of {step_s} s")]
     Substeps {
         /// Sample time \[s\].
@@ -115,7 +115,7 @@ pub enum ClosedLoopError {
         /// The condition.
         what: &'static str,
     },
-    /// A model is no plant, or its inputs are unknown.
+    /// A model is not a plant, or its inputs are unknown.
     #[error(transparent)]
     Plant(#[from] PlantError),
     /// The response of a model cannot be measured.

@@ -1,6 +1,6 @@
 //! Limits of the rates of the actuators behind the inputs, found by cross-validation.
 //!
-//! A limit is no coefficient of a regression, but for given limits the positions of the actuators are known
+//! A limit is not a coefficient of a regression, but for given limits the positions of the actuators are known
 //! ([`RateLimiter`]), and difference equations in the positions are linear in their coefficients. The limits that minimize
 //! the cross-validated errors of their rollouts are suggested (variable projection, as for the currents of runs). An input
 //! has no limit unless the limit reduces the errors by more than one standard error over the folds (one-standard-error rule:

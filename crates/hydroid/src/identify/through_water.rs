@@ -33,7 +33,7 @@ impl std::str::FromStr for MotionOption {
             "auto" => Ok(Self::Auto),
             "over-ground" => Ok(Self::OverGround),
             "through-water" => Ok(Self::ThroughWater),
-            _ => Err(format!("'{text}' is no motion: auto, over-ground or through-water")),
+            _ => Err(format!("'{text}' is not a kind of motion: auto, over-ground or through-water")),
         }
     }
 }

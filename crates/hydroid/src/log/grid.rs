@@ -83,7 +83,7 @@ impl<'a> Grid<'a> {
             let filled = if input.iter().any(|x| x.is_nan()) { hold(input.to_mut()) } else { 0 };
             held.push(match &begins {
                 None => filled,
-                // Absent rows are no blank cells.
+                // Absent rows are not blank cells.
                 Some(begins) => {
                     let cells = values[from..to].iter().zip(begins);
                     cells.filter(|(x, place)| x.is_nan() && !input[**place].is_nan()).count()

@@ -92,7 +92,7 @@ fn growing_output(
         let mut least = f64::INFINITY;
         second_by_second(measured.map(|(t, y)| (t - first - GRACE_S, *y))).any(|mean| {
             least = least.min(mean.abs());
-            // An output that is constant under command is no evidence.
+            // An output that is constant under command is not evidence.
             allowed > 0.0 && mean.abs() - least > allowed
         })
     })

@@ -281,7 +281,7 @@ fn line(points: impl Iterator<Item = (f64, f64)> + Clone) -> [f64; 2] {
 /// The trials of runs beside the predictions of a model.
 ///
 /// # Errors
-/// If the model is no plant, or `progress` cancels.
+/// If the model is not a plant, or `progress` cancels.
 pub fn compare(
     model: &Model,
     runs: &[Trajectory],

@@ -96,7 +96,7 @@ impl NamedEquations<'_> {
 impl Model {
     /// Standard errors and correlations of the coefficients of each equation, in the order of the outputs.
     ///
-    /// `None` if the model is no equations of motion, has fewer than two bootstrap members, or learns along a run.
+    /// `None` if the model is not equations of motion, has fewer than two bootstrap members, or learns along a run.
     pub fn coefficient_uncertainty(&self) -> Option<Vec<CoefficientUncertainty>> {
         self.equations()?.coefficient_uncertainty()
     }

@@ -4,7 +4,7 @@ use hydroid_core::model::PlantModelError;
 
 use crate::progress::Cancelled;
 
-/// Reason why a model is no plant, or its inputs are unknown.
+/// Reason why a model is not a plant, or its inputs are unknown.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlantError {

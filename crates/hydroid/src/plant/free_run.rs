@@ -112,7 +112,7 @@ impl FreeRun {
         &self.y
     }
 
-    /// Starts in a steady motion: the outputs `y` and the command `c` hold since long.
+    /// Starts in a steady motion with the outputs `y`: the command `c` has been held for a long time.
     ///
     /// # Panics
     /// If `y` or `c` have another length than outputs and inputs.

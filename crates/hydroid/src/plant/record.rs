@@ -83,7 +83,7 @@ const PAST: usize = 2_000;
 /// both ends to a horizon of the prediction bands; a model without bands has none.
 ///
 /// # Errors
-/// If the model is no plant, a number is out of range, the motion diverges, or `progress` cancels.
+/// If the model is not a plant, a number is out of range, the motion diverges, or `progress` cancels.
 pub fn record(
     model: &Model,
     map: Option<&InputMap>,
@@ -160,7 +160,7 @@ fn begin(simulation: &mut Simulation, model: &Model, options: &RecordOptions<'_>
 /// Poses of the members of the model's ensemble or committee under given commands (rows), without noise.
 ///
 /// # Errors
-/// If the model is no plant. The poses of a member that diverges end there.
+/// If the model is not a plant. The poses of a member that diverges end there.
 pub fn member_tracks(
     model: &Model,
     options: &RecordOptions<'_>,

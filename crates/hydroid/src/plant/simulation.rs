@@ -79,7 +79,7 @@ impl Motion {
         [Some(self.u), self.v, Some(self.r)]
     }
 
-    /// Surge, sway and yaw rate in a row of outputs; no sway where it is no output.
+    /// Surge, sway and yaw rate in a row of outputs; no sway where it is not an output.
     pub fn nu(&self, y: &[f64]) -> [f64; 3] {
         [y[self.u], self.v.map_or(0.0, |v| y[v]), y[self.r]]
     }
@@ -114,7 +114,7 @@ impl Simulation {
         Self { current, ..self }
     }
 
-    /// Starts at a pose in a steady motion: the outputs `y` (through the water) and the command `c` hold since long.
+    /// Starts at a pose in a steady motion with the outputs `y` (through the water): the command `c` has been held for a long time.
     ///
     /// # Panics
     /// If `y` or `c` have another length than outputs and inputs.

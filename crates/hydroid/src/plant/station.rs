@@ -25,7 +25,7 @@ const LEAST: f64 = 0.1;
 /// hull of the motions that random commands within `limits` cause contains a ball around zero.
 ///
 /// # Errors
-/// If the model is no plant, or the vessel cannot keep a station.
+/// If the model is not a plant, or the vessel cannot keep a station.
 pub fn check_station(model: &Model, limits: &[[f64; 2]]) -> Result<(), PlantError> {
     let mut simulation = Simulation::new(model)?;
     let mut rest = super::simulation::middle(model);

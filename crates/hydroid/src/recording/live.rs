@@ -353,7 +353,7 @@ impl LiveMotion {
             let health = &mut self.health[i];
             let step = t - health.last;
             if step > 0.0 {
-                // A gap is no usual step: old positions would be trusted for longer after it.
+                // A gap is not a usual step: old positions would be trusted for longer after it.
                 let usual = health.step;
                 health.step = if usual.is_nan() {
                     step
@@ -368,7 +368,7 @@ impl LiveMotion {
         }
     }
 
-    /// North and east of the first fix \[m\]; `None` for what is no fix.
+    /// North and east of the first fix \[m\]; `None` for what is not a fix.
     fn place(&mut self, fix: [f64; 2]) -> Option<[f64; 2]> {
         // Receivers without a fix write zeros.
         let is_fix = fix[0].abs() <= PI / 2.0 && fix[1].abs() <= TAU && fix != [0.0; 2];

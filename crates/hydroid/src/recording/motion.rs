@@ -127,7 +127,7 @@ fn qualities(instruments: &[Instruments]) -> Vec<f64> {
             counts.push((value, 1));
         }
     }
-    // A quality of many values is no kind.
+    // A quality of many values is not a kind.
     if counts.len() > QUALITIES {
         return Vec::new();
     }

@@ -171,7 +171,7 @@ fn csv(file: &LogFile, sink: &mut dyn Sink, notes: &mut Vec<Note>) -> Result<(),
         .collect();
     for column in kept.iter().filter(|column| column.bad_cells > 0) {
         notes.push(Note::warning(format!(
-            "{}: {} cells of `{}` are no numbers, and are missing",
+            "{}: {} cells of `{}` are not numbers, and are missing",
             log.path, column.bad_cells, column.name
         )));
     }

@@ -24,7 +24,7 @@ pub enum SimulateError {
         /// Permitted values.
         needed: &'static str,
     },
-    /// The sample time is no multiple of the integration step.
+    /// The sample time is not a multiple of the integration step.
     #[error("the sample time of {dt_s} s is not a whole number of integration steps of {step_s} s")]
     Substeps {
         /// Sample time \[s\].

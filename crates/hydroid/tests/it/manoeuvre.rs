@@ -189,7 +189,7 @@ fn a_straight_course_needs_steering_if_the_propeller_turns_the_ship() {
     let (approach, map) = approach(&model, 1.0);
     let expected = -0.0003 * 5.0 * T / K / 0.6;
     assert!((approach.steering - expected).abs() < 1e-6, "{} against {expected}", approach.steering);
-    assert_eq!(map.turn[0], 0.0, "the propeller is no steering input");
+    assert_eq!(map.turn[0], 0.0, "the propeller is not a steering input");
 }
 
 #[test]

@@ -213,7 +213,7 @@ fn the_content_of_a_vessel_file_is_read_back() {
     }
     assert!(matches!(decoded(b"speed = 3"), Err(ModelError::Vessel(_))));
     assert!(matches!(decoded(b"[[thruster]]\nname = 3"), Err(ModelError::Craft(_))));
-    // Text that is no TOML, or has no key, is no vessel.
+    // Text that is no TOML, or has no key, is not a vessel.
     not_a_model(b"t,u\n0,1\n");
     not_a_model(b"# a comment\n");
 }

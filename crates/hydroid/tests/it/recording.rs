@@ -420,7 +420,7 @@ fn stamps_of_another_day_and_repeated_stamps_are_left_out() {
     assert!(notes.iter().any(|note| note.message.contains("2 of 6 rows of `motion`")), "{notes:?}");
 }
 
-/// A table with velocities needs no sensors; an element of an array is no unit.
+/// A table with velocities needs no sensors; an element of an array is not a unit.
 #[test]
 fn names_of_columns() {
     let element: ChannelSpec = "left=/actuators.pwm_us[0] [us]".parse().unwrap();

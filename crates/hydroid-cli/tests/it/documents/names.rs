@@ -234,3 +234,24 @@ fn what_documents_name_exists() {
     assert!(found.is_empty(), "{}", found.join("\n"));
     assert!(count > 100, "only {count} commands were found");
 }
+
+/// The examples of `--help`: a command, and its purpose after at least two blanks.
+#[test]
+fn examples_of_the_help_are_accepted() {
+    let command = hydroid_cli::arguments();
+    let (mut refused, mut count) = (Vec::new(), 0);
+    for command in command.get_subcommands().chain([&command]) {
+        let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+        for line in help.lines().map(str::trim).filter(|line| line.starts_with("hydroid ")) {
+            let example = line.split("  ").next().unwrap();
+            for words in
+                commands(example, &mut Variables::default()).iter().filter(|words| words[0] == "hydroid")
+            {
+                count += 1;
+                refused.extend(refusal(words));
+            }
+        }
+    }
+    assert!(refused.is_empty(), "{}", refused.join("\n"));
+    assert!(count > 50, "only {count} examples were found");
+}

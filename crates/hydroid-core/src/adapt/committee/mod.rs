@@ -24,7 +24,7 @@ pub use learner::{LearnerConstants, increment_stride};
 /// step of the member, averaged over several clock steps. An [`InnovationGate`] reduces the weight of outliers. Which
 /// members learn, and how fast, was decided with the votes, by the errors of rollouts on runs that were left out.
 ///
-/// A missing value is replaced by the prediction of the committee. Increments with a missing value are no part of a row.
+/// A missing value is replaced by the prediction of the committee. Increments with a missing value are not part of a row.
 #[derive(Clone, Debug)]
 pub struct CommitteeSession {
     committee: Arc<Committee>,

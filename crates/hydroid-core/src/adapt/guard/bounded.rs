@@ -56,7 +56,7 @@ impl Metric {
         let share = if distance <= limit { 1.0 } else { limit / distance };
         for (p, &f) in predicted.iter_mut().zip(reference) {
             let answer = if share < 1.0 { f + share * (*p - f) } else { *p };
-            // A diverged reference model is no reference.
+            // A diverged reference model is not a reference.
             if answer.is_finite() {
                 *p = answer;
             } else if f.is_finite() {

@@ -138,7 +138,7 @@ pub(super) fn code(of: &Learning<'_>, members: &[MemberLearner]) -> Code {
  * A row is the mean of increments over a clock step of T seconds:
  *     (y(t + T) - y(t)) / T = Xi theta(z(t))
  * The coefficients Xi are those of ridge regression on all rows so far, in which the training rows have the weight of
- * the prior. An innovation gate reduces the weight of outliers. Increments with a missing value are no part of a row.
+ * the prior. An innovation gate reduces the weight of outliers. Increments with a missing value are not part of a row.
 ",
     );
     let (mut types, mut fields) = (String::from(NOISE), Fields::default());

@@ -112,7 +112,7 @@ static void NAME_adapter_begin(NAME_adapter *adapter, NAME_state *state, const R
 
 void NAME_adapter_step(NAME_adapter *adapter, NAME_state *state, const REAL command[UPPER_INPUTS])
 {
-    /* An interval with two commands is no part of a row. */
+    /* An interval with two commands is not part of a row. */
     adapter->known = (adapter->held == 0U) ? adapter->known : 0U;
     adapter->held = 1;
 VARIABLES_NOW    NAME_sample(state, command);

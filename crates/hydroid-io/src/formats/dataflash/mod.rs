@@ -167,7 +167,7 @@ impl Reader {
             gap.zero &= bytes[from..at].iter().all(|&byte| byte == 0);
         }
         if block.last {
-            // A log in blocks of flash memory ends with zeros: they are no loss.
+            // A log in blocks of flash memory ends with zeros: they are not a loss.
             if self.gap.as_ref().is_some_and(|gap| gap.zero) {
                 self.gap = None;
             }

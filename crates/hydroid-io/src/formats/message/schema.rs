@@ -215,7 +215,7 @@ fn member_of_line(line: &str, ros1: bool) -> Result<Option<Member>, String> {
 pub(crate) fn check_name(name: &str) -> Result<(), String> {
     let fits = |c: char| c.is_alphanumeric() || c == '_' || c == '/' || c == ':';
     if name.is_empty() || name.len() > LONGEST_NAME || !name.chars().all(fits) {
-        return Err(format!("'{}' in the definition is no name", cut(name)));
+        return Err(format!("'{}' in the definition is not a name", cut(name)));
     }
     Ok(())
 }

@@ -20,7 +20,7 @@ impl<'a> Line<'a> {
     pub(super) fn parse(line: &'a [u8]) -> Result<Self, &'static str> {
         // Without an early end, eight or more bytes are compared at once.
         if !line.iter().fold(true, |text, byte| text & ((b' '..=b'~').contains(byte) || *byte == b'\t')) {
-            return Err("bytes that are no text");
+            return Err("bytes that are not text");
         }
         let Some(start) = memchr::memchr2(b'$', b'!', line) else { return Err("a line without a sentence") };
         let sentence = line[start + 1..].trim_ascii_end();

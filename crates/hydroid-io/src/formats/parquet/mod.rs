@@ -61,7 +61,7 @@ pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, Io
     for name in &footer.left_out {
         shared
             .summary
-            .note(format!("column '{name}' is left out: it is nested, or of a type that is no number"));
+            .note(format!("column '{name}' is left out: it is nested, or of a type that is not a number"));
     }
     if columns.len() > MOST_COLUMNS {
         shared.summary.note(format!("columns behind the first {MOST_COLUMNS} are left out"));

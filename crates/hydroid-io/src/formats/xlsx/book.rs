@@ -80,7 +80,7 @@ impl<F: Read + Seek> Package<F> {
     }
 }
 
-/// Parses the parts. `None` if the file is no workbook.
+/// Parses the parts. `None` if the file is not a workbook.
 pub(super) fn load<F: Read + Seek>(package: &mut Package<F>) -> Result<Option<Book>, Stop> {
     let root =
         relations(package, "_rels/.rels")?.into_iter().find(|link| link.kind.ends_with("/officeDocument"));

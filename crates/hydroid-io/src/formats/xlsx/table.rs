@@ -146,7 +146,7 @@ impl<'a> Table<'a> {
         let times: Vec<usize> =
             named.iter().copied().filter(|column| time_name(name(*column)).is_some()).collect();
         let mut found = Clock::None;
-        // A day that is the same in all rows is no time.
+        // A day that is the same in all rows is not a time.
         let changes = |column: usize| {
             let stamp = |row| stamp_of(row, column);
             rows.len() == 1 || rows.iter().map(stamp).any(|other| other != stamp(&rows[0]))

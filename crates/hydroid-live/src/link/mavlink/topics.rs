@@ -75,7 +75,7 @@ macro_rules! topics {
         #[expect(non_camel_case_types, clippy::upper_case_acronyms, reason = "the names of the protocol")]
         enum Index { $($message),* }
 
-        /// Index of the topic and stamp of a message, with its values; `None` if it is no topic.
+        /// Index of the topic and stamp of a message, with its values; `None` if it is not a topic.
         pub fn row(message: &MavMessage, values: &mut Vec<f64>) -> Option<(usize, Stamp)> {
             values.clear();
             match message {

@@ -33,7 +33,7 @@ impl std::str::FromStr for Address {
     fn from_str(text: &str) -> Result<Self, String> {
         let wrong = || {
             format!(
-                "'{text}' is no link: udpin:0.0.0.0:14550, udpout:192.168.1.10:14550, tcp:127.0.0.1:5760 or serial:/dev/ttyACM0:115200"
+                "'{text}' is not a link: udpin:0.0.0.0:14550, udpout:192.168.1.10:14550, tcp:127.0.0.1:5760 or serial:/dev/ttyACM0:115200"
             )
         };
         let (kind, place) = text.split_once(':').ok_or_else(wrong)?;

@@ -293,7 +293,7 @@ function chart(s) {
       map.label(name, map.x(point[1]) + 7, map.y(point[0]) - 6);
     }
   }
-  // A gap in time is no straight line on the water.
+  // A gap in time is not a straight line on the water.
   const parts = sailed.map((point, i) => (i && track[i][0] - track[i - 1][0] > 5 ? [null, point] : [point]));
   const recent = track.findIndex((row) => row[0] > track[track.length - 1][0] - WINDOW_S);
   map.line(parts.slice(0, recent + 1).flat(), colours.muted, 1.2);

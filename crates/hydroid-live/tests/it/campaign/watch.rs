@@ -209,7 +209,7 @@ impl Watch {
         judged.map_err(|error| format!("{error}: {message:?}"))
     }
 
-    /// Conditions of a command that is no release.
+    /// Conditions of a command that is not a release.
     fn judge(&mut self, now_ns: i64) -> Result<(), String> {
         self.count += 1;
         let seconds = |since_ns: i64| (now_ns - since_ns) as f64 / 1e9;

@@ -4,7 +4,7 @@ use std::io::{self, Read};
 
 use memchr::{memchr, memchr_iter, memchr2, memrchr2};
 
-/// Longest line of a log \[bytes\]; a longer one is no table, and would fill the memory.
+/// Longest line of a log \[bytes\]; a longer one is not a table, and would fill the memory.
 pub(super) const LONGEST_LINE: usize = 1 << 24;
 /// Size of a part \[bytes\].
 pub(super) const CHUNK: usize = 1 << 18;

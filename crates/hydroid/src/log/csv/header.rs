@@ -37,7 +37,7 @@ pub(super) fn has_decimal_comma(bytes: &[u8], delimiter: u8, end_of_line: u8) ->
 /// Empty columns with the names and units of the header.
 ///
 /// # Errors
-/// If the line is no header, or two columns have the same name.
+/// If the line is not a header, or two columns have the same name.
 pub fn header_columns(header: &[String], path: &str) -> Result<Vec<RawColumn>, LogError> {
     if header.iter().all(|h| h.is_empty() || h.parse::<f64>().is_ok() || stamp::parse(h).is_some()) {
         let first_row =
@@ -87,7 +87,7 @@ pub fn name_the_nameless(columns: &mut [RawColumn]) {
     }
 }
 
-/// Name and unit of `name [unit]` or `name (unit)`. A text in parentheses that is no known unit belongs to the name, and
+/// Name and unit of `name [unit]` or `name (unit)`. A text in parentheses that is not a known unit belongs to the name, and
 /// so does the index of an element of an array, `pwm_us[0]`; `slip [1]` has a unit.
 pub(crate) fn name_and_unit(cell: &str) -> (&str, Option<&str>) {
     let cell = cell.trim();

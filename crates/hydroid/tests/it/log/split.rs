@@ -31,7 +31,7 @@ fn whole_runs_or_blocks_of_the_last_ones_are_held_back() {
     for (runs, parts) in [
         (&[("a", 100), ("b", 100), ("c", 100)][..], ["a", "b", "c"]),
         (&[("a", 100), ("b", 100), ("c", 100), ("d", 100)], ["a b", "c", "d"]),
-        // A very short run is no test.
+        // A very short run is not a test.
         (&[("a", 100), ("b", 100), ("c", 100), ("d", 3)], ["a d", "b", "c"]),
         (&[("x", 3), ("a", 100), ("y", 3)], ["x a[0..60] y", "a[60..80]", "a[80..100]"]),
         (&[("a", 100), ("b", 80)], ["a[0..75]", "a[75..100]", "b"]),

@@ -91,7 +91,7 @@ fn uncommanded_motion_is_kept() {
         }
     };
     assert_eq!(prepared(&table(ROWS, speed(|t| t), blank)).runs[0].len(), ROWS);
-    // An output that is constant under command is no evidence.
+    // An output that is constant under command is not evidence.
     let late = |k: usize| if k < AFTER { String::new() } else { format!("{}", 0.01 * k as f64) };
     assert!(!has_note(&prepared(&table(ROWS, late, command)), "towed or pushed"));
     // A log without commands is not cut.

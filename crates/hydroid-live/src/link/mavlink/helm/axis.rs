@@ -47,7 +47,7 @@ impl Target {
                 match number.and_then(|number| number.parse::<u8>().ok()) {
                     Some(channel @ 1..=8) => Ok(Self::Channel(channel)),
                     Some(9..=18) => cannot("an override has channels 1 to 8 only"),
-                    _ => cannot("it is no pulse of a channel"),
+                    _ => cannot("it is not a pulse of a channel"),
                 }
             }
             ("SERVO_OUTPUT_RAW", _) => cannot(

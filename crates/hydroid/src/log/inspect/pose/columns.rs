@@ -20,7 +20,7 @@ pub(super) struct PoseColumns {
     pub(super) north_east: bool,
 }
 
-/// Parts of the names of references and of quantities that are no pose.
+/// Parts of the names of references and of quantities that are not a pose.
 const NOT_MEASURED: &[&str] = &[
     "ref",
     "reference",
