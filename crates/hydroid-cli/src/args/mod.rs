@@ -36,6 +36,7 @@ pub use values::{Against, Method, Origin};
 /// Identifies the dynamics of surface vessels from logs, adapts the model online, and controls the vessel.
 #[derive(Debug, Parser)]
 #[command(
+    name = "hydroid",
     version,
     about,
     after_help = "Examples:

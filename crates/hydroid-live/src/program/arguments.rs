@@ -17,7 +17,7 @@ pub struct CommandArgs {
     /// Compute commands and send none
     #[arg(long)]
     pub dry_run: bool,
-    /// Experiment that begins as soon as it may: auto, acceleration, zigzag-20, zigzag-10, circle, prbs, chirp
+    /// Experiment to start as soon as the preflight permits it: auto, acceleration, zigzag-20, zigzag-10, circle, prbs, chirp
     #[arg(long, value_name = "NAME")]
     pub experiment: Option<String>,
     /// Inputs that push the boat ahead; -NAME pushes astern

@@ -122,7 +122,7 @@ impl Repository {
                     .filter(|name| !self.packages.contains(name))
                     .map(|name| format!("crate {name}")),
             );
-            if span.starts_with("cargo ") {
+            if span.contains("cargo ") {
                 for words in commands(span, &mut Variables::default()) {
                     self.missing_in_command(page, &words, missing);
                 }
