@@ -183,3 +183,14 @@ fn each_dependency_has_a_reason() {
         }
     }
 }
+
+#[test]
+fn the_tables_of_crates_are_complete() {
+    for page in ["ARCHITECTURE.md", "docs/rust-api.md"] {
+        let text = fs::read_to_string(root().join(page)).unwrap();
+        for entry in fs::read_dir(root().join("crates")).unwrap() {
+            let name = entry.unwrap().file_name().into_string().unwrap();
+            assert!(text.contains(&format!("\n| `{name}` |")), "{page} has no row for {name}");
+        }
+    }
+}
