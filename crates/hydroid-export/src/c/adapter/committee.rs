@@ -6,120 +6,17 @@ use super::least_squares::{self, NOISE};
 use super::{Code, Fields, Learning};
 use crate::adapter::MemberLearner;
 
-const LEARN: &str = "
-/* Learning of member MEMBER from the newest sample; measured is the number of samples up to it without a missing value. */
-static int NAME_learn_MEMBER(NAME_learner_MEMBER *learner, const REAL *x, REAL *weights, uint32_t measured)
-{
-    REAL increment[TERMS + UPPER_OUTPUTS];
-    REAL f[TERMS];
-    REAL gain[TERMS];
-    REAL e[UPPER_OUTPUTS];
-    REAL leverage[UPPER_OUTPUTS];
-    REAL variance;
-    REAL weight;
-    size_t i;
-    if (measured < NEEDED) {
-        NAME_forget_row_MEMBER(learner);
-        return UPPER_WAITING;
-    }
-    if ((measured - NEEDED) % STRIDE != 0U) {
-        return UPPER_WAITING;
-    }
-    INCREMENT(x, increment);
-    for (i = 0; i < TERMS; ++i) {
-        learner->phi[i] += increment[i];
-    }
-    for (i = 0; i < UPPER_OUTPUTS; ++i) {
-        learner->z[i] += increment[TERMS + i] / CLOCK;
-    }
-    ++learner->increments;
-    if (learner->increments < ROW) {
-        return UPPER_WAITING;
-    }
-    for (i = 0; i < TERMS; ++i) {
-        learner->phi[i] *= SHARE;
-    }
-    for (i = 0; i < UPPER_OUTPUTS; ++i) {
-        learner->z[i] *= SHARE;
-    }
-    weight = 0;
-    if (NAME_finite(learner->phi, TERMS) && NAME_finite(learner->z, UPPER_OUTPUTS)) {
-        variance = NAME_project(learner->u, learner->d, learner->phi, f, TERMS);
-        for (i = 0; i < UPPER_OUTPUTS; ++i) {
-            e[i] = learner->z[i] - NAME_expected(learner->phi, weights + i * TERMS, NAME_scale_MEMBER, TERMS);
-            leverage[i] = variance;
-        }
-        weight = NAME_judge(&learner->noise, e, leverage, LONGEST, RATE);
-    }
-    if (weight > 0) {
-        NAME_absorb(learner->u, learner->d, f, gain, (REAL)1 / (weight * AVERAGING), TERMS);
-        for (i = 0; i < UPPER_OUTPUTS; ++i) {
-            NAME_correct(weights + i * TERMS, gain, NAME_scale_MEMBER, e[i], TERMS);
-        }
-    }
-    NAME_forget_row_MEMBER(learner);
-    return (weight > 0) ? UPPER_LEARNED : UPPER_REJECTED;
-}
-";
+/// Functions of a member.
+const MEMBER: &str = include_str!("committee_member.c");
 
-const FORGET_ROW: &str = "
-static void NAME_forget_row_MEMBER(NAME_learner_MEMBER *learner)
-{
-    size_t i;
-    for (i = 0; i < TERMS; ++i) {
-        learner->phi[i] = 0;
-    }
-    for (i = 0; i < UPPER_OUTPUTS; ++i) {
-        learner->z[i] = 0;
-    }
-    learner->increments = 0;
-}
-";
+/// Functions of all members.
+const RUN: &str = include_str!("committee.c");
 
-const RUN: &str = "
-static void NAME_adapter_forget(NAME_adapter *adapter)
-{
-FORGET_ALL}
-
-static void NAME_adapter_begin(NAME_adapter *adapter, NAME_state *state, const REAL outputs[UPPER_OUTPUTS])
-{
-    (void)state;
-    (void)outputs;
-BEGIN_ALL    adapter->measured = 1;
-    adapter->observed = 1;
-}
-
-void NAME_adapter_step(NAME_adapter *adapter, NAME_state *state, const REAL command[UPPER_INPUTS])
-{
-    if (adapter->observed == 0U) {
-        adapter->measured = 0;
-    }
-    adapter->observed = 0;
-    NAME_sample(state, command);
-}
-
-int NAME_adapter_observe(NAME_adapter *adapter, NAME_state *state, const REAL outputs[UPPER_OUTPUTS])
-{
-    int result = UPPER_WAITING;
-    int complete = 1;
-    size_t i;
-    NAME_observe(state, outputs);
-    for (i = 0; i < UPPER_OUTPUTS; ++i) {
-        complete = complete && !isnan(outputs[i]);
-    }
-    adapter->measured = complete ? adapter->measured + 1U : 0U;
-    adapter->observed = 1;
-    if (adapter->frozen == 0U) {
-        int outcome;
-LEARN_ALL    }
-    return result;
-}
-";
-
-fn replaced(of: &Learning<'_>, text: &str, member: &MemberLearner) -> String {
+fn member_functions(of: &Learning<'_>, member: &MemberLearner) -> String {
     let constants = &member.constants;
     let number = |value: f64| of.number(value);
-    text.replace("INCREMENT(", &format!("{}(", of.function(member.increment)))
+    MEMBER
+        .replace("INCREMENT(", &format!("{}(", of.function(member.increment)))
         .replace("MEMBER", &constants.member.to_string())
         .replace("TERMS", &constants.scales.len().to_string())
         .replace("NEEDED", &format!("{}U", member.needed))
@@ -175,8 +72,7 @@ pub(super) fn code(of: &Learning<'_>, members: &[MemberLearner]) -> Code {
         source.push('\n');
         source.push_str(&of.table(&format!("NAME_scale_{index}"), &member.constants.scales));
         source.push_str(&tables);
-        source.push_str(&replaced(of, FORGET_ROW, member));
-        source.push_str(&replaced(of, LEARN, member));
+        source.push_str(&member_functions(of, member));
         forget_all.push_str(&body);
         let _ = writeln!(forget_all, "    NAME_forget_noise(&adapter->{name}.noise);");
         let _ = writeln!(begin_all, "    NAME_forget_row_{index}(&adapter->{name});");

@@ -22,104 +22,16 @@ const LEAK: &str = "    for (i = 0; i < UPPER_WEIGHTS && adapter->frozen == 0U; 
 ";
 
 /// Outputs that follow from the hidden state.
-const OF_HIDDEN: &str = "
-static void NAME_show(NAME_state *state)
-{
-    REAL outputs[UPPER_OUTPUTS];
-    F_SHOWN(X_STATE, outputs);
-    NAME_observe(state, outputs);
-}
-
-void NAME_adapter_step(NAME_adapter *adapter, NAME_state *state, const REAL command[UPPER_INPUTS])
-{
-    REAL input[UPPER_NETWORK_INPUTS];
-WORD_LIMITED    F_INPUT(X_STATE, X_COMMAND, input);
-    F_BASE(X_STATE, X_COMMAND, adapter->base);
-    NAME_predict(adapter, state->x + UPPER_FIRST_ESTIMATE, input);
-    NAME_sample(state, command);
-    if (NAME_after_step(adapter, state->x + UPPER_FIRST_ESTIMATE)) {
-        NAME_show(state);
-    }
-}
-
-int NAME_adapter_observe(NAME_adapter *adapter, NAME_state *state, const REAL outputs[UPPER_OUTPUTS])
-{
-    int result;
-    if (adapter->stepped == 0U) {
-        /* Without a step since the last measurement, the outputs do not follow from the hidden state. */
-        NAME_observe(state, outputs);
-    }
-    result = NAME_update(adapter, state->x + UPPER_FIRST_ESTIMATE, outputs);
-    if (result != UPPER_WAITING) {
-        NAME_show(state);
-    }
-    return NAME_outcome(adapter, result, outputs);
-}
-";
+const OF_HIDDEN: &str = include_str!("filter_of_hidden.c");
 
 /// Outputs that the step reads.
-const READ: &str = "
-/* Whether an output is not known, since a divergence. */
-static int NAME_waits(const REAL *outputs)
-{
-    size_t i;
-    for (i = 0; i < UPPER_OUTPUTS; ++i) {
-        if (isnan(outputs[i])) {
-            return 1;
-        }
-    }
-    return 0;
-}
-
-/* A sample that begins with unknown outputs. */
-static void NAME_wait(NAME_state *state, const REAL command[UPPER_INPUTS])
-{
-    REAL next[UPPER_STATES - UPPER_POSITIONS];
-    size_t i;
-    F_WAIT(X_STATE, command, next);
-    for (i = 0; i < UPPER_STATES - UPPER_POSITIONS; ++i) {
-        state->x[UPPER_POSITIONS + i] = next[i];
-    }
-WORD_POSITIONS}
-
-void NAME_adapter_step(NAME_adapter *adapter, NAME_state *state, const REAL command[UPPER_INPUTS])
-{
-    REAL input[UPPER_NETWORK_INPUTS];
-WORD_LIMITEDWORD_STEP    (void)NAME_after_step(adapter, state->x + UPPER_FIRST_ESTIMATE);
-}
-
-int NAME_adapter_observe(NAME_adapter *adapter, NAME_state *state, const REAL outputs[UPPER_OUTPUTS])
-{
-    const int result = NAME_update(adapter, state->x + UPPER_FIRST_ESTIMATE, outputs);
-    NAME_observe(state, outputs);
-    return NAME_outcome(adapter, result, outputs);
-}
-";
+const READ: &str = include_str!("filter_read.c");
 
 /// The step of a network that reads the outputs.
-const STEP_WITH_FEEDBACK: &str = "    if (NAME_waits(X_STATE)) {
-        NAME_wait(state, X_COMMAND);
-        adapter->stepped = 0;
-        return;
-    }
-    F_INPUT(X_STATE, X_COMMAND, input);
-    F_BASE(X_STATE, X_COMMAND, adapter->base);
-    NAME_predict(adapter, state->x + UPPER_FIRST_ESTIMATE, input);
-    NAME_sample(state, command);
-";
+const STEP_WITH_FEEDBACK: &str = include_str!("filter_step_with_feedback.c");
 
 /// The step of a network whose base alone reads the outputs.
-const STEP_WITHOUT_FEEDBACK: &str = "    F_INPUT(X_STATE, X_COMMAND, input);
-    NAME_predict(adapter, state->x + UPPER_FIRST_ESTIMATE, input);
-    if (NAME_waits(X_STATE)) {
-        NAME_wait(state, X_COMMAND);
-        (void)NAME_after_step(adapter, state->x + UPPER_FIRST_ESTIMATE);
-        adapter->stepped = 0;
-        return;
-    }
-    F_BASE(X_STATE, X_COMMAND, adapter->base);
-    NAME_sample(state, command);
-";
+const STEP_WITHOUT_FEEDBACK: &str = include_str!("filter_step_without_feedback.c");
 
 const LIMITED: &str = "    REAL positions[UPPER_INPUTS];
     F_LIMIT(state->x, command, positions);
