@@ -36,54 +36,38 @@ const MOST_INFORMATION: f64 = 1e30;
 const MOST_FORGOTTEN: f64 = 300.0;
 
 /// Error of the options of an adapter of equations.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RecursiveOptionsError {
     /// A time is not positive.
+    #[error("{0} must be a positive number of seconds")]
     Time(&'static str),
     /// The window is empty or longer than a million samples.
+    #[error("a window needs at least one sample, and at most {MOST_SAMPLES}")]
     Window,
     /// A time is too short or too long relative to the span of a row: numbers would overflow.
+    #[error("{0} is too short or too long for the span of a row and the number of terms")]
     Extreme(&'static str),
     /// The thresholds of the innovation gate are not positive and ascending.
+    #[error("the limits of the gate must be positive, with reject at least inflate")]
     Gate,
     /// The ranges are not finite, or not one for each output and input.
+    #[error("one finite range is needed for each output and input of the equations")]
     Ranges,
     /// No equation has a term.
+    #[error("the equations have no term to adapt")]
     Nothing,
     /// The R factor of the prior is not a regular upper triangle over all terms.
+    #[error("the prior must be a regular triangle, and all terms be adapted")]
     RFactor,
     /// The number of experts or the horizon of a mixture is zero or too large.
+    #[error(
+        "an expert mixture needs 1 to {MOST_EXPERTS} experts, and a horizon of 1 to {MOST_SAMPLES} samples that fits the memory"
+    )]
     Experts,
     /// The terms do not compile.
+    #[error(transparent)]
     Equations(EquationsError),
 }
-
-impl core::fmt::Display for RecursiveOptionsError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Time(what) => write!(f, "{what} must be a positive number of seconds"),
-            Self::Window => write!(f, "a window needs at least one sample, and at most {MOST_SAMPLES}"),
-            Self::Extreme(what) => {
-                write!(f, "{what} is too short or too long for the span of a row and the number of terms")
-            }
-            Self::Gate => write!(f, "the limits of the gate must be positive, with reject at least inflate"),
-            Self::Ranges => {
-                write!(f, "one finite range is needed for each output and input of the equations")
-            }
-            Self::RFactor => write!(f, "the prior must be a regular triangle, and all terms be adapted"),
-            Self::Experts => {
-                write!(
-                    f,
-                    "an expert mixture needs 1 to {MOST_EXPERTS} experts, and a horizon of 1 to {MOST_SAMPLES} samples that fits the memory"
-                )
-            }
-            Self::Nothing => write!(f, "the equations have no term to adapt"),
-            Self::Equations(error) => error.fmt(f),
-        }
-    }
-}
-
-impl core::error::Error for RecursiveOptionsError {}
 
 impl RecursiveOptions {
     pub(super) fn check(

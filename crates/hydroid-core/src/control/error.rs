@@ -1,9 +1,10 @@
 //! Errors of controllers.
 
 /// Reasons why a controller cannot be built.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ControlError {
     /// An option is out of range.
+    #[error("{what} is {value}: {needed}")]
     Setting {
         /// The option.
         what: &'static str,
@@ -13,6 +14,7 @@ pub enum ControlError {
         needed: &'static str,
     },
     /// The number of limits differs from the number of commands.
+    #[error("{expected} commands need as many limits, and there are {given}")]
     Count {
         /// Number of commands.
         expected: usize,
@@ -20,54 +22,34 @@ pub enum ControlError {
         given: usize,
     },
     /// There are fewer than two commands, the minimum for two independent accelerations.
+    #[error("a point in the plane needs at least 2 commands, and there are {given}")]
     TooFewInputs {
         /// Number of commands.
         given: usize,
     },
     /// Limits are not finite or not in order, the value at rest is outside them, or the rate limit is not positive.
+    #[error(
+        "limits of command {channel} must be finite and in order, its value at rest between them, and its rate limit positive (infinite for none)"
+    )]
     Limits {
         /// The command, from 0.
         channel: usize,
     },
     /// The command map is not invertible within the limits: an angle exceeds 90 degrees.
+    #[error("command {channel} acts through its sine, and its limits exceed 90 degrees: give narrower ones")]
     NotInvertible {
         /// The command, from 0.
         channel: usize,
     },
     /// A lag is unstable or does not depend on its command.
+    #[error(
+        "the lag of command {channel} is unstable or independent of the command: its equation cannot be inverted"
+    )]
     Lag {
         /// The command, from 0.
         channel: usize,
     },
 }
-
-impl core::fmt::Display for ControlError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Setting { what, value, needed } => write!(f, "{what} is {value}: {needed}"),
-            Self::Count { expected, given } => {
-                write!(f, "{expected} commands need as many limits, and there are {given}")
-            }
-            Self::TooFewInputs { given } => {
-                write!(f, "a point in the plane needs at least 2 commands, and there are {given}")
-            }
-            Self::Limits { channel } => write!(
-                f,
-                "limits of command {channel} must be finite and in order, its value at rest between them, and its rate limit positive (infinite for none)"
-            ),
-            Self::NotInvertible { channel } => write!(
-                f,
-                "command {channel} acts through its sine, and its limits exceed 90 degrees: give narrower ones"
-            ),
-            Self::Lag { channel } => write!(
-                f,
-                "the lag of command {channel} is unstable or independent of the command: its equation cannot be inverted"
-            ),
-        }
-    }
-}
-
-impl core::error::Error for ControlError {}
 
 pub(super) fn at_least(what: &'static str, value: f64, least: f64) -> Result<f64, ControlError> {
     if value.is_finite() && value >= least {

@@ -6,9 +6,10 @@ use core::fmt;
 use super::MAX_SERVOS;
 
 /// The invalid part of a [`Craft`](super::Craft). Numbers are named by their path in the vessel file.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum InvalidCraft {
     /// A number is not finite, or out of its range.
+    #[error("{path} is {value}; {needed}")]
     Number {
         /// Path.
         path: String,
@@ -18,6 +19,7 @@ pub enum InvalidCraft {
         needed: &'static str,
     },
     /// An actuator is outside the hull.
+    #[error("{path} is at ({}, {}) m, outside the hull, which extends {} m fore and aft and {} m to each side of its middle: correct position, hull.length or hull.beam", .position[0], .position[1], .half[0], .half[1])]
     Outside {
         /// Path of the actuator.
         path: String,
@@ -27,11 +29,13 @@ pub enum InvalidCraft {
         half: [f64; 2],
     },
     /// A part that needs the size of the hull.
+    #[error("{what} needs hull.length, hull.beam and hull.draught [m]: add the table [hull]")]
     NoSize {
         /// What needs it.
         what: &'static str,
     },
     /// The yaw inertia about the origin is not greater than `m x_g^2`.
+    #[error("rigid_body.i_z is {i_z} kg m^2; about the origin it must exceed mass * x_g^2 = {least} kg m^2")]
     YawInertia {
         /// `i_z` \[kg m^2\].
         i_z: f64,
@@ -39,11 +43,17 @@ pub enum InvalidCraft {
         least: f64,
     },
     /// The mass matrix is not positive definite.
+    #[error(
+        "the mass matrix is not positive definite: m22 m33 - m23^2 = {determinant}; check added_mass.y_rdot"
+    )]
     MassMatrix {
         /// `m22 m33 - m23^2` \[kg^2 m^2\].
         determinant: f64,
     },
     /// Limits without order, or a neutral value outside them.
+    #[error(
+        "{path} has the limits [{low}, {high}] and the neutral value {neutral}; the lower limit must be below the upper one, and the neutral value between them"
+    )]
     Limits {
         /// Path.
         path: String,
@@ -55,6 +65,9 @@ pub enum InvalidCraft {
         neutral: f64,
     },
     /// A limit of an angle beyond half a turn: most likely given in degrees.
+    #[error(
+        "{path} reaches {angle} rad, more than half a turn: state the unit of the command as deg, or correct the gain"
+    )]
     Degrees {
         /// Path.
         path: String,
@@ -62,6 +75,7 @@ pub enum InvalidCraft {
         angle: f64,
     },
     /// Two parts have the same name, or a name is empty.
+    #[error(fmt = invalid_name)]
     Name {
         /// Kind of the part.
         kind: &'static str,
@@ -69,27 +83,39 @@ pub enum InvalidCraft {
         name: String,
     },
     /// No command, or no actuator.
+    #[error("the vessel has no {what}: add at least one")]
     Nothing {
         /// What is missing.
         what: &'static str,
     },
     /// A command that moves nothing.
+    #[error("the command '{name}' moves no actuator: name it in the order of one, or leave it out")]
     Unused {
         /// Name of the command.
         name: String,
     },
     /// Too many moving parts.
+    #[error("the vessel has {given} moving parts; at most {MAX_SERVOS} are possible")]
     Servos {
         /// Number.
         given: usize,
     },
     /// A rudder in the race of a thruster without a diameter.
+    #[error("rudder '{rudder}' is in the race of thruster '{thruster}', which has no diameter: add it")]
     NoDiameter {
         /// Name of the thruster.
         thruster: String,
         /// Name of the rudder.
         rudder: String,
     },
+}
+
+fn invalid_name(kind: &str, name: &str, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    if name.is_empty() {
+        write!(f, "a {kind} has an empty name")
+    } else {
+        write!(f, "two {kind}s have the name '{name}': rename one")
+    }
 }
 
 impl InvalidCraft {
@@ -105,50 +131,3 @@ impl InvalidCraft {
         }
     }
 }
-
-impl fmt::Display for InvalidCraft {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Number { path, value, needed } => write!(f, "{path} is {value}; {needed}"),
-            Self::Outside { path, position: [x, y], half: [length, beam] } => write!(
-                f,
-                "{path} is at ({x}, {y}) m, outside the hull, which extends {length} m fore and aft and {beam} m to each side of its middle: correct position, hull.length or hull.beam"
-            ),
-            Self::NoSize { what } => {
-                write!(f, "{what} needs hull.length, hull.beam and hull.draught [m]: add the table [hull]")
-            }
-            Self::YawInertia { i_z, least } => write!(
-                f,
-                "rigid_body.i_z is {i_z} kg m^2; about the origin it must exceed mass * x_g^2 = {least} kg m^2"
-            ),
-            Self::MassMatrix { determinant } => write!(
-                f,
-                "the mass matrix is not positive definite: m22 m33 - m23^2 = {determinant}; check added_mass.y_rdot"
-            ),
-            Self::Limits { path, low, high, neutral } => write!(
-                f,
-                "{path} has the limits [{low}, {high}] and the neutral value {neutral}; the lower limit must be below the upper one, and the neutral value between them"
-            ),
-            Self::Degrees { path, angle } => write!(
-                f,
-                "{path} reaches {angle} rad, more than half a turn: state the unit of the command as deg, or correct the gain"
-            ),
-            Self::Name { kind, name } if name.is_empty() => write!(f, "a {kind} has an empty name"),
-            Self::Name { kind, name } => write!(f, "two {kind}s have the name '{name}': rename one"),
-            Self::Nothing { what } => write!(f, "the vessel has no {what}: add at least one"),
-            Self::Unused { name } => write!(
-                f,
-                "the command '{name}' moves no actuator: name it in the order of one, or leave it out"
-            ),
-            Self::Servos { given } => {
-                write!(f, "the vessel has {given} moving parts; at most {MAX_SERVOS} are possible")
-            }
-            Self::NoDiameter { thruster, rudder } => write!(
-                f,
-                "rudder '{rudder}' is in the race of thruster '{thruster}', which has no diameter: add it"
-            ),
-        }
-    }
-}
-
-impl core::error::Error for InvalidCraft {}

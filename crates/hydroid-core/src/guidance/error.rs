@@ -1,9 +1,10 @@
 //! Errors of paths and speed profiles.
 
 /// Reasons why a path or a speed profile is invalid.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum PathError {
     /// A number that must be positive (and finite, where it is a length) is not.
+    #[error("{what} must be greater than 0, and is {value}")]
     NotPositive {
         /// Name of the number.
         what: &'static str,
@@ -11,11 +12,13 @@ pub enum PathError {
         value: f64,
     },
     /// A coordinate or a course is not a finite number.
+    #[error("{what} must be a finite number")]
     NotFinite {
         /// Name of the number.
         what: &'static str,
     },
     /// There are not enough points, legs or pieces.
+    #[error("at least {needed} {what} are needed")]
     TooFew {
         /// Name of the elements.
         what: &'static str,
@@ -23,11 +26,15 @@ pub enum PathError {
         needed: usize,
     },
     /// Two consecutive way-points coincide.
+    #[error("way-point {point} coincides with the one before it: leave one of them out")]
     Coincide {
         /// The second of them, from 0.
         point: usize,
     },
     /// The turning circle around a way-point does not fit between its neighbours.
+    #[error(
+        "the turning circle does not fit at way-point {point}: the largest radius that does is {fits:.3} m"
+    )]
     CornerTooSharp {
         /// The way-point, from 0.
         point: usize,
@@ -35,6 +42,9 @@ pub enum PathError {
         fits: f64,
     },
     /// The legs of a lawn-mower are closer than two turning radii.
+    #[error(
+        "legs {spacing} m apart leave no room for turns of {radius} m: the radius can be half of the distance at most"
+    )]
     LegsTooClose {
         /// Distance of the legs \[m\].
         spacing: f64,
@@ -42,6 +52,7 @@ pub enum PathError {
         radius: f64,
     },
     /// Two consecutive pieces do not meet.
+    #[error("piece {piece} of the path starts {distance} m from where the one before it ends")]
     Gap {
         /// The second of them, from 0.
         piece: usize,
@@ -49,32 +60,6 @@ pub enum PathError {
         distance: f64,
     },
 }
-
-impl core::fmt::Display for PathError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::NotPositive { what, value } => write!(f, "{what} must be greater than 0, and is {value}"),
-            Self::NotFinite { what } => write!(f, "{what} must be a finite number"),
-            Self::TooFew { what, needed } => write!(f, "at least {needed} {what} are needed"),
-            Self::Coincide { point } => {
-                write!(f, "way-point {point} coincides with the one before it: leave one of them out")
-            }
-            Self::CornerTooSharp { point, fits } => write!(
-                f,
-                "the turning circle does not fit at way-point {point}: the largest radius that does is {fits:.3} m"
-            ),
-            Self::LegsTooClose { spacing, radius } => write!(
-                f,
-                "legs {spacing} m apart leave no room for turns of {radius} m: the radius can be half of the distance at most"
-            ),
-            Self::Gap { piece, distance } => {
-                write!(f, "piece {piece} of the path starts {distance} m from where the one before it ends")
-            }
-        }
-    }
-}
-
-impl core::error::Error for PathError {}
 
 pub(super) fn positive(what: &'static str, value: f64) -> Result<f64, PathError> {
     if value.is_finite() && value > 0.0 { Ok(value) } else { Err(PathError::NotPositive { what, value }) }

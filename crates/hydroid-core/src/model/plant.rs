@@ -17,35 +17,23 @@ const MOST_STEPS: f64 = 100_000.0;
 const LANES: usize = 16;
 
 /// Reasons why a vessel cannot be a model.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PlantModelError {
     /// The parameters are invalid.
+    #[error(transparent)]
     Vessel(crate::vessel::InvalidParams),
     /// The craft is invalid.
+    #[error(transparent)]
     Craft(crate::craft::InvalidCraft),
     /// The sample time \[s\] is not positive, or too long.
+    #[error("a sample time of {0} s is out of range: give a positive number of seconds")]
     Step(f64),
     /// Speeds diverge within the limits of the commands.
+    #[error(
+        "the speeds of the vessel diverge within the limits of its commands: check drag, thrust, and the limits of the commands"
+    )]
     Unbounded,
 }
-
-impl core::fmt::Display for PlantModelError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Vessel(error) => error.fmt(f),
-            Self::Craft(error) => error.fmt(f),
-            Self::Step(dt) => {
-                write!(f, "a sample time of {dt} s is out of range: give a positive number of seconds")
-            }
-            Self::Unbounded => write!(
-                f,
-                "the speeds of the vessel diverge within the limits of its commands: check drag, thrust, and the limits of the commands"
-            ),
-        }
-    }
-}
-
-impl core::error::Error for PlantModelError {}
 
 /// The plant of a [`VesselParams`] over samples with held commands: outputs `u, v, r`, inputs the commands of propeller
 /// and rudder, hidden state the propeller force. A sample is a whole number of RK4 steps of at most 10 ms.

@@ -21,9 +21,10 @@ impl fmt::Display for Mode {
 }
 
 /// The invalid parameter of a [`VesselParams`](super::VesselParams). Fields are named by their path.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum InvalidParams {
     /// Not a finite number.
+    #[error("{field} is {value}; a finite number is needed")]
     NotFinite {
         /// Path of the parameter.
         field: &'static str,
@@ -31,6 +32,7 @@ pub enum InvalidParams {
         value: f64,
     },
     /// Must be greater than zero.
+    #[error("{field} is {value}; it must be greater than 0")]
     NotPositive {
         /// Path of the parameter.
         field: &'static str,
@@ -38,6 +40,7 @@ pub enum InvalidParams {
         value: f64,
     },
     /// Must not be less than zero.
+    #[error("{field} is {value}; it must not be negative")]
     Negative {
         /// Path of the parameter.
         field: &'static str,
@@ -45,6 +48,9 @@ pub enum InvalidParams {
         value: f64,
     },
     /// An added-mass derivative is greater than zero, which is a negative added mass.
+    #[error(
+        "{field} is {value}; as a hydrodynamic derivative (SNAME) it must not be positive: added mass is its negative"
+    )]
     PositiveAddedMass {
         /// Path of the parameter.
         field: &'static str,
@@ -52,6 +58,7 @@ pub enum InvalidParams {
         value: f64,
     },
     /// The yaw inertia about CO is not greater than `m x_g^2`.
+    #[error("rigid_body.i_z is {i_z} kg m^2; about CO it must exceed mass * x_g^2 = {least} kg m^2")]
     YawInertia {
         /// `i_z` \[kg m^2\].
         i_z: f64,
@@ -59,6 +66,7 @@ pub enum InvalidParams {
         least: f64,
     },
     /// The mass matrix is singular or not positive definite.
+    #[error("the mass matrix of the {mode} mode is not positive definite: m22 m33 - m23^2 = {determinant}")]
     MassMatrix {
         /// Mode of the mass matrix.
         mode: Mode,
@@ -66,6 +74,7 @@ pub enum InvalidParams {
         determinant: f64,
     },
     /// The lower limit of a command is not below the upper one.
+    #[error("{field} is [{low}, {high}]; the lower limit must be below the upper one")]
     Limits {
         /// Path of the parameter.
         field: &'static str,
@@ -75,11 +84,13 @@ pub enum InvalidParams {
         high: f64,
     },
     /// A rudder angle limit beyond a quarter turn: most likely given in degrees.
+    #[error("commands.rudder.limits has {limit}; with the sine law it is an angle in radians, within pi/2")]
     RudderAngle {
         /// The limit.
         limit: f64,
     },
     /// A command without a name.
+    #[error("{field} is empty")]
     EmptyName {
         /// Path of the parameter.
         field: &'static str,
@@ -103,35 +114,3 @@ impl InvalidParams {
         path.split('[').next()
     }
 }
-
-impl fmt::Display for InvalidParams {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NotFinite { field, value } => write!(f, "{field} is {value}; a finite number is needed"),
-            Self::NotPositive { field, value } => write!(f, "{field} is {value}; it must be greater than 0"),
-            Self::Negative { field, value } => write!(f, "{field} is {value}; it must not be negative"),
-            Self::PositiveAddedMass { field, value } => write!(
-                f,
-                "{field} is {value}; as a hydrodynamic derivative (SNAME) it must not be positive: added mass is its negative"
-            ),
-            Self::YawInertia { i_z, least } => write!(
-                f,
-                "rigid_body.i_z is {i_z} kg m^2; about CO it must exceed mass * x_g^2 = {least} kg m^2"
-            ),
-            Self::MassMatrix { mode, determinant } => write!(
-                f,
-                "the mass matrix of the {mode} mode is not positive definite: m22 m33 - m23^2 = {determinant}"
-            ),
-            Self::Limits { field, low, high } => {
-                write!(f, "{field} is [{low}, {high}]; the lower limit must be below the upper one")
-            }
-            Self::RudderAngle { limit } => write!(
-                f,
-                "commands.rudder.limits has {limit}; with the sine law it is an angle in radians, within pi/2"
-            ),
-            Self::EmptyName { field } => write!(f, "{field} is empty"),
-        }
-    }
-}
-
-impl core::error::Error for InvalidParams {}

@@ -43,35 +43,20 @@ pub use event::{Action, Event, Expert};
 pub use options::GuardOptions;
 
 /// Reasons why a guard cannot be built.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum GuardError {
     /// An option is out of range.
+    #[error(
+        "the guard needs positive times, a stride that divides its horizon, a horizon up to its window and up to 10000 samples, and a factor of at least 1"
+    )]
     Settings,
     /// A channel lacks a finite range or a positive noise.
+    #[error("the guard needs a finite design range of each output, and the noise of each output")]
     Ranges,
     /// The snapshots differ in length, so that the models are not the same.
+    #[error("the guard needs the reference model in the same form as the adapted one")]
     Models,
 }
-
-impl core::fmt::Display for GuardError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Settings => write!(
-                f,
-                "the guard needs positive times, a stride that divides its horizon, a horizon up to its window and up to 10000 samples, and a factor of at least 1"
-            ),
-            Self::Ranges => write!(
-                f,
-                "the guard needs a finite design range of each output, and the noise of each output"
-            ),
-            Self::Models => {
-                write!(f, "the guard needs the reference model in the same form as the adapted one")
-            }
-        }
-    }
-}
-
-impl core::error::Error for GuardError {}
 
 /// A guarded adapter (integrity monitoring of an online learner); see the [module](self).
 pub struct Guard {

@@ -75,36 +75,24 @@ pub struct FilterOptions {
 }
 
 /// Reasons to refuse [`FilterOptions`].
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FilterOptionsError {
     /// A number is outside its range.
+    #[error("the {0} is outside its range")]
     Number(&'static str),
     /// The length of a list is not the number of weights, or of outputs.
+    #[error("one {0} is needed for each weight, or output")]
     Length(&'static str),
     /// A measurement noise is zero.
+    #[error("the variance of the measurement noise must be positive")]
     Noise,
     /// No weight is learned, and the state has no variance.
+    #[error("nothing is learned: give the weights an initial variance or a noise")]
     Nothing,
     /// A number of the rehearsal is outside its range.
+    #[error("the rehearsal needs positive numbers, and has at most 1000000 samples in all of its windows")]
     Rehearsal,
 }
-
-impl core::fmt::Display for FilterOptionsError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Number(name) => write!(f, "the {name} is outside its range"),
-            Self::Length(name) => write!(f, "one {name} is needed for each weight, or output"),
-            Self::Noise => write!(f, "the variance of the measurement noise must be positive"),
-            Self::Nothing => write!(f, "nothing is learned: give the weights an initial variance or a noise"),
-            Self::Rehearsal => write!(
-                f,
-                "the rehearsal needs positive numbers, and has at most 1000000 samples in all of its windows"
-            ),
-        }
-    }
-}
-
-impl core::error::Error for FilterOptionsError {}
 
 impl FilterOptions {
     /// Equal variance and noise for all weights, without leak, forgetting and Huber's loss, with the full covariance.

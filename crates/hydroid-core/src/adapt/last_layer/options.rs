@@ -16,11 +16,13 @@ pub struct LastLayerOptions {
 }
 
 /// Error of the options or the model.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LastLayerError {
     /// The model is invalid.
+    #[error(transparent)]
     Model(DirectError),
     /// A number is not finite or out of range.
+    #[error("{what} is {value}: {needed}")]
     Number {
         /// Name of the option.
         what: &'static str,
@@ -30,17 +32,6 @@ pub enum LastLayerError {
         needed: &'static str,
     },
 }
-
-impl core::fmt::Display for LastLayerError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Model(error) => error.fmt(f),
-            Self::Number { what, value, needed } => write!(f, "{what} is {value}: {needed}"),
-        }
-    }
-}
-
-impl core::error::Error for LastLayerError {}
 
 /// Maximum weight of the prior \[windows\] and of its inverse, with finite squares.
 const MOST_INFORMATION: f64 = 1e30;

@@ -1,11 +1,9 @@
 //! Structure of a control-affine network.
 
-use alloc::vec::Vec;
-use core::fmt;
-
 use crate::actuator::Map;
 use crate::model::direct::Perceptron;
 use crate::model::recurrent::{NetworkError, Part, RecurrentError, Scaling};
+use alloc::vec::Vec;
 
 /// Lag and map of a command.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,11 +48,13 @@ pub struct ControlAffine {
 }
 
 /// Reasons why a control-affine network is invalid.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ControlAffineError {
     /// The perceptron is invalid.
+    #[error(transparent)]
     Network(NetworkError),
     /// Lengths of network and model differ.
+    #[error("the network {what} {network} numbers, and outputs and inputs need {model}")]
     Length {
         /// `reads` (input) or `gives` (output).
         what: &'static str,
@@ -64,8 +64,10 @@ pub enum ControlAffineError {
         model: usize,
     },
     /// Weights or scales are invalid.
+    #[error(transparent)]
     Numbers(RecurrentError),
     /// A sample time, a time constant or a unit is not positive.
+    #[error("{what} is {value}: a positive number is needed")]
     Positive {
         /// Name of the number.
         what: &'static str,
@@ -73,21 +75,6 @@ pub enum ControlAffineError {
         value: f64,
     },
 }
-
-impl fmt::Display for ControlAffineError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Network(error) => error.fmt(f),
-            Self::Length { what, network, model } => {
-                write!(f, "the network {what} {network} numbers, and outputs and inputs need {model}")
-            }
-            Self::Numbers(error) => error.fmt(f),
-            Self::Positive { what, value } => write!(f, "{what} is {value}: a positive number is needed"),
-        }
-    }
-}
-
-impl core::error::Error for ControlAffineError {}
 
 impl ControlAffine {
     /// Number of outputs: `n`.

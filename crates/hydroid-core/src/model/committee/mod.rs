@@ -56,35 +56,24 @@ pub struct Committee {
 }
 
 /// Reasons why a committee is invalid.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CommitteeError {
     /// No members, more than [`MOST_MEMBERS`], or a member without a vote.
+    #[error("a committee has 1 to {MOST_MEMBERS} members, each with a vote")]
     Members,
     /// The members have different outputs, inputs or sample times.
+    #[error("the members have different outputs, inputs or sample times")]
     Channels,
     /// Not one finite range of positive width for each output.
+    #[error("the ranges of a committee are finite, one for each output")]
     Ranges,
     /// The prior of a member does not fit its terms, or is singular.
+    #[error("the prior of member {member} does not fit its terms, or is singular")]
     Prior {
         /// Index of the member.
         member: usize,
     },
 }
-
-impl core::fmt::Display for CommitteeError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Members => write!(f, "a committee has 1 to {MOST_MEMBERS} members, each with a vote"),
-            Self::Channels => write!(f, "the members have different outputs, inputs or sample times"),
-            Self::Ranges => write!(f, "the ranges of a committee are finite, one for each output"),
-            Self::Prior { member } => {
-                write!(f, "the prior of member {member} does not fit its terms, or is singular")
-            }
-        }
-    }
-}
-
-impl core::error::Error for CommitteeError {}
 
 impl Committee {
     /// A committee of members. The [frozen](Self::frozen) committee has the same members without priors.

@@ -1,16 +1,16 @@
 //! Checks of a direct predictor.
 
-use core::fmt;
-
 use super::model::Direct;
 use crate::model::recurrent::{BaseModel, NetworkError, Part, RecurrentError};
 
 /// Reasons why a direct predictor is invalid.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DirectError {
     /// The network is invalid.
-    Network(NetworkError),
+    #[error(transparent)]
+    Network(#[from] NetworkError),
     /// History or horizon is zero or too long.
+    #[error("a {what} of {given} samples is out of range: give 1 to {}", Direct::LONGEST)]
     Span {
         /// `history` or `horizon`.
         what: &'static str,
@@ -18,6 +18,7 @@ pub enum DirectError {
         given: usize,
     },
     /// Input or output of the network do not fit the model.
+    #[error("the network {what} {network} numbers, and outputs, inputs, history and horizon need {model}")]
     Length {
         /// `reads` (input) or `gives` (output).
         what: &'static str,
@@ -27,31 +28,8 @@ pub enum DirectError {
         model: usize,
     },
     /// Weights or scales are invalid.
+    #[error(transparent)]
     Numbers(RecurrentError),
-}
-
-impl fmt::Display for DirectError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            Self::Network(error) => error.fmt(f),
-            Self::Span { what, given } => {
-                write!(f, "a {what} of {given} samples is out of range: give 1 to {}", Direct::LONGEST)
-            }
-            Self::Length { what, network, model } => write!(
-                f,
-                "the network {what} {network} numbers, and outputs, inputs, history and horizon need {model}"
-            ),
-            Self::Numbers(error) => error.fmt(f),
-        }
-    }
-}
-
-impl core::error::Error for DirectError {}
-
-impl From<NetworkError> for DirectError {
-    fn from(error: NetworkError) -> Self {
-        Self::Network(error)
-    }
 }
 
 impl Direct {

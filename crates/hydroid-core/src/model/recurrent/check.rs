@@ -36,11 +36,13 @@ impl fmt::Display for Part {
 }
 
 /// Reasons why a recurrent model is invalid.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RecurrentError {
     /// The network is invalid.
-    Network(NetworkError),
+    #[error(transparent)]
+    Network(#[from] NetworkError),
     /// The input of the network does not fit the model.
+    #[error("the network has {network} inputs, and the model needs {model}")]
     Inputs {
         /// Inputs of the network.
         network: usize,
@@ -48,6 +50,7 @@ pub enum RecurrentError {
         model: usize,
     },
     /// The number of weights, scales or variances does not fit the model.
+    #[error("{part}: {expected} numbers expected, {given} given")]
     Length {
         /// The invalid part.
         part: Part,
@@ -57,6 +60,7 @@ pub enum RecurrentError {
         given: usize,
     },
     /// A number is not finite, or not positive (process noise: negative).
+    #[error("{part}: number {index} is not a finite {}number", .part.requirement().0)]
     Number {
         /// The invalid part.
         part: Part,
@@ -64,42 +68,13 @@ pub enum RecurrentError {
         index: usize,
     },
     /// The base equations have other channels than the model.
+    #[error("the base equations have {} inputs and {} outputs, the model {} and {}", .equations.0, .equations.1, .model.0, .model.1)]
     Equations {
         /// Inputs and outputs of the equations.
         equations: (usize, usize),
         /// Inputs and outputs of the model.
         model: (usize, usize),
     },
-}
-
-impl fmt::Display for RecurrentError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            Self::Network(error) => error.fmt(f),
-            Self::Inputs { network, model } => {
-                write!(f, "the network has {network} inputs, and the model needs {model}")
-            }
-            Self::Length { part, expected, given } => {
-                write!(f, "{part}: {expected} numbers expected, {given} given")
-            }
-            Self::Number { part, index } => {
-                write!(f, "{part}: number {index} is not a finite {}number", part.requirement().0)
-            }
-            Self::Equations { equations, model } => write!(
-                f,
-                "the base equations have {} inputs and {} outputs, the model {} and {}",
-                equations.0, equations.1, model.0, model.1
-            ),
-        }
-    }
-}
-
-impl core::error::Error for RecurrentError {}
-
-impl From<NetworkError> for RecurrentError {
-    fn from(error: NetworkError) -> Self {
-        Self::Network(error)
-    }
 }
 
 impl Part {

@@ -3,8 +3,6 @@
 use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
-use core::fmt;
-
 /// A recurrent cell. `x` is the input of a step, `h` the visible part of the state, `s` the logistic function, `.` the
 /// element-wise product. Gates are in PyTorch's order, with two bias vectors per layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -112,13 +110,18 @@ impl Tensor {
 }
 
 /// Reasons why a network is invalid.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NetworkError {
     /// A size is zero.
+    #[error("a network needs {0}: give at least 1")]
     Empty(&'static str),
     /// A size exceeds its limit: name, value, limit. Guards against files that would exhaust the memory.
+    #[error("{1} {0} are more than the {2} that a network may have")]
     Huge(&'static str, usize, usize),
     /// Without read-out, the lengths of the cell's `h` and of the output differ.
+    #[error(
+        "without read-out the cell gives {shown} numbers for {outputs} outputs: add the read-out, or project to {outputs}"
+    )]
     Shown {
         /// Length of `h`.
         shown: usize,
@@ -126,6 +129,7 @@ pub enum NetworkError {
         outputs: usize,
     },
     /// A projection is not shorter than the state of the cells.
+    #[error("{hidden} cells cannot be projected to {projection} numbers: give fewer than {hidden}")]
     Projection {
         /// Number of cells.
         hidden: usize,
@@ -133,27 +137,6 @@ pub enum NetworkError {
         projection: usize,
     },
 }
-
-impl fmt::Display for NetworkError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            Self::Empty(what) => write!(f, "a network needs {what}: give at least 1"),
-            Self::Huge(what, given, most) => {
-                write!(f, "{given} {what} are more than the {most} that a network may have")
-            }
-            Self::Shown { shown, outputs } => write!(
-                f,
-                "without read-out the cell gives {shown} numbers for {outputs} outputs: add the read-out, or project to {outputs}"
-            ),
-            Self::Projection { hidden, projection } => write!(
-                f,
-                "{hidden} cells cannot be projected to {projection} numbers: give fewer than {hidden}"
-            ),
-        }
-    }
-}
-
-impl core::error::Error for NetworkError {}
 
 impl Cell {
     /// Length of `h` (of one layer).

@@ -15,11 +15,13 @@ pub(crate) use batch_rollout::BatchRollout;
 const MOST_SUBSTEPS: usize = 10_000;
 
 /// Reasons why equations are invalid.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum EquationsError {
     /// The terms do not compile.
+    #[error(transparent)]
     Program(ProgramError),
     /// The number of coefficients is not `outputs x terms`.
+    #[error("{expected} coefficients expected, {given} given")]
     Shape {
         /// Numbers expected.
         expected: usize,
@@ -27,6 +29,7 @@ pub enum EquationsError {
         given: usize,
     },
     /// A coefficient is not finite.
+    #[error("the coefficient of term {term} in equation {output} is not a finite number")]
     NotFinite {
         /// Equation of the coefficient.
         output: usize,
@@ -34,36 +37,15 @@ pub enum EquationsError {
         term: usize,
     },
     /// The sample time is not positive, or the number of integration steps is out of range.
+    #[error("the sample time must be positive, with 1 to {MOST_SUBSTEPS} integration steps in it")]
     Step,
     /// A signal refers to an unknown input or output, or its time is not positive.
+    #[error("signal {index} refers to an unknown input or output, or its time is not positive")]
     Signal {
         /// Index of the signal.
         index: usize,
     },
 }
-
-impl core::fmt::Display for EquationsError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Program(error) => error.fmt(f),
-            Self::Shape { expected, given } => write!(f, "{expected} coefficients expected, {given} given"),
-            Self::NotFinite { output, term } => {
-                write!(f, "the coefficient of term {term} in equation {output} is not a finite number")
-            }
-            Self::Step => {
-                write!(
-                    f,
-                    "the sample time must be positive, with 1 to {MOST_SUBSTEPS} integration steps in it"
-                )
-            }
-            Self::Signal { index } => {
-                write!(f, "signal {index} refers to an unknown input or output, or its time is not positive")
-            }
-        }
-    }
-}
-
-impl core::error::Error for EquationsError {}
 
 /// `dy/dt = Xi theta(y, c, s)`: one row of coefficients for each output, in physical units, over the terms `theta` in
 /// the variables `[y, c, s]`: outputs, inputs, and signals computed from them (lag states of actuators, past values). A

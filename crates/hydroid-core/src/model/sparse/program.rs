@@ -10,9 +10,10 @@ use super::shape::{Gate, Shape, sign};
 use super::term::{Factor, Term};
 
 /// Reasons why terms cannot be compiled.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ProgramError {
     /// A term names an unknown variable.
+    #[error("term {term} uses variable {variable}, but there are only {variables} variables")]
     UnknownVariable {
         /// Index of the term in the list.
         term: usize,
@@ -22,27 +23,15 @@ pub enum ProgramError {
         variables: usize,
     },
     /// A term has a parameter that is not a finite number.
+    #[error("term {term} has a parameter that is not a finite number")]
     Parameter {
         /// Index of the term in the list.
         term: usize,
     },
     /// More sub-products than the instruction format can address (65,535).
+    #[error("the library needs more than 65,535 sub-products")]
     TooLarge,
 }
-
-impl core::fmt::Display for ProgramError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::UnknownVariable { term, variable, variables } => {
-                write!(f, "term {term} uses variable {variable}, but there are only {variables} variables")
-            }
-            Self::Parameter { term } => write!(f, "term {term} has a parameter that is not a finite number"),
-            Self::TooLarge => write!(f, "the library needs more than 65,535 sub-products"),
-        }
-    }
-}
-
-impl core::error::Error for ProgramError {}
 
 /// Terms compiled for evaluation.
 ///

@@ -17,24 +17,15 @@ use crate::model::recurrent::{BaseModel, Packed, Recurrent, RecurrentError, Recu
 use crate::predict::{Predictor, Workspace};
 
 /// Reasons why a network cannot learn by the filter.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum KalmanError {
     /// The model is not valid.
+    #[error(transparent)]
     Model(RecurrentError),
     /// The options do not fit the model.
+    #[error(transparent)]
     Options(FilterOptionsError),
 }
-
-impl core::fmt::Display for KalmanError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Model(error) => error.fmt(f),
-            Self::Options(error) => error.fmt(f),
-        }
-    }
-}
-
-impl core::error::Error for KalmanError {}
 
 /// A [`KalmanSession`] of a [`Recurrent`] model: hidden state and weights are estimated, in the units of input and
 /// output of the network.
