@@ -3,11 +3,8 @@
 use std::ffi::{c_char, c_int, c_void};
 
 use super::logger::{Call, Log2, c_text};
-use super::table::{add, recover, remove};
-use super::{
-    ERROR, Handle, Logger, OK, call, deserialize, directional, free_state, get, get_state, no_variables, put,
-    serialize, serialized_size, set, set_state, slice, text, write_row,
-};
+use super::table::add;
+use super::{ERROR, Handle, Logger, OK, call, directional, get, no_variables, put, set, text};
 use crate::instance::{Instance, Kind, Phase};
 
 /// `fmi2CallbackFunctions`.
@@ -33,6 +30,16 @@ pub struct EventInfo {
 }
 
 type Values = *mut c_void;
+
+super::shared! {
+    c_int;
+    fmi2FreeInstance fmi2ExitInitializationMode fmi2Terminate fmi2Reset
+    fmi2GetFMUstate fmi2SetFMUstate fmi2FreeFMUstate
+    fmi2SerializedFMUstateSize fmi2SerializeFMUstate fmi2DeSerializeFMUstate
+    fmi2EnterEventMode fmi2EnterContinuousTimeMode fmi2CompletedIntegratorStep fmi2SetTime
+    fmi2SetContinuousStates fmi2GetContinuousStates fmi2GetDerivatives
+    fmi2GetNominalsOfContinuousStates fmi2GetEventIndicators
+}
 
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi2GetTypesPlatform() -> *const c_char {
@@ -76,11 +83,6 @@ pub unsafe extern "C" fn fmi2Instantiate(
 }
 
 #[unsafe(no_mangle)]
-pub extern "C" fn fmi2FreeInstance(c: Handle) {
-    remove(c);
-}
-
-#[unsafe(no_mangle)]
 pub extern "C" fn fmi2SetupExperiment(
     c: Handle,
     _tolerance_defined: c_int,
@@ -95,24 +97,6 @@ pub extern "C" fn fmi2SetupExperiment(
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi2EnterInitializationMode(c: Handle) -> c_int {
     call(c, |entry| entry.instance.enter_initialization())
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn fmi2ExitInitializationMode(c: Handle) -> c_int {
-    call(c, |entry| entry.instance.exit_initialization())
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn fmi2Terminate(c: Handle) -> c_int {
-    call(c, |entry| entry.instance.terminate())
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn fmi2Reset(c: Handle) -> c_int {
-    recover(c, |entry| {
-        entry.instance.reset();
-        Ok(())
-    })
 }
 
 #[unsafe(no_mangle)]
@@ -141,46 +125,6 @@ no_variables_of! {
 }
 
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2GetFMUstate(c: Handle, state: *mut Handle) -> c_int {
-    call(c, |entry| unsafe { get_state(entry, state) })
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn fmi2SetFMUstate(c: Handle, state: Handle) -> c_int {
-    recover(c, |entry| set_state(entry, state))
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2FreeFMUstate(c: Handle, state: *mut Handle) -> c_int {
-    recover(c, |entry| unsafe { free_state(entry, state) })
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2SerializedFMUstateSize(c: Handle, state: Handle, size: *mut usize) -> c_int {
-    call(c, |entry| unsafe { serialized_size(entry, state, size) })
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2SerializeFMUstate(
-    c: Handle,
-    state: Handle,
-    bytes: *mut u8,
-    size: usize,
-) -> c_int {
-    call(c, |entry| unsafe { serialize(entry, state, bytes, size) })
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2DeSerializeFMUstate(
-    c: Handle,
-    bytes: *const u8,
-    size: usize,
-    state: *mut Handle,
-) -> c_int {
-    call(c, |entry| unsafe { deserialize(entry, bytes, size, state) })
-}
-
-#[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2GetDirectionalDerivative(
     c: Handle,
     unknowns: *const u32,
@@ -202,69 +146,12 @@ pub unsafe extern "C" fn fmi2GetDirectionalDerivative(
 }
 
 #[unsafe(no_mangle)]
-pub extern "C" fn fmi2EnterEventMode(c: Handle) -> c_int {
-    call(c, |entry| entry.instance.enter(Phase::Event))
-}
-
-#[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2NewDiscreteStates(c: Handle, info: *mut EventInfo) -> c_int {
     call(c, |entry| {
         entry.instance.check_mode("an update of the discrete states", &[Phase::Event])?;
         unsafe { put(info, EventInfo::default()) };
         Ok(())
     })
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn fmi2EnterContinuousTimeMode(c: Handle) -> c_int {
-    call(c, |entry| entry.instance.enter(Phase::Continuous))
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2CompletedIntegratorStep(
-    c: Handle,
-    _no_set: c_int,
-    enter_event_mode: *mut c_int,
-    terminate: *mut c_int,
-) -> c_int {
-    call(c, |entry| {
-        entry.instance.check_mode("the end of a step", &[Phase::Continuous])?;
-        unsafe {
-            put(enter_event_mode, 0);
-            put(terminate, 0);
-        }
-        Ok(())
-    })
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn fmi2SetTime(c: Handle, time: f64) -> c_int {
-    call(c, |entry| entry.instance.set_time(time))
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2SetContinuousStates(c: Handle, x: *const f64, nx: usize) -> c_int {
-    call(c, |entry| entry.instance.set_continuous_states(unsafe { slice(x, nx)? }))
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2GetDerivatives(c: Handle, rates: *mut f64, nx: usize) -> c_int {
-    call(c, |entry| unsafe { write_row(entry, &entry.instance.derivatives()?, rates, nx) })
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn fmi2GetEventIndicators(c: Handle, _: *mut f64, count: usize) -> c_int {
-    call(c, |_| no_variables(count, "event indicator"))
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2GetContinuousStates(c: Handle, x: *mut f64, nx: usize) -> c_int {
-    call(c, |entry| unsafe { write_row(entry, entry.instance.continuous_states()?, x, nx) })
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2GetNominalsOfContinuousStates(c: Handle, x: *mut f64, nx: usize) -> c_int {
-    call(c, |entry| unsafe { write_row(entry, &entry.instance.nominals()?, x, nx) })
 }
 
 #[unsafe(no_mangle)]

@@ -3,17 +3,24 @@
 use std::ffi::{c_char, c_int, c_void};
 
 use super::logger::{Call, Log3, c_text};
-use super::table::{add, recover, remove};
-use super::{
-    Handle, Logger, call, deserialize, directional, free_state, get, get_state, no_variables, put, serialize,
-    serialized_size, set, set_state, slice, text, write_row,
-};
+use super::table::add;
+use super::{Handle, Logger, call, directional, get, no_variables, put, set, text};
 use crate::instance::{Instance, Kind, Phase};
 
 /// A Boolean of C.
 pub type Boolean = u8;
 
 type Any = *mut c_void;
+
+super::shared! {
+    Boolean;
+    fmi3FreeInstance fmi3ExitInitializationMode fmi3Terminate fmi3Reset
+    fmi3GetFMUState fmi3SetFMUState fmi3FreeFMUState
+    fmi3SerializedFMUStateSize fmi3SerializeFMUState fmi3DeserializeFMUState
+    fmi3EnterEventMode fmi3EnterContinuousTimeMode fmi3CompletedIntegratorStep fmi3SetTime
+    fmi3SetContinuousStates fmi3GetContinuousStates fmi3GetContinuousStateDerivatives
+    fmi3GetNominalsOfContinuousStates fmi3GetEventIndicators
+}
 
 fn instantiate(
     (name, token, resources): (&str, &str, &str),
@@ -92,11 +99,6 @@ pub unsafe extern "C" fn fmi3InstantiateScheduledExecution(
 }
 
 #[unsafe(no_mangle)]
-pub extern "C" fn fmi3FreeInstance(c: Handle) {
-    remove(c);
-}
-
-#[unsafe(no_mangle)]
 pub extern "C" fn fmi3EnterInitializationMode(
     c: Handle,
     _tolerance_defined: Boolean,
@@ -108,29 +110,6 @@ pub extern "C" fn fmi3EnterInitializationMode(
     call(c, |entry| {
         entry.instance.set_start_time(start_time)?;
         entry.instance.enter_initialization()
-    })
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn fmi3ExitInitializationMode(c: Handle) -> c_int {
-    call(c, |entry| entry.instance.exit_initialization())
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn fmi3EnterEventMode(c: Handle) -> c_int {
-    call(c, |entry| entry.instance.enter(Phase::Event))
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn fmi3Terminate(c: Handle) -> c_int {
-    call(c, |entry| entry.instance.terminate())
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn fmi3Reset(c: Handle) -> c_int {
-    recover(c, |entry| {
-        entry.instance.reset();
-        Ok(())
     })
 }
 
@@ -216,46 +195,6 @@ unsupported! {
 }
 
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3GetFMUState(c: Handle, state: *mut Handle) -> c_int {
-    call(c, |entry| unsafe { get_state(entry, state) })
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn fmi3SetFMUState(c: Handle, state: Handle) -> c_int {
-    recover(c, |entry| set_state(entry, state))
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3FreeFMUState(c: Handle, state: *mut Handle) -> c_int {
-    recover(c, |entry| unsafe { free_state(entry, state) })
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3SerializedFMUStateSize(c: Handle, state: Handle, size: *mut usize) -> c_int {
-    call(c, |entry| unsafe { serialized_size(entry, state, size) })
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3SerializeFMUState(
-    c: Handle,
-    state: Handle,
-    bytes: *mut u8,
-    size: usize,
-) -> c_int {
-    call(c, |entry| unsafe { serialize(entry, state, bytes, size) })
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3DeserializeFMUState(
-    c: Handle,
-    bytes: *const u8,
-    size: usize,
-    state: *mut Handle,
-) -> c_int {
-    call(c, |entry| unsafe { deserialize(entry, bytes, size, state) })
-}
-
-#[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetDirectionalDerivative(
     c: Handle,
     unknowns: *const u32,
@@ -296,58 +235,6 @@ pub unsafe extern "C" fn fmi3UpdateDiscreteStates(
         unsafe { put(next_event, 0.0) };
         Ok(())
     })
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn fmi3EnterContinuousTimeMode(c: Handle) -> c_int {
-    call(c, |entry| entry.instance.enter(Phase::Continuous))
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3CompletedIntegratorStep(
-    c: Handle,
-    _no_set: Boolean,
-    enter_event_mode: *mut Boolean,
-    terminate: *mut Boolean,
-) -> c_int {
-    call(c, |entry| {
-        entry.instance.check_mode("the end of a step", &[Phase::Continuous])?;
-        unsafe {
-            put(enter_event_mode, 0);
-            put(terminate, 0);
-        }
-        Ok(())
-    })
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn fmi3SetTime(c: Handle, time: f64) -> c_int {
-    call(c, |entry| entry.instance.set_time(time))
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3SetContinuousStates(c: Handle, x: *const f64, nx: usize) -> c_int {
-    call(c, |entry| entry.instance.set_continuous_states(unsafe { slice(x, nx)? }))
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3GetContinuousStateDerivatives(c: Handle, rates: *mut f64, nx: usize) -> c_int {
-    call(c, |entry| unsafe { write_row(entry, &entry.instance.derivatives()?, rates, nx) })
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn fmi3GetEventIndicators(c: Handle, _: *mut f64, count: usize) -> c_int {
-    call(c, |_| no_variables(count, "event indicator"))
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3GetContinuousStates(c: Handle, x: *mut f64, nx: usize) -> c_int {
-    call(c, |entry| unsafe { write_row(entry, entry.instance.continuous_states()?, x, nx) })
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3GetNominalsOfContinuousStates(c: Handle, x: *mut f64, nx: usize) -> c_int {
-    call(c, |entry| unsafe { write_row(entry, &entry.instance.nominals()?, x, nx) })
 }
 
 #[unsafe(no_mangle)]

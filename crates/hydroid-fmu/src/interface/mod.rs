@@ -25,6 +25,139 @@ pub const ERROR: c_int = 3;
 #[used]
 static VERSION_MARK: &str = MARK;
 
+/// Functions that are equal in both versions, but for their names and the type of a Boolean.
+macro_rules! shared {
+    (
+        $boolean:ty;
+        $free:ident $exit_initialization:ident $terminate:ident $reset:ident
+        $get_state:ident $set_state:ident $free_state:ident
+        $serialized_size:ident $serialize:ident $deserialize:ident
+        $enter_event_mode:ident $enter_continuous_time_mode:ident $completed_step:ident $set_time:ident
+        $set_continuous_states:ident $get_continuous_states:ident $derivatives:ident
+        $nominals:ident $event_indicators:ident
+    ) => {
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $free(c: Handle) {
+            super::table::remove(c);
+        }
+
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $exit_initialization(c: Handle) -> c_int {
+            super::call(c, |entry| entry.instance.exit_initialization())
+        }
+
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $terminate(c: Handle) -> c_int {
+            super::call(c, |entry| entry.instance.terminate())
+        }
+
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $reset(c: Handle) -> c_int {
+            super::table::recover(c, |entry| {
+                entry.instance.reset();
+                Ok(())
+            })
+        }
+
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $get_state(c: Handle, state: *mut Handle) -> c_int {
+            super::call(c, |entry| unsafe { super::get_state(entry, state) })
+        }
+
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $set_state(c: Handle, state: Handle) -> c_int {
+            super::table::recover(c, |entry| super::set_state(entry, state))
+        }
+
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $free_state(c: Handle, state: *mut Handle) -> c_int {
+            super::table::recover(c, |entry| unsafe { super::free_state(entry, state) })
+        }
+
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $serialized_size(c: Handle, state: Handle, size: *mut usize) -> c_int {
+            super::call(c, |entry| unsafe { super::serialized_size(entry, state, size) })
+        }
+
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $serialize(c: Handle, state: Handle, bytes: *mut u8, size: usize) -> c_int {
+            super::call(c, |entry| unsafe { super::serialize(entry, state, bytes, size) })
+        }
+
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $deserialize(
+            c: Handle,
+            bytes: *const u8,
+            size: usize,
+            state: *mut Handle,
+        ) -> c_int {
+            super::call(c, |entry| unsafe { super::deserialize(entry, bytes, size, state) })
+        }
+
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $enter_event_mode(c: Handle) -> c_int {
+            super::call(c, |entry| entry.instance.enter($crate::instance::Phase::Event))
+        }
+
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $enter_continuous_time_mode(c: Handle) -> c_int {
+            super::call(c, |entry| entry.instance.enter($crate::instance::Phase::Continuous))
+        }
+
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $completed_step(
+            c: Handle,
+            _no_set: $boolean,
+            enter_event_mode: *mut $boolean,
+            terminate: *mut $boolean,
+        ) -> c_int {
+            super::call(c, |entry| {
+                entry.instance.check_mode("the end of a step", &[$crate::instance::Phase::Continuous])?;
+                unsafe {
+                    super::put(enter_event_mode, 0);
+                    super::put(terminate, 0);
+                }
+                Ok(())
+            })
+        }
+
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $set_time(c: Handle, time: f64) -> c_int {
+            super::call(c, |entry| entry.instance.set_time(time))
+        }
+
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $set_continuous_states(c: Handle, x: *const f64, nx: usize) -> c_int {
+            super::call(c, |entry| entry.instance.set_continuous_states(unsafe { super::slice(x, nx)? }))
+        }
+
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $get_continuous_states(c: Handle, x: *mut f64, nx: usize) -> c_int {
+            super::call(c, |entry| unsafe {
+                super::write_row(entry, entry.instance.continuous_states()?, x, nx)
+            })
+        }
+
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $derivatives(c: Handle, rates: *mut f64, nx: usize) -> c_int {
+            super::call(c, |entry| unsafe {
+                super::write_row(entry, &entry.instance.derivatives()?, rates, nx)
+            })
+        }
+
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $nominals(c: Handle, x: *mut f64, nx: usize) -> c_int {
+            super::call(c, |entry| unsafe { super::write_row(entry, &entry.instance.nominals()?, x, nx) })
+        }
+
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $event_indicators(c: Handle, _: *mut f64, count: usize) -> c_int {
+            super::call(c, |_| super::no_variables(count, "event indicator"))
+        }
+    };
+}
+use shared;
+
 /// The numbers of an array; none if it is empty.
 ///
 /// # Safety
