@@ -76,10 +76,12 @@ impl Session {
     }
 
     /// Acts on the session, which may learn.
-    fn predictor<T>(&self, act: impl FnOnce(&mut dyn Predictor, &mut Workspace) -> Outcome<T>) -> Outcome<T> {
-        self.with(|State { of, work }| match of {
-            Of::Predictor(session) => act(session.as_mut(), work),
-            Of::Adapter(learner) => act(learner.adapter.as_mut(), work),
+    fn predictor<T>(&self, act: impl FnOnce(&mut dyn Predictor, &mut Workspace) -> T) -> Outcome<T> {
+        self.with(|State { of, work }| {
+            Ok(match of {
+                Of::Predictor(session) => act(session.as_mut(), work),
+                Of::Adapter(learner) => act(learner.adapter.as_mut(), work),
+            })
         })
     }
 
@@ -96,71 +98,49 @@ impl Session {
     }
 
     pub(crate) fn reset(&self) -> Outcome {
-        self.predictor(|session, _| {
-            session.reset();
-            Ok(())
-        })
+        self.predictor(|session, _| session.reset())
     }
 
     pub(crate) fn observe_heading(&self, heading: f64) -> Outcome {
         if heading.is_infinite() {
             return Err(Error::new(Status::Value, "the heading is infinite: give NaN where it is missing"));
         }
-        self.predictor(|session, _| {
-            session.observe_heading(heading);
-            Ok(())
-        })
+        self.predictor(|session, _| session.observe_heading(heading))
     }
 
     pub(crate) fn observe(&self, y: &[f64]) -> Outcome {
         check_length("y", self.sizes.outputs, y.len())?;
-        self.predictor(|session, _| {
-            session.observe(y);
-            Ok(())
-        })
+        self.predictor(|session, _| session.observe(y))
     }
 
     pub(crate) fn advance(&self, c: &[f64]) -> Outcome {
         check_length("c", self.sizes.inputs, c.len())?;
         check_finite("c", c)?;
-        self.predictor(|session, _| {
-            session.advance(c);
-            Ok(())
-        })
+        self.predictor(|session, _| session.advance(c))
     }
 
     pub(crate) fn advance_observe(&self, c: &[f64], y: &[f64]) -> Outcome {
         check_length("c", self.sizes.inputs, c.len())?;
         check_length("y", self.sizes.outputs, y.len())?;
         check_finite("c", c)?;
-        self.predictor(|session, _| {
-            session.advance_observe(c, y);
-            Ok(())
-        })
+        self.predictor(|session, _| session.advance_observe(c, y))
     }
 
     pub(crate) fn output(&self, y: &mut [f64]) -> Outcome {
         check_length("y", self.sizes.outputs, y.len())?;
-        self.predictor(|session, _| {
-            session.output(y);
-            Ok(())
-        })
+        self.predictor(|session, _| session.output(y))
     }
 
     pub(crate) fn output_through_water(&self, y: &mut [f64]) -> Outcome {
         check_length("y", self.sizes.outputs, y.len())?;
-        self.predictor(|session, _| {
-            session.output_through_water(y);
-            Ok(())
-        })
+        self.predictor(|session, _| session.output_through_water(y))
     }
 
     pub(crate) fn current(&self) -> Outcome<Current> {
         let message = "the model predicts the motion over ground and estimates no current: set the option current_m_s \
             of an adapter, or identify a model with `hydroid identify --motion through-water`";
-        self.predictor(|session, _| {
-            session.current().copied().ok_or_else(|| Error::new(Status::Unsupported, message))
-        })
+        self.predictor(|session, _| session.current().copied())?
+            .ok_or_else(|| Error::new(Status::Unsupported, message))
     }
 
     pub(crate) fn rollout(&self, commands: &[f64], y: &mut [f64]) -> Outcome {
@@ -183,28 +163,21 @@ impl Session {
             } else {
                 session.rollout_batch(count, commands, work, y);
             }
-            Ok(())
         })
     }
 
     pub(crate) fn snapshot(&self, into: &mut [f64]) -> Outcome {
         check_length("the snapshot", self.sizes.snapshot, into.len())?;
-        self.predictor(|session, _| {
-            session.snapshot(into);
-            Ok(())
-        })
+        self.predictor(|session, _| session.snapshot(into))
     }
 
     pub(crate) fn restore(&self, from: &[f64]) -> Outcome {
         check_length("the snapshot", self.sizes.snapshot, from.len())?;
-        self.predictor(|session, _| {
-            session.restore(from);
-            Ok(())
-        })
+        self.predictor(|session, _| session.restore(from))
     }
 
     pub(crate) fn fork(&self) -> Outcome<Self> {
-        self.predictor(|session, _| Ok(Self::of(session.fork())))
+        self.predictor(|session, _| Self::of(session.fork()))
     }
 }
 

@@ -25,11 +25,11 @@ impl Simulation {
         })
     }
 
-    fn with<T>(&self, act: impl FnOnce(&mut Plant) -> Outcome<T>) -> Outcome<T> {
+    fn with<T>(&self, act: impl FnOnce(&mut Plant) -> T) -> Outcome<T> {
         let message =
             "an internal error ended an earlier call of this simulation: free it and make a new one";
         let mut state = self.state.lock().map_err(|_| Error::new(Status::Failed, message))?;
-        act(&mut state)
+        Ok(act(&mut state))
     }
 
     pub(crate) fn start(&self, eta: &[f64], y: &[f64], c: &[f64]) -> Outcome {
@@ -39,46 +39,31 @@ impl Simulation {
         check_finite("eta", eta)?;
         check_finite("y", y)?;
         check_finite("c", c)?;
-        self.with(|plant| {
-            plant.start([x, y_east, psi], y, c);
-            Ok(())
-        })
+        self.with(|plant| plant.start([x, y_east, psi], y, c))
     }
 
     pub(crate) fn advance(&self, c: &[f64]) -> Outcome {
         check_length("c", self.inputs, c.len())?;
         check_finite("c", c)?;
-        self.with(|plant| {
-            plant.advance(c);
-            Ok(())
-        })
+        self.with(|plant| plant.advance(c))
     }
 
     pub(crate) fn outputs(&self, y: &mut [f64]) -> Outcome {
         check_length("y", self.outputs, y.len())?;
-        self.with(|plant| {
-            y.copy_from_slice(plant.outputs());
-            Ok(())
-        })
+        self.with(|plant| y.copy_from_slice(plant.outputs()))
     }
 
     pub(crate) fn eta(&self, eta: &mut [f64]) -> Outcome {
         check_length("eta", 3, eta.len())?;
-        self.with(|plant| {
-            eta.copy_from_slice(&plant.eta());
-            Ok(())
-        })
+        self.with(|plant| eta.copy_from_slice(&plant.eta()))
     }
 
     pub(crate) fn nu_over_ground(&self, nu: &mut [f64]) -> Outcome {
         check_length("nu", 3, nu.len())?;
-        self.with(|plant| {
-            nu.copy_from_slice(&plant.nu_over_ground());
-            Ok(())
-        })
+        self.with(|plant| nu.copy_from_slice(&plant.nu_over_ground()))
     }
 
     pub(crate) fn check(&self) -> Outcome {
-        self.with(|plant| plant.check().map_err(|error| Error::new(Status::Diverged, error.to_string())))
+        self.with(|plant| plant.check())?.map_err(|error| Error::new(Status::Diverged, error.to_string()))
     }
 }
