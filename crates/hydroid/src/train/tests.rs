@@ -80,6 +80,35 @@ fn channel_weights(plan: &Plan<f64>) -> Vec<f64> {
     plan.loss.weights(&[0.2, 1.8])
 }
 
+/// Compares the gradient at `weights` with central differences of the loss for every `stride`-th weight; returns the
+/// largest error relative to the norm of the gradient.
+fn compare_with_differences(
+    plan: &Plan<f64>,
+    chunk: &mut MiniBatch<f64>,
+    weights: &mut [f64],
+    stride: usize,
+    case: &str,
+) -> f64 {
+    loss(plan, chunk, weights);
+    let mut gradient = vec![f64::NAN; weights.len()];
+    chunk.backward(weights, &plan.runs, &channel_weights(plan), 0.7, &mut gradient);
+    let norm = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let mut worst = 0.0f64;
+    for i in (0..weights.len()).step_by(stride) {
+        let (at, step) = (weights[i], 1e-5);
+        let [plus, minus] = [step, -step].map(|step| {
+            weights[i] = at + step;
+            loss(plan, chunk, weights)
+        });
+        weights[i] = at;
+        let difference = 0.7 * (plus - minus) / (2.0 * step);
+        let error = (gradient[i] - difference).abs() / norm;
+        assert!(error < 1e-8, "{case} {i}: {} {difference}", gradient[i]);
+        worst = worst.max(error);
+    }
+    worst
+}
+
 #[test]
 fn gradients_are_differences_of_the_loss() {
     // Missing in the wash-out and among the compared values.
@@ -93,22 +122,8 @@ fn gradients_are_differences_of_the_loss() {
                 let mut chunk = plan.net.chunk(&plan.scaling, plan.shape, 20, true);
                 let mut rng = random::stream(3, random::Purpose::Weights, 0, 0);
                 let mut weights = plan.net.first::<f64>(&mut rng);
-                loss(&plan, &mut chunk, &weights);
-                let mut gradient = vec![0.0; weights.len()];
-                chunk.backward(&weights, &plan.runs, &channel_weights(&plan), 0.7, &mut gradient);
-                let norm = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
-                for i in (0..weights.len()).step_by(3) {
-                    let (at, step) = (weights[i], 1e-5);
-                    let [plus, minus] = [step, -step].map(|step| {
-                        weights[i] = at + step;
-                        loss(&plan, &mut chunk, &weights)
-                    });
-                    weights[i] = at;
-                    let difference = 0.7 * (plus - minus) / (2.0 * step);
-                    let error = (gradient[i] - difference).abs() / norm;
-                    assert!(error < 1e-8, "{cell:?} {base:?} {feedback} {i}: {} {difference}", gradient[i]);
-                    worst = worst.max(error);
-                }
+                let case = format!("{cell:?} {base:?} {feedback}");
+                worst = worst.max(compare_with_differences(&plan, &mut chunk, &mut weights, 3, &case));
             }
         }
     }
@@ -131,24 +146,7 @@ fn the_gradient_of_a_direct_predictor_is_differences_of_its_loss() {
         let plan = plan_of(&options, &missing);
         let mut chunk = plan.net.chunk(&plan.scaling, plan.shape, 20, true);
         let mut weights = plan.net.first::<f64>(&mut random::stream(3, random::Purpose::Weights, 0, 0));
-        loss(&plan, &mut chunk, &weights);
-        let mut gradient = vec![f64::NAN; weights.len()];
-        chunk.backward(&weights, &plan.runs, &channel_weights(&plan), 0.7, &mut gradient);
-        let norm = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
-        for i in 0..weights.len() {
-            let (at, step) = (weights[i], 1e-5);
-            let [plus, minus] = [step, -step].map(|step| {
-                weights[i] = at + step;
-                loss(&plan, &mut chunk, &weights)
-            });
-            weights[i] = at;
-            let difference = 0.7 * (plus - minus) / (2.0 * step);
-            assert!(
-                (gradient[i] - difference).abs() < 1e-8 * norm,
-                "{base:?} {i}: {} {difference}",
-                gradient[i]
-            );
-        }
+        compare_with_differences(&plan, &mut chunk, &mut weights, 1, &format!("{base:?}"));
     }
 }
 
@@ -231,24 +229,7 @@ fn the_gradient_of_a_control_affine_network_is_differences_of_its_loss() {
         let plan = plan_of(&options, &missing);
         let mut chunk = plan.net.chunk(&plan.scaling, plan.shape, 20, true);
         let mut weights = plan.net.first::<f64>(&mut random::stream(3, random::Purpose::Weights, 0, 0));
-        loss(&plan, &mut chunk, &weights);
-        let mut gradient = vec![f64::NAN; weights.len()];
-        chunk.backward(&weights, &plan.runs, &channel_weights(&plan), 0.7, &mut gradient);
-        let norm = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
-        for i in 0..weights.len() {
-            let (at, step) = (weights[i], 1e-5);
-            let [plus, minus] = [step, -step].map(|step| {
-                weights[i] = at + step;
-                loss(&plan, &mut chunk, &weights)
-            });
-            weights[i] = at;
-            let difference = 0.7 * (plus - minus) / (2.0 * step);
-            assert!(
-                (gradient[i] - difference).abs() < 1e-8 * norm,
-                "{map:?} {i}: {} {difference}",
-                gradient[i]
-            );
-        }
+        compare_with_differences(&plan, &mut chunk, &mut weights, 1, &format!("{map:?}"));
         let TrainedNetwork::Affine(model) = plan.net.model(&weights, &plan.scaling, plan.shape) else {
             panic!()
         };
