@@ -1,9 +1,6 @@
 //! Adaptation of equations by an extended Kalman filter over outputs and coefficients.
 
-use hydroid_core::adapt::kalman::{
-    CovarianceForm, FilterOptions, KalmanEquations, KalmanError, LearnableEquations,
-};
-use hydroid_core::predict::Predictor;
+use hydroid_core::adapt::kalman::{KalmanEquations, KalmanError, LearnableEquations};
 
 use super::AdaptError;
 use super::kalman::{KalmanOptions, ResolvedKalman};
@@ -24,20 +21,6 @@ impl KalmanOptions {
     }
 }
 
-fn filter_parts(
-    model: &Model,
-    motion: &NamedEquations<'_>,
-    options: &KalmanOptions,
-    runs: &[&Trajectory],
-) -> Result<(LearnableEquations, FilterOptions, Vec<f64>), AdaptError> {
-    let noise = options.noise_of(model, runs)?;
-    let ranges = model.description.ranges();
-    let learnable = LearnableEquations::new(motion.equations(), &ranges).map_err(AdaptError::Options)?;
-    let dt = model.description.dt;
-    let filter = options.uniform(learnable.places().len(), &noise, learnable.scale(), dt);
-    Ok((learnable, filter, noise))
-}
-
 /// Adapter of equations and its resolved options. `runs` give the noise if options and model do not.
 pub(super) fn adapter(
     model: &Model,
@@ -45,26 +28,11 @@ pub(super) fn adapter(
     options: &KalmanOptions,
     runs: &[&Trajectory],
 ) -> Result<(KalmanEquations, ResolvedKalman), AdaptError> {
-    let (learnable, filter, noise) = filter_parts(model, motion, options, runs)?;
+    let noise = options.noise_of(model, runs)?;
+    let ranges = model.description.ranges();
+    let learnable = LearnableEquations::new(motion.equations(), &ranges).map_err(AdaptError::Options)?;
+    let dt = model.description.dt;
+    let filter = options.uniform(learnable.places().len(), &noise, learnable.scale(), dt);
     let adapter = KalmanEquations::new(learnable, filter).map_err(KalmanError::Options)?;
     Ok((adapter, options.resolved(noise)))
-}
-
-/// The filter on the outputs only, with constant coefficients.
-pub(super) fn filtered(
-    model: &Model,
-    motion: &NamedEquations<'_>,
-    options: &KalmanOptions,
-    runs: &[&Trajectory],
-) -> Result<Box<dyn Predictor>, AdaptError> {
-    let sure = KalmanOptions {
-        weight_variance: 0.0,
-        weight_noise_per_s: 0.0,
-        leak_s: f64::INFINITY,
-        forgetting_s: f64::INFINITY,
-        covariance: CovarianceForm::Full,
-        ..options.clone()
-    };
-    let (session, _) = adapter(model, motion, &sure, runs)?;
-    Ok(Box::new(session))
 }

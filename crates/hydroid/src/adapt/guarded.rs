@@ -2,7 +2,6 @@
 
 use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::guard::{Guard, GuardOptions};
-use hydroid_core::adapt::kalman::CovarianceForm;
 use hydroid_core::model::recurrent::BaseModel;
 
 use super::kalman::{KalmanOptions, LEAST_NOISE};
@@ -56,15 +55,7 @@ pub fn reference(
 }
 
 fn constant_weights(model: &Model, options: &Options) -> KalmanOptions {
-    let filter = KalmanOptions {
-        weight_variance: 0.0,
-        weight_noise_per_s: 0.0,
-        leak_s: f64::INFINITY,
-        rehearsal: None,
-        forgetting_s: f64::INFINITY,
-        covariance: CovarianceForm::Full,
-        ..options.kalman.clone()
-    };
+    let filter = options.kalman.with_constant_weights();
     match &model.body {
         Body::Recurrent(network) if network.feedback || network.base != BaseModel::Nothing => {
             // Measurements enter as inputs.

@@ -143,6 +143,19 @@ const GATE_FACTOR: f64 = 5.0;
 const STATE_FILTER_PROCESS: f64 = 1e-4;
 
 impl KalmanOptions {
+    /// The options of a filter on the state alone.
+    pub(super) fn with_constant_weights(&self) -> Self {
+        Self {
+            weight_variance: 0.0,
+            weight_noise_per_s: 0.0,
+            leak_s: f64::INFINITY,
+            rehearsal: None,
+            forgetting_s: f64::INFINITY,
+            covariance: CovarianceForm::Full,
+            ..self.clone()
+        }
+    }
+
     /// Standard deviation of the measurement noise of each output.
     ///
     /// # Errors

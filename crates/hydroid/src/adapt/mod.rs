@@ -417,10 +417,14 @@ impl Frozen {
                 ..,
             ) => None,
             (ResolvedOptions::Kalman(_), Some(motion), _) => {
-                Some(model.whole_session(equations::filtered(model, &motion, &options.kalman, runs)?))
+                let options = options.kalman.with_constant_weights();
+                let (session, _) = equations::adapter(model, &motion, &options, runs)?;
+                Some(model.whole_session(Box::new(session)))
             }
             (ResolvedOptions::Kalman(_), _, Some(vessel)) => {
-                Some(model.whole_session(plant::filtered(model, vessel, &options.kalman, runs)?))
+                let options = options.kalman.with_constant_weights();
+                let (session, _) = plant::adapter(model, vessel, &options, runs)?;
+                Some(model.whole_session(Box::new(session)))
             }
             (ResolvedOptions::Kalman(used), None, None) => kalman::filtered(model, &used.noise)?,
         };

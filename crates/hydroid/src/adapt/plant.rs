@@ -1,8 +1,7 @@
 //! Adaptation of vessels by an extended Kalman filter over motion, propeller force and parameters.
 
-use hydroid_core::adapt::kalman::{CovarianceForm, KalmanError, KalmanPlant, LearnablePlant};
+use hydroid_core::adapt::kalman::{KalmanError, KalmanPlant, LearnablePlant};
 use hydroid_core::model::PlantModel;
-use hydroid_core::predict::Predictor;
 use hydroid_core::vessel::PARAMETER;
 use serde::Serialize;
 
@@ -51,25 +50,6 @@ pub(super) fn adapter(
     let filter = options.uniform(learnable.places().len(), &noise, scale, plant.dt());
     let adapter = KalmanPlant::new(plant, filter).map_err(KalmanError::Options)?;
     Ok((adapter, options.resolved(noise)))
-}
-
-/// The filter on motion and propeller force only, with constant parameters.
-pub(super) fn filtered(
-    model: &Model,
-    plant: &PlantModel,
-    options: &KalmanOptions,
-    runs: &[&Trajectory],
-) -> Result<Box<dyn Predictor>, AdaptError> {
-    let sure = KalmanOptions {
-        weight_variance: 0.0,
-        weight_noise_per_s: 0.0,
-        leak_s: f64::INFINITY,
-        forgetting_s: f64::INFINITY,
-        covariance: CovarianceForm::Full,
-        ..options.clone()
-    };
-    let (session, _) = adapter(model, plant, &sure, runs)?;
-    Ok(Box::new(session))
 }
 
 pub(super) fn learned(model: &Model, plant: &PlantModel, weights: &[f64]) -> Result<Model, AdaptError> {
