@@ -206,11 +206,6 @@ impl Actuators {
         [a.min(b), a.max(b)]
     }
 
-    /// The last command of an actuator.
-    pub fn last_command(&self, index: usize) -> f64 {
-        self.all[index].command
-    }
-
     /// Commands for demanded efforts; steps the actuators, so that [`effort`](Self::effort) is that at the end of the
     /// sample. A demand that is not finite leaves its command unchanged.
     ///

@@ -161,8 +161,10 @@ fn the_reach_follows_from_limits_rate_and_lag() {
 fn the_value_at_rest_can_be_stated() {
     let limits = [Limits::between([1100.0, 1900.0]).with_rest(1500.0)];
     let mut actuators = Actuators::new(&[Channel::default()], &limits, 0.5, 0.0).unwrap();
-    assert_eq!(actuators.last_command(0), 1500.0);
-    let mut command = [1800.0];
+    let mut command = [0.0];
+    actuators.clone().hold(&mut command);
+    assert_eq!(command, [1500.0]);
+    command = [1800.0];
     actuators.limit(&mut command);
     let held: Vec<f64> = (0..4)
         .map(|_| {

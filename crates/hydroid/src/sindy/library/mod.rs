@@ -48,11 +48,6 @@ impl Library {
         Self::new(vec![Family::Constant, Family::Marine])
     }
 
-    /// The terms of a surface vessel with cubic terms ([`Family::MarineCubic`]), the constant included.
-    pub fn marine_cubic() -> Self {
-        Self::new(vec![Family::Constant, Family::MarineCubic])
-    }
-
     /// A library of exactly these terms.
     pub fn listed(terms: Vec<Term>) -> Self {
         Self::new(vec![Family::Listed(terms)])
