@@ -43,16 +43,7 @@ const EXAMPLE: &str = include_str!("boat.toml");
     name = "hydroid-ros",
     version,
     about,
-    after_help = "Examples:
-  hydroid-ros --print-config > boat.toml                    an example of the configuration file
-  hydroid-ros new -c boat.toml                              record, watch, identify
-  hydroid-ros boat.safetensors -c boat.toml --ros-args -r /odom:=/wamv/odom -r __ns:=/wamv
-  hydroid-ros new -c boat.toml --allow-commands --fence 80 --ros-args -p max_speed:=2
-
-The section [live] takes the options, with _ in place of -; so do parameters (-p). The domain is that of ROS_DOMAIN_ID;
-ROS_LOCALHOST_ONLY=1 keeps the node on this computer. The page is at http://127.0.0.1:8600.
-
-Exit status: 130 ended by ctrl-C, 2 wrong input."
+    after_help = include_str!("help.txt")
 )]
 struct Args {
     #[command(flatten)]

@@ -140,30 +140,7 @@ pub struct BlackBoxArgs {
 /// With - (standard input) or --stream the command serves a live stream: a JSON line with the outcome, the estimate and the
 /// predictions with their bands answers each line of the input (CSV below a header, or JSON objects).
 #[derive(Debug, ClapArgs)]
-#[command(after_help = "Examples:
-  hydroid adapt out/sindy.safetensors today.csv --horizon 20s
-  hydroid adapt out/sindy.safetensors today.csv -o adapted.safetensors --forgetting 120
-  hydroid adapt out/sindy.safetensors today.csv --learner kalman --noise u=0.01,v=0.01,r=0.02
-  hydroid adapt out/gru.safetensors today.csv --training-log train.csv
-  hydroid adapt out/gru.safetensors today.csv --inject spikes=0.01,dropout=u:10s
-  hydroid adapt mine.toml today.csv -o learned.toml             a vessel with given parameters
-  hydroid adapt out/gru.safetensors today.csv -c boat.toml      options from a file
-  logger | hydroid adapt out/sindy.safetensors - --black-box boat.box | controller
-  hydroid adapt out/sindy.safetensors today.csv --stream > answers.jsonl
-  hydroid adapt out/sindy.safetensors --replay boat.box
-
-Configuration file (hydroid.toml in the current folder, or -c FILE): the section [adapt] takes
-every option of --help-advanced, with _ in place of -. The command line takes precedence. Paths
-are relative to the file.
-  [adapt]
-  learner = \"kalman\"
-  noise = { u = 0.01, v = 0.01, r = 0.02 }
-  training_log = [\"train.csv\"]
-  horizon = \"10s\"
-
-Exit status: 0 the mean error of the adapted model over outputs and horizons is at most that of
-the frozen model, and no rollout diverged; 1 otherwise; 2 wrong input. Replay: 0 identical,
-1 different. Stream: 0 at the end of the input, 130 interrupted (state and model are written).")]
+#[command(after_help = include_str!("help/adapt.txt"))]
 pub struct Adapt {
     /// The model: a .safetensors file, a vessel file (.toml), or hydrofoil, hydrofoil-low-speed, simple
     #[arg(value_name = "MODEL")]

@@ -12,17 +12,7 @@ use super::MethodArgs;
 /// The exported model has constant weights, or learns along a run (--to c --adapter). A rollout of it is that of the model to
 /// rounding. A format that cannot express a model is refused with the reason.
 #[derive(Debug, ClapArgs)]
-#[command(after_help = "Examples:
-  hydroid export out/committee.safetensors --to c -o boat.c       boat.h and boat.c for any C99 compiler
-  hydroid export out/gru.safetensors --to c --precision float -o firmware/    for a processor without double precision
-  hydroid export out/sindy.safetensors --to c --adapter -o boat.c    a model that learns on board, in memory of fixed size
-  hydroid export vessels/otter.toml --to c --dt 0.02 -o otter.c   a vessel with given parameters
-  hydroid export out/committee.safetensors --to casadi -o boat.py    for do-mpc, acados, own optimal control
-  hydroid export out/gru.safetensors --to onnx -o boat.onnx       boat_step.onnx, boat_rollout.onnx, .. for ONNX Runtime
-  hydroid export out/committee.safetensors --to fmu -o boat.fmu   a component for simulation tools, FMI 3.0
-  hydroid export out/grey_box.toml --to sdf -o gazebo/            hydrodynamics plugins of Gazebo and VRX
-  hydroid export out/grey_box.toml --to latex -o derivatives.tex  table of hydrodynamic derivatives
-  hydroid export out/sindy.safetensors --to latex --vessel boat.toml -o t.tex    equations, with the mass of a vessel file")]
+#[command(after_help = include_str!("help/export.txt"))]
 pub struct Export {
     /// The model: a .safetensors file, a vessel file (.toml), or hydrofoil, hydrofoil-low-speed, simple
     #[arg(value_name = "MODEL")]

@@ -9,46 +9,7 @@ use super::{Duration, Horizon, LogArgs, Method, NamedRange};
 
 /// Identify models from logs, judge them by cross-validation or on test runs, and write a report
 #[derive(Debug, ClapArgs)]
-#[command(after_help = "Examples:
-  hydroid identify -o demo                                     without a log: simulates a hydrofoil
-  hydroid identify a.csv b.csv c.csv -o out                    each run is left out once, then all are used
-  hydroid identify a.csv b.csv --test c.csv --outputs u,v,r --inputs n,delta -o out
-  hydroid identify long.csv -o out                             one run: six blocks, each left out once
-  hydroid identify a.csv b.csv c.csv --gate u=2.5/12 --lag n=1.5 --dissipative -o out
-  hydroid identify a.csv b.csv c.csv --library 'marine + rational' --constraint 'v: u r = r: u v' -o out
-  hydroid identify a.csv b.csv c.csv --term u --term 'u |u|' --term 'n |n|' --lag none --gate none -o out
-  hydroid identify a.csv b.csv c.csv --methods sindy --for-control -o out      for hydroid control
-  hydroid identify a.csv b.csv c.csv --vessel boat.toml -o out                 numbers of a vessel file
-  hydroid identify a.csv b.csv c.csv --methods sindy,lstm,gru --budget 5m --range u=0:6,v=-1:1 -o out
-  hydroid identify a.csv b.csv c.csv --methods sindy,lstm,gru --budget 5m --range u=0:6,v=-1:1 -o out --resume
-  hydroid identify a.csv b.csv c.csv --methods sindy,direct --horizon 20 -o out      20 steps at once
-  hydroid identify -c hydroid.toml -o out
-
-Configuration file (hydroid.toml in the current folder, or -c FILE). The command line takes precedence; --methods is an
-option of the command line only:
-  [log]                                  [split]                     [identify]
-  time = \"t_s\"                           train = [\"a.csv\"]           horizon = \"10s\"
-  outputs = [\"u=u_mps [m/s]\", \"v\"]       validate = [\"b.csv\"]    motion = \"over-ground\"
-  inputs = [\"n\", \"delta [deg]\"]          test = [\"c.csv\"]
-  wind = { speed = \"ws\", direction = \"wd\" }
-
-  [sindy]
-  library = \"marine\"           terms = [\"u |u|\", \"v r\"]            lag = { n = 1.5 }    (or \"auto\", \"none\")
-  dissipative = true           constraints = [\"u: n |n| >= 0\"]    gate = { output = \"u\", centre = 2.5, slope = 12 }
-  huber = 1.345                members = 50                         refine = false       (or true, \"auto\")
-
-  [network]                    [gru]  (or lstm, rnn; overrides [network])        [ranges]
-  feedback = true              hidden = 32                                    u = [0, 6]
-  base = \"hold\"                epochs = 400                                   n = \"0:600 [rpm]\"
-  refit = true
-                               [direct]  (does not use [network])
-                               history_s = 4.0
-                               hidden = 256
-                               base = \"equations\"             (or \"nothing\", \"hold\")
-
-                               [affine]  (does not use [network])
-                               maps = [\"identity\", \"sine\"]
-                               hidden = 32")]
+#[command(after_help = include_str!("help/identify.txt"))]
 // Flags of the command line.
 #[allow(clippy::struct_excessive_bools)]
 pub struct Identify {

@@ -10,17 +10,7 @@ use hydroid_live::program::SessionArgs;
 /// of the configuration file, with the names of the messages. Without a model, hydroid records until the data suffice to
 /// identify one. Commands are sent with --allow-commands only, after checks, and end when the pilot changes the mode.
 #[derive(Debug, ClapArgs)]
-#[command(after_help = "Examples:
-  hydroid live --print-config > boat.toml                   an example of the configuration file
-  hydroid live new -c boat.toml                             record, watch, identify
-  hydroid live boat.safetensors -c boat.toml --link serial:/dev/ttyACM0:115200
-  hydroid live new -c boat.toml --allow-commands --fence 80 --max-speed 2    with experiments from the page
-  hydroid live new -c boat.toml --experiment auto --dry-run --fence 80 --max-speed 2
-
-The section [live] of the configuration file takes the same options, with _ in place of -; the section [control] takes path and
-controller of `hydroid control`. The page is at http://127.0.0.1:8600; actions need the token that is printed.
-
-Exit status: 130 ended by ctrl-C, 2 wrong input.")]
+#[command(after_help = include_str!("help/live.txt"))]
 pub struct Live {
     #[command(flatten)]
     pub session: SessionArgs,

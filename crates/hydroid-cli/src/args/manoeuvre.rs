@@ -46,15 +46,7 @@ impl From<TrialName> for config::TrialName {
 /// vessel are found from the model. Steering is stated in degrees if one input turns the vessel and is an angle, otherwise
 /// in percent of its range. Intervals are the 5 % and 95 % quantiles over the members of the model's ensemble or committee.
 #[derive(Debug, ClapArgs)]
-#[command(after_help = "Examples:
-  hydroid manoeuvre out/committee.safetensors --length 304.8 -o trials    all trials, with the criteria of the IMO
-  hydroid manoeuvre hydrofoil --trial turning-circle --steering 20
-  hydroid manoeuvre out/sindy.safetensors --trial zigzag --zigzag 10/10,20/20,5/10
-  hydroid manoeuvre out/gru.safetensors --speed 1.2 --push L,R --turn L,-R
-  hydroid manoeuvre out/committee.safetensors sea.csv -o trials           trials in a log beside their predictions
-  hydroid manoeuvre out/committee.safetensors --json > trials.json
-
-Exit status: 0 done; 1 a criterion was missed (with --length); 2 wrong input.")]
+#[command(after_help = include_str!("help/manoeuvre.txt"))]
 pub struct Manoeuvre {
     /// The vessel: an identified model (.safetensors), a vessel file (.toml), or hydrofoil, hydrofoil-low-speed, simple
     #[arg(value_name = "PLANT")]

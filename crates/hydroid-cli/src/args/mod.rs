@@ -39,20 +39,7 @@ pub use values::{Against, Method, Origin};
     name = "hydroid",
     version,
     about,
-    after_help = "Examples:
-  hydroid identify -o demo                      without a log: simulates a hydrofoil and identifies it
-  hydroid inspect log.csv                       channels, rates, gaps and problems of a log
-  hydroid identify a.csv b.csv c.csv -o out     equations, evaluation and report.html from three runs
-  hydroid identify a.csv b.csv c.csv --methods sindy,gru --budget 2m -o out    with a recurrent network
-  hydroid evaluate out/sindy.safetensors d.csv --horizon 100
-  hydroid adapt out/sindy.safetensors d.csv     online adaptation, compared with the frozen model
-  hydroid manoeuvre out/sindy.safetensors -o trials    turning circle, zigzag and other trials
-  hydroid control hydrofoil --controller fl --speed 4 --radius 30 -o run       closed loop with a model
-  hydroid live new -c boat.toml                 on board: records, learns and steers over MAVLink
-  hydroid export out/committee.safetensors --to c -o boat.c    the model for other tools
-  hydroid report out/committee.safetensors d.csv --interactive -o boat.html    a page on which the model is driven
-
-Exit status: 0 done, 1 done but a stated criterion was missed, 2 wrong input, 130 interrupted."
+    after_help = include_str!("help/hydroid.txt")
 )]
 pub struct Args {
     #[command(flatten)]
@@ -104,15 +91,7 @@ pub enum Command {
 
 /// Simulate a vessel and write its log
 #[derive(Debug, ClapArgs)]
-#[command(after_help = "Examples:
-  hydroid simulate hydrofoil -o run.csv                           two hours, displacement and foiling
-  hydroid simulate simple --duration 600 --seed 7 -o run.csv
-  hydroid simulate hydrofoil --excitation lawn-mower --leg-speeds 1.5,4,2 -o lawn.csv
-  hydroid simulate hydrofoil --print-vessel > mine.toml           a template for a vessel file
-  hydroid simulate mine.toml --excitation low-speed -o slow.csv
-  hydroid simulate simple --excitation commands.csv -o run.csv    commands from a file: t, propeller, rudder
-  hydroid simulate out/committee.safetensors -o run.csv           a log of an identified model
-  hydroid simulate out/sindy.safetensors --excitation sea.csv --start 60 --figure track.svg    beside a measured log")]
+#[command(after_help = include_str!("help/simulate.txt"))]
 pub struct Simulate {
     /// simple, hydrofoil, hydrofoil-low-speed, a vessel file (.toml), or an identified model (.safetensors)
     #[arg(value_name = "PLANT")]
@@ -210,16 +189,7 @@ impl Simulate {
 /// Logs: channels, units, rate, gaps, ranges, excitation, delays. Models: equations with standard errors or layers,
 /// training range, history. Black boxes (hydroid adapt --black-box): time span, settings, outcomes of the samples, events.
 #[derive(Debug, ClapArgs)]
-#[command(after_help = "Examples:
-  hydroid inspect log.csv
-  hydroid inspect log.csv --outputs u=SOG_kn[kn],r=ROT[deg/min] --inputs n=rpm[rpm],delta=rudder[deg]
-  hydroid inspect log.csv --inputs 'L=thr_left - 1511,R=thr_right - 1511'   pulse widths and their neutral position
-  hydroid inspect out/sindy.safetensors
-  hydroid inspect out/sindy.safetensors --latex > equations.tex   needs the package amsmath
-  hydroid inspect out/sindy.safetensors --json                    with the entries of the Jacobian
-  hydroid inspect boat.box                                        events of the last minutes
-  hydroid inspect flight.BIN                                      topics and fields, and a proposal of sensors and commands
-  hydroid inspect run1/ --write-config                            the proposal as hydroid.toml, for convert and identify")]
+#[command(after_help = include_str!("help/inspect.txt"))]
 pub struct Inspect {
     /// Logs (CSV, Parquet, XLSX), recordings (MCAP, ROS bags, ArduPilot .BIN, PX4 .ulg, NMEA 0183, a folder of CSV files with
     /// a topic each), models (.safetensors; vessels: .toml), black boxes
@@ -242,12 +212,7 @@ pub struct Inspect {
 /// [log.sensors], with standard deviations; the delay of the GNSS and the misalignment of the compass are estimated.
 /// `hydroid inspect RECORDING --write-config` proposes the file. Other commands read recordings in the same way.
 #[derive(Debug, ClapArgs)]
-#[command(after_help = "Examples:
-  hydroid convert flight.BIN -o run.csv                           with the hydroid.toml of the current folder
-  hydroid convert flight.BIN -o run.parquet                       for pandas, polars or DuckDB
-  hydroid convert runs/run1 runs/run2 --config boat.toml -o out/  folders with a topic in each file; out/run1.csv, out/run2.csv
-  hydroid convert day1/*.BIN -o 'out/{}.parquet'                  out/NAME.parquet for each day1/NAME.BIN
-  hydroid convert drive.mcap --outputs 'u=/odom.twist.twist.linear.x [m/s]' --inputs '/actuators.pwm_us[0]' -o run.csv")]
+#[command(after_help = include_str!("help/convert.txt"))]
 pub struct Convert {
     /// Recordings and logs. Those of one vessel together: delay and misalignment are the same in all
     #[arg(required = true, value_name = "RECORDING")]
@@ -265,11 +230,7 @@ pub struct Convert {
 
 /// Evaluate a model on logs: errors by horizon and output, compared with persistence
 #[derive(Debug, ClapArgs)]
-#[command(after_help = "Examples:
-  hydroid evaluate out/sindy.safetensors test.csv --horizon 10s
-  hydroid evaluate out/sindy.safetensors run.csv --origin true --against truth    simulated logs
-  hydroid evaluate mine.toml test.csv                  a vessel with given parameters
-  hydroid evaluate out/sindy.safetensors test.csv --json > errors.json")]
+#[command(after_help = include_str!("help/evaluate.txt"))]
 pub struct Evaluate {
     /// The model: a .safetensors file, a vessel file (.toml), or hydrofoil, hydrofoil-low-speed, simple
     #[arg(value_name = "MODEL")]

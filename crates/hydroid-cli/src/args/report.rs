@@ -12,10 +12,7 @@ use super::{EvaluationArgs, LogArgs};
 /// turns and zigzags beside the predictions. Trials are those of `hydroid manoeuvre`. With --interactive, the model is driven on
 /// the page: with keys, sliders or a gamepad, in a current, and with wind if it is an input. A click shows a trial in its place.
 #[derive(Debug, ClapArgs)]
-#[command(after_help = "Examples:
-  hydroid report out/committee.safetensors -o boat.html                        the model and its trials
-  hydroid report out/committee.safetensors test.csv --interactive -o boat.html    errors and trials on a log; can be driven
-  hydroid report vessels/otter.toml --length 2 --interactive -o otter.html     a vessel with given parameters")]
+#[command(after_help = include_str!("help/report.txt"))]
 pub struct Report {
     /// The model: a .safetensors file, a vessel file (.toml), or hydrofoil, hydrofoil-low-speed, simple
     #[arg(value_name = "MODEL")]

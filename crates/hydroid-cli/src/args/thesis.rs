@@ -6,16 +6,7 @@ use clap::Args as ClapArgs;
 
 /// Reproduce the thesis: simulation, identification, adaptation, control; all figures and claims on one page
 #[derive(Debug, ClapArgs)]
-#[command(after_help = "Examples:
-  hydroid thesis --quick                        the short version, one to two minutes: report/index.html
-  hydroid thesis                                the complete study
-  hydroid thesis fig5 fig6                      only these experiments
-  hydroid thesis --list                         names of the experiments
-  hydroid thesis --write-experiments mine       experiment files for editing
-  hydroid thesis --experiments mine -o mine/report
-
-FOLDER/cache stores the results. A result is reused if its experiment, its inputs and this program have not changed. The same
-command continues an interrupted study.")]
+#[command(after_help = include_str!("help/thesis.txt"))]
 pub struct Thesis {
     /// Experiments to run (default: all)
     #[arg(value_name = "EXPERIMENT")]

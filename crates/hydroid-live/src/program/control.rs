@@ -299,32 +299,7 @@ pub struct ServiceArgs {
 /// geographic way-points), the heading and the outputs of the model. It is answered with a line of JSON: command, status,
 /// reference, predicted track and bands. See docs/control-service.md.
 #[derive(Debug, ClapArgs)]
-#[command(after_help = "Examples:
-  hydroid control hydrofoil --controller fl --speed 4 --radius 30      the true parameters
-  hydroid control out/committee.safetensors --controller cem --task lawn-mower -o run
-  hydroid control out/sindy.safetensors --plant hydrofoil --controller backstepping --speed 2.5 --radius 25
-  hydroid control out/gru.safetensors --plant out/committee.safetensors --controller cem --adapt
-  hydroid control hydrofoil --controller pid --task lawn-mower --speed 4 --turn-speed 1.8
-  hydroid control hydrofoil --controller fl --mass 1.2 --current 0.2,-0.2 --gusts 10,5 --delay 0.2
-  hydroid control hydrofoil --controller fl --adaptive-augmentation --mass 1.2 --task lawn-mower
-  hydroid control hydrofoil --controller fl --runs 1000 --json         Monte Carlo
-  hydroid control hydrofoil --controller cem --task waypoints --points '0,0;40,0;40,30'
-  hydroid control out/sindy.safetensors --controller cem --task waypoints --waypoints route.gpx
-  hydroid control out/gru.safetensors -c boat.toml                     options from a file
-  hydroid control out/sindy.safetensors --controller cem --task waypoints --waypoints route.gpx --state boat.state -
-
-Configuration file (hydroid.toml in the current folder, or -c FILE): the section [control] takes
-every option of --help-advanced, with _ in place of -. The command line takes precedence. Paths
-are relative to the file.
-  [control]
-  controller = \"cem\"
-  task = \"waypoints\"
-  points = [[0, 0], [40, 0], [40, 30]]
-  cost_weights = [1, 0.2, 0.2]
-
-Exit status: 0 the vessel stayed on track; 1 farther from the reference than the tolerance after
-the start of the evaluation, end of the path not reached in time, or a command beyond a limit
-(with --runs: in any trial); 2 wrong input.")]
+#[command(after_help = include_str!("help/control.txt"))]
 pub struct Control {
     /// The model: a .safetensors file, a vessel file (.toml), or hydrofoil, hydrofoil-low-speed, simple. pid is tuned on it
     #[arg(value_name = "MODEL")]
