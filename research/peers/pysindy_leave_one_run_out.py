@@ -1,6 +1,6 @@
 """Leave-one-run-out with PySINDy, on the runs and windows of the program `leave_one_run_out`.
 
-    HYDROID_DATA=... cargo run --release --manifest-path research/Cargo.toml --bin leave_one_run_out -- write FOLDER
+    HYDROID_DATA=... cargo run --release -p hydroid-research --bin leave_one_run_out -- write FOLDER
     python research/peers/pysindy_leave_one_run_out.py FOLDER [SET ...]
 
 PySINDy is given what hydroid takes for granted: scaled channels, a clock step of a thirtieth of the horizon, and the choice

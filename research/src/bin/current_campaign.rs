@@ -1,7 +1,7 @@
 //! Adaptation in a current that sets in under way: frozen and adapted models, without and with an estimate of the current.
 //!
 //! ```text
-//! cargo run --release --manifest-path research/Cargo.toml --bin current_campaign -- [vessel|sindy|committee] [runs=20] [hydrofoil|simple]
+//! cargo run --release -p hydroid-research --bin current_campaign -- [vessel|sindy|committee] [runs=20] [hydrofoil|simple]
 //! ```
 //!
 //! Two vessels sail a lawn-mower, steered by feedback linearization with their true parameters. Half-way a current of

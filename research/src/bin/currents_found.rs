@@ -1,7 +1,7 @@
 //! Currents that an identification finds in simulated runs, beside the true ones.
 //!
 //! ```text
-//! cargo run --release --manifest-path research/Cargo.toml --bin currents_found -- [FIGURE.svg]
+//! cargo run --release -p hydroid-research --bin currents_found -- [FIGURE.svg]
 //! ```
 //!
 //! Ten identifications with four runs each, five of each vessel. Every run lasts 300 s in a current of its own, up to 0.8 m/s

@@ -2,7 +2,7 @@
 //! identified again from all other runs.
 //!
 //! ```text
-//! HYDROID_DATA=... cargo run --release --manifest-path research/Cargo.toml --bin leave_one_run_out -- [method,method[,over-ground][=S]] [SET ...]
+//! HYDROID_DATA=... cargo run --release -p hydroid-research --bin leave_one_run_out -- [method,method[,over-ground][=S]] [SET ...]
 //! ```
 //!
 //! With `over-ground`, no current is estimated. `=S` is the time budget of the networks of an identification \[s\].

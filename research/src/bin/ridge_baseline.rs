@@ -1,7 +1,7 @@
 //! Ridge regression with a fixed list of terms, the baseline of the identified equations, on the splits of the real ships.
 //!
 //! ```text
-//! HYDROID_DATA=... cargo run --release --manifest-path research/Cargo.toml --bin ridge_baseline -- [keep-towed]
+//! HYDROID_DATA=... cargo run --release -p hydroid-research --bin ridge_baseline -- [keep-towed]
 //! ```
 //!
 //! Towed ends of a log are removed, as for the equations; `keep-towed` keeps them. The tests of `hydroid` compare with the

@@ -1,7 +1,7 @@
 //! A controller with one model of a vessel steers another model of it along a lawn-mower.
 //!
 //! ```text
-//! HYDROID_DATA=... cargo run --release --manifest-path research/Cargo.toml --bin steer_fleet -- [law] [model] [plant] [VESSEL ...]
+//! HYDROID_DATA=... cargo run --release -p hydroid-research --bin steer_fleet -- [law] [model] [plant] [VESSEL ...]
 //! ```
 //!
 //! For each vessel of the simulated fleet, the model of the controller (method `sindy` unless another is given) is identified

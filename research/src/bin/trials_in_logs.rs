@@ -1,7 +1,7 @@
 //! Turns and zigzags in logs beside the predictions of models that were identified without them.
 //!
 //! ```text
-//! HYDROID_DATA=... cargo run --release --manifest-path research/Cargo.toml --bin trials_in_logs -- [method] [SET ...]
+//! HYDROID_DATA=... cargo run --release -p hydroid-research --bin trials_in_logs -- [method] [SET ...]
 //! ```
 //!
 //! Each run of the simulated fleet is left out once. The best model (of `committee`, or of the given method), identified

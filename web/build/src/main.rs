@@ -1,4 +1,4 @@
-//! Builds the page of hydroid: `cargo run --manifest-path web/Cargo.toml -p build-page`.
+//! Builds the page of hydroid: `cargo run -p build-page`.
 //!
 //! The result is in `web/dist`: `hydroid.html` is the page in a single file, with everything inside, and `site` is a folder
 //! for a web server. With `--node FOLDER` it also writes the functions of the page for Node.js, for tests.
@@ -26,8 +26,7 @@ const PARTS: [&str; 8] =
 const POLICY: &str = "default-src 'none'; script-src SCRIPTS 'wasm-unsafe-eval' blob:; worker-src blob:; style-src STYLES 'unsafe-inline'; img-src data: blob:; connect-src 'none'; form-action 'none'; base-uri 'none'";
 
 fn main() -> Result<()> {
-    let web =
-        Path::new(env!("CARGO_MANIFEST_DIR")).parent().context("the folder of the workspace")?.to_owned();
+    let web = Path::new(env!("CARGO_MANIFEST_DIR")).parent().context("the folder of the page")?.to_owned();
     let wasm = compile(&web)?;
     let node = std::env::args().skip_while(|argument| argument != "--node").nth(1);
     if let Some(folder) = node {
@@ -85,20 +84,30 @@ fn megabytes(bytes: usize) -> f64 {
 
 /// Compiles the functions of the page with vectors of 128 bits.
 fn compile(web: &Path) -> Result<PathBuf> {
-    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| web.join("target"), PathBuf::from);
+    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| web.join("../target"), PathBuf::from);
     let status = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
         .current_dir(web)
         .env("RUSTFLAGS", "-C target-feature=+simd128")
-        .args(["build", "--release", "--locked", "-p", "hydroid-page", "--target", TARGET, "--target-dir"])
+        .args([
+            "build",
+            "--profile",
+            "page",
+            "--locked",
+            "-p",
+            "hydroid-page",
+            "--target",
+            TARGET,
+            "--target-dir",
+        ])
         .arg(&target)
         .status()?;
     ensure!(status.success(), "the page does not compile; it needs `rustup target add {TARGET}`");
-    Ok(target.join(TARGET).join("release/hydroid_page.wasm"))
+    Ok(target.join(TARGET).join("page/hydroid_page.wasm"))
 }
 
 /// The script of a worker: glue, module, and messages.
 fn worker(web: &Path, wasm: &Path) -> Result<String> {
-    let folder = web.join("target/bindings");
+    let folder = wasm.with_file_name("bindings");
     Bindgen::new().input_path(wasm).no_modules(true)?.typescript(false).generate(&folder)?;
     let glue = read(&folder.join("hydroid_page.js"))?;
     let module = fs::read(folder.join("hydroid_page_bg.wasm"))?;

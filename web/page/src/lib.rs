@@ -4,6 +4,8 @@
 //! [`Vessel`] is a model of it, or one from a file: it runs trials, and is described for driving. Texts are JSON, with the names that the
 //! command writes with `--json`; options are those of `hydroid.toml`. The page itself drives, by the scripts of `hydroid-web`.
 
+#![allow(clippy::needless_pass_by_value, reason = "arguments are what wasm-bindgen gives")]
+
 mod error;
 mod files;
 mod identified;

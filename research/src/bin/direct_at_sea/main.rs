@@ -1,7 +1,7 @@
 //! Online adaptation of direct predictors on logs with truth, by several methods, compared with the frozen networks.
 //!
 //! ```text
-//! cargo run --release --manifest-path research/Cargo.toml --bin direct_at_sea -- MODEL[,MODEL ..] LOG[,LOG ..] [KEY=VALUE ..]
+//! cargo run --release -p hydroid-research --bin direct_at_sea -- MODEL[,MODEL ..] LOG[,LOG ..] [KEY=VALUE ..]
 //! ```
 //!
 //! Models are direct predictors with at least 20 steps; errors are medians over the models. `frozen`: as trained;
