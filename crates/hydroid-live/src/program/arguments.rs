@@ -21,22 +21,10 @@ pub struct CommandArgs {
     #[arg(long, value_name = "NAME")]
     pub experiment: Option<String>,
     /// Inputs that push the boat ahead; -NAME pushes astern
-    #[arg(
-        long,
-        help_heading = "Commands",
-        value_delimiter = ',',
-        allow_hyphen_values = true,
-        value_name = "LIST"
-    )]
+    #[arg(long, value_delimiter = ',', allow_hyphen_values = true, value_name = "LIST")]
     pub push: Vec<String>,
     /// Inputs that turn it to starboard; -NAME turns to port
-    #[arg(
-        long,
-        help_heading = "Commands",
-        value_delimiter = ',',
-        allow_hyphen_values = true,
-        value_name = "LIST"
-    )]
+    #[arg(long, value_delimiter = ',', allow_hyphen_values = true, value_name = "LIST")]
     pub turn: Vec<String>,
     /// Limits of commands in the units of the model (default for MAVLink: pulses from 1100 to 1900 us)
     #[arg(long, value_delimiter = ',', value_name = "NAME=LOW:HIGH")]

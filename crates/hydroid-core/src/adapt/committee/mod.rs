@@ -11,7 +11,7 @@ use super::innovation_gate::InnovationGate;
 use super::memory::{MOST_COUNTED, Reader, Writer};
 use super::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
 use crate::model::committee::{Committee, CommitteeError, Limits, MOST_MEMBERS, Past, weighted_median};
-use crate::predict::{Predictor, Workspace, plain, rollout_steps};
+use crate::predict::{Predictor, Workspace, delegate, plain, rollout_steps};
 use learner::Learner;
 
 pub use learner::{LearnerConstants, increment_stride};
@@ -177,14 +177,7 @@ impl CommitteeSession {
 
 impl Predictor for CommitteeSession {
     plain!(over_ground rollout_batch rollout_snapshots);
-
-    fn outputs(&self) -> usize {
-        self.committee.outputs()
-    }
-
-    fn inputs(&self) -> usize {
-        self.committee.inputs()
-    }
+    delegate!(committee: outputs inputs);
 
     fn warm_up(&self) -> usize {
         self.committee.span() + 1

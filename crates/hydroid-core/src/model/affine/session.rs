@@ -8,7 +8,7 @@ use alloc::vec::Vec;
 use super::field::Field;
 use super::model::{ControlAffine, ControlAffineError};
 use crate::model::persistence::take_measured;
-use crate::predict::{Predictor, Workspace, plain, rollout_steps};
+use crate::predict::{Predictor, Workspace, delegate, plain, rollout_steps};
 
 /// A run of a [`ControlAffine`] network. Measurements replace outputs; missing ones are predicted. Until each output
 /// has been measured, measured values are held. The snapshot is `[present outputs, actuators]`.
@@ -40,14 +40,7 @@ impl ControlAffineSession {
 
 impl Predictor for ControlAffineSession {
     plain!(over_ground advance_observe rollout_batch rollout_snapshots);
-
-    fn outputs(&self) -> usize {
-        self.model.outputs()
-    }
-
-    fn inputs(&self) -> usize {
-        self.model.inputs()
-    }
+    delegate!(model: outputs inputs);
 
     fn warm_up(&self) -> usize {
         self.model.wash_out.saturating_add(1)

@@ -10,7 +10,7 @@ use super::check::RecurrentError;
 use super::model::{BaseModel, Recurrent, Scaling};
 use super::single::Packed;
 use crate::model::persistence::take_measured;
-use crate::predict::{Predictor, Workspace, plain, rollout_each, rollout_steps};
+use crate::predict::{Predictor, Workspace, delegate, plain, rollout_each, rollout_steps};
 
 /// A run of a [`Recurrent`] model. Measurements replace the outputs; missing ones are predicted.
 ///
@@ -187,14 +187,7 @@ fn wait(model: &Recurrent, weights: &Packed<f64>, state: &mut [f64], c: &[f64], 
 
 impl Predictor for RecurrentSession {
     plain!(over_ground advance_observe rollout_snapshots);
-
-    fn outputs(&self) -> usize {
-        self.model.outputs()
-    }
-
-    fn inputs(&self) -> usize {
-        self.model.inputs()
-    }
+    delegate!(model: outputs inputs);
 
     fn warm_up(&self) -> usize {
         let base =

@@ -7,7 +7,9 @@ use alloc::vec::Vec;
 
 use super::equations::{BatchRollout, Equations};
 use crate::model::persistence::take_measured;
-use crate::predict::{Predictor, Workspace, plain, restore_and_roll_out, rollout_each, rollout_steps};
+use crate::predict::{
+    Predictor, Workspace, delegate, plain, restore_and_roll_out, rollout_each, rollout_steps,
+};
 
 /// A run of [`Equations`]: measurements replace the outputs; missing ones are predicted. Predictions start once each
 /// output has been measured; until then measured values are held, so that sensors may report in turns.
@@ -48,18 +50,7 @@ impl EquationsSession {
 
 impl Predictor for EquationsSession {
     plain!(over_ground);
-
-    fn outputs(&self) -> usize {
-        self.equations.outputs()
-    }
-
-    fn inputs(&self) -> usize {
-        self.equations.inputs()
-    }
-
-    fn warm_up(&self) -> usize {
-        self.equations.warm_up()
-    }
+    delegate!(equations: outputs inputs warm_up);
 
     fn reset(&mut self) {
         self.state.fill(f64::NAN);
