@@ -63,22 +63,10 @@ pub struct File {
 /// Reasons why a model cannot be exported.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
-    /// The format cannot express the model.
     #[error("{model} cannot be exported to {format}: {reason}; {remedy}")]
-    Unsupported {
-        /// Kind of the model in words.
-        model: &'static str,
-        /// Name of the format.
-        format: &'static str,
-        /// What the format lacks, or what the model lacks.
-        reason: String,
-        /// The nearest thing that can be exported.
-        remedy: String,
-    },
-    /// The model cannot learn, or the options of the method do not fit it.
+    Unsupported { model: &'static str, format: &'static str, reason: String, remedy: String },
     #[error(transparent)]
     Adapt(#[from] hydroid::adapt::AdaptError),
-    /// No FMU can be written.
     #[error(transparent)]
     Fmu(#[from] fmu::FmuError),
 }

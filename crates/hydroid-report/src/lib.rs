@@ -89,24 +89,17 @@ impl Default for Context {
 /// Errors of a report.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ReportError {
-    /// A figure cannot be drawn.
     #[error(transparent)]
     Figure(#[from] FigureError),
-    /// The runs do not belong to the result.
     #[error("run '{run}' has other channels than the model: a report needs the runs that were identified")]
-    OtherRuns {
-        /// The run.
-        run: String,
-    },
+    OtherRuns { run: String },
 }
 
 /// Errors of writing a report with its data into a folder.
 #[derive(Debug, thiserror::Error)]
 pub enum FolderError {
-    /// The report.
     #[error(transparent)]
     Report(#[from] ReportError),
-    /// A file cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
 }

@@ -69,20 +69,14 @@ pub struct Faults {
 
 /// Invalid fault.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum FaultError {
-    /// Unknown form.
     #[error(
         "'{0}' is not a fault: write spikes=0.01, dropout=u:10s, stuck=r:5s or bias=v:0.2, with @TIME at the end for a start at that time [s]"
     )]
     Form(String),
-    /// Unknown output.
     #[error("a fault names the output '{output}', but the outputs are {known}")]
-    Output {
-        /// Given output.
-        output: String,
-        /// Outputs of the run.
-        known: String,
-    },
+    Output { output: String, known: String },
 }
 
 impl FromStr for Faults {

@@ -7,53 +7,17 @@ use serde::de::DeserializeOwned;
 
 /// Error in a TOML file; lines are counted from 1.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum TomlError {
-    /// The file cannot be read.
     #[error("cannot read {}: {source}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Reason.
-        source: io::Error,
-    },
-    /// Unknown key.
+    Read { path: PathBuf, source: io::Error },
     #[error("{}, line {line}: unknown key {key}{}; there are {}", path.display(), nearest.as_ref().map(|n| format!(", did you mean {n}?")).unwrap_or_default(), known.join(", "))]
-    UnknownKey {
-        /// The file.
-        path: PathBuf,
-        /// Line of the key.
-        line: usize,
-        /// The key.
-        key: String,
-        /// Nearest known key.
-        nearest: Option<String>,
-        /// Known keys.
-        known: Vec<String>,
-    },
-    /// Unknown value.
+    UnknownKey { path: PathBuf, line: usize, key: String, nearest: Option<String>, known: Vec<String> },
     #[error("{}, line {line}: '{value}' is not a value of this key{}; there are {}", path.display(), nearest.as_ref().map(|n| format!(", did you mean \"{n}\"?")).unwrap_or_default(), known.join(", "))]
-    UnknownValue {
-        /// The file.
-        path: PathBuf,
-        /// Line of the word.
-        line: usize,
-        /// The word.
-        value: String,
-        /// Nearest known value.
-        nearest: Option<String>,
-        /// Known values.
-        known: Vec<String>,
-    },
+    UnknownValue { path: PathBuf, line: usize, value: String, nearest: Option<String>, known: Vec<String> },
     /// Invalid TOML, missing key, or wrong type.
     #[error("{}, line {line}: {message}", path.display())]
-    Syntax {
-        /// The file.
-        path: PathBuf,
-        /// Position.
-        line: usize,
-        /// Reason.
-        message: String,
-    },
+    Syntax { path: PathBuf, line: usize, message: String },
 }
 
 /// Reads a file.

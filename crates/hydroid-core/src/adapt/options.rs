@@ -37,34 +37,27 @@ const MOST_FORGOTTEN: f64 = 300.0;
 
 /// Error of the options of an adapter of equations.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum RecursiveOptionsError {
-    /// A time is not positive.
     #[error("{0} must be a positive number of seconds")]
     Time(&'static str),
-    /// The window is empty or longer than a million samples.
     #[error("a window needs at least one sample, and at most {MOST_SAMPLES}")]
     Window,
     /// A time is too short or too long relative to the span of a row: numbers would overflow.
     #[error("{0} is too short or too long for the span of a row and the number of terms")]
     Extreme(&'static str),
-    /// The thresholds of the innovation gate are not positive and ascending.
     #[error("the limits of the gate must be positive, with reject at least inflate")]
     Gate,
-    /// The ranges are not finite, or not one for each output and input.
     #[error("one finite range is needed for each output and input of the equations")]
     Ranges,
-    /// No equation has a term.
     #[error("the equations have no term to adapt")]
     Nothing,
-    /// The R factor of the prior is not a regular upper triangle over all terms.
     #[error("the prior must be a regular triangle, and all terms be adapted")]
     RFactor,
-    /// The number of experts or the horizon of a mixture is zero or too large.
     #[error(
         "an expert mixture needs 1 to {MOST_EXPERTS} experts, and a horizon of 1 to {MOST_SAMPLES} samples that fits the memory"
     )]
     Experts,
-    /// The terms do not compile.
     #[error(transparent)]
     Equations(EquationsError),
 }

@@ -2,32 +2,16 @@
 
 /// Reasons why a controller cannot be built.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum ControlError {
     /// An option is out of range.
     #[error("{what} is {value}: {needed}")]
-    Setting {
-        /// The option.
-        what: &'static str,
-        /// Its value.
-        value: f64,
-        /// The requirement.
-        needed: &'static str,
-    },
-    /// The number of limits differs from the number of commands.
+    Setting { what: &'static str, value: f64, needed: &'static str },
     #[error("{expected} commands need as many limits, and there are {given}")]
-    Count {
-        /// Number of commands.
-        expected: usize,
-        /// Number of limits.
-        given: usize,
-    },
+    Count { expected: usize, given: usize },
     /// There are fewer than two commands, the minimum for two independent accelerations.
     #[error("a point in the plane needs at least 2 commands, and there are {given}")]
-    TooFewInputs {
-        /// Number of commands.
-        given: usize,
-    },
-    /// Limits are not finite or not in order, the value at rest is outside them, or the rate limit is not positive.
+    TooFewInputs { given: usize },
     #[error(
         "limits of command {channel} must be finite and in order, its value at rest between them, and its rate limit positive (infinite for none)"
     )]
@@ -35,13 +19,11 @@ pub enum ControlError {
         /// The command, from 0.
         channel: usize,
     },
-    /// The command map is not invertible within the limits: an angle exceeds 90 degrees.
     #[error("command {channel} acts through its sine, and its limits exceed 90 degrees: give narrower ones")]
     NotInvertible {
         /// The command, from 0.
         channel: usize,
     },
-    /// A lag is unstable or does not depend on its command.
     #[error(
         "the lag of command {channel} is unstable or independent of the command: its equation cannot be inverted"
     )]

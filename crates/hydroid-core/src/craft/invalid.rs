@@ -7,42 +7,17 @@ use super::MAX_SERVOS;
 
 /// The invalid part of a [`Craft`](super::Craft). Numbers are named by their path in the vessel file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum InvalidCraft {
     /// A number is not finite, or out of its range.
     #[error("{path} is {value}; {needed}")]
-    Number {
-        /// Path.
-        path: String,
-        /// The invalid value.
-        value: f64,
-        /// What is needed.
-        needed: &'static str,
-    },
-    /// An actuator is outside the hull.
+    Number { path: String, value: f64, needed: &'static str },
     #[error("{path} is at ({}, {}) m, outside the hull, which extends {} m fore and aft and {} m to each side of its middle: correct position, hull.length or hull.beam", .position[0], .position[1], .half[0], .half[1])]
-    Outside {
-        /// Path of the actuator.
-        path: String,
-        /// Its place \[m\].
-        position: [f64; 2],
-        /// Half of length and beam of the hull \[m\].
-        half: [f64; 2],
-    },
-    /// A part that needs the size of the hull.
+    Outside { path: String, position: [f64; 2], half: [f64; 2] },
     #[error("{what} needs hull.length, hull.beam and hull.draught [m]: add the table [hull]")]
-    NoSize {
-        /// What needs it.
-        what: &'static str,
-    },
-    /// The yaw inertia about the origin is not greater than `m x_g^2`.
+    NoSize { what: &'static str },
     #[error("rigid_body.i_z is {i_z} kg m^2; about the origin it must exceed mass * x_g^2 = {least} kg m^2")]
-    YawInertia {
-        /// `i_z` \[kg m^2\].
-        i_z: f64,
-        /// `m x_g^2` \[kg m^2\].
-        least: f64,
-    },
-    /// The mass matrix is not positive definite.
+    YawInertia { i_z: f64, least: f64 },
     #[error(
         "the mass matrix is not positive definite: m22 m33 - m23^2 = {determinant}; check added_mass.y_rdot"
     )]
@@ -50,64 +25,25 @@ pub enum InvalidCraft {
         /// `m22 m33 - m23^2` \[kg^2 m^2\].
         determinant: f64,
     },
-    /// Limits without order, or a neutral value outside them.
     #[error(
         "{path} has the limits [{low}, {high}] and the neutral value {neutral}; the lower limit must be below the upper one, and the neutral value between them"
     )]
-    Limits {
-        /// Path.
-        path: String,
-        /// Lower limit.
-        low: f64,
-        /// Upper limit.
-        high: f64,
-        /// Neutral value.
-        neutral: f64,
-    },
+    Limits { path: String, low: f64, high: f64, neutral: f64 },
     /// A limit of an angle beyond half a turn: most likely given in degrees.
     #[error(
         "{path} reaches {angle} rad, more than half a turn: state the unit of the command as deg, or correct the gain"
     )]
-    Degrees {
-        /// Path.
-        path: String,
-        /// The angle.
-        angle: f64,
-    },
-    /// Two parts have the same name, or a name is empty.
+    Degrees { path: String, angle: f64 },
     #[error(fmt = invalid_name)]
-    Name {
-        /// Kind of the part.
-        kind: &'static str,
-        /// The name.
-        name: String,
-    },
-    /// No command, or no actuator.
+    Name { kind: &'static str, name: String },
     #[error("the vessel has no {what}: add at least one")]
-    Nothing {
-        /// What is missing.
-        what: &'static str,
-    },
-    /// A command that moves nothing.
+    Nothing { what: &'static str },
     #[error("the command '{name}' moves no actuator: name it in the order of one, or leave it out")]
-    Unused {
-        /// Name of the command.
-        name: String,
-    },
-    /// Too many moving parts.
+    Unused { name: String },
     #[error("the vessel has {given} moving parts; at most {MAX_SERVOS} are possible")]
-    Servos {
-        /// Number.
-        given: usize,
-    },
-    /// A rudder in the race of a thruster without a diameter.
+    Servos { given: usize },
     #[error("rudder '{rudder}' is in the race of thruster '{thruster}', which has no diameter: add it")]
-    NoDiameter {
-        /// Name of the thruster.
-        thruster: String,
-        /// Name of the rudder.
-        rudder: String,
-    },
+    NoDiameter { thruster: String, rudder: String },
 }
 
 fn invalid_name(kind: &str, name: &str, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -2,36 +2,20 @@
 
 /// Reasons why a path or a speed profile is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum PathError {
     /// A number that must be positive (and finite, where it is a length) is not.
     #[error("{what} must be greater than 0, and is {value}")]
-    NotPositive {
-        /// Name of the number.
-        what: &'static str,
-        /// The invalid value.
-        value: f64,
-    },
-    /// A coordinate or a course is not a finite number.
+    NotPositive { what: &'static str, value: f64 },
     #[error("{what} must be a finite number")]
-    NotFinite {
-        /// Name of the number.
-        what: &'static str,
-    },
-    /// There are not enough points, legs or pieces.
+    NotFinite { what: &'static str },
     #[error("at least {needed} {what} are needed")]
-    TooFew {
-        /// Name of the elements.
-        what: &'static str,
-        /// Number needed.
-        needed: usize,
-    },
-    /// Two consecutive way-points coincide.
+    TooFew { what: &'static str, needed: usize },
     #[error("way-point {point} coincides with the one before it: leave one of them out")]
     Coincide {
         /// The second of them, from 0.
         point: usize,
     },
-    /// The turning circle around a way-point does not fit between its neighbours.
     #[error(
         "the turning circle does not fit at way-point {point}: the largest radius that does is {fits:.3} m"
     )]
@@ -41,22 +25,14 @@ pub enum PathError {
         /// The largest radius that fits \[m\]; 0 where the path reverses.
         fits: f64,
     },
-    /// The legs of a lawn-mower are closer than two turning radii.
     #[error(
         "legs {spacing} m apart leave no room for turns of {radius} m: the radius can be half of the distance at most"
     )]
-    LegsTooClose {
-        /// Distance of the legs \[m\].
-        spacing: f64,
-        /// Turning radius \[m\].
-        radius: f64,
-    },
-    /// Two consecutive pieces do not meet.
+    LegsTooClose { spacing: f64, radius: f64 },
     #[error("piece {piece} of the path starts {distance} m from where the one before it ends")]
     Gap {
         /// The second of them, from 0.
         piece: usize,
-        /// Distance between the end of the first and the start of the second \[m\].
         distance: f64,
     },
 }

@@ -18,17 +18,14 @@ const LANES: usize = 16;
 
 /// Reasons why a vessel cannot be a model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum PlantModelError {
-    /// The parameters are invalid.
     #[error(transparent)]
     Vessel(crate::vessel::InvalidParams),
-    /// The craft is invalid.
     #[error(transparent)]
     Craft(crate::craft::InvalidCraft),
-    /// The sample time \[s\] is not positive, or too long.
     #[error("a sample time of {0} s is out of range: give a positive number of seconds")]
     Step(f64),
-    /// Speeds diverge within the limits of the commands.
     #[error(
         "the speeds of the vessel diverge within the limits of its commands: check drag, thrust, and the limits of the commands"
     )]

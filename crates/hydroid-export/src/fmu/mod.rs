@@ -56,50 +56,25 @@ pub struct FmuOptions {
 /// Reasons why no FMU can be written.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FmuError {
-    /// There is no library.
     #[error(
         "the library of the FMU is neither in {} nor in ../lib of it: build it with `cargo build --release -p hydroid-fmu`, and name it by the environment variable {LIBRARY_VARIABLE}",
         folder.display()
     )]
-    NoLibrary {
-        /// Folder of the running program.
-        folder: PathBuf,
-    },
-    /// A library cannot be read.
+    NoLibrary { folder: PathBuf },
     #[error("cannot read the library {}: {reason}; build it with `cargo build --release -p hydroid-fmu`", path.display())]
-    Read {
-        /// The library.
-        path: PathBuf,
-        /// Error of the system.
-        reason: String,
-    },
-    /// Not a library of a known platform.
+    Read { path: PathBuf, reason: String },
     #[error(
         "{} is not a library for Linux, macOS or Windows with 64 bits (x86-64 or aarch64): build it with `cargo build --release -p hydroid-fmu`; take a universal library of macOS apart with `lipo -thin`",
         path.display()
     )]
-    Platform {
-        /// The library.
-        path: PathBuf,
-    },
-    /// Another library, or one of another version.
+    Platform { path: PathBuf },
     #[error(
         "{} is not the library hydroid-fmu of this version ({}): build it with `cargo build --release -p hydroid-fmu`",
         path.display(), env!("CARGO_PKG_VERSION")
     )]
-    Version {
-        /// The library.
-        path: PathBuf,
-    },
-    /// Two libraries of the same platform.
+    Version { path: PathBuf },
     #[error("{} is the second library for {platform}: name one for each platform", path.display())]
-    Twice {
-        /// The second library.
-        path: PathBuf,
-        /// The platform.
-        platform: &'static str,
-    },
-    /// The archive cannot be written.
+    Twice { path: PathBuf, platform: &'static str },
     #[error("the FMU cannot be written: {0}")]
     Archive(String),
 }

@@ -74,22 +74,11 @@ pub struct RecordingOptions {
 pub enum BlackBoxError {
     /// The file is not a black box, or is damaged, or belongs to another model.
     #[error("the black box {} cannot be used: {reason}", path.display())]
-    Unusable {
-        /// The file.
-        path: PathBuf,
-        /// Cause and remedy.
-        reason: String,
-    },
-    /// Invalid duration.
+    Unusable { path: PathBuf, reason: String },
     #[error("a black box of {minutes} minutes is not possible; give {MIN_MINUTES} to {MAX_MINUTES}")]
-    Minutes {
-        /// Given value.
-        minutes: f64,
-    },
-    /// The file cannot be written.
+    Minutes { minutes: f64 },
     #[error(transparent)]
     Write(#[from] WriteError),
-    /// The model cannot be adapted.
     #[error(transparent)]
     Adapt(#[from] AdaptError),
 }

@@ -17,16 +17,12 @@ const MEMORY_S: f64 = 120.0;
 /// A model cannot follow the vessel.
 #[derive(Debug, thiserror::Error)]
 pub enum OnBoardError {
-    /// A channel of the model is none of the link.
     #[error(transparent)]
     Log(#[from] LogError),
-    /// The horizons do not fit the model.
     #[error(transparent)]
     Stream(#[from] StreamError),
-    /// It cannot be adapted.
     #[error("the model cannot be adapted: {0}")]
     Adapt(String),
-    /// It was not identified from sensors.
     #[error(
         "the model was not identified from the sensors of the vessel: identify it with the section [log.sensors]"
     )]

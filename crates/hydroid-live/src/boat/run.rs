@@ -44,14 +44,8 @@ pub type Identify = Arc<dyn Fn(&[PathBuf], &Path) -> Result<Identified, String> 
 /// The service cannot run.
 #[derive(Debug, thiserror::Error)]
 pub enum ServiceError {
-    /// The link cannot be opened.
     #[error("the link {address} cannot be opened: {source}")]
-    Link {
-        /// Its address.
-        address: String,
-        /// Cause.
-        source: io::Error,
-    },
+    Link { address: String, source: io::Error },
 }
 
 /// Opens a link, and opens it again after its end.

@@ -80,27 +80,17 @@ pub struct Options {
 /// Errors of a stream.
 #[derive(Debug, thiserror::Error)]
 pub enum StreamError {
-    /// Invalid header or options.
     #[error(transparent)]
     Log(#[from] LogError),
-    /// The channels of the stream are not those of the model.
     #[error(transparent)]
     Mismatch(#[from] Mismatch),
-    /// The horizons do not ascend, or are too large.
     #[error("the horizons must be ascending numbers of samples from 1 to {MAX_HORIZON}")]
     Horizons,
     /// The state file cannot be resumed. It is not changed.
     #[error("the state {} cannot be used: {reason}", path.display())]
-    State {
-        /// The file.
-        path: PathBuf,
-        /// Cause and remedy.
-        reason: String,
-    },
-    /// The state cannot be written.
+    State { path: PathBuf, reason: String },
     #[error(transparent)]
     Write(#[from] WriteError),
-    /// Answers cannot be written.
     #[error("answers cannot be written: {0}")]
     Output(io::Error),
 }

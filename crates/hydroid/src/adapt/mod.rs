@@ -128,71 +128,40 @@ pub struct Adapted {
 
 /// Error of an adaptation.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum AdaptError {
-    /// Kind of model without adaptation.
     #[error(
         "a model of kind '{kind}' cannot be adapted: give one of equations (methods sindy, lagged, recursive), a committee, a recurrent network (lstm, gru, rnn), a direct predictor or a vessel; `hydroid evaluate` evaluates this one without adaptation"
     )]
-    Kind {
-        /// Of the model.
-        kind: &'static str,
-    },
-    /// Invalid options of the last layer.
+    Kind { kind: &'static str },
     #[error("the model cannot be adapted: {0}")]
     LastLayer(#[from] LastLayerError),
-    /// The forgetting time is too short.
     #[error(
         "the forgetting time is {given_s} s: at least {least_s:.3} s are needed, which are 9.5 samples; give it, as in --forgetting 300"
     )]
-    Forgetting {
-        /// Given \[s\].
-        given_s: f64,
-        /// Least permitted \[s\].
-        least_s: f64,
-    },
-    /// Invalid options of least squares.
+    Forgetting { given_s: f64, least_s: f64 },
     #[error("the model cannot be adapted: {0}")]
     Options(RecursiveOptionsError),
-    /// Invalid options of the filter.
     #[error("the model cannot be adapted: {0}")]
     Kalman(#[from] KalmanError),
-    /// The guard does not fit the model.
     #[error("the model cannot be guarded: {0}")]
     Guard(GuardError),
-    /// Unknown measurement noise.
     #[error(
         "the measurement noise is unknown: the model file does not state it, and it cannot be estimated from a stream. Give standard deviations, as in --noise u=0.01,v=0.01,r=0.02"
     )]
     NoNoise,
-    /// Invalid standard deviation.
     #[error(
         "the noise of '{channel}' has a standard deviation of {std}: it must be positive. Give it, as in --noise {channel}=0.01"
     )]
-    Noise {
-        /// The output.
-        channel: String,
-        /// Given or estimated.
-        std: f64,
-    },
-    /// Weights of another model.
+    Noise { channel: String, std: f64 },
     #[error("the adapted weights do not belong to this model")]
     Weights,
-    /// The window does not fit the log.
     #[error(
         "a window of {window_s} s does not fit: it must be at least one sample ({dt} s), and shorter than the longest run ({longest_s} s)"
     )]
-    Window {
-        /// Given \[s\].
-        window_s: f64,
-        /// Sample time \[s\].
-        dt: f64,
-        /// Of the longest run \[s\].
-        longest_s: f64,
-    },
-    /// The model cannot estimate a current.
+    Window { window_s: f64, dt: f64, longest_s: f64 },
     #[error(transparent)]
     Current(#[from] CurrentError),
-    /// The evaluation failed.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),
 }

@@ -21,44 +21,26 @@ pub struct Waypoints {
 
 /// Error of a file of way-points.
 #[derive(Debug, Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum WaypointsError {
-    /// The file cannot be read, or is not a table.
     #[error(transparent)]
     Log(#[from] LogError),
-    /// A table without positions.
     #[error(
         "{path}: no columns of way-points among {columns}: name them north [m] and east [m], or lat [deg] and lon [deg]"
     )]
-    Columns {
-        /// File.
-        path: String,
-        /// Columns of the table.
-        columns: String,
-    },
-    /// A column in a unit that is not one of its quantity.
+    Columns { path: String, columns: String },
     #[error("{path}: the column '{column}': {source}")]
-    Unit {
-        /// File.
-        path: String,
-        /// Column.
-        column: String,
-        /// Cause.
-        source: UnitError,
-    },
-    /// A way-point without numbers.
+    Unit { path: String, column: String, source: UnitError },
     #[error("{path}: {place}: the position of the way-point is not two numbers: correct or remove it")]
     NotANumber {
-        /// File.
         path: String,
         /// Line, or element.
         place: String,
     },
-    /// A latitude or longitude outside its range.
     #[error(
         "{path}: {place}: latitude {latitude}, longitude {longitude}: latitudes are between -90 and 90 degrees, longitudes between -180 and 360; check the order of the two"
     )]
     Range {
-        /// File.
         path: String,
         /// Line, or element.
         place: String,
@@ -67,22 +49,15 @@ pub enum WaypointsError {
         /// Longitude \[deg\].
         longitude: f64,
     },
-    /// The file is not well-formed XML.
     #[error("{path}: byte {position}: {source}: export the route again as GPX")]
     Xml {
-        /// File.
         path: String,
         /// Place of the error in bytes.
         position: u64,
-        /// Cause.
         source: quick_xml::Error,
     },
-    /// A file without points.
     #[error("{path}: no way-points: a GPX file needs a route (rtept), a track (trkpt) or way-points (wpt)")]
-    Empty {
-        /// File.
-        path: String,
-    },
+    Empty { path: String },
 }
 
 /// Names of a column, without case.

@@ -50,28 +50,18 @@ pub struct Chosen {
 
 /// Reasons why there is no committee.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum ChooseError {
-    /// No fold has a window of the horizon.
     #[error(
         "the runs are too short for a committee: of {folds} folds, those with a window of {horizon} samples after {warm_up} samples of past are fewer than two. Record for longer, or give a shorter --horizon"
     )]
-    TooShort {
-        /// Folds.
-        folds: usize,
-        /// Horizon \[samples\].
-        horizon: usize,
-        /// Longest past of a candidate \[samples\].
-        warm_up: usize,
-    },
-    /// No candidate can be fitted.
+    TooShort { folds: usize, horizon: usize, warm_up: usize },
     #[error(
         "no difference equation can be fitted to these runs: the outputs or inputs have no finite rows, or do not vary"
     )]
     Singular,
-    /// The members do not form a committee.
     #[error("the members do not form a committee: {0}")]
     Committee(#[from] CommitteeError),
-    /// Cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }

@@ -13,24 +13,16 @@ fn line_text(line: Option<usize>) -> String {
 /// Error in a vessel file; lines are counted from 1.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum CraftFileError {
-    /// The file cannot be read or parsed.
     #[error(transparent)]
     File(#[from] TomlError),
     /// The numbers describe no vessel.
     #[error("{}{}: {source}", path.display(), line_text(*line))]
-    Invalid {
-        /// The file.
-        path: PathBuf,
-        /// Line of the invalid part, if known.
-        line: Option<usize>,
-        /// Reason.
-        source: InvalidCraft,
-    },
+    Invalid { path: PathBuf, line: Option<usize>, source: InvalidCraft },
     /// A missing key, a name that the file does not define, or a value out of range.
     #[error("{}: {message}", path.display())]
     Content {
-        /// The file.
         path: PathBuf,
         /// Place, reason and remedy.
         message: String,

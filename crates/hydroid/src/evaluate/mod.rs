@@ -268,65 +268,34 @@ pub fn mean_finite(values: impl Iterator<Item = f64>) -> Option<f64> {
 
 /// Error of an evaluation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum EvaluateError {
-    /// No run is long enough.
     #[error(
         "no run is long enough: an origin needs {needed} samples ({warm_up} of warm-up and {horizon} of horizon), the longest run has {longest}. Ask for a shorter horizon or give longer runs"
     )]
-    TooShort {
-        /// Samples needed.
-        needed: usize,
-        /// Warm-up samples among them.
-        warm_up: usize,
-        /// Horizon among them.
-        horizon: usize,
-        /// Samples of the longest run.
-        longest: usize,
-    },
-    /// A run has no truth.
+    TooShort { needed: usize, warm_up: usize, horizon: usize, longest: usize },
     #[error(
         "run '{run}' has no true outputs: only simulated logs do (columns like u_true). Use --origin measured and --against measurement"
     )]
-    NoTruth {
-        /// The run without truth.
-        run: String,
-    },
-    /// The channels of a run differ from the model's.
+    NoTruth { run: String },
     #[error("the model has {expected} {what}, run '{run}' has {given}")]
     Channels {
-        /// The run.
         run: String,
         /// `outputs` or `inputs`.
         what: &'static str,
-        /// Channels of the model.
         expected: usize,
-        /// Channels of the run.
         given: usize,
     },
-    /// No window can start in any run.
     #[error(
         "output '{channel}' is nowhere measured early enough to start a prediction from. Leave it out, or give a run where it is measured"
     )]
-    NoOrigin {
-        /// The output that is missing.
-        channel: String,
-    },
-    /// Different sample times.
+    NoOrigin { channel: String },
     #[error(
         "run '{run}' has a sample time of {given} s, the others {expected} s: resample them to one step (--dt)"
     )]
-    SampleTime {
-        /// The run.
-        run: String,
-        /// Of the first run \[s\].
-        expected: f64,
-        /// Of this run \[s\].
-        given: f64,
-    },
-    /// Horizon or stride of zero.
+    SampleTime { run: String, expected: f64, given: f64 },
     #[error("the horizon and the stride between origins must be at least 1 sample")]
     NoHorizon,
-    /// Cancelled.
     #[error(transparent)]
     Cancelled(#[from] crate::progress::Cancelled),
 }

@@ -7,45 +7,31 @@ use crate::progress::Cancelled;
 /// Error of the estimation of the numbers of a vessel file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum GreyBoxError {
-    /// The file marks no number.
     #[error(
         "the vessel file marks no number to estimate: add a list of paths, as in estimate = [\"drag.linear[0][0]\", \"thruster.*.forward\"]"
     )]
     NothingMarked,
-    /// Other channels than those of the vessel.
     #[error(
         "the vessel has the {what} {needed}, the logs have {given}: name the columns of the log, as in --{what} NAME=COLUMN"
     )]
     Channels {
         /// `outputs` or `inputs`.
         what: &'static str,
-        /// Of the logs.
         given: String,
-        /// Of the vessel.
         needed: String,
     },
-    /// A command has another unit in the logs.
     #[error(
         "the vessel has the command '{name}' in {needed}, the logs in {given}: state the unit of the column, as in --inputs '{name}=COLUMN [{needed}]'"
     )]
-    Unit {
-        /// The command.
-        name: String,
-        /// Of the logs.
-        given: String,
-        /// Of the vessel.
-        needed: String,
-    },
-    /// The given vessel cannot be rolled out over the runs.
+    Unit { name: String, given: String, needed: String },
     #[error(
         "the motion of the vessel file diverges from the logs, or no run is as long as the horizon: check the numbers of the file with `hydroid simulate VESSEL.toml --excitation LOG`, or give a shorter --horizon"
     )]
     NoStart,
-    /// The vessel cannot be a model.
     #[error(transparent)]
     Vessel(#[from] PlantModelError),
-    /// The work was interrupted.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }

@@ -39,28 +39,14 @@ pub enum Quantity {
 /// An ambiguous unit or an impossible conversion.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum UnitError {
-    /// `nm`: nautical miles, nanometres or newton metres?
     #[error("the unit `nm` may mean nautical miles or newton metres; write `NM`, `N m` or `m`")]
     Ambiguous,
-    /// The case of the letters does not select one of two units.
     #[error("the unit `{text}` may mean {one} or {other}; write it in the usual case")]
-    AmbiguousCase {
-        /// Text of the unit.
-        text: String,
-        /// One meaning.
-        one: &'static str,
-        /// The other meaning.
-        other: &'static str,
-    },
-    /// The two units measure different things.
+    AmbiguousCase { text: String, one: &'static str, other: &'static str },
     #[error("`{from}` cannot be converted to `{to}`: they measure different things")]
-    Incompatible {
-        /// Unit of the log.
-        from: String,
-        /// Requested unit.
-        to: String,
-    },
+    Incompatible { from: String, to: String },
 }
 
 /// A parsed unit.

@@ -48,29 +48,18 @@ impl CurrentEstimate {
 
 /// Reason why a model cannot estimate a current.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum CurrentError {
-    /// Surge, sway or yaw rate is missing.
     #[error("to estimate a current, a model needs the outputs u, v and r; it has no output '{name}'")]
-    NoMotion {
-        /// Of the missing output.
-        name: &'static str,
-    },
-    /// The errors of the model are unknown.
+    NoMotion { name: &'static str },
     #[error(
         "to estimate a current, the model needs its prediction bands, which `hydroid identify` writes for the methods sindy and committee; this model has none, and no noise of '{name}' either. State the noise in a vessel file, or identify the model again"
     )]
-    NoErrors {
-        /// The output.
-        name: &'static str,
-    },
-    /// Invalid standard deviation.
+    NoErrors { name: &'static str },
     #[error(
         "the standard deviation of the current is {given} m/s: give a positive number, as in --estimate-current 0.3"
     )]
-    Deviation {
-        /// Given \[m/s\].
-        given: f64,
-    },
+    Deviation { given: f64 },
 }
 
 /// Outputs that a current acts on, and the yaw rate.

@@ -10,20 +10,13 @@ use crate::toml_file::{self, TomlError};
 /// Error in a vessel file; lines are counted from 1.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum VesselFileError {
-    /// The file cannot be read or parsed.
     #[error(transparent)]
     File(#[from] TomlError),
     /// Invalid vessel parameters.
     #[error("{}{}: {source}", path.display(), line.map(|l| format!(", line {l}")).unwrap_or_default())]
-    Invalid {
-        /// The file.
-        path: PathBuf,
-        /// Line of the parameter, if known.
-        line: Option<usize>,
-        /// Reason.
-        source: InvalidParams,
-    },
+    Invalid { path: PathBuf, line: Option<usize>, source: InvalidParams },
 }
 
 /// Names of the built-in vessels.

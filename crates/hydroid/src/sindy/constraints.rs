@@ -51,32 +51,20 @@ pub struct Constraints {
 
 /// Constraints that cannot be satisfied.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum ConstraintError {
-    /// There is no such coefficient.
     #[error(
         "a constraint names term {} of equation {}, and there are {terms} terms and {equations} equations, counted from 0",
         .at.term,
         .at.equation
     )]
-    OutOfRange {
-        /// The coefficient.
-        at: Coefficient,
-        /// Number of equations.
-        equations: usize,
-        /// Number of terms.
-        terms: usize,
-    },
-    /// An equality without a non-zero weight, or with a number that is not finite.
+    OutOfRange { at: Coefficient, equations: usize, terms: usize },
     #[error("equality {0} (from 0) has only zero weights, or a number that is not finite")]
     Empty(usize),
-    /// Infeasible constraints.
     #[error(
         "no coefficients obey all constraints of equation {equation} (from 0) and the equations coupled to it: check for an equality that contradicts a sign, two contradictory equalities, or an equality on terms that the data cannot identify"
     )]
-    Contradiction {
-        /// The first equation concerned.
-        equation: usize,
-    },
+    Contradiction { equation: usize },
 }
 
 impl Constraints {

@@ -44,13 +44,12 @@ pub use options::GuardOptions;
 
 /// Reasons why a guard cannot be built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum GuardError {
-    /// An option is out of range.
     #[error(
         "the guard needs positive times, a stride that divides its horizon, a horizon up to its window and up to 10000 samples, and a factor of at least 1"
     )]
     Settings,
-    /// A channel lacks a finite range or a positive noise.
     #[error("the guard needs a finite design range of each output, and the noise of each output")]
     Ranges,
     /// The snapshots differ in length, so that the models are not the same.

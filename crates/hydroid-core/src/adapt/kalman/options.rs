@@ -76,20 +76,16 @@ pub struct FilterOptions {
 
 /// Reasons to refuse [`FilterOptions`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum FilterOptionsError {
-    /// A number is outside its range.
     #[error("the {0} is outside its range")]
     Number(&'static str),
-    /// The length of a list is not the number of weights, or of outputs.
     #[error("one {0} is needed for each weight, or output")]
     Length(&'static str),
-    /// A measurement noise is zero.
     #[error("the variance of the measurement noise must be positive")]
     Noise,
-    /// No weight is learned, and the state has no variance.
     #[error("nothing is learned: give the weights an initial variance or a noise")]
     Nothing,
-    /// A number of the rehearsal is outside its range.
     #[error("the rehearsal needs positive numbers, and has at most 1000000 samples in all of its windows")]
     Rehearsal,
 }

@@ -17,20 +17,13 @@ pub struct LastLayerOptions {
 
 /// Error of the options or the model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum LastLayerError {
-    /// The model is invalid.
     #[error(transparent)]
     Model(DirectError),
     /// A number is not finite or out of range.
     #[error("{what} is {value}: {needed}")]
-    Number {
-        /// Name of the option.
-        what: &'static str,
-        /// Given value.
-        value: f64,
-        /// Valid values.
-        needed: &'static str,
-    },
+    Number { what: &'static str, value: f64, needed: &'static str },
 }
 
 /// Maximum weight of the prior \[windows\] and of its inverse, with finite squares.

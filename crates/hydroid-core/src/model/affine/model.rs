@@ -49,31 +49,21 @@ pub struct ControlAffine {
 
 /// Reasons why a control-affine network is invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum ControlAffineError {
-    /// The perceptron is invalid.
     #[error(transparent)]
     Network(NetworkError),
-    /// Lengths of network and model differ.
     #[error("the network {what} {network} numbers, and outputs and inputs need {model}")]
     Length {
         /// `reads` (input) or `gives` (output).
         what: &'static str,
-        /// Length in the network.
         network: usize,
-        /// Length in the model.
         model: usize,
     },
-    /// Weights or scales are invalid.
     #[error(transparent)]
     Numbers(RecurrentError),
-    /// A sample time, a time constant or a unit is not positive.
     #[error("{what} is {value}: a positive number is needed")]
-    Positive {
-        /// Name of the number.
-        what: &'static str,
-        /// The invalid value.
-        value: f64,
-    },
+    Positive { what: &'static str, value: f64 },
 }
 
 impl ControlAffine {

@@ -57,22 +57,17 @@ pub struct Committee {
 
 /// Reasons why a committee is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum CommitteeError {
-    /// No members, more than [`MOST_MEMBERS`], or a member without a vote.
     #[error("a committee has 1 to {MOST_MEMBERS} members, each with a vote")]
     Members,
-    /// The members have different outputs, inputs or sample times.
     #[error("the members have different outputs, inputs or sample times")]
     Channels,
     /// Not one finite range of positive width for each output.
     #[error("the ranges of a committee are finite, one for each output")]
     Ranges,
-    /// The prior of a member does not fit its terms, or is singular.
     #[error("the prior of member {member} does not fit its terms, or is singular")]
-    Prior {
-        /// Index of the member.
-        member: usize,
-    },
+    Prior { member: usize },
 }
 
 impl Committee {

@@ -5,29 +5,23 @@ use crate::model::recurrent::{BaseModel, NetworkError, Part, RecurrentError};
 
 /// Reasons why a direct predictor is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum DirectError {
-    /// The network is invalid.
     #[error(transparent)]
     Network(#[from] NetworkError),
-    /// History or horizon is zero or too long.
     #[error("a {what} of {given} samples is out of range: give 1 to {}", Direct::LONGEST)]
     Span {
         /// `history` or `horizon`.
         what: &'static str,
-        /// Samples given.
         given: usize,
     },
-    /// Input or output of the network do not fit the model.
     #[error("the network {what} {network} numbers, and outputs, inputs, history and horizon need {model}")]
     Length {
         /// `reads` (input) or `gives` (output).
         what: &'static str,
-        /// Length in the network.
         network: usize,
-        /// Length in the model.
         model: usize,
     },
-    /// Weights or scales are invalid.
     #[error(transparent)]
     Numbers(RecurrentError),
 }

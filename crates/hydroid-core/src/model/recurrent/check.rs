@@ -37,44 +37,23 @@ impl fmt::Display for Part {
 
 /// Reasons why a recurrent model is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum RecurrentError {
-    /// The network is invalid.
     #[error(transparent)]
     Network(#[from] NetworkError),
-    /// The input of the network does not fit the model.
     #[error("the network has {network} inputs, and the model needs {model}")]
     Inputs {
-        /// Inputs of the network.
         network: usize,
         /// Inputs of the model, with feedback also its outputs.
         model: usize,
     },
-    /// The number of weights, scales or variances does not fit the model.
     #[error("{part}: {expected} numbers expected, {given} given")]
-    Length {
-        /// The invalid part.
-        part: Part,
-        /// Numbers expected.
-        expected: usize,
-        /// Numbers given.
-        given: usize,
-    },
+    Length { part: Part, expected: usize, given: usize },
     /// A number is not finite, or not positive (process noise: negative).
     #[error("{part}: number {index} is not a finite {}number", .part.requirement().0)]
-    Number {
-        /// The invalid part.
-        part: Part,
-        /// Index in the part.
-        index: usize,
-    },
-    /// The base equations have other channels than the model.
+    Number { part: Part, index: usize },
     #[error("the base equations have {} inputs and {} outputs, the model {} and {}", .equations.0, .equations.1, .model.0, .model.1)]
-    Equations {
-        /// Inputs and outputs of the equations.
-        equations: (usize, usize),
-        /// Inputs and outputs of the model.
-        model: (usize, usize),
-    },
+    Equations { equations: (usize, usize), model: (usize, usize) },
 }
 
 impl Part {

@@ -111,31 +111,23 @@ impl Tensor {
 
 /// Reasons why a network is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum NetworkError {
-    /// A size is zero.
     #[error("a network needs {0}: give at least 1")]
     Empty(&'static str),
     /// A size exceeds its limit: name, value, limit. Guards against files that would exhaust the memory.
     #[error("{1} {0} are more than the {2} that a network may have")]
     Huge(&'static str, usize, usize),
-    /// Without read-out, the lengths of the cell's `h` and of the output differ.
     #[error(
         "without read-out the cell gives {shown} numbers for {outputs} outputs: add the read-out, or project to {outputs}"
     )]
     Shown {
         /// Length of `h`.
         shown: usize,
-        /// Length of the output.
         outputs: usize,
     },
-    /// A projection is not shorter than the state of the cells.
     #[error("{hidden} cells cannot be projected to {projection} numbers: give fewer than {hidden}")]
-    Projection {
-        /// Number of cells.
-        hidden: usize,
-        /// Length of the projection.
-        projection: usize,
-    },
+    Projection { hidden: usize, projection: usize },
 }
 
 impl Cell {

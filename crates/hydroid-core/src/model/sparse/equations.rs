@@ -16,35 +16,19 @@ const MOST_SUBSTEPS: usize = 10_000;
 
 /// Reasons why equations are invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum EquationsError {
-    /// The terms do not compile.
     #[error(transparent)]
     Program(ProgramError),
     /// The number of coefficients is not `outputs x terms`.
     #[error("{expected} coefficients expected, {given} given")]
-    Shape {
-        /// Numbers expected.
-        expected: usize,
-        /// Numbers given.
-        given: usize,
-    },
-    /// A coefficient is not finite.
+    Shape { expected: usize, given: usize },
     #[error("the coefficient of term {term} in equation {output} is not a finite number")]
-    NotFinite {
-        /// Equation of the coefficient.
-        output: usize,
-        /// Term of the coefficient.
-        term: usize,
-    },
-    /// The sample time is not positive, or the number of integration steps is out of range.
+    NotFinite { output: usize, term: usize },
     #[error("the sample time must be positive, with 1 to {MOST_SUBSTEPS} integration steps in it")]
     Step,
-    /// A signal refers to an unknown input or output, or its time is not positive.
     #[error("signal {index} refers to an unknown input or output, or its time is not positive")]
-    Signal {
-        /// Index of the signal.
-        index: usize,
-    },
+    Signal { index: usize },
 }
 
 /// `dy/dt = Xi theta(y, c, s)`: one row of coefficients for each output, in physical units, over the terms `theta` in

@@ -11,24 +11,12 @@ use super::term::{Factor, Term};
 
 /// Reasons why terms cannot be compiled.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum ProgramError {
-    /// A term names an unknown variable.
     #[error("term {term} uses variable {variable}, but there are only {variables} variables")]
-    UnknownVariable {
-        /// Index of the term in the list.
-        term: usize,
-        /// The unknown variable.
-        variable: u16,
-        /// Number of variables.
-        variables: usize,
-    },
-    /// A term has a parameter that is not a finite number.
+    UnknownVariable { term: usize, variable: u16, variables: usize },
     #[error("term {term} has a parameter that is not a finite number")]
-    Parameter {
-        /// Index of the term in the list.
-        term: usize,
-    },
-    /// More sub-products than the instruction format can address (65,535).
+    Parameter { term: usize },
     #[error("the library needs more than 65,535 sub-products")]
     TooLarge,
 }

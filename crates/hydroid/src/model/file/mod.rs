@@ -31,74 +31,35 @@ const LARGEST: u64 = 1 << 30;
 
 /// Error of reading a model file.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum ModelError {
-    /// The file cannot be opened or read.
     #[error("cannot read model {}: {source}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Error of the system.
-        source: io::Error,
-    },
-    /// Not a complete safetensors file.
+    Read { path: PathBuf, source: io::Error },
     #[error(
         "{} is not a hydroid model, or it is damaged or cut short ({reason}). Give a .safetensors file that `hydroid identify` wrote (if it is one, make it again), or a vessel's .toml file",
         path.display()
     )]
-    NotAModel {
-        /// The file.
-        path: PathBuf,
-        /// Reason.
-        reason: String,
-    },
-    /// A safetensors file of another program.
+    NotAModel { path: PathBuf, reason: String },
     #[error(
         "{} is a safetensors file, but not a hydroid model: its metadata has no 'hydroid' entry",
         path.display()
     )]
-    Foreign {
-        /// The file.
-        path: PathBuf,
-    },
-    /// An older format.
+    Foreign { path: PathBuf },
     #[error("{} was written by an older version of hydroid; identify again", path.display())]
-    Older {
-        /// The file.
-        path: PathBuf,
-    },
-    /// A newer format.
+    Older { path: PathBuf },
     #[error(
         "{} was written in model format {found}, and this version of hydroid reads format {VERSION}: use a newer version",
         path.display()
     )]
-    Version {
-        /// The file.
-        path: PathBuf,
-        /// Format of the file.
-        found: u64,
-    },
-    /// Description and numbers are inconsistent.
+    Version { path: PathBuf, found: u64 },
     #[error("the model in {} is inconsistent: {reason}. Identify again with `hydroid identify`", path.display())]
-    Inconsistent {
-        /// The file.
-        path: PathBuf,
-        /// Reason.
-        reason: String,
-    },
-    /// Invalid vessel file.
+    Inconsistent { path: PathBuf, reason: String },
     #[error(transparent)]
     Vessel(VesselFileError),
-    /// Error in the file of a vessel with any set of actuators.
     #[error(transparent)]
     Craft(#[from] CraftFileError),
-    /// Invalid vessel parameters.
     #[error("the vessel {} cannot be used as a model: {source}", path.display())]
-    Plant {
-        /// The file, or the name.
-        path: PathBuf,
-        /// Reason.
-        source: PlantModelError,
-    },
+    Plant { path: PathBuf, source: PlantModelError },
 }
 
 #[derive(Serialize, Deserialize)]

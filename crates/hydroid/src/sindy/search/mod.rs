@@ -153,39 +153,29 @@ pub struct SearchResult {
 
 /// Failure of the search.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum SearchError {
     /// No library could be fitted; the error of the smallest one.
     #[error(transparent)]
     Fit(#[from] FitError),
-    /// The validation runs cannot be evaluated.
     #[error("the validation runs cannot be used: {0}")]
     Validation(EvaluateError),
-    /// Every trial diverged.
     #[error(
         "the rollouts of all {0} trials diverge on the validation or training runs: no equations are selected. Give training runs that cover the speeds and commands of the validation runs, a smaller degree, or a shorter horizon"
     )]
     AllDiverged(usize),
-    /// The library has more than `MOST_TERMS` terms.
     #[error(
         "the library '{library}' has {terms} terms over these outputs and inputs; the maximum is {MOST_TERMS}. Choose a smaller degree or fewer inputs"
     )]
-    LibraryTooLarge {
-        /// The library.
-        library: String,
-        /// Number of terms.
-        terms: usize,
-    },
-    /// The library has no terms.
+    LibraryTooLarge { library: String, terms: usize },
     #[error(
         "the library '{0}' has no terms over these outputs and inputs: choose a degree of 1 or more, or give terms"
     )]
     LibraryEmpty(String),
-    /// The grid is empty.
     #[error(
         "the search grid is empty: libraries, regressions, optimizers and ridges each need at least one entry"
     )]
     Empty,
-    /// The work was interrupted.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }

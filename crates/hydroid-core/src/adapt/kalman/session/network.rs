@@ -18,11 +18,10 @@ use crate::predict::{Predictor, Workspace};
 
 /// Reasons why a network cannot learn by the filter.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum KalmanError {
-    /// The model is not valid.
     #[error(transparent)]
     Model(RecurrentError),
-    /// The options do not fit the model.
     #[error(transparent)]
     Options(FilterOptionsError),
 }
