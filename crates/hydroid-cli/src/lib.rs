@@ -4,6 +4,7 @@
 //!
 //! Exit status: 0 done, 1 done but a stated criterion was missed, 2 wrong input, 130 interrupted.
 
+#![allow(missing_docs, clippy::missing_errors_doc, reason = "its users are the programs of hydroid")]
 // In a command, `pub` marks the interface of a module.
 #![allow(unreachable_pub)]
 // Help texts come from the comments of `args`; backticks would be printed, and brackets are units and sections.

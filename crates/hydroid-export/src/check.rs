@@ -24,31 +24,24 @@ impl Run {
     }
 
     /// A run of a model that learns, whose weights come last in the state.
-    ///
-    /// # Errors
-    /// If the model does not learn in exported code.
     pub fn of_learning(model: &Model, options: &Options, y: &[f64], c: &[f64]) -> Result<Self, ExportError> {
         let space = Adapter::of(model, options)?.space;
         let x = space.module.evaluate(space.start, &[y, c]);
         Ok(Self { space, x })
     }
 
-    /// The state.
     pub fn state(&self) -> &[f64] {
         &self.x
     }
 
-    /// Predicts a sample.
     pub fn step(&mut self, c: &[f64]) {
         self.x = self.space.module.evaluate(self.space.step, &[&self.x, c]);
     }
 
-    /// Takes a measurement.
     pub fn observe(&mut self, y: &[f64]) {
         self.x = self.space.module.evaluate(self.space.observe, &[&self.x, y]);
     }
 
-    /// The outputs.
     pub fn output(&self) -> Vec<f64> {
         self.space.module.evaluate(self.space.output, &[&self.x])
     }
@@ -94,9 +87,6 @@ pub struct Derivatives {
 
 impl Derivatives {
     /// The functions of a network; `None` for another kind of model.
-    ///
-    /// # Errors
-    /// If the model does not learn in exported code.
     pub fn of(model: &Model, options: &Options) -> Result<Option<Self>, ExportError> {
         let Adapter { space, method, .. } = Adapter::of(model, options)?;
         let Method::Network(learner) = method else { return Ok(None) };

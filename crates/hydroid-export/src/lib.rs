@@ -5,6 +5,8 @@
 //! Order of the modules, bottom to top: `name`, `graph`, `state_space`, `adapter`, `check`, `json`, `c`, `onnx`,
 //! `casadi`, `coefficients`, `fmu`.
 
+#![allow(missing_docs, clippy::missing_errors_doc, reason = "its users are the programs of hydroid")]
+
 mod adapter;
 mod c;
 mod casadi;
@@ -56,7 +58,6 @@ pub struct Options {
 pub struct File {
     /// Its name, without a folder.
     pub name: String,
-    /// Its content.
     pub content: Vec<u8>,
 }
 
@@ -72,9 +73,6 @@ pub enum ExportError {
 }
 
 /// Writes a model in a format.
-///
-/// # Errors
-/// If the format cannot express the model.
 pub fn export(model: &Model, format: &Format, options: &Options) -> Result<Vec<File>, ExportError> {
     match format {
         Format::C(numbers) => c::export(model, options, numbers),

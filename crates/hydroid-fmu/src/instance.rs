@@ -225,7 +225,6 @@ impl Instance {
         value.copied().ok_or_else(|| format!("the variable {reference} has no value"))
     }
 
-    /// Sets a variable.
     pub(crate) fn set(&mut self, reference: u32, value: f64) -> Outcome {
         let Variable { role, name, .. } = self.variable(reference)?.clone();
         let value = finite(&name, value)?;
@@ -253,7 +252,6 @@ impl Instance {
         Ok(())
     }
 
-    /// A communication step.
     pub(crate) fn step(&mut self, t: f64, h: f64) -> Outcome {
         self.need("a step", &[Phase::Step])?;
         let Some(steps) = &mut self.steps else { return Err(String::from("model exchange has no steps")) };

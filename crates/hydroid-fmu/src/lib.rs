@@ -10,6 +10,8 @@
 //!
 //! Order of the modules, bottom to top: `resource`, `state`, `co_simulation`, `instance`, `exchange`, `interface`.
 
+#![allow(missing_docs, clippy::missing_errors_doc, reason = "its users are the programs of hydroid")]
+
 mod co_simulation;
 mod exchange;
 mod instance;

@@ -25,7 +25,6 @@ pub(crate) struct State {
 }
 
 impl State {
-    /// Number of bytes.
     pub(crate) fn size(&self) -> usize {
         HEAD + 8 * self.numbers.len() + TAIL
     }

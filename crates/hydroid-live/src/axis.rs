@@ -7,9 +7,7 @@ pub struct Axis<P = ()> {
     pub name: String,
     /// Where its commands go.
     pub place: P,
-    /// Lower limit.
     pub low: f64,
-    /// Upper limit.
     pub high: f64,
     /// Neutral command: the input has no effect.
     pub rest: f64,

@@ -5,6 +5,8 @@
 //! [`boat`] is the session on board: it takes what the autopilot of a [`link`] reports, lets models follow the vessel, runs
 //! [experiments](experiment), steers, [records](record), and shows all of it on a [`page`].
 
+#![allow(missing_docs, clippy::missing_errors_doc, reason = "its users are the programs of hydroid")]
+
 mod axis;
 pub mod black_box;
 pub mod boat;

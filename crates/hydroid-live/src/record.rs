@@ -111,7 +111,6 @@ impl Recorder {
         Ok((Self { path: path.to_owned(), sender, health, thread: Some(thread) }, channels))
     }
 
-    /// The file.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -121,7 +120,6 @@ impl Recorder {
         self.health.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Records numbers.
     pub fn numbers(&self, channel: Channel, logged_ns: i64, sent_ns: i64, values: Vec<f64>) {
         self.send(Item::Numbers { channel, logged_ns, sent_ns, values });
     }
@@ -131,7 +129,6 @@ impl Recorder {
         self.send(Item::Message { channel, logged_ns, sent_ns, bytes });
     }
 
-    /// Records an event.
     pub fn text(&self, logged_ns: i64, text: &str) {
         self.send(Item::Text { logged_ns, text: text.to_owned() });
     }

@@ -20,16 +20,12 @@ use super::{FolderError, ReportError};
 pub struct ComparisonReport<'a> {
     /// Command line that reproduces the page.
     pub command: &'a str,
-    /// The model.
     pub model: &'a Model,
     /// The trials and their predictions.
     pub comparisons: &'a [Comparison],
 }
 
 /// The page.
-///
-/// # Errors
-/// If a figure cannot be written.
 pub fn comparisons(subject: &ComparisonReport<'_>) -> Result<String, ReportError> {
     let mut all = vec![summary(subject)];
     all.extend(sections(subject.comparisons)?);
@@ -59,9 +55,6 @@ pub(super) fn sections(comparisons: &[Comparison]) -> Result<Vec<Section>, Repor
 impl ComparisonReport<'_> {
     /// Writes a folder: the document of the comparisons in `comparisons.json`, the tracks in `tracks.csv`, and the page in
     /// `report.html`.
-    ///
-    /// # Errors
-    /// If a figure or a file cannot be written.
     pub fn write(&self, folder: &Path, document: &Document) -> Result<(), FolderError> {
         let page = comparisons(self)?;
         atomic::write(&folder.join("comparisons.json"), |out| writeln!(out, "{document:#}"))?;

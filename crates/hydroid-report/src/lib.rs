@@ -8,6 +8,8 @@
 //!
 //! [`figure`] draws, [`style`] holds colours and line styles, and each other module is a section of a page.
 
+#![allow(missing_docs, clippy::missing_errors_doc, reason = "its users are the programs of hydroid")]
+
 pub mod figure;
 pub mod style;
 
@@ -61,7 +63,6 @@ pub struct Context {
     pub sources: Vec<String>,
     /// Notes from reading the logs.
     pub notes: Vec<Note>,
-    /// Version of hydroid.
     pub hydroid: String,
     /// Seed of the run.
     pub seed: u64,

@@ -19,9 +19,7 @@ use super::{FolderError, ReportError};
 pub struct ManoeuvreReport<'a> {
     /// Command line that reproduces the page.
     pub command: &'a str,
-    /// The vessel.
     pub model: &'a Model,
-    /// The trials.
     pub trials: &'a Trials,
     /// Length of the ship \[m\], if stated.
     pub length_m: Option<f64>,
@@ -38,9 +36,6 @@ const PORT: Stroke = Stroke { colour: style::ALARM, width: 2.0, dash: Dash::Soli
 pub(super) const MEMBER: Stroke = Stroke { colour: style::BAND, width: 0.5, dash: Dash::Solid };
 
 /// The page.
-///
-/// # Errors
-/// If a figure cannot be written.
 pub fn manoeuvres(subject: &ManoeuvreReport<'_>) -> Result<String, ReportError> {
     let mut all = vec![summary(subject)];
     all.extend(sections(subject)?);
@@ -99,9 +94,6 @@ impl ManoeuvreReport<'_> {
 
     /// Writes a folder: the document of the trials in `trials.json`, their tracks in `tracks.csv`, and the page in
     /// `report.html`.
-    ///
-    /// # Errors
-    /// If a figure or a file cannot be written.
     pub fn write(&self, folder: &Path, document: &Document) -> Result<(), FolderError> {
         let page = manoeuvres(self)?;
         atomic::write(&folder.join("trials.json"), |out| writeln!(out, "{document:#}"))?;
@@ -317,9 +309,6 @@ fn tracks(name: &str, trials: &[&Trial]) -> Figure {
 
 /// A figure (SVG file) of a simulated track (poses: north, east \[m\], heading), those of members of the model, and the
 /// measured one.
-///
-/// # Errors
-/// If the figure cannot be written.
 pub fn simulated_track(
     simulated: &[[f64; 3]],
     members: &[Vec<[f64; 3]>],

@@ -18,7 +18,6 @@ use super::{ManoeuvreReport, ReportError, comparison, driving, manoeuvre};
 pub struct ModelReport<'a> {
     /// Command line that reproduces the page.
     pub command: &'a str,
-    /// The model.
     pub model: &'a Model,
     /// Its errors on logs, if there are logs.
     pub evaluation: Option<&'a Evaluation>,
@@ -35,9 +34,6 @@ pub struct ModelReport<'a> {
 }
 
 /// The page.
-///
-/// # Errors
-/// If a figure cannot be written.
 pub fn model_report(subject: &ModelReport<'_>) -> Result<String, ReportError> {
     let ModelReport { command, model, trials, length_m, comparisons, .. } = *subject;
     let mut sections = vec![summary(subject)];

@@ -73,9 +73,6 @@ pub struct Commander {
 
 impl Commander {
     /// Before the first message.
-    ///
-    /// # Errors
-    /// If limits cannot be.
     pub fn new(axes: Vec<Axis>, options: Options) -> Result<Self, String> {
         for Axis { name, low, high, rest, .. } in &axes {
             if !(low.is_finite() && high.is_finite() && low < high && (low..=high).contains(&rest)) {
@@ -104,7 +101,6 @@ impl Commander {
         })
     }
 
-    /// The inputs.
     pub fn axes(&self) -> &[Axis] {
         &self.axes
     }
@@ -115,7 +111,6 @@ impl Commander {
         topics.into_iter().collect()
     }
 
-    /// Takes a permission.
     pub fn permit(&mut self, is_enabled: bool, now_ns: i64) {
         self.enabled = Some((is_enabled, now_ns));
         self.watch(now_ns);
@@ -201,9 +196,6 @@ impl Commander {
     }
 
     /// Begins with the neutral command.
-    ///
-    /// # Errors
-    /// If there are refusals.
     pub fn begin(&mut self, now_ns: i64) -> Result<(), Vec<String>> {
         self.watch(now_ns);
         if self.is_commanding() {
@@ -299,7 +291,6 @@ impl Commander {
         }
     }
 
-    /// The next event.
     pub fn take_event(&mut self) -> Option<HelmEvent> {
         self.events.pop_front()
     }

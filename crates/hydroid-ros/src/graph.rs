@@ -46,9 +46,6 @@ pub(crate) struct Graph {
 }
 
 /// The domain of the environment: `ROS_DOMAIN_ID`.
-///
-/// # Errors
-/// If it is not a number.
 pub(crate) fn domain() -> anyhow::Result<u16> {
     match std::env::var("ROS_DOMAIN_ID") {
         Ok(text) if !text.trim().is_empty() => text
@@ -109,9 +106,6 @@ impl Graph {
     }
 
     /// A publisher of a topic.
-    ///
-    /// # Errors
-    /// If the name is invalid.
     pub(crate) fn publisher(&mut self, name: &str, of: &str) -> anyhow::Result<Publisher<Value>> {
         self.publisher_with(name, of, QOS)
     }
@@ -124,9 +118,6 @@ impl Graph {
     }
 
     /// Subscribes to topics, and publishes those of commands.
-    ///
-    /// # Errors
-    /// If a name is invalid.
     pub(crate) fn port(
         mut self,
         topics: &[Subscribed],

@@ -7,6 +7,8 @@
 //! Order of the modules, each of which imports only modules before it: `names`, `value`, `settings`, `commander`, `link`,
 //! `graph`, `outputs`.
 
+#![allow(missing_docs, clippy::missing_errors_doc, reason = "its users are the programs of hydroid")]
+
 pub mod commander;
 mod graph;
 pub mod link;

@@ -22,14 +22,12 @@ pub enum Message {
     Sample {
         /// Index of the topic.
         topic: usize,
-        /// The message.
         value: Value,
         /// Time at which it was published, in nanoseconds since 1970.
         published_ns: Option<i64>,
     },
     /// Numbers of other publishers and of subscribers of each topic.
     Graph {
-        /// Publishers.
         publishers: Vec<usize>,
         /// Subscribers with the same type.
         subscribers: Vec<usize>,
@@ -42,7 +40,6 @@ pub enum Message {
     Command {
         /// Index of the topic.
         topic: usize,
-        /// The message.
         value: Value,
     },
 }

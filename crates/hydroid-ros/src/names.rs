@@ -7,7 +7,6 @@ use std::ffi::OsString;
 pub struct Names {
     /// Name of the node.
     pub node: String,
-    /// Its namespace.
     pub namespace: String,
     /// Other names of topics, as they were written, with the node that a rule is for.
     pub remapped: Vec<(Option<String>, String, String)>,
@@ -29,9 +28,6 @@ impl Default for Names {
 impl Names {
     /// Separates the words of ROS from those of the program. Parameters become options: `-p max_speed:=2` is
     /// `--max-speed=2`.
-    ///
-    /// # Errors
-    /// If a word is not understood.
     pub fn read(words: impl IntoIterator<Item = OsString>) -> Result<(Self, Vec<OsString>), String> {
         let (mut names, mut own) = (Self::default(), Vec::new());
         let mut words = words.into_iter();

@@ -40,9 +40,6 @@ pub(crate) struct Outputs {
 
 impl Outputs {
     /// Publishers of a session with some horizons \[s\].
-    ///
-    /// # Errors
-    /// If a name is invalid.
     pub(crate) fn new(graph: &mut Graph, ros: &Ros, horizons_s: &[f64]) -> anyhow::Result<Self> {
         let predictions = horizons_s.iter().map(|horizon| {
             let name = format!("~/prediction_{}s", horizon.to_string().replace('.', "_"));

@@ -40,7 +40,6 @@ pub struct Subscribed {
     pub name: &'static str,
     /// Type of its messages.
     pub of: &'static RosType,
-    /// Its fields.
     pub fields: &'static Fields,
 }
 
@@ -84,9 +83,6 @@ impl Subscribed {
 
 impl Ros {
     /// Reads the section.
-    ///
-    /// # Errors
-    /// If the file or the section cannot be used.
     pub fn read(file: &Path) -> anyhow::Result<Self> {
         // Every other section is checked, too.
         config::read(file).context("the configuration file cannot be used")?;
@@ -101,9 +97,6 @@ impl Ros {
     }
 
     /// The topics in the order of their names, that of `enable` among them.
-    ///
-    /// # Errors
-    /// If a type is not known, or no message.
     pub fn subscribed(&self) -> anyhow::Result<Vec<Subscribed>> {
         let mut topics = self.topics.clone();
         if let Some(enable) = &self.enable {

@@ -292,7 +292,6 @@ impl Fields {
         fields
     }
 
-    /// Names.
     pub fn names(&self) -> &[String] {
         &self.names
     }

@@ -44,7 +44,6 @@ pub struct Judged {
     pub measured: String,
     /// Measured value, if the experiment produced it.
     pub figure: Option<f64>,
-    /// Verdict.
     pub verdict: Holds,
     /// Ratio of the value to the bound of *reproduced*, at least 1 if the bound holds.
     pub margin: Option<f64>,

@@ -52,7 +52,6 @@ pub(super) struct Record {
 /// One block of Error(k).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Block {
-    /// First sample.
     pub(super) k: usize,
     /// Mean true speed \[m/s\].
     pub(super) mean_u: f64,

@@ -4,6 +4,8 @@
 //! it stopped and gives the same page: a result depends on its options, records and models only, and files are written
 //! atomically. Only computing times differ between machines.
 
+#![allow(missing_docs, clippy::missing_errors_doc, reason = "its users are the programs of hydroid")]
+
 mod claims;
 mod error;
 mod error_k;
@@ -38,15 +40,11 @@ pub use store::{Store, program};
 /// Progress of a study.
 #[derive(Clone, Copy, Debug)]
 pub struct Status<'a> {
-    /// Current experiment.
     pub experiment: &'a str,
-    /// Current task.
     pub what: &'a str,
     /// Completed fraction of the task.
     pub fraction: f64,
-    /// Completed experiments.
     pub done: usize,
-    /// Number of experiments.
     pub of: usize,
 }
 

@@ -52,7 +52,6 @@ pub enum Drive {
 pub struct Record {
     /// `simple` or `hydrofoil`.
     pub plant: String,
-    /// Excitation.
     pub excitation: Drive,
     /// Duration \[s\]; a lawn-mower run ends after its last leg.
     pub duration_s: f64,
@@ -78,22 +77,16 @@ const fn tenth() -> f64 {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelPlan {
-    /// Method.
     pub method: Method,
-    /// Training record.
     pub train: String,
-    /// Validation record.
     pub validate: String,
-    /// Test record.
     pub test: String,
     /// Seeds, one model each.
     pub seeds: Vec<u64>,
     /// Longest horizon \[samples\].
     pub horizon: usize,
-    /// Outputs.
     #[serde(default = "motion")]
     pub outputs: Vec<String>,
-    /// Design ranges.
     #[serde(default)]
     pub ranges: GivenRanges,
     /// Options of a network.
@@ -112,11 +105,9 @@ fn motion() -> Vec<String> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Experiment {
-    /// Heading.
     pub title: String,
     /// Question, and how to read the result.
     pub text: String,
-    /// Kind and options.
     pub run: Kind,
 }
 
@@ -144,9 +135,7 @@ pub struct Claim {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Bound {
-    /// Upper bound.
     AtMost(f64),
-    /// Lower bound.
     AtLeast(f64),
 }
 
@@ -179,13 +168,10 @@ impl Bound {
 /// A study.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
-    /// Records by name.
     pub records: BTreeMap<String, Record>,
-    /// Models by name.
     pub models: BTreeMap<String, ModelPlan>,
     /// Experiments by name, in the order of the page.
     pub experiments: Vec<(String, Experiment)>,
-    /// Claims.
     pub claims: Vec<Claim>,
     /// Whether this is the small version.
     pub quick: bool,

@@ -78,15 +78,12 @@ pub struct Row {
     pub unit: String,
     /// One of [`THRESHOLDS`].
     pub threshold: f64,
-    /// Number of terms.
     pub terms: usize,
     /// Mean absolute errors; `None` if every rollout diverged.
     pub errors: Option<Errors>,
     /// Number of diverged rollouts.
     pub diverged: usize,
-    /// Number of rollouts.
     pub windows: usize,
-    /// Verdict.
     pub verdict: Verdict,
 }
 

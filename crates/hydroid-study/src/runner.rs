@@ -34,9 +34,7 @@ pub struct LoadedRecord {
 #[derive(Debug)]
 pub struct Learned {
     pub(super) key: Key,
-    /// The seed.
     pub seed: u64,
-    /// The model.
     pub model: Model,
     pub(super) about: About,
 }
@@ -93,9 +91,6 @@ impl<'a> Runner<'a> {
     }
 
     /// A record, simulated on first use.
-    ///
-    /// # Errors
-    /// If it is unknown, or cannot be simulated.
     pub fn record(&self, name: &str) -> Result<Arc<LoadedRecord>, StudyError> {
         let there = |records: &Mutex<BTreeMap<String, Arc<LoadedRecord>>>| {
             records.lock().unwrap_or_else(PoisonError::into_inner).get(name).map(Arc::clone)

@@ -50,9 +50,6 @@ pub struct Args {
 
 impl Args {
     /// Parses the command line with the options of a configuration file. Help and invalid arguments end the program.
-    ///
-    /// # Errors
-    /// The configuration file cannot be used.
     pub fn read() -> anyhow::Result<Self> {
         let words: Vec<OsString> = std::env::args_os().collect();
         if let Some(name) = help::advanced(words.iter().filter_map(|word| word.to_str())) {

@@ -24,7 +24,6 @@ use crate::args::{Args, Command};
 /// Outcome of a completed command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// Done.
     Done,
     /// Done, but a stated criterion was missed.
     Missed,

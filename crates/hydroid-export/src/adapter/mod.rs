@@ -21,7 +21,6 @@ pub(crate) use network::NetworkLearner;
 pub(crate) struct Adapter {
     /// The whole model. The state ends with the weights.
     pub(crate) space: StateSpace,
-    /// Number of weights.
     pub(crate) weights: usize,
     /// The function `(positions, command) -> positions` of actuators with a limited rate, whose positions come first in the
     /// state. The functions of the method are those of the state behind them.

@@ -55,7 +55,6 @@ impl Text<'_> {
         text
     }
 
-    /// The header.
     pub(super) fn header(&self) -> String {
         let (name, upper, d) = (self.name, self.upper(), &self.model.description);
         let (n, m, states) = (self.space.outputs(), self.space.inputs(), self.space.state.len());
@@ -155,7 +154,6 @@ void {name}_rates(const {name}_state *state, const {name}_real command[{upper}_I
         text
     }
 
-    /// The source.
     pub(super) fn source(&self) -> String {
         let (name, real) = (self.name, self.precision.type_name());
         let printer = self.printer();

@@ -17,7 +17,6 @@ impl Force {
     /// All, in the order of `u`, `v`, `r`.
     pub const ALL: [Self; 3] = [Self::X, Self::Y, Self::N];
 
-    /// Its letter.
     pub fn letter(self) -> &'static str {
         ["X", "Y", "N"][self as usize]
     }
@@ -120,9 +119,7 @@ impl Variable {
 /// A hydrodynamic derivative: a force of the hull per variable, as SNAME defines it. Resistance is negative.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Derivative {
-    /// The force.
     pub force: Force,
-    /// The variable.
     pub variable: Variable,
     /// Its value in SI units.
     pub value: f64,

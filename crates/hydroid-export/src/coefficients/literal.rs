@@ -19,9 +19,7 @@ pub(super) enum Literal {
     Row(Vec<Self>),
     /// Rows of one length.
     Matrix(Vec<Self>),
-    /// Named values.
     Record(Vec<(&'static str, Self)>),
-    /// Records.
     List(Vec<Self>),
 }
 

@@ -15,7 +15,6 @@ pub type Directional = Dual<1>;
 /// A state that is not an output: the position of an actuator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hidden {
-    /// Name.
     pub name: String,
     /// Unit; empty if unknown.
     pub unit: String,
@@ -95,7 +94,6 @@ impl Continuous {
         &self.hidden
     }
 
-    /// Number of states.
     pub fn states(&self) -> usize {
         self.outputs + self.hidden.len() + if self.motion.is_some() { 3 } else { 0 }
     }

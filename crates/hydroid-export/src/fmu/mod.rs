@@ -37,9 +37,7 @@ pub const SAMPLE_TIME_FILE: &str = "sample_time_s.txt";
 /// Version of the interface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Version {
-    /// FMI 2.0.
     V2,
-    /// FMI 3.0.
     #[default]
     V3,
 }
@@ -98,9 +96,6 @@ pub fn identity(token: u64) -> String {
 
 /// Writes a model as an FMU, `NAME.fmu`, with co-simulation, and with model exchange for a model in continuous time ([`Continuous`]).
 /// Equal models and libraries give equal bytes.
-///
-/// # Errors
-/// If a library is missing or of another kind.
 pub fn export(model: &Model, options: &Options, fmu: &FmuOptions) -> Result<Vec<File>, ExportError> {
     let name = crate::identifier(&options.name);
     Ok(vec![File { name: format!("{name}.fmu"), content: archive(model, &name, fmu)? }])

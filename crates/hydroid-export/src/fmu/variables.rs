@@ -11,7 +11,6 @@ use crate::name::identifiers;
 pub enum Role {
     /// Time \[s\].
     Time,
-    /// A command.
     Input(usize),
     /// An output of the model.
     Output(usize),
@@ -34,7 +33,6 @@ pub enum Role {
 /// A variable. Its value reference is its index.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variable {
-    /// Its role.
     pub role: Role,
     /// Identifier, unique in the FMU.
     pub name: String,
@@ -123,9 +121,6 @@ impl Variables {
     }
 
     /// Derivatives in continuous time, or the reason why there are none.
-    ///
-    /// # Errors
-    /// The reason.
     pub fn continuous(&self) -> Result<&Continuous, &'static str> {
         self.continuous.as_ref().map_err(|reason| *reason)
     }

@@ -94,7 +94,6 @@ impl Builder {
         }
     }
 
-    /// A constant vector.
     pub(crate) fn constant(&self, numbers: &[f64]) -> Vector<'_> {
         self.node(Op::Constant(numbers.to_vec()), numbers.len())
     }
@@ -261,7 +260,6 @@ impl<'a> Vector<'a> {
         self.slice(self.len() - len, len)
     }
 
-    /// An element.
     pub(crate) fn at(self, index: usize) -> Scalar<'a> {
         let one = self.slice(index, 1);
         match self.builder.constant_of(one.id) {
@@ -270,7 +268,6 @@ impl<'a> Vector<'a> {
         }
     }
 
-    /// All elements.
     pub(crate) fn elements(self) -> Vec<Scalar<'a>> {
         (0..self.len()).map(|i| self.at(i)).collect()
     }

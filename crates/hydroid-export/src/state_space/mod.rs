@@ -157,12 +157,10 @@ impl StateSpace {
         &self.module.functions[index]
     }
 
-    /// Number of outputs.
     pub(crate) fn outputs(&self) -> usize {
         self.function(self.output).len()
     }
 
-    /// Number of inputs.
     pub(crate) fn inputs(&self) -> usize {
         self.function(self.step).arguments[1].len
     }

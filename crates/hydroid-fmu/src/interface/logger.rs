@@ -35,7 +35,6 @@ pub(super) fn c_text(text: &str) -> CString {
 }
 
 impl Logger {
-    /// Reports an error.
     pub(super) fn error(&self, message: &str) {
         let environment = self.environment as *mut c_void;
         match self.call {

@@ -24,7 +24,6 @@ pub(super) const START: usize = 6;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelFile {
-    /// Its name.
     pub file: String,
     /// Its [`fingerprint`](crate::stream::fingerprint).
     pub fingerprint: String,
@@ -36,7 +35,6 @@ pub struct ModelFile {
 pub struct Head {
     /// Version of hydroid that wrote the file; the arithmetic of another one may differ.
     pub hydroid: String,
-    /// The model.
     pub model: ModelFile,
     /// Name and kind of the model.
     pub named: [String; 2],
@@ -48,9 +46,7 @@ pub struct Head {
     pub(super) options: String,
     /// Sample time \[s\].
     pub dt: f64,
-    /// Outputs.
     pub outputs: Vec<Channel>,
-    /// Inputs.
     pub inputs: Vec<Channel>,
     /// Horizons of the predictions \[samples\].
     pub horizons: Vec<usize>,

@@ -61,11 +61,9 @@ pub const MAX_MINUTES: f64 = 7.0 * 24.0 * 60.0;
 /// Options of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordingOptions {
-    /// The file.
     pub path: PathBuf,
     /// Least duration that the file holds \[min\].
     pub minutes: f64,
-    /// The model's file.
     pub model: ModelFile,
 }
 

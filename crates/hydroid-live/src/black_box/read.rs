@@ -17,7 +17,6 @@ const MAX_SEQUENCE: u64 = 1 << 62;
 pub struct BlackBox {
     /// Path of the file.
     pub path: PathBuf,
-    /// Header.
     pub head: Head,
     pub(super) start: usize,
     /// From the oldest to the newest.

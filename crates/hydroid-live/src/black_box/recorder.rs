@@ -65,9 +65,6 @@ enum Phase {
 impl Recorder {
     /// Recorder of an adapter that [`adapter`](hydroid::adapt::adapter) created from a model, options and the runs of the source
     /// (none for a stream); `described` are the settings for the header.
-    ///
-    /// # Errors
-    /// If the file cannot be written or continued.
     pub fn new(
         settings: &RecordingOptions,
         model: &Model,

@@ -15,7 +15,6 @@ pub struct RecordingAdapter<'a> {
 }
 
 impl<'a> RecordingAdapter<'a> {
-    /// Wraps an adapter.
     pub fn new(adapter: Box<dyn Adapter + 'a>, recorder: Option<Recorder>) -> Self {
         Self { adapter, recorder, heading: f64::NAN }
     }
@@ -40,9 +39,6 @@ impl<'a> RecordingAdapter<'a> {
     }
 
     /// Writes the rest of the recording.
-    ///
-    /// # Errors
-    /// If the file cannot be written.
     pub fn finish(&mut self) -> Result<(), BlackBoxError> {
         match &mut self.recorder {
             Some(recorder) => recorder.finish(self.adapter.as_ref()),

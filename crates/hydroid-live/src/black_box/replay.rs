@@ -27,7 +27,6 @@ pub struct Replayed {
     pub samples: usize,
     /// Samples with a difference.
     pub different: usize,
-    /// The first difference.
     pub first: Option<Difference>,
 }
 

@@ -16,7 +16,6 @@ pub enum Action {
     StopRecording {},
     /// The model keeps its weights.
     Freeze {},
-    /// The model learns.
     Learn {},
     /// Identifies a model from the recordings of the session.
     Identify {},
@@ -24,9 +23,7 @@ pub enum Action {
     Adopt {},
     /// Goes back to the model before.
     RollBack {},
-    /// Begins an experiment.
     Experiment {
-        /// Its name.
         name: String,
     },
     /// Follows the path.

@@ -57,13 +57,10 @@ const SAID: usize = 200;
 /// Something to say.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Said {
-    /// Number.
     pub id: u64,
     /// Nanoseconds since 1970.
     pub at_ns: i64,
-    /// Importance.
     pub level: Level,
-    /// What is said.
     pub text: String,
 }
 
@@ -119,9 +116,6 @@ fn seconds(begun_ns: i64, at_ns: i64) -> f64 {
 
 impl<L: Link> Boat<L> {
     /// Before the first message; `now_ns` is in nanoseconds since 1970.
-    ///
-    /// # Errors
-    /// If sensors or commands are none of the link.
     pub fn new(settings: Settings, mut link: L, now_ns: i64) -> Result<Self, LogError> {
         let fields = |topic: &crate::link::Topic| topic.fields.iter().map(|field| (field.name, field.unit));
         let all = link.topics().iter();
@@ -185,9 +179,6 @@ impl<L: Link> Boat<L> {
     }
 
     /// Takes a model on board from now on.
-    ///
-    /// # Errors
-    /// If it does not fit the link.
     pub fn take_on(&mut self, name: &str, model: &Model) -> Result<(), OnBoardError> {
         let on_board = OnBoard::new(name, model, &self.topics, &self.settings.horizons_s)?;
         self.check_inputs(&on_board)?;
@@ -493,9 +484,6 @@ impl<L: Link> Boat<L> {
     }
 
     /// Begins an experiment as soon as it may.
-    ///
-    /// # Errors
-    /// If there is none of this name.
     pub fn plan_experiment(&mut self, name: &str) -> Result<(), String> {
         crate::experiment::Kind::from_str(name)?;
         self.planned = Some((name.to_owned(), String::new()));

@@ -307,7 +307,6 @@ impl OnBoard {
         &self.adapted
     }
 
-    /// The last sample.
     pub(crate) fn sample(&self) -> &Sample {
         &self.sample
     }

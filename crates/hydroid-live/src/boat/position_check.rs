@@ -39,9 +39,6 @@ pub(super) struct PositionCheck {
 
 impl PositionCheck {
     /// The test of the position that sensors name; `None` if they name none.
-    ///
-    /// # Errors
-    /// If a column does not exist.
     pub(super) fn new(topics: &LiveTopics, sensors: &Sensors) -> Result<Option<Self>, LogError> {
         let [ahead, starboard, _] = sensors.antenna_m;
         let (is_geographic, named) = match (&sensors.latitude, &sensors.longitude) {

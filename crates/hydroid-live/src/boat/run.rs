@@ -32,7 +32,6 @@ const BUSY: Duration = Duration::from_millis(20);
 pub struct Identified {
     /// Name of its file.
     pub name: String,
-    /// The model.
     pub model: Model,
     /// What its evaluation says.
     pub text: String,
@@ -66,9 +65,6 @@ pub struct Service<L, P> {
 
 impl<L: Link, P: Port<Message = L::Message>> Service<L, P> {
     /// Opens the link.
-    ///
-    /// # Errors
-    /// If it cannot be opened.
     pub fn open(
         boat: Boat<L>,
         mut open: Open<P>,

@@ -27,7 +27,6 @@ pub struct Settings {
     pub push: Vec<String>,
     /// Inputs that turn the vessel to starboard; `-NAME` turns to port.
     pub turn: Vec<String>,
-    /// Limits of experiments.
     pub experiment: ExperimentLimits,
     /// Seconds of the session in a second of the computer: 1, or more with a simulation.
     pub time_scale: f64,

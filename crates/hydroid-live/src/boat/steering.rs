@@ -31,7 +31,6 @@ const POINTS: u32 = 400;
 pub(super) enum Steering {
     /// Nobody.
     Off,
-    /// An experiment.
     Experiment {
         kind: Kind,
         experiment: Box<Experiment>,
@@ -64,9 +63,6 @@ impl Steering {
 }
 
 /// Limits of an input in the unit of the model; `None` if they are not stated.
-///
-/// # Errors
-/// If it cannot be commanded.
 fn limits(link: &impl Link, settings: &Settings, column: &LiveColumn) -> Result<Option<[f64; 2]>, String> {
     let usual = link.limits([column.topic, column.field])?;
     let stated = settings.limits.get(&column.source.channel.name).copied();
@@ -120,9 +116,6 @@ pub(super) fn explored(
 }
 
 /// The inputs as commands of the link.
-///
-/// # Errors
-/// If one of them cannot be commanded.
 pub(super) fn axes(
     link: &impl Link,
     settings: &Settings,

@@ -24,7 +24,6 @@ pub enum Level {
 }
 
 impl Level {
-    /// Its name.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Info => "info",
@@ -48,7 +47,6 @@ pub struct Predicted {
 }
 
 impl Said {
-    /// As JSON.
     pub fn json(&self) -> Value {
         json!({ "id": self.id, "time": utc(self.at_ns), "level": self.level.name(), "text": self.text })
     }

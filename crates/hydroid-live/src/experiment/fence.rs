@@ -7,7 +7,6 @@
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Fence {
-    /// A circle.
     Circle {
         /// Centre \[m north\].
         north: f64,

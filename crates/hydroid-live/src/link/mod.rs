@@ -24,7 +24,6 @@ impl UtcClock {
         Self { start: Instant::now(), start_ns: i64::try_from(since.as_nanos()).unwrap_or(0), scale }
     }
 
-    /// The present time.
     pub fn now_ns(&self) -> i64 {
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         let elapsed = (self.start.elapsed().as_nanos() as f64 * self.scale) as i64;
@@ -37,7 +36,6 @@ impl UtcClock {
 pub struct Topic {
     /// Name, for example `GPS_RAW_INT`.
     pub name: &'static str,
-    /// Its fields.
     pub fields: &'static [Field],
     /// Its messages, if a recording has them instead of the fields.
     pub messages: Option<Definition>,
@@ -55,7 +53,6 @@ pub struct Definition {
 /// A field of a topic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Field {
-    /// Name.
     pub name: &'static str,
     /// Unit of the values; empty for pure numbers.
     pub unit: &'static str,
@@ -85,7 +82,6 @@ pub enum Event {
     Text {
         /// Whether it is a warning or an error.
         warning: bool,
-        /// What it says.
         text: String,
     },
     /// Nothing was received for a while \[s\].
@@ -148,7 +144,6 @@ pub trait Link {
     /// What is received and sent.
     type Message;
 
-    /// What it reports.
     fn topics(&self) -> &[Topic];
 
     /// Limits of a field as a command, where none are stated.
@@ -163,7 +158,6 @@ pub trait Link {
     /// The clock of the sender.
     fn clock(&self) -> ClockState;
 
-    /// Takes a message.
     fn receive(
         &mut self,
         message: &Self::Message,
@@ -199,7 +193,6 @@ pub trait Link {
     /// Takes a command: a value for each axis.
     fn command(&mut self, values: &[f64], now_ns: i64);
 
-    /// Ends the commands.
     fn release(&mut self, now_ns: i64, reason: &str);
 
     /// The next event of the helm. Take all of them.
@@ -212,15 +205,9 @@ pub trait Port {
     type Message;
 
     /// The next message with the time of its reception, or none within a time.
-    ///
-    /// # Errors
-    /// If the link has ended.
     fn next(&mut self, within: Duration) -> io::Result<Option<(Self::Message, i64)>>;
 
     /// Sends a message.
-    ///
-    /// # Errors
-    /// If it cannot be sent.
     fn send(&mut self, message: &Self::Message) -> io::Result<()>;
 
     /// Accepts another address from now on, after the loss of the link.

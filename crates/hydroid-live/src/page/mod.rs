@@ -81,9 +81,7 @@ pub struct Options {
 pub struct Asset {
     /// Path of the request, as in `/page.js`.
     pub path: &'static str,
-    /// Media type.
     pub content_type: &'static str,
-    /// Content.
     pub content: &'static [u8],
 }
 
@@ -115,7 +113,6 @@ impl Reply {
         !self.0.is_closed()
     }
 
-    /// Answers.
     pub fn send(self, answer: Result<String, String>) {
         // An answer that nobody awaits is lost.
         let _ = self.0.send(answer);

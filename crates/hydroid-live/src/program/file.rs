@@ -95,9 +95,6 @@ pub fn section(
 }
 
 /// Parses words, with those of a file behind the first ones. Help and invalid arguments end the program.
-///
-/// # Errors
-/// The words of the file are invalid.
 pub fn parse<A: FromArgMatches>(
     command: &Command,
     mut words: Vec<OsString>,

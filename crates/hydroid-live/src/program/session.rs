@@ -19,9 +19,6 @@ use crate::link::{Link, Port, UtcClock};
 use crate::page::{self, Page};
 
 /// The configuration file of a session.
-///
-/// # Errors
-/// If there is none.
 pub fn config_file(args: &SessionArgs, program: &str) -> anyhow::Result<PathBuf> {
     match &args.config {
         Some(file) => Ok(file.clone()),
@@ -34,9 +31,6 @@ pub fn config_file(args: &SessionArgs, program: &str) -> anyhow::Result<PathBuf>
 }
 
 /// Refuses the value of an option that is no positive number.
-///
-/// # Errors
-/// If it is none.
 pub fn check_positive(name: &str, value: f64) -> anyhow::Result<()> {
     ensure!(value > 0.0 && value.is_finite(), "--{name} {value}: a positive number is needed");
     Ok(())
@@ -45,9 +39,7 @@ pub fn check_positive(name: &str, value: f64) -> anyhow::Result<()> {
 /// What a session needs beside its link.
 #[derive(Clone, Debug)]
 pub struct Session<'a> {
-    /// Arguments.
     pub args: &'a SessionArgs,
-    /// Configuration file.
     pub file: PathBuf,
     /// Address of the link, for people.
     pub address: String,
@@ -55,9 +47,6 @@ pub struct Session<'a> {
 
 impl Session<'_> {
     /// Runs until ctrl-C; the program ends with it. `each` is called with each turn of the loop and the present time.
-    ///
-    /// # Errors
-    /// If settings, model, page or link cannot be used.
     pub fn run<L: Link, P: Port<Message = L::Message>>(
         &self,
         link: L,

@@ -51,9 +51,6 @@ pub(crate) struct Follower {
 
 impl Follower {
     /// Before the first sample. The horizons are those of the predictions, ascending \[samples\].
-    ///
-    /// # Errors
-    /// If an option is invalid.
     pub(crate) fn new(
         model: &Model,
         adapter: Box<dyn Adapter>,
@@ -81,9 +78,6 @@ impl Follower {
     }
 
     /// Steers from now on. Commands of the samples are those that have acted.
-    ///
-    /// # Errors
-    /// If the delay of the commands is invalid.
     pub(crate) fn steer(&mut self, pilot: Pilot) -> Result<(), LogError> {
         let (inputs, dt) = (self.session.adapter().inputs(), self.model.description.dt);
         if self.options.command_timing != CommandTiming::After {
@@ -299,12 +293,10 @@ impl Follower {
         self.session.planned()
     }
 
-    /// The adapter.
     pub(crate) fn adapter(&self) -> &dyn Adapter {
         self.session.adapter()
     }
 
-    /// The adapter.
     pub(crate) fn adapter_mut(&mut self) -> &mut dyn Adapter {
         self.session.adapter_mut()
     }
@@ -319,7 +311,6 @@ impl Follower {
         &self.note
     }
 
-    /// Clears the remarks.
     pub(crate) fn clear_note(&mut self) {
         self.note.clear();
     }

@@ -34,9 +34,6 @@ impl<R: BufRead> Lines<R> {
     }
 
     /// The next line without its end, or `None` at the end of the source. Blocks until a line is complete.
-    ///
-    /// # Errors
-    /// If the source cannot be read.
     pub fn next_line(&mut self) -> io::Result<Option<Line<'_>>> {
         self.buffer.clear();
         let (mut any, mut long) = (false, false);

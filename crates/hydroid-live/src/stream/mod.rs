@@ -134,9 +134,6 @@ pub struct Stream {
 
 impl Stream {
     /// A stream before its first line.
-    ///
-    /// # Errors
-    /// If an option is invalid.
     pub fn new(model: &Model, adapter: Box<dyn Adapter>, options: Options) -> Result<Self, StreamError> {
         let horizons = &options.horizons;
         let ascend = horizons.windows(2).all(|pair| pair[0] < pair[1]);
@@ -162,9 +159,6 @@ impl Stream {
 
     /// Answers with commands from now on. The lines then hold the pose, read by `position`; commands in them are those
     /// that have acted.
-    ///
-    /// # Errors
-    /// If the delay of the commands is invalid.
     pub fn steer(&mut self, pilot: Pilot, position: Position) -> Result<(), StreamError> {
         self.options.reading.options.command_timing = CommandTiming::After;
         self.follower.steer(pilot)?;

@@ -122,9 +122,6 @@ impl Stream {
     }
 
     /// Saves the state and the rest of the recording, at the end or after an interruption.
-    ///
-    /// # Errors
-    /// If the file cannot be written.
     pub fn finish(&mut self) -> Result<(), StreamError> {
         // The state is saved even if the recording fails.
         if let Err(error) = self.follower.session.finish() {

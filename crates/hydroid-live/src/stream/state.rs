@@ -64,9 +64,6 @@ fn sum((first, rows): (&str, u64), clock: &[f64], commands: &[f64], memory: &[f6
 
 impl State {
     /// Encodes the content of a file.
-    ///
-    /// # Errors
-    /// If the encoding fails.
     pub fn encode(&self) -> io::Result<Vec<u8>> {
         let head = Head {
             version: VERSION,

@@ -20,7 +20,6 @@ pub struct ClosedLoopReport<'a> {
     pub command: &'a str,
     /// Settings of controller, model, task and conditions: name and value.
     pub facts: &'a [(String, String)],
-    /// The path.
     pub path: &'a Path,
     /// The run; the first one of Monte Carlo trials.
     pub run: &'a Run,
@@ -33,9 +32,6 @@ pub struct ClosedLoopReport<'a> {
 }
 
 /// The page.
-///
-/// # Errors
-/// If a figure cannot be written.
 pub fn closed_loop(subject: &ClosedLoopReport<'_>) -> Result<String, ReportError> {
     let mut sections = vec![summary(subject)];
     if let Some(trials) = subject.trials {

@@ -41,22 +41,17 @@ pub struct FigureError(pub(crate) String);
 /// Dash pattern of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dash {
-    /// Solid.
     Solid,
-    /// Dashes.
     Dashed,
-    /// Dots.
     Dotted,
 }
 
 /// Style of a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stroke {
-    /// Colour.
     pub colour: RGBColor,
     /// Width \[px\].
     pub width: f64,
-    /// Dash pattern.
     pub dash: Dash,
 }
 
@@ -65,7 +60,6 @@ pub struct Stroke {
 pub struct Line {
     /// Points, from left to right.
     pub points: Vec<(f64, f64)>,
-    /// Style.
     pub stroke: Stroke,
     /// Text at the end of the line.
     pub label: Option<String>,
@@ -87,11 +81,8 @@ impl Line {
 /// Symbol of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sign {
-    /// A filled disc.
     Disc,
-    /// A circle.
     Ring,
-    /// A cross.
     Cross,
     /// A triangle that points beyond the upper edge.
     Up,
@@ -100,11 +91,8 @@ pub enum Sign {
 /// Points of one kind.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Points {
-    /// Positions.
     pub points: Vec<(f64, f64)>,
-    /// Symbol.
     pub sign: Sign,
-    /// Colour.
     pub colour: RGBColor,
     /// Radius \[px\].
     pub radius: f64,
@@ -115,15 +103,12 @@ pub struct Points {
 /// A mark in a panel. Later marks are drawn over earlier ones.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Mark {
-    /// A line.
     Line(Line),
-    /// Points.
     Points(Points),
     /// The area between two values over `x`: `(x, low, high)`.
     Band {
         /// Position, lower and upper value.
         points: Vec<(f64, f64, f64)>,
-        /// Colour.
         colour: RGBColor,
         /// Opacity, 0 to 1.
         opacity: f64,
@@ -132,21 +117,15 @@ pub enum Mark {
     Bars {
         /// Left and right edge and height of each bar.
         bars: Vec<(f64, f64, f64)>,
-        /// Colour.
         colour: RGBColor,
     },
     /// A horizontal line across the panel.
     Level {
-        /// Its value.
         at: f64,
-        /// Style.
         stroke: Stroke,
     },
-    /// Vertical lines.
     Verticals {
-        /// Positions.
         at: Vec<f64>,
-        /// Style.
         stroke: Stroke,
     },
 }
@@ -190,7 +169,6 @@ impl Panel {
         self
     }
 
-    /// Adds a mark.
     pub fn mark(mut self, mark: Mark) -> Self {
         self.marks.push(mark);
         self
@@ -200,11 +178,8 @@ impl Panel {
 /// Symbol of a legend entry.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Key {
-    /// A line.
     Line(Stroke),
-    /// A point symbol.
     Sign(Sign, RGBColor),
-    /// A filled area.
     Area(RGBColor),
 }
 
@@ -273,17 +248,11 @@ impl Figure {
     }
 
     /// The figure as an `<svg>` element.
-    ///
-    /// # Errors
-    /// If plotters fails.
     pub fn svg(&self) -> Result<String, FigureError> {
         layout::draw(self)
     }
 
     /// The figure as an SVG file, with name space, size and font.
-    ///
-    /// # Errors
-    /// If plotters fails.
     pub fn file(&self) -> Result<String, FigureError> {
         Ok(self.svg()?.replacen(
             "<svg ",

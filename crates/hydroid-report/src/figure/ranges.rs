@@ -10,11 +10,8 @@ use super::{Dash, FigureError, Stroke, style, text};
 /// An interval with its mean.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
-    /// Lower end.
     pub low: f64,
-    /// Upper end.
     pub high: f64,
-    /// Mean.
     pub mean: f64,
 }
 
@@ -33,9 +30,6 @@ const FOOT: f64 = 42.0;
 
 /// Draws intervals as bars, in percent of the interval of the first part: its lower end is 0, its upper end 100.
 /// `parts` are names and colours.
-///
-/// # Errors
-/// If plotters fails.
 pub fn range_chart(
     title: &str,
     parts: &[(&str, RGBColor)],

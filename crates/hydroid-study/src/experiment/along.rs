@@ -32,7 +32,6 @@ const BAND_80: f64 = 1.281_55;
 pub struct Along {
     /// The network; its first seed is shown.
     pub model: String,
-    /// The record.
     pub record: String,
     /// Horizon \[samples\].
     pub steps: usize,

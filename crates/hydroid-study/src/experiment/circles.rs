@@ -43,7 +43,6 @@ pub struct Circles {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Circle {
-    /// The vessel.
     pub plant: String,
     /// Radius \[m\].
     pub radius_m: f64,

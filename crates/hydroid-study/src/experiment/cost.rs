@@ -17,9 +17,7 @@ use hydroid_report::figure::{Figure, Key, Mark, Panel, Points, Sign};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cost {
-    /// Networks.
     pub models: Vec<String>,
-    /// The record.
     pub record: String,
     /// Forms of the covariance, as in `hydroid adapt --covariance`.
     pub covariances: Vec<String>,

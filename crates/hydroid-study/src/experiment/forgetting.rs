@@ -20,7 +20,6 @@ const STEPS: usize = 20;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Forgetting {
-    /// Networks.
     pub models: Vec<String>,
     /// The record of the adaptation.
     pub sea: String,
@@ -30,7 +29,6 @@ pub struct Forgetting {
     pub shore: String,
     /// Duration of the rehearsal \[s\].
     pub shore_s: f64,
-    /// Number of epochs.
     pub epochs: usize,
 }
 

@@ -16,7 +16,6 @@ use hydroid_report::figure::{Figure, Key, Line, Mark, Panel};
 pub struct Horizons {
     /// Networks, one figure each.
     pub models: Vec<String>,
-    /// The records.
     pub records: Vec<String>,
     /// Mean or largest error.
     pub error: Which,
@@ -26,9 +25,7 @@ pub struct Horizons {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Which {
-    /// Mean.
     Mean,
-    /// Maximum.
     Max,
 }
 

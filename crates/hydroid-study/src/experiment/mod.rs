@@ -22,7 +22,6 @@ use super::runner::Runner;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
-    /// A drawing.
     Schematic(schematic::Schematic),
     /// Circles under feedback linearization.
     Circles(circles::Circles),
@@ -34,7 +33,6 @@ pub enum Kind {
     Along(along::Along),
     /// Settings of sparse regression in the thesis.
     Recipe(recipe::Recipe),
-    /// Forgetting during adaptation.
     Forgetting(forgetting::Forgetting),
     /// Accuracy against the amount of data.
     Amount(amount::Amount),

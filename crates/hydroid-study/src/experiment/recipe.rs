@@ -16,9 +16,7 @@ use hydroid_report::style;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recipe {
-    /// Training record.
     pub train: String,
-    /// Test record.
     pub test: String,
     /// Degrees of the polynomials.
     pub degrees: Vec<u8>,

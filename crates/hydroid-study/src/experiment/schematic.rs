@@ -18,9 +18,7 @@ pub struct Schematic {
 pub enum Drawing {
     /// The two modes of the hydrofoil.
     Modes,
-    /// The direct predictor.
     Predictor,
-    /// Online adaptation.
     Adaptation,
 }
 

@@ -28,7 +28,6 @@ pub struct Comparison {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MethodRow {
-    /// Name.
     pub name: String,
     /// Model of the simple vessel.
     pub simple: Option<String>,

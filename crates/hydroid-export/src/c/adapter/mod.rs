@@ -105,7 +105,6 @@ impl Learning<'_> {
         Printer { prefix: "NAME", precision: self.precision, module }.name(index)
     }
 
-    /// Declarations.
     pub(super) fn header(&self) -> String {
         let Code { about, types, mut fields, .. } = self.code();
         fields.counter("frozen", "1: nothing is learned, all else goes on");
@@ -153,7 +152,6 @@ int NAME_adapter_observe(NAME_adapter *adapter, NAME_state *state, const REAL ou
         self.named(&text)
     }
 
-    /// Definitions.
     pub(super) fn source(&self) -> String {
         let text = format!(
             "

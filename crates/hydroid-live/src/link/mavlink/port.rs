@@ -41,9 +41,6 @@ pub struct Port {
 impl Port {
     /// Opens an address, and begins to read. The other side is the first that sends the heartbeat of an autopilot, with this
     /// system id if one is given.
-    ///
-    /// # Errors
-    /// If the address cannot be opened.
     pub fn open(address: &Address, system: Option<u8>, clock: UtcClock) -> io::Result<Self> {
         let (source, sink) = open(address)?;
         let peer = if let Source::Udp { peer, .. } = &source { Some(peer.clone()) } else { None };

@@ -17,7 +17,6 @@ pub enum Stamp {
     Fix(u64),
     /// Microseconds since 1970.
     Utc(u64),
-    /// None.
     None,
 }
 
@@ -65,7 +64,6 @@ fn force(value: i16) -> f64 {
 
 macro_rules! topics {
     ($($message:ident $m:ident $stamp:expr => { $($field:ident $unit:literal $value:expr,)* })*) => {
-        /// The topics.
         pub const TOPICS: &[Topic] = &[$(Topic {
             name: stringify!($message),
             fields: &[$(Field { name: stringify!($field), unit: $unit }),*],

@@ -86,33 +86,23 @@ impl Peer {
 pub enum Source {
     /// Datagrams, of the first sender of a message of an autopilot. Those of others are left out from then on.
     Udp {
-        /// Socket.
         socket: UdpSocket,
-        /// The other side.
         peer: Peer,
         /// Sender of the last datagram.
         from: Option<SocketAddr>,
     },
-    /// A connection.
     Tcp(TcpStream),
-    /// A serial line.
     Serial(Box<dyn serialport::SerialPort>),
 }
 
 /// The writing side.
 pub enum Sink {
-    /// Datagrams.
     Udp(UdpSocket, Peer),
-    /// A connection.
     Tcp(TcpStream),
-    /// A serial line.
     Serial(Box<dyn serialport::SerialPort>),
 }
 
 /// Opens a link.
-///
-/// # Errors
-/// If the address cannot be opened.
 pub fn open(address: &Address) -> io::Result<(Source, Sink)> {
     match address {
         Address::UdpIn(place) => {

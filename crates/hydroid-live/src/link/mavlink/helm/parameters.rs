@@ -132,7 +132,6 @@ impl Parameters {
         self.asked_ns = None;
     }
 
-    /// Forgets all answers.
     pub(super) fn forget(&mut self) {
         self.forget_question();
         for parameter in &mut self.list {
