@@ -6,7 +6,6 @@ use std::sync::Arc;
 
 use divan::Bencher;
 use hydroid_core::adapt::kalman::KalmanNetwork;
-use hydroid_core::math::Scalar;
 use hydroid_core::model::recurrent::{
     BaseModel, Cell, Change, Linearization, Network, Packed, Recurrent, RecurrentSession, Scaling,
 };
@@ -27,16 +26,16 @@ fn network(name: &str, inputs: usize) -> Network {
     Network { cell, inputs, outputs: 3, read_out: name != "lstm" }
 }
 
-fn numbers<T: Scalar>(count: usize) -> Vec<T> {
-    (0..count).map(|k| T::of(0.45 * (k as f64 * 12.9898).sin())).collect()
+fn numbers(count: usize) -> Vec<f64> {
+    (0..count).map(|k| 0.45 * (k as f64 * 12.9898).sin()).collect()
 }
 
 /// A step and the output of its state.
-#[divan::bench(types = [f32, f64], args = NAMES)]
-fn step<T: Scalar>(bencher: Bencher, name: &str) {
+#[divan::bench(args = NAMES)]
+fn step(bencher: Bencher, name: &str) {
     let network = network(name, 5);
-    let packed = Packed::<T>::new(network, &numbers(network.weights()));
-    let (mut state, x, mut y) = (numbers::<T>(network.state_len()), numbers::<T>(5), numbers::<T>(3));
+    let packed = Packed::new(network, &numbers(network.weights()));
+    let (mut state, x, mut y) = (numbers(network.state_len()), numbers(5), numbers(3));
     let mut scratch = numbers(packed.scratch());
     bencher.bench_local(|| {
         packed.step(&mut state, divan::black_box(&x), &mut scratch);
@@ -46,11 +45,11 @@ fn step<T: Scalar>(bencher: Bencher, name: &str) {
 }
 
 /// The same with its partials.
-#[divan::bench(types = [f32, f64], args = NAMES)]
-fn linearize<T: Scalar>(bencher: Bencher, name: &str) {
+#[divan::bench(args = NAMES)]
+fn linearize(bencher: Bencher, name: &str) {
     let network = network(name, 5);
-    let packed = Packed::<T>::new(network, &numbers(network.weights()));
-    let (mut state, x) = (numbers::<T>(network.state_len()), numbers::<T>(5));
+    let packed = Packed::new(network, &numbers(network.weights()));
+    let (mut state, x) = (numbers(network.state_len()), numbers(5));
     let mut linear = Linearization::new(&packed);
     bencher.bench_local(|| linear.step(&packed, &mut state, divan::black_box(&x)));
 }
@@ -60,7 +59,7 @@ fn linearize<T: Scalar>(bencher: Bencher, name: &str) {
 fn weights_times_square_matrix(bencher: Bencher, name: &str) {
     let network = network(name, 2);
     let n = network.weights();
-    let packed = Packed::<f64>::new(network, &numbers(n));
+    let packed = Packed::new(network, &numbers(n));
     let mut linear = Linearization::new(&packed);
     linear.step(&packed, &mut numbers(network.state_len()), &numbers(2));
     let (p, mut out) = (numbers(n * n), numbers(network.state_len() * n));
@@ -75,7 +74,7 @@ fn weights_times_square_matrix(bencher: Bencher, name: &str) {
 #[divan::bench(args = NAMES)]
 fn set_weights(bencher: Bencher, name: &str) {
     let network = network(name, 5);
-    let weights = numbers::<f64>(network.weights());
+    let weights = numbers(network.weights());
     let mut packed = Packed::new(network, &weights);
     bencher.bench_local(|| packed.set_weights(divan::black_box(&weights)));
 }
@@ -105,7 +104,7 @@ fn session(name: &str, feedback: bool) -> RecurrentSession {
 fn rollout_100(bencher: Bencher, name: &str) {
     let mut session = session(name, true);
     session.observe(&[0.1, 0.2, 0.3]);
-    let (commands, mut y, mut work) = (numbers::<f64>(200), vec![0.0; 300], Workspace::new());
+    let (commands, mut y, mut work) = (numbers(200), vec![0.0; 300], Workspace::new());
     bencher.bench_local(|| session.rollout(divan::black_box(&commands), &mut work, &mut y));
 }
 

@@ -24,8 +24,8 @@ fn close(ours: &[f64], theirs: &[f64], what: &str) {
 
 /// The textbook filter, dense: `P <- F P F' + Q`, `K = P H' S^-1`, `P <- (I - K H) P`.
 struct Naive {
-    packed: Packed<f64>,
-    linear: Linearization<f64>,
+    packed: Packed,
+    linear: Linearization,
     given: Vec<f64>,
     state: Vec<f64>,
     p: Matrix,

@@ -89,8 +89,8 @@ fn diagonal(values: &[f64]) -> Matrix {
 
 /// The definition on dense matrices: `h~ = Psi theta~ + xi`, with the blocks of `P_tt` after each measurement.
 struct Naive {
-    packed: Packed<f64>,
-    linear: Linearization<f64>,
+    packed: Packed,
+    linear: Linearization,
     given: Vec<f64>,
     state: Vec<f64>,
     psi: Matrix,

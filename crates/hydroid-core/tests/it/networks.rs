@@ -88,10 +88,6 @@ pub(crate) fn sequence(name: &str, key: &str) -> Vec<f64> {
     numbers(&golden_json(name)["sequence"][key])
 }
 
-pub(crate) fn rounded<T: Scalar>(x: &[f64]) -> Vec<T> {
-    x.iter().map(|&x| T::of(x)).collect()
-}
-
 /// Largest absolute difference.
 pub(crate) fn worst<T: Scalar>(ours: &[T], theirs: &[f64]) -> f64 {
     assert_eq!(ours.len(), theirs.len());

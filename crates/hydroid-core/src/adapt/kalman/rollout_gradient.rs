@@ -19,7 +19,7 @@ use crate::predict::Predictor;
 /// ```
 #[derive(Clone, Debug)]
 pub(super) struct RolloutGradient {
-    steps: Vec<Linearization<f64>>,
+    steps: Vec<Linearization>,
     x: Vec<f64>,
     y: Vec<f64>,
     hidden: Vec<f64>,

@@ -23,7 +23,7 @@ use crate::predict::{Predictor, Workspace, delegate, plain, rollout_each, rollou
 #[derive(Clone, Debug)]
 pub struct RecurrentSession {
     model: Arc<Recurrent>,
-    weights: Arc<Packed<f64>>,
+    weights: Arc<Packed>,
     /// Outputs, then the memory of the base, then the state of the network.
     state: Vec<f64>,
     scratch: Vec<f64>,
@@ -59,7 +59,7 @@ impl RecurrentSession {
         self.weights.weights()
     }
 
-    pub(crate) fn packed(&self) -> &Packed<f64> {
+    pub(crate) fn packed(&self) -> &Packed {
         &self.weights
     }
 
@@ -129,7 +129,7 @@ fn front_len(model: &Recurrent) -> usize {
 }
 
 /// Length of the scratch: input and output of the network, then a step of network or equations or a row of outputs.
-fn scratch_len(model: &Recurrent, weights: &Packed<f64>) -> usize {
+fn scratch_len(model: &Recurrent, weights: &Packed) -> usize {
     let base = if let BaseModel::Equations(equations) = &model.base { equations.scratch() } else { 0 };
     model.network.inputs + model.outputs() + base.max(weights.scratch()).max(model.outputs())
 }
@@ -147,7 +147,7 @@ impl Recurrent {
     }
 }
 
-fn read_out(model: &Recurrent, weights: &Packed<f64>, hidden: &[f64], y: &mut [f64], scratch: &mut [f64]) {
+fn read_out(model: &Recurrent, weights: &Packed, hidden: &[f64], y: &mut [f64], scratch: &mut [f64]) {
     weights.output(hidden, scratch);
     let Scaling { output_mean, correction_scale, .. } = &model.scaling;
     for i in 0..y.len() {
@@ -155,7 +155,7 @@ fn read_out(model: &Recurrent, weights: &Packed<f64>, hidden: &[f64], y: &mut [f
     }
 }
 
-fn step(model: &Recurrent, weights: &Packed<f64>, state: &mut [f64], c: &[f64], scratch: &mut [f64]) {
+fn step(model: &Recurrent, weights: &Packed, state: &mut [f64], c: &[f64], scratch: &mut [f64]) {
     let outputs = model.outputs();
     let (front, hidden) = state.split_at_mut(front_len(model));
     let (x, rest) = scratch.split_at_mut(model.network.inputs);
@@ -173,7 +173,7 @@ fn step(model: &Recurrent, weights: &Packed<f64>, state: &mut [f64], c: &[f64], 
     }
 }
 
-fn wait(model: &Recurrent, weights: &Packed<f64>, state: &mut [f64], c: &[f64], scratch: &mut [f64]) {
+fn wait(model: &Recurrent, weights: &Packed, state: &mut [f64], c: &[f64], scratch: &mut [f64]) {
     let (front, hidden) = state.split_at_mut(front_len(model));
     if !model.feedback {
         let (x, rest) = scratch.split_at_mut(model.network.inputs);

@@ -67,14 +67,14 @@ fn derivatives_of_networks_are_those_of_hydroid() {
         let [by_state, by_weights] = [n, m].map(identity);
         let state = Change { state: Some(&by_state[..]), ..Change::default() };
         let of_weights = Change { weights: Some(&by_weights[..]), ..Change::default() };
-        let times = |change: Change<'_, f64>, columns: usize| {
+        let times = |change: Change<'_>, columns: usize| {
             let (mut out, mut scratch) = (vec![0.0; n * columns], vec![0.0; linear.scratch(columns)]);
             linear.times(&packed, change, columns, &mut out, &mut scratch);
             out
         };
         let expected = beside(&times(state, n), &times(of_weights, m), n);
         assert!(apart(&expected, &rows) < 1e-13, "{name}: {}", apart(&expected, &rows));
-        let times = |change: Change<'_, f64>, columns: usize| {
+        let times = |change: Change<'_>, columns: usize| {
             let mut out = vec![0.0; q * columns];
             linear.output_times(&packed, change, columns, &mut out);
             out

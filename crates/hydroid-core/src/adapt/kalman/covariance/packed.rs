@@ -288,7 +288,11 @@ impl Quadratic<'_> {
             for (j, block) in matrix.blocks.iter().enumerate().skip(i) {
                 let tile = &matrix.tiles[begin..begin + above.len * block.padded];
                 begin += tile.len();
-                let (left, right) = (rows.map(|v| &v[above.weights()]), rows.map(|v| &v[block.panel(1)]));
+                let (mut left, mut right) = (rows, rows);
+                for r in 0..COUNT {
+                    left[r] = &rows[r][above.weights()];
+                    right[r] = &rows[r][block.panel(1)];
+                }
                 let pairs = above.len / 2 * 2;
                 let (main, rest) = tile.split_at(pairs * block.padded);
                 let mut sums = [Pack::<S, f64>::splat(simd, 0.0); COUNT];
@@ -318,10 +322,17 @@ fn products<S: Simd, const N: usize, const COUNT: usize>(
 ) {
     let numbers = f64::whole::<S>(numbers).0;
     let vectors = numbers.len() / N;
-    let right: [_; COUNT] = right.map(|v| &f64::whole::<S>(v).0[..vectors]);
-    let mut dots = [[Pack::<S, f64>::splat(simd, 0.0); COUNT]; N];
+    let mut columns: [&[_]; COUNT] = [&[]; COUNT];
+    for r in 0..COUNT {
+        columns[r] = &f64::whole::<S>(right[r]).0[..vectors];
+    }
+    let zero = Pack::<S, f64>::splat(simd, 0.0);
+    let mut dots = [[zero; COUNT]; N];
     for c in 0..vectors {
-        let right: [_; COUNT] = from_fn(|r| Pack::new(simd, right[r][c]));
+        let mut right = [zero; COUNT];
+        for r in 0..COUNT {
+            right[r] = Pack::new(simd, columns[r][c]);
+        }
         for n in 0..N {
             let p = Pack::new(simd, numbers[n * vectors + c]);
             for r in 0..COUNT {
@@ -391,20 +402,37 @@ impl<const RANK: usize, const ROWS: usize> Tile<'_, RANK, ROWS> {
         sums: &mut [f64],
         dots: &mut [[f64; ROWS]; 4],
     ) {
-        let splat = |x: f64| Pack::<S, f64>::splat(simd, x);
-        let minus_w: [[_; RANK]; N] = from_fn(|n| from_fn(|q| splat(-self.w_rows[q][k + n])));
-        let l: [[_; ROWS]; N] = from_fn(|n| from_fn(|r| splat(self.l_rows[r][k + n])));
-        let scale = splat(self.scale);
+        // Loops, where `from_fn` and `map` would compile three functions for each use and each of the 72 kinds of tile.
+        let (scale, zero) = (Pack::<S, f64>::splat(simd, self.scale), Pack::splat(simd, 0.0));
+        let (mut minus_w, mut l) = ([[zero; RANK]; N], [[zero; ROWS]; N]);
+        for n in 0..N {
+            for q in 0..RANK {
+                minus_w[n][q] = Pack::splat(simd, -self.w_rows[q][k + n]);
+            }
+            for r in 0..ROWS {
+                l[n][r] = Pack::splat(simd, self.l_rows[r][k + n]);
+            }
+        }
         let numbers = f64::whole_mut::<S>(&mut self.numbers[k * self.padded..(k + N) * self.padded]).0;
         let vectors = numbers.len() / N;
-        let w_columns: [_; RANK] = self.w_columns.map(|w| &f64::whole::<S>(w).0[..vectors]);
-        let l_columns: [_; ROWS] = self.l_columns.map(|l| &f64::whole::<S>(l).0[..vectors]);
+        let (mut w_columns, mut l_columns): ([&[_]; RANK], [&[_]; ROWS]) = ([&[]; RANK], [&[]; ROWS]);
+        for q in 0..RANK {
+            w_columns[q] = &f64::whole::<S>(self.w_columns[q]).0[..vectors];
+        }
+        for r in 0..ROWS {
+            l_columns[r] = &f64::whole::<S>(self.l_columns[r]).0[..vectors];
+        }
         let sums = &mut f64::whole_mut::<S>(sums).0[..ROWS * vectors];
-        let mut dot = [[splat(0.0); ROWS]; N];
+        let mut dot = [[zero; ROWS]; N];
         for c in 0..vectors {
-            let w: [_; RANK] = from_fn(|q| Pack::new(simd, w_columns[q][c]));
-            let l_column: [_; ROWS] = from_fn(|r| Pack::new(simd, l_columns[r][c]));
-            let mut sum: [_; ROWS] = from_fn(|r| Pack::new(simd, sums[r * vectors + c]));
+            let (mut w, mut l_column, mut sum) = ([zero; RANK], [zero; ROWS], [zero; ROWS]);
+            for q in 0..RANK {
+                w[q] = Pack::new(simd, w_columns[q][c]);
+            }
+            for r in 0..ROWS {
+                l_column[r] = Pack::new(simd, l_columns[r][c]);
+                sum[r] = Pack::new(simd, sums[r * vectors + c]);
+            }
             for n in 0..N {
                 let mut p = Pack::new(simd, numbers[n * vectors + c]);
                 for q in 0..RANK {
@@ -424,7 +452,9 @@ impl<const RANK: usize, const ROWS: usize> Tile<'_, RANK, ROWS> {
         }
         if MIRROR {
             for n in 0..N {
-                dots[n] = from_fn(|r| dot[n][r].sum());
+                for r in 0..ROWS {
+                    dots[n][r] = dot[n][r].sum();
+                }
             }
         }
     }

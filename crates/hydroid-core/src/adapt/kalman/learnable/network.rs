@@ -8,19 +8,19 @@ use crate::model::recurrent::{Blocks, Change, Linearization, Packed};
 /// A recurrent network with the Jacobians of its last step.
 #[derive(Clone, Debug)]
 pub struct LearnableNetwork {
-    packed: Packed<f64>,
-    linear: Linearization<f64>,
+    packed: Packed,
+    linear: Linearization,
     blocks: Blocks,
 }
 
 impl LearnableNetwork {
     /// From a network with its weights.
-    pub fn new(packed: Packed<f64>) -> Self {
+    pub fn new(packed: Packed) -> Self {
         Self { linear: Linearization::new(&packed), blocks: Blocks::new(&packed), packed }
     }
 
     /// The network with its current weights.
-    pub fn packed(&self) -> &Packed<f64> {
+    pub fn packed(&self) -> &Packed {
         &self.packed
     }
 

@@ -5,8 +5,6 @@
 
 #![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
-use core::array;
-
 use pulp::Simd;
 
 use super::LANES;
@@ -149,21 +147,35 @@ pub(super) fn outer<S: Simd, T: Scalar>(
     sums: &mut [T],
 ) {
     // The last row is repeated as padding, whose sums are not used.
-    let d: [&[T::V<S>]; ROWS] = array::from_fn(|i| d.row::<S>((first + i).min(d.len() - 1)));
+    let mut rows: [&[T::V<S>]; ROWS] = [&[]; ROWS];
+    for i in 0..ROWS {
+        rows[i] = d.row::<S>((first + i).min(d.len() - 1));
+    }
     let columns = x.len();
     let sums = T::whole_mut::<S>(sums).0;
     let parts = LANES * size_of::<T>() / size_of::<T::V<S>>();
     for part in 0..parts {
         let mut j = 0;
         while j + COLUMNS <= columns {
-            let x = array::from_fn(|c| x.row::<S>(j + c));
-            patch::<S, T, COLUMNS>(simd, d, x, &mut sums[j * parts..], (columns + 1) * parts, part, parts);
+            let mut some: [&[T::V<S>]; COLUMNS] = [&[]; COLUMNS];
+            for c in 0..COLUMNS {
+                some[c] = x.row::<S>(j + c);
+            }
+            patch::<S, T, COLUMNS>(
+                simd,
+                rows,
+                some,
+                &mut sums[j * parts..],
+                (columns + 1) * parts,
+                part,
+                parts,
+            );
             j += COLUMNS;
         }
         while j < columns {
             patch::<S, T, 1>(
                 simd,
-                d,
+                rows,
                 [x.row::<S>(j)],
                 &mut sums[j * parts..],
                 (columns + 1) * parts,
@@ -175,7 +187,7 @@ pub(super) fn outer<S: Simd, T: Scalar>(
         for i in 0..ROWS {
             let sum = &mut sums[(i * (columns + 1) + columns) * parts + part];
             let mut total = Pack::<S, T>::new(simd, *sum);
-            for &d in d[i].iter().skip(part).step_by(parts) {
+            for &d in rows[i].iter().skip(part).step_by(parts) {
                 total = total + Pack::new(simd, d);
             }
             *sum = total.v;
@@ -186,15 +198,20 @@ pub(super) fn outer<S: Simd, T: Scalar>(
 #[inline(always)]
 fn patch<S: Simd, T: Scalar, const C: usize>(
     simd: S,
-    d: [&[T::V<S>]; ROWS],
-    x: [&[T::V<S>]; C],
+    mut d: [&[T::V<S>]; ROWS],
+    mut x: [&[T::V<S>]; C],
     sums: &mut [T::V<S>],
     row: usize,
     part: usize,
     parts: usize,
 ) {
     let len = d[0].len();
-    let (d, x) = (d.map(|d| &d[..len]), x.map(|x| &x[..len]));
+    for i in 0..ROWS {
+        d[i] = &d[i][..len];
+    }
+    for c in 0..C {
+        x[c] = &x[c][..len];
+    }
     let zero = Pack::<S, T>::splat(simd, T::zero());
     let mut total = [[zero; C]; ROWS];
     for i in 0..ROWS {

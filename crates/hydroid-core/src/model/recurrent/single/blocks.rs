@@ -5,7 +5,6 @@ use alloc::vec::Vec;
 use super::super::network::{Cell, Network};
 use super::linearization::Linearization;
 use super::packed::Packed;
-use crate::math::Scalar;
 
 /// The weights of a network in blocks. Each block acts on rows of results that no other block changes.
 ///
@@ -31,7 +30,7 @@ pub struct Blocks {
 
 impl Blocks {
     /// The blocks of a packed network.
-    pub fn new<T: Scalar>(packed: &Packed<T>) -> Self {
+    pub fn new(packed: &Packed) -> Self {
         let (layout, Network { cell, .. }) = (packed.layout(), packed.network());
         let (units, gates, rows) = match *cell {
             Cell::Lstm { hidden, .. } => (hidden, 4, 2),
@@ -98,7 +97,7 @@ impl Blocks {
     }
 }
 
-impl<T: Scalar> Linearization<T> {
+impl Linearization {
     pub(super) fn first_output_block(&self) -> usize {
         let units = self.layers[0].units();
         // A projection is shorter than the vector that it projects.
@@ -110,7 +109,7 @@ impl<T: Scalar> Linearization<T> {
     ///
     /// # Panics
     /// If there is no such block, or `into` has not one number for each of its weights.
-    pub fn local(&self, block: usize, row: usize, into: &mut [T]) {
+    pub fn local(&self, block: usize, row: usize, into: &mut [f64]) {
         let units = self.layers[0].units();
         let Some(layer) = self.layers.get(block / units).filter(|layer| row < layer.results()) else {
             return self.local_of_output(block, row, into);
@@ -120,7 +119,7 @@ impl<T: Scalar> Linearization<T> {
         let own = layer.own_gates(row);
         for (gate, into) in into.chunks_exact_mut(x.len() + h.len() + 2).enumerate() {
             if !own.contains(&gate) {
-                into.fill(T::zero());
+                into.fill(0.0);
                 continue;
             }
             let (a, b) = (layer.input(row, gate)[unit], layer.hidden(row, gate)[unit]);
@@ -133,15 +132,15 @@ impl<T: Scalar> Linearization<T> {
     }
 
     /// [`local`](Self::local) for the projection and the read-out, which have one row.
-    fn local_of_output(&self, block: usize, row: usize, into: &mut [T]) {
+    fn local_of_output(&self, block: usize, row: usize, into: &mut [f64]) {
         if row > 0 {
-            into.fill(T::zero());
+            into.fill(0.0);
         } else if block < self.first_output_block() {
             into.copy_from_slice(self.layers[0].projected());
         } else {
             let (weights, bias) = into.split_at_mut(self.shown().len());
             weights.copy_from_slice(self.shown());
-            bias.fill(T::one());
+            bias.fill(1.0);
         }
     }
 }

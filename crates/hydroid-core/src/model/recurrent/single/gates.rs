@@ -6,33 +6,32 @@ use alloc::vec::Vec;
 
 use super::super::layout::LayerLayout;
 use super::super::network::Cell;
-use crate::math::Scalar;
 
 const ROWS: usize = 8;
 
 /// The affine maps of a layer's gates: `[i f g o]` of an LSTM, the sums of a vanilla layer, or `[r z]`, `a_n` (of the
 /// input alone) and `b_n` (of the state alone) of a GRU.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Gates<T> {
-    maps: Vec<Map<T>>,
+pub(super) struct Gates {
+    maps: Vec<Map>,
 }
 
 /// `W_ih x + W_hh h + b` for some rows; either matrix may be missing.
 #[derive(Clone, Debug, PartialEq)]
-struct Map<T> {
+struct Map {
     first: usize,
     rows: usize,
     reads_x: bool,
     reads_h: bool,
     /// Blocks of [`ROWS`] rows, padded with zeros: the biases, then column by column.
-    blocks: Vec<T>,
+    blocks: Vec<f64>,
 }
 
-impl<T: Scalar> Gates<T> {
+impl Gates {
     pub(super) fn new(cell: Cell, layer: &LayerLayout) -> Self {
         let map = |first: usize, rows: usize, reads_x: bool, reads_h: bool| {
             let columns = 1 + if reads_x { layer.reads } else { 0 } + if reads_h { layer.shown } else { 0 };
-            let blocks = vec![T::zero(); rows.next_multiple_of(ROWS) * columns];
+            let blocks = vec![0.0; rows.next_multiple_of(ROWS) * columns];
             Map { first, rows, reads_x, reads_h, blocks }
         };
         let maps = if let Cell::Gru { hidden: n } = cell {
@@ -43,7 +42,7 @@ impl<T: Scalar> Gates<T> {
         Self { maps }
     }
 
-    pub(super) fn fill(&mut self, layer: &LayerLayout, weights: &[T]) {
+    pub(super) fn fill(&mut self, layer: &LayerLayout, weights: &[f64]) {
         for map in &mut self.maps {
             let (reads, shown) =
                 (if map.reads_x { layer.reads } else { 0 }, if map.reads_h { layer.shown } else { 0 });
@@ -52,7 +51,7 @@ impl<T: Scalar> Gates<T> {
             {
                 for lane in 0..ROWS.min(map.rows - rows) {
                     let row = layer.row(map.first + rows + lane);
-                    let bias = |given: bool, at: usize| if given { weights[at] } else { T::zero() };
+                    let bias = |given: bool, at: usize| if given { weights[at] } else { 0.0 };
                     block[lane] = bias(map.reads_x, row.bias_ih) + bias(map.reads_h, row.bias_hh);
                     let columns =
                         weights[row.weight_ih][..reads].iter().chain(&weights[row.weight_hh][..shown]);
@@ -65,7 +64,7 @@ impl<T: Scalar> Gates<T> {
     }
 
     #[inline(always)]
-    pub(super) fn sums(&self, x: &[T], h: &[T], mut sums: &mut [T]) {
+    pub(super) fn sums(&self, x: &[f64], h: &[f64], mut sums: &mut [f64]) {
         for map in &self.maps {
             let (own, rest) = sums.split_at_mut(map.rows);
             map.apply(if map.reads_x { x } else { &[] }, if map.reads_h { h } else { &[] }, own);
@@ -74,9 +73,9 @@ impl<T: Scalar> Gates<T> {
     }
 }
 
-impl<T: Scalar> Map<T> {
+impl Map {
     #[inline(always)]
-    fn apply(&self, x: &[T], h: &[T], sums: &mut [T]) {
+    fn apply(&self, x: &[f64], h: &[f64], sums: &mut [f64]) {
         let mut blocks = self.blocks.chunks_exact(ROWS * (1 + x.len() + h.len()));
         let mut whole = sums.chunks_exact_mut(ROWS);
         for (sums, block) in (&mut whole).zip(&mut blocks) {
@@ -91,8 +90,8 @@ impl<T: Scalar> Map<T> {
 }
 
 #[inline(always)]
-fn block_sums<T: Scalar>(block: &[T], x: &[T], h: &[T]) -> [T; ROWS] {
-    let mut sums = [T::zero(); ROWS];
+fn block_sums(block: &[f64], x: &[f64], h: &[f64]) -> [f64; ROWS] {
+    let mut sums = [0.0; ROWS];
     let (bias, columns) = block.split_at(ROWS);
     sums.copy_from_slice(bias);
     let (of_x, of_h) = columns.split_at(ROWS * x.len());

@@ -11,13 +11,7 @@ use super::super::layout::LayerLayout;
 use super::super::network::Cell;
 use super::super::{gru, lstm, vanilla};
 use super::packed::Packed;
-use crate::math::Scalar;
-use crate::math::kernel::kernels;
 use crate::math::rows::add_rows;
-
-kernels! {
-    StepKernel: Step;
-}
 
 /// The partial derivatives of one step, `state+ = f(state, x, weights)` and `y = g(state+, weights)`.
 ///
@@ -39,37 +33,37 @@ kernels! {
 /// [`output_transposed_times`](Self::output_transposed_times)) take the same weights as the step, and several vectors
 /// at a time. Only [`new`](Self::new) and the dense matrices allocate.
 #[derive(Clone, Debug)]
-pub struct Linearization<T> {
-    pub(super) layers: Vec<LayerPartials<T>>,
-    pub(super) shown: Vec<T>,
+pub struct Linearization {
+    pub(super) layers: Vec<LayerPartials>,
+    pub(super) shown: Vec<f64>,
 }
 
 /// Local partial derivatives of one layer. Row `gate n + j` of the gates belongs to unit `j`;
 /// [`LayerLayout::row`](super::super::LayerLayout::row) gives its weights.
 #[derive(Clone, Debug)]
-pub struct LayerPartials<T> {
+pub struct LayerPartials {
     units: usize,
     gates: usize,
     results: usize,
-    x: Vec<T>,
-    before: Vec<T>,
+    x: Vec<f64>,
+    before: Vec<f64>,
     h_at: usize,
-    input: Vec<T>,
-    hidden: Vec<T>,
-    carry: Vec<T>,
+    input: Vec<f64>,
+    hidden: Vec<f64>,
+    carry: Vec<f64>,
     /// Partials of the results with respect to `h` and `x` through their own gates: `results units x h` and `x reads`.
-    of_h: Vec<T>,
-    of_x: Vec<T>,
+    of_h: Vec<f64>,
+    of_x: Vec<f64>,
     /// Partials of `s(o) tanh(c+)` with respect to `c+`, for each unit of an LSTM.
-    through: Vec<T>,
+    through: Vec<f64>,
     /// Scratch of [`Packed::layer_step`], with its results.
-    scratch: Vec<T>,
+    scratch: Vec<f64>,
     /// An adjoint of the results, one number for each unit, and the record of an LSTM's backward pass.
-    adjoint: Vec<T>,
-    record: Vec<T>,
+    adjoint: Vec<f64>,
+    record: Vec<f64>,
 }
 
-impl<T: Scalar> LayerPartials<T> {
+impl LayerPartials {
     /// Number of units `n`.
     pub fn units(&self) -> usize {
         self.units
@@ -86,12 +80,12 @@ impl<T: Scalar> LayerPartials<T> {
     }
 
     /// Input of the layer, which multiplies `weight_ih`.
-    pub fn x(&self) -> &[T] {
+    pub fn x(&self) -> &[f64] {
         &self.x
     }
 
     /// `h` before the step, which multiplies `weight_hh`.
-    pub fn h(&self) -> &[T] {
+    pub fn h(&self) -> &[f64] {
         &self.before[self.h_at..]
     }
 
@@ -100,18 +94,18 @@ impl<T: Scalar> LayerPartials<T> {
     }
 
     /// Input of an LSTM's projection, `s(o) . tanh(c+)` (`n` numbers): the last result.
-    pub fn projected(&self) -> &[T] {
+    pub fn projected(&self) -> &[f64] {
         &self.scratch[5 * self.units..][..self.units]
     }
 
     /// Partials of a result of each unit with respect to its row of `a = W_ih x + b_ih` of a gate (zero for `c+`,
     /// output gate).
-    pub fn input(&self, result: usize, gate: usize) -> &[T] {
+    pub fn input(&self, result: usize, gate: usize) -> &[f64] {
         &self.input[(result * self.gates + gate) * self.units..][..self.units]
     }
 
     /// As [`input`](Self::input) for `b = W_hh h + b_hh`; they differ in the GRU's `n`, because of the reset gate.
-    pub fn hidden(&self, result: usize, gate: usize) -> &[T] {
+    pub fn hidden(&self, result: usize, gate: usize) -> &[f64] {
         &self.hidden[(result * self.gates + gate) * self.units..][..self.units]
     }
 
@@ -126,21 +120,21 @@ impl<T: Scalar> LayerPartials<T> {
     }
 
     /// Partials of the last result of each unit with respect to the one before; empty where there is none.
-    pub(super) fn through(&self) -> &[T] {
+    pub(super) fn through(&self) -> &[f64] {
         &self.through
     }
 
     /// Partials of a result of each unit with respect to its carried state; zero for a vanilla network.
-    pub fn carry(&self, result: usize) -> &[T] {
+    pub fn carry(&self, result: usize) -> &[f64] {
         &self.carry[result * self.units..][..self.units]
     }
 }
 
-impl<T: Scalar> LayerPartials<T> {
+impl LayerPartials {
     /// Partials of the last step, by the backward pass of the cell from unit adjoints.
     #[inline(always)]
-    fn differentiate<S: Simd>(&mut self, simd: S, cell: Cell, after: &[T]) {
-        let (n, one, adjoint) = (self.units, T::one(), &mut self.adjoint);
+    fn differentiate<S: Simd>(&mut self, simd: S, cell: Cell, after: &[f64]) {
+        let (n, one, adjoint) = (self.units, 1.0, &mut self.adjoint);
         match cell {
             Cell::Lstm { .. } => {
                 let record = self.scratch[3 * n..5 * n].split_at(n);
@@ -150,8 +144,8 @@ impl<T: Scalar> LayerPartials<T> {
                 let results = self.input.chunks_exact_mut(4 * n).zip(self.carry.chunks_exact_mut(n));
                 for (result, (partials, carry)) in results.enumerate() {
                     self.record.copy_from_slice(&self.scratch[..5 * n]);
-                    adjoint.fill(if result == 0 { T::zero() } else { one });
-                    carry.fill(if result == 0 { one } else { T::zero() });
+                    adjoint.fill(if result == 0 { 0.0 } else { one });
+                    carry.fill(if result == 0 { one } else { 0.0 });
                     lstm::backward(simd, &mut self.record, &self.before[..n], adjoint, carry);
                     partials.copy_from_slice(&self.record[..4 * n]);
                 }
@@ -174,13 +168,13 @@ impl<T: Scalar> LayerPartials<T> {
     }
 }
 
-impl<T: Scalar> LayerPartials<T> {
+impl LayerPartials {
     /// Multiplies the partials of the gates by their weights: [`of_h`](Self::of_h) and [`of_x`](Self::of_x).
     #[inline(always)]
-    fn gather(&mut self, weights: &[T], place: &LayerLayout) {
+    fn gather(&mut self, weights: &[f64], place: &LayerLayout) {
         let (units, reads, shown) = (self.units, self.x.len(), place.shown);
-        self.of_h.fill(T::zero());
-        self.of_x.fill(T::zero());
+        self.of_h.fill(0.0);
+        self.of_x.fill(0.0);
         for at in 0..self.results * units {
             let (result, unit) = (at / units, at % units);
             for gate in self.own_gates(result) {
@@ -193,26 +187,26 @@ impl<T: Scalar> LayerPartials<T> {
     }
 
     /// Partials of a result of each unit with respect to `h` before the step, through its own gates: `units x h`.
-    pub(super) fn of_h(&self, result: usize) -> &[T] {
+    pub(super) fn of_h(&self, result: usize) -> &[f64] {
         let len = self.units * self.h().len();
         &self.of_h[result * len..][..len]
     }
 
     /// Partials with respect to `x`: `units x reads`.
-    pub(super) fn of_x(&self, result: usize) -> &[T] {
+    pub(super) fn of_x(&self, result: usize) -> &[f64] {
         let len = self.units * self.x.len();
         &self.of_x[result * len..][..len]
     }
 }
 
-pub(crate) struct Step<'a, T> {
-    linear: &'a mut Linearization<T>,
-    packed: &'a Packed<T>,
-    state: &'a mut [T],
-    x: &'a [T],
+pub(crate) struct Step<'a> {
+    linear: &'a mut Linearization,
+    packed: &'a Packed,
+    state: &'a mut [f64],
+    x: &'a [f64],
 }
 
-impl<T: Scalar> WithSimd for Step<'_, T> {
+impl WithSimd for Step<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -221,9 +215,9 @@ impl<T: Scalar> WithSimd for Step<'_, T> {
     }
 }
 
-impl<T: Scalar> Linearization<T> {
+impl Linearization {
     /// A linearization for networks of this size.
-    pub fn new(packed: &Packed<T>) -> Self {
+    pub fn new(packed: &Packed) -> Self {
         let cell = packed.network().cell;
         let (units, gates, results, h_at) = match cell {
             Cell::Lstm { hidden, .. } => (hidden, 4, 2, hidden),
@@ -234,33 +228,34 @@ impl<T: Scalar> Linearization<T> {
             units,
             gates,
             results,
-            x: vec![T::zero(); reads],
-            before: vec![T::zero(); packed.layer_state()],
+            x: vec![0.0; reads],
+            before: vec![0.0; packed.layer_state()],
             h_at,
-            input: vec![T::zero(); results * gates * units],
-            hidden: vec![T::zero(); results * gates * units],
-            carry: vec![T::zero(); results * units],
-            of_h: vec![T::zero(); results * units * cell.shown()],
-            of_x: vec![T::zero(); results * units * reads],
-            through: vec![T::zero(); if results == 2 { units } else { 0 }],
-            scratch: vec![T::zero(); packed.scratch()],
-            adjoint: vec![T::zero(); units],
-            record: vec![T::zero(); 5 * units],
+            input: vec![0.0; results * gates * units],
+            hidden: vec![0.0; results * gates * units],
+            carry: vec![0.0; results * units],
+            of_h: vec![0.0; results * units * cell.shown()],
+            of_x: vec![0.0; results * units * reads],
+            through: vec![0.0; if results == 2 { units } else { 0 }],
+            scratch: vec![0.0; packed.scratch()],
+            adjoint: vec![0.0; units],
+            record: vec![0.0; 5 * units],
         };
         let layers = packed.layout().layers.iter().map(|place| layer(place.reads)).collect();
-        Self { layers, shown: vec![T::zero(); cell.shown()] }
+        Self { layers, shown: vec![0.0; cell.shown()] }
     }
 
     /// `state <- f(state, x)`, bit-identical to [`Packed::step`], with its partial derivatives.
     ///
     /// # Panics
     /// If `state` or `x` is shorter than for [`Packed::step`], or the network has another size.
-    pub fn step(&mut self, packed: &Packed<T>, state: &mut [T], x: &[T]) {
-        T::run::<StepKernel>(Arch::new(), Step { linear: self, packed, state, x });
+    #[inline(never)]
+    pub fn step(&mut self, packed: &Packed, state: &mut [f64], x: &[f64]) {
+        Arch::new().dispatch(Step { linear: self, packed, state, x });
     }
 
     #[inline(always)]
-    fn step_with<S: Simd>(&mut self, simd: S, packed: &Packed<T>, state: &mut [T], x: &[T]) {
+    fn step_with<S: Simd>(&mut self, simd: S, packed: &Packed, state: &mut [f64], x: &[f64]) {
         let len = packed.layer_state();
         for (index, layer) in self.layers.iter_mut().enumerate() {
             let (below, own) = state.split_at_mut(index * len);
@@ -279,12 +274,12 @@ impl<T: Scalar> Linearization<T> {
     ///
     /// # Panics
     /// If there is no such layer.
-    pub fn layer(&self, layer: usize) -> &LayerPartials<T> {
+    pub fn layer(&self, layer: usize) -> &LayerPartials {
         &self.layers[layer]
     }
 
     /// `h+` of the last layer, which multiplies the read-out's weights.
-    pub fn shown(&self) -> &[T] {
+    pub fn shown(&self) -> &[f64] {
         &self.shown
     }
 }

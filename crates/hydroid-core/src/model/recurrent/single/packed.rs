@@ -10,34 +10,29 @@ use super::super::layout::Layout;
 use super::super::network::{Cell, Network};
 use super::super::{gru, lstm, vanilla};
 use super::gates::Gates;
-use crate::math::Scalar;
-use crate::math::kernel::kernels;
-use crate::math::rows::product;
 
-kernels! {
-    StepKernel: Step;
-}
+use crate::math::rows::product;
 
 /// A network's weights in the layout of a step of one sequence: rows of the gates in blocks that are summed side by
 /// side, and the two biases as one sum. A step is `state+ = f(state, x)`, `y = g(state+)`, with the state in the layout
 /// of [`Cell`]. Only [`new`](Self::new) allocates.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Packed<T> {
+pub struct Packed {
     network: Network,
     layout: Layout,
     /// In the order of [`Network::tensors`].
-    weights: Vec<T>,
-    layers: Vec<Gates<T>>,
+    weights: Vec<f64>,
+    layers: Vec<Gates>,
 }
 
-pub(crate) struct Step<'a, T> {
-    packed: &'a Packed<T>,
-    state: &'a mut [T],
-    x: &'a [T],
-    scratch: &'a mut [T],
+pub(crate) struct Step<'a> {
+    packed: &'a Packed,
+    state: &'a mut [f64],
+    x: &'a [f64],
+    scratch: &'a mut [f64],
 }
 
-impl<T: Scalar> WithSimd for Step<'_, T> {
+impl WithSimd for Step<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -46,18 +41,18 @@ impl<T: Scalar> WithSimd for Step<'_, T> {
     }
 }
 
-impl<T: Scalar> Packed<T> {
+impl Packed {
     /// Packs the weights of a network.
     ///
     /// # Panics
     /// If there are not [`Network::weights`] numbers, or the network is invalid ([`Network::check`]).
-    pub fn new(network: Network, weights: &[T]) -> Self {
+    pub fn new(network: Network, weights: &[f64]) -> Self {
         if let Err(error) = network.check() {
             panic!("{error}");
         }
         let layout = Layout::new(&network);
         let layers = layout.layers.iter().map(|layer| Gates::new(network.cell, layer)).collect();
-        let mut packed = Self { network, layout, weights: vec![T::zero(); network.weights()], layers };
+        let mut packed = Self { network, layout, weights: vec![0.0; network.weights()], layers };
         packed.set_weights(weights);
         packed
     }
@@ -66,7 +61,7 @@ impl<T: Scalar> Packed<T> {
     ///
     /// # Panics
     /// If there are not [`Network::weights`] numbers.
-    pub fn set_weights(&mut self, weights: &[T]) {
+    pub fn set_weights(&mut self, weights: &[f64]) {
         self.weights.copy_from_slice(weights);
         for (gates, layer) in self.layers.iter_mut().zip(&self.layout.layers) {
             gates.fill(layer, weights);
@@ -74,7 +69,7 @@ impl<T: Scalar> Packed<T> {
     }
 
     /// The weights in the order of [`Network::tensors`].
-    pub fn weights(&self) -> &[T] {
+    pub fn weights(&self) -> &[f64] {
         &self.weights
     }
 
@@ -106,12 +101,13 @@ impl<T: Scalar> Packed<T> {
     /// # Panics
     /// If a slice is shorter than documented: `state` [`Network::state_len`], `x` [`Network::inputs`], `scratch`
     /// [`scratch`](Self::scratch).
-    pub fn step(&self, state: &mut [T], x: &[T], scratch: &mut [T]) {
-        T::run::<StepKernel>(Arch::new(), Step { packed: self, state, x, scratch });
+    #[inline(never)]
+    pub fn step(&self, state: &mut [f64], x: &[f64], scratch: &mut [f64]) {
+        Arch::new().dispatch(Step { packed: self, state, x, scratch });
     }
 
     #[inline(always)]
-    fn step_with<S: Simd>(&self, simd: S, state: &mut [T], x: &[T], scratch: &mut [T]) {
+    fn step_with<S: Simd>(&self, simd: S, state: &mut [f64], x: &[f64], scratch: &mut [f64]) {
         let len = self.layer_state();
         for layer in 0..self.layers.len() {
             let (below, own) = state.split_at_mut(layer * len);
@@ -127,9 +123,9 @@ impl<T: Scalar> Packed<T> {
         &self,
         simd: S,
         layer: usize,
-        x: &[T],
-        state: &mut [T],
-        scratch: &mut [T],
+        x: &[f64],
+        state: &mut [f64],
+        scratch: &mut [f64],
     ) {
         let maps = &self.layers[layer];
         let x = &x[..self.layout.layers[layer].reads];
@@ -165,7 +161,7 @@ impl<T: Scalar> Packed<T> {
 
     /// `h` of the last layer, the input of the read-out.
     #[inline]
-    pub fn shown<'a>(&self, state: &'a [T]) -> &'a [T] {
+    pub fn shown<'a>(&self, state: &'a [f64]) -> &'a [f64] {
         &state[self.network.state_len() - self.network.cell.shown()..]
     }
 
@@ -174,7 +170,7 @@ impl<T: Scalar> Packed<T> {
     /// # Panics
     /// If `y` has not [`Network::outputs`] numbers.
     #[inline]
-    pub fn output(&self, state: &[T], y: &mut [T]) {
+    pub fn output(&self, state: &[f64], y: &mut [f64]) {
         let shown = self.shown(state);
         match &self.layout.read_out {
             Some((weight, bias)) => {
@@ -203,7 +199,7 @@ mod tests {
             let network = Network { cell, inputs: 5, outputs: 2, read_out: true };
             let numbers = |count: usize| (0..count).map(|k| (k * k % 101) as f64 / 101.0 - 0.5);
             let packed = Packed::new(network, &numbers(network.weights()).collect::<Vec<_>>());
-            let run = |step: &dyn Fn(Step<'_, f64>)| {
+            let run = |step: &dyn Fn(Step<'_>)| {
                 let mut state = vec![0.0; network.state_len()];
                 let mut scratch = vec![0.0; packed.scratch()];
                 let x: Vec<f64> = numbers(30 * 5).collect();

@@ -6,44 +6,31 @@ use pulp::{Arch, Simd, WithSimd};
 use super::linearization::Linearization;
 use super::packed::Packed;
 use super::sums::Sums;
-use crate::math::Scalar;
-use crate::math::kernel::kernels;
 use crate::math::rows::add_rows;
 
-kernels! {
-    ProductKernel: Times;
-    OutputProductKernel: OutputTimes;
-}
-
 /// Changes of the arguments of a step, as matrices with columns, row by row; `None` for no change.
-#[derive(Clone, Copy, Debug)]
-pub struct Change<'a, T> {
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Change<'a> {
     /// `state x columns`.
-    pub state: Option<&'a [T]>,
+    pub state: Option<&'a [f64]>,
     /// `inputs x columns`.
-    pub input: Option<&'a [T]>,
+    pub input: Option<&'a [f64]>,
     /// `weights x columns`.
-    pub weights: Option<&'a [T]>,
+    pub weights: Option<&'a [f64]>,
     /// Effect of the weights on each row of [`Blocks`](super::Blocks), if computed beforehand: `rows x columns`.
-    pub local: Option<&'a [T]>,
+    pub local: Option<&'a [f64]>,
 }
 
-impl<T> Default for Change<'_, T> {
-    fn default() -> Self {
-        Self { state: None, input: None, weights: None, local: None }
-    }
-}
-
-pub(crate) struct Times<'a, T> {
-    linear: &'a Linearization<T>,
-    packed: &'a Packed<T>,
-    change: Change<'a, T>,
+pub(crate) struct Times<'a> {
+    linear: &'a Linearization,
+    packed: &'a Packed,
+    change: Change<'a>,
     columns: usize,
-    out: &'a mut [T],
-    scratch: &'a mut [T],
+    out: &'a mut [f64],
+    scratch: &'a mut [f64],
 }
 
-impl<T: Scalar> WithSimd for Times<'_, T> {
+impl WithSimd for Times<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -52,15 +39,15 @@ impl<T: Scalar> WithSimd for Times<'_, T> {
     }
 }
 
-pub(crate) struct OutputTimes<'a, T> {
-    linear: &'a Linearization<T>,
-    packed: &'a Packed<T>,
-    change: Change<'a, T>,
+pub(crate) struct OutputTimes<'a> {
+    linear: &'a Linearization,
+    packed: &'a Packed,
+    change: Change<'a>,
     columns: usize,
-    out: &'a mut [T],
+    out: &'a mut [f64],
 }
 
-impl<T: Scalar> WithSimd for OutputTimes<'_, T> {
+impl WithSimd for OutputTimes<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -69,7 +56,7 @@ impl<T: Scalar> WithSimd for OutputTimes<'_, T> {
     }
 }
 
-impl<T: Scalar> Linearization<T> {
+impl Linearization {
     /// Length of the scratch of products with matrices of `columns` columns.
     pub fn scratch(&self, columns: usize) -> usize {
         let units = self.layers[0].units();
@@ -83,26 +70,27 @@ impl<T: Scalar> Linearization<T> {
     ///
     /// # Panics
     /// If a matrix has not its rows times `columns`, or `scratch` is shorter than [`scratch`](Self::scratch).
+    #[inline(never)]
     pub fn times(
         &self,
-        packed: &Packed<T>,
-        change: Change<'_, T>,
+        packed: &Packed,
+        change: Change<'_>,
         columns: usize,
-        out: &mut [T],
-        scratch: &mut [T],
+        out: &mut [f64],
+        scratch: &mut [f64],
     ) {
-        T::run::<ProductKernel>(Arch::new(), Times { linear: self, packed, change, columns, out, scratch });
+        Arch::new().dispatch(Times { linear: self, packed, change, columns, out, scratch });
     }
 
     #[inline(always)]
     fn times_here<S: Simd>(
         &self,
         simd: S,
-        packed: &Packed<T>,
-        change: Change<'_, T>,
+        packed: &Packed,
+        change: Change<'_>,
         columns: usize,
-        out: &mut [T],
-        scratch: &mut [T],
+        out: &mut [f64],
+        scratch: &mut [f64],
     ) {
         let len = packed.layer_state();
         let own_state = |layer: usize| layer * len * columns..(layer + 1) * len * columns;
@@ -122,11 +110,11 @@ impl<T: Scalar> Linearization<T> {
     fn layer_times<S: Simd>(
         &self,
         simd: S,
-        (packed, index): (&Packed<T>, usize),
-        change: Change<'_, T>,
+        (packed, index): (&Packed, usize),
+        change: Change<'_>,
         columns: usize,
-        out: &mut [T],
-        scratch: &mut [T],
+        out: &mut [f64],
+        scratch: &mut [f64],
     ) {
         let layer = &self.layers[index];
         let (units, results) = (layer.units(), layer.results());
@@ -166,12 +154,12 @@ impl<T: Scalar> Linearization<T> {
     #[inline(always)]
     fn add_weights(
         &self,
-        packed: &Packed<T>,
+        packed: &Packed,
         (index, result): (usize, usize),
-        changes: Option<&[T]>,
+        changes: Option<&[f64]>,
         columns: usize,
-        out: &mut [T],
-        coefficients: &mut [T],
+        out: &mut [f64],
+        coefficients: &mut [f64],
     ) {
         let Some(changes) = changes else { return };
         let (layer, place) = (&self.layers[index], &packed.layout().layers[index]);
@@ -193,28 +181,26 @@ impl<T: Scalar> Linearization<T> {
     ///
     /// # Panics
     /// If a matrix has not its rows times `columns`.
-    pub fn output_times(&self, packed: &Packed<T>, change: Change<'_, T>, columns: usize, out: &mut [T]) {
-        T::run::<OutputProductKernel>(
-            Arch::new(),
-            OutputTimes { linear: self, packed, change, columns, out },
-        );
+    #[inline(never)]
+    pub fn output_times(&self, packed: &Packed, change: Change<'_>, columns: usize, out: &mut [f64]) {
+        Arch::new().dispatch(OutputTimes { linear: self, packed, change, columns, out });
     }
 
     #[inline(always)]
     fn output_times_here<S: Simd>(
         &self,
         simd: S,
-        packed: &Packed<T>,
-        change: Change<'_, T>,
+        packed: &Packed,
+        change: Change<'_>,
         columns: usize,
-        out: &mut [T],
+        out: &mut [f64],
     ) {
         let shown = self.shown.len();
         let state = change.state.map(|state| &state[(packed.network().state_len() - shown) * columns..]);
         let Some((weight, bias)) = &packed.layout().read_out else {
             match state {
                 Some(state) => out.copy_from_slice(state),
-                None => out.fill(T::zero()),
+                None => out.fill(0.0),
             }
             return;
         };
@@ -226,13 +212,13 @@ impl<T: Scalar> Linearization<T> {
         for (i, row) in out.chunks_exact_mut(columns).enumerate() {
             let run = weight.start + i * shown..weight.start + (i + 1) * shown;
             add_rows(row, &changes[run.start * columns..run.end * columns], &self.shown);
-            add_rows(row, &changes[(bias.start + i) * columns..][..columns], &[T::one()]);
+            add_rows(row, &changes[(bias.start + i) * columns..][..columns], &[1.0]);
         }
     }
 }
 
 #[inline(always)]
-fn scaled<'a, T: Scalar>(x: &[T], factor: T, scratch: &'a mut [T]) -> &'a [T] {
+fn scaled<'a>(x: &[f64], factor: f64, scratch: &'a mut [f64]) -> &'a [f64] {
     for (scaled, &x) in scratch.iter_mut().zip(x) {
         *scaled = x * factor;
     }

@@ -2,12 +2,9 @@
 //! results do not depend on the vector width.
 #![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
-use core::array::from_fn;
-
 use pulp::{Simd, WithSimd};
 
-use crate::math::Scalar;
-use crate::math::vectors::Pack;
+use crate::math::vectors::{Pack, Vectors};
 
 /// ```text
 /// out_i = begin_i + own_i + sum_k a_ik rows_k + sum_k b_ik more_k
@@ -15,22 +12,22 @@ use crate::math::vectors::Pack;
 ///
 /// Matrices have `columns` columns, row by row; empty ones are left out.
 #[derive(Clone, Copy)]
-pub(super) struct Sums<'a, T> {
+pub(super) struct Sums<'a> {
     pub(super) columns: usize,
     /// A matrix, its row at which the first sum begins, and the distance to the row of the next sum.
-    pub(super) begin: (&'a [T], usize, usize),
+    pub(super) begin: (&'a [f64], usize, usize),
     /// A factor for each sum, and a matrix with one row for each.
-    pub(super) own: (&'a [T], &'a [T]),
+    pub(super) own: (&'a [f64], &'a [f64]),
     /// Coefficients, row by row, and the matrix that they multiply.
-    pub(super) parts: [(&'a [T], &'a [T]); 2],
+    pub(super) parts: [(&'a [f64], &'a [f64]); 2],
 }
 
-struct Into<'a, 'b, T> {
-    sums: Sums<'a, T>,
-    out: &'b mut [T],
+struct Into<'a, 'b> {
+    sums: Sums<'a>,
+    out: &'b mut [f64],
 }
 
-impl<T: Scalar> WithSimd for Into<'_, '_, T> {
+impl WithSimd for Into<'_, '_> {
     type Output = ();
 
     #[inline(always)]
@@ -39,16 +36,16 @@ impl<T: Scalar> WithSimd for Into<'_, '_, T> {
     }
 }
 
-impl<T: Scalar> Sums<'_, T> {
+impl Sums<'_> {
     #[inline(always)]
-    pub(super) fn of<S: Simd>(self, simd: S, out: &mut [T]) {
+    pub(super) fn of<S: Simd>(self, simd: S, out: &mut [f64]) {
         // Compiled once instead of at each call.
         simd.vectorize(Into { sums: self, out });
     }
 
     #[inline(always)]
-    fn add_up<S: Simd>(&self, simd: S, out: &mut [T]) {
-        let (columns, lanes) = (self.columns, size_of::<T::V<S>>() / size_of::<T>());
+    fn add_up<S: Simd>(&self, simd: S, out: &mut [f64]) {
+        let (columns, lanes) = (self.columns, size_of::<<f64 as Vectors>::V<S>>() / size_of::<f64>());
         let count = out.len() / columns;
         let whole = columns / lanes;
         let mut vector = 0;
@@ -74,7 +71,7 @@ impl<T: Scalar> Sums<'_, T> {
         simd: S,
         count: usize,
         at: usize,
-        out: &mut [T],
+        out: &mut [f64],
     ) {
         let mut i = 0;
         while i + 4 <= count {
@@ -96,26 +93,24 @@ impl<T: Scalar> Sums<'_, T> {
         simd: S,
         i: usize,
         at: usize,
-        out: &mut [T],
+        out: &mut [f64],
     ) {
-        let (columns, lanes) = (self.columns, size_of::<T::V<S>>() / size_of::<T>());
+        let (columns, lanes) = (self.columns, size_of::<<f64 as Vectors>::V<S>>() / size_of::<f64>());
         let here = at..if REST { columns } else { at + VECTORS * lanes };
-        let mut sums = [[Pack::<S, T>::splat(simd, T::zero()); VECTORS]; ROWS];
+        let mut sums = [[Pack::<S, f64>::splat(simd, 0.0); VECTORS]; ROWS];
         let (matrix, first, step) = self.begin;
         if !matrix.is_empty() {
             for r in 0..ROWS {
                 let row = &matrix[(first + (i + r) * step) * columns..][..columns];
-                sums[r] = load::<S, T, VECTORS, REST>(simd, &row[here.clone()]);
+                sums[r] = load::<S, VECTORS, REST>(simd, &row[here.clone()]);
             }
         }
         let (factors, matrix) = self.own;
         if !matrix.is_empty() {
             for r in 0..ROWS {
                 let row = &matrix[(i + r) * columns..][..columns];
-                let (row, by) = (
-                    load::<S, T, VECTORS, REST>(simd, &row[here.clone()]),
-                    Pack::splat(simd, factors[i + r]),
-                );
+                let (row, by) =
+                    (load::<S, VECTORS, REST>(simd, &row[here.clone()]), Pack::splat(simd, factors[i + r]));
                 for v in 0..VECTORS {
                     sums[r][v] = by.mul_add(row[v], sums[r][v]);
                 }
@@ -126,11 +121,14 @@ impl<T: Scalar> Sums<'_, T> {
             if matrix.is_empty() {
                 continue;
             }
-            let coefficients: [&[T]; ROWS] = from_fn(|r| &coefficients[(i + r) * len..][..len]);
+            let mut of_rows: [&[f64]; ROWS] = [&[]; ROWS];
+            for r in 0..ROWS {
+                of_rows[r] = &coefficients[(i + r) * len..][..len];
+            }
             for (k, row) in matrix.chunks_exact(columns).take(len).enumerate() {
-                let row = load::<S, T, VECTORS, REST>(simd, &row[here.clone()]);
+                let row = load::<S, VECTORS, REST>(simd, &row[here.clone()]);
                 for r in 0..ROWS {
-                    let by = Pack::splat(simd, coefficients[r][k]);
+                    let by = Pack::splat(simd, of_rows[r][k]);
                     for v in 0..VECTORS {
                         sums[r][v] = by.mul_add(row[v], sums[r][v]);
                     }
@@ -140,9 +138,9 @@ impl<T: Scalar> Sums<'_, T> {
         for r in 0..ROWS {
             let row = &mut out[(i + r) * columns..][..columns][here.clone()];
             if REST {
-                T::store_part::<S>(simd, row, sums[r][0].v);
+                f64::store_part::<S>(simd, row, sums[r][0].v);
             } else {
-                let row = &mut T::whole_mut::<S>(row).0[..VECTORS];
+                let row = &mut f64::whole_mut::<S>(row).0[..VECTORS];
                 for v in 0..VECTORS {
                     row[v] = sums[r][v].v;
                 }
@@ -152,16 +150,13 @@ impl<T: Scalar> Sums<'_, T> {
 }
 
 #[inline(always)]
-fn load<S: Simd, T: Scalar, const VECTORS: usize, const REST: bool>(
-    simd: S,
-    row: &[T],
-) -> [Pack<S, T>; VECTORS] {
-    let mut vectors = [Pack::splat(simd, T::zero()); VECTORS];
+fn load<S: Simd, const VECTORS: usize, const REST: bool>(simd: S, row: &[f64]) -> [Pack<S, f64>; VECTORS] {
+    let mut vectors = [Pack::splat(simd, 0.0); VECTORS];
     if REST {
-        vectors[0] = Pack::new(simd, T::load_part::<S>(simd, row));
+        vectors[0] = Pack::new(simd, f64::load_part::<S>(simd, row));
         return vectors;
     }
-    let row = &T::whole::<S>(row).0[..VECTORS];
+    let row = &f64::whole::<S>(row).0[..VECTORS];
     for v in 0..VECTORS {
         vectors[v] = Pack::new(simd, row[v]);
     }

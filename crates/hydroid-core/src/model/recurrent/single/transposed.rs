@@ -2,35 +2,28 @@
 
 use super::linearization::Linearization;
 use super::packed::Packed;
-use crate::math::Scalar;
 use crate::math::rows::add_rows;
 
 /// Results of a transposed product: matrices with columns, row by row, overwritten; `None` where not needed.
-#[derive(Debug)]
-pub struct Gradient<'a, T> {
+#[derive(Debug, Default)]
+pub struct Gradient<'a> {
     /// `state x columns`.
-    pub state: Option<&'a mut [T]>,
+    pub state: Option<&'a mut [f64]>,
     /// `inputs x columns`.
-    pub input: Option<&'a mut [T]>,
+    pub input: Option<&'a mut [f64]>,
     /// `weights x columns`.
-    pub weights: Option<&'a mut [T]>,
+    pub weights: Option<&'a mut [f64]>,
 }
 
-impl<T> Default for Gradient<'_, T> {
-    fn default() -> Self {
-        Self { state: None, input: None, weights: None }
-    }
-}
-
-impl<T: Scalar> Gradient<'_, T> {
+impl Gradient<'_> {
     fn clear(&mut self) {
         for part in [&mut self.state, &mut self.input, &mut self.weights].into_iter().flatten() {
-            part.fill(T::zero());
+            part.fill(0.0);
         }
     }
 }
 
-impl<T: Scalar> Linearization<T> {
+impl Linearization {
     /// Transposed Jacobian times matrix (reverse mode, vjp, for several columns at a time): `(df/dstate)' w`,
     /// `(df/dx)' w` and `(df/dweights)' w` for `w` of `state x columns`.
     ///
@@ -38,18 +31,18 @@ impl<T: Scalar> Linearization<T> {
     /// If a matrix has not its rows times `columns`, or `scratch` is shorter than [`scratch`](Self::scratch).
     pub fn transposed_times(
         &self,
-        packed: &Packed<T>,
-        w: &[T],
+        packed: &Packed,
+        w: &[f64],
         columns: usize,
-        mut into: Gradient<'_, T>,
-        scratch: &mut [T],
+        mut into: Gradient<'_>,
+        scratch: &mut [f64],
     ) {
         into.clear();
         let len = packed.layer_state() * columns;
         let shown = self.shown.len() * columns;
         // Adjoint of this layer's `h+` from the layer above.
         let (adjoint, scratch) = scratch.split_at_mut(shown);
-        adjoint.fill(T::zero());
+        adjoint.fill(0.0);
         for layer in (0..self.layers.len()).rev() {
             let own = layer * len..(layer + 1) * len;
             for (adjoint, &w) in adjoint.iter_mut().zip(&w[own.end - shown..own.end]) {
@@ -65,12 +58,12 @@ impl<T: Scalar> Linearization<T> {
     /// One layer: from `w` of its state and `adjoint` of its `h+`, replaced by that of the layer before.
     fn layer_transposed(
         &self,
-        packed: &Packed<T>,
+        packed: &Packed,
         index: usize,
-        (w, adjoint): (&[T], &mut [T]),
+        (w, adjoint): (&[f64], &mut [f64]),
         columns: usize,
-        mut into: Gradient<'_, T>,
-        scratch: &mut [T],
+        mut into: Gradient<'_>,
+        scratch: &mut [f64],
     ) {
         let (layer, place) = (&self.layers[index], &packed.layout().layers[index]);
         let (weights, units) = (packed.weights(), layer.units());
@@ -78,7 +71,7 @@ impl<T: Scalar> Linearization<T> {
         let (of_a, rest) = rows.split_at_mut(columns);
         let of_b = &mut rest[..columns];
         if let Some(projection) = &packed.layout().projection {
-            last.fill(T::zero());
+            last.fill(0.0);
             for (s, adjoint) in adjoint.chunks_exact(columns).enumerate() {
                 let run = projection.start + s * units..projection.start + (s + 1) * units;
                 add_outer(last, &weights[run.clone()], adjoint);
@@ -89,12 +82,12 @@ impl<T: Scalar> Linearization<T> {
         } else {
             last.copy_from_slice(adjoint);
         }
-        adjoint.fill(T::zero());
+        adjoint.fill(0.0);
         for unit in 0..units {
             // The adjoint of the last result is `last`; that of an LSTM's `c+`, the first result, is `w`.
             for gate in 0..layer.gates() {
-                of_a.fill(T::zero());
-                of_b.fill(T::zero());
+                of_a.fill(0.0);
+                of_b.fill(0.0);
                 for result in 0..layer.results() {
                     let from = if result + 1 == layer.results() { &*last } else { w };
                     let from = &from[unit * columns..(unit + 1) * columns];
@@ -111,13 +104,13 @@ impl<T: Scalar> Linearization<T> {
                     add_outer(input, &weights[of.weight_ih.clone()], of_a);
                 }
                 if let Some(all) = into.weights.as_deref_mut() {
-                    let mut at = |from: usize, x: &[T], row: &[T]| {
+                    let mut at = |from: usize, x: &[f64], row: &[f64]| {
                         add_outer(&mut all[from * columns..(from + x.len()) * columns], x, row);
                     };
                     at(of.weight_ih.start, layer.x(), of_a);
                     at(of.weight_hh.start, layer.h(), of_b);
-                    at(of.bias_ih, &[T::one()], of_a);
-                    at(of.bias_hh, &[T::one()], of_b);
+                    at(of.bias_ih, &[1.0], of_a);
+                    at(of.bias_hh, &[1.0], of_b);
                 }
             }
             if let Some(state) = into.state.as_deref_mut() {
@@ -137,10 +130,10 @@ impl<T: Scalar> Linearization<T> {
     /// If a matrix has not its rows times `columns`.
     pub fn output_transposed_times(
         &self,
-        packed: &Packed<T>,
-        w: &[T],
+        packed: &Packed,
+        w: &[f64],
         columns: usize,
-        mut into: Gradient<'_, T>,
+        mut into: Gradient<'_>,
     ) {
         into.clear();
         let shown = self.shown.len();
@@ -158,14 +151,14 @@ impl<T: Scalar> Linearization<T> {
             }
             if let Some(all) = into.weights.as_deref_mut() {
                 add_outer(&mut all[run.start * columns..run.end * columns], &self.shown, row);
-                add_outer(&mut all[(bias.start + i) * columns..][..columns], &[T::one()], row);
+                add_outer(&mut all[(bias.start + i) * columns..][..columns], &[1.0], row);
             }
         }
     }
 }
 
 /// `matrix += x row'`.
-fn add_outer<T: Scalar>(matrix: &mut [T], x: &[T], row: &[T]) {
+fn add_outer(matrix: &mut [f64], x: &[f64], row: &[f64]) {
     for (into, &x) in matrix.chunks_exact_mut(row.len()).zip(x) {
         for (into, &r) in into.iter_mut().zip(row) {
             *into += x * r;
