@@ -196,6 +196,7 @@ impl Actuators {
     }
 
     /// Least and greatest effort that an actuator can reach at the end of a sample, within its limits.
+    #[inline]
     pub fn reach(&self, index: usize) -> [f64; 2] {
         let actuator = &self.all[index];
         let Limits { low, high, rate, .. } = actuator.limits;

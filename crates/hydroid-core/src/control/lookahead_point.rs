@@ -201,6 +201,7 @@ impl<M: Affine> LookaheadPoint<M> {
 }
 
 /// The vector, scaled to a norm of at most `most`.
+#[inline]
 pub(super) fn shortened([x, y]: [f64; 2], most: f64) -> [f64; 2] {
     let length = Float::hypot(x, y);
     if length > most { [x * (most / length), y * (most / length)] } else { [x, y] }

@@ -56,6 +56,7 @@ pub struct Estimate<'a> {
 
 impl Estimate<'_> {
     /// Whether pose and velocities are finite.
+    #[inline]
     pub fn is_finite(&self) -> bool {
         self.eta.iter().chain(&self.nu).chain(&self.current).all(|x| x.is_finite())
     }

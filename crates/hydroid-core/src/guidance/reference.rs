@@ -48,6 +48,7 @@ impl Reference {
     }
 
     /// Whether position, velocity and acceleration are finite.
+    #[inline]
     pub fn is_finite(&self) -> bool {
         let numbers = self.position.iter().chain(&self.velocity).chain(&self.acceleration);
         numbers.chain([&self.course]).all(|x| x.is_finite())

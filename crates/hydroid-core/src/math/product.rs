@@ -317,15 +317,21 @@ fn dots<T: Scalar, const ROWS: usize>(weights: &[T], x: &[T]) -> [T; ROWS] {
     }
     let mut all = [T::zero(); ROWS];
     for i in 0..ROWS {
-        let mut half = LANES / 2;
-        while half > 0 {
-            for lane in 0..half {
-                let other = sums[i][lane + half];
-                sums[i][lane] += other;
-            }
-            half /= 2;
-        }
-        all[i] = sums[i][0];
+        // Arrays of their own, which stay in registers.
+        let eight: [T; 8] = halved(&sums[i]);
+        let four: [T; 4] = halved(&eight);
+        let two: [T; 2] = halved(&four);
+        all[i] = two[0] + two[1];
     }
     all
+}
+
+/// The sums of the first half and the second.
+#[inline(always)]
+fn halved<T: Scalar, const N: usize>(sums: &[T]) -> [T; N] {
+    let mut half = [T::zero(); N];
+    for lane in 0..N {
+        half[lane] = sums[lane] + sums[lane + N];
+    }
+    half
 }

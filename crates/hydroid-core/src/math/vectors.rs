@@ -56,8 +56,8 @@ pub trait Vectors: Copy + 'static {
 
 macro_rules! operations {
     ($scalar:ident, $v:ident, $as_simd:ident, $as_mut_simd:ident, $one:expr, $two_to_the_mantissa:expr,
-        $load:ident, $store:ident, $splat:ident, $sum:ident, $neg:ident, $abs:ident, $mul_add:ident,
-        $greater:ident, $select:ident, $rotate:ident, $or:ident, $and:ident,
+        $load:ident, $store:ident, $splat:ident, $sum:ident, $mul_add:ident,
+        $greater:ident, $select:ident, $rotate:ident, $or:ident, $and:ident, $xor:ident,
         $splat_bits:ident, $add_bits:ident, $mul_bits:ident, $to_bits:ident, $from_bits:ident,
         $($own:ident: $operator:ident),*) => {
         type V<S: Simd> = S::$v;
@@ -94,14 +94,15 @@ macro_rules! operations {
             }
         )*
 
+        // The same functions of pulp are not inlined into functions compiled for the processor.
         #[inline(always)]
         fn neg<S: Simd>(simd: S, a: S::$v) -> S::$v {
-            simd.$neg(a)
+            simd.$xor(a, simd.$splat(-0.0))
         }
 
         #[inline(always)]
         fn abs<S: Simd>(simd: S, a: S::$v) -> S::$v {
-            simd.$abs(a)
+            simd.$xor(a, simd.$and(a, simd.$splat(-0.0)))
         }
 
         #[inline(always)]
@@ -192,8 +193,8 @@ impl Vectors for f32 {
 
     operations!(
         f32, f32s, as_simd_f32s, as_mut_simd_f32s, 1_f32.to_bits(), 1 << 23,
-        partial_load_f32s, partial_store_f32s, splat_f32s, reduce_sum_f32s, neg_f32s, abs_f32s, mul_add_f32s,
-        greater_than_f32s, select_f32s, rotate_left_f32s, or_f32s, and_f32s,
+        partial_load_f32s, partial_store_f32s, splat_f32s, reduce_sum_f32s, mul_add_f32s,
+        greater_than_f32s, select_f32s, rotate_left_f32s, or_f32s, and_f32s, xor_f32s,
         splat_u32s, add_u32s, mul_u32s, transmute_u32s_f32s, transmute_f32s_u32s,
         add: add_f32s, sub: sub_f32s, mul: mul_f32s, div: div_f32s
     );
@@ -224,8 +225,8 @@ impl Vectors for f64 {
 
     operations!(
         f64, f64s, as_simd_f64s, as_mut_simd_f64s, 1_f64.to_bits(), 1 << 52,
-        partial_load_f64s, partial_store_f64s, splat_f64s, reduce_sum_f64s, neg_f64s, abs_f64s, mul_add_f64s,
-        greater_than_f64s, select_f64s, rotate_left_f64s, or_f64s, and_f64s,
+        partial_load_f64s, partial_store_f64s, splat_f64s, reduce_sum_f64s, mul_add_f64s,
+        greater_than_f64s, select_f64s, rotate_left_f64s, or_f64s, and_f64s, xor_f64s,
         splat_u64s, add_u64s, mul_u64s, transmute_u64s_f64s, transmute_f64s_u64s,
         add: add_f64s, sub: sub_f64s, mul: mul_f64s, div: div_f64s
     );

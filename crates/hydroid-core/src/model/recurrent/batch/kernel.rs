@@ -187,8 +187,10 @@ pub(super) fn outer<S: Simd, T: Scalar>(
         for i in 0..ROWS {
             let sum = &mut sums[(i * (columns + 1) + columns) * parts + part];
             let mut total = Pack::<S, T>::new(simd, *sum);
-            for &d in rows[i].iter().skip(part).step_by(parts) {
-                total = total + Pack::new(simd, d);
+            let mut k = part;
+            while k < rows[i].len() {
+                total = total + Pack::new(simd, rows[i][k]);
+                k += parts;
             }
             *sum = total.v;
         }
