@@ -11,6 +11,7 @@ use hydroid::model::{Body, Model, NamedEquations, decode, encode};
 use hydroid::plant::{InputMap, Simulation};
 use hydroid::progress::silent;
 use hydroid_core::adapt::Adapter;
+use hydroid_core::memory::Memory;
 use hydroid_core::predict::{Predictor, Workspace};
 use hydroid_live::stream::{self, Line, Options, Pilot, Position, Stream};
 
@@ -118,12 +119,10 @@ fn adapted(model: &Model) {
         for options in [options.clone(), options.guarded(model)] {
             let Ok((mut adapter, _)) = adapt::adapter(model, &options, &[]) else { continue };
             used_adapter(adapter.as_mut());
-            let mut memory = vec![0.0; adapter.memory_len()];
-            adapter.save(&mut memory);
+            let memory = Memory::saved(|memory| adapter.visit_state(memory));
             let (mut other, _) = adapt::adapter(model, &options, &[]).expect("the same options");
             other.load(&memory);
-            let mut again = vec![0.0; memory.len()];
-            other.save(&mut again);
+            let again = Memory::saved(|memory| other.visit_state(memory));
             same(&again, &memory, "a loaded state is saved as it was");
             served(model, adapter);
         }

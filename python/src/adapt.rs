@@ -6,6 +6,7 @@ use hydroid::adapt::{self, BAND_80, BAND_95, Options, ResolvedOptions};
 use hydroid::fingerprint::Fingerprint;
 use hydroid::model;
 use hydroid_core::adapt::{Adapter as Learns, Outcome, Rejection};
+use hydroid_core::memory::Memory;
 use hydroid_core::predict::Workspace;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -193,9 +194,8 @@ impl Adapter {
     }
 
     #[getter]
-    fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let mut numbers = vec![0.0; self.learner.memory_len()];
-        self.learner.save(&mut numbers);
+    fn state<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let numbers = Memory::saved(|memory| self.learner.visit_state(memory));
         let mut bytes = MAGIC.to_vec();
         bytes.extend(self.fingerprint()?);
         bytes.extend(numbers.iter().flat_map(|x| x.to_le_bytes()));
@@ -215,8 +215,7 @@ impl Adapter {
         if numbers.len() != self.learner.memory_len() || !left.is_empty() {
             return Err(wrong("a damaged one"));
         }
-        let mut before = vec![0.0; numbers.len()];
-        self.learner.save(&mut before);
+        let before = Memory::saved(|memory| self.learner.visit_state(memory));
         self.learner.load(&numbers);
         if !self.learner.is_sound() {
             self.learner.load(&before);

@@ -10,6 +10,7 @@ use hydroid_core::actuator::{Limits, clamp_to_limits};
 use hydroid_core::adapt::Adapter;
 use hydroid_core::control::cem::{self, Cost, PlannerOptions};
 use hydroid_core::guidance::{Pose, Reference};
+use hydroid_core::memory::Memory;
 use hydroid_core::predict::Workspace;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -88,10 +89,13 @@ impl Controller {
         self.adapter.output(&mut self.estimate);
     }
 
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        self.adapter.visit_state(memory);
+        self.pilot.visit_state(memory);
+    }
+
     fn numbers(&mut self) -> Vec<f64> {
-        let mut numbers = vec![0.0; self.adapter.memory_len()];
-        self.adapter.save(&mut numbers);
-        self.pilot.visit_state(&mut |number| numbers.push(*number));
+        let mut numbers = Memory::saved(|memory| self.visit_state(memory));
         numbers.push(f64::from(u8::from(self.begun)));
         let missing = self.delay - self.under_way.len();
         numbers.extend(std::iter::repeat_n(f64::NAN, missing * self.pilot.command().len()));
@@ -101,10 +105,9 @@ impl Controller {
 
     /// Takes numbers of [`numbers`](Self::numbers), as many as there are now.
     fn restore(&mut self, numbers: &[f64]) {
-        let (memory, rest) = numbers.split_at(self.adapter.memory_len());
-        self.adapter.load(memory);
+        let (state, rest) = numbers.split_at(Memory::len_of(|memory| self.visit_state(memory)));
+        self.visit_state(&mut Memory::Loading(state));
         let mut rest = rest.iter().copied();
-        self.pilot.visit_state(&mut |number| *number = rest.next().unwrap_or(f64::NAN));
         self.begun = rest.next() == Some(1.0);
         let rest: Vec<f64> = rest.collect();
         let rows = rest.chunks_exact(self.pilot.command().len().max(1));
@@ -140,7 +143,7 @@ impl Controller {
             let pilot = setup.pilot(adapter.as_ref())?;
             Ok((setup, adapter, pilot))
         })?;
-        let (setup, adapter, pilot) =
+        let (setup, mut adapter, pilot) =
             made.map_err(|error: hydroid::config::control::SetupError| chain(&error))?;
         let reading = setup.model.description.reading.options;
         let delay = reading.input_delay.samples(setup.scenario.dt_s);
@@ -149,8 +152,7 @@ impl Controller {
                 "model: its input delay is {delay} samples, and a controller needs 0 to {MAX_DELAY}: identify without a negative delay"
             )));
         }
-        let mut initial = vec![0.0; adapter.memory_len()];
-        adapter.save(&mut initial);
+        let initial = Memory::saved(|memory| adapter.visit_state(memory));
         let outputs = adapter.outputs();
         let max_gap_s = reading.max_gap_s.unwrap_or_else(|| longest_gap(setup.scenario.dt_s));
         Ok(Self {

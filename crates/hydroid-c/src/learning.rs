@@ -4,6 +4,7 @@ use hydroid::adapt;
 use hydroid::model::Model;
 use hydroid_core::adapt::Rejection;
 use hydroid_core::adapt::guard;
+use hydroid_core::memory::Memory;
 
 use crate::error::{Error, Outcome, Status, check_finite, check_length};
 use crate::session::{Learner, Session};
@@ -200,8 +201,7 @@ impl Session {
                     of hydroid: begin without it";
                 return Err(Error::new(Status::Memory, message));
             }
-            let mut before = vec![0.0; rest.len()];
-            learner.adapter.save(&mut before);
+            let before = Memory::saved(|memory| learner.adapter.visit_state(memory));
             learner.adapter.load(rest);
             if learner.adapter.is_sound() {
                 return Ok(());

@@ -55,8 +55,8 @@ impl Session {
         Self { sizes, state: Mutex::new(State { of: Of::Predictor(session), work: Workspace::new() }) }
     }
 
-    pub(crate) fn learning(learner: Learner) -> Self {
-        let adapter = learner.adapter.as_ref();
+    pub(crate) fn learning(mut learner: Learner) -> Self {
+        let adapter = learner.adapter.as_mut();
         let memory = learner.identity.len() + adapter.memory_len();
         let sizes = Sizes::of(adapter, adapter.weights().len(), memory);
         Self {

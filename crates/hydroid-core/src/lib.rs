@@ -1,8 +1,8 @@
 //! The on-board part of hydroid: models, adaptation, guidance and control without I/O, clock, threads, or allocation
 //! per sample. It builds without the standard library (`default-features = false`) where there is an allocator.
 //!
-//! Order of the modules, each of which imports only those before it: `math` (vector kernels), `visit` (numbers of a state), `actuator` (lags, command
-//! maps, limits), `vessel` (the parametric plant), `craft` (vessels with any actuators), `predict` (the prediction session), `model` (equations, networks,
+//! Order of the modules, each of which imports only those before it: `math` (vector kernels), `actuator` (lags, command
+//! maps, limits), `vessel` (the parametric plant), `craft` (vessels with any actuators), `predict` (the prediction session), `memory` (numbers of a state), `model` (equations, networks,
 //! plants over samples), `adapt` (online adaptation and its guard), `current`
 //! (predictions over ground in a current), `rate_limit` (steering gears in front of a model), `navigation` (pose and velocities from raw sensors), `guidance` (paths and references), `control`
 //! (control laws and planning).
@@ -24,12 +24,12 @@ pub mod craft;
 pub mod current;
 pub mod guidance;
 pub mod math;
+pub mod memory;
 pub mod model;
 pub mod navigation;
 pub mod predict;
 pub mod rate_limit;
 pub mod vessel;
-mod visit;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -14,8 +14,8 @@ use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use crate::adapt::memory::{Reader, Writer};
 use crate::adapt::{Adapter, Learning, Rehearsing, SaveState};
+use crate::memory::Memory;
 use crate::predict::{Predictor, Workspace, delegate};
 
 /// Positions of the actuators behind a row of commands.
@@ -224,22 +224,9 @@ impl Learning for RateLimited<dyn Adapter> {
 impl SaveState for RateLimited<dyn Adapter> {
     delegate!(inner: is_sound);
 
-    fn memory_len(&self) -> usize {
-        self.inner.inputs() + self.inner.memory_len()
-    }
-
-    fn save(&self, into: &mut [f64]) {
-        assert_eq!(into.len(), self.memory_len(), "room for the memory");
-        let mut into = Writer::new(into);
-        into.numbers(&self.limiter.positions);
-        self.inner.save(into.part(self.inner.memory_len()));
-    }
-
-    fn load(&mut self, from: &[f64]) {
-        assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
-        let mut from = Reader::new(from);
-        from.numbers(&mut self.limiter.positions);
-        self.inner.load(from.part(self.inner.memory_len()));
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        memory.numbers(&mut self.limiter.positions);
+        self.inner.visit_state(memory);
     }
 }
 

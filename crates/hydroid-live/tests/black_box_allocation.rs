@@ -39,10 +39,10 @@ fn a_recorded_session_allocates_nothing() {
     let folder = tempfile::TempDir::new().unwrap();
     let model = boat::model();
     let options = Options::default().guarded(&model);
-    let (adapter, _) = adapter(&model, &options, &[]).unwrap();
+    let (mut adapter, _) = adapter(&model, &options, &[]).unwrap();
     let settings = boat::settings(&folder.path().join("boat.box"));
     let source = Source::Stream("test");
-    let recorder = Recorder::new(&settings, &model, adapter.as_ref(), &options, &(), source).unwrap();
+    let recorder = Recorder::new(&settings, &model, adapter.as_mut(), &options, &(), source).unwrap();
     let mut recorded = RecordingAdapter::new(adapter, Some(recorder));
     recorded.reset();
     let mut before = 0;

@@ -38,13 +38,13 @@ pub fn blackbox(bytes: &[u8]) {
 }
 
 fn recorder(variant: &str, model: &Model, options: &adapt::Options) -> Result<Recorder, String> {
-    let (adapter, _): (Box<dyn Adapter>, _) = adapter(model, options, &[]).map_err(|e| e.to_string())?;
+    let (mut adapter, _): (Box<dyn Adapter>, _) = adapter(model, options, &[]).map_err(|e| e.to_string())?;
     let settings = RecordingOptions {
         path: scratch::path("box"),
         minutes: 2.0,
         model: ModelFile { file: variant.to_owned(), fingerprint: variant.to_owned() },
     };
-    Recorder::new(&settings, model, adapter.as_ref(), options, &variant, Source::Stream("fuzz"))
+    Recorder::new(&settings, model, adapter.as_mut(), options, &variant, Source::Stream("fuzz"))
         .map_err(|e| e.to_string())
 }
 

@@ -18,10 +18,10 @@ use alloc::vec::Vec;
 
 use super::equations::RecursiveEquations;
 use super::innovation_gate::InnovationGate;
-use super::memory::{MOST_COUNTED, Reader, Writer};
 use super::options::{MOST_EXPERTS, MOST_SAMPLES, RecursiveOptions, RecursiveOptionsError};
 use super::parametric_session::ParametricSession;
 use super::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState, are_variances};
+use crate::memory::{MOST_COUNTED, Memory};
 use crate::model::sparse::Equations;
 use crate::predict::{Predictor, Workspace, delegate, plain};
 
@@ -312,23 +312,18 @@ impl Learning for ExpertMixture {
 }
 
 impl SaveState for ExpertMixture {
-    fn memory_len(&self) -> usize {
-        let experts: usize = self.experts.iter().map(SaveState::memory_len).sum();
-        let past = self.past.snapshots.len() + self.past.commands.len() + 1;
-        experts + self.mixture.snapshot_len() + self.losses.len() + self.expert_weights.len() + past + 1
-    }
-
-    fn save(&self, into: &mut [f64]) {
-        assert_eq!(into.len(), self.memory_len(), "room for the memory");
-        let mut into = Writer::new(into);
-        self.experts.iter().for_each(|expert| expert.save(into.part(expert.memory_len())));
-        self.mixture.snapshot(into.part(self.mixture.snapshot_len()));
-        into.numbers(&self.losses);
-        into.numbers(&self.expert_weights);
-        into.numbers(&self.past.snapshots);
-        into.numbers(&self.past.commands);
-        into.count(self.past.seen);
-        into.flag(self.frozen);
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        self.experts.iter_mut().for_each(|expert| expert.visit_state(memory));
+        memory.session(&mut self.mixture);
+        memory.numbers(&mut self.losses);
+        memory.numbers(&mut self.expert_weights);
+        memory.numbers(&mut self.past.snapshots);
+        memory.numbers(&mut self.past.commands);
+        memory.count(&mut self.past.seen, MOST_COUNTED);
+        memory.flag(&mut self.frozen);
+        if memory.is_loading() {
+            self.mixture.weights(&mut self.weights);
+        }
     }
 
     fn is_sound(&self) -> bool {
@@ -336,20 +331,6 @@ impl SaveState for ExpertMixture {
             && are_variances(&self.losses)
             && are_variances(&self.expert_weights)
             && self.experts.iter().all(SaveState::is_sound)
-    }
-
-    fn load(&mut self, from: &[f64]) {
-        assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
-        let mut from = Reader::new(from);
-        self.experts.iter_mut().for_each(|expert| expert.load(from.part(expert.memory_len())));
-        self.mixture.restore(from.part(self.mixture.snapshot_len()));
-        self.mixture.weights(&mut self.weights);
-        from.numbers(&mut self.losses);
-        from.numbers(&mut self.expert_weights);
-        from.numbers(&mut self.past.snapshots);
-        from.numbers(&mut self.past.commands);
-        self.past.seen = from.count(MOST_COUNTED);
-        self.frozen = from.flag();
     }
 }
 

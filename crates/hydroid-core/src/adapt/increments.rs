@@ -3,7 +3,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::memory::{Reader, Writer};
+use crate::memory::Memory;
 
 /// Collects samples into rows
 ///
@@ -51,24 +51,12 @@ impl Increments {
         }
     }
 
-    pub(super) fn memory_len(&self) -> usize {
-        self.starts.len() + self.sums.len() + 3
-    }
-
-    pub(super) fn save(&self, into: &mut Writer<'_>) {
-        into.numbers(&self.starts);
-        into.numbers(&self.sums);
-        into.count(self.current);
-        into.count(self.filled);
-        into.count(self.full);
-    }
-
-    pub(super) fn load(&mut self, from: &mut Reader<'_>) {
-        from.numbers(&mut self.starts);
-        from.numbers(&mut self.sums);
-        self.current = from.count(self.blocks - 1);
-        self.filled = from.count(self.stride - 1);
-        self.full = from.count(self.blocks);
+    pub(super) fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        memory.numbers(&mut self.starts);
+        memory.numbers(&mut self.sums);
+        memory.count(&mut self.current, self.blocks - 1);
+        memory.count(&mut self.filled, self.stride - 1);
+        memory.count(&mut self.full, self.blocks);
     }
 
     pub(super) fn samples(&self) -> usize {

@@ -19,8 +19,8 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::memory::{MOST_COUNTED, Reader, Writer};
 use super::{Innovation, Outcome, Rejection, are_variances};
+use crate::memory::{MOST_COUNTED, Memory};
 
 /// Thresholds on the largest normalized innovation of a row \[standard deviations\].
 ///
@@ -109,24 +109,14 @@ impl Noise {
         (self.rows >= FEWEST_ROWS).then_some(&self.variance)
     }
 
-    pub(super) fn memory_len(&self) -> usize {
-        self.variance.len() + 2
-    }
-
-    pub(super) fn save(&self, into: &mut Writer<'_>) {
-        into.numbers(&self.variance);
-        into.count(self.rows);
-        into.count(self.streak);
+    pub(super) fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        memory.numbers(&mut self.variance);
+        memory.count(&mut self.rows, MOST_COUNTED);
+        memory.count(&mut self.streak, MOST_COUNTED);
     }
 
     pub(super) fn is_sound(&self) -> bool {
         are_variances(&self.variance)
-    }
-
-    pub(super) fn load(&mut self, from: &mut Reader<'_>) {
-        from.numbers(&mut self.variance);
-        self.rows = from.count(MOST_COUNTED);
-        self.streak = from.count(MOST_COUNTED);
     }
 
     /// Outcome of a row. On entry the `deviation` of each innovation is the leverage `phi' P phi`; on return it is the

@@ -3,8 +3,8 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::memory::{Reader, Writer};
 use super::ud_factor::UdFactor;
+use crate::memory::Memory;
 
 /// Recursive least squares for several targets with one regressor.
 ///
@@ -62,9 +62,9 @@ impl RecursiveLeastSquares {
     pub fn new(n: usize, coefficients: &[f64], information: f64, leak: bool) -> Self {
         assert!(n > 0 && coefficients.len().is_multiple_of(n), "coefficients do not fill whole rows");
         assert!(information > 0.0 && information.is_finite(), "the prior information must be positive");
-        let factor = UdFactor::new(n, 1.0 / information);
+        let mut factor = UdFactor::new(n, 1.0 / information);
         Self {
-            initial: numbers(&factor),
+            initial: Memory::saved(|memory| factor.visit_state(memory)),
             factor,
             theta: coefficients.to_vec(),
             prior: coefficients.to_vec(),
@@ -85,31 +85,29 @@ impl RecursiveLeastSquares {
     pub fn with_r_factor(coefficients: &[f64], information: f64, r_factor: &[f64], leak: bool) -> Self {
         let n = r_factor.len().isqrt();
         let own = Self::new(n, coefficients, information, leak);
-        let factor = UdFactor::inverse(r_factor, 1.0 / information);
-        Self { initial: numbers(&factor), factor, r_factor: Some(r_factor.to_vec()), ..own }
+        let mut factor = UdFactor::inverse(r_factor, 1.0 / information);
+        Self {
+            initial: Memory::saved(|memory| factor.visit_state(memory)),
+            factor,
+            r_factor: Some(r_factor.to_vec()),
+            ..own
+        }
     }
 
-    pub(super) fn memory_len(&self) -> usize {
-        self.factor.memory_len() + self.theta.len() + 1
-    }
-
-    pub(super) fn save(&self, into: &mut Writer<'_>) {
-        self.factor.save(into);
-        into.numbers(&self.theta);
-        into.count(self.turn);
-    }
-
-    pub(super) fn load(&mut self, from: &mut Reader<'_>) {
-        self.factor.load(from);
-        from.numbers(&mut self.theta);
-        self.turn = from.count(self.len() - 1);
-        self.innovations.fill(0.0);
+    pub(super) fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        self.factor.visit_state(memory);
+        memory.numbers(&mut self.theta);
+        let most = self.len() - 1;
+        memory.count(&mut self.turn, most);
+        if memory.is_loading() {
+            self.innovations.fill(0.0);
+        }
     }
 
     /// The covariance at the start.
     pub(super) fn initial_factor(&self) -> UdFactor {
         let mut factor = self.factor.clone();
-        factor.load(&mut Reader::new(&self.initial));
+        factor.visit_state(&mut Memory::Loading(&self.initial));
         factor
     }
 
@@ -125,7 +123,7 @@ impl RecursiveLeastSquares {
 
     /// Resets the covariance to its initial value. The coefficients stay.
     pub fn restart(&mut self) {
-        self.factor.load(&mut Reader::new(&self.initial));
+        self.factor.visit_state(&mut Memory::Loading(&self.initial));
         self.turn = 0;
     }
 
@@ -237,12 +235,6 @@ impl RecursiveLeastSquares {
             *e = 0.0;
         }
     }
-}
-
-fn numbers(factor: &UdFactor) -> Vec<f64> {
-    let mut numbers = vec![0.0; factor.memory_len()];
-    factor.save(&mut Writer::new(&mut numbers));
-    numbers
 }
 
 fn add(theta: &mut [f64], e: f64, gain: &[f64]) {

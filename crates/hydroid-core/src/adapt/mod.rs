@@ -23,13 +23,13 @@ mod innovation_gate;
 pub mod kalman;
 mod last_layer;
 mod least_squares;
-pub(crate) mod memory;
 mod options;
 mod parametric_session;
 mod prediction_variance;
 mod scale;
 mod ud_factor;
 
+use crate::memory::Memory;
 use crate::predict::{Predictor, Workspace};
 
 #[doc(hidden)]
@@ -98,22 +98,33 @@ pub trait Learning: Predictor {
 
 /// State that can be saved and loaded.
 pub trait SaveState {
-    /// Length of [`save`](Self::save); constant over the life of the adapter.
-    fn memory_len(&self) -> usize;
-
-    /// Writes the numbers that predictions and further learning depend on: the [`snapshot`](Predictor::snapshot),
+    /// Visits the numbers that predictions and further learning depend on: the [`snapshot`](Predictor::snapshot),
     /// covariances, incomplete windows and counters.
+    fn visit_state(&mut self, memory: &mut Memory<'_>);
+
+    /// Length of [`save`](Self::save); constant over the life of the adapter.
+    fn memory_len(&mut self) -> usize {
+        Memory::len_of(|memory| self.visit_state(memory))
+    }
+
+    /// Writes the numbers of the state.
     ///
     /// # Panics
     /// If `into` has not [`memory_len`](Self::memory_len) numbers.
-    fn save(&self, into: &mut [f64]);
+    fn save(&mut self, into: &mut [f64]) {
+        assert_eq!(into.len(), self.memory_len(), "room for the memory");
+        self.visit_state(&mut Memory::Saving(into));
+    }
 
     /// Restores the numbers that [`save`](Self::save) of an adapter of the same model and options wrote. Both continue
     /// identically to the last bit; until the next sample the [`outcome`](Learning::outcome) is [`Outcome::Waiting`].
     ///
     /// # Panics
     /// If `from` has not [`memory_len`](Self::memory_len) numbers.
-    fn load(&mut self, from: &[f64]);
+    fn load(&mut self, from: &[f64]) {
+        assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
+        self.visit_state(&mut Memory::Loading(from));
+    }
 
     /// Whether the memory can be that of a session: weights and states are finite, variances finite and not negative.
     /// A file or a fault of the arithmetic may violate this; [`load`](Self::load) of a sound memory repairs it. Cheap

@@ -21,7 +21,7 @@ use num_traits::Float;
 
 use super::are_variances;
 use super::innovation_gate::{FEWEST_ROWS, LARGEST_SHARE, MEMORY_S};
-use super::memory::{MOST_COUNTED, Reader, Writer};
+use crate::memory::{MOST_COUNTED, Memory};
 use crate::model::sparse::{Equations, EquationsError, Sensitivity};
 
 /// Bound on the normalized error in the variance estimate, which limits the effect of a faulty sample.
@@ -138,23 +138,13 @@ impl PredictionVariance {
         }
     }
 
-    pub(super) fn memory_len(&self) -> usize {
-        self.one_step.len() + self.age.len() + 1
-    }
-
-    pub(super) fn save(&self, into: &mut Writer<'_>) {
-        into.numbers(&self.one_step);
-        into.count(self.count);
-        self.age.iter().for_each(|age| into.count(*age));
+    pub(super) fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        memory.numbers(&mut self.one_step);
+        memory.count(&mut self.count, MOST_COUNTED);
+        self.age.iter_mut().for_each(|age| memory.count(age, MOST_COUNTED));
     }
 
     pub(super) fn is_sound(&self) -> bool {
         are_variances(&self.one_step)
-    }
-
-    pub(super) fn load(&mut self, from: &mut Reader<'_>) {
-        from.numbers(&mut self.one_step);
-        self.count = from.count(MOST_COUNTED);
-        self.age.iter_mut().for_each(|age| *age = from.count(MOST_COUNTED));
     }
 }

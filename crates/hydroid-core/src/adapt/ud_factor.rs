@@ -10,7 +10,7 @@ use alloc::vec::Vec;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::memory::{Reader, Writer};
+use crate::memory::Memory;
 
 /// `P = U D U'` with `U` unit upper triangular and `D` diagonal and positive (Bierman, *Factorization Methods for
 /// Discrete Sequential Estimation*, 1977, chapter V; Ljung, *System Identification*, 2nd ed., section 11.7).
@@ -61,19 +61,12 @@ impl UdFactor {
         own
     }
 
-    pub(super) fn memory_len(&self) -> usize {
-        self.columns.len() + self.d.len()
-    }
-
-    pub(super) fn save(&self, into: &mut Writer<'_>) {
-        into.numbers(&self.columns);
-        into.numbers(&self.d);
-    }
-
-    pub(super) fn load(&mut self, from: &mut Reader<'_>) {
-        from.numbers(&mut self.columns);
-        from.numbers(&mut self.d);
-        self.f.fill(0.0);
+    pub(super) fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        memory.numbers(&mut self.columns);
+        memory.numbers(&mut self.d);
+        if memory.is_loading() {
+            self.f.fill(0.0);
+        }
     }
 
     /// Whether all numbers are small enough for their squares and products to be finite.

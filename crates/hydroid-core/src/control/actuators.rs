@@ -6,6 +6,7 @@ use num_traits::Float;
 
 use super::error::{ControlError, at_least, positive};
 use crate::actuator::{Channel, Limits, Map};
+use crate::memory::Memory;
 
 /// Time for which the last commands are held without an estimate \[s\].
 const HOLD_S: f64 = 1.0;
@@ -160,11 +161,11 @@ impl Actuators {
     }
 
     /// Visits all numbers on which later commands depend; see [`Controller::visit_state`](super::Controller::visit_state).
-    pub fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
-        visit(&mut self.held_s);
+    pub fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        memory.number(&mut self.held_s);
         for actuator in &mut self.all {
-            visit(&mut actuator.position);
-            visit(&mut actuator.command);
+            memory.number(&mut actuator.position);
+            memory.number(&mut actuator.command);
             let Limits { low, high, rest, .. } = actuator.limits;
             if !(low..=high).contains(&actuator.command) {
                 actuator.command = rest;

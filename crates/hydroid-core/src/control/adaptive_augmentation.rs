@@ -13,8 +13,8 @@ use super::status::Status;
 use super::{Controller, Estimate};
 use crate::adapt::kalman::{Filter, FilterOptions, Learnable, LearnableNetwork};
 use crate::guidance::Reference;
+use crate::memory::Memory;
 use crate::model::recurrent::{Cell, Network, Packed};
-use crate::visit::visit_count;
 
 /// Inputs of the network: scaled `u, v, r`, and cosine and sine of the heading, for disturbances in the earth frame.
 const INPUTS: usize = 5;
@@ -260,18 +260,15 @@ impl<M: Affine> Controller for AdaptiveAugmentation<M> {
         self.forget();
     }
 
-    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
-        self.base.visit_state(visit);
-        let Self { window: Window { samples, begin, modelled, heading }, predicted, evidence, .. } = self;
-        visit_count(samples, self.samples, visit);
-        for numbers in [begin, modelled, heading, predicted] {
-            numbers.iter_mut().for_each(&mut *visit);
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        self.base.visit_state(memory);
+        let Window { samples, begin, modelled, heading } = &mut self.window;
+        memory.count(samples, self.samples);
+        for numbers in [begin, modelled, heading, &mut self.predicted] {
+            memory.numbers(numbers);
         }
-        visit(evidence);
-        let mut memory = vec![0.0; self.filter.memory_len()];
-        self.filter.save(&mut memory);
-        memory.iter_mut().for_each(visit);
-        self.filter.load(&memory);
+        memory.number(&mut self.evidence);
+        self.filter.visit_state(memory);
     }
 
     fn command(&mut self, estimate: &Estimate<'_>, reference: &Reference, command: &mut [f64]) -> Status {

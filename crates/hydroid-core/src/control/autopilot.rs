@@ -8,6 +8,7 @@ use super::status::Status;
 use super::{Controller, Estimate};
 use crate::actuator::{Channel, Limits};
 use crate::guidance::{LineOfSight, LineOfSightOptions, Reference};
+use crate::memory::Memory;
 use crate::vessel::kinematics::{pose_rate, wrap};
 
 /// Gains of the heading controller, in units of the rudder command.
@@ -153,11 +154,11 @@ impl Controller for Autopilot {
         (self.heading, self.speed) = (0.0, 0.0);
     }
 
-    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
-        self.actuators.visit_state(visit);
-        visit(self.sight.integral_mut());
-        visit(&mut self.heading);
-        visit(&mut self.speed);
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        self.actuators.visit_state(memory);
+        memory.number(self.sight.integral_mut());
+        memory.number(&mut self.heading);
+        memory.number(&mut self.speed);
     }
 
     fn command(&mut self, estimate: &Estimate<'_>, reference: &Reference, command: &mut [f64]) -> Status {

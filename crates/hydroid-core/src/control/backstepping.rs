@@ -9,6 +9,7 @@ use super::status::Status;
 use super::{Controller, Estimate};
 use crate::actuator::Limits;
 use crate::guidance::Reference;
+use crate::memory::Memory;
 
 /// Options of [`Backstepping`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -168,9 +169,10 @@ impl<M: Affine> Controller for Backstepping<M> {
         (self.weather, self.body) = ([0.0; 2], [0.0; 2]);
     }
 
-    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
-        self.point.visit_state(visit);
-        self.weather.iter_mut().chain(&mut self.body).for_each(visit);
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        self.point.visit_state(memory);
+        memory.numbers(&mut self.weather);
+        memory.numbers(&mut self.body);
     }
 
     fn command(&mut self, estimate: &Estimate<'_>, reference: &Reference, command: &mut [f64]) -> Status {

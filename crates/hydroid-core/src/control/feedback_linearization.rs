@@ -7,6 +7,7 @@ use super::status::Status;
 use super::{Controller, Estimate};
 use crate::actuator::Limits;
 use crate::guidance::Reference;
+use crate::memory::Memory;
 
 /// Options of [`FeedbackLinearization`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -158,9 +159,9 @@ impl<M: Affine> Controller for FeedbackLinearization<M> {
         self.integral = [0.0; 2];
     }
 
-    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
-        self.point.visit_state(visit);
-        self.integral.iter_mut().for_each(visit);
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        self.point.visit_state(memory);
+        memory.numbers(&mut self.integral);
     }
 
     fn command(&mut self, estimate: &Estimate<'_>, reference: &Reference, command: &mut [f64]) -> Status {

@@ -13,6 +13,7 @@ use super::error::{ControlError, positive};
 use super::status::Status;
 use crate::actuator::Limits;
 use crate::guidance::Reference;
+use crate::memory::Memory;
 
 /// The point `p` of [`FeedbackLinearization`](super::FeedbackLinearization), `l` metres ahead of the origin of a model,
 /// with `d2p/dt2 = R(psi) (d + B tau)`, and the commands that accelerate it.
@@ -118,8 +119,8 @@ impl<M: Affine> LookaheadPoint<M> {
         self.actuators.reset();
     }
 
-    pub(super) fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
-        self.actuators.visit_state(visit);
+    pub(super) fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        self.actuators.visit_state(memory);
     }
 
     pub(super) fn hold(&mut self, command: &mut [f64]) -> Status {

@@ -39,6 +39,7 @@ pub use status::Status;
 
 use crate::current::in_body;
 use crate::guidance::Reference;
+use crate::memory::Memory;
 
 /// Estimate of the state of a vessel at a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,10 +81,9 @@ pub trait Controller {
     /// Resets integrals and assumes the actuators at rest.
     fn reset(&mut self);
 
-    /// Visits all numbers on which later commands depend besides model and options, always as many and in the same order.
-    /// A visitor that copies them saves the state; one that sets them restores it, and both controllers then continue
-    /// identically to the last bit. Other numbers than saved ones do not cause a panic.
-    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64));
+    /// Visits all numbers on which later commands depend besides model and options. A controller that loads those of
+    /// another one continues identically to the last bit.
+    fn visit_state(&mut self, memory: &mut Memory<'_>);
 
     /// The command from this sample to the next.
     ///
@@ -101,8 +101,8 @@ impl<C: Controller + ?Sized> Controller for &mut C {
         (**self).reset();
     }
 
-    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
-        (**self).visit_state(visit);
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        (**self).visit_state(memory);
     }
 
     fn command(&mut self, estimate: &Estimate<'_>, reference: &Reference, command: &mut [f64]) -> Status {

@@ -2,6 +2,8 @@
 
 use num_traits::Float;
 
+use crate::memory::Memory;
+
 /// White Gaussian numbers from a seed: uniform numbers by `SplitMix64` (G. L. Steele, D. Lea, C. H. Flood, *Fast
 /// splittable pseudorandom number generators*, 2014), transformed in pairs (G. E. P. Box and M. E. Muller, 1958). Equal
 /// on all machines except for the last digits of logarithm and cosine.
@@ -17,7 +19,7 @@ impl Noise {
     }
 
     /// Visits the state in four numbers; see [`Controller::visit_state`](super::Controller::visit_state).
-    pub(super) fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
+    pub(super) fn visit_state(&mut self, memory: &mut Memory<'_>) {
         let half = u64::from(u32::MAX);
         let mut parts = [
             (self.state >> 32) as f64,
@@ -25,7 +27,7 @@ impl Noise {
             f64::from(u8::from(self.spare.is_some())),
             self.spare.unwrap_or(0.0),
         ];
-        parts.iter_mut().for_each(visit);
+        memory.numbers(&mut parts);
         let [high, low, has_spare, spare] = parts;
         // Casts saturate, and NaN is 0.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]

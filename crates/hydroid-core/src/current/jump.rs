@@ -3,7 +3,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use crate::adapt::memory::{Reader, Writer};
+use crate::memory::Memory;
 use crate::predict::Current;
 
 /// Another current since the start of a window, with the model of that time, beside the present current and model.
@@ -60,24 +60,12 @@ impl Jump {
         self.considered && self.odds > 0.0
     }
 
-    pub(super) const fn memory_len(&self) -> usize {
-        self.model.len() + 8
-    }
-
-    pub(super) fn save(&self, into: &mut Writer<'_>) {
-        let Current { velocity: [north, east], covariance: [p, q, r] } = self.current;
-        into.flag(self.considered);
-        into.numbers(&[north, east, p, q, r, self.odds, self.prior_odds]);
-        into.numbers(&self.model);
-    }
-
-    pub(super) fn load(&mut self, from: &mut Reader<'_>) {
-        self.considered = from.flag();
-        let mut numbers = [0.0; 7];
-        from.numbers(&mut numbers);
-        let [north, east, p, q, r, odds, prior_odds] = numbers;
-        self.current = Current { velocity: [north, east], covariance: [p, q, r] };
-        (self.odds, self.prior_odds) = (odds, prior_odds);
-        from.numbers(&mut self.model);
+    pub(super) fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        memory.flag(&mut self.considered);
+        memory.numbers(&mut self.current.velocity);
+        memory.numbers(&mut self.current.covariance);
+        memory.number(&mut self.odds);
+        memory.number(&mut self.prior_odds);
+        memory.numbers(&mut self.model);
     }
 }

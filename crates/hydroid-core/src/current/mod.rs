@@ -23,8 +23,8 @@ use alloc::vec::Vec;
 
 use num_traits::Float;
 
-use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
 use crate::adapt::{Adapter, Learning, Rehearsing, SaveState, are_variances};
+use crate::memory::{MOST_COUNTED, Memory};
 use crate::predict::{Current, Predictor, Workspace, delegate, plain, rollout_steps};
 use jump::Jump;
 use past::Past;
@@ -523,34 +523,27 @@ impl Learning for ThroughWater<dyn Adapter> {
 }
 
 impl SaveState for ThroughWater<dyn Adapter> {
-    fn memory_len(&self) -> usize {
-        self.inner.memory_len()
-            + self.past.memory_len()
-            + self.start.len()
-            + 1
-            + self.jump.memory_len()
-            + OWN
-            + 16
-    }
-
-    fn save(&self, into: &mut [f64]) {
-        assert_eq!(into.len(), self.memory_len(), "room for the memory");
-        let mut into = Writer::new(into);
-        let Current { velocity: [north, east], covariance: [p, q, r] } = self.current;
-        into.numbers(&[north, east, p, q, r, self.heading, self.rate]);
-        into.numbers(&self.remembered);
-        into.numbers(&self.noise);
-        into.count(self.windows);
-        into.numbers(self.slopes.as_flattened());
-        into.numbers(&[self.inflation]);
-        self.past.save(&mut into);
-        into.numbers(&self.start);
-        into.flag(self.has_start);
-        self.jump.save(&mut into);
-        into.count(self.since);
-        into.count(self.blind);
-        into.flag(self.frozen);
-        self.inner.save(into.part(self.inner.memory_len()));
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        memory.numbers(&mut self.current.velocity);
+        memory.numbers(&mut self.current.covariance);
+        memory.number(&mut self.heading);
+        memory.number(&mut self.rate);
+        memory.numbers(&mut self.remembered);
+        memory.numbers(&mut self.noise);
+        memory.count(&mut self.windows, MOST_COUNTED);
+        memory.numbers(self.slopes.as_flattened_mut());
+        memory.number(&mut self.inflation);
+        self.past.visit_state(memory);
+        memory.numbers(&mut self.start);
+        memory.flag(&mut self.has_start);
+        self.jump.visit_state(memory);
+        memory.count(&mut self.since, MOST_COUNTED);
+        memory.count(&mut self.blind, MOST_COUNTED);
+        memory.flag(&mut self.frozen);
+        if memory.is_loading() {
+            self.next_heading = f64::NAN;
+        }
+        self.inner.visit_state(memory);
     }
 
     fn is_sound(&self) -> bool {
@@ -559,30 +552,6 @@ impl SaveState for ThroughWater<dyn Adapter> {
             && are_variances(&[north, east])
             && are_variances(&self.noise)
             && self.inner.is_sound()
-    }
-
-    fn load(&mut self, from: &[f64]) {
-        assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
-        let mut from = Reader::new(from);
-        let mut own = [0.0; OWN];
-        from.numbers(&mut own);
-        self.current = Current { velocity: [own[0], own[1]], covariance: [own[2], own[3], own[4]] };
-        self.heading = own[5];
-        self.rate = own[6];
-        from.numbers(&mut self.remembered);
-        from.numbers(&mut self.noise);
-        self.windows = from.count(MOST_COUNTED);
-        from.numbers(self.slopes.as_flattened_mut());
-        self.inflation = from.part(1)[0];
-        self.past.load(&mut from);
-        from.numbers(&mut self.start);
-        self.has_start = from.flag();
-        self.jump.load(&mut from);
-        self.since = from.count(MOST_COUNTED);
-        self.blind = from.count(MOST_COUNTED);
-        self.frozen = from.flag();
-        self.next_heading = f64::NAN;
-        self.inner.load(from.part(self.inner.memory_len()));
     }
 }
 

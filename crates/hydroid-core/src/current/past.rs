@@ -3,7 +3,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use crate::adapt::memory::{Reader, Writer};
+use crate::memory::Memory;
 
 /// Outputs over ground, heading, and command of the last samples; predicted where nothing was measured.
 #[derive(Clone, Debug)]
@@ -65,22 +65,13 @@ impl Past {
         (y, rest[0], &rest[1..])
     }
 
-    pub(super) fn memory_len(&self) -> usize {
-        self.span * self.width + 1
-    }
-
-    /// Writes the rows that are kept.
-    pub(super) fn save(&self, into: &mut Writer<'_>) {
+    /// Visits the rows that are kept, after they were moved to the front.
+    pub(super) fn visit_state(&mut self, memory: &mut Memory<'_>) {
         let rows = self.len();
-        into.count(rows);
-        let all = into.part(self.span * self.width);
-        let (newest, rest) = all.split_at_mut(rows * self.width);
-        newest.copy_from_slice(&self.rows[(self.len - rows) * self.width..self.len * self.width]);
-        rest.fill(0.0);
-    }
-
-    pub(super) fn load(&mut self, from: &mut Reader<'_>) {
-        self.len = from.count(self.span);
-        from.numbers(&mut self.rows[..self.span * self.width]);
+        self.rows.copy_within((self.len - rows) * self.width..self.len * self.width, 0);
+        self.rows[rows * self.width..self.span * self.width].fill(0.0);
+        self.len = rows;
+        memory.count(&mut self.len, self.span);
+        memory.numbers(&mut self.rows[..self.span * self.width]);
     }
 }

@@ -5,7 +5,7 @@ use num_traits::Float;
 use super::path::{Path, Projection};
 use super::piece::Pose;
 use super::speed::SpeedProfile;
-use crate::visit::visit_count;
+use crate::memory::Memory;
 
 /// A point on a path with its motion, in the north-east frame.
 ///
@@ -101,11 +101,11 @@ impl TimedReference {
         Self { lap, phase: next, into, speed: phase.speed_at(into) }
     }
 
-    /// Visits the numbers of the state: a visitor that copies them saves it, one that sets them restores it.
-    pub fn visit_state(&mut self, profile: &SpeedProfile, visit: &mut dyn FnMut(&mut f64)) {
-        visit_count(&mut self.phase, profile.phases().len(), visit);
+    /// Visits the numbers of the state.
+    pub fn visit_state(&mut self, profile: &SpeedProfile, memory: &mut Memory<'_>) {
+        memory.count(&mut self.phase, profile.phases().len());
         for number in [&mut self.lap, &mut self.into, &mut self.speed] {
-            visit(number);
+            memory.number(number);
         }
     }
 

@@ -152,8 +152,6 @@ macro_rules! delegate_session {
             self.$field.deviations(commands, horizons, work, deviations);
         }
     };
-    (@memory_len $field:ident) => { fn memory_len(&self) -> usize { self.$field.memory_len() } };
-    (@save $field:ident) => { fn save(&self, into: &mut [f64]) { self.$field.save(into); } };
     (@is_sound $field:ident) => { fn is_sound(&self) -> bool { self.$field.is_sound() } };
     (@rehearsal $field:ident) => {
         fn rehearsal(&self) -> Option<&$crate::adapt::kalman::RehearsalOptions> { self.$field.rehearsal() }

@@ -334,7 +334,7 @@ fn a_saved_session_continues_to_the_last_bit() {
     run.heading[700] = f64::NAN;
     run.measured[720][1] = f64::NAN;
     let new = || ThroughWater::new(learner(), CurrentOptions { walk: 0.02, ..options(0.5, 0.05) }).unwrap();
-    let bits = |session: &dyn Adapter| {
+    let bits = |session: &mut dyn Adapter| {
         let mut memory = vec![0.0; session.memory_len()];
         session.save(&mut memory);
         memory.into_iter().map(f64::to_bits).collect::<Vec<_>>()
@@ -347,12 +347,12 @@ fn a_saved_session_continues_to_the_last_bit() {
         session.save(&mut memory);
         let mut other = new();
         other.load(&memory);
-        assert_eq!(bits(&session), bits(&other), "{to}");
+        assert_eq!(bits(&mut session), bits(&mut other), "{to}");
         for k in to + 1..to + 400 {
             follow(&mut session, &run, k, k);
             follow(&mut other, &run, k, k);
         }
-        assert_eq!(bits(&session), bits(&other), "{to}");
+        assert_eq!(bits(&mut session), bits(&mut other), "{to}");
         let mut snapshot = vec![0.0; session.snapshot_len()];
         session.snapshot(&mut snapshot);
         assert!(snapshot.ends_with(session.weights()));

@@ -233,7 +233,7 @@ fn run(adapter: &mut dyn Adapter, from: usize, to: usize) -> Vec<u64> {
     seen
 }
 
-fn saved(adapter: &dyn Adapter) -> Vec<f64> {
+fn saved(adapter: &mut dyn Adapter) -> Vec<f64> {
     let mut memory = vec![0.0; adapter.memory_len()];
     adapter.save(&mut memory);
     memory
@@ -256,8 +256,8 @@ fn a_session_resumes_from_a_saved_state() {
         let (mut first, mut second) = (learner(model, &OPTIONS), learner(model, &OPTIONS));
         run(&mut first, 0, at);
         run(&mut second, 5, 90);
-        second.load(&saved(&first));
-        assert_eq!(bits(&saved(&second)), bits(&saved(&first)));
+        second.load(&saved(&mut first));
+        assert_eq!(bits(&saved(&mut second)), bits(&saved(&mut first)));
         assert_eq!(run(&mut first, at, at + 100), run(&mut second, at, at + 100), "{at}");
     }
 }
@@ -468,7 +468,7 @@ fn a_guard_takes_a_frozen_companion() {
     let before = first.weights().to_vec();
     run(&mut first, 0, 200);
     assert_ne!(first.weights(), before);
-    second.load(&saved(&first));
+    second.load(&saved(&mut first));
     assert_eq!(run(&mut first, 200, 300), run(&mut second, 200, 300));
     // A companion equals a plain session.
     let mut companion = companion();

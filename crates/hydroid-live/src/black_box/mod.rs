@@ -118,7 +118,7 @@ pub fn adapt_recorded(
     let recorder = match recording {
         Some(settings) => {
             let described = serde_json::json!({ "learning": used });
-            Some(Recorder::new(settings, model, adapter.as_ref(), options, &described, Source::Runs(runs))?)
+            Some(Recorder::new(settings, model, adapter.as_mut(), options, &described, Source::Runs(runs))?)
         }
         None => None,
     };

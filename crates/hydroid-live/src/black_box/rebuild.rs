@@ -29,7 +29,7 @@ impl Head {
     pub(super) fn of(
         model: &Model,
         file: ModelFile,
-        adapter: &dyn Adapter,
+        adapter: &mut dyn Adapter,
         (options, runs): (&Options, &[&Trajectory]),
         settings: &impl Serialize,
         minutes: f64,
@@ -82,7 +82,8 @@ impl Head {
     }
 
     pub(super) fn adapter(&self, model: &Model) -> Result<Box<dyn Adapter>, String> {
-        let (adapter, _) = adapter(model, &self.options()?, &[]).map_err(|e: AdaptError| e.to_string())?;
+        let (mut adapter, _) =
+            adapter(model, &self.options()?, &[]).map_err(|e: AdaptError| e.to_string())?;
         let sizes = (adapter.outputs(), adapter.inputs(), adapter.memory_len());
         if sizes != (self.outputs.len(), self.inputs.len(), self.memory) {
             return Err("the model has other sizes".to_owned());

@@ -68,7 +68,7 @@ impl Recorder {
     pub fn new(
         settings: &RecordingOptions,
         model: &Model,
-        adapter: &dyn Adapter,
+        adapter: &mut dyn Adapter,
         options: &Options,
         described: &impl Serialize,
         source: Source<'_>,
@@ -128,12 +128,12 @@ impl Recorder {
     }
 
     /// Begins a segment after an external change of the state.
-    pub(super) fn changed(&mut self, adapter: &dyn Adapter) {
+    pub(super) fn changed(&mut self, adapter: &mut dyn Adapter) {
         self.close(adapter);
         self.end_segment(adapter, false);
     }
 
-    pub(super) fn reset(&mut self, adapter: &dyn Adapter) {
+    pub(super) fn reset(&mut self, adapter: &mut dyn Adapter) {
         self.begin_call(adapter, RESET);
         let run = self.run.map_or(0, |run| run + 1);
         self.run = Some(run);
@@ -142,13 +142,13 @@ impl Recorder {
         }
     }
 
-    pub(super) fn advance(&mut self, adapter: &dyn Adapter, c: &[f64]) {
+    pub(super) fn advance(&mut self, adapter: &mut dyn Adapter, c: &[f64]) {
         self.settle(adapter, c);
         self.begin_call(adapter, ADVANCE);
         self.row[self.builder.layout.range(Part::Command)].copy_from_slice(c);
     }
 
-    pub(super) fn observe(&mut self, adapter: &dyn Adapter, heading: f64, y: &[f64]) {
+    pub(super) fn observe(&mut self, adapter: &mut dyn Adapter, heading: f64, y: &[f64]) {
         self.begin_call(adapter, OBSERVE);
         self.row[self.builder.layout.range(Part::Heading)][0] = heading;
         self.row[self.builder.layout.range(Part::Measured)].copy_from_slice(y);
@@ -161,7 +161,7 @@ impl Recorder {
     }
 
     /// Completes the last step with predictions under the next command.
-    pub(super) fn settle(&mut self, adapter: &dyn Adapter, held: &[f64]) {
+    pub(super) fn settle(&mut self, adapter: &mut dyn Adapter, held: &[f64]) {
         if self.calls & OBSERVE != 0 {
             self.builder.predicted(adapter, held, &mut self.row);
             self.calls |= PREDICTED;
@@ -169,7 +169,7 @@ impl Recorder {
         }
     }
 
-    pub(super) fn write_if_due(&mut self, adapter: &dyn Adapter) {
+    pub(super) fn write_if_due(&mut self, adapter: &mut dyn Adapter) {
         // A file that cannot be written is reported at once.
         if self.waiting >= self.every || self.segment == Phase::Taken {
             self.write(adapter);
@@ -184,7 +184,7 @@ impl Recorder {
     ///
     /// # Errors
     /// If a write failed without being reported.
-    pub(super) fn finish(&mut self, adapter: &dyn Adapter) -> Result<(), BlackBoxError> {
+    pub(super) fn finish(&mut self, adapter: &mut dyn Adapter) -> Result<(), BlackBoxError> {
         self.close(adapter);
         self.write(adapter);
         self.write_error.take().filter(|_| !self.reported).map_or(Ok(()), |error| Err(error.into()))
@@ -198,7 +198,7 @@ impl Recorder {
     }
 
     /// Begins another step if the call cannot follow those of the current one.
-    fn begin_call(&mut self, adapter: &dyn Adapter, call: u8) {
+    fn begin_call(&mut self, adapter: &mut dyn Adapter, call: u8) {
         if self.calls >= call {
             self.close(adapter);
             // A log has no pauses in which to write.
@@ -212,12 +212,12 @@ impl Recorder {
         self.calls |= call;
     }
 
-    fn take_memory(&mut self, adapter: &dyn Adapter) {
+    fn take_memory(&mut self, adapter: &mut dyn Adapter) {
         adapter.save(&mut self.memory);
         (self.segment, self.before) = (Phase::Taken, self.steps);
     }
 
-    fn close(&mut self, adapter: &dyn Adapter) {
+    fn close(&mut self, adapter: &mut dyn Adapter) {
         if self.calls == 0 {
             return;
         }
@@ -244,7 +244,7 @@ impl Recorder {
         }
     }
 
-    fn end_segment(&mut self, adapter: &dyn Adapter, continues: bool) {
+    fn end_segment(&mut self, adapter: &mut dyn Adapter, continues: bool) {
         self.write(adapter);
         // After a failed write the next segment has begun already.
         if self.segment == Phase::Begun || !continues {
@@ -252,7 +252,7 @@ impl Recorder {
         }
     }
 
-    fn write(&mut self, adapter: &dyn Adapter) {
+    fn write(&mut self, adapter: &mut dyn Adapter) {
         let mut result = Ok(());
         if self.segment == Phase::Taken {
             let sequence = self.ring.next_sequence(self.continues);

@@ -1,6 +1,7 @@
 //! Wrapper that records the calls of an adapter.
 
 use hydroid_core::adapt::{Adapter, Learning, Rehearsing, SaveState};
+use hydroid_core::memory::Memory;
 use hydroid_core::predict::{Predictor, Workspace, delegate, plain};
 
 use super::{BlackBoxError, Recorder};
@@ -33,22 +34,22 @@ impl<'a> RecordingAdapter<'a> {
     /// Completes the step with the next command, and writes if due. Called when no answer is pending.
     pub(crate) fn settle(&mut self, held: &[f64]) -> Option<Note> {
         let recorder = self.recorder.as_mut()?;
-        recorder.settle(self.adapter.as_ref(), held);
-        recorder.write_if_due(self.adapter.as_ref());
+        recorder.settle(self.adapter.as_mut(), held);
+        recorder.write_if_due(self.adapter.as_mut());
         recorder.take_write_error()
     }
 
     /// Writes the rest of the recording.
     pub fn finish(&mut self) -> Result<(), BlackBoxError> {
         match &mut self.recorder {
-            Some(recorder) => recorder.finish(self.adapter.as_ref()),
+            Some(recorder) => recorder.finish(self.adapter.as_mut()),
             None => Ok(()),
         }
     }
 
     fn changed(&mut self) {
         if let Some(recorder) = &mut self.recorder {
-            recorder.changed(self.adapter.as_ref());
+            recorder.changed(self.adapter.as_mut());
         }
     }
 }
@@ -60,7 +61,7 @@ impl Predictor for RecordingAdapter<'_> {
 
     fn reset(&mut self) {
         if let Some(recorder) = &mut self.recorder {
-            recorder.reset(self.adapter.as_ref());
+            recorder.reset(self.adapter.as_mut());
         }
         self.adapter.reset();
     }
@@ -72,7 +73,7 @@ impl Predictor for RecordingAdapter<'_> {
     fn observe(&mut self, y: &[f64]) {
         let heading = std::mem::replace(&mut self.heading, f64::NAN);
         if let Some(recorder) = &mut self.recorder {
-            recorder.observe(self.adapter.as_ref(), heading, y);
+            recorder.observe(self.adapter.as_mut(), heading, y);
         }
         self.adapter.observe_heading(heading);
         self.adapter.observe(y);
@@ -83,7 +84,7 @@ impl Predictor for RecordingAdapter<'_> {
 
     fn advance(&mut self, c: &[f64]) {
         if let Some(recorder) = &mut self.recorder {
-            recorder.advance(self.adapter.as_ref(), c);
+            recorder.advance(self.adapter.as_mut(), c);
         }
         self.adapter.advance(c);
     }
@@ -126,11 +127,13 @@ impl Learning for RecordingAdapter<'_> {
 }
 
 impl SaveState for RecordingAdapter<'_> {
-    delegate!(adapter: memory_len save is_sound);
+    delegate!(adapter: is_sound);
 
-    fn load(&mut self, from: &[f64]) {
-        self.changed();
-        self.adapter.load(from);
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        if memory.is_loading() {
+            self.changed();
+        }
+        self.adapter.visit_state(memory);
     }
 }
 

@@ -1,6 +1,7 @@
 //! Alignment of the commands of a stream with the samples of the model.
 
 use hydroid::log::{CommandTiming, InputDelay, LogError};
+use hydroid_core::memory::Memory;
 
 const MAX_DELAY: i64 = 100_000;
 
@@ -135,20 +136,11 @@ impl Commands {
         &self.ring[(self.oldest + age) % self.rows() * self.inputs..][..self.inputs]
     }
 
-    pub fn memory_len(&self) -> usize {
-        self.last.len() + self.ring.len()
-    }
-
-    /// Values for a state file: last command, then the ring from the oldest on.
-    pub fn memory(&self) -> Vec<f64> {
-        let ring = (0..self.rows()).flat_map(|age| self.row(age));
-        self.last.iter().chain(ring).copied().collect()
-    }
-
-    pub fn restore(&mut self, memory: &[f64]) {
-        let (last, ring) = memory.split_at(self.inputs);
-        self.last.copy_from_slice(last);
-        self.ring.copy_from_slice(ring);
+    /// Visits the last command, then the ring from the oldest on.
+    pub fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        self.ring.rotate_left(self.oldest * self.inputs);
         self.oldest = 0;
+        memory.numbers(&mut self.last);
+        memory.numbers(&mut self.ring);
     }
 }

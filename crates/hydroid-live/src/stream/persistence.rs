@@ -2,9 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use hydroid_core::memory::Memory;
 use serde::Serialize;
 use serde_json::Value;
 
+use super::follower::Follower;
 use super::{Earlier, State, Stream, StreamError};
 use hydroid::log::Note;
 
@@ -38,22 +40,21 @@ impl Stream {
         let state = State::read(path)?;
         if let Some(state) = &state {
             state.fits(&model, &settings).map_err(wrong)?;
-            let lens = (state.commands.len(), state.memory.len());
-            if lens != (self.follower.commands.memory_len(), self.memory_len()) {
+            let Follower { commands, session, clock, .. } = &mut self.follower;
+            if state.commands.len() != Memory::len_of(|memory| commands.visit_state(memory))
+                || state.memory.len() != Memory::len_of(|memory| session.visit_state(memory))
+            {
                 return Err(wrong("it has another size; remove it to start again".to_owned()));
             }
-            if !self.follower.clock.restore(state.clock) {
+            if !clock.restore(state.clock) {
                 return Err(wrong("its clock is not that of a stream; remove it to start again".to_owned()));
             }
-            self.follower.commands.restore(&state.commands);
-            let (adapter, pilot) = state.memory.split_at(self.follower.session.adapter().memory_len());
-            self.follower.session.adapter_mut().load(adapter);
-            if state.commands.iter().any(|x| x.is_infinite()) || !self.follower.session.is_sound() {
+            commands.visit_state(&mut Memory::Loading(&state.commands));
+            session.visit_state(&mut Memory::Loading(&state.memory));
+            if state.commands.iter().any(|x| x.is_infinite()) || !session.is_sound() {
                 let reason = "it holds numbers that no service has: weights or states that are not finite, or variances below zero; remove it to start again";
                 return Err(wrong(reason.to_owned()));
             }
-            let mut numbers = pilot.iter();
-            self.visit_pilot(&mut |number| *number = numbers.next().copied().unwrap_or(f64::NAN));
             self.earlier =
                 Some(Earlier { first: state.first.clone(), rows: state.rows, is_sent_again: false });
         }
@@ -89,32 +90,17 @@ impl Stream {
         }
     }
 
-    fn visit_pilot(&mut self, visit: &mut dyn FnMut(&mut f64)) {
-        if let Some(pilot) = self.follower.session.pilot_mut() {
-            pilot.visit_state(visit);
-        }
-    }
-
-    /// Numbers of adapter and pilot.
-    fn memory_len(&mut self) -> usize {
-        let mut len = self.follower.session.adapter().memory_len();
-        self.visit_pilot(&mut |_| len += 1);
-        len
-    }
-
     fn save_state(&mut self) -> Result<(), StreamError> {
-        let mut memory = vec![0.0; self.follower.session.adapter().memory_len()];
-        self.follower.session.adapter().save(&mut memory);
-        self.visit_pilot(&mut |number| memory.push(*number));
         let Some(state_file) = &mut self.state_file else { return Ok(()) };
+        let Follower { commands, session, clock, .. } = &mut self.follower;
         let state = State {
             model: state_file.model.clone(),
             settings: state_file.settings.clone(),
             first: self.first.clone(),
             rows: self.row,
-            clock: self.follower.clock.memory(),
-            commands: self.follower.commands.memory(),
-            memory,
+            clock: clock.memory(),
+            commands: Memory::saved(|memory| commands.visit_state(memory)),
+            memory: Memory::saved(|memory| session.visit_state(memory)),
         };
         state.write(&state_file.path)?;
         (state_file.saved, state_file.failed) = (self.follower.clock.taken(), false);

@@ -1,6 +1,7 @@
 //! The adapter along a stream: prediction of each sample, update, and prediction of the next ones.
 
 use hydroid_core::adapt::{Adapter, Learning as _, SaveState as _};
+use hydroid_core::memory::Memory;
 use hydroid_core::predict::{Predictor as _, Workspace};
 
 use super::commands::Commands;
@@ -61,11 +62,10 @@ pub(super) struct Transition {
 
 impl Session {
     /// Requires ascending, positive horizons.
-    pub(super) fn new(adapter: Box<dyn Adapter>, horizons: Vec<usize>, dt: f64) -> Self {
+    pub(super) fn new(mut adapter: Box<dyn Adapter>, horizons: Vec<usize>, dt: f64) -> Self {
         let (n, m) = (adapter.outputs(), adapter.inputs());
         let last = horizons.last().copied().unwrap_or(0);
-        let mut initial = vec![0.0; adapter.memory_len()];
-        adapter.save(&mut initial);
+        let initial = Memory::saved(|memory| adapter.visit_state(memory));
         let mut computed = horizons.clone();
         if last > 0 && horizons[0] > 1 {
             computed.insert(0, 1);
@@ -159,8 +159,13 @@ impl Session {
         if self.pilot.is_some() { &self.plan } else { &[] }
     }
 
-    pub(super) fn pilot_mut(&mut self) -> Option<&mut Pilot> {
-        self.pilot.as_mut()
+    /// Visits the numbers of adapter and pilot.
+    pub(super) fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        self.ahead &= !memory.is_loading();
+        self.adapter.visit_state(memory);
+        if let Some(pilot) = &mut self.pilot {
+            pilot.visit_state(memory);
+        }
     }
 
     /// Brings the commands of a pilot to rest, because the time is not known; false without a pilot.

@@ -25,10 +25,10 @@ fn learners() -> Vec<(&'static str, adapt::Options)> {
 
 fn stream(path: &Path, options: &adapt::Options, name: &str) -> Result<Stream, String> {
     let model = model();
-    let (adapter, used) = adapter(&model, options, &[]).unwrap();
+    let (mut adapter, used) = adapter(&model, options, &[]).unwrap();
     let source = Source::Stream(name);
     let described = serde_json::json!({ "learning": used });
-    let recorder = Recorder::new(&settings(path), &model, adapter.as_ref(), options, &described, source)
+    let recorder = Recorder::new(&settings(path), &model, adapter.as_mut(), options, &described, source)
         .map_err(|error| error.to_string())?;
     let serving = Options {
         name: name.to_owned(),

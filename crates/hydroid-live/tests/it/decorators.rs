@@ -5,6 +5,7 @@ use hydroid_core::adapt::guard::Guard;
 use hydroid_core::adapt::kalman::RehearsalOptions;
 use hydroid_core::adapt::{Adapter, Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
 use hydroid_core::current::{CurrentOptions, ThroughWater};
+use hydroid_core::memory::Memory;
 use hydroid_core::predict::{Current, Fork, Predictor, Workspace, plain, restore_and_roll_out, rollout_each};
 use hydroid_core::rate_limit::{RateLimited, RateLimiter};
 use hydroid_live::black_box::RecordingAdapter;
@@ -182,20 +183,12 @@ impl Learning for Inner {
 }
 
 impl SaveState for Inner {
-    fn memory_len(&self) -> usize {
-        4
-    }
-
-    fn save(&self, into: &mut [f64]) {
-        self.snapshot(into);
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        memory.session(self);
     }
 
     fn is_sound(&self) -> bool {
         self.sound
-    }
-
-    fn load(&mut self, from: &[f64]) {
-        self.restore(from);
     }
 }
 

@@ -194,11 +194,11 @@ impl Parts {
 
 fn recorded(options: &adapt::Options, path: &Path) -> Vec<u8> {
     let model = model();
-    let (adapter, used) = adapter(&model, options, &[]).unwrap();
+    let (mut adapter, used) = adapter(&model, options, &[]).unwrap();
     let described = serde_json::json!({ "learning": used });
     let source = Source::Stream("test");
     let recorder =
-        Recorder::new(&settings(path), &model, adapter.as_ref(), options, &described, source).unwrap();
+        Recorder::new(&settings(path), &model, adapter.as_mut(), options, &described, source).unwrap();
     let mut stream = stream(options);
     stream.record(recorder);
     for line in lines(200) {

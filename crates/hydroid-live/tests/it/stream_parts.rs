@@ -3,6 +3,7 @@
 use std::io::BufReader;
 
 use hydroid::log::{CommandTiming, InputDelay};
+use hydroid_core::memory::Memory;
 use hydroid_live::stream::clock::{Arrival, Clock};
 use hydroid_live::stream::commands::Commands;
 use hydroid_live::stream::latency::Latency;
@@ -110,8 +111,8 @@ fn commands_are_restored_from_any_position_of_the_ring() {
     let (mut commands, mut other) = (new(), new());
     commands.begin(&[1.0, 2.0]);
     commands.advance_to(5, &[3.0, f64::NAN], |_, _| {});
-    other.restore(&commands.memory());
-    assert_eq!(commands.memory().len(), commands.memory_len());
+    let memory = Memory::saved(|memory| commands.visit_state(memory));
+    other.visit_state(&mut Memory::Loading(&memory));
     for command in [[4.0, 5.0], [6.0, 7.0], [8.0, 9.0]] {
         let acted = |commands: &mut Commands| {
             let mut acted = Vec::new();

@@ -76,11 +76,11 @@ fn answers_state_the_current_and_the_black_box_replays_it() {
         let path = folder.path().join("boat.box");
         let options = adapt::Options::of(&model);
         let options = if guarded { options.guarded(&model) } else { options };
-        let (adapter, used) = adapter(&model, &options, &[]).unwrap();
+        let (mut adapter, used) = adapter(&model, &options, &[]).unwrap();
         let described = json!({ "learning": used });
         let source = Source::Stream("test");
         let recorder =
-            Recorder::new(&settings(&path), &model, adapter.as_ref(), &options, &described, source).unwrap();
+            Recorder::new(&settings(&path), &model, adapter.as_mut(), &options, &described, source).unwrap();
         let reading = model.description.reading.clone();
         let serving = Options { name: "test".to_owned(), reading, horizons: vec![1, 20], timing: false };
         let mut stream = Stream::new(&model, adapter, serving).unwrap();

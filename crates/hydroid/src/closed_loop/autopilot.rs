@@ -2,6 +2,7 @@
 
 use hydroid_core::actuator::{Channel, Limits};
 use hydroid_core::control::{Actuators, Autopilot, AutopilotOptions, Controller, Estimate, Status};
+use hydroid_core::memory::Memory;
 use serde::Serialize;
 
 use super::controller::{ClosedLoopController, Observation};
@@ -61,9 +62,9 @@ impl ClosedLoopController for AutopilotController {
         self.actuators.reset();
     }
 
-    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
-        self.law.visit_state(visit);
-        self.actuators.visit_state(visit);
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        self.law.visit_state(memory);
+        self.actuators.visit_state(memory);
     }
 
     fn command(&mut self, observation: &Observation<'_>, command: &mut [f64]) -> Status {

@@ -4,6 +4,7 @@ use std::fmt;
 
 use hydroid_core::control::{Controller, Estimate, Status};
 use hydroid_core::guidance::Reference;
+use hydroid_core::memory::Memory;
 use hydroid_core::predict::Predictor;
 
 use super::reference::Timing;
@@ -64,7 +65,7 @@ pub trait ClosedLoopController: Send + Sync {
 
     /// Visits all numbers on which later commands depend besides the session of the model; see
     /// [`Controller::visit_state`].
-    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64));
+    fn visit_state(&mut self, memory: &mut Memory<'_>);
 
     /// The command that is planned for `later` samples after the last one; `None` without a plan.
     fn planned(&self, later: usize) -> Option<&[f64]> {
@@ -102,8 +103,8 @@ impl<C: Controller + Send + Sync> ClosedLoopController for ControlLaw<C> {
         self.controller.reset();
     }
 
-    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
-        self.controller.visit_state(visit);
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        self.controller.visit_state(memory);
     }
 
     fn command(&mut self, observation: &Observation<'_>, command: &mut [f64]) -> Status {

@@ -2,6 +2,7 @@
 
 use hydroid_core::control::Status;
 use hydroid_core::guidance::Reference;
+use hydroid_core::memory::Memory;
 
 use super::controller::{ClosedLoopController, ModelSession, Observation};
 use super::reference::ReferenceGenerator;
@@ -98,7 +99,7 @@ impl Guidance {
     }
 
     /// Visits the numbers of the state; see [`ClosedLoopController::visit_state`].
-    pub fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
-        self.generator.visit_state(visit);
+    pub fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        self.generator.visit_state(memory);
     }
 }

@@ -3,6 +3,7 @@
 use hydroid_core::control::{
     AdaptiveAugmentation, Backstepping, ControlError, Controller, Estimate, FeedbackLinearization, Status,
 };
+use hydroid_core::memory::Memory;
 
 use super::channel_map::ChannelMap;
 use super::controller::{ClosedLoopController, Observation};
@@ -110,8 +111,8 @@ impl<L: InvertingLaw + Send + Sync> ClosedLoopController for InvertingController
         self.law.reset();
     }
 
-    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
-        self.law.visit_state(visit);
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        self.law.visit_state(memory);
     }
 
     fn command(&mut self, observation: &Observation<'_>, command: &mut [f64]) -> Status {

@@ -2,6 +2,7 @@
 
 use hydroid_core::actuator::Limits;
 use hydroid_core::control::Status;
+use hydroid_core::memory::Memory;
 
 use super::controller::{ClosedLoopController, ModelSession};
 use super::error::ClosedLoopError;
@@ -223,17 +224,15 @@ impl Pilot {
     }
 
     /// Visits all numbers from which the pilot continues.
-    pub fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
-        self.law.visit_state(visit);
-        self.guidance.visit_state(visit);
-        for number in self.eta.iter_mut().chain(&mut self.nu).chain(&mut self.unmeasured_s) {
-            visit(number);
-        }
-        self.command.iter_mut().for_each(&mut *visit);
+    pub fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        self.law.visit_state(memory);
+        self.guidance.visit_state(memory);
+        memory.numbers(&mut self.eta);
+        memory.numbers(&mut self.nu);
+        memory.numbers(&mut self.unmeasured_s);
+        memory.numbers(&mut self.command);
         for flag in [&mut self.arrived, &mut self.on_track] {
-            let mut number = f64::from(u8::from(*flag));
-            visit(&mut number);
-            *flag = number == 1.0;
+            memory.flag(flag);
         }
     }
 }

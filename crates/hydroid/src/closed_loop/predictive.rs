@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use hydroid_core::control::Status;
 use hydroid_core::control::cem::Planner;
+use hydroid_core::memory::Memory;
 use web_time::Instant;
 
 use super::controller::{ClosedLoopController, Observation};
@@ -41,8 +42,8 @@ impl ClosedLoopController for PredictiveController {
         self.planner.reset();
     }
 
-    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
-        self.planner.visit_state(visit);
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        self.planner.visit_state(memory);
     }
 
     fn planned(&self, later: usize) -> Option<&[f64]> {

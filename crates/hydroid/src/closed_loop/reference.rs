@@ -1,6 +1,7 @@
 //! Generation of the reference and of its preview.
 
 use hydroid_core::guidance::{PathReference, Reference, TimedReference};
+use hydroid_core::memory::Memory;
 use serde::{Deserialize, Serialize};
 
 use super::track::Track;
@@ -111,9 +112,9 @@ impl ReferenceGenerator {
         self.walker = TimedReference::at(profile, self.s);
     }
 
-    pub(super) fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
-        self.walker.visit_state(&self.track.profile, visit);
-        visit(&mut self.s);
+    pub(super) fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        self.walker.visit_state(&self.track.profile, memory);
+        memory.number(&mut self.s);
         self.follower = PathReference::new(self.s, self.range);
     }
 

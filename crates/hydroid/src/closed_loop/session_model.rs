@@ -2,6 +2,7 @@
 
 use hydroid_core::adapt::Adapter;
 use hydroid_core::control::Status;
+use hydroid_core::memory::Memory;
 use hydroid_core::predict::Predictor;
 
 use super::channel_map::ChannelMap;
@@ -91,8 +92,8 @@ impl ClosedLoopController for WithSession {
         self.session.session().reset();
     }
 
-    fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
-        self.law.visit_state(visit);
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        self.law.visit_state(memory);
     }
 
     fn planned(&self, later: usize) -> Option<&[f64]> {

@@ -17,6 +17,7 @@ use hydroid_core::actuator::Limits;
 use hydroid_core::control::cem::PlannerOptions;
 use hydroid_core::control::{AdaptiveAugmentationOptions, Status};
 use hydroid_core::guidance::{Pose, Reference};
+use hydroid_core::memory::Memory;
 use hydroid_core::vessel::VesselParams;
 use proptest::prelude::*;
 
@@ -70,7 +71,7 @@ impl ClosedLoopController for ZeroCommand {
 
     fn reset(&mut self) {}
 
-    fn visit_state(&mut self, _: &mut dyn FnMut(&mut f64)) {}
+    fn visit_state(&mut self, _: &mut Memory<'_>) {}
 
     fn command(&mut self, _: &Observation<'_>, command: &mut [f64]) -> Status {
         command.fill(0.0);
@@ -169,7 +170,7 @@ fn a_delay_shifts_the_response() {
         fn reset(&mut self) {
             self.0 = 0;
         }
-        fn visit_state(&mut self, _: &mut dyn FnMut(&mut f64)) {}
+        fn visit_state(&mut self, _: &mut Memory<'_>) {}
         fn command(&mut self, _: &Observation<'_>, command: &mut [f64]) -> Status {
             self.0 += 1;
             command.copy_from_slice(&[if self.0 > 50 { 100.0 } else { 0.0 }, 0.0]);
@@ -347,14 +348,14 @@ fn a_restored_controller_continues_identically() {
                 session: Some(ModelSession { predictor: session.as_ref(), weights: None }),
             };
             if k == 201 {
-                let mut state = Vec::new();
-                law.visit_state(&mut |x| state.push(*x));
-                guidance.visit_state(&mut |x| state.push(*x));
-                let mut saved = state.iter();
-                let mut restore = |x: &mut f64| *x = *saved.next().unwrap();
-                other.visit_state(&mut restore);
-                others.visit_state(&mut restore);
-                assert_eq!(saved.next(), None);
+                let state = Memory::saved(|memory| {
+                    law.visit_state(memory);
+                    guidance.visit_state(memory);
+                });
+                let mut saved = Memory::Loading(&state);
+                other.visit_state(&mut saved);
+                others.visit_state(&mut saved);
+                assert!(matches!(saved, Memory::Loading([])));
             }
             let guided = guidance.command(law.as_mut(), &measured, &mut commands[0]);
             guidance.advance();

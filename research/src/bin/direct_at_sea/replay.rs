@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use hydroid_core::adapt::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
+use hydroid_core::memory::Memory;
 use hydroid_core::model::direct::{Batch, Direct, DirectError, DirectSession};
 use hydroid_core::model::recurrent::BaseModel;
 use hydroid_core::predict::{Predictor, Workspace, delegate, plain};
@@ -190,17 +191,11 @@ impl Learning for Replay {
 }
 
 impl SaveState for Replay {
-    fn memory_len(&self) -> usize {
-        0
-    }
-
-    fn save(&self, _: &mut [f64]) {}
+    fn visit_state(&mut self, _: &mut Memory<'_>) {}
 
     fn is_sound(&self) -> bool {
         true
     }
-
-    fn load(&mut self, _: &[f64]) {}
 }
 
 impl Rehearsing for Replay {

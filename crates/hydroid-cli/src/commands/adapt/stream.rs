@@ -123,7 +123,7 @@ pub fn run(
     training.remember(adapter.as_mut());
     let recorder = super::blackbox::settings(args)?.map(|settings| {
         let described = json!({ "learning": used, "reading": reading });
-        Recorder::new(&settings, model, adapter.as_ref(), &learning, &described, Source::Stream(&name))
+        Recorder::new(&settings, model, adapter.as_mut(), &learning, &described, Source::Stream(&name))
     });
     let recorder = recorder.transpose()?;
     let options =

@@ -68,7 +68,7 @@ pub(super) fn run(args: &Control, global: Global, steered: &Steered<'_>) -> anyh
             let settings = blackbox::recording(path, given.black_box_minutes, steered.file)?;
             let described = json!({ "learning": used, "reading": reading });
             let source = Source::Stream(&source.name);
-            Some(Recorder::new(&settings, model, adapter.as_ref(), &learning, &described, source)?)
+            Some(Recorder::new(&settings, model, adapter.as_mut(), &learning, &described, source)?)
         }
         None => None,
     };

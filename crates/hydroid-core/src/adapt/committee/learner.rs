@@ -5,10 +5,10 @@ use alloc::vec::Vec;
 
 use super::super::innovation_gate::{InnovationGate, Noise, NoiseConstants};
 use super::super::least_squares::RecursiveLeastSquares;
-use super::super::memory::{Reader, Writer};
 use super::super::scale::unit_columns;
 use super::super::ud_factor::UdFactor;
 use super::super::{Innovation, Outcome, Rejection};
+use crate::memory::Memory;
 use crate::model::committee::{DifferenceEquations, Past, Prior};
 
 /// The constants of a member that learns, for code in other languages.
@@ -228,27 +228,15 @@ impl Learner {
         self.restart_row();
     }
 
-    pub(super) fn memory_len(&self) -> usize {
-        self.kernel.memory_len() + self.noise.memory_len() + self.phi.len() + self.z.len() + 1
-    }
-
-    pub(super) fn save(&self, into: &mut Writer<'_>) {
-        self.kernel.save(into);
-        self.noise.save(into);
-        into.numbers(&self.phi);
-        into.numbers(&self.z);
-        into.count(self.increments);
+    pub(super) fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        self.kernel.visit_state(memory);
+        self.noise.visit_state(memory);
+        memory.numbers(&mut self.phi);
+        memory.numbers(&mut self.z);
+        memory.count(&mut self.increments, self.row_increments - 1);
     }
 
     pub(super) fn is_sound(&self) -> bool {
         self.kernel.is_sound() && self.noise.is_sound()
-    }
-
-    pub(super) fn load(&mut self, from: &mut Reader<'_>) {
-        self.kernel.load(from);
-        self.noise.load(from);
-        from.numbers(&mut self.phi);
-        from.numbers(&mut self.z);
-        self.increments = from.count(self.row_increments - 1);
     }
 }

@@ -8,8 +8,8 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::innovation_gate::InnovationGate;
-use super::memory::{MOST_COUNTED, Reader, Writer};
 use super::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
+use crate::memory::{MOST_COUNTED, Memory};
 use crate::model::committee::{Committee, CommitteeError, Limits, MOST_MEMBERS, Past, weighted_median};
 use crate::predict::{Predictor, Workspace, delegate, plain, rollout_steps};
 use learner::Learner;
@@ -280,21 +280,19 @@ impl Predictor for CommitteeSession {
 
     fn snapshot(&self, into: &mut [f64]) {
         assert_eq!(into.len(), self.snapshot_len(), "room for the snapshot");
-        let mut into = Writer::new(into);
-        into.numbers(&self.outputs);
-        into.numbers(&self.inputs);
-        into.flag(self.started);
-        into.numbers(&self.weights);
+        let started = f64::from(u8::from(self.started));
+        let numbers = self.outputs.iter().chain(&self.inputs).chain([&started]).chain(&self.weights);
+        into.iter_mut().zip(numbers).for_each(|(into, number)| *into = *number);
     }
 
     /// Restores past and coefficients. The covariances stay, and rows restart.
     fn restore(&mut self, from: &[f64]) {
         assert_eq!(from.len(), self.snapshot_len(), "a snapshot of this model");
-        let mut from = Reader::new(from);
-        from.numbers(&mut self.outputs);
-        from.numbers(&mut self.inputs);
-        self.started = from.flag();
-        from.numbers(&mut self.weights);
+        let mut memory = Memory::Loading(from);
+        memory.numbers(&mut self.outputs);
+        memory.numbers(&mut self.inputs);
+        memory.flag(&mut self.started);
+        memory.numbers(&mut self.weights);
         self.measured = 0;
         self.observed = false;
         for learner in &mut self.learners {
@@ -354,35 +352,20 @@ impl Learning for CommitteeSession {
 }
 
 impl SaveState for CommitteeSession {
-    fn memory_len(&self) -> usize {
-        let learners: usize = self.learners.iter().map(Learner::memory_len).sum();
-        self.snapshot_len() + learners + 3
-    }
-
-    fn save(&self, into: &mut [f64]) {
-        assert_eq!(into.len(), self.memory_len(), "room for the memory");
-        let mut into = Writer::new(into);
-        self.snapshot(into.part(self.snapshot_len()));
-        into.count(self.measured);
-        into.flag(self.observed);
-        into.flag(self.frozen);
-        self.learners.iter().for_each(|learner| learner.save(&mut into));
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        memory.session(self);
+        memory.count(&mut self.measured, MOST_COUNTED);
+        memory.flag(&mut self.observed);
+        memory.flag(&mut self.frozen);
+        self.learners.iter_mut().for_each(|learner| learner.visit_state(memory));
+        if memory.is_loading() {
+            self.outcome = Outcome::Waiting;
+            self.innovations.clear();
+        }
     }
 
     fn is_sound(&self) -> bool {
         self.weights.iter().all(|weight| weight.is_finite()) && self.learners.iter().all(Learner::is_sound)
-    }
-
-    fn load(&mut self, from: &[f64]) {
-        assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
-        let mut from = Reader::new(from);
-        self.restore(from.part(self.snapshot_len()));
-        self.measured = from.count(MOST_COUNTED);
-        self.observed = from.flag();
-        self.frozen = from.flag();
-        self.learners.iter_mut().for_each(|learner| learner.load(&mut from));
-        self.outcome = Outcome::Waiting;
-        self.innovations.clear();
     }
 }
 

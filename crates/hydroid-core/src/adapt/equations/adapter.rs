@@ -1,9 +1,9 @@
 //! Adaptation and saved state of recursive equations.
 
-use super::super::memory::{MOST_COUNTED, Reader, Writer};
 use super::super::prediction_variance::PredictionVariance;
 use super::super::{Health, Innovation, Learning, Outcome, Rehearsing, SaveState};
 use super::{Group, RecursiveEquations};
+use crate::memory::{MOST_COUNTED, Memory};
 use crate::predict::{Predictor, Workspace, plain};
 
 impl Learning for RecursiveEquations {
@@ -81,28 +81,25 @@ impl Learning for RecursiveEquations {
 }
 
 impl SaveState for RecursiveEquations {
-    fn memory_len(&self) -> usize {
-        let kernels: usize = self.groups.iter().map(|group| group.kernel.memory_len()).sum();
-        let rest = self.library.start.len() + self.expected.len() + 4;
-        let rest = rest + self.prediction_variance.as_ref().map_or(0, PredictionVariance::memory_len);
-        self.session.snapshot_len() + self.rows.memory_len() + self.noise.memory_len() + kernels + rest
-    }
-
-    fn save(&self, into: &mut [f64]) {
-        assert_eq!(into.len(), self.memory_len(), "room for the memory");
-        let mut into = Writer::new(into);
-        self.session.snapshot(into.part(self.session.snapshot_len()));
-        self.rows.save(&mut into);
-        self.noise.save(&mut into);
-        self.groups.iter().for_each(|group| group.kernel.save(&mut into));
-        into.numbers(&self.library.start);
-        into.flag(self.library.known);
-        into.flag(self.library.held);
-        into.count(self.library.seen);
-        into.flag(self.frozen);
-        into.numbers(&self.expected);
-        if let Some(prediction_variance) = &self.prediction_variance {
-            prediction_variance.save(&mut into);
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        memory.session(&mut self.session);
+        self.rows.visit_state(memory);
+        self.noise.visit_state(memory);
+        self.groups.iter_mut().for_each(|group| group.kernel.visit_state(memory));
+        memory.numbers(&mut self.library.start);
+        memory.flag(&mut self.library.known);
+        memory.flag(&mut self.library.held);
+        memory.count(&mut self.library.seen, MOST_COUNTED);
+        memory.flag(&mut self.frozen);
+        memory.numbers(&mut self.expected);
+        if let Some(prediction_variance) = &mut self.prediction_variance {
+            prediction_variance.visit_state(memory);
+        }
+        if memory.is_loading() {
+            self.session.weights(&mut self.weights);
+            self.update_prediction_variance();
+            self.outcome = Outcome::Waiting;
+            self.innovations.clear();
         }
     }
 
@@ -111,28 +108,6 @@ impl SaveState for RecursiveEquations {
             && self.groups.iter().all(|group| group.kernel.is_sound())
             && self.noise.is_sound()
             && self.prediction_variance.as_ref().is_none_or(PredictionVariance::is_sound)
-    }
-
-    fn load(&mut self, from: &[f64]) {
-        assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
-        let mut from = Reader::new(from);
-        self.session.restore(from.part(self.session.snapshot_len()));
-        self.session.weights(&mut self.weights);
-        self.rows.load(&mut from);
-        self.noise.load(&mut from);
-        self.groups.iter_mut().for_each(|group| group.kernel.load(&mut from));
-        from.numbers(&mut self.library.start);
-        self.library.known = from.flag();
-        self.library.held = from.flag();
-        self.library.seen = from.count(MOST_COUNTED);
-        self.frozen = from.flag();
-        from.numbers(&mut self.expected);
-        if let Some(prediction_variance) = &mut self.prediction_variance {
-            prediction_variance.load(&mut from);
-        }
-        self.update_prediction_variance();
-        self.outcome = Outcome::Waiting;
-        self.innovations.clear();
     }
 }
 

@@ -27,7 +27,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::options::GuardOptions;
-use crate::adapt::memory::{Reader, Writer};
+use crate::memory::Memory;
 
 /// The balance `W` of one model.
 #[derive(Clone, Copy, Debug)]
@@ -114,18 +114,9 @@ impl Account {
         self.limits[n - 1] = (available - pending).min(available / n as f64).max(0.0);
     }
 
-    pub(super) fn memory_len(&self) -> usize {
-        1 + self.limits.len()
-    }
-
-    pub(super) fn save(&self, into: &mut Writer<'_>) {
-        into.numbers(&[self.balance.value]);
-        into.numbers(&self.limits);
-    }
-
-    pub(super) fn load(&mut self, from: &mut Reader<'_>) {
-        from.numbers(core::slice::from_mut(&mut self.balance.value));
-        from.numbers(&mut self.limits);
+    pub(super) fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        memory.number(&mut self.balance.value);
+        memory.numbers(&mut self.limits);
     }
 
     /// Whether the numbers can be those of an account.

@@ -6,8 +6,8 @@ use super::Guard;
 use super::bounded::{Bounded, GuardFork};
 use super::event::Expert;
 use super::sensor::Sensor;
-use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
 use crate::adapt::{Learning, Outcome, Rehearsing, SaveState};
+use crate::memory::{MOST_COUNTED, Memory};
 use crate::predict::{Current, Predictor, Workspace, delegate, plain};
 
 impl Guard {
@@ -151,43 +151,21 @@ impl Learning for Guard {
 }
 
 impl SaveState for Guard {
-    fn memory_len(&self) -> usize {
-        self.learner.memory_len()
-            + self.reference.memory_len()
-            + self.sensors.len() * Sensor::MEMORY_LEN
-            + self.shadow_test.memory_len()
-            + self.account.memory_len()
-            + self.estimated.len()
-            + 2
-    }
-
-    fn save(&self, into: &mut [f64]) {
-        assert_eq!(into.len(), self.memory_len(), "room for the memory");
-        let mut into = Writer::new(into);
-        for expert in [&self.learner, &self.reference] {
-            expert.save(into.part(expert.memory_len()));
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        self.learner.visit_state(memory);
+        self.reference.visit_state(memory);
+        self.sensors.iter_mut().for_each(|sensor| sensor.visit_state(memory));
+        self.shadow_test.visit_state(memory);
+        self.account.visit_state(memory);
+        memory.numbers(&mut self.estimated);
+        memory.number(&mut self.own.value);
+        let mut sample = usize::try_from(self.sample).unwrap_or(MOST_COUNTED);
+        memory.count(&mut sample, MOST_COUNTED);
+        self.sample = sample as u64;
+        if memory.is_loading() {
+            self.events.clear();
+            self.outcome = Outcome::Waiting;
         }
-        self.sensors.iter().for_each(|sensor| sensor.save(&mut into));
-        self.shadow_test.save(&mut into);
-        self.account.save(&mut into);
-        into.numbers(&self.estimated);
-        into.numbers(&[self.own.value, self.sample as f64]);
-    }
-
-    fn load(&mut self, from: &[f64]) {
-        assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
-        let mut from = Reader::new(from);
-        for expert in [&mut self.learner, &mut self.reference] {
-            expert.load(from.part(expert.memory_len()));
-        }
-        self.sensors.iter_mut().for_each(|sensor| sensor.load(&mut from));
-        self.shadow_test.load(&mut from);
-        self.account.load(&mut from);
-        from.numbers(&mut self.estimated);
-        from.numbers(core::slice::from_mut(&mut self.own.value));
-        self.sample = from.count(MOST_COUNTED) as u64;
-        self.events.clear();
-        self.outcome = Outcome::Waiting;
     }
 
     fn is_sound(&self) -> bool {

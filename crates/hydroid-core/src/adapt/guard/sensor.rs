@@ -26,7 +26,7 @@
 
 use super::options::GuardOptions;
 use crate::adapt::are_variances;
-use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
+use crate::memory::{MOST_COUNTED, Memory};
 
 /// Number of values in a line, and on each side of a step.
 pub(super) const SIDE: usize = 8;
@@ -166,8 +166,6 @@ pub(super) struct Sensor {
 }
 
 impl Sensor {
-    pub(super) const MEMORY_LEN: usize = 2 * (LEN + 4) + 7;
-
     pub(super) fn new(noise: f64) -> Self {
         let usual = MeanSquare { count: 0, value: noise * noise };
         let series = Series { values: [f64::NAN; LEN], deviations: usual, steps: usual };
@@ -289,34 +287,22 @@ impl Sensor {
         known && self.repeats >= most
     }
 
-    pub(super) fn save(&self, into: &mut Writer<'_>) {
-        for series in &self.series {
-            into.numbers(&series.values);
-            for usual in [series.deviations, series.steps] {
-                into.count(usual.count);
-                into.numbers(&[usual.value]);
-            }
-        }
-        into.numbers(&[self.first, self.last, self.offset]);
-        for count in [self.excluded as usize, self.repeats, self.longest, self.missing] {
-            into.count(count);
-        }
-    }
-
-    pub(super) fn load(&mut self, from: &mut Reader<'_>) {
+    pub(super) fn visit_state(&mut self, memory: &mut Memory<'_>) {
         for series in &mut self.series {
-            from.numbers(&mut series.values);
+            memory.numbers(&mut series.values);
             for usual in [&mut series.deviations, &mut series.steps] {
-                usual.count = from.count(MOST_COUNTED);
-                from.numbers(core::slice::from_mut(&mut usual.value));
+                memory.count(&mut usual.count, MOST_COUNTED);
+                memory.number(&mut usual.value);
             }
         }
         for number in [&mut self.first, &mut self.last, &mut self.offset] {
-            from.numbers(core::slice::from_mut(number));
+            memory.number(number);
         }
-        self.excluded = u32::try_from(from.count(u32::MAX as usize)).unwrap_or_default();
+        let mut excluded = self.excluded as usize;
+        memory.count(&mut excluded, u32::MAX as usize);
+        self.excluded = u32::try_from(excluded).unwrap_or_default();
         for count in [&mut self.repeats, &mut self.longest, &mut self.missing] {
-            *count = from.count(MOST_COUNTED);
+            memory.count(count, MOST_COUNTED);
         }
     }
 

@@ -7,7 +7,7 @@ use alloc::vec::Vec;
 use super::bounded::Metric;
 use super::event::Expert;
 use crate::adapt::Adapter;
-use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
+use crate::memory::{MOST_COUNTED, Memory};
 use crate::predict::{Predictor, Workspace};
 
 const EXPERTS: usize = Expert::ALL.len();
@@ -152,26 +152,13 @@ impl ShadowTest {
         both.map(cost).sum::<f64>() / (self.metric.stride * self.outputs) as f64
     }
 
-    pub(super) fn memory_len(&self) -> usize {
-        self.commands.len() + self.measured.len() + self.snapshots.len() + self.adapted.len() + 2
-    }
-
-    pub(super) fn save(&self, into: &mut Writer<'_>) {
-        into.numbers(&self.commands);
-        into.numbers(&self.measured);
-        into.numbers(&self.snapshots);
-        self.adapted.iter().for_each(|&adapted| into.flag(adapted));
-        into.count(self.samples);
-        into.count(self.held);
-    }
-
-    pub(super) fn load(&mut self, from: &mut Reader<'_>) {
-        from.numbers(&mut self.commands);
-        from.numbers(&mut self.measured);
-        from.numbers(&mut self.snapshots);
-        self.adapted.iter_mut().for_each(|adapted| *adapted = from.flag());
-        self.samples = from.count(MOST_COUNTED);
-        self.held = from.count(MOST_COUNTED);
+    pub(super) fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        memory.numbers(&mut self.commands);
+        memory.numbers(&mut self.measured);
+        memory.numbers(&mut self.snapshots);
+        self.adapted.iter_mut().for_each(|adapted| memory.flag(adapted));
+        memory.count(&mut self.samples, MOST_COUNTED);
+        memory.count(&mut self.held, MOST_COUNTED);
     }
 }
 

@@ -10,7 +10,7 @@ use super::learnable::Learnable;
 use super::measurement::MeasurementUpdate;
 use super::options::{FilterOptions, FilterOptionsError};
 use crate::adapt::Health;
-use crate::adapt::memory::{Reader, Writer};
+use crate::memory::Memory;
 
 /// Result of a measurement update.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -309,25 +309,18 @@ impl<M: Learnable> Filter<M> {
         Correction::Applied { nis: self.update.nis(), deviations, weight }
     }
 
-    /// Length of [`save`](Self::save).
-    pub fn memory_len(&self) -> usize {
-        let parts = self.covariance.parts();
-        3 + self.state.len() + self.weights.len() + parts.iter().map(|part| part.len()).sum::<usize>()
-    }
-
-    /// Writes all numbers that the filter continues from.
-    ///
-    /// # Panics
-    /// If `into` has not [`memory_len`](Self::memory_len) numbers.
-    pub fn save(&self, into: &mut [f64]) {
-        assert_eq!(into.len(), self.memory_len(), "length of the memory of the filter");
-        let mut writer = Writer::new(into);
-        for flag in [self.covariance.pending(), self.stepped, self.learns] {
-            writer.flag(flag);
+    /// Visits all numbers that the filter continues from. After loading those of a filter of the same model and options,
+    /// both continue identically to the last bit.
+    pub fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        memory.flag(self.covariance.pending().unwrap_or(&mut false));
+        memory.flag(&mut self.stepped);
+        memory.flag(&mut self.learns);
+        memory.numbers(&mut self.state);
+        memory.numbers(&mut self.weights);
+        self.covariance.parts().into_iter().for_each(|numbers| memory.numbers(numbers));
+        if memory.is_loading() {
+            self.set_model_weights();
         }
-        writer.numbers(&self.state);
-        writer.numbers(&self.weights);
-        self.covariance.parts().into_iter().for_each(|numbers| writer.numbers(numbers));
     }
 
     /// Whether state and weights are finite, and the variances finite and not negative.
@@ -335,22 +328,5 @@ impl<M: Learnable> Filter<M> {
         let finite = self.state.iter().chain(&self.weights).all(|x| x.is_finite());
         // NaN if a variance is.
         finite && self.covariance.least_variance() >= 0.0
-    }
-
-    /// Restores the numbers that a filter of the same model and options saved. Both continue identically to the last
-    /// bit.
-    ///
-    /// # Panics
-    /// If `from` has not [`memory_len`](Self::memory_len) numbers.
-    pub fn load(&mut self, from: &[f64]) {
-        assert_eq!(from.len(), self.memory_len(), "length of the memory of the filter");
-        let mut reader = Reader::new(from);
-        self.covariance.set_pending(reader.flag());
-        self.stepped = reader.flag();
-        self.learns = reader.flag();
-        reader.numbers(&mut self.state);
-        reader.numbers(&mut self.weights);
-        self.covariance.parts_mut().into_iter().for_each(|numbers| reader.numbers(numbers));
-        self.set_model_weights();
     }
 }

@@ -7,7 +7,7 @@ use alloc::vec::Vec;
 
 use super::filter::{Correction, Filter};
 use super::learnable::{Learnable, SharedWeightStates};
-use crate::adapt::memory::{Reader, Writer};
+use crate::memory::Memory;
 
 /// Most samples of all windows together, which bounds their memory.
 const MOST_SAMPLES: usize = 1_000_000;
@@ -122,23 +122,11 @@ impl Rehearsal {
         true
     }
 
-    pub(super) fn memory_len(&self) -> usize {
-        self.states.len() + self.samples.len() + 3
-    }
-
-    pub(super) fn save(&self, writer: &mut Writer<'_>) {
-        writer.numbers(&self.states);
-        writer.numbers(&self.samples);
-        for count in [self.stored, self.position, self.since] {
-            writer.count(count);
-        }
-    }
-
-    pub(super) fn load(&mut self, reader: &mut Reader<'_>) {
-        reader.numbers(&mut self.states);
-        reader.numbers(&mut self.samples);
-        self.stored = reader.count(self.options.windows);
-        self.position = reader.count((self.stored * self.options.samples).saturating_sub(1));
-        self.since = reader.count(self.options.every);
+    pub(super) fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        memory.numbers(&mut self.states);
+        memory.numbers(&mut self.samples);
+        memory.count(&mut self.stored, self.options.windows);
+        memory.count(&mut self.position, (self.stored * self.options.samples).saturating_sub(1));
+        memory.count(&mut self.since, self.options.every);
     }
 }

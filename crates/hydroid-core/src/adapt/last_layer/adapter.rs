@@ -2,8 +2,8 @@
 
 use super::DirectLastLayer;
 use crate::adapt::are_variances;
-use crate::adapt::memory::{MOST_COUNTED, Reader, Writer};
 use crate::adapt::{Health, Innovation, Learning, Outcome, RecursiveLeastSquares, Rehearsing, SaveState};
+use crate::memory::{MOST_COUNTED, Memory};
 use crate::predict::{Predictor, Workspace, plain};
 
 impl Learning for DirectLastLayer {
@@ -80,50 +80,27 @@ impl Learning for DirectLastLayer {
 }
 
 impl SaveState for DirectLastLayer {
-    fn memory_len(&self) -> usize {
-        let learner = self.learner.as_ref().map_or(0, RecursiveLeastSquares::memory_len);
-        self.session.snapshot_len() + self.windows.memory_len() + learner + 2 * self.variance.len() + 3
-    }
-
-    fn save(&self, into: &mut [f64]) {
-        assert_eq!(into.len(), self.memory_len(), "room for the memory");
-        let mut into = Writer::new(into);
-        self.session.snapshot(into.part(self.session.snapshot_len()));
-        self.windows.save(&mut into);
-        if let Some(learner) = &self.learner {
-            learner.save(&mut into);
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        memory.session(&mut self.session);
+        self.windows.visit_state(memory);
+        if let Some(learner) = &mut self.learner {
+            learner.visit_state(memory);
         }
-        into.numbers(&self.variance);
-        into.numbers(&[self.s_over_r, self.inflation]);
-        for &seen in &self.seen {
-            into.count(seen);
+        memory.numbers(&mut self.variance);
+        memory.number(&mut self.s_over_r);
+        memory.number(&mut self.inflation);
+        self.seen.iter_mut().for_each(|seen| memory.count(seen, MOST_COUNTED));
+        memory.flag(&mut self.frozen);
+        if memory.is_loading() {
+            self.innovations.clear();
+            self.outcome = Outcome::Waiting;
         }
-        into.flag(self.frozen);
     }
 
     fn is_sound(&self) -> bool {
         self.session.last_layer().iter().all(|weight| weight.is_finite())
             && self.learner.as_ref().is_none_or(RecursiveLeastSquares::is_sound)
             && are_variances(&self.variance)
-    }
-
-    fn load(&mut self, from: &[f64]) {
-        assert_eq!(from.len(), self.memory_len(), "a memory of this adapter");
-        let mut from = Reader::new(from);
-        self.session.restore(from.part(self.session.snapshot_len()));
-        self.windows.load(&mut from);
-        if let Some(learner) = &mut self.learner {
-            learner.load(&mut from);
-        }
-        from.numbers(&mut self.variance);
-        self.s_over_r = from.part(1)[0];
-        self.inflation = from.part(1)[0];
-        for seen in &mut self.seen {
-            *seen = from.count(MOST_COUNTED);
-        }
-        self.frozen = from.flag();
-        self.innovations.clear();
-        self.outcome = Outcome::Waiting;
     }
 }
 

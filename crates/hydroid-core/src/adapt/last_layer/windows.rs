@@ -3,7 +3,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use crate::adapt::memory::{Reader, Writer};
+use crate::memory::Memory;
 use crate::model::direct::{Direct, Window, push};
 use crate::model::recurrent::BaseModel;
 
@@ -115,23 +115,11 @@ impl Windows {
         self.inflation[target / self.window.n]
     }
 
-    pub(super) fn memory_len(&self) -> usize {
-        let parts = [&self.outputs, &self.commands, &self.measured, &self.inflation, &self.memory];
-        parts.into_iter().map(Vec::len).sum::<usize>() + 1
-    }
-
-    pub(super) fn save(&self, into: &mut Writer<'_>) {
-        for numbers in [&self.outputs, &self.commands, &self.measured, &self.inflation, &self.memory] {
-            into.numbers(numbers);
+    pub(super) fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        let Self { outputs, commands, measured, inflation, memory: of_base, .. } = self;
+        for numbers in [outputs, commands, measured, inflation, of_base] {
+            memory.numbers(numbers);
         }
-        into.flag(self.open);
-    }
-
-    pub(super) fn load(&mut self, from: &mut Reader<'_>) {
-        let Self { outputs, commands, measured, inflation, memory, .. } = self;
-        for numbers in [outputs, commands, measured, inflation, memory] {
-            from.numbers(numbers);
-        }
-        self.open = from.flag();
+        memory.flag(&mut self.open);
     }
 }

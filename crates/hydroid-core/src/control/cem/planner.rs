@@ -13,8 +13,8 @@ use crate::control::error::{ControlError, positive};
 use crate::control::noise::Noise;
 use crate::control::status::Status;
 use crate::guidance::Reference;
+use crate::memory::{MOST_COUNTED, Memory};
 use crate::predict::{BATCH, Predictor, Workspace};
-use crate::visit::visit_count;
 
 /// Model predictive control by the cross-entropy method, on any [`Predictor`].
 ///
@@ -173,15 +173,15 @@ impl Planner {
     }
 
     /// Visits all numbers on which later plans depend; see [`Controller::visit_state`](crate::control::Controller::visit_state).
-    pub fn visit_state(&mut self, visit: &mut dyn FnMut(&mut f64)) {
-        self.noise.visit_state(visit);
-        visit_count(&mut self.blind, usize::MAX / 4, visit);
-        visit_count(&mut self.age, self.options.hold - 1, visit);
-        visit(&mut self.cost_of_plan);
+    pub fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        self.noise.visit_state(memory);
+        memory.count(&mut self.blind, MOST_COUNTED);
+        memory.count(&mut self.age, self.options.hold - 1);
+        memory.number(&mut self.cost_of_plan);
         let Self { last, plan, limits, .. } = self;
         for row in [last, plan] {
             for (command, limits) in row.iter_mut().zip(limits.iter().cycle()) {
-                visit(command);
+                memory.number(command);
                 if !(limits.low..=limits.high).contains(command) {
                     *command = limits.rest;
                 }

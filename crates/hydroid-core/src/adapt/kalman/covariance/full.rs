@@ -169,11 +169,7 @@ impl FullCovariance {
         self.hh.len() + self.ht.len() + self.tt.numbers().len()
     }
 
-    pub(super) fn parts(&self) -> [&[f64]; 6] {
-        [&self.hh, &self.ht, self.tt.numbers(), &self.downdate, &self.local, &self.products]
-    }
-
-    pub(super) fn parts_mut(&mut self) -> [&mut [f64]; 6] {
+    pub(super) fn parts(&mut self) -> [&mut [f64]; 6] {
         let Self { hh, ht, tt, downdate, local, products, .. } = self;
         [hh, ht, tt.numbers_mut(), downdate, local, products]
     }

@@ -110,21 +110,11 @@ impl JointCovariance {
     }
 
     /// Whether the downdate of the last measurement has not been applied yet.
-    pub(super) fn pending(&self) -> bool {
-        matches!(self, Self::Full(full) if full.pending)
+    pub(super) fn pending(&mut self) -> Option<&mut bool> {
+        if let Self::Full(full) = self { Some(&mut full.pending) } else { None }
     }
 
-    pub(super) fn set_pending(&mut self, pending: bool) {
-        if let Self::Full(full) = self {
-            full.pending = pending;
-        }
-    }
-
-    pub(super) fn parts(&self) -> [&[f64]; 6] {
+    pub(super) fn parts(&mut self) -> [&mut [f64]; 6] {
         each!(self, covariance => covariance.parts())
-    }
-
-    pub(super) fn parts_mut(&mut self) -> [&mut [f64]; 6] {
-        each!(self, covariance => covariance.parts_mut())
     }
 }

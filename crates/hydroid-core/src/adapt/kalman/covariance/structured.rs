@@ -218,11 +218,7 @@ impl StructuredCovariance {
         self.psi.len() + self.pi.len() + self.tt.numbers.len()
     }
 
-    pub(super) fn parts(&self) -> [&[f64]; 6] {
-        [&self.psi, &self.pi, &self.local, &self.tt.numbers, &[], &[]]
-    }
-
-    pub(super) fn parts_mut(&mut self) -> [&mut [f64]; 6] {
+    pub(super) fn parts(&mut self) -> [&mut [f64]; 6] {
         [&mut self.psi, &mut self.pi, &mut self.local, &mut self.tt.numbers, &mut [], &mut []]
     }
 

@@ -10,6 +10,7 @@ use super::super::learnable::{Learnable, LearnableEquations};
 use super::super::options::{FilterOptions, FilterOptionsError};
 use super::{KalmanSession, ModelKind};
 use crate::adapt::parametric_session::ParametricSession;
+use crate::memory::Memory;
 use crate::model::sparse::Equations;
 use crate::predict::{Predictor, Workspace};
 
@@ -173,8 +174,10 @@ impl ModelKind for EquationsKind {
         filter.set(outputs.iter().copied(), coefficients.iter().copied());
     }
 
-    fn load(&mut self, _: &[f64]) {
-        self.session.weights(&mut self.weights);
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        if memory.is_loading() {
+            self.session.weights(&mut self.weights);
+        }
     }
 
     /// From the covariance of outputs and coefficients, `Q_h` in each step, and the noise of the measurement:

@@ -13,8 +13,8 @@ use num_traits::Float;
 use super::filter::{Correction, Filter};
 use super::learnable::Learnable;
 use super::rehearsal::RehearsalOptions;
-use crate::adapt::memory::{Reader, Writer};
 use crate::adapt::{Health, Innovation, Learning, Outcome, Rehearsing, Rejection, SaveState};
+use crate::memory::Memory;
 use crate::predict::{Predictor, Workspace, plain};
 
 pub use equations::{EquationsKind, KalmanEquations};
@@ -59,16 +59,8 @@ pub trait ModelKind: Clone + Send + Sync {
     /// Copies state and weights of the restored session into the filter.
     fn sync_filter(&mut self, filter: &mut Filter<Self::Model>);
 
-    /// Length of [`save`](Self::save).
-    fn memory_len(&self) -> usize {
-        0
-    }
-
-    /// Writes all numbers that the model continues from, outside session and filter.
-    fn save(&self, _into: &mut [f64]) {}
-
-    /// Reads the numbers of [`save`](Self::save), after the session was restored.
-    fn load(&mut self, _from: &[f64]) {}
+    /// Visits all numbers that the model continues from, outside session and filter. A loaded session was restored before.
+    fn visit_state(&mut self, _memory: &mut Memory<'_>) {}
 
     /// See [`Learning::deviations`].
     fn deviations(
@@ -263,30 +255,17 @@ impl<K: ModelKind> Learning for KalmanSession<K> {
 }
 
 impl<K: ModelKind> SaveState for KalmanSession<K> {
-    fn memory_len(&self) -> usize {
-        self.kind.session().snapshot_len() + self.kind.memory_len() + self.filter.memory_len()
-    }
-
-    fn save(&self, into: &mut [f64]) {
-        assert_eq!(into.len(), self.memory_len(), "length of the memory of the adapter");
-        let mut writer = Writer::new(into);
-        self.kind.session().snapshot(writer.part(self.kind.session().snapshot_len()));
-        self.kind.save(writer.part(self.kind.memory_len()));
-        self.filter.save(writer.part(self.filter.memory_len()));
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        memory.session(self.kind.session_mut());
+        self.kind.visit_state(memory);
+        self.filter.visit_state(memory);
+        if memory.is_loading() {
+            self.record_update(Correction::None);
+        }
     }
 
     fn is_sound(&self) -> bool {
         self.filter.is_sound()
-    }
-
-    fn load(&mut self, from: &[f64]) {
-        assert_eq!(from.len(), self.memory_len(), "length of the memory of the adapter");
-        let mut reader = Reader::new(from);
-        let len = self.kind.session().snapshot_len();
-        self.kind.session_mut().restore(reader.part(len));
-        self.kind.load(reader.part(self.kind.memory_len()));
-        self.filter.load(reader.part(self.filter.memory_len()));
-        self.record_update(Correction::None);
     }
 }
 

@@ -12,7 +12,7 @@ use super::super::options::{FilterOptions, FilterOptionsError};
 use super::super::rehearsal::{Rehearsal, RehearsalOptions};
 use super::super::rollout_gradient::RolloutGradient;
 use super::{KalmanSession, ModelKind};
-use crate::adapt::memory::{Reader, Writer};
+use crate::memory::Memory;
 use crate::model::recurrent::{BaseModel, Packed, Recurrent, RecurrentError, RecurrentSession};
 use crate::predict::{Predictor, Workspace};
 
@@ -225,23 +225,10 @@ impl ModelKind for NetworkKind {
         self.base.fill(f64::NAN);
     }
 
-    fn memory_len(&self) -> usize {
-        self.base.len() + self.rehearsal.as_ref().map_or(0, Rehearsal::memory_len)
-    }
-
-    fn save(&self, into: &mut [f64]) {
-        let mut writer = Writer::new(into);
-        writer.numbers(&self.base);
-        if let Some(rehearsal) = &self.rehearsal {
-            rehearsal.save(&mut writer);
-        }
-    }
-
-    fn load(&mut self, from: &[f64]) {
-        let mut reader = Reader::new(from);
-        reader.numbers(&mut self.base);
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        memory.numbers(&mut self.base);
         if let Some(rehearsal) = &mut self.rehearsal {
-            rehearsal.load(&mut reader);
+            rehearsal.visit_state(memory);
         }
     }
 

@@ -12,6 +12,7 @@ use super::super::learnable::plant_parameters::PlantParameters;
 use super::super::learnable::{Learnable, LearnablePlant};
 use super::super::options::{FilterOptions, FilterOptionsError};
 use super::{KalmanSession, ModelKind};
+use crate::memory::Memory;
 use crate::model::{PlantModel, PlantSession};
 use crate::predict::{Predictor, Workspace, delegate, plain};
 
@@ -181,8 +182,10 @@ impl ModelKind for PlantKind {
         self.update_parameters();
     }
 
-    fn load(&mut self, _: &[f64]) {
-        self.update_parameters();
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        if memory.is_loading() {
+            self.update_parameters();
+        }
     }
 
     /// From the covariance of state and parameters, `Q_h` in each step, and the noise of the measurement:
