@@ -111,8 +111,8 @@ fn the_filter_in_c_learns_as_in_hydroid() {
 #[test]
 #[ignore = "slow tier: .ci/run runs it"]
 fn all_filters_learn_along_a_long_run() {
-    let samples = 10_000;
-    let plan = Plan { anew: 6000, frozen: 8000, learning: 8300, copied: samples / 2, every: 50 };
+    let samples = 5_000;
+    let plan = Plan { anew: 3000, frozen: 4000, learning: 4150, copied: samples / 2, every: 50 };
     for network in networks() {
         agree(&network, &simulated(&network.0, samples), &plan, &FAST, TOLERANCE);
     }
