@@ -318,6 +318,7 @@ fn dots<T: Scalar, const ROWS: usize>(weights: &[T], x: &[T]) -> [T; ROWS] {
     let mut all = [T::zero(); ROWS];
     for i in 0..ROWS {
         // Arrays of their own, which stay in registers.
+        const { assert!(LANES == 16) };
         let eight: [T; 8] = halved(&sums[i]);
         let four: [T; 4] = halved(&eight);
         let two: [T; 2] = halved(&four);
