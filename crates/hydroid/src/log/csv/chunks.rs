@@ -32,7 +32,8 @@ pub(super) enum Endless {
 /// Reads a log part by part.
 pub(super) struct Chunks<R> {
     reader: R,
-    delimiter: u8,
+    /// `None` in the first part.
+    delimiter: Option<u8>,
     size: usize,
     /// Beginning of the next part.
     carry: Vec<u8>,
@@ -42,12 +43,12 @@ pub(super) struct Chunks<R> {
 
 impl<R: Read> Chunks<R> {
     pub(super) fn new(reader: R, size: usize) -> Self {
-        Self { reader, delimiter: b',', size, carry: Vec::new(), lines: FIRST_LINES, ended: false }
+        Self { reader, delimiter: None, size, carry: Vec::new(), lines: FIRST_LINES, ended: false }
     }
 
     /// Sets the separator of cells, which decides what a quotation mark encloses.
     pub(super) fn set_delimiter(&mut self, delimiter: u8) {
-        self.delimiter = delimiter;
+        self.delimiter = Some(delimiter);
         self.lines = 1;
     }
 
@@ -102,7 +103,8 @@ impl<R: Read> Chunks<R> {
             return cut;
         }
         // The last record may continue beyond the bytes, even beyond an end of line.
-        let mut reader = super::rows::records(&bytes[..cut], self.delimiter);
+        let delimiter = self.delimiter.unwrap_or_else(|| super::delimiter(bytes));
+        let mut reader = super::rows::records(&bytes[..cut], delimiter);
         let mut record = csv::ByteRecord::new();
         let mut start = 0;
         while reader.read_byte_record(&mut record).is_ok_and(|found| found) {

@@ -33,6 +33,18 @@ fn cell() -> impl Strategy<Value = String> {
     ]
 }
 
+#[test]
+fn an_end_of_line_in_a_quoted_cell_does_not_end_the_first_part() {
+    for delimiter in [',', ';', '\t'] {
+        let row = format!("1{delimiter}\"2\n3\"{delimiter}4\n");
+        let text = format!("t{delimiter}name{delimiter}u\n{}", row.repeat(ROWS));
+        let whole = shown(&in_parts(&text, CHUNK));
+        for size in 1..row.len() {
+            assert_eq!(shown(&in_parts(&text, 1500 + size)), whole, "{delimiter:?} {size}");
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
