@@ -76,7 +76,8 @@ class Boat(threading.Thread):
             now = begin + k * TICK
             time.sleep(max(now - time.time(), 0.0))
             for side, reader in self._orders.items():
-                for order in reader.take(100):
+                # A writer that ends leaves a sample without data.
+                for order in (sample for sample in reader.take(100) if isinstance(sample, Float64)):
                     self.orders[side], self.heard = order.data, now
                     self.received.append((now, side, order.data))
             live = now - self.heard < 1.0

@@ -181,10 +181,11 @@ def test_predictions_of_a_model(graph):
             thruster.write(Float64(value))
         time.sleep(0.05)
 
-    # Another node steers, with random thrust: a log for identification.
+    # Another node steers, with random thrust: a log for identification, of 100 s because 60 s have no more windows for
+    # learning than a library of 26 terms needs.
     hydroid.wait(lambda s: s["motion"], 20, "the motion")
     random = np.random.default_rng(3)
-    for _ in range(15):
+    for _ in range(25):
         mean, half = random.uniform(-0.2, 0.9), random.uniform(-0.3, 0.3)
         end = time.monotonic() + 4.0
         while time.monotonic() < end:
