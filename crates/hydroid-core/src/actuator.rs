@@ -154,10 +154,25 @@ impl Limits {
         Self { rate, ..self }
     }
 
-    pub(crate) fn are_possible(&self) -> bool {
+    /// Limits of an input that is not commanded, as of the wind: it has one value.
+    pub const fn held(value: f64) -> Self {
+        Self { low: value, high: value, rate: f64::INFINITY, rest: value }
+    }
+
+    /// Whether the input is not commanded.
+    pub const fn are_held(&self) -> bool {
+        self.low == self.high
+    }
+
+    /// Half of the range.
+    pub(crate) const fn half(&self) -> f64 {
+        0.5 * (self.high - self.low)
+    }
+
+    pub(crate) fn are_ordered(&self) -> bool {
         self.low.is_finite()
             && self.high.is_finite()
-            && self.low < self.high
+            && self.low <= self.high
             && self.rate > 0.0
             && (self.low..=self.high).contains(&self.rest)
     }

@@ -94,7 +94,7 @@ impl Actuators {
         }
         let mut all = Vec::with_capacity(channels.len());
         for (index, (channel, limits)) in channels.iter().zip(limits).enumerate() {
-            if !limits.are_possible() {
+            if !limits.are_ordered() {
                 return Err(ControlError::Limits { channel: index });
             }
             let mut actuator = Self::checked(index, channel, *limits, dt)?;

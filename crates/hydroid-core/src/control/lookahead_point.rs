@@ -63,6 +63,10 @@ impl<M: Affine> LookaheadPoint<M> {
         positive("the lookahead distance", distance)?;
         positive("the minimum control authority", min_control_authority)?;
         check_count(model.channels(), limits)?;
+        // A command without a range has no share in the demand.
+        if let Some(channel) = limits.iter().position(Limits::are_held) {
+            return Err(ControlError::Limits { channel });
+        }
         let inputs = limits.len();
         let actuators = Actuators::new(model.channels(), limits, dt, response)?;
         let spans = (0..inputs).map(|i| actuators.span(i)).collect();

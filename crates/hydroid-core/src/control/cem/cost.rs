@@ -167,7 +167,12 @@ impl Cost {
                 each(Float::sqrt(limit.weight) * beyond + 0.0 * value);
             }
             for i in 0..inputs {
-                let half = 0.5 * (limits[i].high - limits[i].low);
+                if limits[i].are_held() {
+                    each(0.0);
+                    each(0.0);
+                    continue;
+                }
+                let half = limits[i].half();
                 let command = commands[k * inputs + i];
                 let previous = if k == 0 { last[i] } else { commands[(k - 1) * inputs + i] };
                 each(Float::sqrt(self.effort[i]) * (command - limits[i].rest) / half);

@@ -147,7 +147,8 @@ impl GaussNewton {
         let (base, columns) = self.residuals.split_at_mut(self.rows);
         for (at, column) in columns.chunks_exact_mut(self.rows).enumerate() {
             // Relative to half of the range: commands of any unit weigh alike.
-            let inverse = half(moment, at, inputs) / moved(moment, plan, at, inputs);
+            let change = moved(moment, plan, at, inputs);
+            let inverse = if change == 0.0 { 0.0 } else { half(moment, at, inputs) / change };
             for (moved, base) in column.iter_mut().zip(&*base) {
                 *moved = (*moved - base) * inverse;
             }
@@ -168,12 +169,13 @@ impl GaussNewton {
         }
     }
 
-    /// Marks the free commands: all but those at a limit with an outward gradient.
+    /// Marks the free commands: all but those at a limit with an outward gradient, and held inputs.
     fn hold(&mut self, moment: &PlanningProblem<'_>, plan: &[f64]) {
         let inputs = moment.limits.len();
         for (at, free) in self.free.iter_mut().enumerate() {
             let (limits, uphill) = (&moment.limits[at % inputs], self.gradient[at]);
-            *free = !(plan[at] >= limits.high && uphill < 0.0 || plan[at] <= limits.low && uphill > 0.0);
+            let outwards = plan[at] >= limits.high && uphill < 0.0 || plan[at] <= limits.low && uphill > 0.0;
+            *free = !outwards && !limits.are_held();
         }
     }
 
@@ -217,8 +219,7 @@ impl GaussNewton {
 }
 
 fn half(moment: &PlanningProblem<'_>, at: usize, inputs: usize) -> f64 {
-    let limits = &moment.limits[at % inputs];
-    0.5 * (limits.high - limits.low)
+    moment.limits[at % inputs].half()
 }
 
 /// Change of a command for its derivative, towards the inside of its range.

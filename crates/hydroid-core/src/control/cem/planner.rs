@@ -122,7 +122,7 @@ impl Planner {
             return Err(ControlError::Setting { what: "the number of limits", value: 0.0, needed });
         }
         cost.check(limits.len(), outputs)?;
-        if let Some(channel) = limits.iter().position(|limits| !limits.are_possible()) {
+        if let Some(channel) = limits.iter().position(|limits| !limits.are_ordered()) {
             return Err(ControlError::Limits { channel });
         }
         let len = options.horizon * limits.len();
@@ -292,8 +292,7 @@ impl Planner {
         let PlannerOptions { candidates, iterations, deviation, .. } = self.options;
         self.mean.copy_from_slice(&self.plan);
         for (s, k) in self.deviation.iter_mut().zip(0..) {
-            let limits = &self.limits[k % inputs];
-            *s = deviation * 0.5 * (limits.high - limits.low);
+            *s = deviation * self.limits[k % inputs].half();
         }
         let moment = PlanningProblem {
             pose,
@@ -373,7 +372,7 @@ impl Planner {
             if (command - last).abs() >= limits.rate * self.dt * (1.0 - 1e-9) {
                 status = status.and(Status::RateLimited);
             }
-            if *command <= limits.low || *command >= limits.high {
+            if !limits.are_held() && (*command <= limits.low || *command >= limits.high) {
                 status = status.and(Status::Saturated);
             }
         }
@@ -445,8 +444,7 @@ fn learn(
         let value = |k: &usize| candidates[k * len + at];
         let of_elites = best.iter().map(value).sum::<f64>() / finite as f64;
         let square = best.iter().map(|k| (value(k) - of_elites) * (value(k) - of_elites)).sum::<f64>();
-        let limits = &limits[at % inputs];
-        let least = least_deviation * 0.5 * (limits.high - limits.low);
+        let least = least_deviation * limits[at % inputs].half();
         let spread = Float::sqrt(square / finite as f64);
         mean[at] = momentum * mean[at] + (1.0 - momentum) * of_elites;
         deviation[at] = (momentum * deviation[at] + (1.0 - momentum) * spread).max(least);
