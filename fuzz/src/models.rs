@@ -89,6 +89,7 @@ fn described(name: &str, dt: f64, body: Body) -> Model {
             outputs: vec![port("u", "m/s", Some(0.02)), port("r", "rad/s", Some(0.01))],
             inputs: vec![port("n", "", None), port("delta", "rad", None)],
             reading,
+            boat: hydroid::boat::Boat::default(),
             provenance: Provenance {
                 hydroid: "0.1.0".to_owned(),
                 seed: 0,

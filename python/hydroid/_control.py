@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _hydroid
 from ._hydroid import ControlStep, Model, Run, Session
 from ._identify import _write
-from ._options import Bar, names
+from ._options import Bar, names, roles
 
 Array = NDArray[np.float64]
 
@@ -206,6 +206,7 @@ def control(
     rate_limit: Mapping[str, float] | None = None,
     limit: Mapping[str, tuple[float, float] | str] | None = None,
     neutral: Mapping[str, float] | None = None,
+    role: Mapping[str, str] | None = None,
     push: str | Sequence[str] = (),
     turn: str | Sequence[str] = (),
     estimate_current: float | None = None,
@@ -293,6 +294,9 @@ def control(
         Largest rate of change of commands, in their unit per second, and their values at rest.
     limit : mapping of str to (float, float) or str, optional
         Limits of commands: ``{"n": (0, 120)}`` or, with a unit, ``{"delta": "-30:30 [deg]"}``.
+    role : mapping of str to str, optional
+        Roles of inputs, in place of those of the model: ``propulsion``, ``steering``, ``thruster``, ``disturbance`` or
+        ``setting``.
     push, turn : str or list of str
         ``pid``: inputs that push the vessel, and that turn it to starboard; ``-NAME`` acts the other way.
     estimate_current : float, optional
@@ -365,6 +369,8 @@ def _options(given: dict[str, Any]) -> dict[str, Any]:
     for name in ("push", "turn"):
         if name in options:
             options[name] = names(name, options[name])
+    if "role" in options:
+        options["role"] = roles(options["role"])
     for name in ("rate_limit", "limit", "neutral"):
         mapping = options.get(name)
         if mapping is None:

@@ -118,6 +118,9 @@ class Model:
     @property
     def input_names(self) -> list[str]: ...
     @property
+    def roles(self) -> dict[str, str]:
+        """Roles of the inputs, as far as they are known: ``propulsion``, ``steering``, ``thruster``, ``disturbance``, ``setting``."""
+    @property
     def units(self) -> dict[str, str]: ...
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:

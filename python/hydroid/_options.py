@@ -42,6 +42,14 @@ def names(argument: str, given: str | Sequence[str]) -> list[str]:
     raise TypeError(f"{argument}: expected 'a,b' or a list of names, got {given!r}")
 
 
+def roles(given: Mapping[str, str] | None) -> dict[str, str]:
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping):
+        raise TypeError(f"role: expected a mapping from inputs to roles, got {type(given).__name__}")
+    return dict(given)
+
+
 def log_section(
     outputs: Channels | None = None,
     inputs: Channels | None = None,

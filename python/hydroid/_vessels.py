@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from . import _hydroid
 from ._hydroid import Log, Model
-from ._options import Bar, log_section, names
+from ._options import Bar, log_section, names, roles
 
 Array = NDArray[np.float64]
 
@@ -72,6 +72,7 @@ def simulate(
     current: Sequence[float] | None = None,
     process_noise: float = 0.0,
     start: float | str | None = None,
+    role: Mapping[str, str] | None = None,
     push: str | Sequence[str] = (),
     turn: str | Sequence[str] = (),
     leg: float | None = None,
@@ -113,9 +114,12 @@ def simulate(
         Factor on the process noise of an identified model.
     start : float or str, optional
         Time from the start of a log at which the simulation of a model starts: seconds, or ``"5m"``.
+    role : mapping of str to str, optional
+        Roles of inputs, in place of those of the model: ``propulsion``, ``steering``, ``thruster``, ``disturbance`` or
+        ``setting``.
     push, turn : str or list of str
         Inputs that push a model, and inputs that turn it to starboard, for ``"mixed"``; ``-NAME`` is the opposite
-        direction. Default: found from the model.
+        direction. Default: by the roles of the inputs.
     leg, spacing : float, optional
         Lawn-mower: length and distance of the legs [m].
     leg_speeds : sequence of float
@@ -145,6 +149,7 @@ def simulate(
         "current": _pair("current", current),
         "process_noise": process_noise,
         "start": start,
+        "role": roles(role),
         "push": names("push", push),
         "turn": names("turn", turn),
         "leg": leg,
@@ -316,6 +321,7 @@ def manoeuvres(
     longest: float | str = 3600.0,
     current: Sequence[float] = (0.0, 0.0),
     length: float | None = None,
+    role: Mapping[str, str] | None = None,
     push: str | Sequence[str] = (),
     turn: str | Sequence[str] = (),
     threads: int | None = None,
@@ -341,16 +347,19 @@ def manoeuvres(
     propulsion : float, optional
         Propulsion of the approach, in percent of full ahead; default 85.
     speed : float, optional
-        Speed of the approach through the water [m/s], in place of the propulsion.
+        Speed of the approach through the water [m/s], in place of the propulsion. A vessel that no input pushes has one.
     longest : float or str
         Longest trial: seconds, or ``"1h"``.
     current : sequence of two floats
         Velocity of a constant current, north and east [m/s]; the approach heads north.
     length : float, optional
         Length of the ship [m]: adds the criteria of IMO resolution MSC.137(76).
+    role : mapping of str to str, optional
+        Roles of inputs, in place of those of the model: ``{"delta": "steering", "wind_x": "disturbance"}``; others are
+        ``propulsion``, ``thruster`` and ``setting``.
     push, turn : str or list of str
         Inputs that push the vessel, and inputs that turn it to starboard; ``-NAME`` is the opposite direction. Default:
-        found from the model.
+        by the roles of the inputs.
     threads : int, optional
         Default: all cores. The result does not depend on it.
     progress : bool or callable
@@ -369,6 +378,7 @@ def manoeuvres(
         "longest": longest,
         "current": _pair("current", current),
         "length": length,
+        "role": roles(role),
         "push": names("push", push),
         "turn": names("turn", turn),
     }

@@ -1,11 +1,13 @@
 //! Models, and sessions of a model on one run.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
 use hydroid::craft::CraftFileError;
 use hydroid::model::{self, ModelError};
+use hydroid::plant::find_roles;
 use hydroid::simulate::VesselFileError;
 use hydroid::toml_file::TomlError;
 use hydroid_core::model::sparse::{EquationsSession, Jacobian, Shape, Signal};
@@ -126,6 +128,13 @@ impl Model {
     #[getter]
     fn input_names(&self) -> Vec<&str> {
         Self::names(&self.model.description.inputs)
+    }
+
+    /// Roles of the inputs, as far as they are known.
+    #[getter]
+    fn roles(&self) -> BTreeMap<String, &'static str> {
+        let boat = find_roles(&self.model);
+        boat.inputs.into_iter().map(|(name, input)| (name, input.role.name())).collect()
     }
 
     #[getter]

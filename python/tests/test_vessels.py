@@ -284,3 +284,16 @@ def test_ctrl_c_and_exceptions_end_a_call(call, ctrl_c):
     with pytest.raises(ZeroDivisionError):
         call(progress=progress)
     assert told == sorted(told) and 0 <= told[0] < told[-1] < 1
+
+
+def test_a_rudder_as_the_only_input_does_not_push(tmp_path):
+    log = Path(__file__).parents[2] / "tests" / "golden" / "tanker.csv"
+    model = hydroid.identify([str(log)], inputs="delta", methods="sindy", horizon="10s").best
+    assert model.roles == {"delta": "steering"}
+    trials = hydroid.manoeuvres(model, "turning-circle", steering=35)
+    assert trials.document["propulsion"] is None and "delta (steering)" in trials.document["no_propulsion"]
+    assert abs(trials.document["approach_speed_m_s"] - 1.786) < 0.02
+    with pytest.raises(ValueError, match="no input 'detla'|no such input"):
+        hydroid.manoeuvres(model, "turning-circle", role={"detla": "steering"})
+    with pytest.raises(ValueError, match="role"):
+        hydroid.manoeuvres(model, "turning-circle", role={"delta": "rudder"})

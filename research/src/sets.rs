@@ -126,6 +126,7 @@ impl Set {
             methods: methods.to_vec(),
             split: split(train, &runs[left_out], methods)?,
             reading: reading.clone(),
+            boat: hydroid::boat::Boat::default(),
             horizon: self.horizon(dt),
             origin_stride: 5,
             seed: 0,

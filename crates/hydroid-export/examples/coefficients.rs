@@ -105,6 +105,7 @@ fn launch() -> Result<Model, Failure> {
             outputs: outputs.iter().map(|channel| port(channel, -3.0, 3.0)).collect(),
             inputs: vec![port(&inputs[0], -5.0, 10.0), port(&inputs[1], -0.6, 0.6)],
             reading: Reading::default(),
+            boat: hydroid::boat::Boat::default(),
             provenance: Provenance {
                 hydroid: String::from(env!("CARGO_PKG_VERSION")),
                 seed: 0,

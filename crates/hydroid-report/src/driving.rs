@@ -2,7 +2,7 @@
 
 use hydroid::manoeuvre::{Comparison, Figure, Track, Trial, Trials};
 use hydroid::model::Model;
-use hydroid::plant::{self, InputMap, Motion, neutral};
+use hydroid::plant::{self, InputMap, Motion};
 use maud::{PreEscaped, html};
 use serde_json::{Value, json};
 
@@ -21,7 +21,7 @@ pub fn vessel(model: &Model, map: Result<&InputMap, &str>, length_m: Option<f64>
     let d = &model.description;
     let motion = Motion::of(model);
     let rest: Vec<f64> = plant::rest(model);
-    let zero = || d.inputs.iter().map(|port| neutral([port.range.low, port.range.high])).collect();
+    let zero = || hydroid::closed_loop::limits_of(model).iter().map(|limits| limits.rest).collect();
     let at_rest: Vec<f64> = map.map_or_else(|_| zero(), |map| map.command(0.0, 0.0));
     json!({
         "name": d.name,
@@ -47,7 +47,7 @@ pub fn trial(trial: &Trial, of: &Trials) -> Option<Value> {
     Some(json!({
         "title": trial.kind.title(&of.inputs),
         "approach_m_s": of.approach_speed_m_s,
-        "approach_percent": 100.0 * of.propulsion,
+        "approach_percent": of.propulsion.map(|propulsion| 100.0 * propulsion),
         "diverged_s": trial.diverged_s,
         "figures": trial.figures.iter().map(figure).collect::<Vec<Value>>(),
         "track": track(trial.tracks.first()?),

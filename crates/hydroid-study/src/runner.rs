@@ -173,6 +173,7 @@ impl<'a> Runner<'a> {
                     notes: Vec::new(),
                 },
                 reading: Reading::default(),
+                boat: hydroid::boat::Boat::default(),
                 horizon: plan.horizon,
                 origin_stride: 20,
                 seed,

@@ -49,7 +49,7 @@ class DriveView {
         make("div", { className: "map" }, this.canvas, make("p", { className: "hint", text: `${map ? DRIVE_TEXT.help : ""}${this.vessel.length_m ? "" : ` ${DRIVE_TEXT.scale}`}` })),
         make("div", { className: "side" },
           this.figures,
-          map ? make("div", {}, this.lever("push", DRIVE_TEXT.propulsion), this.lever("turn", DRIVE_TEXT.steering)) : "",
+          map ? make("div", {}, pushed(map) ? this.lever("push", DRIVE_TEXT.propulsion) : "", this.lever("turn", DRIVE_TEXT.steering)) : "",
           make("details", { open: !map }, make("summary", { text: DRIVE_TEXT.commands }), ...this.inputs()),
           make("details", {}, make("summary", { text: DRIVE_TEXT.water }), ...this.water()),
           make("p", {}, button(DRIVE_TEXT.restart, () => { this.restart(); this.canvas.focus({ preventScroll: true }); }), this.pauseButton, pace, make("label", { className: "check" }, follow, DRIVE_TEXT.follow))),
@@ -385,13 +385,19 @@ class DriveView {
   }
 }
 
+/** Whether an input pushes the vessel. */
+function pushed(map) {
+  return map.push.some((share) => share !== 0);
+}
+
 /** What trials of the document of `hydroid manoeuvre` show, side by side. */
 function trialsShown(trials, vessel) {
   const colours = ["model", "alarm", "ink", "command"];
   const tracks = trials.map(({ title, track }, i) => ({ name: title, colour: colours[i % colours.length], points: track }));
   const lasts = Math.max(...trials.map(({ track }) => track[track.length - 1][0]));
   const { judged_s } = vessel;
-  const notes = [DRIVE_TEXT.approach(figure(trials[0].approach_m_s, 3), figure(trials[0].approach_percent, 3))];
+  const { approach_m_s, approach_percent } = trials[0];
+  const notes = [approach_percent === null ? DRIVE_TEXT.ownSpeed(figure(approach_m_s, 3)) : DRIVE_TEXT.approach(figure(approach_m_s, 3), figure(approach_percent, 3))];
   if (judged_s && lasts > judged_s) notes.push(DRIVE_TEXT.beyond(figure(lasts, 2), figure(judged_s, 2)));
   for (const { title, diverged_s } of trials) if (diverged_s) notes.push(DRIVE_TEXT.divergedTrial(title, figure(diverged_s, 3)));
   if (trials.some(({ figures }) => figures.some((one) => one.interval))) notes.push(DRIVE_TEXT.members);

@@ -11,6 +11,7 @@ const DRIVE_TEXT = {
   outside: "* The model extrapolates here: the trial leaves the speeds and commands of its logs.",
   beyond: (lasts, judged) => `The trial lasts ${lasts} s; the model was judged on predictions ${judged} s ahead.`,
   divergedTrial: (title, s) => `${title}: the motion diverges after ${s} s.`,
+  ownSpeed: (speed) => `Approach at ${speed} m/s, the speed of the vessel: no input pushes it.`,
   approach: (speed, percent) => `Approach at ${speed} m/s, ${percent} % of the propulsion.`,
   inLogs: "Trials in the logs",
   scale: "The vessel is not drawn to scale: its length is not known.",

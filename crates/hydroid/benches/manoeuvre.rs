@@ -34,6 +34,7 @@ fn identified() -> &'static [Model] {
             methods: vec![Method::Sindy, Method::Committee],
             split: split_runs(vec![run]).unwrap(),
             reading: Reading::default(),
+            boat: hydroid::boat::Boat::default(),
             horizon: 100,
             origin_stride: 10,
             seed: 0,

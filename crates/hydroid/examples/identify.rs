@@ -22,6 +22,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         methods: vec![Method::Sindy],
         split: split_runs(vec![run])?,
         reading: Reading::default(),
+        boat: hydroid::boat::Boat::default(),
         horizon: 100,
         origin_stride: 10,
         seed: 0,

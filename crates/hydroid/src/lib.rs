@@ -1,7 +1,7 @@
 //! Identification, evaluation, adaptation and closed-loop simulation of vessel models from logs.
 //!
 //! Order of the modules, bottom to top; each imports only modules before it: `progress`, `log` (runs and their files),
-//! `excitation` (command sequences), `toml_file`, `atomic`, `fingerprint`, `evaluate` (multi-step errors of any model),
+//! `excitation` (command sequences), `toml_file`, `atomic`, `fingerprint`, `boat` (roles of inputs), `evaluate` (multi-step errors of any model),
 //! `navigate` (pose and velocities from raw sensors), `recording` (files of topics), `faults` (sensor faults), `simulate` (commands to logs), `craft` (vessel files with any actuators), `model` (identified models and their files),
 //! `plant` (models that run freely), `manoeuvre` (manoeuvring trials), `sindy`
 //! (sparse regression), `grey_box` (numbers of a vessel file from logs), `committee` (difference equations combined by cross-validation), `adapt` (online adaptation along a log), `train` (networks), `closed_loop` (controllers on a
@@ -13,6 +13,7 @@
 pub mod adapt;
 #[doc(hidden)]
 pub mod atomic;
+pub mod boat;
 pub mod closed_loop;
 pub mod committee;
 pub mod config;

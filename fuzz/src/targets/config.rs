@@ -80,6 +80,7 @@ pub fn config(bytes: &[u8]) {
         methods: vec![Method::Sindy],
         split,
         reading: Reading::default(),
+        boat: hydroid::boat::Boat::default(),
         horizon: 2,
         origin_stride: 1,
         seed: 1,

@@ -123,6 +123,7 @@ fn model(kind: &str, vessel: &VesselParams) -> anyhow::Result<Model> {
         methods: vec![method],
         split: Split { train, validation: Vec::new(), test: Vec::new(), notes: Vec::new() },
         reading: Reading::default(),
+        boat: hydroid::boat::Boat::default(),
         horizon: 100,
         origin_stride: 10,
         seed: 0,

@@ -79,6 +79,7 @@ fn components(vessel: &VesselParams, seed: u64) -> anyhow::Result<Vec<Component>
         methods: vec![Method::Sindy],
         split: Split { train, validation: Vec::new(), test: Vec::new(), notes: Vec::new() },
         reading: Reading::default(),
+        boat: hydroid::boat::Boat::default(),
         horizon: 100,
         origin_stride: 10,
         seed: 0,

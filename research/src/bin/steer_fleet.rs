@@ -54,7 +54,8 @@ fn steer(set: &Set, data: &Path, law: ControlMethod, [own, other]: [&[Method]; 2
     let scale = Scale::of(&response);
     let radius = 15.0 * scale.radius;
     let task = Task::LawnMower { leg: 2.0 * radius, spacing: 2.0 * radius, legs: 3, radius };
-    let acceleration = 0.1 * response.surge_gain_m_s / response.surge_time_s;
+    let surge = response.surge.ok_or_else(|| anyhow::anyhow!("no input pushes the vessel"))?;
+    let acceleration = 0.1 * surge.gain_m_s / surge.time_s;
     let pace = SpeedOptions { acceleration, ..SpeedOptions::cruise(response.speed_m_s) };
     let mut scenario = Scenario::new(plant, Track::new(&task, &pace)?);
     scenario.dt_s = own.description.dt;

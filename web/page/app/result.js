@@ -74,7 +74,7 @@ async function open(name, content, learnt = "") {
   if (vessel.motion === null) $("driving").replaceChildren(make("p", { className: "message", text: plain(vessel.not_driven) }));
   else {
     view = new DriveView($("driving"), vessel, trialButtons(vessel));
-    if (vessel.map) view.trials.append(approachChoice());
+    if (vessel.map && pushed(vessel.map)) view.trials.append(approachChoice());
     view.start();
   }
   say("drive-message", vessel.not_steered && vessel.motion ? plain(vessel.not_steered) : "");
@@ -83,7 +83,8 @@ async function open(name, content, learnt = "") {
 
 function trialButtons(vessel) {
   const simulated = (text, trial) => ({ text, run: () => simulate(trial, vessel) });
-  const list = vessel.map ? [simulated(TEXT.circle, "turning-circle"), simulated(TEXT.zigzag, "zigzag"), simulated(TEXT.stopping, "stopping")] : [];
+  const list = vessel.map ? [simulated(TEXT.circle, "turning-circle"), simulated(TEXT.zigzag, "zigzag")] : [];
+  if (vessel.map && pushed(vessel.map)) list.push(simulated(TEXT.stopping, "stopping"));
   if (state.result) list.push({ text: TEXT.inLogs, run: measured });
   return list;
 }
@@ -91,10 +92,12 @@ function trialButtons(vessel) {
 /** Shares of full propulsion for the approach to a trial [%], from that of the test speed of the IMO down. */
 const SHARES = [85, 60, 40, 25];
 
-/** A trial from a steady approach with the chosen share of the propulsion, or with the highest one that has a steady approach. */
+/** A trial from a steady approach with the chosen share of the propulsion, or with the highest one that has a steady approach. A
+ * vessel that no input pushes has one approach. */
 async function simulate(trial, vessel) {
   let highest = null;
-  for (const propulsion of state.propulsion ? [state.propulsion] : SHARES) {
+  const chosen = state.propulsion ? [state.propulsion] : SHARES;
+  for (const propulsion of pushed(vessel.map) ? chosen : [null]) {
     try {
       return trialsShown(await helm.call("trials", [{ trials: [trial], propulsion }]), vessel);
     } catch (error) {

@@ -8,6 +8,7 @@ use hydroid::config::{self, ZigzagAngles};
 use super::Duration;
 use super::LogArgs;
 use super::Pair;
+use super::RoleArgs;
 
 /// Trials.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -42,8 +43,9 @@ impl From<TrialName> for config::TrialName {
 /// Run manoeuvring trials of a vessel or of an identified model
 ///
 /// Turning circle, zigzag, pull-out, spiral, acceleration and stopping, as defined by IMO resolution MSC.137(76) and ITTC
-/// procedure 7.5-04-02-01. Each trial begins on a straight course at a steady speed. The inputs that push and turn the
-/// vessel are found from the model. Steering is stated in degrees if one input turns the vessel and is an angle, otherwise
+/// procedure 7.5-04-02-01. Each trial begins on a straight course at a steady speed. The roles of the inputs say which
+/// ones push and turn the vessel; the wind is calm. A vessel that no input pushes, as one with a constant shaft speed in its
+/// logs, has its own speed, and no trials of acceleration and stopping. Steering is stated in degrees if one input turns the vessel and is an angle, otherwise
 /// in percent of its range. Intervals are the 5 % and 95 % quantiles over the members of the model's ensemble or committee.
 #[derive(Debug, ClapArgs)]
 #[command(after_help = include_str!("help/manoeuvre.txt"))]
@@ -63,16 +65,18 @@ pub struct Manoeuvre {
     /// Zigzags: steering (degrees or percent) and change of heading [deg] (default: 10/10,20/20, where the steering suffices)
     #[arg(long, value_delimiter = ',', value_name = "STEERING/HEADING")]
     pub zigzag: Vec<ZigzagAngles>,
-    /// Steady speed of the approach through the water [m/s] (default: that of 85 % propulsion)
+    /// Steady speed of the approach through the water [m/s] (default: that of 85 % propulsion; a vessel that no input pushes has one speed)
     #[arg(long, value_name = "M_S", conflicts_with = "propulsion", allow_negative_numbers = true)]
     pub speed: Option<f64>,
     /// Propulsion of the approach, in percent of full ahead (default: 85, the test speed of the IMO)
     #[arg(long, value_name = "PERCENT", allow_negative_numbers = true)]
     pub propulsion: Option<f64>,
-    /// Inputs that push the vessel, separated by commas; -NAME pushes astern (default: found from the model)
+    #[command(flatten)]
+    pub roles: RoleArgs,
+    /// Inputs that push the vessel, separated by commas; -NAME pushes astern (default: by the roles of the inputs)
     #[arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)]
     pub push: Vec<String>,
-    /// Inputs that turn the vessel to starboard; -NAME turns to port (default: found from the model)
+    /// Inputs that turn the vessel to starboard; -NAME turns to port (default: by the roles of the inputs)
     #[arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)]
     pub turn: Vec<String>,
     /// Velocity of a constant current: north,east [m/s]; the approach heads north
@@ -100,6 +104,7 @@ impl Manoeuvre {
             zigzag: self.zigzag.clone(),
             speed: self.speed,
             propulsion: self.propulsion,
+            role: self.roles.roles(),
             push: self.push.clone(),
             turn: self.turn.clone(),
             current: self.current.0,

@@ -24,6 +24,7 @@ pub use export::{Export, Target};
 pub use hydroid::config::{Duration, Horizon};
 pub use hydroid_live::program::control::{AnswerArgs, Control};
 use hydroid_live::program::file::parse;
+pub use hydroid_live::program::roles::RoleArgs;
 pub use hydroid_live::program::values::{Learner, NamedNumber, NamedRange, Pair};
 pub use identify::Identify;
 pub use live::Live;
@@ -125,10 +126,12 @@ pub struct Simulate {
     /// Identified model: file of a figure (.svg) with the simulated track, those of the model's members, and the measured one
     #[arg(long, value_name = "FILE")]
     pub figure: Option<PathBuf>,
-    /// Identified model: inputs that push the vessel, for mixed; -NAME pushes astern (default: found from the model)
+    #[command(flatten)]
+    pub roles: RoleArgs,
+    /// Identified model: inputs that push the vessel, for mixed; -NAME pushes astern (default: by their roles)
     #[arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)]
     pub push: Vec<String>,
-    /// Identified model: inputs that turn the vessel to starboard, for mixed; -NAME turns to port (default: found)
+    /// Identified model: inputs that turn the vessel to starboard, for mixed; -NAME turns to port (default: by their roles)
     #[arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)]
     pub turn: Vec<String>,
     /// Lawn-mower: length of a leg [m]
@@ -169,6 +172,7 @@ impl Simulate {
             current: self.current.map(|current| current.0),
             process_noise: self.process_noise,
             start: self.start,
+            role: self.roles.roles(),
             push: self.push.clone(),
             turn: self.turn.clone(),
             leg: self.leg,

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
 
-use super::{EvaluationArgs, LogArgs};
+use super::{EvaluationArgs, LogArgs, RoleArgs};
 
 /// Write a page about a model: what it is, its errors on logs, its trials; on it, the model can be driven
 ///
@@ -29,10 +29,12 @@ pub struct Report {
     /// Length of the ship [m]: adds the criteria of IMO resolution MSC.137(76)
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub length: Option<f64>,
-    /// Inputs that push the vessel, separated by commas; -NAME pushes astern (default: found from the model)
+    #[command(flatten)]
+    pub roles: RoleArgs,
+    /// Inputs that push the vessel, separated by commas; -NAME pushes astern (default: by the roles of the inputs)
     #[arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)]
     pub push: Vec<String>,
-    /// Inputs that turn the vessel to starboard; -NAME turns to port (default: found from the model)
+    /// Inputs that turn the vessel to starboard; -NAME turns to port (default: by the roles of the inputs)
     #[arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)]
     pub turn: Vec<String>,
     #[command(flatten)]

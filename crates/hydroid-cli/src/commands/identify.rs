@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use hydroid::atomic::{self, Lock};
+use hydroid::boat::Input;
 use hydroid::config::{self, Config, Logs};
 use hydroid::craft::CraftFile;
 use hydroid::excitation::Excitation;
@@ -12,7 +13,7 @@ use hydroid::identify::{
     self, Candidate, EnsembleSize, IdentifyResult, Job, RefineOption, SindyOptions, Training,
 };
 use hydroid::log::Note;
-use hydroid::model;
+use hydroid::model::{self, Model};
 use hydroid::simulate::Options;
 use hydroid_core::vessel::VesselParams;
 use hydroid_report::Context;
@@ -139,7 +140,10 @@ fn vessel(path: &Path) -> anyhow::Result<CraftFile> {
 
 /// The command line takes precedence over the file.
 fn apply(args: &Identify, config: &mut Config) -> anyhow::Result<()> {
-    let Config { identify, sindy, ranges, .. } = config;
+    let Config { boat, identify, sindy, ranges, .. } = config;
+    for (name, role) in args.roles.roles() {
+        boat.inputs.insert(name, Input { role, found: None });
+    }
     identify.seed = args.seed.or(identify.seed);
     identify.budget = args.budget.or(identify.budget);
     identify.horizon = args.horizon.or(identify.horizon);
@@ -290,6 +294,25 @@ fn show_ranges(identified: &IdentifyResult) {
     }
 }
 
+/// The role of each input, and how it was found.
+fn show_boat(model: &Model) {
+    let d = &model.description;
+    if d.inputs.is_empty() {
+        return;
+    }
+    outln!("\nroles of the inputs of {}:", d.name);
+    for port in &d.inputs {
+        let name = &port.channel.name;
+        match d.boat.inputs.get(name) {
+            Some(Input { role, found: None }) => outln!("  {name:<12} {:<12} stated", role.name()),
+            Some(Input { role, found: Some(found) }) => {
+                outln!("  {name:<12} {:<12} found: {found}", role.name());
+            }
+            None => outln!("  {name:<12} {:<12} state it, as in --role {name}=setting", "unknown"),
+        }
+    }
+}
+
 /// The runs on which a model is judged.
 fn judged_on(candidate: &Candidate) -> &'static str {
     if candidate.test.is_some() {
@@ -345,6 +368,7 @@ fn show(folder: &Path, identified: &IdentifyResult) {
         ui::write_out(format_args!("{}", table::errors(candidate.judged())));
     }
     show_ranges(identified);
+    show_boat(&identified.candidates[identified.best.unwrap_or(0)].model);
     let shown = identified.best.unwrap_or(0);
     let on = judged_on(&identified.candidates[shown]);
     let best = identified.best.map(|best| identified.candidates[best].model.description.name.as_str());

@@ -2,7 +2,7 @@
 
 use anyhow::{Context as _, bail};
 use hydroid::atomic::{self, Lock};
-use hydroid::manoeuvre::{self, Comparison, Trial, Trials};
+use hydroid::manoeuvre::{self, Comparison, LeftOut, Trial, Trials};
 use hydroid::model::{self, Model};
 use hydroid_report::{ComparisonReport, ManoeuvreReport};
 use serde_json::json;
@@ -131,6 +131,9 @@ fn print(model: &Model, trials: &Trials) {
         }
         print_limits(trial);
     }
+    for LeftOut { trial, reason } in &trials.left_out {
+        outln!("\n{trial}: left out, because {reason}");
+    }
 }
 
 fn print_limits(trial: &Trial) {
@@ -172,5 +175,10 @@ fn manoeuvre_approach(model: &Model, trials: &Trials) -> String {
             format!("{} {value:.2} {unit}", port.channel.name).trim_end().to_owned()
         })
         .collect();
-    format!("approach: {:.3} m/s through the water with {}", trials.approach_speed_m_s, commands.join(", "))
+    let reason = trials.no_propulsion.as_ref().map(|reason| format!(" ({reason})")).unwrap_or_default();
+    format!(
+        "approach: {:.3} m/s through the water with {}{reason}",
+        trials.approach_speed_m_s,
+        commands.join(", ")
+    )
 }

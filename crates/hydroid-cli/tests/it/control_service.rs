@@ -1,6 +1,7 @@
 //! `hydroid control MODEL .. -`: a client closes the loop around a simulated boat, line by line.
 
-use std::io::Write;
+use std::fmt::Write as _;
+use std::io::Write as _;
 use std::process::Stdio;
 
 use hydroid_core::vessel::{Command, Plant, State, VesselParams};
@@ -255,5 +256,58 @@ fn commands_have_any_names() {
     let mut service = Service::start(folder.path(), &serve);
     let answer = service.ask(r#"{"t":0,"x":0,"y":0,"psi":0,"u":1.0,"v":0,"r":0}"#);
     assert!(answer["command"]["thrust"].is_f64() && answer["command"]["steering"].is_f64(), "{answer}");
+    service.kill();
+}
+
+/// `du/dt = 0.1 n - 0.1 u + 0.02 wind_x`, `dv/dt = -0.3 v - 0.5 r`, `dr/dt = 0.1 delta - 0.2 r + 0.01 wind_y`, in a wind that is never calm.
+fn log_in_wind() -> String {
+    let mut log = String::from("t,u [m/s],v [m/s],r [rad/s],n,delta [rad],ws [m/s],wd [rad]\n");
+    let (mut u, mut v, mut r, mut random) = (1.0_f64, 0.0_f64, 0.0_f64, 1_u64);
+    let mut noise = || {
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (random >> 40) as f64 / f64::from(1 << 24) - 0.5
+    };
+    let (mut n, mut delta, mut speed, mut direction) = (1.0_f64, 0.0_f64, 3.0_f64, 1.0_f64);
+    for k in 0..2_400 {
+        if k % 23 == 0 {
+            (n, delta) = (2.0 + 3.0 * noise(), noise());
+        }
+        speed = (speed + 0.4 * noise()).clamp(2.0, 5.0);
+        direction = (direction + 0.2 * noise()).clamp(0.5, 2.5);
+        let [du, dv, dr] = [0.02 * noise(), 0.02 * noise(), 0.004 * noise()];
+        let t = 0.5 * f64::from(k);
+        writeln!(log, "{t},{},{},{},{n},{delta},{speed},{direction}", u + du, v + dv, r + dr).unwrap();
+        let (x, y) = (speed * speed * direction.cos(), speed * speed * direction.sin());
+        for _ in 0..10 {
+            u += 0.05 * (0.1 * n - 0.1 * u + 0.02 * x);
+            v += 0.05 * (-0.3 * v - 0.5 * r);
+            r += 0.05 * (0.1 * delta - 0.2 * r + 0.01 * y);
+        }
+    }
+    log
+}
+
+#[test]
+fn the_wind_is_no_command_of_an_answer() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("wind.csv"), log_in_wind()).unwrap();
+    let args =
+        ["identify", "wind.csv", "--inputs", "n,delta", "--wind", "ws,wd", "--methods", "sindy", "-o", "out"];
+    let output = hydroid(folder.path(), &args).output().unwrap();
+    let printed = text(&output.stdout);
+    assert_eq!(output.status.code(), Some(0), "{printed}{}", text(&output.stderr));
+    assert!(printed.contains("wind_x       disturbance  found: its name"), "{printed}");
+    let model = "out/sindy.safetensors";
+    let refused = hydroid(folder.path(), &["control", model, "--controller", "fl"]).output().unwrap();
+    assert!(text(&refused.stderr).contains("'wind_x' is a disturbance"), "{}", text(&refused.stderr));
+    let args = ["control", model, "--task", "circle", "--horizons", "10", "-"];
+    let mut service = Service::start(folder.path(), &args);
+    for k in 0..20 {
+        let line = json!({ "t": 0.5 * f64::from(k), "x": 0.5 * f64::from(k), "y": -5.0, "psi": 0.0, "u": 1.0, "v": 0.0, "r": 0.0 });
+        let answer = service.ask(&line.to_string());
+        let names: Vec<&String> = answer["command"].as_object().unwrap().keys().collect();
+        assert_eq!(names, ["delta", "n"], "{answer}");
+        assert!(answer["command"]["n"].is_number(), "{answer}");
+    }
     service.kill();
 }

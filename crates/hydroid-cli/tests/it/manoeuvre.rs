@@ -251,3 +251,49 @@ fn wrong_input_is_refused_with_a_remedy() {
     fs::write(folder.path().join("log.csv"), "t,u\n0,1\n").unwrap();
     refused(folder.path(), &["manoeuvre", "log.csv"], "log.csv");
 }
+
+#[test]
+fn a_tanker_whose_only_input_is_its_rudder_runs_trials_at_the_speed_of_its_log() {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    let log = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/golden/tanker.csv");
+    let log = log.to_str().unwrap();
+    let args = ["identify", log, "--inputs", "delta", "--methods", "sindy", "--horizon", "10s", "-o", "out"];
+    let output = hydroid(folder, &args);
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(output.status.code(), Some(0), "{text}{}", String::from_utf8_lossy(&output.stderr));
+    assert!(
+        text.contains("roles of the inputs of sindy:\n  delta        steering     found: its name\n"),
+        "{text}"
+    );
+    let summary: Value =
+        serde_json::from_str(&fs::read_to_string(folder.join("out/identify.json")).unwrap()).unwrap();
+    assert_eq!(summary["models"][0]["boat"]["inputs"]["delta"]["role"], "steering");
+
+    let model = "out/sindy.safetensors";
+    let document = json(&hydroid(folder, &["manoeuvre", model, "-o", "trials", "--json"]));
+    assert!((document["approach_speed_m_s"].as_f64().unwrap() - 1.786).abs() < 0.02);
+    assert_eq!(document["propulsion"], Value::Null);
+    assert_eq!(document["no_propulsion"], "no input pushes the vessel: delta (steering)");
+    assert_eq!(document["left_out"][1]["trial"], "stopping");
+    let printed = hydroid(folder, &["manoeuvre", model]);
+    let printed = String::from_utf8_lossy(&printed.stdout).into_owned();
+    assert!(printed.contains("(no input pushes the vessel: delta (steering))"), "{printed}");
+    assert!(printed.contains("acceleration: left out, because no input pushes"), "{printed}");
+    for (args, words) in [
+        (&["--speed", "1.2"][..], "the steady speed of the vessel is 1.7"),
+        (&["--propulsion", "50"], "no input pushes the vessel"),
+        (&["--trial", "stopping"], "acceleration and stopping need propulsion"),
+        (&["--role", "delta=propulsion"], "no input of this model pushes the vessel"),
+        (&["--role", "detla=steering"], "did you mean 'delta'?"),
+        (&["--role", "delta=rudder"], "'rudder' is not a role"),
+    ] {
+        refused(folder, &[&["manoeuvre", model][..], args].concat(), words);
+    }
+    refused(folder, &["control", model, "--controller", "pid"], "pid holds the speed");
+    let args = ["simulate", model, "--duration", "60", "-o", "-"];
+    let simulated = hydroid(folder, &args);
+    assert_eq!(simulated.status.code(), Some(0), "{}", String::from_utf8_lossy(&simulated.stderr));
+    let args = ["report", model, "--interactive", "-o", "page.html"];
+    assert_eq!(hydroid(folder, &args).status.code(), Some(0));
+}

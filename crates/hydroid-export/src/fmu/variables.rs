@@ -1,7 +1,8 @@
 //! The variables of an FMU, in one order for the description and for the library.
 
+use hydroid::closed_loop::limits_of;
 use hydroid::model::{Model, Port};
-use hydroid::plant::{Motion, neutral, rest};
+use hydroid::plant::{Motion, rest};
 
 use super::continuous::{Continuous, Hidden};
 use crate::name::identifiers;
@@ -154,15 +155,17 @@ fn channels(model: &Model, hidden: &[Hidden], moves: bool) -> Vec<Variable> {
             Variable { role, name: name.to_owned(), description, unit: unit.to_owned(), start, nominal }
         };
     let water = if moves { ", through the water where it is a velocity" } else { "" };
+    let limits = limits_of(model);
     let idle: Vec<f64> = match model.craft() {
         Some(craft) => craft.commands.iter().map(|command| command.neutral).collect(),
-        None => d.inputs.iter().map(|port| neutral([port.range.low, port.range.high])).collect(),
+        None => limits.iter().map(|limits| limits.rest).collect(),
     };
     let still = rest(model);
     let mut all = vec![variable(Role::Time, "time", String::from("time"), "s", None, 1.0)];
     for (i, (port, start)) in d.inputs.iter().zip(&idle).enumerate() {
         let channel = &port.channel;
-        let text = format!("command {}", channel.name);
+        let what = if limits[i].are_held() { "input" } else { "command" };
+        let text = format!("{what} {}", channel.name);
         all.push(variable(Role::Input(i), &channel.name, text, &channel.unit, Some(*start), nominal(port)));
     }
     for (i, port) in d.outputs.iter().enumerate() {

@@ -36,6 +36,7 @@ pub(crate) fn model(name: &str, body: Body) -> Model {
             outputs: vec![port("u", "m/s"), port("v", "m/s"), port("r", "rad/s")],
             inputs: vec![port("n", "1/s"), port("delta", "rad")],
             reading: Reading::default(),
+            boat: hydroid::boat::Boat::default(),
             provenance: Provenance {
                 hydroid: String::from("0.2.0"),
                 seed: 0,

@@ -40,6 +40,7 @@ pub(crate) fn model(body: Body) -> Model {
         outputs,
         inputs,
         reading: Reading::default(),
+        boat: hydroid::boat::Boat::default(),
         provenance,
         bands: None,
         current: None,

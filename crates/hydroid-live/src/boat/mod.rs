@@ -30,6 +30,7 @@ use std::sync::mpsc::{Receiver, TryRecvError};
 
 use hydroid::log::LogError;
 use hydroid::model::Model;
+use hydroid::plant::InputMap;
 use hydroid::recording::{LiveInputs, LiveMotion, LiveTopics};
 
 use crate::experiment::Explored;
@@ -214,9 +215,28 @@ impl<L: Link> Boat<L> {
             self.motion.change_sensors(&self.topics, sensors)?;
             self.position_check = PositionCheck::new(&self.topics, sensors)?;
         }
+        self.take_roles(&on_board.model);
         self.previous = self.active.replace(on_board);
         self.update_learning();
         Ok(())
+    }
+
+    /// Inputs push and turn the boat as the model knows, unless the settings state it.
+    fn take_roles(&mut self, model: &Model) {
+        if !(self.settings.push.is_empty() && self.settings.turn.is_empty()) {
+            return;
+        }
+        let Ok(map) = InputMap::find(model) else { return };
+        let names = |shares: &[f64]| {
+            let share = |(name, share): (&String, &f64)| match *share {
+                share if share > 0.0 => Some(name.clone()),
+                share if share < 0.0 => Some(format!("-{name}")),
+                _ => None,
+            };
+            map.names.iter().zip(shares).filter_map(share).collect()
+        };
+        (self.settings.push, self.settings.turn) = (names(&map.push), names(&map.turn));
+        self.explored = steering::explored(&self.link, &self.settings, self.commands.columns());
     }
 
     /// Says something to the crew, and records it.

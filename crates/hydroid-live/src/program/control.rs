@@ -8,6 +8,7 @@ use clap::{Args as ClapArgs, ValueEnum};
 
 use hydroid::config::Duration;
 
+use super::roles::RoleArgs;
 use super::values::{Learner, NamedNumber, NamedRange, Pair, Points, Triple};
 
 /// Controllers.
@@ -156,13 +157,17 @@ pub struct ControllerArgs {
     /// Limits of a command, in its unit (default: those of the plant's file, or its training range). May be repeated
     #[arg(long, value_name = "NAME=LOW:HIGH", allow_hyphen_values = true)]
     pub limit: Vec<NamedRange>,
-    /// Value of a command at rest, in its unit (default: 0, or the middle of a range without 0). May be repeated
+    /// Value of a command at rest, in its unit (default: 0, or the middle of a range without 0); value of an input that is not
+    /// commanded, as of the wind (default: 0). May be repeated
     #[arg(long, value_name = "NAME=VALUE", allow_hyphen_values = true)]
     pub neutral: Vec<NamedNumber>,
-    /// pid: inputs that push the vessel, separated by commas; -NAME pushes astern (default: found from the model)
+    /// Roles of inputs.
+    #[command(flatten)]
+    pub roles: RoleArgs,
+    /// pid: inputs that push the vessel, separated by commas; -NAME pushes astern (default: by the roles of the inputs)
     #[arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)]
     pub push: Vec<String>,
-    /// pid: inputs that turn the vessel to starboard; -NAME turns to port (default: found from the model)
+    /// pid: inputs that turn the vessel to starboard; -NAME turns to port (default: by the roles of the inputs)
     #[arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)]
     pub turn: Vec<String>,
 }

@@ -11,6 +11,7 @@ pub mod control;
 pub mod file;
 mod identification;
 pub mod interrupt;
+pub mod roles;
 mod session;
 pub mod text;
 pub mod values;

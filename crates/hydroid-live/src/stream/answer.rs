@@ -54,15 +54,16 @@ impl Status {
 #[derive(Clone, Debug)]
 pub(super) struct Writer {
     line: Vec<u8>,
-    /// Names of the outputs and of the inputs as JSON keys.
+    /// Names of the outputs as JSON keys.
     keys: Vec<Vec<u8>>,
-    inputs: Vec<Vec<u8>>,
+    /// Places and names of the inputs that are commanded.
+    commands: Vec<(usize, Vec<u8>)>,
 }
 
 impl Writer {
     pub(super) fn new<'a>(
         outputs: impl Iterator<Item = &'a str>,
-        inputs: impl Iterator<Item = &'a str>,
+        commands: impl Iterator<Item = (usize, &'a str)>,
     ) -> Self {
         let key = |name: &str| {
             let mut key = Vec::new();
@@ -70,7 +71,8 @@ impl Writer {
             key.push(b':');
             key
         };
-        Self { line: Vec::new(), keys: outputs.map(key).collect(), inputs: inputs.map(key).collect() }
+        let commands = commands.map(|(place, name)| (place, key(name))).collect();
+        Self { line: Vec::new(), keys: outputs.map(key).collect(), commands }
     }
 
     pub(super) fn begin(&mut self, line: u64, t: Option<f64>, status: Status, note: &str) {
@@ -92,9 +94,9 @@ impl Writer {
     pub(super) fn steering(&mut self, pilot: &Pilot, used: bool) {
         let line = &mut self.line;
         line.extend_from_slice(b",\"command\":{");
-        for (i, (key, value)) in self.inputs.iter().zip(pilot.command()).enumerate() {
+        for (i, (place, key)) in self.commands.iter().enumerate() {
             entry(line, key, i == 0);
-            number(line, *value);
+            number(line, pilot.command()[*place]);
         }
         let _ = write!(line, "}},\"control\":\"{}\"", pilot.status());
         let Some(Guided { reference, distance, cross_track, .. }) = pilot.guided().filter(|_| used) else {

@@ -11,10 +11,12 @@ use super::line::Sample;
 use super::session::{Session, Transition};
 use super::{StreamError, names};
 use hydroid::adapt::events::EventText;
+use hydroid::boat::Role;
 use hydroid::closed_loop::{Pilot, longest_gap};
 use hydroid::evaluate::DesignRange;
 use hydroid::log::{CommandTiming, LogError, PrepareOptions};
 use hydroid::model::{Model, Port};
+use hydroid::plant::find_roles;
 
 /// From this gap on \[s\], a time without a unit is probably not in seconds.
 const DOUBTFUL_S: f64 = 30.0;
@@ -29,6 +31,13 @@ fn bounds(port: &Port) -> [f64; 2] {
     let trained = port.training_range.map_or(0.0, |range| range.high - range.low);
     let scale = [high - low, trained, low.abs(), high.abs(), 1.0].into_iter().fold(0.0, f64::max);
     [low - MOST_WIDTHS * scale, high + MOST_WIDTHS * scale]
+}
+
+/// Places and names of the inputs that are commanded.
+fn commanded(model: &Model) -> impl Iterator<Item = (usize, &str)> {
+    let boat = find_roles(model);
+    let names = model.description.inputs.iter().map(|port| port.channel.name.as_str());
+    names.enumerate().filter(move |(_, name)| boat.role(name).is_none_or(Role::is_commanded))
 }
 
 /// A model with its adapter along the samples of a vessel.
@@ -64,7 +73,7 @@ impl Follower {
             commands: Commands::new(adapter.inputs(), dt, options.command_timing, options.input_delay)?,
             writer: Writer::new(
                 model.description.outputs.iter().map(|port| port.channel.name.as_str()),
-                model.description.inputs.iter().map(|port| port.channel.name.as_str()),
+                commanded(model),
             ),
             session: Session::new(adapter, horizons.to_vec(), dt),
             model: model.clone(),

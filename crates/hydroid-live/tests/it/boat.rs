@@ -46,6 +46,7 @@ pub(crate) fn model() -> Model {
             outputs: vec![port("u", "m/s"), port("r", "rad/s")],
             inputs: vec![port("n", ""), port("delta", "rad")],
             reading,
+            boat: hydroid::boat::Boat::default(),
             provenance: Provenance {
                 hydroid: "0.1.0".to_owned(),
                 seed: 0,

@@ -51,6 +51,7 @@ fn job() -> Job {
             notes: vec![Note::warning("split <by hand>").with_remedy("give more runs")],
         },
         reading: Reading::default(),
+        boat: hydroid::boat::Boat::default(),
         horizon: 20,
         origin_stride: 5,
         seed: 7,

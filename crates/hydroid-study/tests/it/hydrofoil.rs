@@ -36,6 +36,7 @@ fn from_ten_minutes(vessel: &VesselParams, seed: u64) -> (IdentifyResult, Evalua
         methods: vec![Method::Sindy],
         split,
         reading: Reading::default(),
+        boat: hydroid::boat::Boat::default(),
         horizon: 100,
         origin_stride: 20,
         seed: 0,

@@ -5,6 +5,7 @@ use hydroid_core::guidance::PathError;
 use hydroid_core::vessel::InvalidParams;
 
 use crate::adapt::AdaptError;
+use crate::boat::Role;
 use crate::manoeuvre::ManoeuvreError;
 use crate::model::NotInvertible;
 use crate::plant::PlantError;
@@ -71,6 +72,14 @@ pub enum ClosedLoopError {
         "no gains of the autopilot hold this track: give a larger --radius, a lower --turn-speed or a lower --speed"
     )]
     Untunable,
+    #[error(
+        "pid holds the speed, and {0}: use cem, or state the input that pushes the vessel, as in --role NAME=propulsion"
+    )]
+    NoPropulsion(String),
+    #[error(
+        "{law} cannot be used with this model: '{input}' is a {role}, which cannot be commanded, and the law solves for all inputs. Use cem or pid"
+    )]
+    NotCommanded { law: &'static str, input: String, role: Role },
     #[error("interrupted")]
     Cancelled,
 }

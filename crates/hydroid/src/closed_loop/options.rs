@@ -22,8 +22,10 @@ use super::reference::Timing;
 use super::scale::Scale;
 use super::session_model::{SessionModel, WithSession};
 use crate::adapt;
+use crate::boat::Input;
 use crate::log::{Channel, Trajectory};
 use crate::model::Model;
+use crate::plant::find_roles;
 
 /// Horizon of the planner for a vessel of another size \[commands\], and the time of one for the boat \[s\].
 const COMMANDS: usize = 40;
@@ -225,6 +227,13 @@ impl ControllerOptions {
         let model = self.model.as_deref().ok_or(ClosedLoopError::NoModel { law })?;
         let refused = |error| ClosedLoopError::not_invertible(error, law);
         let channels = ChannelMap::of(&model.description, &self.instruments)?;
+        if self.method != ControlMethod::CrossEntropy {
+            let boat = find_roles(model);
+            let held = boat.inputs.iter().find(|(_, input)| !input.role.is_commanded());
+            if let Some((name, Input { role, .. })) = held {
+                return Err(ClosedLoopError::NotCommanded { law, input: name.clone(), role: *role });
+            }
+        }
         match self.method {
             ControlMethod::FeedbackLinearization => {
                 let settings = FeedbackLinearizationOptions {

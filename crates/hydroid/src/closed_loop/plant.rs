@@ -12,7 +12,7 @@ use super::perturbed::PerturbedPlant;
 use super::simulated::SimulatedModel;
 use crate::log::Channel;
 use crate::model::Model;
-use crate::plant::PlantError;
+use crate::plant::{PlantError, find_roles, held};
 
 /// The vessel that a closed loop steers. The controller does not know it.
 #[derive(Clone, Debug)]
@@ -101,8 +101,8 @@ impl TruePlant {
         }
     }
 
-    /// Limits of the commands: those of the vessel, or the ranges of the model's inputs. At rest, a command is 0 or, if 0 is
-    /// outside its range, in the middle.
+    /// Limits of the commands: those of the vessel, or those of the [model's inputs](limits_of). At rest, a command is 0 or, if
+    /// 0 is outside its range, in the middle.
     pub fn limits(&self) -> Vec<Limits> {
         match self {
             Self::Vessel(params) => hydroid_core::control::AffinePlant::limits(params).to_vec(),
@@ -111,10 +111,15 @@ impl TruePlant {
     }
 }
 
-/// Limits of the inputs of a model: their ranges, and the limits of the rates that the model states.
+/// Limits of the inputs of a model: their ranges, and the limits of the rates that the model states. An input that is not
+/// commanded has one value: the wind is calm.
 pub fn limits_of(model: &Model) -> Vec<Limits> {
+    let boat = find_roles(model);
     let limits = |port: &crate::model::Port| {
         let range = [port.range.low, port.range.high];
+        if let Some(role) = boat.role(&port.channel.name).filter(|role| !role.is_commanded()) {
+            return Limits::held(held(role, range));
+        }
         let limits = Limits::between(range).with_rest(crate::plant::neutral(range));
         port.rate_limit.map_or(limits, |rate| limits.with_rate(rate))
     };

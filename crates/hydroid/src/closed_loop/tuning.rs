@@ -85,7 +85,10 @@ pub fn tune_autopilot(
     scenario.check_from(from_s)?;
     let response = Response::of(&*scenario.plant.model(scenario.dt_s)?, inputs, cruise)?;
     let Response { yaw_gain_rad_s: gain, yaw_time_s: time, .. } = response;
-    let proportional = |ratio: f64| ratio / response.surge_gain_m_s;
+    let (Some(surge), Some(propulsion)) = (response.surge, response.propulsion) else {
+        return Err(ClosedLoopError::NoPropulsion(inputs.no_propulsion().unwrap_or_default()));
+    };
+    let proportional = |ratio: f64| ratio / surge.gain_m_s;
     let mut grid = Vec::new();
     for omega in OMEGA.map(|omega| omega / time) {
         for lookahead in LOOKAHEAD.map(|share| share * cruise / omega) {
@@ -99,7 +102,7 @@ pub fn tune_autopilot(
     }
     let gains = |point: &GridPoint| {
         let heading = HeadingGains::nomoto(gain, time, point.omega, ZETA, cruise);
-        let closed_s = response.surge_time_s / (1.0 + point.proportional * response.surge_gain_m_s);
+        let closed_s = surge.time_s / (1.0 + point.proportional * surge.gain_m_s);
         let options = AutopilotOptions {
             line_of_sight: LineOfSightOptions { lookahead: point.lookahead, integral: point.sigma },
             // At low frequencies the vessel's own damping exceeds the required one.
@@ -111,10 +114,7 @@ pub fn tune_autopilot(
             speed: SpeedGains {
                 proportional: point.proportional,
                 integral: point.proportional / (INTEGRAL_TIME * closed_s),
-                trim: [
-                    response.propulsion - response.speed_m_s / response.surge_gain_m_s,
-                    1.0 / response.surge_gain_m_s,
-                ],
+                trim: [propulsion - response.speed_m_s / surge.gain_m_s, 1.0 / surge.gain_m_s],
             },
             steerage: 0.1 * cruise,
             tolerance: scenario.tolerance,

@@ -1,5 +1,6 @@
 //! Errors of settings.
 
+use crate::boat::BoatError;
 use crate::log::LogError;
 use crate::manoeuvre::ManoeuvreError;
 use crate::model::{Mismatch, ModelError};
@@ -21,6 +22,8 @@ pub enum SettingError {
     UnknownPlant { name: String },
     #[error("{file} must have a time column and {needed}: {source}")]
     Commands { file: String, needed: String, source: Box<LogError> },
+    #[error(transparent)]
+    Boat(#[from] BoatError),
     #[error(transparent)]
     Log(#[from] LogError),
     #[error(transparent)]

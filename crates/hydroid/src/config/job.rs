@@ -59,7 +59,16 @@ impl Config {
         let cross_validated =
             logs.validate.is_empty() && methods.iter().all(|method| method.is_cross_validated());
         let (split, reading, notes) = split(logs, &reading, cross_validated)?;
-        let Self { identify, sindy, network, lstm, gru, rnn, direct, affine, ranges, .. } = self;
+        let Self { boat, identify, sindy, network, lstm, gru, rnn, direct, affine, ranges, .. } = self;
+        let run = logs.train.first().map(|log| log.path.clone());
+        if let Some(first) = split.train.first() {
+            let names: Vec<&str> = first.inputs.channels().iter().map(|c| c.name.as_str()).collect();
+            boat.check(&names).map_err(|error| LogError::Unusable {
+                path: run.unwrap_or_default(),
+                reason: error.to_string(),
+                remedy: String::from("correct it in [boat.inputs], or name it among the inputs"),
+            })?;
+        }
         let dt = split.train.first().map_or(1.0, |run| run.dt);
         let horizon = match identify.horizon {
             Some(horizon) => horizon.samples(dt),
@@ -72,6 +81,7 @@ impl Config {
                 .unwrap_or_else(|| default_origin_stride(&split, cross_validated)),
             split,
             reading,
+            boat,
             horizon,
             seed: identify.seed.unwrap_or(0),
             ranges,

@@ -6,7 +6,8 @@ use serde::{Deserialize, Deserializer};
 
 use super::Duration;
 use super::error::SettingError;
-use crate::manoeuvre::{ManoeuvreError, Options, TrialKind, TrialOptions, Trials, trials};
+use crate::boat::Roles;
+use crate::manoeuvre::{LeftOut, ManoeuvreError, Options, TrialKind, TrialOptions, Trials, trials};
 use crate::model::Model;
 use crate::plant::InputMap;
 use crate::progress::Progress;
@@ -88,9 +89,11 @@ pub struct Manoeuvre {
     pub speed: Option<f64>,
     /// Propulsion of the approach, in percent of full ahead; default 85.
     pub propulsion: Option<f64>,
-    /// Inputs that push the vessel; `-NAME` pushes astern. Default: found from the model.
+    /// Roles of inputs, in place of those of the model.
+    pub role: Roles,
+    /// Inputs that push the vessel; `-NAME` pushes astern. Default: by the roles of the inputs.
     pub push: Vec<String>,
-    /// Inputs that turn the vessel to starboard; `-NAME` turns to port. Default: found from the model.
+    /// Inputs that turn the vessel to starboard; `-NAME` turns to port. Default: by the roles of the inputs.
     pub turn: Vec<String>,
     /// Velocity of the water, north and east \[m/s\].
     pub current: [f64; 2],
@@ -109,6 +112,8 @@ pub struct TrialPlan {
     pub kinds: Vec<TrialKind>,
     /// Options.
     pub options: TrialOptions,
+    /// Trials that the vessel cannot do.
+    pub left_out: Vec<LeftOut>,
 }
 
 impl TrialPlan {
@@ -117,7 +122,8 @@ impl TrialPlan {
     /// # Errors
     /// See [`trials`].
     pub fn run(&self, model: &Model, progress: Progress<'_>) -> Result<Option<Trials>, ManoeuvreError> {
-        trials(model, &self.map, &self.kinds, &self.options, progress)
+        let found = trials(model, &self.map, &self.kinds, &self.options, progress)?;
+        Ok(found.map(|found| Trials { left_out: self.left_out.clone(), ..found }))
     }
 }
 
@@ -131,10 +137,21 @@ impl Manoeuvre {
     /// # Errors
     /// If the inputs of the model cannot be found, or an option is out of range.
     pub fn plan(&self, model: &Model) -> Result<TrialPlan, SettingError> {
-        let map = InputMap::with(model, &self.push, &self.turn)?;
+        let map = InputMap::with(&model.clone().with_roles(&self.role)?, &self.push, &self.turn)?;
         let kinds = self.kinds(&map)?;
         let options = self.options()?;
-        Ok(TrialPlan { map, kinds, options })
+        let no_propulsion = map.no_propulsion();
+        if let (Some(reason), Some(percent)) = (&no_propulsion, self.propulsion) {
+            return wrong(format!("--propulsion {percent}: {reason}; leave it out"));
+        }
+        let left_out = match no_propulsion {
+            Some(reason) if self.trials.is_empty() => {
+                let left_out = |trial| LeftOut { trial, reason: reason.clone() };
+                ["acceleration", "stopping"].map(left_out).to_vec()
+            }
+            _ => Vec::new(),
+        };
+        Ok(TrialPlan { map, kinds, options, left_out })
     }
 
     fn kinds(&self, map: &InputMap) -> Result<Vec<TrialKind>, SettingError> {
@@ -156,6 +173,7 @@ impl Manoeuvre {
         let usual = if unit == "deg" { full.min(35.0) } else { full };
         let hard = relative(self.steering.unwrap_or(usual), "--steering")?;
         let chosen = if self.trials.is_empty() { &TrialName::ALL[..] } else { &self.trials };
+        let no_propulsion = map.no_propulsion();
         let mut kinds = Vec::new();
         for trial in chosen {
             match trial {
@@ -180,6 +198,13 @@ impl Manoeuvre {
                 }
                 TrialName::PullOut => kinds.push(TrialKind::PullOut { steering: hard }),
                 TrialName::Spiral => kinds.push(TrialKind::Spiral { steering: hard, steps: 24 }),
+                TrialName::Acceleration | TrialName::Stopping if no_propulsion.is_some() => {
+                    if let (Some(reason), false) = (&no_propulsion, self.trials.is_empty()) {
+                        return wrong(format!(
+                            "acceleration and stopping need propulsion, and {reason}: choose other trials, or state the input that pushes the vessel, as in --role NAME=propulsion"
+                        ));
+                    }
+                }
                 TrialName::Acceleration => kinds.push(TrialKind::Acceleration),
                 TrialName::Stopping => kinds.push(TrialKind::Stopping),
             }

@@ -16,6 +16,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
+use crate::boat::Boat;
 use crate::identify::{GivenRanges, MotionOption, NetworkOptions, RateLimitOption, SindyOptions};
 use crate::log::{ChannelSpec, CommandTiming, InputDelay, PrepareOptions, Selection, Sensors, Wind};
 use crate::model::Reading;
@@ -35,6 +36,7 @@ pub const FILE: &str = "hydroid.toml";
 #[serde(deny_unknown_fields, default)]
 #[expect(missing_docs, reason = "each section is documented with its type")]
 pub struct Config {
+    pub boat: Boat,
     pub log: Log,
     pub split: Split,
     pub identify: Identify,

@@ -36,6 +36,7 @@
 
 mod error;
 mod file;
+mod roles;
 mod tables;
 mod text;
 
@@ -43,6 +44,7 @@ use hydroid_core::craft::Craft;
 
 pub use error::CraftFileError;
 pub use file::{is_craft, parse};
+pub(crate) use roles::roles;
 
 /// Content of a vessel file.
 #[derive(Clone, Debug, PartialEq)]

@@ -27,10 +27,12 @@ use std::ops::ControlFlow;
 
 use web_time::Instant;
 
+use crate::boat::Boat;
 use crate::craft::CraftFile;
 use crate::evaluate::{DesignRange, Evaluation};
 use crate::log::{Note, Split, Trajectory};
 use crate::model::{Model, Reading};
+use crate::plant::find_roles;
 use crate::progress::Progress;
 use crate::train;
 
@@ -62,6 +64,8 @@ pub struct Job {
     pub split: Split,
     /// How the logs were read; stored in the model file.
     pub reading: Reading,
+    /// Stated roles of inputs.
+    pub boat: Boat,
     /// Longest horizon \[samples\].
     pub horizon: usize,
     /// Samples between two origins of the final evaluations.
@@ -89,6 +93,7 @@ impl Job {
             split,
             methods: self.methods.clone(),
             reading: self.reading.clone(),
+            boat: self.boat.clone(),
             ranges: self.ranges.clone(),
             rate_limits: self.rate_limits.clone(),
             sindy: self.sindy.clone(),
@@ -255,6 +260,9 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
     let mut currents = found.map(|found| through_water::describe(&job.split.train, &found));
     if let Some(found) = &mut currents {
         candidates = through_water::choose(candidates, found);
+    }
+    for candidate in &mut candidates {
+        candidate.model.description.boat = find_roles(&candidate.model);
     }
     let best = select_best(&candidates);
     warnings

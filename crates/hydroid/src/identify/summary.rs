@@ -14,6 +14,7 @@ impl IdentifyResult {
                 "kind": candidate.model.kind(),
                 "name": candidate.model.description.name,
                 "weights": candidate.model.weights(),
+                "boat": candidate.model.description.boat,
                 "refinement": candidate.found().map(|found| &found.refinement),
                 "train_seconds": candidate.train_seconds,
                 "training": candidate.training.network().map(|trained| json!({

@@ -322,6 +322,7 @@ fn describe(
         description: Description {
             bands: None,
             current: None,
+            boat: job.boat.clone(),
             name: method.name().to_owned(),
             dt: run.dt,
             outputs: ports(run.outputs.channels(), &parts.ranges, &parts.training_ranges),

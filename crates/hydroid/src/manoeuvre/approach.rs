@@ -27,7 +27,7 @@ impl Default for Options {
 pub struct Approach {
     /// The simulation, at the origin and heading north.
     pub simulation: Simulation,
-    /// Propulsion: 1 is full ahead.
+    /// Propulsion: 1 is full ahead; 0 for a vessel that no input pushes.
     pub propulsion: f64,
     /// Steering that holds the course: 1 is hard to starboard.
     pub steering: f64,
@@ -40,6 +40,9 @@ const STEADY: f64 = 1e-6;
 
 /// Largest number of blocks of one approach.
 const MOST_BLOCKS: usize = 5_000;
+
+/// Largest difference of a stated speed from the only one of a vessel that no input pushes, relative to it.
+const SAME_SPEED: f64 = 0.01;
 
 /// Longest extrapolation of the speed, relative to its change over a block.
 const LONGEST_JUMP: f64 = 50.0;
@@ -54,8 +57,10 @@ impl Approach {
     /// at its end as at its start, also for a vessel that is not directionally stable; it is found by the rule of false
     /// position (Illinois variant).
     ///
+    /// A vessel that no input pushes, as one whose shaft speed was constant in the logs, has one steady speed.
+    ///
     /// # Errors
-    /// If the vessel does not move ahead, cannot hold a straight course, or diverges.
+    /// If the vessel has no such speed, does not move ahead, cannot hold a straight course, or diverges.
     pub fn new(
         model: &Model,
         map: &InputMap,
@@ -63,6 +68,15 @@ impl Approach {
         options: &Options,
     ) -> Result<Self, ManoeuvreError> {
         let mut search = Search { simulation, map, start: crate::plant::middle(model) };
+        if let Some(reason) = map.no_propulsion() {
+            let found = search.at_propulsion(0.0)?;
+            let own_m_s = found.speed_m_s;
+            return match options.speed_m_s {
+                Some(speed_m_s) if (speed_m_s / own_m_s - 1.0).abs() <= SAME_SPEED => Ok(found),
+                Some(speed_m_s) => Err(ManoeuvreError::OwnSpeed { speed_m_s, own_m_s, reason }),
+                None => Ok(found),
+            };
+        }
         let Some(speed) = options.speed_m_s else { return search.at_propulsion(options.propulsion) };
         // Secant method on the propulsion, from the slowest steady speed ahead. A speed order may never be zero.
         let middle = search.start.clone();

@@ -25,6 +25,10 @@ pub enum ManoeuvreError {
         "the vessel moves ahead at {speed_m_s:.3} m/s with the propulsion of the approach; a trial needs a positive speed: give a larger --propulsion, or name the inputs that push it with --push"
     )]
     NotAhead { speed_m_s: f64 },
+    #[error(
+        "--speed {speed_m_s}: the steady speed of the vessel is {own_m_s:.3} m/s, because {reason}. Leave --speed out, identify from logs at the other speed, or state the input that pushes the vessel, as in --role NAME=propulsion"
+    )]
+    OwnSpeed { speed_m_s: f64, own_m_s: f64, reason: String },
     #[error("--speed {speed_m_s}: the steady speeds of the vessel are {low_m_s:.3} to {high_m_s:.3} m/s")]
     Speed { speed_m_s: f64, low_m_s: f64, high_m_s: f64 },
     /// Number out of range.

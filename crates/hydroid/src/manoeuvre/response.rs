@@ -23,20 +23,30 @@ use crate::plant::{InputMap, Simulation};
 pub struct Response {
     /// Speed through the water \[m/s\].
     pub speed_m_s: f64,
-    /// Propulsion that holds the speed.
-    pub propulsion: f64,
+    /// Propulsion that holds the speed; none for a vessel that no input pushes.
+    pub propulsion: Option<f64>,
     /// Steering that holds the course.
     pub steering: f64,
     /// `K`: largest yaw rate after a quarter of the steering, within half a turn, for the whole steering \[rad/s\].
     pub yaw_gain_rad_s: f64,
     /// `T`: time to 63.2 % of this yaw rate \[s\].
     pub yaw_time_s: f64,
-    /// `K_u`: change of the steady speed for the whole propulsion \[m/s\].
-    pub surge_gain_m_s: f64,
-    /// `T_u`: time to 63.2 % of the change \[s\].
-    pub surge_time_s: f64,
+    /// Response to the propulsion; none for a vessel that no input pushes.
+    #[serde(flatten)]
+    pub surge: Option<SurgeResponse>,
     /// Half of the tactical diameter with the steering hard over, the larger one of both sides \[m\].
     pub turning_radius_m: f64,
+}
+
+/// First-order response of the surge velocity to the propulsion.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct SurgeResponse {
+    /// `K_u`: change of the steady speed for the whole propulsion \[m/s\].
+    #[serde(rename = "surge_gain_m_s")]
+    pub gain_m_s: f64,
+    /// `T_u`: time to 63.2 % of the change \[s\].
+    #[serde(rename = "surge_time_s")]
+    pub time_s: f64,
 }
 
 /// Longest test \[blocks\].
@@ -68,20 +78,25 @@ impl Response {
         let more = if propulsion > 1.0 - STEP { -STEP } else { STEP };
         let (yaw, yaw_time_s) =
             test(approach, map, [propulsion, steering + side], |simulation| simulation.nu()[2])?;
-        let (surge, surge_time_s) =
-            test(approach, map, [propulsion + more, steering], |simulation| simulation.nu()[0])?;
+        let is_pushed = map.no_propulsion().is_none();
+        let surge = if is_pushed {
+            let command = [propulsion + more, steering];
+            let (change, time_s) = test(approach, map, command, |simulation| simulation.nu()[0])?;
+            Some(SurgeResponse { gain_m_s: change / more, time_s })
+        } else {
+            None
+        };
         let mut turning_radius_m = 0.0_f64;
         for side in [-1.0, 1.0] {
             turning_radius_m = turning_radius_m.max(0.5 * tactical_diameter(approach, map, side)?);
         }
         Ok(Self {
             speed_m_s,
-            propulsion,
+            propulsion: is_pushed.then_some(propulsion),
             steering,
             yaw_gain_rad_s: yaw / side,
             yaw_time_s,
-            surge_gain_m_s: surge / more,
-            surge_time_s,
+            surge,
             turning_radius_m,
         })
     }

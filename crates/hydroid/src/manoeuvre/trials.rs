@@ -89,8 +89,11 @@ pub struct Trial {
 pub struct Trials {
     /// Speed of the approach through the water \[m/s\].
     pub approach_speed_m_s: f64,
-    /// Propulsion of the approach: 1 is full ahead.
-    pub propulsion: f64,
+    /// Propulsion of the approach: 1 is full ahead. None for a vessel that no input pushes.
+    pub propulsion: Option<f64>,
+    /// Why there is no propulsion.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub no_propulsion: Option<String>,
     /// Steering that holds the straight course: 1 is hard to starboard.
     pub neutral_steering: f64,
     /// Command of the approach.
@@ -99,6 +102,18 @@ pub struct Trials {
     pub inputs: InputMap,
     /// The trials.
     pub trials: Vec<Trial>,
+    /// Trials that the vessel cannot do.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<LeftOut>,
+}
+
+/// Trials of a kind that were asked for among all, and that the vessel cannot do.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LeftOut {
+    /// Kind of the trials.
+    pub trial: &'static str,
+    /// Reason.
+    pub reason: String,
 }
 
 /// An output that leaves its training range by more than a tenth of its width: the model extrapolates from there on.
@@ -181,11 +196,13 @@ pub fn trials(
     }
     Ok(Some(Trials {
         approach_speed_m_s: own.speed_m_s,
-        propulsion: own.propulsion,
+        propulsion: map.no_propulsion().is_none().then_some(own.propulsion),
+        no_propulsion: map.no_propulsion(),
         neutral_steering: own.steering,
         approach_command: map.command(own.propulsion, own.steering),
         inputs: map.clone(),
         trials: results,
+        left_out: Vec::new(),
     }))
 }
 

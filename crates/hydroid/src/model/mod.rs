@@ -25,6 +25,7 @@ use hydroid_core::predict::Predictor;
 use hydroid_core::rate_limit::{RateLimited, RateLimiter};
 use serde::{Deserialize, Serialize};
 
+use crate::boat::{Boat, BoatError, Roles};
 use crate::evaluate::{DesignRange, PredictionBands};
 use crate::log::{Channel, Note, PrepareOptions, Selection, Trajectory};
 
@@ -83,6 +84,9 @@ pub struct Description {
     pub outputs: Vec<Port>,
     /// Inputs, in the order of the model.
     pub inputs: Vec<Port>,
+    /// Roles of the inputs.
+    #[serde(default, skip_serializing_if = "Boat::is_empty")]
+    pub boat: Boat,
     /// Preprocessing, so that other logs are read in the same way.
     pub reading: Reading,
     /// Provenance.
@@ -363,6 +367,17 @@ impl Model {
                 "predictions are unreliable outside the training range; check the unit of a channel that is off by a factor",
             )
         })
+    }
+
+    /// The model with stated roles of inputs, in place of those that it contains.
+    ///
+    /// # Errors
+    /// If there is no such input.
+    pub fn with_roles(mut self, roles: &Roles) -> Result<Self, BoatError> {
+        let d = &mut self.description;
+        let names: Vec<&str> = d.inputs.iter().map(|port| port.channel.name.as_str()).collect();
+        d.boat.state(roles, &names)?;
+        Ok(self)
     }
 
     /// Design ranges of the outputs.

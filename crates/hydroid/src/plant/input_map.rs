@@ -5,8 +5,10 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use serde::Serialize;
 
 use super::error::PlantError;
+use super::roles::{find_roles, operating_point};
 use super::simulation::{Simulation, middle};
-use crate::model::Model;
+use crate::boat::Role;
+use crate::model::{Model, Port};
 use crate::toml_file::nearest;
 
 /// Propulsion and steering as directions in the space of the commands:
@@ -25,12 +27,15 @@ pub struct InputMap {
     pub push: Vec<f64>,
     /// Change of the commands from neutral to hard starboard.
     pub turn: Vec<f64>,
-    /// Lower and upper limit of each command: the design range, or the training range.
+    /// Lower and upper limit of each command: the design range, or the training range. An input that is not commanded has
+    /// one value.
     pub limits: Vec<[f64; 2]>,
     /// Name of each input.
     pub names: Vec<String>,
     /// Unit of each input; empty if unknown.
     pub units: Vec<String>,
+    /// Role of each input; none if it is not known.
+    pub roles: Vec<Option<Role>>,
 }
 
 /// How the steering is stated: as an angle, positive to starboard, if the inputs that turn the vessel are angles of one size,
@@ -49,65 +54,75 @@ const HARD_OVER: f64 = 35.0 * (PI / 180.0);
 
 /// Least effect of an input relative to the greatest one. An input with less is taken to have none: the side force of a
 /// propeller, the drag of a rudder.
-const LEAST_SHARE: f64 = 0.25;
+pub(super) const LEAST_SHARE: f64 = 0.25;
 
 /// Least effect relative to the range of the output.
-const LEAST_EFFECT: f64 = 0.01;
+pub(super) const LEAST_EFFECT: f64 = 0.01;
 
 /// Length of the test \[samples\] for models without prediction bands.
 const HORIZON: usize = 200;
 
 impl InputMap {
-    /// Finds the inputs by their effects on the simulated motion: the changes of the surge velocity, and then, while the
-    /// vessel moves ahead, of the yaw rate, between half of the range of an input above and below the operating point.
-    /// For inputs that do both, like two thrusters, the directions are the smallest commands that have one of the effects
-    /// alone (the pseudo-inverse, T. I. Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control*, 2nd
-    /// edition, 2021, section 11.2).
+    /// Finds the directions. The [role](find_roles) of an input says whether it may push or turn the vessel, or is not
+    /// commanded. Its share is its effect on the simulated motion: the change of the surge velocity, and then, while the
+    /// vessel moves ahead, of the yaw rate, between half of the range of the input above and below the operating point.
+    /// A vessel that no input may push has no propulsion. For inputs that do both, like two thrusters, the directions are the
+    /// smallest commands that have one of the effects alone (the pseudo-inverse, T. I. Fossen, *Handbook of Marine Craft
+    /// Hydrodynamics and Motion Control*, 2nd edition, 2021, section 11.2).
     ///
     /// # Errors
-    /// If no input pushes, or none turns the vessel.
+    /// If no input turns the vessel, or those that should push it do not.
     pub fn find(model: &Model) -> Result<Self, PlantError> {
         Self::with(model, &[], &[])
     }
 
-    /// As [`find`](Self::find), with given inputs for propulsion and steering; each is found if its list is empty. A name
-    /// after `-` is an input that turns to port or pushes astern.
+    /// As [`find`](Self::find), with given inputs for propulsion and steering, whatever their roles; each is found if its
+    /// list is empty. A name after `-` is an input that turns to port or pushes astern.
     ///
     /// # Errors
     /// As [`find`](Self::find), or if there is no such input.
     pub fn with(model: &Model, push: &[String], turn: &[String]) -> Result<Self, PlantError> {
         let inputs = &model.description.inputs;
-        let limits: Vec<[f64; 2]> = inputs.iter().map(|port| [port.range.low, port.range.high]).collect();
-        let middle: Vec<f64> = limits.iter().map(|[low, high]| 0.5 * (low + high)).collect();
-        let angle = |c: usize| inputs[c].channel.unit == "rad";
-        let half = |(c, [low, high]): (usize, &[f64; 2])| {
-            let half = 0.5 * (high - low);
-            if angle(c) && half > FRAC_PI_2 { HARD_OVER } else { half }
-        };
-        let half: Vec<f64> = limits.iter().enumerate().map(half).collect();
-        let neutral: Vec<f64> = limits.iter().copied().map(neutral).collect();
         let names: Vec<String> = inputs.iter().map(|port| port.channel.name.clone()).collect();
         let units = inputs.iter().map(|port| port.channel.unit.clone()).collect();
+        let given = [stated(push, &names, "--push")?, stated(turn, &names, "--turn")?];
+        let boat = find_roles(model);
+        let is_stated = |c: usize| given.iter().flatten().any(|direction| direction[c] != 0.0);
+        // An input that is named is commanded.
+        let role =
+            |(c, name): (usize, &String)| boat.role(name).filter(|role| role.is_commanded() || !is_stated(c));
+        let roles: Vec<Option<Role>> = names.iter().enumerate().map(role).collect();
+        let limits = super::roles::limits(model, &roles);
+        let half = half_ranges(model, &limits);
+        let neutral: Vec<f64> = limits.iter().copied().map(neutral).collect();
+        let operating = operating_point(&limits, &roles);
         let mut test = Test::new(model)?;
 
         let no_effect = |effect, output, option| {
             let inputs = names.join(", ");
             move || PlantError::NoEffect { effect, inputs, output, option }
         };
-        let surge = if let Some(given) = stated(push, &names, "--push")? {
+        let [push_given, turn_given] = given;
+        let may =
+            |of: fn(Role) -> bool| -> Vec<bool> { roles.iter().map(|role| role.is_some_and(of)).collect() };
+        let [may_push, may_turn] = [may(Role::pushes), may(Role::turns)];
+        let surge = if let Some(given) = push_given {
             given
-        } else {
-            let effects = test.effects(&middle, &half, &limits, |nu| nu[0]);
+        } else if may_push.contains(&true) {
+            let effects = test.effects(&operating, &half, &limits, &may_push, |nu| nu[0]);
             significant(effects, test.range("u")).ok_or_else(no_effect("pushes the vessel", "u", "--push"))?
+        } else {
+            vec![0.0; inputs.len()]
         };
-        let yaw = if let Some(given) = stated(turn, &names, "--turn")? {
+        let yaw = if let Some(given) = turn_given {
             given
         } else {
             let sign = |push: f64| if push == 0.0 { 0.0 } else { push.signum() };
-            let ahead = middle.iter().zip(&half).zip(&surge).map(|((m, h), push)| m + 0.5 * h * sign(*push));
+            let ahead =
+                operating.iter().zip(&half).zip(&surge).map(|((m, h), push)| m + 0.5 * h * sign(*push));
             let ahead: Vec<f64> = ahead.collect();
             test.settle(&ahead);
-            let effects = test.effects(&ahead, &half, &limits, |nu| nu[2]);
+            let effects = test.effects(&ahead, &half, &limits, &may_turn, |nu| nu[2]);
             significant(effects, test.range("r")).ok_or_else(no_effect("turns the vessel", "r", "--turn"))?
         };
         let (push_alone, turn_alone) = directions(&surge, &yaw);
@@ -121,7 +136,7 @@ impl InputMap {
         };
         let push = push.iter().enumerate().map(|(c, p)| p.abs() * reach(c, *p)).collect();
         let turn = turn.iter().zip(&half).map(|(s, h)| s * h).collect();
-        Ok(Self { neutral, push, turn, limits, names, units })
+        Ok(Self { neutral, push, turn, limits, names, units, roles })
     }
 
     /// The command for propulsion `p` and steering `s`, within the limits.
@@ -139,6 +154,18 @@ impl InputMap {
         for (c, [low, high]) in self.limits.iter().enumerate() {
             command[c] = (self.neutral[c] + p * self.push[c] + s * self.turn[c]).clamp(*low, *high);
         }
+    }
+
+    /// Why there is no propulsion: no input pushes the vessel. `None` if there is one.
+    pub fn no_propulsion(&self) -> Option<String> {
+        if self.push.iter().any(|push| *push != 0.0) {
+            return None;
+        }
+        let role = |(name, role): (&String, &Option<Role>)| {
+            format!("{name} ({})", role.map_or("no known role", Role::name))
+        };
+        let roles: Vec<String> = self.names.iter().zip(&self.roles).map(role).collect();
+        Some(format!("no input pushes the vessel: {}", roles.join(", ")))
     }
 
     /// Largest propulsion astern, relative to full ahead; 0 if no input that pushes can be reversed.
@@ -163,6 +190,15 @@ impl InputMap {
         }
         Steering { unit: "%", full: 100.0 }
     }
+}
+
+/// Half of the range of each input, up to hard over.
+pub(super) fn half_ranges(model: &Model, limits: &[[f64; 2]]) -> Vec<f64> {
+    let half = |(port, [low, high]): (&Port, &[f64; 2])| {
+        let half = 0.5 * (high - low);
+        if port.channel.unit == "rad" && half > FRAC_PI_2 { HARD_OVER } else { half }
+    };
+    model.description.inputs.iter().zip(limits).map(half).collect()
 }
 
 /// The neutral command of an input with a range: zero, or the middle of a range without zero.
@@ -209,8 +245,29 @@ fn stated(given: &[String], names: &[String], option: &'static str) -> Result<Op
     Ok(Some(direction))
 }
 
+/// Mean motion under an input below, at and above its operating point.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StepResponse {
+    below: f64,
+    at: f64,
+    above: f64,
+}
+
+impl StepResponse {
+    /// Change from below to above; zero if it is not finite.
+    pub(super) fn odd(&self) -> f64 {
+        let change = self.above - self.below;
+        if change.is_finite() { change } else { 0.0 }
+    }
+
+    /// Change on both sides in common.
+    pub(super) fn even(&self) -> f64 {
+        self.above + self.below - 2.0 * self.at
+    }
+}
+
 /// Tests of the inputs one by one.
-struct Test<'a> {
+pub(super) struct Test<'a> {
     model: &'a Model,
     simulation: Simulation,
     start: Vec<f64>,
@@ -218,7 +275,7 @@ struct Test<'a> {
 }
 
 impl<'a> Test<'a> {
-    fn new(model: &'a Model) -> Result<Self, PlantError> {
+    pub(super) fn new(model: &'a Model) -> Result<Self, PlantError> {
         let simulation = Simulation::new(model)?;
         let bands = model.description.bands.as_ref();
         let samples = bands.and_then(|bands| bands.horizons.last().copied()).unwrap_or(HORIZON).max(2);
@@ -226,13 +283,13 @@ impl<'a> Test<'a> {
         Ok(Self { model, simulation, start, samples })
     }
 
-    fn range(&self, name: &str) -> f64 {
+    pub(super) fn range(&self, name: &str) -> f64 {
         let port = self.model.description.outputs.iter().find(|port| port.channel.name == name);
         port.map_or(1.0, |port| port.range.high - port.range.low)
     }
 
     /// Lets the motion settle under a command.
-    fn settle(&mut self, command: &[f64]) {
+    pub(super) fn settle(&mut self, command: &[f64]) {
         self.simulation.start([0.0; 3], &self.start, command);
         for _ in 0..self.samples {
             self.simulation.advance(command);
@@ -242,31 +299,47 @@ impl<'a> Test<'a> {
         }
     }
 
-    /// Change of the mean motion over the second half of the test, per input.
+    /// Change of the mean motion per input; zero for those that may have none.
     fn effects(
         &mut self,
         operating: &[f64],
         half: &[f64],
         limits: &[[f64; 2]],
+        may: &[bool],
         read: impl Fn([f64; 3]) -> f64,
     ) -> Vec<f64> {
-        let mut effect = |c: usize| {
-            let mut mean = |sign: f64| {
+        let responses = self.responses(operating, half, limits, read);
+        responses.iter().zip(may).map(|(response, may)| if *may { response.odd() } else { 0.0 }).collect()
+    }
+
+    /// Mean motion over the second half of the test, per input.
+    pub(super) fn responses(
+        &mut self,
+        operating: &[f64],
+        half: &[f64],
+        limits: &[[f64; 2]],
+        read: impl Fn([f64; 3]) -> f64,
+    ) -> Vec<StepResponse> {
+        let mut mean = |command: &[f64]| {
+            self.simulation.start([0.0; 3], &self.start, operating);
+            let mut sum = 0.0;
+            for k in 0..self.samples {
+                self.simulation.advance(command);
+                if 2 * k >= self.samples {
+                    sum += read(self.simulation.nu());
+                }
+            }
+            sum / (self.samples - self.samples / 2) as f64
+        };
+        let at = mean(operating);
+        let mut response = |c: usize| {
+            let mut changed = |sign: f64| {
                 let mut command = operating.to_vec();
                 command[c] = (command[c] + sign * 0.5 * half[c]).clamp(limits[c][0], limits[c][1]);
-                self.simulation.start([0.0; 3], &self.start, operating);
-                let mut sum = 0.0;
-                for k in 0..self.samples {
-                    self.simulation.advance(&command);
-                    if 2 * k >= self.samples {
-                        sum += read(self.simulation.nu());
-                    }
-                }
-                sum / (self.samples - self.samples / 2) as f64
+                mean(&command)
             };
-            let change = mean(1.0) - mean(-1.0);
-            if change.is_finite() { change } else { 0.0 }
+            StepResponse { below: changed(-1.0), at, above: changed(1.0) }
         };
-        (0..operating.len()).map(&mut effect).collect()
+        (0..operating.len()).map(&mut response).collect()
     }
 }

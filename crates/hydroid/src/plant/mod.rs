@@ -4,7 +4,7 @@
 //! identified model of any kind. A [`Simulation`] runs it freely, sample by sample, without measurements. The motion
 //! is relative to the water; a [current](Simulation::with_current) moves the vessel over ground.
 //!
-//! An [`InputMap`] names the inputs that push the vessel and those that turn it. [`record()`] writes simulated logs.
+//! An [`InputMap`] names the inputs that push the vessel and those that turn it, by their [roles](find_roles). [`record()`] writes simulated logs.
 //!
 //! ```
 //! use hydroid::model::Model;
@@ -26,6 +26,7 @@ mod error;
 mod free_run;
 mod input_map;
 mod record;
+mod roles;
 mod simulation;
 mod station;
 
@@ -38,6 +39,8 @@ pub(crate) use record::process_deviations;
 #[doc(hidden)]
 pub use record::rest;
 pub use record::{Commands, Record, RecordOptions, member_tracks, record};
+pub use roles::find_roles;
+pub(crate) use roles::held;
 pub(crate) use simulation::middle;
 pub use simulation::{Motion, Simulation, arc, current_before};
 pub use station::check_station;

@@ -30,6 +30,7 @@ fn identified(split: Split, horizon: usize, origin_stride: usize) -> Model {
         methods: vec![Method::Sindy],
         split,
         reading: Reading::default(),
+        boat: hydroid::boat::Boat::default(),
         horizon,
         origin_stride,
         seed: 0,

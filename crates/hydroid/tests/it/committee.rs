@@ -366,6 +366,7 @@ fn model(committee: Committee) -> Model {
             outputs: vec![port("u", 0.0, 1.5), port("r", -0.6, 0.6)],
             inputs: vec![port("n", 0.0, 2.0), port("delta", -0.5, 0.5)],
             reading: Reading::default(),
+            boat: hydroid::boat::Boat::default(),
             provenance: Provenance {
                 hydroid: String::from("0.1.0"),
                 seed: 0,

@@ -239,6 +239,7 @@ fn job(runs: Vec<Trajectory>, vessel: CraftFile, horizon: usize) -> Job {
         methods: vec![Method::GreyBox],
         split: Split { train: runs, validation: Vec::new(), test: Vec::new(), notes: Vec::new() },
         reading: Reading::default(),
+        boat: hydroid::boat::Boat::default(),
         horizon,
         origin_stride: 20,
         seed: 0,

@@ -132,6 +132,7 @@ fn job(methods: Vec<Method>) -> Identification {
             notes: Vec::new(),
         },
         reading: Reading::default(),
+        boat: hydroid::boat::Boat::default(),
         horizon: 20,
         origin_stride: 1,
         seed: 0,

@@ -49,6 +49,7 @@ fn made(
             outputs: ports(outputs),
             inputs: ports(inputs),
             reading: Reading::default(),
+            boat: hydroid::boat::Boat::default(),
             provenance: Provenance {
                 hydroid: String::from("0"),
                 seed: 0,

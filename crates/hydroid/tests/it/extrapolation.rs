@@ -38,6 +38,7 @@ fn from_small_commands_to_large_ones_nothing_diverges_and_persistence_is_beaten(
             methods: vec![Method::Committee],
             split: Split { train: small, validation: Vec::new(), test: Vec::new(), notes: Vec::new() },
             reading: Reading::default(),
+            boat: hydroid::boat::Boat::default(),
             horizon: 100,
             origin_stride: 20,
             seed: 0,

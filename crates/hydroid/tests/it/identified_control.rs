@@ -156,6 +156,7 @@ fn identified(vessel: &VesselParams, train_s: f64) -> Arc<Equations> {
         methods: vec![Method::Sindy],
         split,
         reading: Reading::default(),
+        boat: hydroid::boat::Boat::default(),
         horizon: 100,
         origin_stride: 20,
         seed: 0,

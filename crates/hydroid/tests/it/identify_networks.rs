@@ -43,6 +43,7 @@ fn job(methods: &[Method], [train, validation, test]: [usize; 3], driven: bool) 
             notes: Vec::new(),
         },
         reading: Reading::default(),
+        boat: hydroid::boat::Boat::default(),
         horizon: 25,
         origin_stride: 1,
         seed: 0,

@@ -3,6 +3,7 @@
 mod adapt;
 #[cfg(unix)]
 mod atomic;
+mod boat;
 mod closed_loop;
 mod committee;
 mod control_of_models;

@@ -47,6 +47,7 @@ pub(crate) fn equations(
             outputs,
             inputs,
             reading: Reading::default(),
+            boat: hydroid::boat::Boat::default(),
             provenance: Provenance {
                 hydroid: String::from("0"),
                 seed: 0,

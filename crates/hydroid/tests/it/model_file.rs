@@ -63,6 +63,7 @@ fn model() -> Model {
             ],
             inputs: vec![port("n \"ü\"\n", "", -1e300, 5e-324)],
             reading,
+            boat: hydroid::boat::Boat::default(),
             provenance: Provenance {
                 hydroid: String::from("0.1.0"),
                 seed: u64::MAX,

@@ -49,6 +49,7 @@ fn model(network: Network, weights: Vec<f64>, base: BaseModel, feedback: bool) -
             outputs: (0..outputs).map(|i| port(format!("y{i}"))).collect(),
             inputs: (0..inputs).map(|i| port(format!("c{i}"))).collect(),
             reading: Reading::default(),
+            boat: hydroid::boat::Boat::default(),
             provenance: Provenance {
                 hydroid: String::from("0.1.0"),
                 seed: 1,

@@ -63,6 +63,7 @@ fn model(network: Network) -> Model {
             outputs: (0..outputs).map(|i| port(format!("y{i}"))).collect(),
             inputs: (0..inputs).map(|i| port(format!("c{i}"))).collect(),
             reading: Reading::default(),
+            boat: hydroid::boat::Boat::default(),
             provenance: Provenance {
                 hydroid: String::from("0.1.0"),
                 seed: 0,

@@ -86,6 +86,7 @@ fn try_identify(
             notes: Vec::new(),
         },
         reading: Reading::default(),
+        boat: hydroid::boat::Boat::default(),
         horizon: 60,
         origin_stride: 10,
         seed: 0,

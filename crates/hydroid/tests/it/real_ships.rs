@@ -28,6 +28,7 @@ fn job(split: Split, horizon: usize, origin_stride: usize) -> Job {
         methods: vec![Method::Sindy],
         split,
         reading: Reading::default(),
+        boat: hydroid::boat::Boat::default(),
         horizon,
         origin_stride,
         seed: 0,

@@ -75,6 +75,7 @@ fn job(train: Vec<Trajectory>, methods: &[Method]) -> Job {
             selection: Selection { heading: Some("psi".parse().unwrap()), ..Selection::default() },
             ..Reading::default()
         },
+        boat: hydroid::boat::Boat::default(),
         horizon: 50,
         origin_stride: 10,
         seed: 0,

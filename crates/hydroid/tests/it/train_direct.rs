@@ -174,6 +174,7 @@ fn job(change: impl FnOnce(&mut NetworkOptions)) -> Identification {
             notes: Vec::new(),
         },
         reading: Reading::default(),
+        boat: hydroid::boat::Boat::default(),
         horizon: 20,
         origin_stride: 1,
         seed: 0,

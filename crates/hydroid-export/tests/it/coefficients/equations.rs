@@ -55,6 +55,7 @@ fn model(outputs: &[(&str, &str)], terms: &[&str], rows: &[Vec<f64>], members: M
             outputs: outputs.iter().map(port).collect(),
             inputs: inputs.iter().map(port).collect(),
             reading: Reading::default(),
+            boat: hydroid::boat::Boat::default(),
             provenance: Provenance {
                 hydroid: String::from("0"),
                 seed: 0,

@@ -61,6 +61,7 @@ impl Control {
             rate_limit: by_name(&controller.rate_limit),
             limit: controller.limit.iter().map(|given| (given.name.clone(), given.range.clone())).collect(),
             neutral: by_name(&controller.neutral),
+            role: controller.roles.roles(),
             push: controller.push.clone(),
             turn: controller.turn.clone(),
             estimate_current: adaptation.estimate_current,

@@ -158,6 +158,7 @@ pub(super) fn model(commands: Commands, off: f64, rng: &mut impl Rng) -> Model {
             ],
             inputs: vec![port(inputs[0], "", 0.0, reach), port(inputs[1], "", -1.0, 1.0)],
             reading: Reading { selection: selection(commands), ..Reading::default() },
+            boat: hydroid::boat::Boat::default(),
             provenance: Provenance {
                 hydroid: "0.2.0".to_owned(),
                 seed: 0,

@@ -43,11 +43,21 @@ impl ClosedLoopOptions {
             };
             let (low, high) = (scale * range.low, scale * range.high);
             let limits = &mut scene.limits[index];
+            ensure(!limits.are_held(), || {
+                format!(
+                    "--limit {name}: this input is not commanded; state its value with --neutral {name}=X, or make it an actuator, as in --role {name}=thruster"
+                )
+            })?;
             (limits.low, limits.high, limits.rest) = (low, high, limits.rest.clamp(low, high));
         }
         for (name, number) in &self.neutral {
             let index = place("--neutral", name)?;
             let Limits { low, high, .. } = scene.limits[index];
+            // A disturbance or a setting has the value that is stated.
+            if scene.limits[index].are_held() && number.is_finite() {
+                scene.limits[index] = Limits::held(*number);
+                continue;
+            }
             ensure((low..=high).contains(number), || {
                 format!(
                     "--neutral {name}={number}: the limits of '{name}' are {low} and {high}; give a value between them, or other limits with --limit"
@@ -72,8 +82,12 @@ impl ClosedLoopOptions {
             (port.range.low, port.range.high) = (limits.low, limits.high);
         }
         let mut inputs = InputMap::with(&model, &self.push, &self.turn)?;
-        for (neutral, limits) in inputs.neutral.iter_mut().zip(&scene.limits) {
+        for ((neutral, range), limits) in inputs.neutral.iter_mut().zip(&mut inputs.limits).zip(&scene.limits)
+        {
             *neutral = limits.rest;
+            if limits.are_held() {
+                *range = [limits.low, limits.high];
+            }
         }
         Ok(inputs)
     }

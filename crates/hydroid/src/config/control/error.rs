@@ -4,6 +4,7 @@ use hydroid_core::guidance::PathError;
 use hydroid_core::model::PlantModelError;
 
 use crate::adapt::AdaptError;
+use crate::boat::BoatError;
 use crate::closed_loop::{ClosedLoopError, WaypointsError};
 use crate::log::units::UnitError;
 use crate::model::{CurrentError, ModelError};
@@ -24,6 +25,8 @@ pub enum SetupError {
         "the defaults of task and controller follow from simulated tests of the model on a straight course and in a turn, which failed"
     )]
     Defaults(#[source] Box<ClosedLoopError>),
+    #[error(transparent)]
+    Boat(#[from] BoatError),
     #[error(transparent)]
     Model(#[from] ModelError),
     #[error(transparent)]

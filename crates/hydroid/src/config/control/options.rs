@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use serde::Deserialize;
 
 use crate::adapt::Method;
+use crate::boat::Roles;
 use crate::closed_loop::{Conditions, ControlMethod, Dispersion, Timing, TruePlant, Wind};
 use crate::config::Duration;
 use crate::identify::GivenRanges;
@@ -116,9 +117,11 @@ pub struct ClosedLoopOptions {
     pub limit: GivenRanges,
     /// Value of a command at rest, in its unit, by name; default 0, or the middle of a range without 0.
     pub neutral: BTreeMap<String, f64>,
-    /// Autopilot: inputs that push the vessel; `-NAME` pushes astern. Default: found from the model.
+    /// Roles of inputs, in place of those of the model.
+    pub role: Roles,
+    /// Autopilot: inputs that push the vessel; `-NAME` pushes astern. Default: by the roles of the inputs.
     pub push: Vec<String>,
-    /// Autopilot: inputs that turn the vessel to starboard; `-NAME` turns to port. Default: found from the model.
+    /// Autopilot: inputs that turn the vessel to starboard; `-NAME` turns to port. Default: by the roles of the inputs.
     pub turn: Vec<String>,
 
     /// Standard deviation of the components of the current at the start \[m/s\], for a model of the motion through the
@@ -196,6 +199,7 @@ impl Default for ClosedLoopOptions {
             rate_limit: BTreeMap::new(),
             limit: BTreeMap::new(),
             neutral: BTreeMap::new(),
+            role: Roles::new(),
             push: Vec::new(),
             turn: Vec::new(),
             estimate_current: None,

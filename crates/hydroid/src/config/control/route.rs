@@ -58,7 +58,9 @@ impl Route {
         };
         let acceleration = given.acceleration.unwrap_or_else(|| match response {
             // A tenth of the acceleration at full ahead.
-            Some(response) => 0.1 * response.surge_gain_m_s / response.surge_time_s,
+            Some(Response { surge: Some(surge), .. }) => 0.1 * surge.gain_m_s / surge.time_s,
+            // The speed is that of the vessel: the reference begins with it.
+            Some(response) => response.speed_m_s,
             None => 0.2,
         });
         let pace = SpeedOptions { cruise, turn: given.turn_speed, acceleration };

@@ -9,6 +9,7 @@ use super::error::{SetupError, ensure};
 use super::options::ClosedLoopOptions;
 use super::route::Route;
 use crate::adapt::{self, ResolvedOptions};
+use crate::boat::Roles;
 use crate::closed_loop::{
     ClosedLoopError, Conditions, ControlMethod, ControllerOptions, Pilot, Scale, Scenario, SpeedOptions,
     Task, Track, TunedAutopilot, tune_autopilot,
@@ -88,7 +89,20 @@ impl Setup {
             (model, _) => model,
         };
         ensure(method == ControlMethod::Autopilot || model.is_some(), || no_model(method))?;
-        let Some(plant) = plant.or_else(|| model.clone()) else {
+        let model = model.map(|model| with_roles(model, &options.role)).transpose()?;
+        let plant = match (plant, &model) {
+            // Another vessel may lack an input of the model.
+            (Some(plant), Some(_)) => {
+                let mut roles = options.role.clone();
+                roles.retain(|name, _| {
+                    plant.model.description.inputs.iter().any(|port| port.channel.name == *name)
+                });
+                Some(with_roles(plant, &roles)?)
+            }
+            (Some(plant), None) => Some(with_roles(plant, &options.role)?),
+            (None, model) => model.clone(),
+        };
+        let Some(plant) = plant else {
             return Err(SetupError::Option(no_model(method)));
         };
         let (model_name, plant_name) = (model.as_ref().map(|model| model.name.clone()), plant.name);
@@ -182,6 +196,10 @@ impl Setup {
 /// Weights with which an adapter predicts: its own, or those that its guard selected.
 pub fn active_weights(adapter: &dyn Adapter) -> &[f64] {
     adapter.guard().map_or_else(|| adapter.weights(), |guard| guard.active_weights())
+}
+
+fn with_roles(NamedModel { name, model }: NamedModel, roles: &Roles) -> Result<NamedModel, SetupError> {
+    Ok(NamedModel { name, model: model.with_roles(roles)? })
 }
 
 fn no_model(method: ControlMethod) -> String {

@@ -8,6 +8,7 @@ use hydroid_core::vessel::VesselParams;
 use serde::Deserialize;
 
 use super::{Duration, SettingError};
+use crate::boat::Roles;
 use crate::excitation::{Circle, Excitation, LawnMower, LowSpeed, Turn};
 use crate::model::Model;
 use crate::plant::{InputMap, PlantError, current_before};
@@ -39,9 +40,11 @@ pub struct Simulate {
     pub process_noise: f64,
     /// Time from the start of a log at which the simulation of a model starts.
     pub start: Option<Duration>,
-    /// Inputs that push the vessel, for random commands of a model; `-NAME` pushes astern. Default: found from the model.
+    /// Roles of inputs, in place of those of the model.
+    pub role: Roles,
+    /// Inputs that push the vessel, for random commands of a model; `-NAME` pushes astern. Default: by the roles of the inputs.
     pub push: Vec<String>,
-    /// Inputs that turn the vessel to starboard; `-NAME` turns to port. Default: found from the model.
+    /// Inputs that turn the vessel to starboard; `-NAME` turns to port. Default: by the roles of the inputs.
     pub turn: Vec<String>,
     /// Lawn-mower: length of a leg \[m\].
     pub leg: Option<f64>,
@@ -68,6 +71,7 @@ impl Default for Simulate {
             current: None,
             process_noise: 0.0,
             start: None,
+            role: Roles::new(),
             push: Vec::new(),
             turn: Vec::new(),
             leg: None,
@@ -108,6 +112,7 @@ impl Simulate {
         for (option, given) in [
             ("--start", self.start.is_some()),
             ("--process-noise", self.process_noise != 0.0),
+            ("--role", !self.role.is_empty()),
             ("--push", !self.push.is_empty()),
             ("--turn", !self.turn.is_empty()),
         ] {
@@ -184,7 +189,7 @@ impl Simulate {
     fn of_model(&self, plant: &Plant, model: &Model, drive: &Drive) -> Result<ModelPlan, SettingError> {
         self.check_for_model(plant, model, drive)?;
         let dt = self.dt.unwrap_or(model.description.dt);
-        let model = model.clone().at_step(dt).map_err(PlantError::from)?;
+        let model = model.clone().at_step(dt).map_err(PlantError::from)?.with_roles(&self.role)?;
         let mut notes = Vec::new();
         let commands = match drive {
             Drive::Kind(_) => GivenCommands::Mixed,

@@ -24,7 +24,10 @@ pub(super) use tensors::{Tensor, network_tensors, numbers, tensor, weights};
 
 const KEY: &str = "hydroid";
 
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
+
+/// Oldest version that is read. In version 2, roles of inputs are not stored; they are found as for any model.
+const OLDEST: u32 = 2;
 
 /// Largest size of a model file \[bytes\].
 const LARGEST: u64 = 1 << 30;
@@ -152,8 +155,8 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
     // The version is checked first, because other formats may differ in everything else.
     let value: serde_json::Value = serde_json::from_str(json).map_err(|e| not_a_model(e.to_string()))?;
     match value.get("version").and_then(serde_json::Value::as_u64) {
-        Some(found) if found == u64::from(VERSION) => {}
-        Some(found) if found < u64::from(VERSION) => return Err(ModelError::Older { path: path.to_owned() }),
+        Some(found) if (OLDEST.into()..=VERSION.into()).contains(&found) => {}
+        Some(found) if found < u64::from(OLDEST) => return Err(ModelError::Older { path: path.to_owned() }),
         Some(found) => return Err(ModelError::Version { path: path.to_owned(), found }),
         None => return Err(not_a_model(String::from("its description has no version"))),
     }
@@ -171,6 +174,8 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
             return Err(inconsistent(format!("the rate limit of '{name}' is not a positive number")));
         }
     }
+    let names: Vec<&str> = description.inputs.iter().map(|port| port.channel.name.as_str()).collect();
+    description.boat.check(&names).map_err(|error| inconsistent(error.to_string()))?;
     if description.outputs.is_empty() {
         return Err(inconsistent(String::from("it has no outputs")));
     }

@@ -10,6 +10,7 @@ use hydroid_core::vessel::{PARAMETER, VesselParams};
 
 use super::craft::NamedCraft;
 use super::{Body, Encoded, InvertibleModel, Kind, NotInvertible, WeightMap};
+use crate::boat::{Boat, Evidence, Input, Role};
 use crate::craft::{self, CraftFile, is_craft};
 use crate::evaluate::DesignRange;
 use crate::log::{Channel, ChannelSpec, PrepareOptions, Selection};
@@ -34,7 +35,8 @@ impl Model {
         let commands = [&params.commands.propeller, &params.commands.rudder];
         let commands = commands.map(|command| (command.name.as_str(), command.unit.as_str(), command.limits));
         let [u, v, r, _] = *plant.ranges();
-        let description = describe(&params.name, dt_s, [u, v, r], noise, &commands);
+        let mut description = describe(&params.name, dt_s, [u, v, r], noise, &commands);
+        description.boat = by_actuators(&description, [Some(Role::Propulsion), Some(Role::Steering)]);
         let body = Body::Plant(Arc::new(plant));
         Ok(Self { description, body, members: Members::default(), learning: None })
     }
@@ -49,7 +51,8 @@ impl Model {
         let craft = &file.craft;
         let commands = craft.commands.iter().map(|c| (c.name.as_str(), c.unit.as_str(), c.limits));
         let commands: Vec<(&str, &str, [f64; 2])> = commands.collect();
-        let description = describe(&craft.name, dt_s, *model.ranges(), craft.noise, &commands);
+        let mut description = describe(&craft.name, dt_s, *model.ranges(), craft.noise, &commands);
+        description.boat = by_actuators(&description, craft::roles(craft));
         let body = Body::Craft(Arc::new(NamedCraft { model, file: file.clone() }));
         Ok(Self { description, body, members: Members::default(), learning: None })
     }
@@ -81,6 +84,14 @@ impl Model {
         let there = numbers.filter(|(_, number)| **number != 0.0);
         there.map(|(p, number)| format!("{:<26} {number:>12.6} {}", p.path, p.unit)).collect()
     }
+}
+
+/// The boat whose inputs have roles by their actuators; a command without an actuator has none.
+fn by_actuators(d: &Description, roles: impl IntoIterator<Item = Option<Role>>) -> Boat {
+    let input = |(port, role): (&Port, Option<Role>)| {
+        Some((port.channel.name.clone(), Input { role: role?, found: Some(Evidence::Actuators) }))
+    };
+    Boat { inputs: d.inputs.iter().zip(roles).filter_map(input).collect() }
 }
 
 /// Description of a vessel with given ranges of `u`, `v`, `r`; names, units and limits of its commands.
@@ -126,6 +137,7 @@ fn describe(
     Description {
         bands: None,
         current: None,
+        boat: Boat::default(),
         name: name.to_owned(),
         dt: dt_s,
         reading: Reading { selection, options: PrepareOptions::default() },

@@ -1,0 +1,189 @@
+//! What the inputs of a vessel are: the section `[boat]` of `hydroid.toml`, which every model file contains.
+//!
+//! The [`Role`] of an input decides how trials, controllers and simulations use it. A role that is not stated is found from
+//! name and unit ([`Boat::find`]), or from the response of a model ([`find_roles`](crate::plant::find_roles)); its
+//! [`Evidence`] is kept.
+//!
+//! ```
+//! use hydroid::boat::{Boat, Role};
+//! use hydroid::log::Channel;
+//!
+//! let mut boat = Boat::default();
+//! boat.state(&[("x1".to_owned(), Role::Steering)].into(), &["x1", "n"])?;
+//! boat.find(&[Channel::new("x1", ""), Channel::new("n", "rad/s")]);
+//! assert_eq!(boat.role("x1"), Some(Role::Steering));
+//! assert_eq!(boat.role("n"), Some(Role::Propulsion));
+//! # Ok::<(), hydroid::boat::BoatError>(())
+//! ```
+
+mod error;
+mod find;
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use crate::toml_file::nearest;
+
+pub use error::BoatError;
+
+/// Roles by name of input, as they are stated.
+pub type Roles = BTreeMap<String, Role>;
+
+/// A vessel.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Boat {
+    /// Its inputs by name; an input that is not named has no known role.
+    pub inputs: BTreeMap<String, Input>,
+}
+
+/// An input of a vessel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Input {
+    /// What it does.
+    pub role: Role,
+    /// How the role was found; `None` if it is stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub found: Option<Evidence>,
+}
+
+/// What an input does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Role {
+    /// It pushes the vessel and does not turn it: a propeller, a throttle.
+    Propulsion,
+    /// It turns the vessel and does not push it: a rudder, the angle of a steerable thruster.
+    Steering,
+    /// It may do both: one of two propellers, a bow thruster.
+    Thruster,
+    /// It acts on the vessel and cannot be commanded: the wind. It is 0 unless it is measured.
+    Disturbance,
+    /// It is set for a voyage and not commanded: a draught, a depth of water.
+    Setting,
+}
+
+impl Role {
+    /// All roles.
+    pub const ALL: [Self; 5] =
+        [Self::Propulsion, Self::Steering, Self::Thruster, Self::Disturbance, Self::Setting];
+
+    /// Name in files and options.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Propulsion => "propulsion",
+            Self::Steering => "steering",
+            Self::Thruster => "thruster",
+            Self::Disturbance => "disturbance",
+            Self::Setting => "setting",
+        }
+    }
+
+    /// Whether the input may push the vessel.
+    pub const fn pushes(self) -> bool {
+        matches!(self, Self::Propulsion | Self::Thruster)
+    }
+
+    /// Whether the input may turn the vessel.
+    pub const fn turns(self) -> bool {
+        matches!(self, Self::Steering | Self::Thruster)
+    }
+
+    /// Whether the input is commanded.
+    pub const fn is_commanded(self) -> bool {
+        !matches!(self, Self::Disturbance | Self::Setting)
+    }
+}
+
+impl fmt::Display for Role {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// How a role was found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Evidence {
+    /// The name of the input.
+    Name,
+    /// Its unit: an angle steers.
+    Unit,
+    /// The actuators of a vessel file.
+    Actuators,
+    /// The response of the model: what a change of the input does to the motion.
+    Response(String),
+}
+
+impl fmt::Display for Evidence {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Name => f.write_str("its name"),
+            Self::Unit => f.write_str("its unit, an angle"),
+            Self::Actuators => f.write_str("the actuators of the vessel file"),
+            Self::Response(text) => write!(f, "the response of the model: {text}"),
+        }
+    }
+}
+
+/// The role of an input as an option states it: `delta=steering`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StatedRole {
+    /// Name of the input.
+    pub input: String,
+    /// Role.
+    pub role: Role,
+}
+
+impl FromStr for StatedRole {
+    type Err = BoatError;
+
+    fn from_str(text: &str) -> Result<Self, BoatError> {
+        let (input, role) = text.split_once('=').ok_or_else(|| BoatError::NoRole(text.to_owned()))?;
+        let known = Role::ALL.into_iter().find(|known| known.name() == role.trim());
+        let role = known.ok_or_else(|| BoatError::UnknownRole(role.trim().to_owned()))?;
+        Ok(Self { input: input.trim().to_owned(), role })
+    }
+}
+
+impl Boat {
+    /// Whether nothing is known.
+    pub fn is_empty(&self) -> bool {
+        self.inputs.is_empty()
+    }
+
+    /// The role of an input; `None` if it is not known.
+    pub fn role(&self, input: &str) -> Option<Role> {
+        self.inputs.get(input).map(|input| input.role)
+    }
+
+    /// States roles of inputs, in place of those that are known.
+    ///
+    /// # Errors
+    /// If there is no such input.
+    pub fn state(&mut self, roles: &Roles, inputs: &[&str]) -> Result<(), BoatError> {
+        for (input, &role) in roles {
+            self.inputs.insert(input.clone(), Input { role, found: None });
+        }
+        self.check(inputs)
+    }
+
+    /// Checks that all inputs of the boat are among those of a model or log.
+    ///
+    /// # Errors
+    /// The first one that is not.
+    pub fn check(&self, inputs: &[&str]) -> Result<(), BoatError> {
+        match self.inputs.keys().find(|name| !inputs.contains(&name.as_str())) {
+            None => Ok(()),
+            Some(name) => Err(BoatError::UnknownInput {
+                name: name.clone(),
+                nearest: nearest(name, inputs.iter().copied()),
+                known: inputs.join(", "),
+            }),
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! Roles of inputs from the response of a model.
+
+use super::input_map::{LEAST_EFFECT, LEAST_SHARE, Test, half_ranges};
+use super::neutral;
+use crate::boat::{Boat, Evidence, Input, Role};
+use crate::log::Channel;
+use crate::model::{Model, Port};
+
+/// Largest even part of the change of the surge velocity, relative to the odd part, of an input that pushes. A rudder
+/// slows the vessel down to both sides.
+const MOST_EVEN: f64 = 1.0;
+
+/// The boat of a model with the roles of all inputs, as far as they can be found: those that it states or contains, those that
+/// follow from names and units, and those that its response to the other inputs shows.
+///
+/// An input turns the vessel if the yaw rate changes its sign with it, and pushes it if the surge velocity rises on one side
+/// and falls on the other. An input with less than a quarter of the greatest effect, or less than 1 % of the range of
+/// the output, has none.
+pub fn find_roles(model: &Model) -> Boat {
+    let inputs = &model.description.inputs;
+    let mut boat = model.description.boat.clone();
+    let channels: Vec<Channel> = inputs.iter().map(|port| port.channel.clone()).collect();
+    boat.find(&channels);
+    let unknown: Vec<usize> = (0..inputs.len()).filter(|&c| boat.role(&channels[c].name).is_none()).collect();
+    if unknown.is_empty() {
+        return boat;
+    }
+    // A model without a motion has no response.
+    let Ok(mut test) = Test::new(model) else { return boat };
+    let roles: Vec<Option<Role>> = channels.iter().map(|channel| boat.role(&channel.name)).collect();
+    let limits = limits(model, &roles);
+    let half = half_ranges(model, &limits);
+    let operating = operating_point(&limits, &roles);
+    let surge = test.responses(&operating, &half, &limits, |nu| nu[0]);
+    let pushes = |c: usize| {
+        let most = surge.iter().map(|response| response.odd().abs()).fold(0.0, f64::max);
+        let odd = surge[c].odd();
+        let is_large = odd.abs() > (LEAST_SHARE * most).max(LEAST_EFFECT * test.range("u"));
+        is_large && surge[c].even().abs() <= MOST_EVEN * odd.abs()
+    };
+    let pushing: Vec<bool> =
+        (0..inputs.len()).map(|c| roles[c].map_or_else(|| pushes(c), Role::pushes)).collect();
+    let ahead: Vec<f64> = (0..inputs.len())
+        .map(|c| {
+            let step = 0.5 * half[c] * surge[c].odd().signum();
+            operating[c] + if pushing[c] && surge[c].odd() != 0.0 { step } else { 0.0 }
+        })
+        .collect();
+    let range = [test.range("u"), test.range("r")];
+    test.settle(&ahead);
+    let yaw = test.responses(&ahead, &half, &limits, |nu| nu[2]);
+    let most = yaw.iter().map(|response| response.odd().abs()).fold(0.0, f64::max);
+    for c in unknown {
+        let turns = yaw[c].odd().abs() > (LEAST_SHARE * most).max(LEAST_EFFECT * range[1]);
+        let role = match (pushing[c], turns) {
+            (true, true) => Role::Thruster,
+            (true, false) => Role::Propulsion,
+            (false, true) => Role::Steering,
+            (false, false) => continue,
+        };
+        let share = |odd: f64, range: f64| (100.0 * odd.abs() / range).round();
+        let response = format!(
+            "over half of its range, u changes by {} % of its range and r by {} %",
+            share(surge[c].odd(), range[0]),
+            share(yaw[c].odd(), range[1])
+        );
+        let input = Input { role, found: Some(Evidence::Response(response)) };
+        boat.inputs.insert(channels[c].name.clone(), input);
+    }
+    boat
+}
+
+/// Ranges of the inputs; the value of an input that is not commanded.
+pub(super) fn limits(model: &Model, roles: &[Option<Role>]) -> Vec<[f64; 2]> {
+    let of = |(port, role): (&Port, &Option<Role>)| {
+        let range = [port.range.low, port.range.high];
+        role.filter(|role| !role.is_commanded()).map_or(range, |role| [held(role, range); 2])
+    };
+    model.description.inputs.iter().zip(roles).map(of).collect()
+}
+
+/// Commands about which inputs are tested: steering at its neutral position, others in the middle of their limits.
+pub(super) fn operating_point(limits: &[[f64; 2]], roles: &[Option<Role>]) -> Vec<f64> {
+    let of = |(&[low, high], role): (&[f64; 2], &Option<Role>)| match role {
+        Some(Role::Steering) => neutral([low, high]),
+        _ => 0.5 * (low + high),
+    };
+    limits.iter().zip(roles).map(of).collect()
+}
+
+/// Value of an input that is not commanded: calm, or the neutral one of its range.
+pub(crate) const fn held(role: Role, range: [f64; 2]) -> f64 {
+    match role {
+        Role::Disturbance => 0.0,
+        _ => neutral(range),
+    }
+}
