@@ -134,7 +134,7 @@ impl Model {
     #[getter]
     fn roles(&self) -> BTreeMap<String, &'static str> {
         let boat = find_roles(&self.model);
-        boat.inputs.into_iter().map(|(name, input)| (name, input.role.name())).collect()
+        boat.inputs.into_iter().filter_map(|(name, input)| Some((name, input.role?.name()))).collect()
     }
 
     #[getter]

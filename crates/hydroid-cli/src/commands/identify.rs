@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use hydroid::atomic::{self, Lock};
-use hydroid::boat::Input;
+use hydroid::boat::Property;
 use hydroid::config::{self, Config, Logs};
 use hydroid::craft::CraftFile;
 use hydroid::excitation::Excitation;
@@ -142,7 +142,7 @@ fn vessel(path: &Path) -> anyhow::Result<CraftFile> {
 fn apply(args: &Identify, config: &mut Config) -> anyhow::Result<()> {
     let Config { boat, identify, sindy, ranges, .. } = config;
     for (name, role) in args.roles.roles() {
-        boat.inputs.insert(name, Input { role, found: None });
+        boat.inputs.entry(name).or_default().role = Some(role);
     }
     identify.seed = args.seed.or(identify.seed);
     identify.budget = args.budget.or(identify.budget);
@@ -303,12 +303,12 @@ fn show_boat(model: &Model) {
     outln!("\nroles of the inputs of {}:", d.name);
     for port in &d.inputs {
         let name = &port.channel.name;
-        match d.boat.inputs.get(name) {
-            Some(Input { role, found: None }) => outln!("  {name:<12} {:<12} stated", role.name()),
-            Some(Input { role, found: Some(found) }) => {
-                outln!("  {name:<12} {:<12} found: {found}", role.name());
-            }
-            None => outln!("  {name:<12} {:<12} state it, as in --role {name}=setting", "unknown"),
+        let input = d.boat.inputs.get(name);
+        let found = input.and_then(|input| input.found.get(&Property::Role));
+        match (d.boat.role(name), found) {
+            (Some(role), None) => outln!("  {name:<12} {:<12} stated", role.name()),
+            (Some(role), Some(found)) => outln!("  {name:<12} {:<12} found: {found}", role.name()),
+            (None, _) => outln!("  {name:<12} {:<12} state it, as in --role {name}=setting", "unknown"),
         }
     }
 }

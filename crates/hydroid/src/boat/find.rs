@@ -1,6 +1,6 @@
 //! Roles from names and units.
 
-use super::{Boat, Evidence, Input, Role};
+use super::{Boat, Evidence, Role};
 use crate::log::Channel;
 
 impl Boat {
@@ -8,26 +8,23 @@ impl Boat {
     ///
     /// Several inputs with names of propulsion may also turn the vessel, as two propellers do: they are thrusters.
     pub fn find(&mut self, inputs: &[Channel]) {
-        let found: Vec<Option<Input>> = inputs.iter().map(of).collect();
-        let is_propulsion =
-            |input: &Option<Input>| matches!(input, Some(input) if input.role == Role::Propulsion);
-        let several = found.iter().filter(|input| is_propulsion(input)).count() > 1;
+        let found: Vec<Option<(Role, Evidence)>> = inputs.iter().map(of).collect();
+        let is_propulsion = |found: &&Option<(Role, Evidence)>| matches!(found, Some((Role::Propulsion, _)));
+        let several = found.iter().filter(is_propulsion).count() > 1;
         for (channel, found) in inputs.iter().zip(found) {
-            let Some(mut input) = found else { continue };
-            if several && input.role == Role::Propulsion {
-                input.role = Role::Thruster;
-            }
-            self.inputs.entry(channel.name.clone()).or_insert(input);
+            let Some((role, evidence)) = found else { continue };
+            let role = if several && role == Role::Propulsion { Role::Thruster } else { role };
+            self.found_role(&channel.name, role, evidence);
         }
     }
 }
 
-fn of(channel: &Channel) -> Option<Input> {
+fn of(channel: &Channel) -> Option<(Role, Evidence)> {
     let name = channel.name.to_lowercase();
     let has = |words: &[&str]| words.iter().any(|word| name.contains(word));
     let is =
         |words: &[&str]| name.split(|letter: char| !letter.is_alphabetic()).any(|part| words.contains(&part));
-    let by = |role, found| Some(Input { role, found: Some(found) });
+    let by = |role, evidence| Some((role, evidence));
     if name.starts_with("wind") {
         return by(Role::Disturbance, Evidence::Name);
     }

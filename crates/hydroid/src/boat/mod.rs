@@ -40,15 +40,49 @@ pub struct Boat {
     pub inputs: BTreeMap<String, Input>,
 }
 
-/// An input of a vessel.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// An input of a vessel. What is not stated or found is not known.
+///
+/// The values are those that are sent to the actuator and logged, in `unit`: pulse widths, degrees, percent. The model's input is
+///
+/// ```text
+/// (raw - neutral) / scale    with a scale, a pure number
+/// raw in the SI unit         without one
+/// ```
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct Input {
     /// What it does.
-    pub role: Role,
-    /// How the role was found; `None` if it is stated.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub found: Option<Evidence>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub role: Option<Role>,
+    /// Unit of the raw values; the unit of the model's input if it is not stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unit: Option<String>,
+    /// Raw value without effect: that of a vessel at rest, of a rudder amidships.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub neutral: Option<f64>,
+    /// Lowest and highest raw value that the actuator takes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub limits: Option<[f64; 2]>,
+    /// Raw change that is 1 in the model.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scale: Option<f64>,
+    /// How the properties were found that are not stated.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub found: BTreeMap<Property, Evidence>,
+}
+
+/// A property of an input that can be found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Property {
+    /// [`Input::role`].
+    Role,
+    /// [`Input::neutral`].
+    Neutral,
+    /// [`Input::limits`].
+    Limits,
+    /// [`Input::scale`].
+    Scale,
 }
 
 /// What an input does.
@@ -105,7 +139,7 @@ impl fmt::Display for Role {
     }
 }
 
-/// How a role was found.
+/// How a property was found.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Evidence {
@@ -117,6 +151,10 @@ pub enum Evidence {
     Actuators,
     /// The response of the model: what a change of the input does to the motion.
     Response(String),
+    /// Parameters of the autopilot, as in `SERVO1_FUNCTION = 73`.
+    Parameter(String),
+    /// What is usual, as 1500 us for the neutral pulse width.
+    Convention(String),
 }
 
 impl fmt::Display for Evidence {
@@ -126,6 +164,7 @@ impl fmt::Display for Evidence {
             Self::Unit => f.write_str("its unit, an angle"),
             Self::Actuators => f.write_str("the actuators of the vessel file"),
             Self::Response(text) => write!(f, "the response of the model: {text}"),
+            Self::Parameter(text) | Self::Convention(text) => f.write_str(text),
         }
     }
 }
@@ -158,7 +197,16 @@ impl Boat {
 
     /// The role of an input; `None` if it is not known.
     pub fn role(&self, input: &str) -> Option<Role> {
-        self.inputs.get(input).map(|input| input.role)
+        self.inputs.get(input).and_then(|input| input.role)
+    }
+
+    /// Adds a role that was found, where none is known.
+    pub fn found_role(&mut self, input: &str, role: Role, evidence: Evidence) {
+        let known = self.inputs.entry(input.to_owned()).or_default();
+        if known.role.is_none() {
+            known.role = Some(role);
+            known.found.insert(Property::Role, evidence);
+        }
     }
 
     /// States roles of inputs, in place of those that are known.
@@ -167,7 +215,9 @@ impl Boat {
     /// If there is no such input.
     pub fn state(&mut self, roles: &Roles, inputs: &[&str]) -> Result<(), BoatError> {
         for (input, &role) in roles {
-            self.inputs.insert(input.clone(), Input { role, found: None });
+            let known = self.inputs.entry(input.clone()).or_default();
+            known.role = Some(role);
+            known.found.remove(&Property::Role);
         }
         self.check(inputs)
     }

@@ -22,7 +22,6 @@ use super::reference::Timing;
 use super::scale::Scale;
 use super::session_model::{SessionModel, WithSession};
 use crate::adapt;
-use crate::boat::Input;
 use crate::log::{Channel, Trajectory};
 use crate::model::Model;
 use crate::plant::find_roles;
@@ -229,9 +228,9 @@ impl ControllerOptions {
         let channels = ChannelMap::of(&model.description, &self.instruments)?;
         if self.method != ControlMethod::CrossEntropy {
             let boat = find_roles(model);
-            let held = boat.inputs.iter().find(|(_, input)| !input.role.is_commanded());
-            if let Some((name, Input { role, .. })) = held {
-                return Err(ClosedLoopError::NotCommanded { law, input: name.clone(), role: *role });
+            let mut roles = boat.inputs.iter().filter_map(|(name, input)| Some((name, input.role?)));
+            if let Some((name, role)) = roles.find(|(_, role)| !role.is_commanded()) {
+                return Err(ClosedLoopError::NotCommanded { law, input: name.clone(), role });
             }
         }
         match self.method {

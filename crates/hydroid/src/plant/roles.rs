@@ -2,7 +2,7 @@
 
 use super::input_map::{LEAST_EFFECT, LEAST_SHARE, Test, half_ranges};
 use super::neutral;
-use crate::boat::{Boat, Evidence, Input, Role};
+use crate::boat::{Boat, Evidence, Role};
 use crate::log::Channel;
 use crate::model::{Model, Port};
 
@@ -64,8 +64,7 @@ pub fn find_roles(model: &Model) -> Boat {
             share(surge[c].odd(), range[0]),
             share(yaw[c].odd(), range[1])
         );
-        let input = Input { role, found: Some(Evidence::Response(response)) };
-        boat.inputs.insert(channels[c].name.clone(), input);
+        boat.found_role(&channels[c].name, role, Evidence::Response(response));
     }
     boat
 }

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use hydroid::boat::{Boat, Evidence, Input, Role, StatedRole};
+use hydroid::boat::{Boat, Evidence, Input, Property, Role, StatedRole};
 use hydroid::closed_loop::{ClosedLoopError, ControlMethod, ControllerOptions, TruePlant, limits_of};
 use hydroid::config::{self, Config, Logs, TrialName};
 use hydroid::identify::identify;
@@ -29,6 +29,10 @@ fn rudder_only(name: &str, unit: &str) -> Model {
     let terms = terms.iter().map(|variables| Term::monomial(variables)).collect();
     let coefficients = vec![0.2, -0.05, -0.4, -0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.05, -0.2];
     equations(outputs, inputs, 0.1, terms, coefficients)
+}
+
+fn with(role: Role) -> Input {
+    Input { role: Some(role), ..Input::default() }
 }
 
 fn trials(model: &Model, settings: &config::Manoeuvre) -> Trials {
@@ -128,8 +132,8 @@ fn roles_follow_from_names_and_units_and_from_what_is_stated() {
     let mut boat = Boat::default();
     boat.state(&[(stated.input, stated.role)].into(), &["n", "delta"]).unwrap();
     boat.find(&[Channel::new("n", ""), Channel::new("delta", "rad")]);
-    assert_eq!(boat.inputs["n"], Input { role: Thruster, found: None });
-    assert_eq!(boat.inputs["delta"].found, Some(Evidence::Name));
+    assert_eq!(boat.inputs["n"], with(Thruster));
+    assert_eq!(boat.inputs["delta"].found[&Property::Role], Evidence::Name);
     let error = boat.state(&[("m".to_owned(), Thruster)].into(), &["n", "delta"]).unwrap_err().to_string();
     assert!(error.contains("'m'") && error.contains("the inputs are n, delta"), "{error}");
     assert!("n".parse::<StatedRole>().unwrap_err().to_string().contains("delta=steering"));
@@ -288,10 +292,11 @@ fn an_identified_model_knows_its_wind_and_what_its_inputs_do() {
     let result = identify(&job, &mut silent()).unwrap();
     let model = &result.candidates[result.best.unwrap()].model;
     let boat = &model.description.boat;
-    assert_eq!(boat.inputs["a"], Input { role: Role::Propulsion, found: None });
+    assert_eq!(boat.inputs["a"], with(Role::Propulsion));
     assert_eq!(boat.role("b"), Some(Role::Steering), "{boat:?}");
-    assert!(matches!(boat.inputs["b"].found, Some(Evidence::Response(_))), "{boat:?}");
-    assert_eq!(boat.inputs["wind_y"], Input { role: Role::Disturbance, found: Some(Evidence::Name) });
+    assert!(matches!(boat.inputs["b"].found[&Property::Role], Evidence::Response(_)), "{boat:?}");
+    assert_eq!(boat.role("wind_y"), Some(Role::Disturbance));
+    assert_eq!(boat.inputs["wind_y"].found[&Property::Role], Evidence::Name);
     assert_eq!(result.summary(&[])["models"][0]["boat"]["inputs"]["a"]["role"], "propulsion");
     // The file keeps them.
     let path = std::path::Path::new("m.safetensors");

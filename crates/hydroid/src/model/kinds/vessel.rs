@@ -10,7 +10,7 @@ use hydroid_core::vessel::{PARAMETER, VesselParams};
 
 use super::craft::NamedCraft;
 use super::{Body, Encoded, InvertibleModel, Kind, NotInvertible, WeightMap};
-use crate::boat::{Boat, Evidence, Input, Role};
+use crate::boat::{Boat, Evidence, Role};
 use crate::craft::{self, CraftFile, is_craft};
 use crate::evaluate::DesignRange;
 use crate::log::{Channel, ChannelSpec, PrepareOptions, Selection};
@@ -88,10 +88,13 @@ impl Model {
 
 /// The boat whose inputs have roles by their actuators; a command without an actuator has none.
 fn by_actuators(d: &Description, roles: impl IntoIterator<Item = Option<Role>>) -> Boat {
-    let input = |(port, role): (&Port, Option<Role>)| {
-        Some((port.channel.name.clone(), Input { role: role?, found: Some(Evidence::Actuators) }))
-    };
-    Boat { inputs: d.inputs.iter().zip(roles).filter_map(input).collect() }
+    let mut boat = Boat::default();
+    for (port, role) in d.inputs.iter().zip(roles) {
+        if let Some(role) = role {
+            boat.found_role(&port.channel.name, role, Evidence::Actuators);
+        }
+    }
+    boat
 }
 
 /// Description of a vessel with given ranges of `u`, `v`, `r`; names, units and limits of its commands.
