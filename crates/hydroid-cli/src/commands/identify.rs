@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use hydroid::atomic::{self, Lock};
-use hydroid::boat::Property;
 use hydroid::config::{self, Config, Logs};
 use hydroid::craft::CraftFile;
 use hydroid::excitation::Excitation;
@@ -13,7 +12,7 @@ use hydroid::identify::{
     self, Candidate, EnsembleSize, IdentifyResult, Job, RefineOption, SindyOptions, Training,
 };
 use hydroid::log::Note;
-use hydroid::model::{self, Model};
+use hydroid::model;
 use hydroid::simulate::Options;
 use hydroid_core::vessel::VesselParams;
 use hydroid_report::Context;
@@ -294,25 +293,6 @@ fn show_ranges(identified: &IdentifyResult) {
     }
 }
 
-/// The role of each input, and how it was found.
-fn show_boat(model: &Model) {
-    let d = &model.description;
-    if d.inputs.is_empty() {
-        return;
-    }
-    outln!("\nroles of the inputs of {}:", d.name);
-    for port in &d.inputs {
-        let name = &port.channel.name;
-        let input = d.boat.inputs.get(name);
-        let found = input.and_then(|input| input.found.get(&Property::Role));
-        match (d.boat.role(name), found) {
-            (Some(role), None) => outln!("  {name:<12} {:<12} stated", role.name()),
-            (Some(role), Some(found)) => outln!("  {name:<12} {:<12} found: {found}", role.name()),
-            (None, _) => outln!("  {name:<12} {:<12} state it, as in --role {name}=setting", "unknown"),
-        }
-    }
-}
-
 /// The runs on which a model is judged.
 fn judged_on(candidate: &Candidate) -> &'static str {
     if candidate.test.is_some() {
@@ -368,7 +348,8 @@ fn show(folder: &Path, identified: &IdentifyResult) {
         ui::write_out(format_args!("{}", table::errors(candidate.judged())));
     }
     show_ranges(identified);
-    show_boat(&identified.candidates[identified.best.unwrap_or(0)].model);
+    outln!("");
+    super::inspect::show_roles(&identified.candidates[identified.best.unwrap_or(0)].model);
     let shown = identified.best.unwrap_or(0);
     let on = judged_on(&identified.candidates[shown]);
     let best = identified.best.map(|best| identified.candidates[best].model.description.name.as_str());

@@ -8,10 +8,12 @@ use std::io::Read;
 use std::path::Path;
 
 use anyhow::bail;
+use hydroid::boat::Property;
 use hydroid::log::inspect::{Confidence, DelayEstimate};
 use hydroid::log::{self, Inspection, Trajectory};
 use hydroid::manoeuvre::{Recognised, recognise};
 use hydroid::model::{self, Description, Model, NamedEquations, Port, Reading};
+use hydroid::plant::find_roles;
 use hydroid::recording::{is_recording, survey};
 use hydroid_core::craft::CraftParameter;
 use hydroid_core::model::recurrent::{BaseModel, Scaling, Tensor};
@@ -290,6 +292,7 @@ fn show_model(file: &Path, model: &Model) {
     if model.is_vessel() {
         outln!("{}: vessel '{}', {} parameters", file.display(), d.name, model.weights());
         show_ports(d);
+        show_roles(model);
         outln!("parameters:");
         for line in model.plant_text() {
             outln!("  {line}");
@@ -300,6 +303,7 @@ fn show_model(file: &Path, model: &Model) {
     outln!("{}: {} model '{}', {} {numbers}", file.display(), model.kind(), d.name, model.weights());
     outln!("sample time {} s", d.dt);
     show_ports(d);
+    show_roles(model);
     if let Some(motion) = model.equations() {
         show_equations("equations", motion);
     }
@@ -371,6 +375,27 @@ fn show_ports(d: &Description) {
                 port.range.high,
                 trained.unwrap_or_default()
             );
+        }
+    }
+}
+
+/// The role of each input, and how it was found.
+pub(super) fn show_roles(model: &Model) {
+    let d = &model.description;
+    let boat = find_roles(model);
+    if d.inputs.is_empty() {
+        return;
+    }
+    let width = d.inputs.iter().map(|port| port.channel.name.len()).max().unwrap_or(0);
+    outln!("roles of the inputs of {}:", d.name);
+    for port in &d.inputs {
+        let name = &port.channel.name;
+        let input = boat.inputs.get(name);
+        let found = input.and_then(|input| input.found.get(&Property::Role));
+        match (boat.role(name), found) {
+            (Some(role), None) => outln!("  {name:<width$} {:<12} stated", role.name()),
+            (Some(role), Some(found)) => outln!("  {name:<width$} {:<12} found: {found}", role.name()),
+            (None, _) => outln!("  {name:<width$} {:<12} state it, as in --role {name}=setting", "unknown"),
         }
     }
 }
