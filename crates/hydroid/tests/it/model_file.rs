@@ -296,6 +296,20 @@ fn another_file_version_is_reported() {
 }
 
 #[test]
+fn a_model_of_the_format_without_roles_is_read() {
+    let before = with_head(|head| {
+        head["version"] = json!(2);
+        head["description"].as_object_mut().unwrap().remove("boat");
+    });
+    let read = decoded(&before).unwrap();
+    assert!(read.description.boat.is_empty());
+    assert_eq!(head(&bytes(&read))["version"], 3);
+    let unknown =
+        with_head(|head| head["description"]["boat"] = json!({"inputs": {"n": {"role": "engine"}}}));
+    assert!(not_a_model(&unknown).contains("engine"));
+}
+
+#[test]
 fn an_inconsistent_header_is_refused() {
     assert!(not_a_model(&with_head(|head| head["structure"]["kind"] = json!("oracle"))).contains("oracle"));
     assert!(not_a_model(&with_head(|head| head["description"]["colour"] = json!(1))).contains("colour"));
