@@ -151,6 +151,10 @@ pub enum Evidence {
     Actuators,
     /// The response of the model: what a change of the input does to the motion.
     Response(String),
+    /// The name of the input, which the response of the model contradicts.
+    Contradicted(String),
+    /// The input was constant in the logs.
+    Constant,
     /// Parameters of the autopilot, as in `SERVO1_FUNCTION = 73`.
     Parameter(String),
     /// What is usual, as 1500 us for the neutral pulse width.
@@ -164,6 +168,13 @@ impl fmt::Display for Evidence {
             Self::Unit => f.write_str("its unit, an angle"),
             Self::Actuators => f.write_str("the actuators of the vessel file"),
             Self::Response(text) => write!(f, "the response of the model: {text}"),
+            Self::Contradicted(text) => {
+                write!(
+                    f,
+                    "its name, but the response of the model contradicts it: {text}. State it with --role"
+                )
+            }
+            Self::Constant => f.write_str("it was constant in the logs"),
             Self::Parameter(text) | Self::Convention(text) => f.write_str(text),
         }
     }
@@ -206,6 +217,29 @@ impl Boat {
         if known.role.is_none() {
             known.role = Some(role);
             known.found.insert(Property::Role, evidence);
+        }
+    }
+
+    /// Doubts a role that the response of the model contradicts. A unit says less than the response, which then decides.
+    pub(crate) fn doubt(&mut self, input: &str, role: Role, response: String) {
+        let Some(known) = self.inputs.get_mut(input) else { return };
+        match known.found.get(&Property::Role) {
+            Some(Evidence::Unit) => {
+                known.role = Some(role);
+                known.found.insert(Property::Role, Evidence::Response(response));
+            }
+            Some(Evidence::Name) => {
+                known.found.insert(Property::Role, Evidence::Contradicted(response));
+            }
+            _ => (),
+        }
+    }
+
+    /// Why the role of an input is in doubt.
+    pub fn contradiction(&self, input: &str) -> Option<&str> {
+        match self.inputs.get(input)?.found.get(&Property::Role)? {
+            Evidence::Contradicted(response) => Some(response),
+            _ => None,
         }
     }
 

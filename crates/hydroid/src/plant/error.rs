@@ -22,6 +22,10 @@ pub enum PlantError {
     )]
     NoEffect { effect: &'static str, inputs: String, output: &'static str, option: &'static str },
     #[error(
+        "'{input}' steers by its name, and pushes the vessel by the response of the model: {response}. State what it is, as in --role {input}=thruster or --role {input}=steering"
+    )]
+    Contradiction { input: String, response: String },
+    #[error(
         "the vessel cannot keep a station: at rest, no combination of its commands ({inputs}) {lacks}. Station keeping needs forces in surge, sway and yaw in both directions; sail around the point with --task circle instead"
     )]
     NoStation { inputs: String, lacks: &'static str },

@@ -88,6 +88,12 @@ impl InputMap {
         let given = [stated(push, &names, "--push")?, stated(turn, &names, "--turn")?];
         let boat = find_roles(model);
         let is_stated = |c: usize| given.iter().flatten().any(|direction| direction[c] != 0.0);
+        let mut doubtful = (0..names.len()).filter(|&c| !is_stated(c));
+        if let Some((input, response)) =
+            doubtful.find_map(|c| Some((names[c].clone(), boat.contradiction(&names[c])?.to_owned())))
+        {
+            return Err(PlantError::Contradiction { input, response });
+        }
         // An input that is named is commanded.
         let role =
             |(c, name): (usize, &String)| boat.role(name).filter(|role| role.is_commanded() || !is_stated(c));

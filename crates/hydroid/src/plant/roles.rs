@@ -1,6 +1,6 @@
 //! Roles of inputs from the response of a model.
 
-use super::input_map::{LEAST_EFFECT, LEAST_SHARE, Test, half_ranges};
+use super::input_map::{LEAST_EFFECT, LEAST_SHARE, StepResponse, Test, half_ranges};
 use super::neutral;
 use crate::boat::{Boat, Evidence, Role};
 use crate::log::Channel;
@@ -11,31 +11,48 @@ use crate::model::{Model, Port};
 const MOST_EVEN: f64 = 1.0;
 
 /// The boat of a model with the roles of all inputs, as far as they can be found: those that it states or contains, those that
-/// follow from names and units, and those that its response to the other inputs shows.
+/// follow from names and units, and those that its response to the other inputs shows. An input that was constant in the
+/// logs is a setting.
 ///
 /// An input turns the vessel if the yaw rate changes its sign with it, and pushes it if the surge velocity rises on one side
 /// and falls on the other. An input with less than a quarter of the greatest effect, or less than 1 % of the range of
 /// the output, has none.
+///
+/// An input that steers by its name and pushes by the response, beside others, is [contradicted](Evidence::Contradicted). An
+/// angle has the role that the response shows.
 pub fn find_roles(model: &Model) -> Boat {
     let inputs = &model.description.inputs;
     let mut boat = model.description.boat.clone();
+    let name = |c: usize| inputs[c].channel.name.as_str();
+    let open: Vec<usize> = (0..inputs.len()).filter(|&c| boat.role(name(c)).is_none()).collect();
+    for &c in &open {
+        let seen = inputs[c].training_range.unwrap_or(inputs[c].range);
+        if seen.low == seen.high {
+            boat.found_role(name(c), Role::Setting, Evidence::Constant);
+        }
+    }
     let channels: Vec<Channel> = inputs.iter().map(|port| port.channel.clone()).collect();
     boat.find(&channels);
-    let unknown: Vec<usize> = (0..inputs.len()).filter(|&c| boat.role(&channels[c].name).is_none()).collect();
-    if unknown.is_empty() {
+    let unsure = |boat: &Boat, c: usize| boat.role(name(c)).is_none_or(|role| role == Role::Steering);
+    let open: Vec<usize> = open.into_iter().filter(|&c| unsure(&boat, c)).collect();
+    if open.is_empty() {
         return boat;
     }
     // A model without a motion has no response.
     let Ok(mut test) = Test::new(model) else { return boat };
-    let roles: Vec<Option<Role>> = channels.iter().map(|channel| boat.role(&channel.name)).collect();
+    let roles: Vec<Option<Role>> = (0..inputs.len()).map(|c| boat.role(name(c))).collect();
     let limits = limits(model, &roles);
     let half = half_ranges(model, &limits);
     let operating = operating_point(&limits, &roles);
+    let range = [test.range("u"), test.range("r")];
     let surge = test.responses(&operating, &half, &limits, |nu| nu[0]);
+    let greatest = |of: &[StepResponse], but: Option<usize>| {
+        let others = of.iter().enumerate().filter(|(c, _)| Some(*c) != but);
+        others.map(|(_, response)| response.odd().abs()).fold(0.0, f64::max)
+    };
     let pushes = |c: usize| {
-        let most = surge.iter().map(|response| response.odd().abs()).fold(0.0, f64::max);
         let odd = surge[c].odd();
-        let is_large = odd.abs() > (LEAST_SHARE * most).max(LEAST_EFFECT * test.range("u"));
+        let is_large = odd.abs() > (LEAST_SHARE * greatest(&surge, None)).max(LEAST_EFFECT * range[0]);
         is_large && surge[c].even().abs() <= MOST_EVEN * odd.abs()
     };
     let pushing: Vec<bool> =
@@ -46,25 +63,29 @@ pub fn find_roles(model: &Model) -> Boat {
             operating[c] + if pushing[c] && surge[c].odd() != 0.0 { step } else { 0.0 }
         })
         .collect();
-    let range = [test.range("u"), test.range("r")];
     test.settle(&ahead);
     let yaw = test.responses(&ahead, &half, &limits, |nu| nu[2]);
-    let most = yaw.iter().map(|response| response.odd().abs()).fold(0.0, f64::max);
-    for c in unknown {
-        let turns = yaw[c].odd().abs() > (LEAST_SHARE * most).max(LEAST_EFFECT * range[1]);
-        let role = match (pushing[c], turns) {
-            (true, true) => Role::Thruster,
-            (true, false) => Role::Propulsion,
-            (false, true) => Role::Steering,
-            (false, false) => continue,
-        };
+    for c in open {
+        let turns = yaw[c].odd().abs() > (LEAST_SHARE * greatest(&yaw, None)).max(LEAST_EFFECT * range[1]);
         let share = |odd: f64, range: f64| (100.0 * odd.abs() / range).round();
         let response = format!(
             "over half of its range, u changes by {} % of its range and r by {} %",
             share(surge[c].odd(), range[0]),
             share(yaw[c].odd(), range[1])
         );
-        boat.found_role(&channels[c].name, role, Evidence::Response(response));
+        let role = match (pushes(c), turns) {
+            (true, true) => Role::Thruster,
+            (true, false) => Role::Propulsion,
+            (false, true) => Role::Steering,
+            (false, false) => continue,
+        };
+        if roles[c].is_none() {
+            boat.found_role(name(c), role, Evidence::Response(response));
+        } else if role.pushes() && greatest(&surge, Some(c)) > LEAST_EFFECT * range[0] {
+            // The drag of a rudder, which a model of a few logs may show on one side more than on the other, is not taken for
+            // propulsion if no other input pushes.
+            boat.doubt(name(c), role, response);
+        }
     }
     boat
 }

@@ -140,6 +140,50 @@ fn roles_follow_from_names_and_units_and_from_what_is_stated() {
     assert!("n=rudder".parse::<StatedRole>().unwrap_err().to_string().contains("write propulsion"));
 }
 
+/// `du/dt = 0.2 (a push_a + b push_b) - 0.2 u`, `dr/dt = 0.1 (a turn_a + b turn_b) - 0.2 r`.
+fn two_inputs(inputs: [model::Port; 2], push: [f64; 2], turn: [f64; 2]) -> Model {
+    let outputs = vec![port("u", "m/s", -2.0, 2.0), port("r", "rad/s", -0.5, 0.5)];
+    let terms = (0..4).map(|v| Term::monomial(&[v])).collect();
+    let coefficients = vec![-0.2, 0.0, 0.2 * push[0], 0.2 * push[1], 0.0, -0.2, 0.1 * turn[0], 0.1 * turn[1]];
+    equations(outputs, inputs.to_vec(), 0.1, terms, coefficients)
+}
+
+#[test]
+fn a_name_that_the_response_contradicts_is_no_role() {
+    let inputs = || [port("rudder_rpm", "", -1.0, 1.0), port("m2", "", -1.0, 1.0)];
+    let twin = two_inputs(inputs(), [1.0, 1.0], [1.0, -1.0]);
+    let boat = find_roles(&twin);
+    assert!(boat.contradiction("rudder_rpm").unwrap().contains("u changes by"), "{boat:?}");
+    assert_eq!((boat.contradiction("m2"), boat.role("m2")), (None, Some(Role::Thruster)));
+    let refused = InputMap::find(&twin).unwrap_err().to_string();
+    assert!(refused.contains("--role rudder_rpm=thruster"), "{refused}");
+    let mut stated = twin.clone();
+    let roles = [("rudder_rpm".to_owned(), Role::Thruster)].into();
+    stated.description.boat.state(&roles, &["rudder_rpm", "m2"]).unwrap();
+    let map = InputMap::find(&stated).unwrap();
+    assert!((map.push[0] - map.push[1]).abs() < 1e-6 && map.push[0] > 0.5, "{map:?}");
+    // Inputs that are named by an option have no need of a role.
+    let names = ["rudder_rpm".to_owned(), "m2".to_owned()];
+    assert!(InputMap::with(&twin, &names, &["rudder_rpm".to_owned(), "-m2".to_owned()]).is_ok());
+    // A rudder whose model shows a drag on one side only is not taken for propulsion.
+    let alone = two_inputs([port("rudder", "", -1.0, 1.0), port("x", "", -1.0, 1.0)], [0.5, 0.0], [1.0, 0.0]);
+    assert_eq!(find_roles(&alone).contradiction("rudder"), None);
+}
+
+#[test]
+fn an_angle_that_pushes_is_propulsion_and_a_constant_input_a_setting() {
+    // The pitch of a propeller.
+    let inputs = [port("pitch", "rad", -0.5, 0.5), port("delta", "rad", -0.5, 0.5)];
+    let boat = find_roles(&two_inputs(inputs, [2.0, 0.0], [0.0, 1.0]));
+    assert_eq!((boat.role("pitch"), boat.role("delta")), (Some(Role::Propulsion), Some(Role::Steering)));
+    assert!(matches!(boat.inputs["pitch"].found[&Property::Role], Evidence::Response(_)));
+    let inputs = [port("n", "", 1.5, 1.5), port("delta", "rad", -0.5, 0.5)];
+    let model = two_inputs(inputs, [1.0, 0.0], [0.0, 1.0]);
+    let map = InputMap::find(&model).unwrap();
+    assert_eq!((map.roles[0], map.neutral[0], map.push[0]), (Some(Role::Setting), 1.5, 0.0));
+    assert_eq!(find_roles(&model).inputs["n"].found[&Property::Role], Evidence::Constant);
+}
+
 #[test]
 fn roles_of_vessels_follow_from_their_actuators() {
     let role = |model: &Model, name: &str| find_roles(model).role(name);
