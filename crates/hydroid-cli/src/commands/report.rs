@@ -31,10 +31,8 @@ pub fn run(args: &Report, global: Global) -> anyhow::Result<Outcome> {
     let plan = settings.plan(&model).map_err(anyhow::Error::from);
     let trials = plan.and_then(|plan| Ok(plan.run(&model, &mut bar.callback())?));
     drop(bar);
-    let stated = !args.roles.role.is_empty()
-        || !args.push.is_empty()
-        || !args.turn.is_empty()
-        || args.length.is_some();
+    let stated =
+        args.roles.role.is_some() || !args.push.is_empty() || !args.turn.is_empty() || args.length.is_some();
     let trials = match trials {
         Ok(Some(trials)) => Ok(trials),
         Ok(None) => bail!("cancelled"),

@@ -296,7 +296,7 @@ fn the_wind_is_no_command_of_an_answer() {
     let output = hydroid(folder.path(), &args).output().unwrap();
     let printed = text(&output.stdout);
     assert_eq!(output.status.code(), Some(0), "{printed}{}", text(&output.stderr));
-    assert!(printed.contains("wind_x       disturbance  found: its name"), "{printed}");
+    assert!(printed.contains("wind_x disturbance  found: its name"), "{printed}");
     let model = "out/sindy.safetensors";
     let refused = hydroid(folder.path(), &["control", model, "--controller", "fl"]).output().unwrap();
     assert!(text(&refused.stderr).contains("'wind_x' is a disturbance"), "{}", text(&refused.stderr));

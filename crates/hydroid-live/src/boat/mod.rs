@@ -30,7 +30,7 @@ use std::sync::mpsc::{Receiver, TryRecvError};
 
 use hydroid::log::LogError;
 use hydroid::model::Model;
-use hydroid::plant::InputMap;
+use hydroid::plant::{InputMap, LEAST_SHARE};
 use hydroid::recording::{LiveInputs, LiveMotion, LiveTopics};
 
 use crate::experiment::Explored;
@@ -221,16 +221,19 @@ impl<L: Link> Boat<L> {
         Ok(())
     }
 
-    /// Inputs push and turn the boat as the model knows, unless the settings state it.
+    /// Inputs push and turn the boat as the model knows, unless the settings state it. Experiments need no small shares, such as
+    /// that of a bow thruster which holds the course while two propellers push.
     fn take_roles(&mut self, model: &Model) {
-        if !(self.settings.push.is_empty() && self.settings.turn.is_empty()) {
+        let (push, turn) = (&self.settings.push, &self.settings.turn);
+        if !push.is_empty() && !turn.is_empty() {
             return;
         }
-        let Ok(map) = InputMap::find(model) else { return };
+        let Ok(map) = InputMap::with(model, push, turn) else { return };
         let names = |shares: &[f64]| {
+            let least = LEAST_SHARE * shares.iter().fold(0.0_f64, |most, share| most.max(share.abs()));
             let share = |(name, share): (&String, &f64)| match *share {
-                share if share > 0.0 => Some(name.clone()),
-                share if share < 0.0 => Some(format!("-{name}")),
+                share if share > least => Some(name.clone()),
+                share if share < -least => Some(format!("-{name}")),
                 _ => None,
             };
             map.names.iter().zip(shares).filter_map(share).collect()

@@ -41,31 +41,12 @@ pub struct Boat {
 }
 
 /// An input of a vessel. What is not stated or found is not known.
-///
-/// The values are those that are sent to the actuator and logged, in `unit`: pulse widths, degrees, percent. The model's input is
-///
-/// ```text
-/// (raw - neutral) / scale    with a scale, a pure number
-/// raw in the SI unit         without one
-/// ```
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Input {
     /// What it does.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub role: Option<Role>,
-    /// Unit of the raw values; the unit of the model's input if it is not stated.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub unit: Option<String>,
-    /// Raw value without effect: that of a vessel at rest, of a rudder amidships.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub neutral: Option<f64>,
-    /// Lowest and highest raw value that the actuator takes.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub limits: Option<[f64; 2]>,
-    /// Raw change that is 1 in the model.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub scale: Option<f64>,
     /// How the properties were found that are not stated.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub found: BTreeMap<Property, Evidence>,
@@ -77,12 +58,6 @@ pub struct Input {
 pub enum Property {
     /// [`Input::role`].
     Role,
-    /// [`Input::neutral`].
-    Neutral,
-    /// [`Input::limits`].
-    Limits,
-    /// [`Input::scale`].
-    Scale,
 }
 
 /// What an input does.
@@ -155,10 +130,6 @@ pub enum Evidence {
     Contradicted(String),
     /// The input was constant in the logs.
     Constant,
-    /// Parameters of the autopilot, as in `SERVO1_FUNCTION = 73`.
-    Parameter(String),
-    /// What is usual, as 1500 us for the neutral pulse width.
-    Convention(String),
 }
 
 impl fmt::Display for Evidence {
@@ -175,28 +146,29 @@ impl fmt::Display for Evidence {
                 )
             }
             Self::Constant => f.write_str("it was constant in the logs"),
-            Self::Parameter(text) | Self::Convention(text) => f.write_str(text),
         }
     }
 }
 
-/// The role of an input as an option states it: `delta=steering`.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct StatedRole {
-    /// Name of the input.
-    pub input: String,
-    /// Role.
-    pub role: Role,
-}
+/// Roles as an option states them: `delta=steering,wind_x=disturbance`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct StatedRoles(pub Roles);
 
-impl FromStr for StatedRole {
+impl FromStr for StatedRoles {
     type Err = BoatError;
 
     fn from_str(text: &str) -> Result<Self, BoatError> {
-        let (input, role) = text.split_once('=').ok_or_else(|| BoatError::NoRole(text.to_owned()))?;
-        let known = Role::ALL.into_iter().find(|known| known.name() == role.trim());
-        let role = known.ok_or_else(|| BoatError::UnknownRole(role.trim().to_owned()))?;
-        Ok(Self { input: input.trim().to_owned(), role })
+        let mut roles = Roles::new();
+        for stated in text.split(',') {
+            let (input, role) = stated.split_once('=').ok_or_else(|| BoatError::NoRole(stated.to_owned()))?;
+            let known = Role::ALL.into_iter().find(|known| known.name() == role.trim());
+            let role = known.ok_or_else(|| BoatError::UnknownRole(role.trim().to_owned()))?;
+            let name = input.trim().to_owned();
+            if let Some(other) = roles.insert(name.clone(), role).filter(|other| *other != role) {
+                return Err(BoatError::TwoRoles { name, roles: [other, role] });
+            }
+        }
+        Ok(Self(roles))
     }
 }
 

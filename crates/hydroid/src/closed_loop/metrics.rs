@@ -75,7 +75,8 @@ impl Metrics {
             *status.entry(sample.status.name()).or_insert(0) += 1;
         }
         let at_limit = |k: &usize| {
-            let inside = |(c, limits): (&f64, &Limits)| limits.low < *c && *c < limits.high;
+            let inside =
+                |(c, limits): (&f64, &Limits)| limits.are_held() || limits.low < *c && *c < limits.high;
             !run.command(*k).iter().zip(&run.limits).all(inside)
         };
         let held = settled_after.is_some_and(|settled| settled <= from_s + 1e-9)

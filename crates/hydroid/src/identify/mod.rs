@@ -27,10 +27,10 @@ use std::ops::ControlFlow;
 
 use web_time::Instant;
 
-use crate::boat::Boat;
+use crate::boat::{Boat, Evidence, Role};
 use crate::craft::CraftFile;
 use crate::evaluate::{DesignRange, Evaluation};
-use crate::log::{Note, Split, Trajectory};
+use crate::log::{Note, Split, Trajectory, is_constant};
 use crate::model::{Model, Reading};
 use crate::plant::find_roles;
 use crate::progress::Progress;
@@ -262,6 +262,12 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
         candidates = through_water::choose(candidates, found);
     }
     for candidate in &mut candidates {
+        let d = &mut candidate.model.description;
+        for (c, port) in d.inputs.iter().enumerate() {
+            if is_constant(parts.train.iter().map(|run| &run.inputs), c) {
+                d.boat.found_role(&port.channel.name, Role::Setting, Evidence::Constant);
+            }
+        }
         candidate.model.description.boat = find_roles(&candidate.model);
     }
     let best = select_best(&candidates);

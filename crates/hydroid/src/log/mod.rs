@@ -40,6 +40,7 @@ pub(crate) use csv::{Rows, Shortest, bytes};
 pub use error::LogError;
 pub use inspect::{Inspection, inspect, inspect_file, inspect_owned};
 pub use note::{Note, Severity};
+pub(crate) use prepare::is_constant;
 pub use prepare::{PrepareOptions, Prepared, prepare};
 pub(crate) use resample::mean;
 pub(crate) use resolve::{all_names, channel, time, unknown as unknown_column};

@@ -200,13 +200,16 @@ fn common_step(files: &[File<'_>], options: &PrepareOptions, notes: &mut Vec<Not
     longest
 }
 
+/// Whether a column has one value in all tables.
+pub(crate) fn is_constant<'a>(tables: impl Iterator<Item = &'a Table>, column: usize) -> bool {
+    let mut values = tables.flat_map(|table| table.column(column)).filter(|x| !x.is_nan());
+    let first = values.next();
+    values.all(|x| Some(x) == first)
+}
+
 /// Adds notes on constant channels. An error if all outputs are constant.
 fn note_constants(path: &str, runs: &[Trajectory], notes: &mut Vec<Note>) -> Result<(), LogError> {
-    let constant = |table: fn(&Trajectory) -> &Table, i: usize| {
-        let mut values = runs.iter().flat_map(|r| table(r).column(i)).filter(|x| !x.is_nan());
-        let first = values.next();
-        values.all(|x| Some(x) == first)
-    };
+    let constant = |table: fn(&Trajectory) -> &Table, i: usize| is_constant(runs.iter().map(table), i);
     let mut constant_outputs = 0;
     for (i, channel) in runs[0].outputs.channels().iter().enumerate() {
         if constant(|r| &r.outputs, i) {

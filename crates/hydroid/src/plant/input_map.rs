@@ -54,7 +54,7 @@ const HARD_OVER: f64 = 35.0 * (PI / 180.0);
 
 /// Least effect of an input relative to the greatest one. An input with less is taken to have none: the side force of a
 /// propeller, the drag of a rudder.
-pub(super) const LEAST_SHARE: f64 = 0.25;
+pub const LEAST_SHARE: f64 = 0.25;
 
 /// Least effect relative to the range of the output.
 pub(super) const LEAST_EFFECT: f64 = 0.01;
@@ -251,24 +251,34 @@ fn stated(given: &[String], names: &[String], option: &'static str) -> Result<Op
     Ok(Some(direction))
 }
 
-/// Mean motion under an input below, at and above its operating point.
+/// Changes of the mean motion with an input, from below its operating point to it and from there to above. Limits may shorten
+/// the steps.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StepResponse {
-    below: f64,
-    at: f64,
-    above: f64,
+    changes: [f64; 2],
+    /// Steps relative to a whole one.
+    steps: [f64; 2],
 }
 
 impl StepResponse {
+    /// Changes for whole steps; that of a side without a step is that of the other side.
+    fn whole(&self) -> [f64; 2] {
+        let side = |i: usize| (self.steps[i] > 0.0).then(|| self.changes[i] / self.steps[i]);
+        let (below, above) = (side(0), side(1));
+        [below.or(above).unwrap_or(0.0), above.or(below).unwrap_or(0.0)]
+    }
+
     /// Change from below to above; zero if it is not finite.
     pub(super) fn odd(&self) -> f64 {
-        let change = self.above - self.below;
+        let [below, above] = self.whole();
+        let change = below + above;
         if change.is_finite() { change } else { 0.0 }
     }
 
     /// Change on both sides in common.
     pub(super) fn even(&self) -> f64 {
-        self.above + self.below - 2.0 * self.at
+        let [below, above] = self.whole();
+        above - below
     }
 }
 
@@ -339,12 +349,16 @@ impl<'a> Test<'a> {
         };
         let at = mean(operating);
         let mut response = |c: usize| {
-            let mut changed = |sign: f64| {
+            let [low, high] = limits[c];
+            let (whole, place) = (0.5 * half[c], operating[c]);
+            let steps = [whole.min(place - low), whole.min(high - place)];
+            let mut changed = |step: f64| {
                 let mut command = operating.to_vec();
-                command[c] = (command[c] + sign * 0.5 * half[c]).clamp(limits[c][0], limits[c][1]);
+                command[c] = place + step;
                 mean(&command)
             };
-            StepResponse { below: changed(-1.0), at, above: changed(1.0) }
+            let changes = [at - changed(-steps[0]), changed(steps[1]) - at];
+            StepResponse { changes, steps: steps.map(|step| if whole > 0.0 { step / whole } else { 0.0 }) }
         };
         (0..operating.len()).map(&mut response).collect()
     }

@@ -34,7 +34,7 @@ pub use error::PlantError;
 pub use free_run::FreeRun;
 #[doc(hidden)]
 pub use input_map::neutral;
-pub use input_map::{InputMap, Steering};
+pub use input_map::{InputMap, LEAST_SHARE, Steering};
 pub(crate) use record::process_deviations;
 #[doc(hidden)]
 pub use record::rest;

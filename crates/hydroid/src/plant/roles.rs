@@ -11,26 +11,19 @@ use crate::model::{Model, Port};
 const MOST_EVEN: f64 = 1.0;
 
 /// The boat of a model with the roles of all inputs, as far as they can be found: those that it states or contains, those that
-/// follow from names and units, and those that its response to the other inputs shows. An input that was constant in the
-/// logs is a setting.
+/// follow from names and units, and those that its response to the other inputs shows.
 ///
 /// An input turns the vessel if the yaw rate changes its sign with it, and pushes it if the surge velocity rises on one side
 /// and falls on the other. An input with less than a quarter of the greatest effect, or less than 1 % of the range of
 /// the output, has none.
 ///
-/// An input that steers by its name and pushes by the response, beside others, is [contradicted](Evidence::Contradicted). An
+/// An input that steers by its name and by the response pushes, alone or beside others that push, is [contradicted](Evidence::Contradicted). An
 /// angle has the role that the response shows.
 pub fn find_roles(model: &Model) -> Boat {
     let inputs = &model.description.inputs;
     let mut boat = model.description.boat.clone();
     let name = |c: usize| inputs[c].channel.name.as_str();
     let open: Vec<usize> = (0..inputs.len()).filter(|&c| boat.role(name(c)).is_none()).collect();
-    for &c in &open {
-        let seen = inputs[c].training_range.unwrap_or(inputs[c].range);
-        if seen.low == seen.high {
-            boat.found_role(name(c), Role::Setting, Evidence::Constant);
-        }
-    }
     let channels: Vec<Channel> = inputs.iter().map(|port| port.channel.clone()).collect();
     boat.find(&channels);
     let unsure = |boat: &Boat, c: usize| boat.role(name(c)).is_none_or(|role| role == Role::Steering);
@@ -81,7 +74,9 @@ pub fn find_roles(model: &Model) -> Boat {
         };
         if roles[c].is_none() {
             boat.found_role(name(c), role, Evidence::Response(response));
-        } else if role.pushes() && greatest(&surge, Some(c)) > LEAST_EFFECT * range[0] {
+        } else if role == Role::Propulsion
+            || role == Role::Thruster && greatest(&surge, Some(c)) > LEAST_EFFECT * range[0]
+        {
             // The drag of a rudder, which a model of a few logs may show on one side more than on the other, is not taken for
             // propulsion if no other input pushes.
             boat.doubt(name(c), role, response);
@@ -99,19 +94,21 @@ pub(super) fn limits(model: &Model, roles: &[Option<Role>]) -> Vec<[f64; 2]> {
     model.description.inputs.iter().zip(roles).map(of).collect()
 }
 
-/// Commands about which inputs are tested: steering at its neutral position, others in the middle of their limits.
+/// Commands about which inputs are tested: steering at its neutral position, others in the middle of their limits. An input
+/// without a role may be a rudder.
 pub(super) fn operating_point(limits: &[[f64; 2]], roles: &[Option<Role>]) -> Vec<f64> {
     let of = |(&[low, high], role): (&[f64; 2], &Option<Role>)| match role {
         Some(Role::Steering) => neutral([low, high]),
+        None if low < 0.0 && high > 0.0 => 0.0,
         _ => 0.5 * (low + high),
     };
     limits.iter().zip(roles).map(of).collect()
 }
 
-/// Value of an input that is not commanded: calm, or the neutral one of its range.
-pub(crate) const fn held(role: Role, range: [f64; 2]) -> f64 {
+/// Value of an input that is not commanded: a disturbance is calm, a setting is in the middle of its range.
+pub(crate) const fn held(role: Role, [low, high]: [f64; 2]) -> f64 {
     match role {
         Role::Disturbance => 0.0,
-        _ => neutral(range),
+        _ => 0.5 * (low + high),
     }
 }

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use hydroid::boat::{Boat, Evidence, Input, Property, Role, StatedRole};
+use hydroid::boat::{Boat, Evidence, Input, Property, Role, StatedRoles};
 use hydroid::closed_loop::{ClosedLoopError, ControlMethod, ControllerOptions, TruePlant, limits_of};
 use hydroid::config::{self, Config, Logs, TrialName};
 use hydroid::identify::identify;
@@ -127,17 +127,29 @@ fn roles_follow_from_names_and_units_and_from_what_is_stated() {
     assert_eq!(found(&[("RD_cmd", "rad"), ("PP_cmd", "N")]), [Some(Steering), None]);
     assert_eq!(found(&[("wind_x", "m^2/s^2"), ("depth", "m")]), [Some(Disturbance), Some(Setting)]);
     assert_eq!(found(&[("bow_thruster", ""), ("left", ""), ("x", "")]), [Some(Thruster), None, None]);
+    // Words of two kinds, and a word with another unit, decide nothing; the response does.
+    assert_eq!(
+        found(&[("azimuth_rpm", "rps"), ("propeller_pitch", "rad"), ("rudder_rpm", "rps")]),
+        [None; 3]
+    );
+    assert_eq!(found(&[("azimuth_angle", "rad"), ("pitch", "rad")]), [Some(Steering); 2]);
+    assert_eq!(found(&[("rel_wind_x", ""), ("wave_height", "m")]), [Some(Disturbance); 2]);
+    assert_eq!(found(&[("current_n", "m/s"), ("tau_n", "N m"), ("N", "N m")]), [None; 3]);
+    assert_eq!(found(&[("n1", "rps"), ("n2", "rps")]), [Some(Thruster); 2]);
+    assert_eq!(found(&[("left_thrust", "N"), ("right_motor", "")]), [Some(Thruster), None]);
 
-    let stated: StatedRole = "n=thruster".parse().unwrap();
+    let stated: StatedRoles = "n=thruster, n=thruster".parse().unwrap();
     let mut boat = Boat::default();
-    boat.state(&[(stated.input, stated.role)].into(), &["n", "delta"]).unwrap();
+    boat.state(&stated.0, &["n", "delta"]).unwrap();
     boat.find(&[Channel::new("n", ""), Channel::new("delta", "rad")]);
     assert_eq!(boat.inputs["n"], with(Thruster));
     assert_eq!(boat.inputs["delta"].found[&Property::Role], Evidence::Name);
     let error = boat.state(&[("m".to_owned(), Thruster)].into(), &["n", "delta"]).unwrap_err().to_string();
     assert!(error.contains("'m'") && error.contains("the inputs are n, delta"), "{error}");
-    assert!("n".parse::<StatedRole>().unwrap_err().to_string().contains("delta=steering"));
-    assert!("n=rudder".parse::<StatedRole>().unwrap_err().to_string().contains("write propulsion"));
+    assert!("n".parse::<StatedRoles>().unwrap_err().to_string().contains("delta=steering"));
+    let twice = "n=thruster,n=steering".parse::<StatedRoles>().unwrap_err().to_string();
+    assert_eq!(twice, "two roles are stated of 'n', thruster and steering: leave one");
+    assert!("n=rudder".parse::<StatedRoles>().unwrap_err().to_string().contains("write propulsion"));
 }
 
 /// `du/dt = 0.2 (a push_a + b push_b) - 0.2 u`, `dr/dt = 0.1 (a turn_a + b turn_b) - 0.2 r`.
@@ -150,38 +162,40 @@ fn two_inputs(inputs: [model::Port; 2], push: [f64; 2], turn: [f64; 2]) -> Model
 
 #[test]
 fn a_name_that_the_response_contradicts_is_no_role() {
-    let inputs = || [port("rudder_rpm", "", -1.0, 1.0), port("m2", "", -1.0, 1.0)];
+    let inputs = || [port("rudder_motor", "", -1.0, 1.0), port("m2", "", -1.0, 1.0)];
     let twin = two_inputs(inputs(), [1.0, 1.0], [1.0, -1.0]);
     let boat = find_roles(&twin);
-    assert!(boat.contradiction("rudder_rpm").unwrap().contains("u changes by"), "{boat:?}");
+    assert!(boat.contradiction("rudder_motor").unwrap().contains("u changes by"), "{boat:?}");
     assert_eq!((boat.contradiction("m2"), boat.role("m2")), (None, Some(Role::Thruster)));
     let refused = InputMap::find(&twin).unwrap_err().to_string();
-    assert!(refused.contains("--role rudder_rpm=thruster"), "{refused}");
+    assert!(refused.contains("--role rudder_motor=thruster"), "{refused}");
     let mut stated = twin.clone();
-    let roles = [("rudder_rpm".to_owned(), Role::Thruster)].into();
-    stated.description.boat.state(&roles, &["rudder_rpm", "m2"]).unwrap();
+    let roles = [("rudder_motor".to_owned(), Role::Thruster)].into();
+    stated.description.boat.state(&roles, &["rudder_motor", "m2"]).unwrap();
     let map = InputMap::find(&stated).unwrap();
     assert!((map.push[0] - map.push[1]).abs() < 1e-6 && map.push[0] > 0.5, "{map:?}");
     // Inputs that are named by an option have no need of a role.
-    let names = ["rudder_rpm".to_owned(), "m2".to_owned()];
-    assert!(InputMap::with(&twin, &names, &["rudder_rpm".to_owned(), "-m2".to_owned()]).is_ok());
+    let names = ["rudder_motor".to_owned(), "m2".to_owned()];
+    assert!(InputMap::with(&twin, &names, &["rudder_motor".to_owned(), "-m2".to_owned()]).is_ok());
+    // A rudder without a name or unit that goes farther to one side: the drag to both sides is no propulsion.
+    let outputs = vec![port("u", "m/s", 3.0, 4.2), port("r", "rad/s", -0.6, 0.6)];
+    let terms = [&[][..], &[0], &[2, 2], &[0, 2], &[1]].map(Term::monomial);
+    let coefficients = vec![0.2, -0.05, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.05, -0.2];
+    let rudder = vec![port("x1", "", -0.1, 0.6)];
+    let model = equations(outputs, rudder, 0.1, terms.to_vec(), coefficients);
+    assert_eq!(find_roles(&model).role("x1"), Some(Role::Steering), "{:?}", find_roles(&model));
     // A rudder whose model shows a drag on one side only is not taken for propulsion.
     let alone = two_inputs([port("rudder", "", -1.0, 1.0), port("x", "", -1.0, 1.0)], [0.5, 0.0], [1.0, 0.0]);
     assert_eq!(find_roles(&alone).contradiction("rudder"), None);
 }
 
 #[test]
-fn an_angle_that_pushes_is_propulsion_and_a_constant_input_a_setting() {
+fn an_angle_that_pushes_is_propulsion() {
     // The pitch of a propeller.
     let inputs = [port("pitch", "rad", -0.5, 0.5), port("delta", "rad", -0.5, 0.5)];
     let boat = find_roles(&two_inputs(inputs, [2.0, 0.0], [0.0, 1.0]));
     assert_eq!((boat.role("pitch"), boat.role("delta")), (Some(Role::Propulsion), Some(Role::Steering)));
     assert!(matches!(boat.inputs["pitch"].found[&Property::Role], Evidence::Response(_)));
-    let inputs = [port("n", "", 1.5, 1.5), port("delta", "rad", -0.5, 0.5)];
-    let model = two_inputs(inputs, [1.0, 0.0], [0.0, 1.0]);
-    let map = InputMap::find(&model).unwrap();
-    assert_eq!((map.roles[0], map.neutral[0], map.push[0]), (Some(Role::Setting), 1.5, 0.0));
-    assert_eq!(find_roles(&model).inputs["n"].found[&Property::Role], Evidence::Constant);
 }
 
 #[test]
@@ -298,7 +312,7 @@ fn a_planner_holds_an_input_that_is_not_commanded_to_the_bit() {
 
 /// A log of the ship in wind, simulated sample by sample.
 fn log_in_wind() -> RawLog {
-    let mut text = String::from("t,u [m/s],v [m/s],r [rad/s],n,delta,ws [m/s],wd [rad]\n");
+    let mut text = String::from("t,u [m/s],v [m/s],r [rad/s],n,delta,ws [m/s],wd [rad],stern\n");
     let (mut u, mut r) = (1.0_f64, 0.0_f64);
     let mut random = 1_u64;
     let mut noise = || {
@@ -314,7 +328,7 @@ fn log_in_wind() -> RawLog {
         direction = (direction + 0.2 * noise()).clamp(0.5, 2.5);
         let measured = [u + 0.02 * noise(), 0.02 * noise(), r + 0.004 * noise()];
         let [mu, mv, mr] = measured;
-        writeln!(text, "{},{mu},{mv},{mr},{n},{delta},{wind},{direction}", 0.5 * f64::from(k)).unwrap();
+        writeln!(text, "{},{mu},{mv},{mr},{n},{delta},{wind},{direction},0.7", 0.5 * f64::from(k)).unwrap();
         let (x, y) = (wind * wind * direction.cos(), wind * wind * direction.sin());
         for _ in 0..10 {
             u += 0.05 * (0.1 * n - 0.1 * u + 0.02 * x);
@@ -327,7 +341,7 @@ fn log_in_wind() -> RawLog {
 #[test]
 fn an_identified_model_knows_its_wind_and_what_its_inputs_do() {
     let config: Config = toml::from_str(
-        "[log]\ninputs = [\"a=n\", \"b=delta\"]\nwind = { speed = \"ws\", direction = \"wd\" }\n[boat.inputs.a]\nrole = \"propulsion\"\n",
+        "[log]\ninputs = [\"a=n\", \"b=delta\", \"thrust=stern\"]\nwind = { speed = \"ws\", direction = \"wd\" }\n[boat.inputs.a]\nrole = \"propulsion\"\n",
     )
     .unwrap();
     let reading = config.log.clone().reading();
@@ -339,6 +353,7 @@ fn an_identified_model_knows_its_wind_and_what_its_inputs_do() {
     assert_eq!(boat.inputs["a"], with(Role::Propulsion));
     assert_eq!(boat.role("b"), Some(Role::Steering), "{boat:?}");
     assert!(matches!(boat.inputs["b"].found[&Property::Role], Evidence::Response(_)), "{boat:?}");
+    assert_eq!(boat.inputs["thrust"].found[&Property::Role], Evidence::Constant);
     assert_eq!(boat.role("wind_y"), Some(Role::Disturbance));
     assert_eq!(boat.inputs["wind_y"].found[&Property::Role], Evidence::Name);
     assert_eq!(result.summary(&[])["models"][0]["boat"]["inputs"]["a"]["role"], "propulsion");
@@ -347,7 +362,7 @@ fn an_identified_model_knows_its_wind_and_what_its_inputs_do() {
     let again = model::decode(&model::encode(model).unwrap(), path).unwrap();
     assert_eq!(again.description.boat, *boat);
     let found = trials(model, &config::Manoeuvre::default());
-    assert_eq!(found.approach_command[2..], [0.0, 0.0]);
+    assert_eq!(found.approach_command[2..], [0.7, 0.0, 0.0], "the constant value, and no wind");
 }
 
 #[test]
