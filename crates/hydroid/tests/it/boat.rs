@@ -153,7 +153,7 @@ fn roles_follow_from_names_and_units_and_from_what_is_stated() {
 }
 
 /// `du/dt = 0.2 (a push_a + b push_b) - 0.2 u`, `dr/dt = 0.1 (a turn_a + b turn_b) - 0.2 r`.
-fn two_inputs(inputs: [model::Port; 2], push: [f64; 2], turn: [f64; 2]) -> Model {
+fn two_inputs(inputs: &[model::Port; 2], push: [f64; 2], turn: [f64; 2]) -> Model {
     let outputs = vec![port("u", "m/s", -2.0, 2.0), port("r", "rad/s", -0.5, 0.5)];
     let terms = (0..4).map(|v| Term::monomial(&[v])).collect();
     let coefficients = vec![-0.2, 0.0, 0.2 * push[0], 0.2 * push[1], 0.0, -0.2, 0.1 * turn[0], 0.1 * turn[1]];
@@ -163,7 +163,7 @@ fn two_inputs(inputs: [model::Port; 2], push: [f64; 2], turn: [f64; 2]) -> Model
 #[test]
 fn a_name_that_the_response_contradicts_is_no_role() {
     let inputs = || [port("rudder_motor", "", -1.0, 1.0), port("m2", "", -1.0, 1.0)];
-    let twin = two_inputs(inputs(), [1.0, 1.0], [1.0, -1.0]);
+    let twin = two_inputs(&inputs(), [1.0, 1.0], [1.0, -1.0]);
     let boat = find_roles(&twin);
     assert!(boat.contradiction("rudder_motor").unwrap().contains("u changes by"), "{boat:?}");
     assert_eq!((boat.contradiction("m2"), boat.role("m2")), (None, Some(Role::Thruster)));
@@ -185,7 +185,8 @@ fn a_name_that_the_response_contradicts_is_no_role() {
     let model = equations(outputs, rudder, 0.1, terms.to_vec(), coefficients);
     assert_eq!(find_roles(&model).role("x1"), Some(Role::Steering), "{:?}", find_roles(&model));
     // A rudder whose model shows a drag on one side only is not taken for propulsion.
-    let alone = two_inputs([port("rudder", "", -1.0, 1.0), port("x", "", -1.0, 1.0)], [0.5, 0.0], [1.0, 0.0]);
+    let alone =
+        two_inputs(&[port("rudder", "", -1.0, 1.0), port("x", "", -1.0, 1.0)], [0.5, 0.0], [1.0, 0.0]);
     assert_eq!(find_roles(&alone).contradiction("rudder"), None);
 }
 
@@ -193,7 +194,7 @@ fn a_name_that_the_response_contradicts_is_no_role() {
 fn an_angle_that_pushes_is_propulsion() {
     // The pitch of a propeller.
     let inputs = [port("pitch", "rad", -0.5, 0.5), port("delta", "rad", -0.5, 0.5)];
-    let boat = find_roles(&two_inputs(inputs, [2.0, 0.0], [0.0, 1.0]));
+    let boat = find_roles(&two_inputs(&inputs, [2.0, 0.0], [0.0, 1.0]));
     assert_eq!((boat.role("pitch"), boat.role("delta")), (Some(Role::Propulsion), Some(Role::Steering)));
     assert!(matches!(boat.inputs["pitch"].found[&Property::Role], Evidence::Response(_)));
 }
