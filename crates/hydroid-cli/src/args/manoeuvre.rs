@@ -44,7 +44,7 @@ impl From<TrialName> for config::TrialName {
 ///
 /// Turning circle, zigzag, pull-out, spiral, acceleration and stopping, as defined by IMO resolution MSC.137(76) and ITTC
 /// procedure 7.5-04-02-01. Each trial begins on a straight course at a steady speed. The roles of the inputs say which
-/// ones push and turn the vessel; the wind is calm. A vessel that no input pushes, as one with a constant shaft speed in its
+/// ones push and turn the vessel; the wind is 0. A vessel that no input pushes, as one with a constant shaft speed in its
 /// logs, has its own speed, and no trials of acceleration and stopping. Steering is stated in degrees if one input turns the vessel and is an angle, otherwise
 /// in percent of its range. Intervals are the 5 % and 95 % quantiles over the members of the model's ensemble or committee.
 #[derive(Debug, ClapArgs)]

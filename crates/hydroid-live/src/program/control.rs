@@ -158,7 +158,7 @@ pub struct ControllerArgs {
     #[arg(long, value_name = "NAME=LOW:HIGH", allow_hyphen_values = true)]
     pub limit: Vec<NamedRange>,
     /// Value of a command at rest, in its unit (default: 0, or the middle of a range without 0); value of an input that is not
-    /// commanded, as of the wind (default: 0). May be repeated
+    /// commanded (default: 0 for the wind, the middle of its range for a setting). May be repeated
     #[arg(long, value_name = "NAME=VALUE", allow_hyphen_values = true)]
     pub neutral: Vec<NamedNumber>,
     /// Roles of inputs.

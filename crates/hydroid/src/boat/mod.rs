@@ -70,9 +70,10 @@ pub enum Role {
     Steering,
     /// It may do both: one of two propellers, a bow thruster.
     Thruster,
-    /// It acts on the vessel and cannot be commanded: the wind. It is 0 unless it is measured.
+    /// It acts on the vessel and cannot be commanded: the wind. Its value in plans and trials is 0.
     Disturbance,
-    /// It is set for a voyage and not commanded: a draught, a depth of water.
+    /// It is set for a voyage and not commanded: a draught, a depth of water. Its value in plans and trials is the middle of its
+    /// range.
     Setting,
 }
 

@@ -112,7 +112,7 @@ impl TruePlant {
 }
 
 /// Limits of the inputs of a model: their ranges, and the limits of the rates that the model states. An input that is not
-/// commanded has one value: the wind is calm.
+/// commanded has one value: the wind is 0, a setting in the middle of its range.
 pub fn limits_of(model: &Model) -> Vec<Limits> {
     let boat = find_roles(model);
     let limits = |port: &crate::model::Port| {
