@@ -12,17 +12,30 @@ use web_time::Instant;
 /// Held for reading by writers of files, and for writing when the program is to end.
 static WRITERS: RwLock<()> = RwLock::new(());
 
-/// Waits until no file is being written, for `longest` at most, and keeps new ones from being begun until the guard is
-/// dropped. The caller then ends the program.
-pub fn settle(longest: Duration) -> Option<RwLockWriteGuard<'static, ()>> {
+/// Waits until no work has been held for `quiet` without a break, for `quiet` and `longest` together at most, and keeps new
+/// work from being begun until the guard is dropped. The caller then ends the program.
+///
+/// The break counts: work that is released for a moment, as for a write that may block, is not ended in that moment.
+pub fn settle(quiet: Duration, longest: Duration) -> Option<RwLockWriteGuard<'static, ()>> {
     let begun = Instant::now();
+    let mut free_since = None;
     loop {
-        match WRITERS.try_write() {
-            Ok(guard) => return Some(guard),
-            Err(std::sync::TryLockError::Poisoned(poisoned)) => return Some(poisoned.into_inner()),
-            Err(_) if begun.elapsed() >= longest => return None,
-            Err(_) => std::thread::sleep(Duration::from_millis(5)),
+        let guard = match WRITERS.try_write() {
+            Err(std::sync::TryLockError::WouldBlock) => None,
+            Err(std::sync::TryLockError::Poisoned(poisoned)) => Some(poisoned.into_inner()),
+            Ok(guard) => Some(guard),
+        };
+        match guard {
+            Some(guard) if free_since.get_or_insert_with(Instant::now).elapsed() >= quiet => {
+                return Some(guard);
+            }
+            Some(guard) => drop(guard),
+            None => free_since = None,
         }
+        if begun.elapsed() >= quiet + longest {
+            return None;
+        }
+        std::thread::sleep(Duration::from_millis(5));
     }
 }
 

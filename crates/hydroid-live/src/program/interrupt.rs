@@ -30,8 +30,8 @@ pub fn catch_interrupt() {
             std::thread::spawn(act);
         }
         std::thread::spawn(|| {
-            std::thread::sleep(Duration::from_millis(GRACE_MS.load(Ordering::Relaxed)));
-            let _settled = atomic::settle(WRITING);
+            let grace = Duration::from_millis(GRACE_MS.load(Ordering::Relaxed));
+            let _settled = atomic::settle(grace, WRITING);
             std::process::exit(130);
         });
     });

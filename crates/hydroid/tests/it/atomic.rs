@@ -1,6 +1,9 @@
 //! Atomic writes.
 
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc;
+use std::time::Duration;
 
 use hydroid::atomic;
 
@@ -17,4 +20,28 @@ fn links_and_devices_are_kept() {
     atomic::write(Path::new("/dev/null"), |out| out.write_all(b"gone")).unwrap();
     assert!(!Path::new("/dev/null").metadata().unwrap().is_file());
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+}
+
+/// Work that pauses for a write that may block is not ended in the pause.
+#[test]
+fn a_short_pause_of_held_work_does_not_end_it() {
+    static FINISHED: AtomicBool = AtomicBool::new(false);
+    let (begun, wait) = mpsc::channel();
+    let work = std::thread::spawn(move || {
+        let mut held = Some(atomic::hold());
+        begun.send(()).unwrap();
+        for _ in 0..30 {
+            std::thread::sleep(Duration::from_millis(20));
+            held = None;
+            std::thread::sleep(Duration::from_millis(10));
+            held = Some(atomic::hold());
+        }
+        FINISHED.store(true, Ordering::SeqCst);
+        drop(held);
+    });
+    wait.recv().unwrap();
+    let settled = atomic::settle(Duration::from_millis(500), Duration::from_secs(20));
+    assert!(settled.is_some() && FINISHED.load(Ordering::SeqCst));
+    drop(settled);
+    work.join().unwrap();
 }
