@@ -41,12 +41,31 @@ pub struct Boat {
 }
 
 /// An input of a vessel. What is not stated or found is not known.
+///
+/// The values are those that are sent to the actuator and logged, in `unit`: pulse widths, degrees, percent. The model's input is
+///
+/// ```text
+/// (raw - neutral) / scale    with a scale, a pure number
+/// raw in the SI unit         without one
+/// ```
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Input {
     /// What it does.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub role: Option<Role>,
+    /// Unit of the raw values; the unit of the model's input if it is not stated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unit: Option<String>,
+    /// Raw value without effect: that of a vessel at rest, of a rudder amidships.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub neutral: Option<f64>,
+    /// Lowest and highest raw value that the actuator takes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub limits: Option<[f64; 2]>,
+    /// Raw change that is 1 in the model.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scale: Option<f64>,
     /// How the properties were found that are not stated.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub found: BTreeMap<Property, Evidence>,
@@ -58,6 +77,12 @@ pub struct Input {
 pub enum Property {
     /// [`Input::role`].
     Role,
+    /// [`Input::neutral`].
+    Neutral,
+    /// [`Input::limits`].
+    Limits,
+    /// [`Input::scale`].
+    Scale,
 }
 
 /// What an input does.
@@ -131,6 +156,10 @@ pub enum Evidence {
     Contradicted(String),
     /// The input was constant in the logs.
     Constant,
+    /// Parameters of the autopilot, as in `SERVO1_FUNCTION = 73`.
+    Parameter(String),
+    /// What is usual, as 1500 us for the neutral pulse width.
+    Convention(String),
 }
 
 impl fmt::Display for Evidence {
@@ -147,6 +176,7 @@ impl fmt::Display for Evidence {
                 )
             }
             Self::Constant => f.write_str("it was constant in the logs"),
+            Self::Parameter(text) | Self::Convention(text) => f.write_str(text),
         }
     }
 }
