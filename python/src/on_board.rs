@@ -479,8 +479,9 @@ impl Planner {
 
 /// Low, high, rate and rest of each input of a model.
 #[pyfunction]
-pub(crate) fn command_limits(model: PyRef<'_, Model>) -> Vec<(f64, f64, f64, f64)> {
-    limits_of(&model.model).iter().map(|of| (of.low, of.high, of.rate, of.rest)).collect()
+pub(crate) fn command_limits(model: PyRef<'_, Model>) -> PyResult<Vec<(f64, f64, f64, f64)>> {
+    let limits = limits_of(&model.model).map_err(value)?;
+    Ok(limits.iter().map(|of| (of.low, of.high, of.rate, of.rest)).collect())
 }
 
 /// Bounds the memory and the work of a plan.

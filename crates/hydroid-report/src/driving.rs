@@ -21,7 +21,10 @@ pub fn vessel(model: &Model, map: Result<&InputMap, &str>, length_m: Option<f64>
     let d = &model.description;
     let motion = Motion::of(model);
     let rest: Vec<f64> = plant::rest(model);
-    let zero = || hydroid::closed_loop::limits_of(model).iter().map(|limits| limits.rest).collect();
+    let zero = || {
+        let values = plant::input_values(model).unwrap_or_default();
+        values.iter().map(|value| value.neutral).collect()
+    };
     let at_rest: Vec<f64> = map.map_or_else(|_| zero(), |map| map.command(0.0, 0.0));
     json!({
         "name": d.name,
@@ -35,6 +38,7 @@ pub fn vessel(model: &Model, map: Result<&InputMap, &str>, length_m: Option<f64>
         "rest": rest,
         "neutral": at_rest,
         "map": map.ok(),
+        "notes": map.map_or_else(|_| Vec::new(), InputMap::notes),
         "functions": hydroid_export::functions(model),
         "not_driven": motion.err().map(|error| error.to_string()),
         "not_steered": map.err(),

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args as ClapArgs;
 use hydroid::identify::{GateOption, LagOption, MotionOption, RateLimitOption};
 
-use super::{Duration, Horizon, LogArgs, Method, NamedRange, RoleArgs};
+use super::{Duration, Horizon, LogArgs, Method, NamedRange, RoleArgs, ValueArgs};
 
 /// Identify models from logs, judge them by cross-validation or on test runs, and write a report
 #[derive(Debug, ClapArgs)]
@@ -43,6 +43,8 @@ pub struct Identify {
     pub rate_limit: Option<RateLimitOption>,
     #[command(flatten)]
     pub roles: RoleArgs,
+    #[command(flatten)]
+    pub values: ValueArgs,
     /// Longest prediction horizon: samples (100) or seconds (10s) (default: 100 samples, or
     /// half of a block of a short log)
     #[arg(long, value_name = "N|Ns")]

@@ -8,7 +8,7 @@ use hydroid::config::{self, ZigzagAngles};
 use super::Duration;
 use super::LogArgs;
 use super::Pair;
-use super::RoleArgs;
+use super::{RoleArgs, ValueArgs};
 
 /// Trials.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -73,6 +73,8 @@ pub struct Manoeuvre {
     pub propulsion: Option<f64>,
     #[command(flatten)]
     pub roles: RoleArgs,
+    #[command(flatten)]
+    pub values: ValueArgs,
     /// Inputs that push the vessel, separated by commas; -NAME pushes astern (default: by the roles of the inputs)
     #[arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)]
     pub push: Vec<String>,
@@ -105,6 +107,8 @@ impl Manoeuvre {
             speed: self.speed,
             propulsion: self.propulsion,
             role: self.roles.roles(),
+            limit: self.values.limits(),
+            neutral: self.values.neutrals(),
             push: self.push.clone(),
             turn: self.turn.clone(),
             current: self.current.0,

@@ -24,7 +24,7 @@ pub use export::{Export, Target};
 pub use hydroid::config::{Duration, Horizon};
 pub use hydroid_live::program::control::{AnswerArgs, Control};
 use hydroid_live::program::file::parse;
-pub use hydroid_live::program::roles::RoleArgs;
+pub use hydroid_live::program::roles::{RoleArgs, ValueArgs};
 pub use hydroid_live::program::values::{Learner, NamedNumber, NamedRange, Pair};
 pub use identify::Identify;
 pub use live::Live;

@@ -33,6 +33,7 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
     let tuned = setup.tune(&mut bar.callback())?;
     drop(bar);
     if let (Some(stream), Some(file)) = (&args.stream, &args.model) {
+        setup.check_firm().context("the service does not steer")?;
         return service::run(args, global, &service::Steered { stream, file, setup: &setup });
     }
     simulate(args, global, &setup, tuned.as_ref())
@@ -70,6 +71,9 @@ fn simulate(
     } else {
         if let Some(tuned) = tuned {
             print_tuning(tuned);
+        }
+        for note in setup.notes() {
+            outln!("{note}");
         }
         match &simulated.trials {
             Some(trials) => print_trials(trials),

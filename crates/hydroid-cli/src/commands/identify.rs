@@ -11,7 +11,7 @@ use hydroid::grey_box::GreyBox;
 use hydroid::identify::{
     self, Candidate, EnsembleSize, IdentifyResult, Job, RefineOption, SindyOptions, Training,
 };
-use hydroid::log::Note;
+use hydroid::log::{Channel, Note};
 use hydroid::model;
 use hydroid::simulate::Options;
 use hydroid_core::vessel::VesselParams;
@@ -142,6 +142,17 @@ fn apply(args: &Identify, config: &mut Config) -> anyhow::Result<()> {
     let Config { boat, identify, sindy, ranges, .. } = config;
     for (name, role) in args.roles.roles() {
         boat.inputs.entry(name).or_default().role = Some(role);
+    }
+    for (name, range) in args.values.limits() {
+        let input = boat.inputs.entry(name.clone()).or_default();
+        if input.unit.is_none() {
+            input.unit.clone_from(&range.unit);
+        }
+        let limits = ([range.low, range.high], range.unit.as_deref());
+        boat.state_values(&Channel::new(name, ""), None, Some(limits))?;
+    }
+    for (name, neutral) in args.values.neutrals() {
+        boat.state_values(&Channel::new(name, ""), Some(neutral), None)?;
     }
     identify.seed = args.seed.or(identify.seed);
     identify.budget = args.budget.or(identify.budget);

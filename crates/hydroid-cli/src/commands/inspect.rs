@@ -8,12 +8,12 @@ use std::io::Read;
 use std::path::Path;
 
 use anyhow::bail;
-use hydroid::boat::Property;
+use hydroid::boat::{Evidence, Property, Value};
 use hydroid::log::inspect::{Confidence, DelayEstimate};
 use hydroid::log::{self, Inspection, Trajectory};
 use hydroid::manoeuvre::{Recognised, recognise};
 use hydroid::model::{self, Description, Model, NamedEquations, Port, Reading};
-use hydroid::plant::find_roles;
+use hydroid::plant::{find_roles, input_values};
 use hydroid::recording::{is_recording, survey};
 use hydroid_core::craft::CraftParameter;
 use hydroid_core::model::recurrent::{BaseModel, Scaling, Tensor};
@@ -379,7 +379,7 @@ fn show_ports(d: &Description) {
     }
 }
 
-/// The role of each input, and how it was found.
+/// The role of each input, neutral value and limits of those that are commanded, and how they were found.
 pub(super) fn show_roles(model: &Model) {
     let d = &model.description;
     let boat = find_roles(model);
@@ -397,6 +397,22 @@ pub(super) fn show_roles(model: &Model) {
             (Some(role), Some(found)) => outln!("  {name:<width$} {:<12} found: {found}", role.name()),
             (None, _) => outln!("  {name:<width$} {:<12} state it, as in --role {name}=setting", "unknown"),
         }
+    }
+    let values = input_values(model).unwrap_or_default();
+    let commanded: Vec<&Value> = values.iter().filter(|value| value.is_commanded).collect();
+    if commanded.is_empty() {
+        return;
+    }
+    outln!("neutral values and limits:");
+    for value in commanded {
+        let of = |found: &Option<Evidence>| found.as_ref().map_or("stated".to_owned(), ToString::to_string);
+        let (neutral, [low, high], unit) = value.shown();
+        outln!(
+            "  {:<width$} neutral {neutral}{unit} ({}), limits {low} to {high}{unit} ({})",
+            value.name,
+            of(&value.neutral_found),
+            of(&value.limits_found)
+        );
     }
 }
 

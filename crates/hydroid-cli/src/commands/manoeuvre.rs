@@ -109,6 +109,9 @@ fn print_comparison(comparison: &Comparison) {
 
 fn print(model: &Model, trials: &Trials) {
     outln!("{}", manoeuvre_approach(model, trials));
+    for note in &trials.notes {
+        outln!("{note}");
+    }
     for trial in &trials.trials {
         outln!("");
         outln!("{}{}", trial.kind.title(&trials.inputs), members(trial));
@@ -129,26 +132,28 @@ fn print(model: &Model, trials: &Trials) {
         if let Some(stable) = trial.directionally_stable {
             outln!("  {}", if stable { "directionally stable" } else { "not directionally stable" });
         }
-        print_limits(trial);
+        print_limits(model, trial);
     }
     for LeftOut { trial, reason } in &trials.left_out {
         outln!("\n{trial}: left out, because {reason}");
     }
 }
 
-fn print_limits(trial: &Trial) {
+fn print_limits(model: &Model, trial: &Trial) {
     if let Some(t_s) = trial.diverged_s {
         outln!("  the motion diverges after {t_s:.1} s");
     }
     for outside in &trial.outside {
+        let input = model.description.inputs.iter().find(|port| port.channel.name == outside.name);
+        let is_angle = input.is_some_and(|port| port.channel.unit == "rad");
+        let text = |value: f64| {
+            if is_angle { format!("{:.2} deg", value.to_degrees()) } else { format!("{value:.3}") }
+        };
+        let [[low, high], [least, most]] = [outside.reached, outside.range].map(|range| range.map(text));
         outln!(
-            "  * the model extrapolates from {:.1} s on: {} goes from {:.3} to {:.3}, and from {:.3} to {:.3} in training",
+            "  * the model extrapolates from {:.1} s on: {} goes from {low} to {high}, and from {least} to {most} in training",
             outside.from_s,
-            outside.name,
-            outside.reached[0],
-            outside.reached[1],
-            outside.range[0],
-            outside.range[1]
+            outside.name
         );
     }
 }

@@ -252,7 +252,9 @@ fn commands_have_any_names() {
         ["identify", "a.csv", "b.csv", "d.csv", "--inputs", "thrust,steering", "-o", "out", "--methods"];
     let output = hydroid(folder.path(), &[&identify[..], &["sindy"]].concat()).output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-    let serve = ["control", "out/sindy.safetensors", "--task", "lawn-mower", "--horizons", "1", "-"];
+    let serve = ["control", "out/sindy.safetensors", "--task", "lawn-mower", "--horizons", "1"];
+    let limits = ["--limit", "thrust=-130:350", "--limit", "steering=-0.5:0.5", "-"];
+    let serve = [&serve[..], &limits].concat();
     let mut service = Service::start(folder.path(), &serve);
     let answer = service.ask(r#"{"t":0,"x":0,"y":0,"psi":0,"u":1.0,"v":0,"r":0}"#);
     assert!(answer["command"]["thrust"].is_f64() && answer["command"]["steering"].is_f64(), "{answer}");
@@ -300,7 +302,7 @@ fn the_wind_is_no_command_of_an_answer() {
     let model = "out/sindy.safetensors";
     let refused = hydroid(folder.path(), &["control", model, "--controller", "fl"]).output().unwrap();
     assert!(text(&refused.stderr).contains("'wind_x' is a disturbance"), "{}", text(&refused.stderr));
-    let args = ["control", model, "--task", "circle", "--horizons", "10", "-"];
+    let args = ["control", model, "--task", "circle", "--horizons", "10", "--limit", "n=0:4", "-"];
     let mut service = Service::start(folder.path(), &args);
     for k in 0..20 {
         let line = json!({ "t": 0.5 * f64::from(k), "x": 0.5 * f64::from(k), "y": -5.0, "psi": 0.0, "u": 1.0, "v": 0.0, "r": 0.0 });
@@ -310,4 +312,80 @@ fn the_wind_is_no_command_of_an_answer() {
         assert!(answer["command"]["n"].is_number(), "{answer}");
     }
     service.kill();
+}
+
+/// Two propellers with pulses in microseconds, which are ahead in the whole log.
+fn log_of_pulses() -> String {
+    let mut log = String::from("t,u [m/s],v [m/s],r [rad/s],left [us],right [us]\n");
+    let (mut u, mut v, mut r, mut random) = (1.0_f64, 0.0_f64, 0.0_f64, 1_u64);
+    let mut noise = || {
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (random >> 40) as f64 / f64::from(1 << 24) - 0.5
+    };
+    let [mut left, mut right] = [1700.0_f64; 2];
+    for k in 0..1_600 {
+        if k % 23 == 0 {
+            [left, right] = [0, 1].map(|_| (1700.0 + 380.0 * noise()).round());
+        }
+        let [du, dv, dr] = [0.01 * noise(), 0.01 * noise(), 0.002 * noise()];
+        writeln!(log, "{},{},{},{},{left},{right}", 0.5 * f64::from(k), u + du, v + dv, r + dr).unwrap();
+        let [port, starboard] = [left, right].map(|pulse| (pulse - 1500.0) / 400.0);
+        for _ in 0..10 {
+            u += 0.05 * (0.2 * (port + starboard) - 0.15 * u);
+            v += 0.05 * (-0.4 * v - 0.3 * r);
+            r += 0.05 * (0.2 * (port - starboard) - 0.5 * r);
+        }
+    }
+    log
+}
+
+/// A boat that was never at rest in the log got 1690 us when its position was lost.
+#[test]
+fn the_command_at_rest_is_neutral_or_the_service_does_not_start() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("run.csv"), log_of_pulses()).unwrap();
+    let args = ["identify", "run.csv", "--inputs", "left,right", "--methods", "sindy", "-o"];
+    let identify = |more: &[&str]| {
+        let output = hydroid(folder.path(), &[&args[..], more].concat()).output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        text(&output.stdout).to_owned()
+    };
+    identify(&["raw"]);
+    let service = |model: &str, more: &[&str]| {
+        let args = [&["control", model, "--task", "circle", "--horizons", "1"][..], more, &["-"]].concat();
+        hydroid(folder.path(), &args).stdin(Stdio::null()).output().unwrap()
+    };
+    let refused = service("raw/sindy.safetensors", &[]);
+    let said = text(&refused.stderr);
+    assert_eq!(refused.status.code(), Some(2), "{said}");
+    assert!(said.contains("[boat.inputs.left] limits = [LOW, HIGH]"), "{said}");
+    assert!(said.contains("--limit left=1100:1900"), "{said}");
+
+    let stated = ["--limit", "left=1100:1900", "--limit", "right=1100:1900"];
+    let printed = identify(&[&["firm"][..], &stated].concat());
+    assert!(
+        printed.contains("neutral 1500 us (the usual neutral pulse width), limits 1100 to 1900 us (stated)"),
+        "{printed}"
+    );
+    let within = [&args[..], &["no", "--limit", "left=1600:1650"]].concat();
+    let output = hydroid(folder.path(), &within).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("limits of left are 1600 to 1650, and the log commands"));
+    for (model, more) in [("firm/sindy.safetensors", &[][..]), ("raw/sindy.safetensors", &stated)] {
+        let args = [&["control", model, "--task", "circle", "--horizons", "1"][..], more, &["-"]].concat();
+        let mut service = Service::start(folder.path(), &args);
+        let mut last = Value::Null;
+        for k in 0..12 {
+            let t = 0.5 * f64::from(k);
+            let line = if k < 2 {
+                json!({ "t": t, "x": 0.5 * t, "y": 0.0, "psi": 0.0, "u": 1.0, "v": 0.0, "r": 0.0 })
+            } else {
+                json!({ "t": t, "u": 1.0, "v": 0.0, "r": 0.0 })
+            };
+            last = service.ask(&line.to_string());
+        }
+        assert_eq!(last["control"], "blind", "{last}");
+        assert_eq!(last["command"], json!({ "left": 1500.0, "right": 1500.0 }), "{last}");
+        service.kill();
+    }
 }

@@ -229,6 +229,44 @@ fn simulated_logs_of_a_model(folder: &Path) {
     refused(folder, &["simulate", "simple", "--figure", "track.svg"], "--figure needs an identified model");
 }
 
+/// A rudder that moved by 12 degrees in the log.
+#[test]
+fn the_rudder_may_go_farther_than_in_the_log() {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    let mut log = String::from("t,u [m/s],r [rad/s],delta [deg]\n");
+    let (mut u, mut r) = (2.0_f64, 0.0_f64);
+    for k in 0..1_200 {
+        let angle = f64::from([0, 12, -12, 6, -8, 10, -3][k / 30 % 7]);
+        writeln!(log, "{},{u},{r},{angle}", 0.5 * k as f64).unwrap();
+        for _ in 0..10 {
+            let rudder = angle.to_radians();
+            u += 0.05 * (0.1 * (2.0 - u) - 0.5 * rudder * rudder);
+            r += 0.05 * (0.1 * u * rudder - 0.2 * r);
+        }
+    }
+    fs::write(folder.join("run.csv"), log).unwrap();
+    let args = ["identify", "run.csv", "--inputs", "delta", "--methods", "sindy", "-o", "out"];
+    let output = hydroid(folder, &args);
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let model = "out/sindy.safetensors";
+    let circle = ["manoeuvre", model, "--trial", "turning-circle", "--steering", "35", "--length", "8"];
+    let printed = hydroid(folder, &circle);
+    let printed = String::from_utf8_lossy(&printed.stdout).into_owned();
+    assert!(
+        printed.contains("turning circle, 35 deg to starboard") && printed.contains("limit 36.00"),
+        "{printed}"
+    );
+    let mark = "delta goes from 0.00 deg to 35.00 deg, and from -12.00 deg to 12.00 deg in training";
+    assert!(printed.contains(mark), "{printed}");
+    let within = [&circle[..4], &["--steering", "12", "--length", "8"]].concat();
+    let printed = hydroid(folder, &within);
+    let printed = String::from_utf8_lossy(&printed.stdout).into_owned();
+    assert!(!printed.contains("delta goes") && !printed.contains("limit"), "{printed}");
+    refused(folder, &[&circle[..], &["--limit", "delta=-30:30 [deg]"]].concat(), "hard over is 30.0000 deg");
+    refused(folder, &["manoeuvre", model, "--limit", "delta=1:2 [m]"], "unit of delta, [m]");
+}
+
 #[test]
 fn wrong_input_is_refused_with_a_remedy() {
     let folder = TempDir::new().unwrap();

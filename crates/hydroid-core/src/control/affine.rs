@@ -66,9 +66,10 @@ impl AffinePlant {
         Ok(Self { plant, channels: [propeller, Channel { map, ..Channel::default() }], moment })
     }
 
-    /// Limits of the two commands in the parameters.
+    /// Limits of the two commands in the parameters; at rest they are 0, or the nearest value to it.
     pub fn limits(params: &VesselParams) -> [Limits; 2] {
-        [params.commands.propeller.limits, params.commands.rudder.limits].map(Limits::between)
+        [params.commands.propeller.limits, params.commands.rudder.limits]
+            .map(|limits| Limits::between(limits).with_rest(0.0_f64.max(limits[0]).min(limits[1])))
     }
 }
 

@@ -1,8 +1,7 @@
 //! The variables of an FMU, in one order for the description and for the library.
 
-use hydroid::closed_loop::limits_of;
 use hydroid::model::{Model, Port};
-use hydroid::plant::{Motion, rest};
+use hydroid::plant::{Motion, input_values, rest};
 
 use super::continuous::{Continuous, Hidden};
 use crate::name::identifiers;
@@ -155,18 +154,16 @@ fn channels(model: &Model, hidden: &[Hidden], moves: bool) -> Vec<Variable> {
             Variable { role, name: name.to_owned(), description, unit: unit.to_owned(), start, nominal }
         };
     let water = if moves { ", through the water where it is a velocity" } else { "" };
-    let limits = limits_of(model);
-    let idle: Vec<f64> = match model.craft() {
-        Some(craft) => craft.commands.iter().map(|command| command.neutral).collect(),
-        None => limits.iter().map(|limits| limits.rest).collect(),
-    };
+    // A boat that contradicts itself has no values: they are not given.
+    let values = input_values(model).unwrap_or_default();
     let still = rest(model);
     let mut all = vec![variable(Role::Time, "time", String::from("time"), "s", None, 1.0)];
-    for (i, (port, start)) in d.inputs.iter().zip(&idle).enumerate() {
+    for (i, port) in d.inputs.iter().enumerate() {
         let channel = &port.channel;
-        let what = if limits[i].are_held() { "input" } else { "command" };
+        let (value, start) = (values.get(i), values.get(i).map_or(0.0, |value| value.neutral));
+        let what = if value.is_none_or(|value| value.is_commanded) { "command" } else { "input" };
         let text = format!("{what} {}", channel.name);
-        all.push(variable(Role::Input(i), &channel.name, text, &channel.unit, Some(*start), nominal(port)));
+        all.push(variable(Role::Input(i), &channel.name, text, &channel.unit, Some(start), nominal(port)));
     }
     for (i, port) in d.outputs.iter().enumerate() {
         let channel = &port.channel;
@@ -188,11 +185,12 @@ fn channels(model: &Model, hidden: &[Hidden], moves: bool) -> Vec<Variable> {
             (format!("start {}", channel.name), format!("output {} at the start{water}", channel.name));
         all.push(variable(Role::StartOutput(i), &name, text, &channel.unit, Some(*start), nominal(port)));
     }
-    for (i, (port, start)) in d.inputs.iter().zip(&idle).enumerate() {
+    for (i, port) in d.inputs.iter().enumerate() {
+        let start = values.get(i).map_or(0.0, |value| value.neutral);
         let channel = &port.channel;
         let (name, text) =
             (format!("start {}", channel.name), format!("command {} before the start", channel.name));
-        all.push(variable(Role::StartInput(i), &name, text, &channel.unit, Some(*start), nominal(port)));
+        all.push(variable(Role::StartInput(i), &name, text, &channel.unit, Some(start), nominal(port)));
     }
     if moves {
         for (i, (name, unit, text)) in POSE.into_iter().enumerate() {

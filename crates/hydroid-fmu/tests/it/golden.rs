@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use hydroid::model::{Body, Model};
-use hydroid::plant::{Motion, neutral, rest};
+use hydroid::plant::{Motion, input_values, rest};
 use hydroid_core::predict::Workspace;
 use hydroid_export::Options;
 use hydroid_export::fmu::{FmuOptions, Role, Variables, Version, export};
@@ -48,7 +48,7 @@ impl Golden {
         let (n, m) = (d.outputs.len(), d.inputs.len());
         let mut start_outputs = rest(model);
         start_outputs[0] = 0.5 * (start_outputs[0] + d.outputs[0].range.high);
-        let idle: Vec<f64> = d.inputs.iter().map(|port| neutral([port.range.low, port.range.high])).collect();
+        let idle: Vec<f64> = input_values(model).unwrap().iter().map(|value| value.neutral).collect();
         let between = |port: &hydroid::model::Port, share: f64| {
             port.range.low + (port.range.high - port.range.low) * (0.5 + 0.4 * share)
         };

@@ -21,8 +21,12 @@ pub struct Settings {
     pub horizons_s: Vec<f64>,
     /// Whether commands are computed and not sent.
     pub is_dry_run: bool,
-    /// Limits of commands by name, in the units of the model.
+    /// What the inputs are.
+    pub boat: hydroid::boat::Boat,
+    /// Limits of commands by name, in the units of the model, in place of those of the boat.
     pub limits: BTreeMap<String, [f64; 2]>,
+    /// Neutral commands by name, in the units of the model, in place of those of the boat.
+    pub neutral: BTreeMap<String, f64>,
     /// Inputs that push the vessel ahead; `-NAME` pushes astern.
     pub push: Vec<String>,
     /// Inputs that turn the vessel to starboard; `-NAME` turns to port.

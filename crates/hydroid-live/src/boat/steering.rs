@@ -6,10 +6,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError};
 
+use hydroid::boat::Property;
 use hydroid::closed_loop::{ControlMethod, local_position};
 use hydroid::config::control::{NamedModel, Setup};
 use hydroid::identify::GivenRange;
 use hydroid::log::LogError;
+use hydroid::plant::{find_roles, input_values};
 use hydroid::recording::LiveColumn;
 use hydroid_core::guidance::Path;
 
@@ -62,43 +64,55 @@ impl Steering {
     }
 }
 
-/// Limits of an input in the unit of the model; `None` if they are not stated.
-fn limits(link: &impl Link, settings: &Settings, column: &LiveColumn) -> Result<Option<[f64; 2]>, String> {
+/// Limits and neutral value of an input in the unit of the model: stated, those of the boat, or those of the link.
+///
+/// # Errors
+/// If one of them is not known.
+fn axis(link: &impl Link, settings: &Settings, column: &LiveColumn) -> Result<crate::Axis, String> {
+    let channel = &column.source.channel;
     let usual = link.limits([column.topic, column.field])?;
-    let stated = settings.limits.get(&column.source.channel.name).copied();
-    Ok(stated.or(usual.map(|raw| {
+    let usual = usual.map(|raw| {
         let [a, b] = raw.map(|value| column.source.si(value));
         [a.min(b), a.max(b)]
-    })))
+    });
+    let stated = settings.limits.get(&channel.name).copied();
+    let mut boat = settings.boat.clone();
+    boat.find(std::slice::from_ref(channel));
+    let value = boat.value(channel, stated.or(usual)).map_err(|error| error.to_string())?;
+    let limits = stated.unwrap_or(value.limits);
+    let neutral = settings.neutral.get(&channel.name).copied();
+    if neutral.is_none() && value.weak().any(|property| property == Property::Neutral) {
+        let name = &channel.name;
+        return Err(format!(
+            "the neutral command of {name} is not known: add [boat.inputs.{name}] neutral = VALUE, or --neutral {name}=VALUE"
+        ));
+    }
+    Ok(crate::Axis::new(channel.name.clone(), limits, neutral.unwrap_or(value.neutral)))
 }
 
 /// Refuses limits of inputs that do not exist.
 pub(super) fn check_limits(settings: &Settings, columns: &[LiveColumn]) -> Result<(), LogError> {
     let names: Vec<&str> = columns.iter().map(|column| column.source.channel.name.as_str()).collect();
-    match settings.limits.keys().find(|name| !names.contains(&name.as_str())) {
+    match settings.limits.keys().chain(settings.neutral.keys()).find(|name| !names.contains(&name.as_str())) {
         None => Ok(()),
         Some(name) => Err(LogError::Unusable {
             path: "the settings".to_owned(),
-            reason: format!("limits are stated of {name}, which is not an input"),
+            reason: format!("limits or a neutral command are stated of {name}, which is not an input"),
             remedy: format!("the inputs are {}", names.join(", ")),
         }),
     }
 }
 
-/// The neutral command: zero, or the middle of limits without it.
-fn rest([low, high]: [f64; 2]) -> f64 {
-    if (low..=high).contains(&0.0) { 0.0 } else { 0.5 * (low + high) }
-}
-
 /// The inputs of experiments.
-pub(super) fn inputs(link: &impl Link, settings: &Settings, columns: &[LiveColumn]) -> Vec<crate::Axis> {
-    let all = columns.iter().map(|column| {
-        let name = column.source.channel.name.clone();
-        let stated = settings.limits.get(&name).copied();
-        let limits = stated.or(limits(link, settings, column).ok().flatten()).unwrap_or([-1.0, 1.0]);
-        crate::Axis::new(name, limits, rest(limits))
-    });
-    all.collect()
+///
+/// # Errors
+/// If limits or a neutral command are not known.
+pub(super) fn inputs(
+    link: &impl Link,
+    settings: &Settings,
+    columns: &[LiveColumn],
+) -> Result<Vec<crate::Axis>, String> {
+    columns.iter().map(|column| axis(link, settings, column)).collect()
 }
 
 /// What is explored of the commands so far: nothing.
@@ -112,7 +126,7 @@ pub(super) fn explored(
 ) -> Result<Explored, String> {
     let push = signed(&settings.push, columns, "push", "push the boat ahead")?;
     let turn = signed(&settings.turn, columns, "turn", "turn it to starboard")?;
-    Explored::new(&inputs(link, settings, columns), &push, &turn)
+    Explored::new(&inputs(link, settings, columns)?, &push, &turn)
 }
 
 /// The inputs as commands of the link.
@@ -122,11 +136,8 @@ pub(super) fn axes(
     columns: &[LiveColumn],
 ) -> Result<Vec<Axis>, String> {
     let of = |column: &LiveColumn| {
-        let name = column.source.channel.name.clone();
-        let limits = limits(link, settings, column)?
-            .ok_or_else(|| format!("the limits of {name} are not stated: add --limit {name}=LOW:HIGH"))?;
-        let [a, b] = limits.map(|value| column.source.raw(value));
-        let rest = column.source.raw(rest(limits));
+        let crate::Axis { name, low, high, rest, .. } = axis(link, settings, column)?;
+        let [a, b, rest] = [low, high, rest].map(|value| column.source.raw(value));
         Ok(Axis { name, place: [column.topic, column.field], low: a.min(b), high: a.max(b), rest })
     };
     columns.iter().map(of).collect()
@@ -259,7 +270,7 @@ impl<L: Link> Boat<L> {
         let columns = self.commands.columns();
         let limits = &self.settings.experiment;
         let settings = experiment::Settings {
-            inputs: inputs(&self.link, &self.settings, columns),
+            inputs: inputs(&self.link, &self.settings, columns)?,
             push: signed(&self.settings.push, columns, "push", "push the boat ahead")?,
             turn: signed(&self.settings.turn, columns, "turn", "turn it to starboard")?,
             fence: self.fence().ok_or("there is no position yet: wait for the GNSS")?,
@@ -339,10 +350,23 @@ impl<L: Link> Boat<L> {
             let half_step_ms = 500.0 * active.model.description.dt / self.settings.time_scale;
             options.plan_time.get_or_insert(half_step_ms);
         }
+        let model = &active.model;
+        let boat = find_roles(model);
+        let values = input_values(model).map_err(|error| error.to_string())?;
         for column in self.commands.columns() {
             let name = &column.source.channel.name;
-            if let Some([low, high]) = limits(&self.link, &self.settings, column)? {
-                options.limit.entry(name.clone()).or_insert(GivenRange { low, high, unit: None });
+            let Some(value) = values.iter().find(|value| value.name == *name) else { continue };
+            let own = axis(&self.link, &self.settings, column)?;
+            // In the unit of the boat of the model.
+            let raw = |value: f64| boat.raw(&column.source.channel, value).map_err(|error| error.to_string());
+            let is_weak = |property| value.weak().any(|weak| weak == property);
+            if self.settings.limits.contains_key(name) || is_weak(Property::Limits) {
+                let [a, b] = [raw(own.low)?, raw(own.high)?];
+                let range = GivenRange { low: a.min(b), high: a.max(b), unit: None };
+                options.limit.entry(name.clone()).or_insert(range);
+            }
+            if self.settings.neutral.contains_key(name) || is_weak(Property::Neutral) {
+                options.neutral.entry(name.clone()).or_insert(raw(own.rest)?);
             }
         }
         let named = NamedModel { name: active.name.clone(), model: active.model.clone() };
@@ -356,6 +380,7 @@ impl<L: Link> Boat<L> {
             .name("controller".to_owned())
             .spawn(move || {
                 let setup = Setup::new(options, Some(named), None).and_then(|mut setup| {
+                    setup.check_firm()?;
                     setup.tune(&mut go_on)?;
                     Ok(Box::new(setup))
                 });

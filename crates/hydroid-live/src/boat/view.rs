@@ -267,7 +267,7 @@ impl<L: Link> Boat<L> {
         let inputs: Vec<Value> = explored
             .inputs()
             .iter()
-            .zip(inputs(&self.link, &self.settings, self.commands.columns()))
+            .zip(inputs(&self.link, &self.settings, self.commands.columns()).unwrap_or_default())
             .map(|(channel, input)| {
                 let all: f64 = channel.seconds.iter().sum();
                 let share = |s: &f64| if all > 0.0 { s / all } else { 0.0 };
@@ -300,7 +300,8 @@ impl<L: Link> Boat<L> {
             }
             _ => self.commands.held().to_vec(),
         };
-        let inputs = inputs(&self.link, &self.settings, self.commands.columns());
+        // Without limits there is nothing to show: the refusals say what is missing.
+        let inputs = inputs(&self.link, &self.settings, self.commands.columns()).unwrap_or_default();
         let commands: Vec<Value> = inputs
             .iter()
             .enumerate()

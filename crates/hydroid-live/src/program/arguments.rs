@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
 
-use super::values::{NamedRange, Pair};
+use super::values::{NamedNumber, NamedRange, Pair};
 
 /// Commands to the vessel.
 #[derive(Debug, ClapArgs)]
@@ -29,6 +29,10 @@ pub struct CommandArgs {
     /// Limits of commands in the units of the model (default for MAVLink: pulses from 1100 to 1900 us)
     #[arg(long, value_delimiter = ',', value_name = "NAME=LOW:HIGH")]
     pub limit: Vec<NamedRange>,
+    /// Neutral commands in the units of the model (default: those of [boat.inputs], 1500 for pulses in us, 0 for physical
+    /// quantities)
+    #[arg(long, value_delimiter = ',', value_name = "NAME=VALUE", allow_hyphen_values = true)]
+    pub neutral: Vec<NamedNumber>,
     /// Radius of the geofence [m]
     #[arg(long, default_value_t = 100.0, value_name = "M")]
     pub fence: f64,

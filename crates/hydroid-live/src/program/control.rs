@@ -8,8 +8,8 @@ use clap::{Args as ClapArgs, ValueEnum};
 
 use hydroid::config::Duration;
 
-use super::roles::RoleArgs;
-use super::values::{Learner, NamedNumber, NamedRange, Pair, Points, Triple};
+use super::roles::{RoleArgs, ValueArgs};
+use super::values::{Learner, NamedNumber, Pair, Points, Triple};
 
 /// Controllers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -154,13 +154,9 @@ pub struct ControllerArgs {
     /// Largest rate of change of a command, in its unit per second (default: that of the vessel or model). May be repeated
     #[arg(long, value_name = "NAME=RATE")]
     pub rate_limit: Vec<NamedNumber>,
-    /// Limits of a command, in its unit (default: those of the plant's file, or its training range). May be repeated
-    #[arg(long, value_name = "NAME=LOW:HIGH", allow_hyphen_values = true)]
-    pub limit: Vec<NamedRange>,
-    /// Value of a command at rest, in its unit (default: 0, or the middle of a range without 0); value of an input that is not
-    /// commanded (default: 0 for the wind, the middle of its range for a setting). May be repeated
-    #[arg(long, value_name = "NAME=VALUE", allow_hyphen_values = true)]
-    pub neutral: Vec<NamedNumber>,
+    /// Limits and neutral values of inputs.
+    #[command(flatten)]
+    pub values: ValueArgs,
     /// Roles of inputs.
     #[command(flatten)]
     pub roles: RoleArgs,

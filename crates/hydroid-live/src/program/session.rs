@@ -115,7 +115,9 @@ fn settings(args: &SessionArgs, address: &str, config: Config, file: &Path) -> a
         records: !args.no_record,
         horizons_s: args.horizons.clone(),
         is_dry_run: args.commands.dry_run,
+        boat: config.boat,
         limits,
+        neutral: args.commands.neutral.iter().map(|given| (given.name.clone(), given.number)).collect(),
         push: args.commands.push.clone(),
         turn: args.commands.turn.clone(),
         experiment: ExperimentLimits {

@@ -1,9 +1,10 @@
 //! Errors of the description of a boat.
 
 use super::Role;
+use crate::log::units::UnitError;
 
 /// Wrong description of a boat.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum BoatError {
@@ -18,4 +19,30 @@ pub enum BoatError {
     NoRole(String),
     #[error("'{0}' is not a role: write propulsion, steering, thruster, disturbance or setting")]
     UnknownRole(String),
+    #[error("the input '{input}' has the number {number} in [boat.inputs.{input}]: give finite numbers")]
+    NotFinite { input: String, number: f64 },
+    #[error("limits of {input} are {low} to {high}: give the lower one first, as in limits = [1100, 1900]")]
+    NotAscending { input: String, low: f64, high: f64 },
+    #[error(
+        "neutral of {input} is {neutral}, outside of its limits {low} to {high}: correct one of them in [boat.inputs.{input}], or by --neutral or --limit"
+    )]
+    NeutralOutside { input: String, neutral: f64, low: f64, high: f64 },
+    #[error("scale of {0} is 0: give the raw change that is 1 in the model, as in scale = 400")]
+    NoScale(String),
+    #[error(
+        "scale of {0} is stated and its neutral value is not: the model's input is (raw - neutral) / scale; add neutral = VALUE to [boat.inputs.{0}]"
+    )]
+    ScaleAlone(String),
+    #[error("unit of {input}, [{unit}]: {error}")]
+    Unit { input: String, unit: String, error: UnitError },
+    #[error(
+        "limits of {input} are {low} to {high}, and the log commands {logged}: correct the limits in [boat.inputs.{input}], or the column of the input"
+    )]
+    Exceeded { input: String, low: f64, high: f64, logged: f64 },
+    #[error("{what} of {input}: not known; add {line}, or {option}")]
+    Missing { input: String, what: &'static str, line: String, option: String },
+    #[error(
+        "{what} of {input}: only what the log contains is known, which may not decide what is sent to the vessel; add {line} to the configuration of identify, or {option}"
+    )]
+    Weak { input: String, what: &'static str, line: String, option: String },
 }

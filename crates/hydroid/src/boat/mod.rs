@@ -18,6 +18,7 @@
 
 mod error;
 mod find;
+mod values;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -28,6 +29,7 @@ use serde::{Deserialize, Serialize};
 use crate::toml_file::nearest;
 
 pub use error::BoatError;
+pub use values::{HARD_OVER_DEG, Value, check_firm};
 
 /// Roles by name of input, as they are stated.
 pub type Roles = BTreeMap<String, Role>;
@@ -160,6 +162,8 @@ pub enum Evidence {
     Parameter(String),
     /// What is usual, as 1500 us for the neutral pulse width.
     Convention(String),
+    /// Weak: what the logs contain, as the extremes of a command. It holds in simulations, and not on board.
+    Log(String),
 }
 
 impl fmt::Display for Evidence {
@@ -176,7 +180,7 @@ impl fmt::Display for Evidence {
                 )
             }
             Self::Constant => f.write_str("it was constant in the logs"),
-            Self::Parameter(text) | Self::Convention(text) => f.write_str(text),
+            Self::Parameter(text) | Self::Convention(text) | Self::Log(text) => f.write_str(text),
         }
     }
 }

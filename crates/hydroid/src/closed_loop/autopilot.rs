@@ -37,8 +37,10 @@ impl AutopilotController {
         };
         let astern = inputs.astern();
         let channels = [
-            Limits::between([-astern, 1.0]).with_rate(rate(&inputs.push)),
-            Limits::between([-1.0, 1.0]).with_rate(rate(&inputs.turn)),
+            Limits::between([-astern, 1.0]).with_rest(0.0).with_rate(rate(&inputs.push)),
+            Limits::between([-inputs.hard_over(-1.0), inputs.hard_over(1.0)])
+                .with_rest(0.0)
+                .with_rate(rate(&inputs.turn)),
         ];
         Ok(Self {
             law: Autopilot::new(&channels, dt_s, *options)?,

@@ -10,9 +10,10 @@ use super::disturbance::Conditions;
 use super::error::ClosedLoopError;
 use super::perturbed::PerturbedPlant;
 use super::simulated::SimulatedModel;
+use crate::boat::{BoatError, Value};
 use crate::log::Channel;
-use crate::model::Model;
-use crate::plant::{PlantError, find_roles, held};
+use crate::model::{Model, Port};
+use crate::plant::{PlantError, input_values};
 
 /// The vessel that a closed loop steers. The controller does not know it.
 #[derive(Clone, Debug)]
@@ -101,29 +102,35 @@ impl TruePlant {
         }
     }
 
-    /// Limits of the commands: those of the vessel, or those of the [model's inputs](limits_of). At rest, a command is 0 or, if
-    /// 0 is outside its range, in the middle.
+    /// Limits of the commands: those of the vessel, or those of the [model's inputs](limits_of). Limits that contradict each
+    /// other are not a number: control laws refuse them.
     pub fn limits(&self) -> Vec<Limits> {
         match self {
             Self::Vessel(params) => hydroid_core::control::AffinePlant::limits(params).to_vec(),
-            Self::Model(model) => limits_of(model),
+            Self::Model(model) => {
+                let none = || vec![Limits::held(f64::NAN); model.description.inputs.len()];
+                limits_of(model).unwrap_or_else(|_| none())
+            }
         }
     }
 }
 
-/// Limits of the inputs of a model: their ranges, and the limits of the rates that the model states. An input that is not
-/// commanded has one value: the wind is 0, a setting in the middle of its range.
-pub fn limits_of(model: &Model) -> Vec<Limits> {
-    let boat = find_roles(model);
-    let limits = |port: &crate::model::Port| {
-        let range = [port.range.low, port.range.high];
-        if let Some(role) = boat.role(&port.channel.name).filter(|role| !role.is_commanded()) {
-            return Limits::held(held(role, range));
+/// Limits of the inputs of a model and their values at rest, by its [boat](input_values), and the limits of the rates that the
+/// model states. An input that is not commanded has one value: the wind is 0, a setting in the middle of its range. A neutral
+/// value outside of limits that only follow from the logs is the nearest one.
+///
+/// # Errors
+/// If the boat contradicts itself.
+pub fn limits_of(model: &Model) -> Result<Vec<Limits>, BoatError> {
+    let limits = |(port, value): (&Port, Value)| {
+        let [low, high] = value.limits;
+        if !value.is_commanded {
+            return Limits::held(value.neutral);
         }
-        let limits = Limits::between(range).with_rest(crate::plant::neutral(range));
+        let limits = Limits::between([low, high]).with_rest(value.neutral.max(low).min(high));
         port.rate_limit.map_or(limits, |rate| limits.with_rate(rate))
     };
-    model.description.inputs.iter().map(limits).collect()
+    Ok(model.description.inputs.iter().zip(input_values(model)?).map(limits).collect())
 }
 
 /// Commands on their way to the actuators.

@@ -1,8 +1,9 @@
 //! From logs and settings to the job of an identification.
 
 use super::Config;
+use crate::boat::BoatError;
 use crate::craft::CraftFile;
-use crate::identify::{CrossValidation, Job, Method, NetworkTrainingOptions};
+use crate::identify::{CrossValidation, Job, Method, NetworkTrainingOptions, input_ranges};
 use crate::log::{
     self, ChannelSpec, InputDelay, LogError, Note, PrepareOptions, RawLog, Split, Trajectory, split_named,
 };
@@ -63,11 +64,18 @@ impl Config {
         let run = logs.train.first().map(|log| log.path.clone());
         if let Some(first) = split.train.first() {
             let names: Vec<&str> = first.inputs.channels().iter().map(|c| c.name.as_str()).collect();
-            boat.check(&names).map_err(|error| LogError::Unusable {
-                path: run.unwrap_or_default(),
+            let refused = |error: BoatError| LogError::Unusable {
+                path: run.clone().unwrap_or_default(),
                 reason: error.to_string(),
                 remedy: String::from("correct it in [boat.inputs], or name it among the inputs"),
-            })?;
+            };
+            boat.check(&names).map_err(refused)?;
+            let mut known = boat.clone();
+            known.find(first.inputs.channels());
+            let all: Vec<&Trajectory> =
+                split.train.iter().chain(&split.validation).chain(&split.test).collect();
+            let seen = input_ranges(&all).into_iter().map(|range| [range.low, range.high]);
+            known.check_values(first.inputs.channels().iter().zip(seen)).map_err(refused)?;
         }
         let dt = split.train.first().map_or(1.0, |run| run.dt);
         let horizon = match identify.horizon {

@@ -1,12 +1,14 @@
 //! Settings of manoeuvring trials.
 
+use std::collections::BTreeMap;
 use std::str::FromStr;
 
 use serde::{Deserialize, Deserializer};
 
-use super::Duration;
 use super::error::SettingError;
-use crate::boat::Roles;
+use super::{Duration, with_values};
+use crate::boat::{HARD_OVER_DEG, Roles};
+use crate::identify::GivenRanges;
 use crate::manoeuvre::{LeftOut, ManoeuvreError, Options, TrialKind, TrialOptions, Trials, trials};
 use crate::model::Model;
 use crate::plant::InputMap;
@@ -91,6 +93,10 @@ pub struct Manoeuvre {
     pub propulsion: Option<f64>,
     /// Roles of inputs, in place of those of the model.
     pub role: Roles,
+    /// Limits of inputs, in place of those of the boat and in its units.
+    pub limit: GivenRanges,
+    /// Neutral values of inputs, in place of those of the boat and in its units.
+    pub neutral: BTreeMap<String, f64>,
     /// Inputs that push the vessel; `-NAME` pushes astern. Default: by the roles of the inputs.
     pub push: Vec<String>,
     /// Inputs that turn the vessel to starboard; `-NAME` turns to port. Default: by the roles of the inputs.
@@ -137,7 +143,8 @@ impl Manoeuvre {
     /// # Errors
     /// If the inputs of the model cannot be found, or an option is out of range.
     pub fn plan(&self, model: &Model) -> Result<TrialPlan, SettingError> {
-        let map = InputMap::with(&model.clone().with_roles(&self.role)?, &self.push, &self.turn)?;
+        let model = with_values(model.clone().with_roles(&self.role)?, &self.neutral, &self.limit)?;
+        let map = InputMap::with(&model, &self.push, &self.turn)?;
         let kinds = self.kinds(&map)?;
         let options = self.options()?;
         let no_propulsion = map.no_propulsion();
@@ -157,37 +164,51 @@ impl Manoeuvre {
     fn kinds(&self, map: &InputMap) -> Result<Vec<TrialKind>, SettingError> {
         let full = map.steering().full;
         let unit = map.steering().unit;
+        // Hard over to starboard and to port, in the unit of the steering.
+        let hard_over = [1.0, -1.0].map(|side| full * map.hard_over(side));
+        let least = hard_over[0].min(hard_over[1]);
         let relative = |stated: f64, option: &str| {
             if stated.is_nan() || stated <= 0.0 {
                 return wrong(format!(
                     "{option} {stated}: the steering must be greater than 0; both sides are tried"
                 ));
             }
-            if stated > full * (1.0 + 1e-9) {
+            if stated > least * (1.0 + 1e-9) {
+                let [starboard, port] = hard_over;
+                let sides = if (starboard / port - 1.0).abs() < 1e-9 {
+                    format!("{least:.4} {unit}")
+                } else {
+                    format!("{starboard:.4} {unit} to starboard and {port:.4} {unit} to port")
+                };
                 return wrong(format!(
-                    "{option} {stated}: hard over is {full:.4} {unit} for this vessel: give at most that"
+                    "{option} {stated}: hard over is {sides} for this vessel: give at most that, or state the limits of the input that turns it, as in --limit NAME=LOW:HIGH"
                 ));
             }
             Ok((stated / full).min(1.0))
         };
-        let usual = if unit == "deg" { full.min(35.0) } else { full };
-        let hard = relative(self.steering.unwrap_or(usual), "--steering")?;
+        let hard = match self.steering {
+            Some(stated) => [relative(stated, "--steering")?; 2],
+            None if unit == "deg" => hard_over.map(|angle| angle.min(HARD_OVER_DEG) / full),
+            None => hard_over.map(|reach| reach / full),
+        };
+        let [starboard, port] = hard;
+        let both = starboard.min(port);
         let chosen = if self.trials.is_empty() { &TrialName::ALL[..] } else { &self.trials };
         let no_propulsion = map.no_propulsion();
         let mut kinds = Vec::new();
         for trial in chosen {
             match trial {
                 TrialName::TurningCircle => {
-                    kinds.extend([hard, -hard].map(|steering| TrialKind::TurningCircle { steering }));
+                    kinds.extend([starboard, -port].map(|steering| TrialKind::TurningCircle { steering }));
                 }
                 TrialName::Zigzag => {
                     let usual =
                         [10.0, 20.0].map(|angle| ZigzagAngles { steering: angle, heading_deg: angle });
-                    let usual = usual.into_iter().filter(|angles| angles.steering <= full).collect();
+                    let usual = usual.into_iter().filter(|angles| angles.steering <= least).collect();
                     let zigzags = if self.zigzag.is_empty() { &usual } else { &self.zigzag };
                     if zigzags.is_empty() {
                         return wrong(format!(
-                            "hard over is {full:.4} {unit} for this vessel, less than a zigzag 10/10 needs: give smaller angles, as in --zigzag 5/5"
+                            "hard over is {least:.4} {unit} for this vessel, less than a zigzag 10/10 needs: give smaller angles, as in --zigzag 5/5"
                         ));
                     }
                     for &ZigzagAngles { steering, heading_deg } in zigzags {
@@ -196,8 +217,8 @@ impl Manoeuvre {
                         kinds.extend([steering, -steering].map(zigzag));
                     }
                 }
-                TrialName::PullOut => kinds.push(TrialKind::PullOut { steering: hard }),
-                TrialName::Spiral => kinds.push(TrialKind::Spiral { steering: hard, steps: 24 }),
+                TrialName::PullOut => kinds.push(TrialKind::PullOut { steering: both }),
+                TrialName::Spiral => kinds.push(TrialKind::Spiral { steering: both, steps: 24 }),
                 TrialName::Acceleration | TrialName::Stopping if no_propulsion.is_some() => {
                     if let (Some(reason), false) = (&no_propulsion, self.trials.is_empty()) {
                         return wrong(format!(

@@ -11,15 +11,16 @@ mod manoeuvre;
 mod quantity;
 mod simulate;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
-use crate::boat::Boat;
+use crate::boat::{Boat, BoatError};
 use crate::identify::{GivenRanges, MotionOption, NetworkOptions, RateLimitOption, SindyOptions};
-use crate::log::{ChannelSpec, CommandTiming, InputDelay, PrepareOptions, Selection, Sensors, Wind};
-use crate::model::Reading;
+use crate::log::{Channel, ChannelSpec, CommandTiming, InputDelay, PrepareOptions, Selection, Sensors, Wind};
+use crate::model::{Model, Reading};
 use crate::toml_file::{self, TomlError};
 
 pub use error::SettingError;
@@ -148,6 +149,29 @@ pub struct Identify {
     pub seed: Option<u64>,
     /// Limit of the time for the training of all networks; the result then depends on the machine.
     pub budget: Option<Duration>,
+}
+
+/// A model with stated neutral values and limits of inputs, in place of those that it contains. They are in the unit of the
+/// input of the [boat](crate::boat::Input).
+///
+/// # Errors
+/// If there is no such input, or the values contradict each other.
+pub(crate) fn with_values(
+    mut model: Model,
+    neutral: &BTreeMap<String, f64>,
+    limits: &GivenRanges,
+) -> Result<Model, BoatError> {
+    let d = &mut model.description;
+    for name in neutral.keys().chain(limits.keys()) {
+        let port = d.inputs.iter().find(|port| port.channel.name == *name);
+        let channel = port.map_or_else(|| Channel::new(name.as_str(), ""), |port| port.channel.clone());
+        let limits = limits.get(name).map(|range| ([range.low, range.high], range.unit.as_deref()));
+        d.boat.state_values(&channel, neutral.get(name).copied(), limits)?;
+    }
+    let names: Vec<&str> = d.inputs.iter().map(|port| port.channel.name.as_str()).collect();
+    d.boat.check(&names)?;
+    crate::plant::input_values(&model)?;
+    Ok(model)
 }
 
 /// Reads a file.

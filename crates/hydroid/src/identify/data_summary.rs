@@ -73,7 +73,7 @@ pub fn output_ranges(runs: &[&Trajectory]) -> Vec<DesignRange> {
     of_tables(&tables)
 }
 
-pub(super) fn input_ranges(runs: &[&Trajectory]) -> Vec<DesignRange> {
+pub(crate) fn input_ranges(runs: &[&Trajectory]) -> Vec<DesignRange> {
     let tables: Vec<&Table> = runs.iter().map(|run| &run.inputs).collect();
     of_tables(&tables)
 }

@@ -38,6 +38,7 @@ use crate::train;
 
 pub use cross_validation::CrossValidation;
 #[doc(hidden)]
+pub(crate) use data_summary::input_ranges;
 pub use data_summary::{ChannelSummary, data_summary, output_ranges};
 pub use design_range::{ChannelRange, GivenRange, GivenRanges};
 pub use error::IdentifyError;

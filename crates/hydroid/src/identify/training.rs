@@ -11,6 +11,7 @@ use super::{
     Candidate, IdentifyError, Job, Method, Parts, data_summary, equations, grey_box, networks as recurrent,
     output_ranges, recursive,
 };
+use crate::boat::Boat;
 use crate::committee;
 use crate::evaluate::DesignRange;
 use crate::grey_box::GreyBox;
@@ -322,7 +323,7 @@ fn describe(
         description: Description {
             bands: None,
             current: None,
-            boat: job.boat.clone(),
+            boat: boat(job, method),
             name: method.name().to_owned(),
             dt: run.dt,
             outputs: ports(run.outputs.channels(), &parts.ranges, &parts.training_ranges),
@@ -340,6 +341,20 @@ fn describe(
         members: Members::default(),
         learning: None,
     }
+}
+
+/// The boat; the commands of a vessel file have its neutral values and limits, where they are not stated.
+fn boat(job: &Job, method: Method) -> Boat {
+    let mut boat = job.boat.clone();
+    let vessel = job.vessel.as_ref().filter(|_| method == Method::GreyBox);
+    for command in vessel.iter().flat_map(|vessel| &vessel.craft.commands) {
+        let input = boat.inputs.entry(command.name.clone()).or_default();
+        if input.neutral.is_none() && input.limits.is_none() && input.scale.is_none() && input.unit.is_none()
+        {
+            (input.neutral, input.limits) = (Some(command.neutral), Some(command.limits));
+        }
+    }
+    boat
 }
 
 /// The reading of the training logs with an explicit sample time.

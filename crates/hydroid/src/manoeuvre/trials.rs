@@ -16,11 +16,12 @@ use super::track::Track;
 use super::turning_circle::turning_circle;
 use super::zigzag::zigzag;
 use crate::log::Shortest;
-use crate::model::Model;
+use crate::model::{Model, Port};
 use crate::plant::{InputMap, PlantError, Simulation};
 use crate::progress::Progress;
 
-/// A trial with its parameters. The steering is 1 hard to starboard and -1 hard to port.
+/// A trial with its parameters. The steering is positive to starboard, and 1 or -1 on the side to which it reaches farther
+/// ([`InputMap::hard_over`]).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "trial", rename_all = "kebab-case")]
 pub enum TrialKind {
@@ -71,7 +72,7 @@ pub struct Trial {
     /// Time since the order after which the motion is not finite \[s\]; figures that are reached before are stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub diverged_s: Option<f64>,
-    /// Outputs that leave the training range.
+    /// Outputs and inputs that leave the training range.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub outside: Vec<Outside>,
     /// Number of members whose trials give the intervals.
@@ -102,6 +103,9 @@ pub struct Trials {
     pub inputs: InputMap,
     /// The trials.
     pub trials: Vec<Trial>,
+    /// What is said of neutral values and limits that only follow from the logs.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
     /// Trials that the vessel cannot do.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<LeftOut>,
@@ -116,7 +120,7 @@ pub struct LeftOut {
     pub reason: String,
 }
 
-/// An output that leaves its training range by more than a tenth of its width: the model extrapolates from there on.
+/// An output or input that leaves its training range by more than a tenth of its width: the model extrapolates from there on.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Outside {
     /// Name.
@@ -189,7 +193,7 @@ pub fn trials(
         let outcome = kind.run(&own, map, options.longest_s)?;
         let others: Vec<Outcome> =
             members.par_iter().filter_map(|member| kind.run(member, map, options.longest_s).ok()).collect();
-        results.push(trial(model, *kind, outcome, others, map, options));
+        results.push(trial(model, *kind, outcome, others, (map, own.propulsion), options));
     }
     if progress(1.0).is_break() {
         return Ok(None);
@@ -202,6 +206,7 @@ pub fn trials(
         approach_command: map.command(own.propulsion, own.steering),
         inputs: map.clone(),
         trials: results,
+        notes: map.notes(),
         left_out: Vec::new(),
     }))
 }
@@ -211,7 +216,7 @@ fn trial(
     kind: TrialKind,
     outcome: Outcome,
     others: Vec<Outcome>,
-    map: &InputMap,
+    (map, propulsion): (&InputMap, f64),
     options: &TrialOptions,
 ) -> Trial {
     let mut figures = outcome.figures;
@@ -221,7 +226,8 @@ fn trial(
         let speed = outcome.tracks.first().map_or(f64::NAN, |track| track.speed(track.execute));
         kind.judge(&mut figures, map, length, speed);
     }
-    let outside = outside(model, &outcome.tracks);
+    let mut outside = outside(model, &outcome.tracks);
+    outside.extend(inputs_outside(model, map, kind, propulsion, &outcome.tracks));
     let from_s = outside.iter().map(|outside| outside.from_s).fold(f64::INFINITY, f64::min);
     for figure in &mut figures {
         figure.extrapolated = figure.at_s.unwrap_or(f64::MAX) > from_s;
@@ -265,6 +271,50 @@ fn outside(model: &Model, tracks: &[Track]) -> Vec<Outside> {
         first.map(of)
     };
     crate::model::MOTION.iter().enumerate().filter_map(channel).collect()
+}
+
+/// Inputs that the trial commands beyond the range of the training, as with the rudder hard over. A spiral has no track, and
+/// is outside from its start.
+fn inputs_outside(
+    model: &Model,
+    map: &InputMap,
+    kind: TrialKind,
+    propulsion: f64,
+    tracks: &[Track],
+) -> Vec<Outside> {
+    if model.is_vessel() {
+        return Vec::new();
+    }
+    // Time since the order, and command.
+    let mut commands: Vec<(f64, Vec<f64>)> = Vec::new();
+    for track in tracks {
+        let mut before = f64::NAN;
+        for (k, &s) in track.steering.iter().enumerate() {
+            if s != before {
+                commands.push((track.time_s(k).max(0.0), map.command(track.propulsion, s)));
+            }
+            before = s;
+        }
+    }
+    if let TrialKind::Spiral { steering, .. } = kind {
+        commands.extend([steering, -steering].map(|s| (0.0, map.command(propulsion, s))));
+    }
+    let input = |(c, port): (usize, &Port)| {
+        let range = port.training_range.unwrap_or(port.range);
+        let room = 0.1 * (range.high - range.low);
+        let beyond = |value: f64| value < range.low - room || value > range.high + room;
+        let from_s = commands.iter().filter(|(_, command)| beyond(command[c])).map(|(t, _)| *t);
+        let from_s = from_s.fold(f64::INFINITY, f64::min);
+        let values = commands.iter().map(|(_, command)| command[c]);
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+        from_s.is_finite().then(|| Outside {
+            name: port.channel.name.clone(),
+            from_s,
+            reached: [low, high],
+            range: [range.low, range.high],
+        })
+    };
+    model.description.inputs.iter().enumerate().filter_map(input).collect()
 }
 
 impl Trials {
@@ -355,7 +405,7 @@ impl TrialKind {
     }
 
     /// Criteria of IMO resolution MSC.137(76) for a ship of a length at a speed: turning ability with 35 degrees of rudder
-    /// or the largest angle, initial turning and course keeping by the zigzags 10/10 and 20/20, stopping full astern.
+    /// or hard over, unless that only follows from the logs, initial turning and course keeping by the zigzags 10/10 and 20/20, stopping full astern.
     fn judge(&self, figures: &mut [Figure], map: &InputMap, length: f64, speed: f64) {
         let angle = |s: f64| {
             let steering = map.steering();
@@ -369,7 +419,10 @@ impl TrialKind {
         let time = length / speed;
         match *self {
             Self::TurningCircle { steering } => {
-                let hard = angle(steering).is_none_or(|angle| is(angle, 35.0)) || is(steering.abs(), 1.0);
+                let is_hard_over = (steering.abs() / map.hard_over(steering) - 1.0).abs() < 1e-6;
+                let turns = map.values.iter().zip(&map.turn).filter(|(_, turn)| **turn != 0.0);
+                let is_known = turns.map(|(value, _)| value).all(|value| value.weak().next().is_none());
+                let hard = angle(steering).is_some_and(|angle| is(angle, 35.0)) || is_hard_over && is_known;
                 if hard {
                     limit("advance_m", 4.5 * length);
                     limit("tactical_diameter_m", 5.0 * length);

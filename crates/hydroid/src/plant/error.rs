@@ -2,6 +2,7 @@
 
 use hydroid_core::model::PlantModelError;
 
+use crate::boat::BoatError;
 use crate::progress::Cancelled;
 
 /// Reason why a model is not a plant, or its inputs are unknown.
@@ -31,6 +32,8 @@ pub enum PlantError {
     NoStation { inputs: String, lacks: &'static str },
     #[error("{option}: the model has no input '{name}'{}; its inputs are {known}", nearest.as_ref().map(|n| format!(", did you mean '{n}'?")).unwrap_or_default())]
     UnknownInput { option: &'static str, name: String, nearest: Option<String>, known: String },
+    #[error(transparent)]
+    Boat(#[from] BoatError),
     #[error("the vessel is invalid: {0}")]
     Vessel(#[from] PlantModelError),
     /// Number out of range.

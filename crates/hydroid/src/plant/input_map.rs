@@ -1,13 +1,13 @@
 //! Which inputs push a vessel, and which turn it.
 
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::FRAC_PI_2;
 
 use serde::Serialize;
 
 use super::error::PlantError;
-use super::roles::{find_roles, operating_point};
+use super::roles::{find_roles, operating_point, tested, values_by};
 use super::simulation::{Simulation, middle};
-use crate::boat::Role;
+use crate::boat::{HARD_OVER_DEG, Role, Value};
 use crate::model::{Model, Port};
 use crate::toml_file::nearest;
 
@@ -17,18 +17,18 @@ use crate::toml_file::nearest;
 /// c = neutral + p push + s turn,    within the limits
 /// ```
 ///
-/// with the propulsion `p` (1: full ahead) and the steering `s` (1: hard to starboard). The vessel turns to starboard
-/// for `s > 0` while it moves ahead.
+/// with the propulsion `p` (1: full ahead) and the steering `s`. The vessel turns to starboard for `s > 0` while it moves
+/// ahead. `s` is 1 or -1 on the side to which the inputs that turn the vessel reach farther; the other side may end before
+/// ([`hard_over`](Self::hard_over)).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct InputMap {
     /// Commands without propulsion and steering.
     pub neutral: Vec<f64>,
     /// Change of the commands from none to full propulsion.
     pub push: Vec<f64>,
-    /// Change of the commands from neutral to hard starboard.
+    /// Change of the commands from neutral to `s = 1`.
     pub turn: Vec<f64>,
-    /// Lower and upper limit of each command: the design range, or the training range. An input that is not commanded has
-    /// one value.
+    /// Lower and upper limit of each command. An input that is not commanded has one value.
     pub limits: Vec<[f64; 2]>,
     /// Name of each input.
     pub names: Vec<String>,
@@ -36,6 +36,8 @@ pub struct InputMap {
     pub units: Vec<String>,
     /// Role of each input; none if it is not known.
     pub roles: Vec<Option<Role>>,
+    /// Neutral value and limits of each input with their evidence.
+    pub values: Vec<Value>,
 }
 
 /// How the steering is stated: as an angle, positive to starboard, if the inputs that turn the vessel are angles of one size,
@@ -44,13 +46,9 @@ pub struct InputMap {
 pub struct Steering {
     /// `deg` or `%`.
     pub unit: &'static str,
-    /// Stated value of hard over, `s = 1`.
+    /// Stated value of `s = 1`.
     pub full: f64,
 }
-
-/// Hard over of an input that is an angle beyond a quarter turn, such as that of an azimuth thruster: the 35 degrees at which the
-/// IMO prescribes turning circles (MSC.137(76), section 5.2).
-const HARD_OVER: f64 = 35.0 * (PI / 180.0);
 
 /// Least effect of an input relative to the greatest one. An input with less is taken to have none: the side force of a
 /// propeller, the drag of a rudder.
@@ -65,7 +63,8 @@ const HORIZON: usize = 200;
 impl InputMap {
     /// Finds the directions. The [role](find_roles) of an input says whether it may push or turn the vessel, or is not
     /// commanded. Its share is its effect on the simulated motion: the change of the surge velocity, and then, while the
-    /// vessel moves ahead, of the yaw rate, between half of the range of the input above and below the operating point.
+    /// vessel moves ahead, of the yaw rate, between half of the range in which the model was seen above and below the
+    /// operating point, in proportion to the [limits](crate::boat::Boat::value) of the input.
     /// A vessel that no input may push has no propulsion. For inputs that do both, like two thrusters, the directions are the
     /// smallest commands that have one of the effects alone (the pseudo-inverse, T. I. Fossen, *Handbook of Marine Craft
     /// Hydrodynamics and Motion Control*, 2nd edition, 2021, section 11.2).
@@ -86,7 +85,7 @@ impl InputMap {
         let names: Vec<String> = inputs.iter().map(|port| port.channel.name.clone()).collect();
         let units = inputs.iter().map(|port| port.channel.unit.clone()).collect();
         let given = [stated(push, &names, "--push")?, stated(turn, &names, "--turn")?];
-        let boat = find_roles(model);
+        let mut boat = find_roles(model);
         let is_stated = |c: usize| given.iter().flatten().any(|direction| direction[c] != 0.0);
         let mut doubtful = (0..names.len()).filter(|&c| !is_stated(c));
         if let Some((input, response)) =
@@ -95,13 +94,16 @@ impl InputMap {
             return Err(PlantError::Contradiction { input, response });
         }
         // An input that is named is commanded.
-        let role =
-            |(c, name): (usize, &String)| boat.role(name).filter(|role| role.is_commanded() || !is_stated(c));
-        let roles: Vec<Option<Role>> = names.iter().enumerate().map(role).collect();
-        let limits = super::roles::limits(model, &roles);
+        for (_, name) in names.iter().enumerate().filter(|(c, _)| is_stated(*c)) {
+            if let Some(input) = boat.inputs.get_mut(name) {
+                input.role = input.role.filter(|role| role.is_commanded());
+            }
+        }
+        let roles: Vec<Option<Role>> = names.iter().map(|name| boat.role(name)).collect();
+        let values = values_by(&boat, model)?;
+        let limits = tested(model, &values);
         let half = half_ranges(model, &limits);
-        let neutral: Vec<f64> = limits.iter().copied().map(neutral).collect();
-        let operating = operating_point(&limits, &roles);
+        let operating = operating_point(&limits, &values, &roles);
         let mut test = Test::new(model)?;
 
         let no_effect = |effect, output, option| {
@@ -131,18 +133,63 @@ impl InputMap {
             let effects = test.effects(&ahead, &half, &limits, &may_turn, |nu| nu[2]);
             significant(effects, test.range("r")).ok_or_else(no_effect("turns the vessel", "r", "--turn"))?
         };
-        let (push_alone, turn_alone) = directions(&surge, &yaw);
+        // From half of the range of the test to the reach of the actuator.
+        let reach: Vec<f64> = values.iter().map(reach).collect();
+        let scaled = |effects: &[f64]| -> Vec<f64> {
+            let share = |((effect, half), reach): ((&f64, &f64), &f64)| {
+                if *half > 0.0 { effect * reach / half } else { 0.0 }
+            };
+            effects.iter().zip(&half).zip(&reach).map(share).collect()
+        };
+        let (push_alone, turn_alone) = directions(&scaled(&surge), &scaled(&yaw));
         // Stated inputs are used as they are.
         let push = if push.is_empty() { push_alone } else { surge };
         let turn = if turn.is_empty() { turn_alone } else { yaw };
-        // Full propulsion ahead reaches the farther limit from the neutral position; hard over is half of the range.
-        let reach = |c: usize, sign: f64| {
-            let [low, high] = limits[c];
-            if sign > 0.0 { high - neutral[c] } else { low - neutral[c] }
+        // Full propulsion ahead reaches the limit on its side.
+        let push = push.iter().zip(&values).map(|(p, value)| p.abs() * reach_to(value, *p)).collect();
+        let turn = turn.iter().zip(&reach).map(|(s, reach)| s * reach).collect();
+        let neutral = values.iter().map(|value| value.neutral).collect();
+        let limits = values.iter().map(|value| value.limits).collect();
+        Ok(Self { neutral, push, turn, limits, names, units, roles, values })
+    }
+
+    /// The map over the ranges in which a model was seen: its directions end there.
+    pub(super) fn within(mut self, model: &Model) -> Self {
+        for ([low, high], port) in self.limits.iter_mut().zip(&model.description.inputs) {
+            let seen = [low.max(port.range.low), high.min(port.range.high)];
+            if seen[0] <= seen[1] {
+                [*low, *high] = seen;
+            }
+        }
+        let Self { neutral, limits, .. } = &self;
+        let share = |direction: &[f64], sides: &[f64]| {
+            let of = |c: usize, side: f64| {
+                let end = if side * direction[c] > 0.0 { limits[c][1] } else { limits[c][0] };
+                (end - neutral[c]) / (side * direction[c])
+            };
+            let used = (0..direction.len()).filter(|&c| direction[c] != 0.0);
+            let most = used.flat_map(|c| sides.iter().map(move |&side| of(c, side)));
+            let most = most.fold(0.0, f64::max);
+            if most > 0.0 { most.min(1.0) } else { 1.0 }
         };
-        let push = push.iter().enumerate().map(|(c, p)| p.abs() * reach(c, *p)).collect();
-        let turn = turn.iter().zip(&half).map(|(s, h)| s * h).collect();
-        Ok(Self { neutral, push, turn, limits, names, units, roles })
+        let (push, turn) = (share(&self.push, &[1.0]), share(&self.turn, &[-1.0, 1.0]));
+        self.push.iter_mut().for_each(|part| *part *= push);
+        self.turn.iter_mut().for_each(|part| *part *= turn);
+        self
+    }
+
+    /// Steering at which the inputs that turn the vessel end: hard over to starboard for a positive `side`, else to port; 1
+    /// on the side to which they reach farther.
+    pub fn hard_over(&self, side: f64) -> f64 {
+        let share = |(turn, value): (&f64, &Value)| {
+            if *turn == 0.0 { 0.0 } else { reach_to(value, side * turn).abs() / turn.abs() }
+        };
+        self.turn.iter().zip(&self.values).map(share).fold(0.0, f64::max).min(1.0)
+    }
+
+    /// What is said of neutral values and limits that only follow from the logs.
+    pub fn notes(&self) -> Vec<String> {
+        self.values.iter().filter_map(Value::note).collect()
     }
 
     /// The command for propulsion `p` and steering `s`, within the limits.
@@ -200,16 +247,25 @@ impl InputMap {
 
 /// Half of the range of each input, up to hard over.
 pub(super) fn half_ranges(model: &Model, limits: &[[f64; 2]]) -> Vec<f64> {
-    let half = |(port, [low, high]): (&Port, &[f64; 2])| {
-        let half = 0.5 * (high - low);
-        if port.channel.unit == "rad" && half > FRAC_PI_2 { HARD_OVER } else { half }
-    };
+    let half = |(port, [low, high]): (&Port, &[f64; 2])| hard_over(0.5 * (high - low), &port.channel.unit);
     model.description.inputs.iter().zip(limits).map(half).collect()
 }
 
-/// The neutral command of an input with a range: zero, or the middle of a range without zero.
-pub const fn neutral([low, high]: [f64; 2]) -> f64 {
-    if low <= 0.0 && high >= 0.0 { 0.0 } else { 0.5 * (low + high) }
+/// Hard over of an angle beyond a quarter turn, such as that of an azimuth thruster, is that of a rudder.
+fn hard_over(reach: f64, unit: &str) -> f64 {
+    if unit == "rad" && reach > FRAC_PI_2 { HARD_OVER_DEG.to_radians() } else { reach }
+}
+
+/// Signed way from the neutral value to the limit above it for a positive `side`, else to the one below.
+fn reach_to(value: &Value, side: f64) -> f64 {
+    let [low, high] = value.limits;
+    let way = if side > 0.0 { (high - value.neutral).max(0.0) } else { (low - value.neutral).min(0.0) };
+    way.signum() * hard_over(way.abs(), &value.unit)
+}
+
+/// Way to the farther limit.
+fn reach(value: &Value) -> f64 {
+    reach_to(value, 1.0).max(-reach_to(value, -1.0))
 }
 
 /// Directions with the effects `(1, 0)` and `(0, 1)` in (surge, yaw), scaled to a largest component of one.

@@ -4,7 +4,8 @@
 //! identified model of any kind. A [`Simulation`] runs it freely, sample by sample, without measurements. The motion
 //! is relative to the water; a [current](Simulation::with_current) moves the vessel over ground.
 //!
-//! An [`InputMap`] names the inputs that push the vessel and those that turn it, by their [roles](find_roles). [`record()`] writes simulated logs.
+//! An [`InputMap`] names the inputs that push the vessel and those that turn it, by their [roles](find_roles), within the limits of the boat ([`input_values`]).
+//! [`record()`] writes simulated logs.
 //!
 //! ```
 //! use hydroid::model::Model;
@@ -32,15 +33,12 @@ mod station;
 
 pub use error::PlantError;
 pub use free_run::FreeRun;
-#[doc(hidden)]
-pub use input_map::neutral;
 pub use input_map::{InputMap, LEAST_SHARE, Steering};
 pub(crate) use record::process_deviations;
 #[doc(hidden)]
 pub use record::rest;
 pub use record::{Commands, Record, RecordOptions, member_tracks, record};
-pub use roles::find_roles;
-pub(crate) use roles::held;
+pub use roles::{find_roles, input_values};
 pub(crate) use simulation::middle;
 pub use simulation::{Motion, Simulation, arc, current_before};
 pub use station::check_station;

@@ -102,7 +102,8 @@ pub fn record(
     let commands = match &options.commands {
         Commands::Mixed { duration_s } => {
             let samples = samples(*duration_s, d.dt)?;
-            let map = map.map_or_else(|| InputMap::find(model), |map| Ok(map.clone()))?;
+            // A log for identification stays where the model was seen.
+            let map = map.map_or_else(|| InputMap::find(model), |map| Ok(map.clone()))?.within(model);
             mixed(&mut simulation.clone(), model, &map, samples, options.seed)
         }
         Commands::Given(rows) => rows.clone(),

@@ -1,8 +1,7 @@
 //! Roles of inputs from the response of a model.
 
 use super::input_map::{LEAST_EFFECT, LEAST_SHARE, StepResponse, Test, half_ranges};
-use super::neutral;
-use crate::boat::{Boat, Evidence, Role};
+use crate::boat::{Boat, BoatError, Evidence, Role, Value};
 use crate::log::Channel;
 use crate::model::{Model, Port};
 
@@ -33,10 +32,12 @@ pub fn find_roles(model: &Model) -> Boat {
     }
     // A model without a motion has no response.
     let Ok(mut test) = Test::new(model) else { return boat };
-    let roles: Vec<Option<Role>> = (0..inputs.len()).map(|c| boat.role(name(c))).collect();
-    let limits = limits(model, &roles);
+    let roles: Vec<Option<Role>> = channels.iter().map(|channel| boat.role(&channel.name)).collect();
+    // What contradicts itself is an error where the values are used.
+    let Ok(values) = values_by(&boat, model) else { return boat };
+    let limits = tested(model, &values);
     let half = half_ranges(model, &limits);
-    let operating = operating_point(&limits, &roles);
+    let operating = operating_point(&limits, &values, &roles);
     let range = [test.range("u"), test.range("r")];
     let surge = test.responses(&operating, &half, &limits, |nu| nu[0]);
     let greatest = |of: &[StepResponse], but: Option<usize>| {
@@ -85,30 +86,35 @@ pub fn find_roles(model: &Model) -> Boat {
     boat
 }
 
-/// Ranges of the inputs; the value of an input that is not commanded.
-pub(super) fn limits(model: &Model, roles: &[Option<Role>]) -> Vec<[f64; 2]> {
-    let of = |(port, role): (&Port, &Option<Role>)| {
-        let range = [port.range.low, port.range.high];
-        role.filter(|role| !role.is_commanded()).map_or(range, |role| [held(role, range); 2])
-    };
-    model.description.inputs.iter().zip(roles).map(of).collect()
+/// Neutral value and limits of each input of a model, in its units, by its [boat](Boat::value).
+///
+/// # Errors
+/// If the boat contradicts itself.
+pub fn input_values(model: &Model) -> Result<Vec<Value>, BoatError> {
+    values_by(&find_roles(model), model)
 }
 
-/// Commands about which inputs are tested: steering at its neutral position, others in the middle of their limits. An input
+/// As [`input_values`], by a boat with roles.
+pub(super) fn values_by(boat: &Boat, model: &Model) -> Result<Vec<Value>, BoatError> {
+    let of = |port: &Port| boat.value(&port.channel, Some([port.range.low, port.range.high]));
+    model.description.inputs.iter().map(of).collect()
+}
+
+/// Ranges in which inputs are tested: those in which the model was seen; the value of an input that is not commanded.
+pub(super) fn tested(model: &Model, values: &[Value]) -> Vec<[f64; 2]> {
+    let of = |(port, value): (&Port, &Value)| {
+        if value.is_commanded { [port.range.low, port.range.high] } else { value.limits }
+    };
+    model.description.inputs.iter().zip(values).map(of).collect()
+}
+
+/// Commands about which inputs are tested: steering at its neutral position, others in the middle of their ranges. An input
 /// without a role may be a rudder.
-pub(super) fn operating_point(limits: &[[f64; 2]], roles: &[Option<Role>]) -> Vec<f64> {
-    let of = |(&[low, high], role): (&[f64; 2], &Option<Role>)| match role {
-        Some(Role::Steering) => neutral([low, high]),
-        None if low < 0.0 && high > 0.0 => 0.0,
+pub(super) fn operating_point(ranges: &[[f64; 2]], values: &[Value], roles: &[Option<Role>]) -> Vec<f64> {
+    let of = |((&[low, high], value), role): ((&[f64; 2], &Value), &Option<Role>)| match role {
+        Some(Role::Steering) => value.neutral.max(low).min(high),
+        None if low < value.neutral && value.neutral < high => value.neutral,
         _ => 0.5 * (low + high),
     };
-    limits.iter().zip(roles).map(of).collect()
-}
-
-/// Value of an input that is not commanded: a disturbance is calm, a setting is in the middle of its range.
-pub(crate) const fn held(role: Role, [low, high]: [f64; 2]) -> f64 {
-    match role {
-        Role::Disturbance => 0.0,
-        _ => 0.5 * (low + high),
-    }
+    ranges.iter().zip(values).zip(roles).map(of).collect()
 }

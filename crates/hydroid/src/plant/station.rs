@@ -2,11 +2,11 @@
 
 use std::f64::consts::{PI, TAU};
 
+use hydroid_core::actuator::Limits;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
 use super::error::PlantError;
-use super::input_map::neutral;
 use super::simulation::Simulation;
 use crate::model::Model;
 
@@ -26,11 +26,11 @@ const LEAST: f64 = 0.1;
 ///
 /// # Errors
 /// If the model is not a plant, or the vessel cannot keep a station.
-pub fn check_station(model: &Model, limits: &[[f64; 2]]) -> Result<(), PlantError> {
+pub fn check_station(model: &Model, limits: &[Limits]) -> Result<(), PlantError> {
     let mut simulation = Simulation::new(model)?;
     let mut rest = super::simulation::middle(model);
     simulation.at_rest(&mut rest);
-    let idle: Vec<f64> = limits.iter().copied().map(neutral).collect();
+    let idle: Vec<f64> = limits.iter().map(|limits| limits.rest).collect();
     let mut random = ChaCha8Rng::seed_from_u64(0);
     let mut mean_motion = |command: &[f64]| {
         simulation.start([0.0; 3], &rest, &idle);
@@ -45,7 +45,8 @@ pub fn check_station(model: &Model, limits: &[[f64; 2]]) -> Result<(), PlantErro
     let drift = mean_motion(&idle);
     let mut motions: Vec<[f64; 3]> = Vec::new();
     for _ in 0..COMMANDS {
-        let command: Vec<f64> = limits.iter().map(|[low, high]| random.random_range(*low..=*high)).collect();
+        let command: Vec<f64> =
+            limits.iter().map(|limits| random.random_range(limits.low..=limits.high)).collect();
         let motion = mean_motion(&command);
         if motion.iter().all(|x| x.is_finite()) {
             motions.push(std::array::from_fn(|i| motion[i] - drift[i]));

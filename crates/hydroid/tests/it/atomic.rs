@@ -28,16 +28,14 @@ fn a_short_pause_of_held_work_does_not_end_it() {
     static FINISHED: AtomicBool = AtomicBool::new(false);
     let (begun, wait) = mpsc::channel();
     let work = std::thread::spawn(move || {
-        let mut held = Some(atomic::hold());
-        begun.send(()).unwrap();
-        for _ in 0..30 {
+        for k in 0..30 {
+            let held = atomic::hold();
+            let _ = begun.send(());
             std::thread::sleep(Duration::from_millis(20));
-            held = None;
+            FINISHED.store(k == 29, Ordering::SeqCst);
+            drop(held);
             std::thread::sleep(Duration::from_millis(10));
-            held = Some(atomic::hold());
         }
-        FINISHED.store(true, Ordering::SeqCst);
-        drop(held);
     });
     wait.recv().unwrap();
     let settled = atomic::settle(Duration::from_millis(500), Duration::from_secs(20));

@@ -22,7 +22,7 @@ use crate::manoeuvre::{equations, port};
 
 /// A ship at a constant shaft speed: `du/dt = 0.05 (4 - u) - 0.4 delta^2 - 0.3 r^2`, even in the rudder, and
 /// `dr/dt = 0.05 u delta - 0.2 r`, odd in it. Its largest angle is that of a log.
-fn rudder_only(name: &str, unit: &str) -> Model {
+pub(crate) fn rudder_only(name: &str, unit: &str) -> Model {
     let outputs = vec![port("u", "m/s", 3.0, 4.2), port("r", "rad/s", -0.4, 0.4)];
     let inputs = vec![port(name, unit, -20.25_f64.to_radians(), 20.25_f64.to_radians())];
     let terms = [&[][..], &[0], &[2, 2], &[1, 1], &[0, 2], &[1]];
@@ -255,7 +255,7 @@ fn the_wind_is_calm_and_not_an_actuator() {
     assert_eq!(found.approach_command[2..], [0.0, 0.0]);
     assert_eq!(found.inputs.roles[2..], [Some(Role::Disturbance); 2]);
     assert!((found.approach_speed_m_s - 0.85 * 4.0).abs() < 1e-4, "{}", found.approach_speed_m_s);
-    let limits = limits_of(&model);
+    let limits = limits_of(&model).unwrap();
     assert_eq!(limits[2..], [Limits::held(0.0); 2]);
     // The same input as an actuator, if it is said.
     let other = model.with_roles(&[("wind_x".to_owned(), Role::Propulsion)].into()).unwrap();
@@ -278,7 +278,7 @@ fn laws_that_solve_for_all_inputs_refuse_a_model_with_wind() {
 #[test]
 fn a_planner_holds_an_input_that_is_not_commanded_to_the_bit() {
     let model = in_wind();
-    let mut limits = limits_of(&model);
+    let mut limits = limits_of(&model).unwrap();
     limits[2] = Limits::held(-1.1);
     for gauss_newton_steps in [0, 2] {
         let options =

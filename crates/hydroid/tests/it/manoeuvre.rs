@@ -82,7 +82,9 @@ fn nomoto(k: f64, t: f64, n1: f64, n3: f64) -> Model {
         k / t,
         -n3 / t,
     ];
-    equations(outputs, inputs, NOMOTO_DT, terms, coefficients)
+    let mut model = equations(outputs, inputs, NOMOTO_DT, terms, coefficients);
+    model.description.boat.inputs.entry("delta".to_owned()).or_default().limits = Some([-0.6, 0.6]);
+    model
 }
 
 fn approach(model: &Model, p: f64) -> (Approach, InputMap) {

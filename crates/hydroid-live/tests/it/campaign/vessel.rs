@@ -77,6 +77,8 @@ pub(super) fn settings(commands: Commands, folder: &Path, rng: &mut impl Rng) ->
         records: rng.random_bool(0.8),
         horizons_s: vec![1.0, 5.0],
         is_dry_run: false,
+        boat: hydroid::boat::Boat::default(),
+        neutral: std::collections::BTreeMap::new(),
         limits: names.into_iter().zip(limits).collect(),
         push: push.clone(),
         turn: turn.clone(),

@@ -2,94 +2,91 @@
 
 use std::time::Duration;
 
-use hydroid_core::actuator::Limits;
 use hydroid_core::control::AdaptiveAugmentationOptions;
 use hydroid_core::control::cem::PlannerOptions;
 
 use super::error::{SetupError, ensure};
 use super::options::ClosedLoopOptions;
+use super::setup::NamedModel;
 use crate::adapt::{self, Method};
+use crate::boat::{Role, Roles};
 use crate::closed_loop::{ControllerOptions, Scale, Scenario, Timing};
-use crate::log::units::Unit;
+use crate::config::with_values;
 use crate::model::Model;
-use crate::plant::InputMap;
+use crate::plant::find_roles;
 use crate::toml_file::nearest;
 
 /// Largest product of candidates and horizon: 80 MB for each command.
 const MAX_SAMPLES: usize = 10_000_000;
 
+/// The roles of inputs that a vessel has.
+fn known(roles: &Roles, inputs: &[&str]) -> Roles {
+    roles
+        .iter()
+        .filter(|(name, _)| inputs.contains(&name.as_str()))
+        .map(|(n, role)| (n.clone(), *role))
+        .collect()
+}
+
+/// The place of a command of the plant.
+fn place(option: &str, name: &str, commands: &[&str]) -> Result<usize, SetupError> {
+    commands.iter().position(|command| *command == name).ok_or_else(|| {
+        let nearest = nearest(name, commands.iter().copied());
+        let nearest = nearest.map(|n| format!(", did you mean '{n}'?")).unwrap_or_default();
+        let known = commands.join(", ");
+        SetupError::option(format!(
+            "{option}: the plant has no command '{name}'{nearest}; its commands are {known}"
+        ))
+    })
+}
+
 impl ClosedLoopOptions {
-    /// Sets the limits, the values at rest and the limits of the rates that are stated.
-    pub(super) fn state_limits(&self, scene: &mut Scenario) -> Result<(), SetupError> {
-        let commands = scene.plant.commands();
-        let place = |option: &str, name: &str| {
-            let known = || commands.iter().map(|channel| channel.name.as_str());
-            commands.iter().position(|channel| channel.name == name).ok_or_else(|| {
-                let nearest =
-                    nearest(name, known()).map(|n| format!(", did you mean '{n}'?")).unwrap_or_default();
-                let known = known().collect::<Vec<_>>().join(", ");
-                SetupError::option(format!(
-                    "{option}: the plant has no command '{name}'{nearest}; its commands are {known}"
-                ))
-            })
-        };
-        for (name, range) in &self.limit {
-            let index = place("--limit", name)?;
-            let scale = match &range.unit {
-                None => 1.0,
-                Some(unit) => Unit::parse(&commands[index].unit)
-                    .and_then(|own| Unit::parse(unit)?.to(&own))
-                    .map_err(|source| SetupError::Unit { name: name.clone(), unit: unit.clone(), source })?,
-            };
-            let (low, high) = (scale * range.low, scale * range.high);
-            let limits = &mut scene.limits[index];
-            ensure(!limits.are_held(), || {
+    /// A model with the roles, neutral values and limits of the options. Beside another vessel, it may lack an input.
+    pub(super) fn overlaid(
+        &self,
+        NamedModel { name, model }: NamedModel,
+        is_beside_another: bool,
+    ) -> Result<NamedModel, SetupError> {
+        let inputs: Vec<String> =
+            model.description.inputs.iter().map(|port| port.channel.name.clone()).collect();
+        let keep = |name: &String| !is_beside_another || inputs.contains(name);
+        let (mut roles, mut neutral, mut limits) =
+            (self.role.clone(), self.neutral.clone(), self.limit.clone());
+        roles.retain(|name, _| keep(name));
+        neutral.retain(|name, _| keep(name));
+        limits.retain(|name, _| keep(name));
+        let model = with_values(model.with_roles(&roles)?, &neutral, &limits)?;
+        Ok(NamedModel { name, model })
+    }
+
+    /// Checks that the inputs of `--limit` and `--neutral` are commands of the plant.
+    pub(super) fn check_commands(&self, plant: &Model) -> Result<(), SetupError> {
+        let inputs = &plant.description.inputs;
+        let commands: Vec<&str> = inputs.iter().map(|port| port.channel.name.as_str()).collect();
+        let boat = find_roles(&plant.clone().with_roles(&known(&self.role, &commands))?);
+        for name in self.limit.keys() {
+            place("--limit", name, &commands)?;
+            ensure(boat.role(name).is_none_or(Role::is_commanded), || {
                 format!(
                     "--limit {name}: this input is not commanded; state its value with --neutral {name}=X, or make it an actuator, as in --role {name}=thruster"
                 )
             })?;
-            (limits.low, limits.high, limits.rest) = (low, high, limits.rest.clamp(low, high));
         }
-        for (name, number) in &self.neutral {
-            let index = place("--neutral", name)?;
-            let Limits { low, high, .. } = scene.limits[index];
-            // A disturbance or a setting has the value that is stated.
-            if scene.limits[index].are_held() && number.is_finite() {
-                scene.limits[index] = Limits::held(*number);
-                continue;
-            }
-            ensure((low..=high).contains(number), || {
-                format!(
-                    "--neutral {name}={number}: the limits of '{name}' are {low} and {high}; give a value between them, or other limits with --limit"
-                )
-            })?;
-            scene.limits[index].rest = *number;
-        }
+        self.neutral.keys().try_for_each(|name| place("--neutral", name, &commands).map(|_| ()))
+    }
+
+    /// Sets the limits of the rates that are stated.
+    pub(super) fn state_rates(&self, scene: &mut Scenario) -> Result<(), SetupError> {
+        let commands = scene.plant.commands();
+        let commands: Vec<&str> = commands.iter().map(|channel| channel.name.as_str()).collect();
         for (name, number) in &self.rate_limit {
-            let index = place("--rate-limit", name)?;
+            let index = place("--rate-limit", name, &commands)?;
             ensure(*number > 0.0, || {
                 format!("--rate-limit {name}={number}: the limit of a rate must be greater than 0")
             })?;
             scene.limits[index].rate = *number;
         }
         Ok(())
-    }
-
-    /// The inputs that push and turn a vessel, within the limits of a scenario.
-    pub(super) fn input_map(&self, model: &Model, scene: &Scenario) -> Result<InputMap, SetupError> {
-        let mut model = model.clone();
-        for (port, limits) in model.description.inputs.iter_mut().zip(&scene.limits) {
-            (port.range.low, port.range.high) = (limits.low, limits.high);
-        }
-        let mut inputs = InputMap::with(&model, &self.push, &self.turn)?;
-        for ((neutral, range), limits) in inputs.neutral.iter_mut().zip(&mut inputs.limits).zip(&scene.limits)
-        {
-            *neutral = limits.rest;
-            if limits.are_held() {
-                *range = [limits.low, limits.high];
-            }
-        }
-        Ok(inputs)
     }
 
     /// Options of the controller without its model.

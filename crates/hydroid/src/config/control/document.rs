@@ -1,10 +1,11 @@
 //! Simulations, and their documents.
 
 use serde::Serialize;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::options::ClosedLoopOptions;
 use super::setup::Setup;
+use crate::boat::Value;
 use crate::closed_loop::{
     self, ClosedLoopController, ClosedLoopError, Conditions, ControlMethod, Metrics, MonteCarlo, Run,
     TruePlant, TunedAutopilot,
@@ -44,11 +45,13 @@ enum Outcome<'a> {
 pub struct Document<'a> {
     #[serde(flatten)]
     outcome: Outcome<'a>,
-    controller: Value,
+    controller: serde_json::Value,
     tuning: Option<&'a TunedAutopilot>,
     plant: &'a str,
-    task: Value,
+    task: serde_json::Value,
     conditions: &'a Conditions,
+    inputs: Vec<Value>,
+    notes: Vec<String>,
 }
 
 impl Setup {
@@ -106,11 +109,18 @@ impl Setup {
                 "response": response,
             }),
             conditions: &self.conditions,
+            inputs: self.values().unwrap_or_default(),
+            notes: self.notes(),
         }
     }
 
+    /// What is said of neutral values and limits that only follow from the logs.
+    pub fn notes(&self) -> Vec<String> {
+        self.values().unwrap_or_default().iter().filter_map(Value::note).collect()
+    }
+
     /// The controller in documents.
-    pub fn description(&self) -> Value {
+    pub fn description(&self) -> serde_json::Value {
         let controller = &self.controller;
         let mut description = json!({
             "kind": controller.method,
@@ -183,6 +193,9 @@ impl Setup {
                 "noise × {noise}, current {north}, {east} m/s, wind {to_north}, {to_east} N, gusts {gust} N ({gust_s} s), mass × {mass}{onset}, delay {delay} s, seed {seed}"
             ),
         );
+        for note in self.notes() {
+            facts.push(("Limits".to_owned(), note));
+        }
         facts
     }
 }

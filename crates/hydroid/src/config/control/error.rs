@@ -6,7 +6,6 @@ use hydroid_core::model::PlantModelError;
 use crate::adapt::AdaptError;
 use crate::boat::BoatError;
 use crate::closed_loop::{ClosedLoopError, WaypointsError};
-use crate::log::units::UnitError;
 use crate::model::{CurrentError, ModelError};
 use crate::plant::PlantError;
 
@@ -18,8 +17,6 @@ pub enum SetupError {
     /// Options that contradict each other or the vessel; the message names option and remedy.
     #[error("{0}")]
     Option(String),
-    #[error("--limit {name}: the unit [{unit}]")]
-    Unit { name: String, unit: String, source: UnitError },
     /// The size of a vessel cannot be found.
     #[error(
         "the defaults of task and controller follow from simulated tests of the model on a straight course and in a turn, which failed"

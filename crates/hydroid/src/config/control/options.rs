@@ -113,9 +113,9 @@ pub struct ClosedLoopOptions {
     pub dt: Option<f64>,
     /// Largest rate of change of a command, in its unit per second, by name; default that of vessel or model.
     pub rate_limit: BTreeMap<String, f64>,
-    /// Limits of a command, by name; default those of the plant.
+    /// Limits of a command, by name, in the unit of the input of the boat; default those of the boat of the plant.
     pub limit: GivenRanges,
-    /// Value of a command at rest, in its unit, by name; default 0, or the middle of a range without 0.
+    /// Value of a command without effect, by name, in the unit of the input of the boat; default that of the boat.
     pub neutral: BTreeMap<String, f64>,
     /// Roles of inputs, in place of those of the model.
     pub role: Roles,

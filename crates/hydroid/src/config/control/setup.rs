@@ -9,14 +9,14 @@ use super::error::{SetupError, ensure};
 use super::options::ClosedLoopOptions;
 use super::route::Route;
 use crate::adapt::{self, ResolvedOptions};
-use crate::boat::Roles;
+use crate::boat::{Value, check_firm};
 use crate::closed_loop::{
     ClosedLoopError, Conditions, ControlMethod, ControllerOptions, Pilot, Scale, Scenario, SpeedOptions,
-    Task, Track, TunedAutopilot, tune_autopilot,
+    Task, Track, TunedAutopilot, limits_of, tune_autopilot,
 };
 use crate::manoeuvre::{Approach, Options, Response};
 use crate::model::{self, Model};
-use crate::plant::{InputMap, Simulation, check_station};
+use crate::plant::{InputMap, Simulation, check_station, input_values};
 use crate::progress::Progress;
 
 /// A model with the name under which documents and reports state it: that of its file.
@@ -63,6 +63,8 @@ pub struct Setup {
     pub response: Option<Response>,
     /// The model of the controller, of the tuning of the autopilot, or else the plant.
     pub model: Arc<Model>,
+    /// The plant.
+    pub plant: Arc<Model>,
     /// Name of the model, if one is given.
     pub model_name: Option<String>,
     /// Name of the plant.
@@ -89,18 +91,17 @@ impl Setup {
             (model, _) => model,
         };
         ensure(method == ControlMethod::Autopilot || model.is_some(), || no_model(method))?;
-        let model = model.map(|model| with_roles(model, &options.role)).transpose()?;
-        let plant = match (plant, &model) {
-            // Another vessel may lack an input of the model.
-            (Some(plant), Some(_)) => {
-                let mut roles = options.role.clone();
-                roles.retain(|name, _| {
-                    plant.model.description.inputs.iter().any(|port| port.channel.name == *name)
-                });
-                Some(with_roles(plant, &roles)?)
-            }
-            (Some(plant), None) => Some(with_roles(plant, &options.role)?),
-            (None, model) => model.clone(),
+        if let Some(plant) = plant.as_ref().or(model.as_ref()) {
+            options.check_commands(&plant.model)?;
+        }
+        let overlaid = |vessel: NamedModel, is_other: bool| options.overlaid(vessel, is_other);
+        let model = match (model, plant.is_some()) {
+            (Some(model), is_other) => Some(overlaid(model, is_other)?),
+            (None, _) => None,
+        };
+        let plant = match plant {
+            Some(plant) => Some(overlaid(plant, model.is_some())?),
+            None => model.clone(),
         };
         let Some(plant) = plant else {
             return Err(SetupError::Option(no_model(method)));
@@ -115,9 +116,7 @@ impl Setup {
         let Route { task, pace, origin_deg } = Route::of(&options, scale, response.as_ref())?;
         let scenario = scenario(&options, Arc::clone(&plant), Track::new(&task, &pace)?, scale, dt_s)?;
         if scenario.track.is_station {
-            let limits: Vec<[f64; 2]> =
-                scenario.limits.iter().map(|limits| [limits.low, limits.high]).collect();
-            check_station(&plant, &limits)?;
+            check_station(&plant, &scenario.limits)?;
         }
         let from_s = options.evaluate_from.map_or_else(|| scenario.default_from_s(), |from| from.0);
         scenario.check_from(from_s)?;
@@ -129,7 +128,7 @@ impl Setup {
                 }
                 Arc::new(model)
             }
-            None => plant,
+            None => Arc::clone(&plant),
         };
         if method != ControlMethod::Autopilot {
             controller.model = Some(Arc::clone(&model));
@@ -146,9 +145,27 @@ impl Setup {
             scale,
             response,
             model,
+            plant,
             model_name,
             plant_name,
         })
+    }
+
+    /// Neutral value and limits of each input of the plant, with their evidence.
+    ///
+    /// # Errors
+    /// If the boat contradicts itself.
+    pub fn values(&self) -> Result<Vec<Value>, SetupError> {
+        Ok(input_values(&self.plant)?)
+    }
+
+    /// Checks that no command to a real vessel rests on the logs alone: neutral value and limits of every input that is
+    /// commanded are stated, found or by convention.
+    ///
+    /// # Errors
+    /// The first input of which one is not known, with the line or option that states it.
+    pub fn check_firm(&self) -> Result<(), SetupError> {
+        Ok(check_firm(&self.values()?)?)
     }
 
     /// Options of the learning on board: of a model that adapts, or those with which a constant model is followed.
@@ -185,7 +202,7 @@ impl Setup {
         if self.controller.method != ControlMethod::Autopilot {
             return Ok(None);
         }
-        let inputs = self.options.input_map(&self.model, &self.scenario)?;
+        let inputs = InputMap::with(&self.model, &self.options.push, &self.options.turn)?;
         let own = Scenario { plant: Arc::clone(&self.model).into(), ..self.scenario.clone() };
         let found = tune_autopilot(&own, &inputs, self.pace.cruise, self.from_s, progress)?;
         self.controller.autopilot = Some(found.gains.clone());
@@ -196,10 +213,6 @@ impl Setup {
 /// Weights with which an adapter predicts: its own, or those that its guard selected.
 pub fn active_weights(adapter: &dyn Adapter) -> &[f64] {
     adapter.guard().map_or_else(|| adapter.weights(), |guard| guard.active_weights())
-}
-
-fn with_roles(NamedModel { name, model }: NamedModel, roles: &Roles) -> Result<NamedModel, SetupError> {
-    Ok(NamedModel { name, model: model.with_roles(roles)? })
 }
 
 fn no_model(method: ControlMethod) -> String {
@@ -251,8 +264,9 @@ fn scenario(
     scale: Scale,
     dt_s: f64,
 ) -> Result<Scenario, SetupError> {
-    let mut scenario = Scenario::new(plant, track);
-    given.state_limits(&mut scenario)?;
+    let limits = limits_of(&plant)?;
+    let mut scenario = Scenario { limits, ..Scenario::new(plant, track) };
+    given.state_rates(&mut scenario)?;
     scenario.dt_s = dt_s;
     scenario.start = given.start.unwrap_or([0.0, -0.5 * scale.radius]);
     scenario.tolerance = given.tolerance.unwrap_or(2.0 * scale.radius);

@@ -176,6 +176,11 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
     }
     let names: Vec<&str> = description.inputs.iter().map(|port| port.channel.name.as_str()).collect();
     description.boat.check(&names).map_err(|error| inconsistent(error.to_string()))?;
+    for port in &description.inputs {
+        let range = [port.range.low, port.range.high];
+        let value = description.boat.value(&port.channel, Some(range));
+        value.map_err(|error| inconsistent(error.to_string()))?;
+    }
     if description.outputs.is_empty() {
         return Err(inconsistent(String::from("it has no outputs")));
     }

@@ -37,6 +37,9 @@ impl Model {
         let [u, v, r, _] = *plant.ranges();
         let mut description = describe(&params.name, dt_s, [u, v, r], noise, &commands);
         description.boat = by_actuators(&description, [Some(Role::Propulsion), Some(Role::Steering)]);
+        for (name, _, [low, high]) in commands {
+            state(&mut description.boat, name, 0.0_f64.clamp(low, high), [low, high]);
+        }
         let body = Body::Plant(Arc::new(plant));
         Ok(Self { description, body, members: Members::default(), learning: None })
     }
@@ -53,6 +56,9 @@ impl Model {
         let commands: Vec<(&str, &str, [f64; 2])> = commands.collect();
         let mut description = describe(&craft.name, dt_s, *model.ranges(), craft.noise, &commands);
         description.boat = by_actuators(&description, craft::roles(craft));
+        for command in &craft.commands {
+            state(&mut description.boat, &command.name, command.neutral, command.limits);
+        }
         let body = Body::Craft(Arc::new(NamedCraft { model, file: file.clone() }));
         Ok(Self { description, body, members: Members::default(), learning: None })
     }
@@ -95,6 +101,12 @@ fn by_actuators(d: &Description, roles: impl IntoIterator<Item = Option<Role>>) 
         }
     }
     boat
+}
+
+/// States neutral value and limits of a command.
+fn state(boat: &mut Boat, name: &str, neutral: f64, limits: [f64; 2]) {
+    let input = boat.inputs.entry(name.to_owned()).or_default();
+    (input.neutral, input.limits) = (Some(neutral), Some(limits));
 }
 
 /// Description of a vessel with given ranges of `u`, `v`, `r`; names, units and limits of its commands.
