@@ -104,7 +104,7 @@ impl Adapter {
         let guarding = guard.map_or(Ok(Guarding::Default), Guarding::of)?;
         let options = self::options(&model, &guarding, options)?;
         let given = match noise_logs {
-            Some(logs) => runs(py, "noise_logs", logs, &reading(Some(&model.description.reading), None)?)?,
+            Some(logs) => runs(py, "noise_logs", logs, &reading(Some(&model), None)?)?,
             None => Vec::new(),
         };
         let (of, with) = (Arc::clone(&model), options.clone());

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use hydroid::closed_loop::{ControlMethod, TunedAutopilot};
 use hydroid::config::control::{ClosedLoopOptions, NamedModel, Setup, SetupError, Simulated};
+use hydroid::log::Note;
 use hydroid_report::ClosedLoopReport;
 use numpy::PyArray1;
 use pyo3::prelude::*;
@@ -13,7 +14,7 @@ use pyo3::types::PyDict;
 use crate::adapt::{Guarding, with_guard};
 use crate::arrays::table;
 use crate::error::{chain, expected, internal, value};
-use crate::log::{Run, items, runs};
+use crate::log::{Run, items, runs, warn};
 use crate::model::{Model, of_model};
 use crate::{settings, work};
 
@@ -177,6 +178,8 @@ pub(crate) fn setup(
 ) -> PyResult<Setup> {
     let mut setup = work::run(py, None, None, move |_| Setup::new(options, model, plant))?
         .map_err(|error| chain(&error))?;
+    let notes: Vec<Note> = setup.notes().into_iter().map(Note::warning).collect();
+    warn(py, &notes)?;
     if let Some(adapt) = setup.controller.adapt.take() {
         setup.controller.adapt = Some(with_guard(adapt, guarding)?);
     }

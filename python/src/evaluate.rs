@@ -179,7 +179,7 @@ pub(crate) fn evaluate<'py>(
         |evaluation: Result<Evaluation, EvaluateError>| settings::document(py, &evaluation.map_err(value)?);
     if let Ok(model) = predictor.cast::<Model>() {
         let model = Arc::clone(&model.get().model);
-        let runs = runs(py, "logs", logs, &reading(Some(&model.description.reading), options)?)?;
+        let runs = runs(py, "logs", logs, &reading(Some(&model), options)?)?;
         let model = match runs.first() {
             Some(run) => model::at(&model, run)?,
             None => model,

@@ -9,10 +9,11 @@ use arrow_array::types::{Float64Type, Int64Type};
 use arrow_array::{Array, Float64Array, RecordBatch, StructArray};
 use arrow_schema::{DataType, Field, Schema, TimeUnit};
 use hydroid::atomic;
+use hydroid::boat::Boat;
 use hydroid::config;
 use hydroid::log::line::{Cell, header_columns, number};
 use hydroid::log::{self, BadCell, LogError, Note, RawColumn, RawLog, Selection, Trajectory};
-use hydroid::model::Reading;
+use hydroid::model::{Model, Reading};
 use hydroid::recording;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::{PyFileNotFoundError, PyKeyError};
@@ -334,7 +335,7 @@ pub(crate) fn read_logs(
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Vec<Log>> {
     let reading = match &config {
-        Some(file) => Some(config::read(file).map_err(value)?.log.reading()),
+        Some(file) => Some(config::read(file).map_err(value)?.reading().map_err(value)?),
         None => None,
     };
     let read = move |control: &Control| -> Result<_, LogError> {
@@ -441,12 +442,16 @@ pub(crate) fn items<'py>(given: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, P
 }
 
 /// Options of reading, the section `[log]` of `hydroid.toml`, over the options of a model.
-pub(crate) fn reading(base: Option<&Reading>, options: Option<&Bound<'_, PyDict>>) -> PyResult<Reading> {
+pub(crate) fn reading(model: Option<&Model>, options: Option<&Bound<'_, PyDict>>) -> PyResult<Reading> {
     let given: config::Log = match options {
         Some(options) => settings::of(options)?,
         None => config::Log::default(),
     };
-    Ok(given.over(base.cloned().unwrap_or_default()))
+    match model.map(|model| &model.description) {
+        Some(of) => given.over(of.reading.clone(), &of.boat),
+        None => given.over(Reading::default(), &Boat::default()),
+    }
+    .map_err(value)
 }
 
 /// Runs of logs; runs are taken as they are.

@@ -369,7 +369,7 @@ impl Model {
         if horizon == 0 || stride == 0 {
             return Err(unfit("horizon and stride", "at least 1 sample", format!("{horizon} and {stride}")));
         }
-        let runs = log::runs(py, "logs", logs, &reading(Some(&self.model.description.reading), options)?)?;
+        let runs = log::runs(py, "logs", logs, &reading(Some(&self.model), options)?)?;
         self.model.check(&runs).map_err(value)?;
         let model = Arc::clone(&self.model);
         let rolled = work::run(py, None, None, move |control| {

@@ -85,18 +85,19 @@ pub(crate) fn config(file: Option<&Path>, options: &Bound<'_, PyDict>) -> PyResu
     let options = table(options)?;
     let given: Config = read(options.clone())?;
     let Some(file) = file else {
-        let reading = given.log.clone().reading();
+        let reading = given.reading().map_err(value)?;
         return Ok((given, reading));
     };
     // Its errors name lines, and its paths are relative to the file.
     let alone = config::read(file).map_err(value)?;
-    let reading = given.log.over(alone.log.reading());
     let text = std::fs::read_to_string(file).map_err(crate::error::os)?;
     let mut sections = toml::from_str(&text).map_err(internal)?;
     let split = options.get("split").is_none().then_some(alone.split);
     merge(&mut sections, options);
     let mut config: Config = read(sections)?;
     config.split = split.unwrap_or(config.split);
+    let in_file = alone.log.over(Reading::default(), &config.boat).map_err(value)?;
+    let reading = given.log.over(in_file, &config.boat).map_err(value)?;
     Ok((config, reading))
 }
 

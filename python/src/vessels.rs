@@ -414,7 +414,7 @@ pub(crate) fn compare_manoeuvres(
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Comparisons> {
     let (model, name) = Given::new("model", model)?.model()?;
-    let runs = runs(py, "logs", logs, &reading(Some(&model.description.reading), options)?)?;
+    let runs = runs(py, "logs", logs, &reading(Some(&model), options)?)?;
     let model = library::Model::clone(&model).for_runs(&runs).map_err(value)?;
     let model = Arc::new(model);
     let of = Arc::clone(&model);

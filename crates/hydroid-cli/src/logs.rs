@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use hydroid::adapt::TrainingRuns;
+use hydroid::boat::Boat;
 use hydroid::config;
 use hydroid::log::{self, LogError, Note, Prepared, RawLog, Trajectory};
 use hydroid::model::{Model, Reading};
@@ -12,8 +13,9 @@ use hydroid::recording;
 use crate::args::{Global, LogArgs};
 use crate::ui;
 
-/// Reading options: `base` (defaults, configuration file or model), overridden by the command line.
-pub fn reading(base: Reading, args: &LogArgs) -> Result<Reading, LogError> {
+/// Reading options: `base` (defaults, configuration file or model), overridden by the command line. Inputs are raw values of
+/// the boat of the configuration file or the model.
+pub fn reading(base: Reading, args: &LogArgs, boat: &Boat) -> anyhow::Result<Reading> {
     let channels = |list: &Option<String>| list.as_deref().map(log::ChannelSpec::parse_list).transpose();
     let given = config::Log {
         time: args.time.clone(),
@@ -28,7 +30,7 @@ pub fn reading(base: Reading, args: &LogArgs) -> Result<Reading, LogError> {
         input_delay: args.input_delay.map(config::Delay::Text),
         keep_towed: args.keep_towed,
     };
-    Ok(given.over(base))
+    Ok(given.over(base, boat)?)
 }
 
 /// The model with the sample time of the runs, which only vessels can change.

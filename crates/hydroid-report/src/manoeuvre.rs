@@ -161,7 +161,11 @@ fn summary(subject: &ManoeuvreReport<'_>) -> Section {
         (
             "usable",
             "Predicted by the model.",
-            String::from("Without the length of the ship, no criteria apply."),
+            String::from(if subject.length_m.is_none() {
+                "Without the length of the ship, no criteria apply."
+            } else {
+                "No criteria apply: a turning circle is judged at 35 degrees, or hard over with known limits."
+            }),
         )
     } else if missed == 0 {
         let words = format!("All {} criteria of IMO resolution MSC.137(76) are met.", judged.len());
@@ -181,6 +185,7 @@ fn summary(subject: &ManoeuvreReport<'_>) -> Section {
             dt { "Model" } dd { (subject.model.title()) " (" (subject.model.kind()) ")" }
             dt { "Approach" } dd { (approach_text(subject)) }
             @if let Some(length) = subject.length_m { dt { "Length" } dd { (text(length, 4)) " m" } }
+            @for note in &trials.notes { dt { "Limits" } dd { (note) } }
         }
     };
     Section::new("summary", "Summary", body)

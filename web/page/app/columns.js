@@ -20,8 +20,12 @@ function allColumns() {
 
 /** Roles of the columns by the proposal of hydroid, and by the names that the inspection recognises. */
 function propose(seen) {
+  const boat = seen.proposal?.boat?.inputs ?? {};
   const set = (column, role, name = column) => {
-    if (!state.roles.has(column)) state.roles.set(column, { role, name, sign: 1 });
+    if (state.roles.has(column)) return;
+    // Neutral value, limits and scale that hydroid found.
+    const input = role === "input" && boat[name] ? { input: boat[name], zero: boat[name].neutral ?? 0 } : {};
+    state.roles.set(column, { role, name, sign: 1, ...input });
   };
   const take = (specs, role) => {
     for (const spec of specs ?? []) {
@@ -128,11 +132,33 @@ function logSection() {
   return log;
 }
 
-/** A channel and its column: `NAME=(COLUMN [unit] - 1500) * -1`. */
-function specification(column, { name, unit, zero, sign }) {
-  // The first sign of equality ends the name of the channel.
-  const channel = name.replaceAll("=", " ").trim() || "x";
+/** The section [boat] of hydroid.toml: what is known of the inputs. Zero and sign are those of the table. */
+function boatSection() {
+  const columns = allColumns();
+  const inputs = {};
+  for (const [column, own] of state.roles) {
+    if (own.role !== "input" || !own.input || !columns.has(column)) continue;
+    const input = { ...own.input };
+    const found = { ...input.found };
+    if (own.unit) input.unit = own.unit;
+    if (input.scale) {
+      if (own.zero !== input.neutral) delete found.neutral;
+      Object.assign(input, { neutral: own.zero, scale: own.sign * input.scale });
+    }
+    inputs[channelOf(own)] = { ...input, found };
+  }
+  return { inputs };
+}
+
+/** The name of a channel: the first sign of equality of a specification ends it. */
+const channelOf = ({ name }) => name.replaceAll("=", " ").trim() || "x";
+
+/** A channel and its column: `NAME=(COLUMN [unit] - 1500) * -1`. Of an input with a scale the boat has the formula. */
+function specification(column, own) {
+  const { unit, zero, sign } = own;
+  const channel = channelOf(own);
   const source = `${column}${unit ? ` [${unit}]` : ""}`;
+  if (own.role === "input" && own.input?.scale) return `${channel}=${source}`;
   const shifted = zero ? `${source} ${zero > 0 ? "-" : "+"} ${Math.abs(zero)}` : source;
   const open = sign < 0 && zero;
   return `${channel}=${open ? `(${shifted})` : shifted}${sign < 0 ? " * -1" : ""}`;

@@ -169,7 +169,7 @@ async function check({ leads = true } = {}) {
   try {
     await work("columns", "check", async (told) => {
       for (const [i, { name }] of state.files.entries()) {
-        const seen = await bench.call("inspect", [name, logSection()], (stage, done) => told(stage, (i + done) / state.files.length));
+        const seen = await bench.call("inspect", [name, { log: logSection(), boat: boatSection() }], (stage, done) => told(stage, (i + done) / state.files.length));
         for (const note of [...(seen.reading ?? []), ...((seen.inspection && seen.inspection.notes) ?? [])]) notes.push({ file: name, note });
         if (seen.error) notes.push({ file: name, note: { severity: "error", message: seen.error } });
         for (const run of seen.runs ?? []) {
@@ -188,7 +188,7 @@ async function check({ leads = true } = {}) {
     say("columns-message", plain(error.message), "error");
   }
   $("notes").replaceChildren(...listNotes(notes));
-  $("advice").replaceChildren(...advice(notes));
+  $("advice").replaceChildren(...advice());
   $("curves").replaceChildren(...boxes);
   show("identify", usable);
   if (usable) {
@@ -199,22 +199,10 @@ async function check({ leads = true } = {}) {
   await remember();
 }
 
-/** What the user could change: neutral positions, columns that were left out. */
-function advice(notes) {
-  const list = [];
-  const neutral = [...neutralPositions(notes)].filter(([column]) => state.roles.get(column)?.role === "input" && !state.roles.get(column).zero);
-  if (neutral.length) {
-    const text = `${TEXT.neutralFound}: ${neutral.map(([column, zero]) => `${column} ${zero}`).join(", ")}`;
-    list.push(make("button", { type: "button", className: "main", text, onclick: () => {
-      for (const [column, zero] of neutral) state.roles.get(column).zero = zero;
-      outdate();
-      listColumns();
-      check();
-    } }));
-  }
+/** What the user could change: columns that were left out. */
+function advice() {
   const left = likeCommands();
-  if (left.length && left.length <= 20) list.push(make("p", { className: "message", data: { level: "warning" }, text: TEXT.leftOut(left.join(", ")) }));
-  return list;
+  return left.length && left.length <= 20 ? [make("p", { className: "message", data: { level: "warning" }, text: TEXT.leftOut(left.join(", ")) })] : [];
 }
 
 function options() {
@@ -238,7 +226,7 @@ function options() {
 async function identify() {
   const of = (part) => state.files.map((f) => f.name).filter((name) => state.parts.get(name) === part);
   const { first, horizon, budget } = state.options;
-  const config = { log: logSection(), identify: { budget: `${budget ?? 120}s`, ...(horizon ? { horizon: `${horizon}s` } : {}) } };
+  const config = { log: logSection(), boat: boatSection(), identify: { budget: `${budget ?? 120}s`, ...(horizon ? { horizon: `${horizon}s` } : {}) } };
   const request = { train: of("train"), validate: of("validate"), test: of("test"), methods: state.methods, config, title: of("train").join(", "), first_s: first ?? null };
   say("identify-message", "");
   const before = changes;

@@ -30,17 +30,3 @@ function listNotes(notes) {
     return make("li", { className: level }, make("b", { text: `${files.join(", ")}: ` }), remedy ? `${text}: ${remedy}` : text);
   });
 }
-
-/** Neutral positions that hydroid proposes: `--inputs "left=THR - 1500,.."` as a map of columns. */
-function neutralPositions(notes) {
-  const found = new Map();
-  for (const { note } of notes) {
-    const list = /--inputs "([^"]*)"/.exec(note.remedy ?? "");
-    for (const spec of list ? list[1].split(",") : []) {
-      const parts = /^(?:[^=]*=)?\(?(.*?)(?: \[[^\]]*\])? - ([\d.]+)\)?(?: \* -?[\d.]+)?$/.exec(spec.trim());
-      if (parts) found.set(parts[1].trim(), [...(found.get(parts[1].trim()) ?? []), Number(parts[2])]);
-    }
-  }
-  // The median over the logs: a short one may rest elsewhere.
-  return new Map([...found].map(([column, values]) => [column, Number(values.sort((a, b) => a - b)[Math.floor(values.length / 2)].toPrecision(4))]));
-}

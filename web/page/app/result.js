@@ -77,7 +77,7 @@ async function open(name, content, learnt = "") {
     if (vessel.map && pushed(vessel.map)) view.trials.append(approachChoice());
     view.start();
   }
-  say("drive-message", vessel.not_steered && vessel.motion ? plain(vessel.not_steered) : "");
+  say("drive-message", vessel.not_steered && vessel.motion ? plain(vessel.not_steered) : vessel.notes.join(" "));
   await remember();
 }
 
@@ -140,6 +140,9 @@ function settings() {
     lines.push("", "[log.sensors]");
     for (const [key, item] of Object.entries(own)) if (["string", "number"].includes(typeof item) || Array.isArray(item)) lines.push(`${key} = ${value(item)}`);
   }
+  for (const [name, { found, ...input }] of Object.entries(request.config.boat?.inputs ?? {})) {
+    lines.push("", `[boat.inputs.${value(name)}]`, ...Object.entries(input).map(([key, item]) => `${key} = ${value(item)}`));
+  }
   lines.push("", "[split]");
   for (const part of ["train", "validate", "test"]) if (request[part].length) lines.push(`${part} = ${value(request[part])}`);
   lines.push("", "[identify]", ...Object.entries(request.config.identify).map(([key, item]) => `${key} = ${value(item)}`));
@@ -161,7 +164,7 @@ function downloads(vessel) {
   }
   if (hasRole("input")) {
     for (const { name } of state.files) {
-      list.push(button(TEXT.downloads.table(name), async () => keep(`${name.replace(/\.[^.]*$/, "")}-prepared.csv`, await bench.call("converted", [name, logSection()]), "text/csv")));
+      list.push(button(TEXT.downloads.table(name), async () => keep(`${name.replace(/\.[^.]*$/, "")}-prepared.csv`, await bench.call("converted", [name, { log: logSection(), boat: boatSection() }]), "text/csv")));
     }
   }
   $("downloads").replaceChildren(...list);

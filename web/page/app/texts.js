@@ -14,7 +14,6 @@ const TEXT = {
   noInput: "No column is an input. Set the role of each command (rudder, propeller, thrusters) to “input”.",
   noOutput: "No column is an output. Set the role of the speed forward, the speed to starboard and the yaw rate to “output”.",
   leftOut: (list) => `Not used, but named like a command: ${list}. If it moves the boat, set its role to “input”.`,
-  neutralFound: "Use the neutral positions that hydroid found",
   check: "Check the log",
   options: "Options",
   dt: "Sample time [s]", maxGap: "Longest gap [s]", delay: "Delay of the commands [s]", horizon: "Longest prediction [s]",

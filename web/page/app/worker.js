@@ -28,8 +28,8 @@ function teller(id) {
 const calls = {
   add: (id, name, content) => held.files.add(name, new Uint8Array(content)),
   remove: (id, name) => held.files.remove(name),
-  inspect: (id, name, log) => JSON.parse(held.files.inspect(name, JSON.stringify(log), teller(id))),
-  converted: (id, name, log) => held.files.converted(name, JSON.stringify(log)),
+  inspect: (id, name, config) => JSON.parse(held.files.inspect(name, JSON.stringify(config), teller(id))),
+  converted: (id, name, config) => held.files.converted(name, JSON.stringify(config)),
   identify(id, request) {
     const found = held.files.identify(JSON.stringify(request), teller(id));
     const models = JSON.parse(found.models());

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use hydroid::config::{Config, Log, Logs, default_horizon, default_origin_stride};
+use hydroid::config::{Config, Logs, default_horizon, default_origin_stride};
 use hydroid::identify::{Method, identify_with_stages};
 use hydroid::log::{self, RawLog, Trajectory};
 use hydroid::manoeuvre::compare;
@@ -66,13 +66,13 @@ impl Files {
     }
 
     /// What is in a file, and what its columns look like: the survey and the proposal of a recording, the inspection of a
-    /// table, or the error. `log` is the section `[log]`. `told` is called with `reading` and the part that is done.
+    /// table, or the error. `config` has the sections `[log]` and `[boat]`. `told` is called with `reading` and the part that is done.
     ///
     /// # Errors
-    /// If the file is unknown, or `log` has a wrong form.
-    pub fn inspect(&self, name: &str, log: &str, told: &js_sys::Function) -> Result<String, JsError> {
+    /// If the file is unknown, or `config` has a wrong form.
+    pub fn inspect(&self, name: &str, config: &str, told: &js_sys::Function) -> Result<String, JsError> {
         let file = self.file(name)?;
-        let Reading { selection, options } = from_json::<Log>(log)?.reading();
+        let Reading { selection, options } = from_json::<Config>(config)?.reading().map_err(failed)?;
         let mut document = json!({ "name": name });
         let mut seen = || -> Result<(), log::LogError> {
             let recording = is_recording(file)?;
@@ -109,7 +109,7 @@ impl Files {
     /// If the request has a wrong form, or as the command.
     pub fn identify(&self, request: &str, told: &js_sys::Function) -> Result<Identified, JsError> {
         let request: Request = from_json(request)?;
-        let mut reading = request.config.log.clone().reading();
+        let mut reading = request.config.reading().map_err(failed)?;
         let tell = |stage: &str, done: f64| tell(told, stage, done);
         let names = Logs { train: request.train, validate: request.validate, test: request.test };
         let files =
@@ -142,12 +142,13 @@ impl Files {
         Identified::new(result, &job, notes, request.title, sources)
     }
 
-    /// The table that a file becomes, in CSV: time, outputs and inputs in SI units. `log` is the section `[log]`.
+    /// The table that a file becomes, in CSV: time, outputs and inputs in SI units. `config` has the sections `[log]` and
+    /// `[boat]`.
     ///
     /// # Errors
     /// If the file cannot be read.
-    pub fn converted(&self, name: &str, log: &str) -> Result<Vec<u8>, JsError> {
-        let Reading { mut selection, options } = from_json::<Log>(log)?.reading();
+    pub fn converted(&self, name: &str, config: &str) -> Result<Vec<u8>, JsError> {
+        let Reading { mut selection, options } = from_json::<Config>(config)?.reading().map_err(failed)?;
         let file = std::slice::from_ref(self.file(name)?);
         let (raw, mut notes) =
             self.readings.read(file, &mut selection, options.dt, &mut quiet).map_err(failed)?;

@@ -41,7 +41,7 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
             path.display()
         );
     }
-    let mut reading = logs::reading(model.description.reading.clone(), &args.log)?;
+    let mut reading = logs::reading(model.description.reading.clone(), &args.log, &model.description.boat)?;
     if args.stream.stream || given_log == Path::new("-") {
         let dt = args.log.dt.unwrap_or(model.description.dt);
         let model = model.at_step(dt)?;

@@ -92,7 +92,7 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         files = without_logs(args, &files, seed, global)?;
     }
     let vessel = args.vessel.as_deref().map(vessel).transpose()?;
-    let mut reading = logs::reading(config.log.clone().reading(), &args.log)?;
+    let mut reading = logs::reading(config.reading()?, &args.log, &config.boat)?;
     let methods = args.methods.iter().map(|&method| method.into()).collect();
     let all: Vec<&PathBuf> = files.logs.all().collect();
     let (raw, read) = logs::read(&all, &mut reading, global)?;

@@ -8,7 +8,7 @@ use std::io::Read;
 use std::path::Path;
 
 use anyhow::bail;
-use hydroid::boat::{Evidence, Property, Value};
+use hydroid::boat::{Boat, Evidence, Property, Value};
 use hydroid::log::inspect::{Confidence, DelayEstimate};
 use hydroid::log::{self, Inspection, Trajectory};
 use hydroid::manoeuvre::{Recognised, recognise};
@@ -29,7 +29,7 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
     if args.latex && global.json {
         bail!("--latex and --json exclude each other: --json contains the LaTeX, too");
     }
-    let reading = logs::reading(Reading::default(), &args.log)?;
+    let reading = logs::reading(Reading::default(), &args.log, &Boat::default())?;
     let mut documents = Vec::new();
     // Recordings of one vessel have one file of configuration, from the first of them.
     let mut write_config = args.write_config.as_deref();

@@ -50,7 +50,7 @@ fn lock(args: &Manoeuvre) -> anyhow::Result<Option<Lock>> {
 
 /// The trials of logs beside their predictions.
 fn compare(args: &Manoeuvre, model: &Model, global: Global) -> anyhow::Result<Outcome> {
-    let mut reading = logs::reading(model.description.reading.clone(), &args.log)?;
+    let mut reading = logs::reading(model.description.reading.clone(), &args.log, &model.description.boat)?;
     let (_, prepared) = logs::prepare(&args.logs, &mut reading, global)
         .with_context(|| logs::cannot_use(&args.plant, model))?;
     ui::print_notes(&prepared.notes, global);

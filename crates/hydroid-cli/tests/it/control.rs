@@ -430,8 +430,8 @@ fn wrong_input_is_refused_with_a_remedy() {
     refused("control hydrofoil --controller fl --runs 3 --mass-variation 1", "dispersion");
     refused("control hydrofoil --controller fl --rate-limit PP_cmd=0", "--rate-limit PP_cmd=0");
     refused("control hydrofoil --controller fl --limit PP=0:100", "its commands are PP_cmd, RD_ang");
-    refused("control hydrofoil --controller fl --limit RD_ang=-1:1[m]", "--limit RD_ang: the unit [m]");
-    refused("control hydrofoil --controller fl --neutral PP_cmd=900", "give a value between them");
+    refused("control hydrofoil --controller fl --limit RD_ang=-1:1[m]", "unit of RD_ang, [m]");
+    refused("control hydrofoil --controller fl --neutral PP_cmd=900", "outside of its limits");
     refused("control hydrofoil --controller fl --reference path", "--reference");
     refused("control hydrofoil --controller cem --candidates 1", "candidates");
     refused("control hydrofoil --controller cem --learner kalman", "--adapt");

@@ -367,10 +367,10 @@ fn the_command_at_rest_is_neutral_or_the_service_does_not_start() {
         printed.contains("neutral 1500 us (the usual neutral pulse width), limits 1100 to 1900 us (stated)"),
         "{printed}"
     );
-    let within = [&args[..], &["no", "--limit", "left=1600:1650"]].concat();
+    let within = [&args[..], &["no", "--limit", "left=1450:1650"]].concat();
     let output = hydroid(folder.path(), &within).output().unwrap();
     assert_eq!(output.status.code(), Some(2));
-    assert!(text(&output.stderr).contains("limits of left are 1600 to 1650, and the log commands"));
+    assert!(text(&output.stderr).contains("limits of left are 1450 to 1650, and the log commands"));
     for (model, more) in [("firm/sindy.safetensors", &[][..]), ("raw/sindy.safetensors", &stated)] {
         let args = [&["control", model, "--task", "circle", "--horizons", "1"][..], more, &["-"]].concat();
         let mut service = Service::start(folder.path(), &args);

@@ -7,6 +7,7 @@ mod adapt_stream;
 mod adapt_vessels;
 mod bad_input;
 mod black_box;
+mod boat_found;
 mod commands;
 mod committee;
 mod common;

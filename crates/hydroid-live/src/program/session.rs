@@ -98,7 +98,7 @@ fn settings(args: &SessionArgs, address: &str, config: Config, file: &Path) -> a
     for horizon in &args.horizons {
         check_positive("horizons", *horizon)?;
     }
-    let mut reading = config.log.reading();
+    let mut reading = config.reading()?;
     if reading.selection.outputs.is_empty() {
         reading.selection.outputs = ["u", "v", "r"].map(ChannelSpec::named).to_vec();
     }

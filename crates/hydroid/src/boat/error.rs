@@ -42,7 +42,27 @@ pub enum BoatError {
     #[error("{what} of {input}: not known; add {line}, or {option}")]
     Missing { input: String, what: &'static str, line: String, option: String },
     #[error(
+        "role of {input}: {why}, and what is sent to the vessel depends on it; add role = \"steering\" (or propulsion, thruster, disturbance, setting) to [boat.inputs.{input}] in the configuration of identify, or --role {input}=steering"
+    )]
+    RoleNotKnown { input: String, why: String },
+    #[error(
         "{what} of {input}: only what the log contains is known, which may not decide what is sent to the vessel; add {line} to the configuration of identify, or {option}"
     )]
     Weak { input: String, what: &'static str, line: String, option: String },
+    #[error(
+        "the input '{name}' has a formula in two places, '{spec}' in [log] inputs and scale in [boat.inputs.{name}]: keep neutral and scale of the boat, and write the column alone, or remove both there"
+    )]
+    TwoFormulas { name: String, spec: String },
+    #[error(
+        "the input '{name}' has two units, '{spec}' in [log] inputs and {unit} in [boat.inputs.{name}]: neutral, limits and scale are in the unit of the boat; correct one of them"
+    )]
+    OtherUnit { name: String, spec: String, unit: String },
+    #[error(
+        "[boat.inputs] has a scale, and [log] names no inputs: name each with the column of its raw values, as in inputs = [\"left=pwm_left\"]"
+    )]
+    NoColumns,
+    #[error(
+        "the input '{name}' has a scale in [boat.inputs.{name}], and the vessel file has a neutral value and a gain of its command '{name}'"
+    )]
+    OfVessel { name: String },
 }

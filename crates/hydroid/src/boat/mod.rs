@@ -16,8 +16,12 @@
 //! # Ok::<(), hydroid::boat::BoatError>(())
 //! ```
 
+mod autopilot;
 mod error;
 mod find;
+mod raw;
+mod read;
+mod text;
 mod values;
 
 use std::collections::BTreeMap;
@@ -28,7 +32,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::toml_file::nearest;
 
+pub(crate) use autopilot::FUNCTIONS;
+pub use autopilot::{Output, Range};
 pub use error::BoatError;
+pub use raw::Raw;
 pub use values::{HARD_OVER_DEG, Value, check_firm};
 
 /// Roles by name of input, as they are stated.
@@ -162,7 +169,8 @@ pub enum Evidence {
     Parameter(String),
     /// What is usual, as 1500 us for the neutral pulse width.
     Convention(String),
-    /// Weak: what the logs contain, as the extremes of a command. It holds in simulations, and not on board.
+    /// Weak: what the logs contain, as the extremes or the most common value of a command. It holds in simulations, and not on
+    /// board.
     Log(String),
 }
 
@@ -248,6 +256,18 @@ impl Boat {
             Evidence::Contradicted(response) => Some(response),
             _ => None,
         }
+    }
+
+    /// Checks that the role of an input is known and not in doubt.
+    pub(crate) fn check_role(&self, input: &str) -> Result<(), BoatError> {
+        let why = match (self.role(input), self.contradiction(input)) {
+            (Some(_), None) => return Ok(()),
+            (_, Some(response)) => {
+                format!("its name says one, and the response of the model another ({response})")
+            }
+            (None, None) => "it is not known".to_owned(),
+        };
+        Err(BoatError::RoleNotKnown { input: input.to_owned(), why })
     }
 
     /// States roles of inputs, in place of those that are known.

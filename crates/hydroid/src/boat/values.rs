@@ -1,17 +1,16 @@
 //! Neutral value and limits of an input in the units of the model: stated, found, by convention, or from the logs.
 
+use std::fmt::Write as _;
+
 use serde::Serialize;
 
-use super::{Boat, BoatError, Evidence, Input, Property, Role};
+use super::{Boat, BoatError, Evidence, Input, Property, Raw, Role};
 use crate::log::Channel;
+use crate::log::pulses::{PULSE_US, USUAL_US};
 use crate::log::units::{Quantity, Unit};
 
 /// Hard over of a steering angle: the 35 degrees at which the IMO prescribes turning circles (MSC.137(76), section 5.2).
 pub const HARD_OVER_DEG: f64 = 35.0;
-
-/// Usual neutral pulse width, and the pulse widths that servos take \[us\]: a value beyond them is no pulse.
-const NEUTRAL_US: f64 = 1500.0;
-const PULSES_US: [f64; 2] = [500.0, 2500.0];
 
 /// Largest part of a logged command beyond a stated limit, relative to the width of the limits.
 const ROOM: f64 = 0.01;
@@ -54,14 +53,35 @@ impl Value {
         (number(self.neutral), self.limits.map(number), unit)
     }
 
+    /// Neutral value and limits with their evidence, in the unit of the model and as they are sent.
+    pub fn describe(&self, raw: Option<&Raw>) -> String {
+        let known =
+            |found: &Option<Evidence>| found.as_ref().map_or("stated".to_owned(), ToString::to_string);
+        let (neutral, [low, high]) = (self.neutral, self.limits);
+        let mut text = if self.is_commanded {
+            let (neutral_found, limits_found) = (known(&self.neutral_found), known(&self.limits_found));
+            format!("neutral {neutral} ({neutral_found}), limits {low} to {high} ({limits_found})")
+        } else {
+            format!("not commanded, {neutral} ({})", known(&self.neutral_found))
+        };
+        let Some(raw) = raw else { return text };
+        let unit = if raw.unit.is_empty() { String::new() } else { format!(" [{}]", raw.unit) };
+        let _ = write!(text, "; as it is sent and logged{unit}, neutral {}", raw.raw(neutral));
+        if self.is_commanded {
+            let [low, high] = sorted([raw.raw(low), raw.raw(high)]);
+            let _ = write!(text, ", limits {low} to {high}");
+        }
+        let _ = write!(text, ", and in the model (raw - {}) * {}", raw.offset, raw.factor);
+        text
+    }
+
     /// What is said of the properties that only follow from the logs; none if there are none.
     pub fn note(&self) -> Option<String> {
         let (name, (neutral, [low, high], unit)) = (&self.name, self.shown());
+        let why = |found: &Option<Evidence>| found.as_ref().map(ToString::to_string).unwrap_or_default();
         let said = self.weak().map(|property| match property {
-            Property::Neutral => {
-                format!("neutral of {name}: {neutral}{unit}, the middle of its range in the log")
-            }
-            _ => format!("limits of {name}: {low} to {high}{unit}, seen in the log"),
+            Property::Neutral => format!("neutral of {name}: {neutral}{unit}, {}", why(&self.neutral_found)),
+            _ => format!("limits of {name}: {low} to {high}{unit}, {}", why(&self.limits_found)),
         });
         let said = said.collect::<Vec<_>>().join("; ");
         (!said.is_empty()).then(|| format!("{said}; state them with {}", line(name, self.weak())))
@@ -79,9 +99,9 @@ fn line(name: &str, missing: impl Iterator<Item = Property>) -> String {
 
 /// From raw values to those of the model: `(raw - offset) factor`.
 #[derive(Clone, Copy)]
-struct Formula {
-    offset: f64,
-    factor: f64,
+pub(super) struct Formula {
+    pub(super) offset: f64,
+    pub(super) factor: f64,
 }
 
 impl Formula {
@@ -119,9 +139,7 @@ impl Boat {
         let by = |text: &str| Some(Evidence::Convention(text.to_owned()));
         let quantity = unit.as_ref().and_then(|unit| unit.quantity);
         let is_pulse = unit.as_ref().is_some_and(|unit| unit.si == "us")
-            && range.is_none_or(|range| {
-                range.iter().all(|&value| (PULSES_US[0]..=PULSES_US[1]).contains(&formula.raw(value)))
-            });
+            && range.is_none_or(|range| range.iter().all(|&value| PULSE_US.contains(&formula.raw(value))));
         let is_physical = quantity.is_some_and(|of| !matches!(of, Quantity::Number | Quantity::Time));
         let name = || channel.name.clone();
         let missing = |property| BoatError::Missing {
@@ -139,7 +157,7 @@ impl Boat {
         let (neutral, neutral_found) = match (input.neutral, input.role) {
             (Some(raw), _) => (formula.model(raw), found(Property::Neutral)),
             (None, Some(Role::Disturbance)) => (0.0, by("calm")),
-            _ if is_pulse => (formula.model(NEUTRAL_US), by("the usual neutral pulse width")),
+            _ if is_pulse => (formula.model(USUAL_US), by("the usual neutral pulse width")),
             (None, Some(Role::Setting)) => range.map(middle).ok_or_else(|| missing(Property::Neutral))?,
             _ if is_physical || contains(0.0) => (0.0, by("0, without effect")),
             _ => seen.map(middle).ok_or_else(|| missing(Property::Neutral))?,
@@ -247,7 +265,7 @@ impl Input {
     }
 
     /// From raw values to those of the model; an error if the numbers contradict each other.
-    fn formula(&self, channel: &Channel) -> Result<Formula, BoatError> {
+    pub(super) fn formula(&self, channel: &Channel) -> Result<Formula, BoatError> {
         let input = || channel.name.clone();
         let numbers = self.neutral.iter().chain(self.limits.iter().flatten()).chain(&self.scale);
         if let Some(&number) = numbers.into_iter().find(|number| !number.is_finite()) {

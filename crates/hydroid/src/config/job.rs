@@ -54,21 +54,39 @@ impl Config {
         vessel: Option<CraftFile>,
     ) -> Result<(Job, Vec<Note>), LogError> {
         if let Some(vessel) = &vessel {
+            // The commands of a vessel have their own neutral values and gains.
+            let commands = vessel.craft.commands.iter();
+            if let Some(command) = commands
+                .map(|command| &command.name)
+                .find(|name| self.boat.inputs.get(*name).is_some_and(|input| input.scale.is_some()))
+            {
+                let error = BoatError::OfVessel { name: command.clone() };
+                return Err(LogError::Unusable {
+                    path: logs.train.first().map(|log| log.path.clone()).unwrap_or_default(),
+                    reason: error.to_string(),
+                    remedy: format!(
+                        "remove scale from [boat.inputs.{command}], so that the vessel reads raw values"
+                    ),
+                });
+            }
             select(vessel, &mut reading);
             methods.push(Method::GreyBox);
+        }
+        let of_boat = |error: BoatError, remedy: &str| LogError::Unusable {
+            path: logs.train.first().map(|log| log.path.clone()).unwrap_or_default(),
+            reason: error.to_string(),
+            remedy: remedy.to_owned(),
+        };
+        if reading.selection.inputs.is_empty() && self.boat.is_scaled() {
+            return Err(of_boat(BoatError::NoColumns, "`hydroid inspect LOG --write-config` proposes both"));
         }
         let cross_validated =
             logs.validate.is_empty() && methods.iter().all(|method| method.is_cross_validated());
         let (split, reading, notes) = split(logs, &reading, cross_validated)?;
         let Self { boat, identify, sindy, network, lstm, gru, rnn, direct, affine, ranges, .. } = self;
-        let run = logs.train.first().map(|log| log.path.clone());
         if let Some(first) = split.train.first() {
             let names: Vec<&str> = first.inputs.channels().iter().map(|c| c.name.as_str()).collect();
-            let refused = |error: BoatError| LogError::Unusable {
-                path: run.clone().unwrap_or_default(),
-                reason: error.to_string(),
-                remedy: String::from("correct it in [boat.inputs], or name it among the inputs"),
-            };
+            let refused = |error| of_boat(error, "correct it in [boat.inputs], or name it among the inputs");
             boat.check(&names).map_err(refused)?;
             let mut known = boat.clone();
             known.find(first.inputs.channels());

@@ -74,14 +74,12 @@ pub struct Log {
 }
 
 impl Log {
-    /// The options of the preparation.
-    pub fn reading(self) -> Reading {
-        self.over(Reading::default())
-    }
-
-    /// These options, and those of `base` where they are not given.
-    #[must_use]
-    pub fn over(self, base: Reading) -> Reading {
+    /// These options, and those of `base` where they are not given. The given inputs are raw values of `boat`.
+    ///
+    /// # Errors
+    /// If an input contradicts the boat.
+    pub fn over(mut self, base: Reading, boat: &Boat) -> Result<Reading, BoatError> {
+        boat.read(&mut self.inputs)?;
         let Reading { selection, options } = base;
         let or =
             |given: Vec<ChannelSpec>, base: Vec<ChannelSpec>| if given.is_empty() { base } else { given };
@@ -93,7 +91,7 @@ impl Log {
             Delay::Samples(n) => InputDelay::Samples(n),
             Delay::Text(delay) => delay,
         });
-        Reading {
+        Ok(Reading {
             selection: Selection {
                 time: self.time.or(selection.time),
                 outputs: or(self.outputs, selection.outputs),
@@ -109,7 +107,17 @@ impl Log {
                 input_delay: delay.unwrap_or(options.input_delay),
                 keep_towed: self.keep_towed || options.keep_towed,
             },
-        }
+        })
+    }
+}
+
+impl Config {
+    /// How logs are read.
+    ///
+    /// # Errors
+    /// If an input in `[log]` contradicts `[boat.inputs]`.
+    pub fn reading(&self) -> Result<Reading, BoatError> {
+        self.log.clone().over(Reading::default(), &self.boat)
     }
 }
 

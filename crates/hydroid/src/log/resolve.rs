@@ -395,6 +395,21 @@ fn source(log: &RawLog, spec: &ChannelSpec, role: Role, notes: &mut Vec<Note>) -
     }
     let failed = |source| LogError::Unit { column: raw.name.clone(), source };
     let stated = spec.unit.as_deref().map(|text| Unit::parse(text).map_err(failed)).transpose()?;
+    let as_number = |offset, factor| {
+        let channel = Channel::new(&spec.name, "1");
+        Source { column, factor, offset, scale: factor, channel }
+    };
+    // A log of model inputs, as a simulated one: the formula is that of raw values.
+    if spec.is_number
+        && raw.unit.as_deref() == Some("1")
+        && stated.as_ref().is_some_and(|unit| unit.si != "1")
+    {
+        notes.push(Note::info(format!(
+            "{}: `{}` is a pure number by its header, and is taken as the input of the model",
+            log.path, raw.name
+        )));
+        return Ok(as_number(0.0, 1.0));
+    }
     let header = match &raw.unit {
         // The user's unit replaces that of the header, which may then be invalid.
         Some(text) => match Unit::parse(text) {
@@ -420,10 +435,17 @@ fn source(log: &RawLog, spec: &ChannelSpec, role: Role, notes: &mut Vec<Note>) -
         }
         (header, stated) => stated.or(header),
     };
+    if spec.is_number {
+        return Ok(as_number(spec.offset, spec.scale));
+    }
     let Some(unit) = unit else {
         let channel = Channel::new(&spec.name, "");
         return Ok(Source { column, factor: spec.scale, offset: spec.offset, scale: spec.scale, channel });
     };
+    // A pulse width is a code of an actuator: with a scale it is a number.
+    if unit.si == "us" && role != Role::Time && spec.scale != 1.0 {
+        return Ok(as_number(spec.offset, spec.scale));
+    }
     note_unit(log, &raw.name, &unit, role, notes);
     let (factor, si) = match (role, Unit::parse("s")) {
         // Microseconds of another column are pulse widths, and stay as they are.

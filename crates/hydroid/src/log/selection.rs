@@ -10,7 +10,8 @@ use super::sensors::Sensors;
 /// A channel and the column it comes from, as written on the command line or in `hydroid.toml`: `NAME`, `NAME=COLUMN`,
 /// `NAME=COLUMN [unit]`, `NAME=COLUMN [unit] * 0.01`, `NAME=COLUMN - 1500`, `NAME=(COLUMN - 1500) / 400`. The unit
 /// overrides that of the header; stored values are SI. With the value $x$ of the log, the value of the channel is
-/// $(x - \mathrm{offset}) \cdot \mathrm{scale}$, which is then converted from the unit.
+/// $(x - \mathrm{offset}) \cdot \mathrm{scale}$, which is then converted from the unit. A formula with `[1]` at its end,
+/// `NAME=(COLUMN [us] - 1500) * 0.0025 [1]`, gives a pure number, which is not converted.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct ChannelSpec {
@@ -24,25 +25,35 @@ pub struct ChannelSpec {
     pub offset: f64,
     /// Factor on the values of the log less the offset.
     pub scale: f64,
+    /// Whether the value is a pure number, whatever the unit of the column is.
+    pub is_number: bool,
 }
 
 impl ChannelSpec {
     /// A channel with the name of its column.
     pub fn named(name: impl Into<String>) -> Self {
         let name = name.into();
-        Self { column: name.clone(), name, unit: None, offset: 0.0, scale: 1.0 }
+        Self { column: name.clone(), name, unit: None, offset: 0.0, scale: 1.0, is_number: false }
     }
 
     /// A channel whose name differs from the name of its column.
     pub fn renamed(name: impl Into<String>, column: impl Into<String>) -> Self {
-        Self { name: name.into(), column: column.into(), unit: None, offset: 0.0, scale: 1.0 }
+        Self {
+            name: name.into(),
+            column: column.into(),
+            unit: None,
+            offset: 0.0,
+            scale: 1.0,
+            is_number: false,
+        }
     }
 
     /// The texts that a log may contain as the name of a column although they are read as an expression: `Engine - 1`
     /// and `Speed (kn)`, each as the specification of that column.
     pub(crate) fn as_names(&self) -> impl Iterator<Item = Self> + '_ {
         let offset = (self.offset != 0.0 && self.unit.is_none()).then(|| {
-            let expression = Self { name: String::new(), scale: 1.0, ..self.clone() }.to_string();
+            let shifted = Self { name: String::new(), scale: 1.0, is_number: false, ..self.clone() };
+            let expression = shifted.to_string();
             (expression.trim_start_matches('=').to_owned(), 0.0)
         });
         let unit = self.unit.as_ref().map(|unit| (format!("{} ({unit})", self.column), self.offset));
@@ -70,7 +81,10 @@ impl FromStr for ChannelSpec {
             Some((name, source)) => (Some(name.trim()), source.trim()),
             None => (None, text.trim()),
         };
-        let (source, scale) = scaled(source);
+        // A unit at the end of a formula is that of its value.
+        let front = source.strip_suffix("[1]").map(str::trim_end).filter(|front| scaled(front).0 != *front);
+        let is_number = front.is_some();
+        let (source, scale) = scaled(front.unwrap_or(source));
         if !scale.is_finite() || scale == 0.0 {
             return Err(bad("the scale must be a finite number other than 0"));
         }
@@ -97,6 +111,7 @@ impl FromStr for ChannelSpec {
             unit: unit.map(str::to_owned),
             offset,
             scale,
+            is_number,
         })
     }
 }
@@ -133,10 +148,11 @@ fn shifted(source: &str) -> Option<(&str, f64)> {
 
 impl fmt::Display for ChannelSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let parentheses = self.offset != 0.0 && self.scale != 1.0;
+        let is_scaled = self.scale != 1.0 || self.is_number;
+        let parentheses = self.offset != 0.0 && is_scaled;
         let open = if parentheses { "(" } else { "" };
         // An expression and a column name with `=` need the form `NAME=COLUMN`.
-        if self.name == self.column && self.offset == 0.0 {
+        if self.name == self.column && self.offset == 0.0 && !self.is_number {
             f.write_str(&self.name)?;
         } else {
             write!(f, "{}={open}{}", self.name, self.column)?;
@@ -148,8 +164,11 @@ impl fmt::Display for ChannelSpec {
             let sign = if self.offset > 0.0 { '-' } else { '+' };
             write!(f, " {sign} {}{}", self.offset.abs(), if parentheses { ")" } else { "" })?;
         }
-        if self.scale != 1.0 {
+        if is_scaled {
             write!(f, " * {}", self.scale)?;
+        }
+        if self.is_number {
+            f.write_str(" [1]")?;
         }
         Ok(())
     }

@@ -67,7 +67,8 @@ impl Approach {
         simulation: Simulation,
         options: &Options,
     ) -> Result<Self, ManoeuvreError> {
-        let mut search = Search { simulation, map, start: crate::plant::middle(model) };
+        let most = [-1.0, 1.0].map(|side| side * map.seen_over(model, side));
+        let mut search = Search { simulation, map, most, start: crate::plant::middle(model) };
         if let Some(reason) = map.no_propulsion() {
             let found = search.at_propulsion(0.0)?;
             let own_m_s = found.speed_m_s;
@@ -114,6 +115,8 @@ impl Approach {
 struct Search<'a> {
     simulation: Simulation,
     map: &'a InputMap,
+    /// Steering to port and to starboard in which the straight course is searched for: the model was seen there.
+    most: [f64; 2],
     /// Outputs from which the next search starts.
     start: Vec<f64>,
 }
@@ -169,7 +172,8 @@ impl Search<'_> {
 
     /// Steering of a straight course.
     fn straight(&mut self, p: f64) -> Result<f64, ManoeuvreError> {
-        let (port, starboard) = (self.yaw_rate(p, -1.0)?, self.yaw_rate(p, 1.0)?);
+        let [hard_port, hard_starboard] = self.most;
+        let (port, starboard) = (self.yaw_rate(p, hard_port)?, self.yaw_rate(p, hard_starboard)?);
         if !(port < 0.0 && starboard > 0.0) {
             let speed_m_s = self.simulation.nu()[0];
             let [low_deg_s, high_deg_s] = [port, starboard].map(f64::to_degrees);
@@ -181,7 +185,7 @@ impl Search<'_> {
             return Ok(0.0);
         }
         let (mut a, mut fa) = (0.0, neutral);
-        let (mut b, mut fb) = if neutral < 0.0 { (1.0, starboard) } else { (-1.0, port) };
+        let (mut b, mut fb) = if neutral < 0.0 { (hard_starboard, starboard) } else { (hard_port, port) };
         let mut last = 0.0_f64;
         for _ in 0..200 {
             let s = (a * fb - b * fa) / (fb - fa);

@@ -155,27 +155,40 @@ impl InputMap {
 
     /// The map over the ranges in which a model was seen: its directions end there.
     pub(super) fn within(mut self, model: &Model) -> Self {
-        for ([low, high], port) in self.limits.iter_mut().zip(&model.description.inputs) {
-            let seen = [low.max(port.range.low), high.min(port.range.high)];
-            if seen[0] <= seen[1] {
-                [*low, *high] = seen;
-            }
-        }
-        let Self { neutral, limits, .. } = &self;
+        self.limits = self.seen(model);
         let share = |direction: &[f64], sides: &[f64]| {
-            let of = |c: usize, side: f64| {
-                let end = if side * direction[c] > 0.0 { limits[c][1] } else { limits[c][0] };
-                (end - neutral[c]) / (side * direction[c])
-            };
-            let used = (0..direction.len()).filter(|&c| direction[c] != 0.0);
-            let most = used.flat_map(|c| sides.iter().map(move |&side| of(c, side)));
-            let most = most.fold(0.0, f64::max);
+            let most = sides.iter().map(|side| self.most(direction, *side, &self.limits)).fold(0.0, f64::max);
             if most > 0.0 { most.min(1.0) } else { 1.0 }
         };
         let (push, turn) = (share(&self.push, &[1.0]), share(&self.turn, &[-1.0, 1.0]));
         self.push.iter_mut().for_each(|part| *part *= push);
         self.turn.iter_mut().for_each(|part| *part *= turn);
         self
+    }
+
+    /// The limits within the ranges in which a model was seen.
+    fn seen(&self, model: &Model) -> Vec<[f64; 2]> {
+        let of = |(&[low, high], port): (&[f64; 2], &Port)| {
+            let seen = [low.max(port.range.low), high.min(port.range.high)];
+            if seen[0] <= seen[1] { seen } else { [low, high] }
+        };
+        self.limits.iter().zip(&model.description.inputs).map(of).collect()
+    }
+
+    /// Multiple of a direction to a side at which its last input is at a limit.
+    fn most(&self, direction: &[f64], side: f64, limits: &[[f64; 2]]) -> f64 {
+        let of = |c: usize| {
+            let end = if side * direction[c] > 0.0 { limits[c][1] } else { limits[c][0] };
+            (end - self.neutral[c]) / (side * direction[c])
+        };
+        (0..direction.len()).filter(|&c| direction[c] != 0.0).map(of).fold(0.0, f64::max)
+    }
+
+    /// Steering to a side at which the last input that turns the vessel leaves the range in which a model was seen, up to
+    /// [`hard_over`](Self::hard_over).
+    pub(crate) fn seen_over(&self, model: &Model, side: f64) -> f64 {
+        let (hard, seen) = (self.hard_over(side), self.most(&self.turn, side, &self.seen(model)));
+        if seen > 0.0 { seen.min(hard) } else { hard }
     }
 
     /// Steering at which the inputs that turn the vessel end: hard over to starboard for a positive `side`, else to port; 1

@@ -38,7 +38,8 @@ pub(crate) use record::process_deviations;
 #[doc(hidden)]
 pub use record::rest;
 pub use record::{Commands, Record, RecordOptions, member_tracks, record};
-pub use roles::{find_roles, input_values};
+pub(crate) use roles::values_by;
+pub use roles::{described_inputs, find_roles, input_values};
 pub(crate) use simulation::middle;
 pub use simulation::{Motion, Simulation, arc, current_before};
 pub use station::check_station;

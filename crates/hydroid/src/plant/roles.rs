@@ -94,8 +94,15 @@ pub fn input_values(model: &Model) -> Result<Vec<Value>, BoatError> {
     values_by(&find_roles(model), model)
 }
 
+/// Name of each input of a model, and its neutral value and limits in words. A boat that contradicts itself has none.
+pub fn described_inputs(model: &Model) -> Vec<(String, String)> {
+    let values = input_values(model).unwrap_or_default();
+    let raws = model.description.raw_inputs();
+    values.iter().zip(&raws).map(|(value, raw)| (value.name.clone(), value.describe(raw.as_ref()))).collect()
+}
+
 /// As [`input_values`], by a boat with roles.
-pub(super) fn values_by(boat: &Boat, model: &Model) -> Result<Vec<Value>, BoatError> {
+pub(crate) fn values_by(boat: &Boat, model: &Model) -> Result<Vec<Value>, BoatError> {
     let of = |port: &Port| boat.value(&port.channel, Some([port.range.low, port.range.high]));
     model.description.inputs.iter().map(of).collect()
 }

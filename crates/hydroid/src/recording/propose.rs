@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::survey::{FieldSurvey, Survey, TopicSurvey};
+use crate::boat::{Boat, FUNCTIONS, Output, Range};
 use crate::log::{ChannelSpec, Selection, Sensors};
 
 /// Names of fields, in lower case, without the part before the last dot where the name has none.
@@ -92,6 +93,8 @@ const NO_COMMANDS: &[&str] = &[
 pub struct Proposal {
     /// The selection.
     pub selection: Selection,
+    /// What is known of its inputs.
+    pub boat: Boat,
     /// What each column was taken for, and what was not found.
     pub remarks: Vec<String>,
 }
@@ -223,12 +226,22 @@ impl Survey {
                 }
             }
         }
-        proposal.selection.inputs = self.commands(&proposal.selection);
+        let commands = self.commands(&proposal.selection);
+        proposal.selection.inputs = commands.iter().map(|(spec, _, _)| spec.clone()).collect();
         if proposal.selection.inputs.is_empty() {
             proposal.remarks.push("nothing looks like a command: name the inputs".to_owned());
         }
         for input in &proposal.selection.inputs {
             proposal.remarks.push(format!("command {}: {}", input.name, input.column));
+        }
+        for (spec, topic, field) in commands {
+            let seen = Range {
+                low: field.low.unwrap_or(f64::NAN),
+                high: field.high.unwrap_or(f64::NAN),
+                neutral: field.neutral.clone(),
+            };
+            let output = output(topic, topic.local(field));
+            proposal.remarks.extend(proposal.boat.find_output(&spec.name, output, &self.parameters, &seen));
         }
         proposal
     }
@@ -351,11 +364,11 @@ impl Survey {
     }
 
     /// Fields that look like commands. If topics of actuators exist, others are none.
-    fn commands(&self, selection: &Selection) -> Vec<ChannelSpec> {
+    fn commands(&self, selection: &Selection) -> Vec<(ChannelSpec, &TopicSurvey, &FieldSurvey)> {
         let sensors =
             selection.sensors.iter().flat_map(|sensors| sensors.columns().map(|(_, spec)| &spec.column));
         let used: Vec<&String> = sensors.chain(selection.outputs.iter().map(|spec| &spec.column)).collect();
-        let mut found: Vec<(String, &FieldSurvey)> = Vec::new();
+        let mut found: Vec<(String, &TopicSurvey, &FieldSurvey)> = Vec::new();
         for topic in &self.topics {
             for field in &topic.fields {
                 let local = topic.local(field);
@@ -364,29 +377,25 @@ impl Survey {
                 if !is_command || !field.varies() || used.contains(&&field.column) {
                     continue;
                 }
-                found.push((self.name(topic, local), field));
+                found.push((self.name(topic, local), topic, field));
             }
         }
-        let repeated =
-            |name: &str, found: &[(String, &FieldSurvey)]| found.iter().filter(|f| f.0 == name).count() > 1;
-        let name = |(name, field): &(String, &FieldSurvey)| {
-            let name = if repeated(name, &found) { words_of(&field.column) } else { name.clone() };
-            spec(&format!("{name}={}", field.column))
-        };
-        found.iter().filter_map(name).collect()
+        let repeated = |name: &str| found.iter().filter(|f| f.0 == name).count() > 1;
+        let mut commands = Vec::new();
+        for (name, topic, field) in &found {
+            let name = if repeated(name) { words_of(&field.column) } else { name.clone() };
+            commands.extend(spec(&format!("{name}={}", field.column)).map(|spec| (spec, *topic, *field)));
+        }
+        commands
     }
 
     /// Name of the channel of a command.
     fn name(&self, topic: &TopicSurvey, local: &str) -> String {
-        // Functions of the outputs of ArduPilot (SERVOn_FUNCTION).
-        if let Some(channel) = local.strip_prefix('C').filter(|_| topic.name.starts_with("RCO"))
-            && let Some(function) = self.parameters.get(&format!("SERVO{channel}_FUNCTION"))
+        if let Some(Output::ArduPilot(n)) = output(topic, local)
+            && let Some(number) = self.parameters.get(&format!("SERVO{n}_FUNCTION"))
+            && let Some(function) = FUNCTIONS.iter().find(|function| function.number == *number)
         {
-            let functions =
-                [(26.0, "steering"), (70.0, "throttle"), (73.0, "throttle_left"), (74.0, "throttle_right")];
-            if let Some((_, name)) = functions.iter().find(|(number, _)| number == function) {
-                return (*name).to_owned();
-            }
+            return function.name.to_owned();
         }
         // Names in the message itself, in an array beside that of the values.
         if let Some((_, index)) = local.strip_suffix(']').and_then(|inner| inner.rsplit_once('['))
@@ -401,6 +410,21 @@ impl Survey {
         }
         let last = local.rsplit('.').next().unwrap_or(local);
         words_of(last)
+    }
+}
+
+/// The output of an autopilot that a field contains.
+fn output(topic: &TopicSurvey, local: &str) -> Option<Output> {
+    if topic.name.starts_with("RCO") {
+        return Some(Output::ArduPilot(local.strip_prefix('C')?.parse().ok()?));
+    }
+    let index =
+        |name: &str| local.strip_prefix(name)?.strip_prefix('[')?.strip_suffix(']')?.parse::<u32>().ok();
+    match topic.name.as_str() {
+        // The first instance is that of the main outputs.
+        "actuator_outputs" => Some(Output::Px4(index("output")?.checked_add(1)?)),
+        "actuator_motors" => Some(Output::Px4Motor(index("control").filter(|index| *index < 32)? + 1)),
+        _ => None,
     }
 }
 
@@ -427,10 +451,7 @@ impl Proposal {
         if !selection.outputs.is_empty() {
             let _ = writeln!(text, "outputs = {}", list(&selection.outputs));
         }
-        let _ = writeln!(
-            text,
-            "# Commands. A neutral position and a scale: \"left=COLUMN - 1500\", \"left=(COLUMN - 1500) / 400\""
-        );
+        let _ = writeln!(text, "# Commands, with the columns of their raw values.");
         let _ = writeln!(text, "inputs = {}", list(&selection.inputs));
         if let Some(sensors) = &selection.sensors {
             text.push_str(
@@ -442,6 +463,13 @@ impl Proposal {
             text.push_str(
                 "# Places forward, to starboard and below the origin of the body frame [m].\nantenna_m = [0.0, 0.0, 0.0]\nimu_m = [0.0, 0.0, 0.0]\n",
             );
+        }
+        if !self.boat.is_empty() {
+            text.push_str(
+                "\n# What the commands are. With a scale, the input of the model is (raw - neutral) / scale.",
+            );
+            let columns = selection.inputs.iter().map(|spec| (spec.name.as_str(), spec.column.as_str()));
+            text.push_str(&self.boat.to_toml(columns));
         }
         text
     }

@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use hydroid_io::{Clock, Format, LogFile, Sink, Summary, Topic};
 
 use super::open::{self, qualified};
-use crate::log::{LogError, Note};
+use crate::log::pulses::{self, Pulses};
+use crate::log::{LogError, Neutral, Note};
 
 /// Content of a recording.
 #[derive(Clone, Debug, serde::Serialize)]
@@ -60,6 +61,9 @@ pub struct FieldSurvey {
     pub mean: Option<f64>,
     /// Rows without a value.
     pub missing: u64,
+    /// Neutral position \[us\] of values that are pulse widths by the name or the unit of the field, or by its topic.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub neutral: Option<Neutral>,
 }
 
 impl FieldSurvey {
@@ -126,6 +130,7 @@ struct FieldStatistics {
     high: f64,
     sum: f64,
     found: u64,
+    pulses: Pulses,
 }
 
 #[derive(Default)]
@@ -149,7 +154,13 @@ impl Sink for Surveyor {
         }
         let known = &mut self.topics[id];
         known.topic = topic.clone();
-        let empty = FieldStatistics { low: f64::INFINITY, high: f64::NEG_INFINITY, sum: 0.0, found: 0 };
+        let empty = FieldStatistics {
+            low: f64::INFINITY,
+            high: f64::NEG_INFINITY,
+            sum: 0.0,
+            found: 0,
+            pulses: Pulses::default(),
+        };
         known.fields.resize(topic.fields.len(), empty);
         true
     }
@@ -171,6 +182,7 @@ impl Sink for Surveyor {
                 field.high = field.high.max(x);
                 field.sum += x;
                 field.found += 1;
+                field.pulses.add(x);
             }
         }
     }
@@ -199,6 +211,13 @@ pub fn survey(source: impl Into<LogFile>) -> Result<Survey, LogError> {
     Ok(Survey { path: shown, format, topics, parameters: summary.parameters, notes })
 }
 
+/// Whether a topic contains the outputs of an autopilot.
+fn is_output(topic: &str) -> bool {
+    let name = topic.to_ascii_lowercase();
+    ["rcou", "servo_output_raw", "actuator_outputs"].iter().any(|of| name.starts_with(of))
+        || name.ends_with("rc/out")
+}
+
 impl Statistics {
     fn survey(self, summary: &Summary, single: bool) -> TopicSurvey {
         let timed = self.topic.clock != Clock::None;
@@ -212,6 +231,11 @@ impl Statistics {
             high: (of.found > 0).then_some(of.high),
             mean: (of.found > 0).then(|| of.sum / of.found as f64),
             missing: rows - of.found,
+            neutral: {
+                let is_pulse =
+                    is_output(&self.topic.name) || pulses::is_stated(&field.name, field.unit.as_deref());
+                of.pulses.neutral(true).filter(|_| is_pulse)
+            },
         };
         TopicSurvey {
             rows,

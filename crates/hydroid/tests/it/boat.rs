@@ -345,7 +345,7 @@ fn an_identified_model_knows_its_wind_and_what_its_inputs_do() {
         "[log]\ninputs = [\"a=n\", \"b=delta\", \"thrust=stern\"]\nwind = { speed = \"ws\", direction = \"wd\" }\n[boat.inputs.a]\nrole = \"propulsion\"\n",
     )
     .unwrap();
-    let reading = config.log.clone().reading();
+    let reading = config.reading().unwrap();
     let logs = Logs { train: vec![log_in_wind()], validate: Vec::new(), test: Vec::new() };
     let (job, _) = config.job(reading, &logs, vec![hydroid::identify::Method::Sindy], None).unwrap();
     let result = identify(&job, &mut silent()).unwrap();
@@ -371,7 +371,7 @@ fn a_role_of_an_input_that_is_not_there_is_refused() {
     let config: Config =
         toml::from_str("[log]\ninputs = [\"n\", \"delta\"]\n[boat.inputs.detla]\nrole = \"steering\"\n")
             .unwrap();
-    let reading = config.log.clone().reading();
+    let reading = config.reading().unwrap();
     let logs = Logs { train: vec![log_in_wind()], validate: Vec::new(), test: Vec::new() };
     let error = config.job(reading, &logs, vec![hydroid::identify::Method::Sindy], None).unwrap_err();
     let text = error.to_string();
@@ -386,7 +386,7 @@ fn circles_of_a_tanker_at_a_constant_shaft_speed_are_those_of_shipmmg() {
     let golden = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/golden");
     let config: Config =
         toml::from_str("[log]\ninputs = [\"delta\"]\n[identify]\nhorizon = \"10s\"\n").unwrap();
-    let reading = config.log.clone().reading();
+    let reading = config.reading().unwrap();
     let log = hydroid::log::read(golden.join("tanker.csv").as_path()).unwrap();
     let logs = Logs { train: vec![log], validate: Vec::new(), test: Vec::new() };
     let (job, _) = config.job(reading, &logs, vec![hydroid::identify::Method::Sindy], None).unwrap();

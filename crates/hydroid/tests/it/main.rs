@@ -4,7 +4,7 @@ mod adapt;
 #[cfg(unix)]
 mod atomic;
 mod boat;
-mod boat_values;
+mod boat_found;
 mod closed_loop;
 mod committee;
 mod control_of_models;

@@ -6,6 +6,7 @@ use std::fmt::Write as _;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
+use hydroid::boat::Boat;
 use hydroid::log::{ChannelSpec, LogError, Note, RawLog, Selection, Sensors, Wind, read};
 use hydroid::progress::silent;
 use hydroid::recording::{converted, is_recording, read_logs, survey};
@@ -183,7 +184,9 @@ fn a_folder_of_topics_gives_velocities() {
     // The file that `hydroid inspect` writes has the same selection.
     let file = folder.path().join("hydroid.toml");
     std::fs::write(&file, proposal.to_toml("boat")).unwrap();
-    assert_eq!(hydroid::config::read(&file).unwrap().log.reading().selection, proposal.selection);
+    let mut expected = proposal.selection.clone();
+    proposal.boat.read(&mut expected.inputs).unwrap();
+    assert_eq!(hydroid::config::read(&file).unwrap().reading().unwrap().selection, expected);
     // The run has the channels of the selection in SI units.
     let run = converted(&log, &proposal.selection, &mut Vec::new()).unwrap();
     assert!((column(&run, "rudder")[31] - 3.0_f64.to_radians()).abs() < 1e-12);
@@ -244,7 +247,7 @@ fn velocities_that_are_named_replace_those_from_sensors_and_their_heading() {
     let over = |text: &str| {
         std::fs::write(&file, text).unwrap();
         let base = hydroid::model::Reading { selection: selection.clone(), ..Default::default() };
-        hydroid::config::read(&file).unwrap().log.over(base).selection
+        hydroid::config::read(&file).unwrap().log.over(base, &Boat::default()).unwrap().selection
     };
     let same = over("[log]\ninputs = [\"n\"]\n");
     assert_eq!(same, selection);

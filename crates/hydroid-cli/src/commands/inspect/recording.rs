@@ -57,7 +57,7 @@ fn show_topic(topic: &TopicSurvey) {
     );
     for field in topic.fields.iter().take(LISTED) {
         let text = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), number);
-        let FieldSurvey { column, unit, low, high, mean, missing } = field;
+        let FieldSurvey { column, unit, low, high, mean, missing, .. } = field;
         outln!(
             "  {column:<width$} {:<unit_width$} {:>14} {:>14} {:>14} {missing:>8}",
             unit.as_deref().unwrap_or_default(),

@@ -16,7 +16,7 @@ use crate::closed_loop::{
 };
 use crate::manoeuvre::{Approach, Options, Response};
 use crate::model::{self, Model};
-use crate::plant::{InputMap, Simulation, check_station, input_values};
+use crate::plant::{InputMap, Simulation, check_station, find_roles, input_values, values_by};
 use crate::progress::Progress;
 
 /// A model with the name under which documents and reports state it: that of its file.
@@ -159,13 +159,21 @@ impl Setup {
         Ok(input_values(&self.plant)?)
     }
 
-    /// Checks that no command to a real vessel rests on the logs alone: neutral value and limits of every input that is
-    /// commanded are stated, found or by convention.
+    /// Checks that no command to a real vessel rests on the logs alone: the role of every input is known, by `push` and `turn`
+    /// too, and neutral value and limits of those that are commanded are stated, found or by convention.
     ///
     /// # Errors
     /// The first input of which one is not known, with the line or option that states it.
     pub fn check_firm(&self) -> Result<(), SetupError> {
-        Ok(check_firm(&self.values()?)?)
+        let boat = find_roles(&self.plant);
+        let directions: Vec<&str> = self.options.push.iter().chain(&self.options.turn).map(bare).collect();
+        for port in &self.plant.description.inputs {
+            let name = port.channel.name.as_str();
+            if !directions.contains(&name) {
+                boat.check_role(name)?;
+            }
+        }
+        Ok(check_firm(&values_by(&boat, &self.plant)?)?)
     }
 
     /// Options of the learning on board: of a model that adapts, or those with which a constant model is followed.
@@ -208,6 +216,11 @@ impl Setup {
         self.controller.autopilot = Some(found.gains.clone());
         Ok(Some(found))
     }
+}
+
+/// The input of a direction, `-NAME` or `NAME`.
+fn bare(direction: &String) -> &str {
+    direction.strip_prefix('-').unwrap_or(direction)
 }
 
 /// Weights with which an adapter predicts: its own, or those that its guard selected.

@@ -79,8 +79,9 @@ proptest! {
             -10.0..-0.001_f64,
             any::<f64>().prop_filter("a scale", |x| x.is_finite() && *x != 0.0)
         ],
+        is_number: bool,
     ) {
-        let written = ChannelSpec { name, column, unit: unit.map(String::from), offset, scale };
+        let written = ChannelSpec { name, column, unit: unit.map(String::from), offset, scale, is_number };
         prop_assert_eq!(written.to_string().parse::<ChannelSpec>().unwrap(), written.clone());
         let json = serde_json::to_string(&written).unwrap();
         prop_assert_eq!(serde_json::from_str::<ChannelSpec>(&json).unwrap(), written);

@@ -1,0 +1,82 @@
+//! From a recording to a model, without a number that the recording already contains.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::common::{done, run, text};
+
+/// Two pulse widths, and the motion that follows their distance from 1520 and 1460 us.
+fn table(path: &Path) {
+    let mut log = "t [s],u [m/s],v [m/s],r [rad/s],pwm_right,pwm_left\n".to_owned();
+    let (mut u, mut r) = (0.0_f64, 0.0_f64);
+    for k in 0..3000_u32 {
+        let step = |n: u32| f64::from((k / 30 * n + 5 * n) % 9) / 4.0 - 1.0;
+        let at_rest = k % 600 < 120;
+        let [right, left] = if at_rest { [0.0; 2] } else { [step(4), step(7)] };
+        let row = [f64::from(k) * 0.1, u, 0.0, r, 1520.0 + 300.0 * right, 1460.0 + 300.0 * left];
+        log += &row.map(|x| format!("{x:.5}")).join(",");
+        log.push('\n');
+        u += 0.1 * (0.8 * (left + right) - 0.5 * u * u.abs() - 0.3 * u);
+        r += 0.1 * (0.3 * (left - right) - 0.9 * r);
+    }
+    std::fs::write(path, log).unwrap();
+}
+
+#[test]
+fn a_proposal_is_complete() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    table(&at.join("day.csv"));
+    done(at, "inspect day.csv --write-config");
+    let config = std::fs::read_to_string(at.join("hydroid.toml")).unwrap();
+    for line in ["[boat.inputs.pwm_left] # pwm_left", "neutral = 1460 ", "neutral = 1520 ", "scale = 400 "] {
+        assert!(config.contains(line), "{line} in\n{config}");
+    }
+    done(at, "identify day.csv --methods sindy -o out");
+    let model = text(&done(at, "inspect out/sindy.safetensors --json").stdout);
+    let model: Value = serde_json::from_str(&model).unwrap();
+    let description = &model["description"];
+    assert_eq!(description["boat"]["inputs"]["pwm_right"]["neutral"], 1520.0);
+    let spec = &description["reading"]["selection"]["inputs"][0];
+    assert_eq!(spec, "pwm_right=(pwm_right [us] - 1520) * 0.0025 [1]");
+    // Another log with the same raw values, in other columns.
+    let renamed =
+        std::fs::read_to_string(at.join("day.csv")).unwrap().replacen("pwm_right,pwm_left", "pr,pl", 1);
+    std::fs::write(at.join("next.csv"), renamed).unwrap();
+    let same = "evaluate out/sindy.safetensors day.csv --json";
+    let other = "evaluate out/sindy.safetensors next.csv --inputs pwm_right=pr,pwm_left=pl --json";
+    let nrmse = |args: &str| {
+        let document: Value = serde_json::from_str(&text(&done(at, args).stdout)).unwrap();
+        document.pointer("/channels").or(document.pointer("/0/channels")).unwrap_or(&document).to_string()
+    };
+    assert_eq!(nrmse(same).replace("day.csv", ""), nrmse(other).replace("next.csv", ""));
+    let refused = run(at, "evaluate out/sindy.safetensors next.csv --inputs pwm_right=pr*0.5,pwm_left=pl");
+    assert!(text(&refused.stderr).contains("has a formula in two places"), "{}", text(&refused.stderr));
+}
+
+/// The proposal for a recording of an autopilot gives a model that predicts another run.
+#[test]
+fn a_recording_of_an_autopilot() {
+    let Some(data) = std::env::var_os("HYDROID_DATA").map(PathBuf::from) else {
+        println!("skipped: no HYDROID_DATA");
+        return;
+    };
+    let otter = data.join("fleet/formats/otter.BIN");
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    std::fs::copy(otter, at.join("otter.BIN")).unwrap();
+    done(at, "inspect otter.BIN --write-config");
+    let out = text(&done(at, "identify otter.BIN --methods sindy -o out").stdout);
+    assert!(out.contains("thruster"), "{out}");
+    let run6 = data.parent().unwrap().join("reference/users/usv/otter_run6_pwm.csv");
+    if !run6.exists() {
+        return;
+    }
+    std::fs::copy(run6, at.join("run6.csv")).unwrap();
+    let args = "evaluate out/sindy.safetensors run6.csv --outputs u,v,r --inputs throttle_left=pl,throttle_right=pr --heading psi --horizon 10s --json";
+    let shown = run(at, args);
+    println!("{}", text(&shown.stdout));
+    assert_eq!(shown.status.code(), Some(0), "{}", text(&shown.stderr));
+}
