@@ -2,7 +2,9 @@
 
 use std::fmt::Write as _;
 
+use hydroid::boat::Raw;
 use hydroid::model::{Model, Port};
+use hydroid::plant::described_inputs;
 
 use super::adapter::Learning;
 use super::function::Printer;
@@ -53,6 +55,66 @@ impl Text<'_> {
         }
         text.push_str("};\n");
         text
+    }
+
+    /// Neutral value, limits and raw values of the inputs.
+    fn boat(&self) -> String {
+        let mut text = String::from("\n/* Neutral value and limits of the inputs, and how they are known:\n");
+        for (name, about) in described_inputs(self.model) {
+            let _ = writeln!(text, " * {}: {}", comment(&name), comment(&about));
+        }
+        text.push_str(" */\n");
+        let raws = self.model.description.raw_inputs();
+        if raws.iter().any(Option::is_some) {
+            let (name, upper) = (self.name, self.upper());
+            let _ = write!(
+                text,
+                "
+/* The inputs of the model from the values that are sent and logged, and back. The arrays may be the same. */
+void {name}_from_raw(const {name}_real raw[{upper}_INPUTS], {name}_real command[{upper}_INPUTS]);
+void {name}_to_raw(const {name}_real command[{upper}_INPUTS], {name}_real raw[{upper}_INPUTS]);
+"
+            );
+        }
+        text
+    }
+
+    /// The functions between raw values and those of the model.
+    fn conversions(&self) -> String {
+        let raws = self.model.description.raw_inputs();
+        if raws.iter().all(Option::is_none) {
+            return String::new();
+        }
+        let (name, upper, real) = (self.name, self.upper(), self.precision.type_name());
+        let number = |value: f64| self.precision.literal(value);
+        let rows = |of: &dyn Fn(usize, &Raw) -> String, from: &str, to: &str| -> String {
+            let row = |(i, raw): (usize, &Option<Raw>)| match raw {
+                Some(raw) => format!("    {to}[{i}] = {};\n", of(i, raw)),
+                None => format!("    {to}[{i}] = {from}[{i}];\n"),
+            };
+            raws.iter().enumerate().map(row).collect()
+        };
+        let from = rows(
+            &|i, raw| format!("(raw[{i}] - ({})) * ({})", number(raw.offset), number(raw.factor)),
+            "raw",
+            "command",
+        );
+        let to = rows(
+            &|i, raw| format!("command[{i}] / ({}) + ({})", number(raw.factor), number(raw.offset)),
+            "command",
+            "raw",
+        );
+        format!(
+            "
+void {name}_from_raw(const {real} raw[{upper}_INPUTS], {real} command[{upper}_INPUTS])
+{{
+{from}}}
+
+void {name}_to_raw(const {real} command[{upper}_INPUTS], {real} raw[{upper}_INPUTS])
+{{
+{to}}}
+"
+        )
     }
 
     pub(super) fn header(&self) -> String {
@@ -110,6 +172,9 @@ typedef {real} {name}_real;
         text.push_str(&self.channels(&d.outputs, "Outputs"));
         text.push('\n');
         text.push_str(&self.channels(&d.inputs, "Inputs"));
+        if !d.inputs.is_empty() {
+            text.push_str(&self.boat());
+        }
         let _ = write!(
             text,
             "
@@ -242,6 +307,7 @@ void {name}_rates(const {name}_state *state, const {real} command[{upper}_INPUTS
                 function(rates)
             );
         }
+        text.push_str(&self.conversions());
         if let Some(learning) = self.learning() {
             text.push_str(&learning.source());
         }

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use hydroid::model::{Model, UnitProduct, latex_estimate, latex_text, latex_unit};
+use hydroid::plant::described_inputs;
 
 use super::derivative::unit_text;
 use super::vessel::deviations;
@@ -33,7 +34,7 @@ pub fn latex(
     check(model, coefficient_options)?;
     let text = if let (None, Some(named)) = (coefficient_options.inertia, model.equations()) {
         let without = ["Accelerations: without the mass there are no derivatives."];
-        let head = preamble(&model.description.name, &without);
+        let head = preamble(model, &without);
         format!("{head}{}{}", named.equations_latex(), named.coefficients_latex())
     } else {
         let coefficients = Coefficients::of(model, coefficient_options, FORMAT)?;
@@ -59,14 +60,17 @@ fn check(model: &Model, options: &CoefficientOptions) -> Result<(), ExportError>
     Ok(())
 }
 
-fn preamble(name: &str, lines: &[&str]) -> String {
+fn preamble(model: &Model, lines: &[&str]) -> String {
     let mut out = format!(
         "% Hydrodynamic coefficients of {}, written by hydroid {}. Packages: amsmath, booktabs.\n",
-        comment(name),
+        comment(&model.description.name),
         env!("CARGO_PKG_VERSION")
     );
     for line in lines {
         let _ = writeln!(out, "% {line}");
+    }
+    for (input, about) in described_inputs(model) {
+        let _ = writeln!(out, "% Input {}: {}", comment(&input), comment(&about));
     }
     out
 }
@@ -124,7 +128,7 @@ fn tables(model: &Model, coefficients: &Coefficients, options: &CoefficientOptio
         speed: options.speed,
         density: coefficients.water_density,
     };
-    let mut out = head(coefficients, &prime);
+    let mut out = head(model, coefficients, &prime);
     let inertia = coefficients.inertia;
     let mut table = Table::default();
     let [mass, i_z, x_g] = coefficients.inertia_deviations;
@@ -157,7 +161,7 @@ fn tables(model: &Model, coefficients: &Coefficients, options: &CoefficientOptio
     out
 }
 
-fn head(coefficients: &Coefficients, prime: &Prime) -> String {
+fn head(model: &Model, coefficients: &Coefficients, prime: &Prime) -> String {
     let centripetal = match coefficients.centripetal {
         Centripetal::Full => "Coriolis and centripetal forces of the added mass come beside them.",
         Centripetal::WithoutMunk => {
@@ -166,7 +170,7 @@ fn head(coefficients: &Coefficients, prime: &Prime) -> String {
         Centripetal::InDerivatives => "They contain the Coriolis and centripetal forces of the added mass.",
     };
     let mut out = preamble(
-        &coefficients.name,
+        model,
         &[
             "Frame forward, starboard, down; derivatives as SNAME (1950) defines them: resistance is negative.",
             centripetal,

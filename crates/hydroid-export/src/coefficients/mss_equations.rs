@@ -1,6 +1,7 @@
 //! Equations of motion as vehicles of the Python Vehicle Simulator and functions of MSS.
 
 use hydroid::model::Model;
+use hydroid::plant::input_values;
 use hydroid_core::model::sparse::{Equations, Factor, Shape, Signal, Term};
 
 use super::derivative::VELOCITY;
@@ -63,11 +64,16 @@ pub(super) fn vehicle(model: &Model, equations: &Equations) -> Result<Vehicle, E
             ("time", Literal::Number(time_constant_s.0)),
         ]));
     }
-    let channels = inputs.iter().map(|port| Channel {
+    let values = match input_values(model) {
+        Ok(values) => values,
+        Err(error) => return refuse(error.to_string(), "correct it in [boat.inputs], and identify again"),
+    };
+    let channels = inputs.iter().zip(&values).map(|(port, value)| Channel {
         name: &port.channel.name,
         unit: &port.channel.unit,
-        limits: [port.range.low, port.range.high],
-        neutral: 0.0,
+        // The wind is not limited to the value that it has in trials.
+        limits: if value.is_commanded { value.limits } else { [port.range.low, port.range.high] },
+        neutral: value.neutral,
     });
     let mut data = vec![
         ("NAME", Literal::Text(comment(&model.description.name))),

@@ -1,7 +1,7 @@
 //! The variables of an FMU, in one order for the description and for the library.
 
 use hydroid::model::{Model, Port};
-use hydroid::plant::{Motion, input_values, rest};
+use hydroid::plant::{Motion, described_inputs, input_values, rest};
 
 use super::continuous::{Continuous, Hidden};
 use crate::name::identifiers;
@@ -156,13 +156,15 @@ fn channels(model: &Model, hidden: &[Hidden], moves: bool) -> Vec<Variable> {
     let water = if moves { ", through the water where it is a velocity" } else { "" };
     // A boat that contradicts itself has no values: they are not given.
     let values = input_values(model).unwrap_or_default();
+    let about = described_inputs(model);
     let still = rest(model);
     let mut all = vec![variable(Role::Time, "time", String::from("time"), "s", None, 1.0)];
     for (i, port) in d.inputs.iter().enumerate() {
         let channel = &port.channel;
         let (value, start) = (values.get(i), values.get(i).map_or(0.0, |value| value.neutral));
         let what = if value.is_none_or(|value| value.is_commanded) { "command" } else { "input" };
-        let text = format!("{what} {}", channel.name);
+        let about = about.get(i).map(|(_, about)| format!(": {about}")).unwrap_or_default();
+        let text = format!("{what} {}{about}", channel.name);
         all.push(variable(Role::Input(i), &channel.name, text, &channel.unit, Some(start), nominal(port)));
     }
     for (i, port) in d.outputs.iter().enumerate() {

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::process::Command;
 
 use hydroid::adapt;
+use hydroid::boat::Input;
 use hydroid::model::Model;
 use hydroid_export::{COptions, Format, Options, Precision, export};
 use proptest::prelude::*;
@@ -193,6 +194,47 @@ fn all_models_run_in_c_with_clang() {
     for model in all() {
         compare(&model, Precision::Double, &CLANG);
         compare(&model, Precision::Float, &CLANG);
+    }
+}
+
+#[test]
+fn commands_are_converted_from_the_values_that_are_sent() {
+    let mut model = all().into_iter().find(|model| model.description.name == "affine").unwrap();
+    let pulses = Input {
+        unit: Some("us".into()),
+        neutral: Some(1500.0),
+        limits: Some([1100.0, 1900.0]),
+        scale: Some(-400.0),
+        ..Input::default()
+    };
+    let rudder = Input { unit: Some("deg".into()), limits: Some([-30.0, 25.0]), ..Input::default() };
+    model.description.boat.inputs = [("n".to_owned(), pulses), ("delta".to_owned(), rudder)].into();
+    let folder = TempDir::new().unwrap();
+    write(&model, Precision::Double, "vessel", folder.path());
+    let header = std::fs::read_to_string(folder.path().join("vessel.h")).unwrap();
+    for line in [
+        "n: neutral 0 (stated), limits -1 to 1 (stated); as it is sent and logged [us], neutral 1500, limits 1100 to 1900, and in the model (raw - 1500) * -0.0025",
+        "delta: neutral 0 (0, without effect), limits -0.5235987755982988 to 0.4363323129985824 (stated); as it is sent and logged [deg], neutral 0, limits -30",
+    ] {
+        assert!(header.contains(line), "{line}\n{header}");
+    }
+    let source = "#include \"vessel.h\"
+#include <stdio.h>
+int main(void)
+{
+    double row[2] = {1700.0, 10.0};
+    vessel_from_raw(row, row);
+    printf(\"%.17g\\n%.17g\\n\", row[0], row[1]);
+    vessel_to_raw(row, row);
+    printf(\"%.17g\\n%.17g\\n\", row[0], row[1]);
+    return 0;
+}
+";
+    std::fs::write(folder.path().join("main.c"), source).unwrap();
+    compile(&UNDEFINED, folder.path(), "vessel");
+    let expected = [-0.5, 10.0_f64.to_radians(), 1700.0, 10.0];
+    for (found, expected) in numbers(folder.path()).into_iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-12 * expected.abs(), "{found} {expected}");
     }
 }
 

@@ -9,7 +9,7 @@ function [xdot, U] = @CLASS@(x, ui)
 %  s      = lags of commands:
 @POSITIONS@
 %
-% ui are the commands (unit, lowest and highest value of the logs, neutral value):
+% ui are the commands (unit, lowest and highest value, neutral value):
 @COMMANDS@
 %
 % Written by hydroid @VERSION@.

@@ -12,7 +12,7 @@ needs numpy alone.
         eta: x, y, z [m], phi, theta, psi [rad]; nu: u, v, w [m/s], p, q, r [rad/s]. Surge, sway and yaw move.
         u_control: the commands c
 
-Commands (unit, lowest and highest value of the logs, neutral value):
+Commands (unit, lowest and highest value, neutral value):
 @COMMANDS@
 """
 import math
