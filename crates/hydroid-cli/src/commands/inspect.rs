@@ -8,7 +8,7 @@ use std::io::Read;
 use std::path::Path;
 
 use anyhow::bail;
-use hydroid::boat::{Boat, Evidence, Property, Value};
+use hydroid::boat::{Boat, Property};
 use hydroid::log::inspect::{Confidence, DelayEstimate};
 use hydroid::log::{self, Inspection, Trajectory};
 use hydroid::manoeuvre::{Recognised, recognise};
@@ -399,20 +399,14 @@ pub(super) fn show_roles(model: &Model) {
         }
     }
     let values = input_values(model).unwrap_or_default();
-    let commanded: Vec<&Value> = values.iter().filter(|value| value.is_commanded).collect();
+    let raws = d.raw_inputs();
+    let commanded: Vec<_> = values.iter().zip(&raws).filter(|(value, _)| value.is_commanded).collect();
     if commanded.is_empty() {
         return;
     }
     outln!("neutral values and limits:");
-    for value in commanded {
-        let of = |found: &Option<Evidence>| found.as_ref().map_or("stated".to_owned(), ToString::to_string);
-        let (neutral, [low, high], unit) = value.shown();
-        outln!(
-            "  {:<width$} neutral {neutral}{unit} ({}), limits {low} to {high}{unit} ({})",
-            value.name,
-            of(&value.neutral_found),
-            of(&value.limits_found)
-        );
+    for (value, raw) in commanded {
+        outln!("  {:<width$} {}", value.name, value.describe_in_degrees(raw.as_ref()));
     }
 }
 

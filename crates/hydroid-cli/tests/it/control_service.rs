@@ -375,7 +375,7 @@ fn the_command_at_rest_is_neutral_or_the_service_does_not_start() {
         let args = [&["control", model, "--task", "circle", "--horizons", "1"][..], more, &["-"]].concat();
         let mut service = Service::start(folder.path(), &args);
         let mut last = Value::Null;
-        for k in 0..12 {
+        for k in 0..24 {
             let t = 0.5 * f64::from(k);
             let line = if k < 2 {
                 json!({ "t": t, "x": 0.5 * t, "y": 0.0, "psi": 0.0, "u": 1.0, "v": 0.0, "r": 0.0 })

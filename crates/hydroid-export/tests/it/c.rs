@@ -213,8 +213,8 @@ fn commands_are_converted_from_the_values_that_are_sent() {
     write(&model, Precision::Double, "vessel", folder.path());
     let header = std::fs::read_to_string(folder.path().join("vessel.h")).unwrap();
     for line in [
-        "n: neutral 0 (stated), limits -1 to 1 (stated); as it is sent and logged [us], neutral 1500, limits 1100 to 1900, and in the model (raw - 1500) * -0.0025",
-        "delta: neutral 0 (0, without effect), limits -0.5235987755982988 to 0.4363323129985824 (stated); as it is sent and logged [deg], neutral 0, limits -30",
+        "n: neutral 0 1/s (stated), limits -1 to 1 1/s (stated); as it is sent, neutral 1500 us, limits 1100 to 1900 us, and in the model -0.0025 (raw - 1500)",
+        "delta: neutral 0 rad (0, without effect), limits -0.5235987755982988 to 0.4363323129985824 rad (stated); as it is sent, neutral 0 deg, limits -30 to 25 deg",
     ] {
         assert!(header.contains(line), "{line}\n{header}");
     }

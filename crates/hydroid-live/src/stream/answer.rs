@@ -7,6 +7,7 @@ use hydroid_core::predict::Current;
 
 use super::session::Session;
 use hydroid::adapt::{BAND_80, BAND_95};
+use hydroid::boat::Raw;
 use hydroid::closed_loop::{Guided, Pilot};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,14 +57,14 @@ pub(super) struct Writer {
     line: Vec<u8>,
     /// Names of the outputs as JSON keys.
     keys: Vec<Vec<u8>>,
-    /// Places and names of the inputs that are commanded.
-    commands: Vec<(usize, Vec<u8>)>,
+    /// Places, names and raw values of the inputs that are commanded.
+    commands: Vec<(usize, Vec<u8>, Option<Raw>)>,
 }
 
 impl Writer {
     pub(super) fn new<'a>(
         outputs: impl Iterator<Item = &'a str>,
-        commands: impl Iterator<Item = (usize, &'a str)>,
+        commands: impl Iterator<Item = (usize, &'a str, Option<Raw>)>,
     ) -> Self {
         let key = |name: &str| {
             let mut key = Vec::new();
@@ -71,7 +72,7 @@ impl Writer {
             key.push(b':');
             key
         };
-        let commands = commands.map(|(place, name)| (place, key(name))).collect();
+        let commands = commands.map(|(place, name, raw)| (place, key(name), raw)).collect();
         Self { line: Vec::new(), keys: outputs.map(key).collect(), commands }
     }
 
@@ -94,9 +95,17 @@ impl Writer {
     pub(super) fn steering(&mut self, pilot: &Pilot, used: bool) {
         let line = &mut self.line;
         line.extend_from_slice(b",\"command\":{");
-        for (i, (place, key)) in self.commands.iter().enumerate() {
+        for (i, (place, key, _)) in self.commands.iter().enumerate() {
             entry(line, key, i == 0);
             number(line, pilot.command()[*place]);
+        }
+        if self.commands.iter().any(|(.., raw)| raw.is_some()) {
+            line.extend_from_slice(b"},\"raw\":{");
+            for (i, (place, key, raw)) in self.commands.iter().enumerate() {
+                entry(line, key, i == 0);
+                let command = pilot.command()[*place];
+                number(line, raw.as_ref().map_or(command, |raw| raw.raw(command)));
+            }
         }
         let _ = write!(line, "}},\"control\":\"{}\"", pilot.status());
         let Some(Guided { reference, distance, cross_track, .. }) = pilot.guided().filter(|_| used) else {

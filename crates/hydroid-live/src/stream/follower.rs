@@ -11,7 +11,7 @@ use super::line::Sample;
 use super::session::{Session, Transition};
 use super::{StreamError, names};
 use hydroid::adapt::events::EventText;
-use hydroid::boat::Role;
+use hydroid::boat::{Raw, Role};
 use hydroid::closed_loop::{Pilot, longest_gap};
 use hydroid::evaluate::DesignRange;
 use hydroid::log::{CommandTiming, LogError, PrepareOptions};
@@ -33,11 +33,13 @@ fn bounds(port: &Port) -> [f64; 2] {
     [low - MOST_WIDTHS * scale, high + MOST_WIDTHS * scale]
 }
 
-/// Places and names of the inputs that are commanded.
-fn commanded(model: &Model) -> impl Iterator<Item = (usize, &str)> {
+/// Places, names and raw values of the inputs that are commanded.
+fn commanded(model: &Model) -> impl Iterator<Item = (usize, &str, Option<Raw>)> {
     let boat = find_roles(model);
     let names = model.description.inputs.iter().map(|port| port.channel.name.as_str());
-    names.enumerate().filter(move |(_, name)| boat.role(name).is_none_or(Role::is_commanded))
+    let all =
+        names.zip(model.description.raw_inputs()).enumerate().map(|(place, (name, raw))| (place, name, raw));
+    all.filter(move |(_, name, _)| boat.role(name).is_none_or(Role::is_commanded))
 }
 
 /// A model with its adapter along the samples of a vessel.

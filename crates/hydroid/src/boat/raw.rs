@@ -2,13 +2,14 @@
 
 use serde::Serialize;
 
+use super::Boat;
 use crate::log::units::Unit;
-use crate::model::{Description, Port};
+use crate::log::{Channel, ChannelSpec};
 
 /// The raw values of an input: as they are sent to the actuator and logged. The value of the model is
 ///
 /// ```text
-/// (raw - offset) factor
+/// factor (raw - offset)
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Raw {
@@ -27,35 +28,25 @@ impl Raw {
     }
 }
 
-impl Description {
-    /// Raw values of each input: by the boat, else by the column of the training logs; `None` if they are the values of the
-    /// model.
-    pub fn raw_inputs(&self) -> Vec<Option<Raw>> {
-        self.inputs.iter().map(|port| self.raw_input(port)).collect()
-    }
-
-    fn raw_input(&self, port: &Port) -> Option<Raw> {
-        let channel = &port.channel;
-        let input = self.boat.inputs.get(&channel.name);
-        let raw = match input.filter(|input| input.scale.is_some() || input.unit.is_some()) {
-            Some(input) => {
-                let formula = input.formula(channel).ok()?;
-                let unit = input.unit.clone().unwrap_or_else(|| channel.unit.clone());
-                Raw { unit, offset: formula.offset, factor: formula.factor }
-            }
-            None => {
-                let mut columns = self.reading.selection.inputs.iter();
-                let column = columns.find(|spec| spec.name == channel.name)?;
-                let unit = column.unit.as_deref().and_then(|unit| Unit::parse(unit).ok());
-                let si = unit.as_ref().filter(|_| !column.is_number).map_or(1.0, |unit| unit.factor);
-                let text = match unit {
-                    Some(unit) => unit.text,
-                    // Without a scale, the unit of the column is that of the model.
-                    None if column.scale == 1.0 => channel.unit.clone(),
-                    None => String::new(),
-                };
-                Raw { unit: text, offset: column.offset, factor: column.scale * si }
-            }
+impl Boat {
+    /// Raw values of an input: by its unit and scale, else by its column in the logs; `None` if they are those of the model.
+    pub fn raw_input(&self, channel: &Channel, column: Option<&ChannelSpec>) -> Option<Raw> {
+        let input = self.inputs.get(&channel.name);
+        let raw = if let Some(input) = input.filter(|input| input.scale.is_some() || input.unit.is_some()) {
+            let formula = input.formula(channel).ok()?;
+            let unit = input.unit.clone().unwrap_or_else(|| channel.unit.clone());
+            Raw { unit, offset: formula.offset, factor: formula.factor }
+        } else {
+            let column = column?;
+            let unit = column.unit.as_deref().and_then(|unit| Unit::parse(unit).ok());
+            let si = unit.as_ref().filter(|_| !column.is_number).map_or(1.0, |unit| unit.factor);
+            let text = match unit {
+                Some(unit) => unit.text,
+                // Without a scale, the unit of the column is that of the model.
+                None if column.scale == 1.0 => channel.unit.clone(),
+                None => String::new(),
+            };
+            Raw { unit: text, offset: column.offset, factor: column.scale * si }
         };
         (raw.offset != 0.0 || raw.factor != 1.0).then_some(raw)
     }

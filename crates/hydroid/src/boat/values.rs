@@ -55,23 +55,36 @@ impl Value {
 
     /// Neutral value and limits with their evidence, in the unit of the model and as they are sent.
     pub fn describe(&self, raw: Option<&Raw>) -> String {
+        let unit =
+            if matches!(self.unit.as_str(), "" | "1") { String::new() } else { format!(" {}", self.unit) };
+        self.text((self.neutral, self.limits, unit), raw)
+    }
+
+    /// As [`describe`](Self::describe), with angles in degrees.
+    pub fn describe_in_degrees(&self, raw: Option<&Raw>) -> String {
+        self.text(self.shown(), raw)
+    }
+
+    fn text(&self, (neutral, [low, high], unit): (f64, [f64; 2], String), raw: Option<&Raw>) -> String {
         let known =
             |found: &Option<Evidence>| found.as_ref().map_or("stated".to_owned(), ToString::to_string);
-        let (neutral, [low, high]) = (self.neutral, self.limits);
+        let (neutral_found, limits_found) = (known(&self.neutral_found), known(&self.limits_found));
         let mut text = if self.is_commanded {
-            let (neutral_found, limits_found) = (known(&self.neutral_found), known(&self.limits_found));
-            format!("neutral {neutral} ({neutral_found}), limits {low} to {high} ({limits_found})")
+            format!(
+                "neutral {neutral}{unit} ({neutral_found}), limits {low} to {high}{unit} ({limits_found})"
+            )
         } else {
-            format!("not commanded, {neutral} ({})", known(&self.neutral_found))
+            format!("not commanded, {neutral}{unit} ({neutral_found})")
         };
         let Some(raw) = raw else { return text };
-        let unit = if raw.unit.is_empty() { String::new() } else { format!(" [{}]", raw.unit) };
-        let _ = write!(text, "; as it is sent and logged{unit}, neutral {}", raw.raw(neutral));
+        let number = |value: f64| (1e6 * raw.raw(value)).round() / 1e6;
+        let unit = if raw.unit.is_empty() { String::new() } else { format!(" {}", raw.unit) };
+        let _ = write!(text, "; as it is sent, neutral {}{unit}", number(self.neutral));
         if self.is_commanded {
-            let [low, high] = sorted([raw.raw(low), raw.raw(high)]);
-            let _ = write!(text, ", limits {low} to {high}");
+            let [low, high] = sorted(self.limits.map(number));
+            let _ = write!(text, ", limits {low} to {high}{unit}");
         }
-        let _ = write!(text, ", and in the model (raw - {}) * {}", raw.offset, raw.factor);
+        let _ = write!(text, ", and in the model {} (raw - {})", raw.factor, raw.offset);
         text
     }
 

@@ -25,7 +25,7 @@ use hydroid_core::predict::Predictor;
 use hydroid_core::rate_limit::{RateLimited, RateLimiter};
 use serde::{Deserialize, Serialize};
 
-use crate::boat::{Boat, BoatError, Roles};
+use crate::boat::{Boat, BoatError, Raw, Roles};
 use crate::evaluate::{DesignRange, PredictionBands};
 use crate::log::{Channel, Note, PrepareOptions, Selection, Trajectory};
 
@@ -387,6 +387,13 @@ impl Model {
 }
 
 impl Description {
+    /// Raw values of each input: by the boat, else by the column of the training logs; `None` if they are those of the model.
+    pub fn raw_inputs(&self) -> Vec<Option<Raw>> {
+        let column = |name: &str| self.reading.selection.inputs.iter().find(|spec| spec.name == name);
+        let of = |port: &Port| self.boat.raw_input(&port.channel, column(&port.channel.name));
+        self.inputs.iter().map(of).collect()
+    }
+
     /// Channels with a stated design range.
     pub fn stated(&self) -> Vec<&str> {
         let given = self.provenance.settings["ranges_given"].as_array();
