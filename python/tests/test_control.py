@@ -327,11 +327,20 @@ def test_a_controller_gives_the_commands_of_the_service(hydrofoil, law, tmp_path
 def test_commands_on_their_way_are_those_of_the_service(records, tmp_path):
     """A model with an input delay sees each command as much later, and adapts."""
     file = identify(records, tmp_path / "late.safetensors", log={"input_delay": 3})
-    controller = hydroid.Controller(file, radius=12, candidates=20, adapt=True)
-    again = hydroid.Controller(file, radius=12, candidates=20, adapt=True)
+    # The service commands no vessel by the ranges of a log.
+    with pytest.warns(hydroid.LogWarning, match="state them with"):
+        seen = hydroid.Controller(file, radius=12).limits
+    stated = {
+        "limit": {name: (of.low, of.high) for name, of in seen.items()},
+        "neutral": {name: of.rest for name, of in seen.items()},
+    }
+    controller = hydroid.Controller(file, radius=12, candidates=20, adapt=True, **stated)
+    again = hydroid.Controller(file, radius=12, candidates=20, adapt=True, **stated)
     vessel = hydroid.Model.load("simple")
     lines, steps = sail(vessel, controller, 60, pose=(12.0, 0.0, math.pi / 2))
     words = [str(file), "--radius", "12", "--candidates", "20", "--adapt"]
+    for name, of in seen.items():
+        words += ["--limit", f"{name}={of.low!r}:{of.high!r}", "--neutral", f"{name}={of.rest!r}"]
     assert_equal_steps(steps, answers(tmp_path, lines, *words), controller.input_names)
     # The state has the commands on their way.
     again.state = controller.state

@@ -86,8 +86,8 @@ fn a_recording_of_an_autopilot() {
         "-",
     ];
     let mut service = Service::start(at, &service);
-    for k in 0..30 {
-        let t = 0.1 * f64::from(k);
+    for k in 0..40 {
+        let t = 0.2 * f64::from(k);
         let line = if k < 3 {
             json!({ "t": t, "x": 0.5 * t, "y": 0.0, "psi": 0.0, "u": 0.5, "v": 0.0, "r": 0.0 })
         } else {
@@ -97,7 +97,7 @@ fn a_recording_of_an_autopilot() {
         for name in ["throttle_left", "throttle_right"] {
             let [command, raw] = ["command", "raw"].map(|key| answer[key][name].as_f64().unwrap());
             assert!((raw - (1500.0 + 400.0 * command)).abs() < 1e-9, "{answer}");
-            assert!(k < 29 || (answer["control"] == "blind" && raw == 1500.0), "{answer}");
+            assert!(k < 39 || (answer["control"] == "blind" && raw == 1500.0), "{answer}");
         }
     }
     service.kill();
