@@ -139,17 +139,16 @@ fn vessel(path: &Path) -> anyhow::Result<CraftFile> {
 
 /// The command line takes precedence over the file.
 fn apply(args: &Identify, config: &mut Config) -> anyhow::Result<()> {
-    let Config { boat, identify, sindy, ranges, .. } = config;
+    let Config { boat, limit, identify, sindy, ranges, .. } = config;
     for (name, role) in args.roles.roles() {
         boat.inputs.entry(name).or_default().role = Some(role);
     }
     for (name, range) in args.values.limits() {
-        let input = boat.inputs.entry(name.clone()).or_default();
-        if input.unit.is_none() {
-            input.unit.clone_from(&range.unit);
+        if range.unit.is_some() {
+            limit.insert(name, range);
+            continue;
         }
-        let limits = ([range.low, range.high], range.unit.as_deref());
-        boat.state_values(&Channel::new(name, ""), None, Some(limits))?;
+        boat.state_values(&Channel::new(name, ""), None, Some(([range.low, range.high], None)))?;
     }
     for (name, neutral) in args.values.neutrals() {
         boat.state_values(&Channel::new(name, ""), Some(neutral), None)?;

@@ -96,11 +96,21 @@ fn a_recording_of_an_autopilot() {
         let answer = service.ask(&line.to_string());
         for name in ["throttle_left", "throttle_right"] {
             let [command, raw] = ["command", "raw"].map(|key| answer[key][name].as_f64().unwrap());
-            assert!((raw - (1500.0 + 400.0 * command)).abs() < 1e-9, "{answer}");
+            assert!((raw - (1500.0 + 400.0 * command)).abs() < 1e-6, "{answer}");
             assert!(k < 39 || (answer["control"] == "blind" && raw == 1500.0), "{answer}");
         }
     }
     service.kill();
+    // The unit of the heading is that of the line.
+    for key in ["psi [deg]", "heading [deg]"] {
+        let args = ["control", "out/sindy.safetensors", "--task", "circle", "--horizons", "1", "-"];
+        let mut service = Service::start(at, &args);
+        let answer =
+            service.ask(&json!({ "t": 0, "x": 0, "y": 0, key: 90, "u": 0.5, "v": 0, "r": 0 }).to_string());
+        let psi = answer["pose"]["psi"].as_f64().unwrap();
+        assert!((psi - std::f64::consts::FRAC_PI_2).abs() < 1e-9, "{key}: {answer}");
+        service.kill();
+    }
     done(at, "export out/sindy.safetensors --to c -o otter.h");
     let header = std::fs::read_to_string(at.join("otter.h")).unwrap();
     assert!(header.contains("as it is sent, neutral 1500 us, limits 1100 to 1900 us"), "{header}");

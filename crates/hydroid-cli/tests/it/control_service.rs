@@ -348,7 +348,7 @@ fn the_command_at_rest_is_neutral_or_the_service_does_not_start() {
     let identify = |more: &[&str]| {
         let output = hydroid(folder.path(), &[&args[..], more].concat()).output().unwrap();
         assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-        text(&output.stdout).to_owned()
+        text(&output.stdout)
     };
     identify(&["raw"]);
     let service = |model: &str, more: &[&str]| {
@@ -358,20 +358,19 @@ fn the_command_at_rest_is_neutral_or_the_service_does_not_start() {
     let refused = service("raw/sindy.safetensors", &[]);
     let said = text(&refused.stderr);
     assert_eq!(refused.status.code(), Some(2), "{said}");
-    assert!(said.contains("[boat.inputs.left] limits = [LOW, HIGH]"), "{said}");
-    assert!(said.contains("--limit left=1100:1900"), "{said}");
+    assert!(said.contains("[boat.inputs.left] neutral = VALUE, limits = [LOW, HIGH]"), "{said}");
+    assert!(said.contains("--neutral left=1500 --limit left=1100:1900"), "{said}");
 
-    let stated = ["--limit", "left=1100:1900", "--limit", "right=1100:1900"];
+    let stated = ["left=1100:1900", "right=1100:1900"].map(|limit| ["--limit", limit]).concat();
+    let stated =
+        [stated, ["left=1500", "right=1500"].map(|neutral| ["--neutral", neutral]).concat()].concat();
     let printed = identify(&[&["firm"][..], &stated].concat());
-    assert!(
-        printed.contains("neutral 1500 us (the usual neutral pulse width), limits 1100 to 1900 us (stated)"),
-        "{printed}"
-    );
+    assert!(printed.contains("neutral 1500 us (stated), limits 1100 to 1900 us (stated)"), "{printed}");
     let within = [&args[..], &["no", "--limit", "left=1450:1650"]].concat();
     let output = hydroid(folder.path(), &within).output().unwrap();
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output.stderr).contains("limits of left are 1450 to 1650, and the log commands"));
-    for (model, more) in [("firm/sindy.safetensors", &[][..]), ("raw/sindy.safetensors", &stated)] {
+    for (model, more) in [("firm/sindy.safetensors", &[][..]), ("raw/sindy.safetensors", &stated[..])] {
         let args = [&["control", model, "--task", "circle", "--horizons", "1"][..], more, &["-"]].concat();
         let mut service = Service::start(folder.path(), &args);
         let mut last = Value::Null;

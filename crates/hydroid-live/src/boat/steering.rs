@@ -81,7 +81,8 @@ fn axis(link: &impl Link, settings: &Settings, column: &LiveColumn) -> Result<cr
     let value = boat.value(channel, stated.or(usual)).map_err(|error| error.to_string())?;
     let limits = stated.unwrap_or(value.limits);
     let neutral = settings.neutral.get(&channel.name).copied();
-    if neutral.is_none() && value.weak().any(|property| property == Property::Neutral) {
+    // The channels of a remote control have their neutral position in the middle.
+    if neutral.is_none() && usual.is_none() && value.weak().any(|property| property == Property::Neutral) {
         let name = &channel.name;
         return Err(format!(
             "the neutral command of {name} is not known: add [boat.inputs.{name}] neutral = VALUE, or --neutral {name}=VALUE"

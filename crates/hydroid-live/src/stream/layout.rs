@@ -82,9 +82,24 @@ impl PoseColumns {
     }
 }
 
-/// The reading of a steered stream: all channels by name.
-fn by_name(reading: &Reading, model: &Model) -> Reading {
+/// The reading of a steered stream: all channels by name, and the heading by the column that the first line has.
+fn by_name(line: &str, name: &str, reading: &Reading, model: &Model) -> Result<Reading, StreamError> {
     let mut reading = reading.clone();
+    let log = if line.trim_start().starts_with('{') {
+        RawLog::without_rows(name, header_columns(&super::line::keys(line, name)?, name)?)
+    } else {
+        csv(line, name)?.1
+    };
+    let named = HEADING.map(ChannelSpec::named);
+    let mut headings = reading.selection.heading.iter().chain(&named);
+    let found = headings.find_map(|spec| locate(&log, spec).map(|(column, _)| (column, spec.clone())));
+    if let Some((column, mut heading)) = found {
+        // The unit in the line counts, and not that of the training logs.
+        if log.columns[column].unit.is_some() {
+            heading.unit = None;
+        }
+        reading.selection.heading = Some(heading);
+    }
     let named = |ports: &[Port]| ports.iter().map(|port| ChannelSpec::named(&port.channel.name)).collect();
     let Selection { outputs, inputs, .. } = &mut reading.selection;
     if outputs.is_empty() {
@@ -93,7 +108,7 @@ fn by_name(reading: &Reading, model: &Model) -> Reading {
     if inputs.is_empty() {
         *inputs = named(&model.description.inputs);
     }
-    reading
+    Ok(reading)
 }
 
 /// A column that a line may have later.
@@ -120,9 +135,9 @@ impl Layout {
         position: Option<&Position>,
         notes: &mut Vec<Note>,
     ) -> Result<Self, StreamError> {
-        let named = position.map(|_| by_name(reading, model));
-        let reading = named.as_ref().unwrap_or(reading);
         let line = line.strip_prefix('\u{feff}').unwrap_or(line);
+        let named = position.map(|_| by_name(line, name, reading, model)).transpose()?;
+        let reading = named.as_ref().unwrap_or(reading);
         let (format, log) = if line.trim_start().starts_with('{') {
             object(line, name, reading, position.is_some(), notes)?
         } else {

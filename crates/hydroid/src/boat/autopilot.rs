@@ -224,7 +224,7 @@ impl Finder<'_> {
             NeutralBy::MostCommon => Evidence::Log("the most common value of the recording".to_owned()),
             NeutralBy::First => Evidence::Log("the first value of the recording".to_owned()),
             NeutralBy::Convention => {
-                Evidence::Convention("usual for a pulse width: the recording has no rest".to_owned())
+                Evidence::Log("usual for a pulse width: the recording has no rest".to_owned())
             }
         };
         self.neutral(neutral.value, evidence);

@@ -39,6 +39,11 @@ pub enum BoatError {
         "limits of {input} are {low} to {high}, and the log commands {logged}: correct the limits in [boat.inputs.{input}], or the column of the input"
     )]
     Exceeded { input: String, low: f64, high: f64, logged: f64 },
+    #[error(
+        "limits of {input} are {} to {} in the unit of the model, which was seen from {} to {}: they have no value in common; state them as `hydroid inspect MODEL` shows them",
+        limits[0], limits[1], range[0], range[1]
+    )]
+    Apart { input: String, limits: [f64; 2], range: [f64; 2] },
     #[error("{what} of {input}: not known; add {line}, or {option}")]
     Missing { input: String, what: &'static str, line: String, option: String },
     #[error(
@@ -50,7 +55,7 @@ pub enum BoatError {
     )]
     Weak { input: String, what: &'static str, line: String, option: String },
     #[error(
-        "the input '{name}' has a formula in two places, '{spec}' in [log] inputs and scale in [boat.inputs.{name}]: keep neutral and scale of the boat, and write the column alone, or remove both there"
+        "the input '{name}' has a formula in two places, '{spec}' in [log] inputs, and neutral, limits or scale of its raw values in [boat.inputs.{name}]: keep those of the boat, and write the column alone, or remove them there"
     )]
     TwoFormulas { name: String, spec: String },
     #[error(

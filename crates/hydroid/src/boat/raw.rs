@@ -22,9 +22,9 @@ pub struct Raw {
 }
 
 impl Raw {
-    /// The raw value of a value of the model.
+    /// The raw value of a value of the model, to six decimals: a limit is not exceeded by a rounding.
     pub fn raw(&self, model: f64) -> f64 {
-        model / self.factor + self.offset
+        (1e6 * (model / self.factor + self.offset)).round() / 1e6 + 0.0
     }
 }
 

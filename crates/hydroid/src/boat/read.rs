@@ -18,10 +18,13 @@ impl Boat {
     pub fn read(&self, inputs: &mut [ChannelSpec]) -> Result<(), BoatError> {
         for spec in inputs {
             let Some(input) = self.inputs.get(&spec.name) else { continue };
+            let name = || spec.name.clone();
             if input.scale.is_none() {
+                if spec.offset != 0.0 && (input.neutral.is_some() || input.limits.is_some()) {
+                    return Err(BoatError::TwoFormulas { name: name(), spec: spec.to_string() });
+                }
                 continue;
             }
-            let name = || spec.name.clone();
             if spec.offset != 0.0 || spec.scale != 1.0 || spec.is_number {
                 return Err(BoatError::TwoFormulas { name: name(), spec: spec.to_string() });
             }

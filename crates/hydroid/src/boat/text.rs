@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::{Boat, Property};
+use super::{Boat, Evidence, Property};
 use crate::toml_file::key;
 
 impl Boat {
@@ -29,6 +29,13 @@ impl Boat {
             line(Some(Property::Neutral), input.neutral.map(|neutral| format!("neutral = {neutral}")));
             line(Some(Property::Limits), input.limits.map(|[low, high]| format!("limits = [{low}, {high}]")));
             line(Some(Property::Scale), input.scale.map(|scale| format!("scale = {scale}")));
+            if let Some(Evidence::Log(found)) = input.found.get(&Property::Neutral) {
+                let found = toml::Value::from(found.as_str());
+                let _ = writeln!(
+                    text,
+                    "# Nothing states the neutral value: no vessel is commanded with it until this line is removed.\nfound = {{ neutral = {{ log = {found} }} }}"
+                );
+            }
         }
         text
     }

@@ -8,6 +8,7 @@ use super::{Boat, BoatError, Evidence, Input, Property, Raw, Role};
 use crate::log::Channel;
 use crate::log::pulses::{PULSE_US, USUAL_US};
 use crate::log::units::{Quantity, Unit};
+use crate::toml_file::key;
 
 /// Hard over of a steering angle: the 35 degrees at which the IMO prescribes turning circles (MSC.137(76), section 5.2).
 pub const HARD_OVER_DEG: f64 = 35.0;
@@ -49,7 +50,7 @@ impl Value {
             "" | "1" => (1.0, String::new()),
             unit => (1.0, format!(" {unit}")),
         };
-        let number = |value: f64| (1e4 * factor * value).round() / 1e4;
+        let number = |value: f64| (1e4 * factor * value).round() / 1e4 + 0.0;
         (number(self.neutral), self.limits.map(number), unit)
     }
 
@@ -77,11 +78,11 @@ impl Value {
             format!("not commanded, {neutral}{unit} ({neutral_found})")
         };
         let Some(raw) = raw else { return text };
-        let number = |value: f64| (1e6 * raw.raw(value)).round() / 1e6;
-        let unit = if raw.unit.is_empty() { String::new() } else { format!(" {}", raw.unit) };
-        let _ = write!(text, "; as it is sent, neutral {}{unit}", number(self.neutral));
+        let unit =
+            if matches!(raw.unit.as_str(), "" | "1") { String::new() } else { format!(" {}", raw.unit) };
+        let _ = write!(text, "; as it is sent, neutral {}{unit}", raw.raw(self.neutral));
         if self.is_commanded {
-            let [low, high] = sorted(self.limits.map(number));
+            let [low, high] = sorted(self.limits.map(|limit| raw.raw(limit)));
             let _ = write!(text, ", limits {low} to {high}{unit}");
         }
         let _ = write!(text, ", and in the model {} (raw - {})", raw.factor, raw.offset);
@@ -107,7 +108,7 @@ fn line(name: &str, missing: impl Iterator<Item = Property>) -> String {
         Property::Neutral => "neutral = VALUE",
         _ => "limits = [LOW, HIGH]",
     });
-    format!("[boat.inputs.{name}] {}", stated.collect::<Vec<_>>().join(", "))
+    format!("[boat.inputs.{}] {}", key(name), stated.collect::<Vec<_>>().join(", "))
 }
 
 /// From raw values to those of the model: `(raw - offset) factor`.
@@ -119,7 +120,8 @@ pub(super) struct Formula {
 
 impl Formula {
     fn model(self, raw: f64) -> f64 {
-        (raw - self.offset) * self.factor
+        // Without the sign of a zero.
+        (raw - self.offset) * self.factor + 0.0
     }
 
     fn raw(self, model: f64) -> f64 {
@@ -135,7 +137,7 @@ impl Boat {
     /// Neutral value and limits of an input. `seen` is the range in which the model was seen; `None` if there is no model.
     ///
     /// The strongest source counts: what is stated or found; conventions (a steering angle has the neutral position 0 and
-    /// 35 degrees to each side, or its range in the logs if that is larger; a pulse width rests at 1500 us; a physical
+    /// 35 degrees to each side, or its range in the logs if that is larger; a physical
     /// quantity, and a number whose range contains 0, rests at 0); the log, as weak [`Evidence::Log`].
     ///
     /// # Errors
@@ -170,8 +172,12 @@ impl Boat {
         let (neutral, neutral_found) = match (input.neutral, input.role) {
             (Some(raw), _) => (formula.model(raw), found(Property::Neutral)),
             (None, Some(Role::Disturbance)) => (0.0, by("calm")),
-            _ if is_pulse => (formula.model(USUAL_US), by("the usual neutral pulse width")),
             (None, Some(Role::Setting)) => range.map(middle).ok_or_else(|| missing(Property::Neutral))?,
+            // A motor that only turns ahead rests at its shortest pulse.
+            _ if is_pulse => {
+                let usual = Evidence::Log("the usual neutral pulse width".to_owned());
+                (formula.model(USUAL_US), Some(usual))
+            }
             _ if is_physical || contains(0.0) => (0.0, by("0, without effect")),
             _ => seen.map(middle).ok_or_else(|| missing(Property::Neutral))?,
         };
@@ -320,7 +326,8 @@ impl Input {
 pub fn check_firm(values: &[Value]) -> Result<(), BoatError> {
     let Some(value) = values.iter().find(|value| value.weak().next().is_some()) else { return Ok(()) };
     let missing: Vec<Property> = value.weak().collect();
-    let (name, is_pulse) = (&value.name, value.unit == "us");
+    let name = &value.name;
+    let is_pulse = value.unit == "us" && value.limits.iter().all(|limit| PULSE_US.contains(limit));
     let option = missing.iter().map(|property| match (property, is_pulse) {
         (Property::Neutral, true) => format!("--neutral {name}=1500"),
         (Property::Neutral, false) => format!("--neutral {name}=VALUE"),

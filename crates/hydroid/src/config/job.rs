@@ -1,11 +1,14 @@
 //! From logs and settings to the job of an identification.
 
 use super::Config;
-use crate::boat::BoatError;
+use crate::boat::{Boat, BoatError};
 use crate::craft::CraftFile;
 use crate::identify::{CrossValidation, Job, Method, NetworkTrainingOptions, input_ranges};
+use crate::log::line::locate;
+use crate::log::units::Unit;
 use crate::log::{
-    self, ChannelSpec, InputDelay, LogError, Note, PrepareOptions, RawLog, Split, Trajectory, split_named,
+    self, Channel, ChannelSpec, InputDelay, LogError, Note, PrepareOptions, RawLog, Selection, Split,
+    Trajectory, split_named,
 };
 use crate::model::Reading;
 
@@ -83,9 +86,21 @@ impl Config {
         let cross_validated =
             logs.validate.is_empty() && methods.iter().all(|method| method.is_cross_validated());
         let (split, reading, notes) = split(logs, &reading, cross_validated)?;
-        let Self { boat, identify, sindy, network, lstm, gru, rnn, direct, affine, ranges, .. } = self;
+        let Self {
+            mut boat, limit, identify, sindy, network, lstm, gru, rnn, direct, affine, ranges, ..
+        } = self;
         if let Some(first) = split.train.first() {
             let names: Vec<&str> = first.inputs.channels().iter().map(|c| c.name.as_str()).collect();
+            if let Some(log) = logs.train.first() {
+                state_units(&mut boat, log, &reading.selection, first.inputs.channels());
+            }
+            for (name, range) in &limit {
+                let channel = first.inputs.channels().iter().find(|channel| channel.name == *name);
+                let channel = channel.cloned().unwrap_or_else(|| Channel::new(name.as_str(), ""));
+                let limits = ([range.low, range.high], range.unit.as_deref());
+                boat.state_values(&channel, None, Some(limits))
+                    .map_err(|error| of_boat(error, "correct --limit"))?;
+            }
             let refused = |error| of_boat(error, "correct it in [boat.inputs], or name it among the inputs");
             boat.check(&names).map_err(refused)?;
             let mut known = boat.clone();
@@ -128,6 +143,24 @@ impl Config {
             vessel,
         };
         Ok((job, notes))
+    }
+}
+
+/// States the units of the columns that are not those of the model, as of a rudder in degrees, where the boat has none.
+fn state_units(boat: &mut Boat, log: &RawLog, selection: &Selection, channels: &[Channel]) {
+    for channel in channels {
+        let named = selection.inputs.iter().find(|spec| spec.name == channel.name).cloned();
+        let spec = named.unwrap_or_else(|| ChannelSpec::named(&channel.name));
+        if spec.offset != 0.0 || spec.scale != 1.0 || spec.is_number {
+            continue;
+        }
+        let Some((column, spec)) = locate(log, &spec) else { continue };
+        let text = spec.unit.as_ref().or(log.columns[column].unit.as_ref());
+        let Some(unit) = text.and_then(|text| Unit::parse(text).ok()) else { continue };
+        if unit.is_known() && unit.factor != 1.0 && unit.si == channel.unit {
+            let input = boat.inputs.entry(channel.name.clone()).or_default();
+            input.unit.get_or_insert(unit.text);
+        }
     }
 }
 

@@ -49,6 +49,9 @@ pub struct Config {
     pub direct: NetworkOptions,
     pub affine: NetworkOptions,
     pub ranges: GivenRanges,
+    /// Limits of inputs that an option states in a unit, in place of those of the boat.
+    #[serde(skip)]
+    pub limit: GivenRanges,
     pub adapt: IgnoredAny,
     pub control: IgnoredAny,
     pub live: IgnoredAny,
@@ -178,7 +181,14 @@ pub(crate) fn with_values(
     }
     let names: Vec<&str> = d.inputs.iter().map(|port| port.channel.name.as_str()).collect();
     d.boat.check(&names)?;
-    crate::plant::input_values(&model)?;
+    for (port, value) in model.description.inputs.iter().zip(crate::plant::input_values(&model)?) {
+        let [low, high] = value.limits;
+        let is_apart = high < port.range.low || low > port.range.high;
+        if value.is_commanded && limits.contains_key(&value.name) && is_apart {
+            let range = [port.range.low, port.range.high];
+            return Err(BoatError::Apart { input: value.name, limits: value.limits, range });
+        }
+    }
     Ok(model)
 }
 

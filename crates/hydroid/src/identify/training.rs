@@ -323,7 +323,7 @@ fn describe(
         description: Description {
             bands: None,
             current: None,
-            boat: boat(job, method),
+            boat: boat(job),
             name: method.name().to_owned(),
             dt: run.dt,
             outputs: ports(run.outputs.channels(), &parts.ranges, &parts.training_ranges),
@@ -344,14 +344,14 @@ fn describe(
 }
 
 /// The boat; the commands of a vessel file have its neutral values and limits, where they are not stated.
-fn boat(job: &Job, method: Method) -> Boat {
+fn boat(job: &Job) -> Boat {
     let mut boat = job.boat.clone();
-    let vessel = job.vessel.as_ref().filter(|_| method == Method::GreyBox);
-    for command in vessel.iter().flat_map(|vessel| &vessel.craft.commands) {
+    for command in job.vessel.iter().flat_map(|vessel| &vessel.craft.commands) {
         let input = boat.inputs.entry(command.name.clone()).or_default();
-        if input.neutral.is_none() && input.limits.is_none() && input.scale.is_none() && input.unit.is_none()
-        {
-            (input.neutral, input.limits) = (Some(command.neutral), Some(command.limits));
+        // They are in the unit of the model.
+        if input.scale.is_none() && input.unit.is_none() {
+            input.neutral.get_or_insert(command.neutral);
+            input.limits.get_or_insert(command.limits);
         }
     }
     boat

@@ -62,14 +62,18 @@ impl Pulses {
     }
 
     /// The neutral position: the most common value, if the vessel rests long enough, else the first value, if it is near
-    /// the usual neutral position. If neither is, a column that is `stated` to be a pulse width by its unit or name has
+    /// the usual neutral position. A column that rests at its shortest pulse belongs to a motor that only turns ahead: it has
+    /// none that is known. If neither is, a column that is `stated` to be a pulse width by its unit or name has
     /// the usual one; another may be a rate of revolution. Values that are no pulse widths and constants have none.
     pub(crate) fn neutral(&self, stated: bool) -> Option<Neutral> {
         let first = self.first.filter(|_| self.counts.len() > 1)?;
         let (&bits, &count) = self.counts.iter().max_by_key(|(_, count)| **count)?;
         let common = f64::from_bits(bits);
-        let (value, found) = if count as f64 >= AT_REST * self.rows as f64 && NEUTRAL_US.contains(&common) {
+        let at_rest = count as f64 >= AT_REST * self.rows as f64;
+        let (value, found) = if at_rest && NEUTRAL_US.contains(&common) {
             (common, NeutralBy::MostCommon)
+        } else if at_rest && self.counts.first_key_value().is_some_and(|(shortest, _)| *shortest == bits) {
+            return None;
         } else if NEUTRAL_US.contains(&first) {
             (first, NeutralBy::First)
         } else if stated {

@@ -422,6 +422,14 @@ fn source(log: &RawLog, spec: &ChannelSpec, role: Role, notes: &mut Vec<Note>) -
     };
     let vague = |h: &Unit| h.is_doubtful() || !h.is_known();
     let header = header.filter(|h| !(vague(h) && stated.as_ref().is_some_and(Unit::is_known)));
+    // The formula is of values in its unit.
+    if spec.is_number {
+        let same = match (&header, &stated) {
+            (Some(header), Some(stated)) => header.to(stated).map_err(failed)?,
+            _ => 1.0,
+        };
+        return Ok(as_number(spec.offset / same, spec.scale * same));
+    }
     let unit = match (header, stated) {
         (Some(header), Some(stated)) => {
             let same = header.to(&stated).map_err(failed)?;
@@ -435,9 +443,6 @@ fn source(log: &RawLog, spec: &ChannelSpec, role: Role, notes: &mut Vec<Note>) -
         }
         (header, stated) => stated.or(header),
     };
-    if spec.is_number {
-        return Ok(as_number(spec.offset, spec.scale));
-    }
     let Some(unit) = unit else {
         let channel = Channel::new(&spec.name, "");
         return Ok(Source { column, factor: spec.scale, offset: spec.offset, scale: spec.scale, channel });

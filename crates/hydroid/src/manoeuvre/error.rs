@@ -10,7 +10,7 @@ pub enum ManoeuvreError {
     #[error(transparent)]
     Plant(#[from] PlantError),
     #[error(
-        "the vessel cannot hold a straight course: at {speed_m_s:.2} m/s it turns by {low_deg_s:.3} deg/s with the steering as far to port as in training, and by {high_deg_s:.3} deg/s as far to starboard. Name the inputs that turn it with --turn, or approach at another speed"
+        "the vessel cannot hold a straight course: at {speed_m_s:.2} m/s it turns by {low_deg_s:.3} deg/s with the steering as far to port as in training, and by {high_deg_s:.3} deg/s as far to starboard. Check the roles of the inputs, state them with --role, name the inputs that turn it with --turn, or approach at another speed"
     )]
     NoStraightCourse { speed_m_s: f64, low_deg_s: f64, high_deg_s: f64 },
     #[error(

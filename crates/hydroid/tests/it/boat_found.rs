@@ -178,6 +178,12 @@ fn pulse_widths_without_parameters() {
     // The rate of revolution has values of pulse widths, and no name or unit that says so.
     assert!(found.selection.inputs.iter().any(|spec| spec.column == "rpm"));
     assert!(!found.boat.inputs.contains_key("rpm"));
+    // What only the values tell stays weak when the file is read.
+    let written = folder.path().join("hydroid.toml");
+    std::fs::write(&written, found.to_toml("day.csv")).unwrap();
+    let read = config::read(&written).unwrap().boat.inputs["pwm_left"].clone();
+    assert_eq!(read.found.len(), 1);
+    assert_eq!(read.found[&Property::Neutral], left.found[&Property::Neutral]);
     assert!(found.remarks.iter().all(|remark| !remark.contains("[boat")), "{:?}", found.remarks);
 }
 
@@ -223,6 +229,41 @@ fn a_log_is_read_with_the_boat() {
     );
 }
 
+/// A motor that only turns ahead rests at its shortest pulse, which is not near 1500 us.
+#[test]
+fn the_neutral_position_of_a_motor_that_only_turns_ahead_is_not_guessed() {
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("ahead.csv");
+    let rows = (0..400_u32).map(|k| {
+        let pulse = if k < 200 { 1100 } else { 1300 + 50 * (k / 25 % 5) };
+        format!("{},{},0,0,{pulse}\n", f64::from(k) * 0.1, 0.5 + 0.001 * f64::from(k))
+    });
+    let text = "t [s],u [m/s],v [m/s],r [rad/s],pwm_motor\n".to_owned() + &rows.collect::<String>();
+    std::fs::write(&file, text).unwrap();
+    assert!(!proposal(&file).boat.inputs.contains_key("pwm_motor"));
+}
+
+#[test]
+fn a_header_in_another_unit_than_the_boat_is_converted() {
+    let folder = TempDir::new().unwrap();
+    let file = table(folder.path());
+    let text = std::fs::read_to_string(&file).unwrap().replacen("pwm_left", "pwm_left [ms]", 1);
+    let thousandth = |line: &str| {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        cells[5] = (cells[5].parse::<f64>().unwrap() / 1000.0).to_string();
+        cells.join(",")
+    };
+    let (head, rows) = text.split_once('\n').unwrap();
+    let rows: Vec<String> = rows.lines().map(thousandth).collect();
+    let reading = config(LEFT, "inputs = [\"left=pwm_left\", \"pwm_right\"]").reading().unwrap();
+    let read = |text: &str| {
+        let raw = log::read_from(text.as_bytes(), "day.csv").unwrap();
+        log::prepare([&raw], &reading.selection, &reading.options).unwrap().runs[0].inputs.row(200)[0]
+    };
+    let [first, second] = [std::fs::read_to_string(&file).unwrap(), format!("{head}\n{}\n", rows.join("\n"))];
+    assert!((read(&first) - read(&second)).abs() < 1e-9, "{} {}", read(&first), read(&second));
+}
+
 #[test]
 fn a_boat_and_a_log_that_contradict_each_other() {
     let error =
@@ -230,12 +271,11 @@ fn a_boat_and_a_log_that_contradict_each_other() {
     let two = error(LEFT, "left=pwm_left - 1500");
     assert!(matches!(two, BoatError::TwoFormulas { .. }));
     let text = two.to_string();
-    assert!(
-        text.contains("'left=pwm_left - 1500' in [log] inputs and scale in [boat.inputs.left]"),
-        "{text}"
-    );
+    assert!(text.contains("'left=pwm_left - 1500' in [log] inputs, and neutral, limits or scale"), "{text}");
     assert!(matches!(error(LEFT, "left=pwm_left * -1"), BoatError::TwoFormulas { .. }));
     assert!(matches!(error(LEFT, "left=angle [deg]"), BoatError::OtherUnit { .. }));
+    let unscaled = "[boat.inputs.left]\nunit = \"us\"\nneutral = 1500\n";
+    assert!(matches!(error(unscaled, "left=pwm_left - 1500"), BoatError::TwoFormulas { .. }));
     let text = error("[boat.inputs.left]\nunit = \"us\"\nscale = 400\n", "left=pwm_left").to_string();
     assert!(text.contains("(raw - neutral) / scale; add neutral = VALUE to [boat.inputs.left]"), "{text}");
     assert!(matches!(

@@ -122,8 +122,9 @@ fn a_service_needs_more_than_the_log() {
     assert!(error.contains("neutral value and limits of left"), "{error}");
     assert!(error.contains("[boat.inputs.left] neutral = VALUE, limits = [LOW, HIGH]"), "{error}");
     let error = firm(&pulses("us")).unwrap_err().to_string();
-    assert!(error.contains("limits of left") && error.contains("--limit left=1100:1900"), "{error}");
+    assert!(error.contains("--neutral left=1500 --limit left=1100:1900"), "{error}");
     let options = ClosedLoopOptions {
+        neutral: ["left", "right"].map(|name| (name.to_owned(), 1500.0)).into(),
         limit: ["left", "right"].map(|name| (name.to_owned(), "1100:1900".parse().unwrap())).into(),
         ..ClosedLoopOptions::default()
     };
@@ -131,7 +132,7 @@ fn a_service_needs_more_than_the_log() {
         |options| Setup::new(options, Some(NamedModel { name: "m".into(), model: pulses("us") }), None);
     let simulated = setup(ClosedLoopOptions::default()).unwrap();
     assert!(simulated.check_firm().is_err());
-    assert!(simulated.notes()[0].starts_with("limits of left: 1481 to 1900 us, seen in the log"));
+    assert!(simulated.notes()[0].contains("limits of left: 1481 to 1900 us, seen in the log"));
     let stated = setup(options.clone()).unwrap();
     assert!(stated.check_firm().is_ok() && stated.notes().is_empty());
     let [low, high, rest] = [stated.scenario.limits[1]].map(|l| [l.low, l.high, l.rest])[0];

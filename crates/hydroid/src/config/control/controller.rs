@@ -75,16 +75,17 @@ impl ClosedLoopOptions {
         self.neutral.keys().try_for_each(|name| place("--neutral", name, &commands).map(|_| ()))
     }
 
-    /// Sets the limits of the rates that are stated.
-    pub(super) fn state_rates(&self, scene: &mut Scenario) -> Result<(), SetupError> {
-        let commands = scene.plant.commands();
-        let commands: Vec<&str> = commands.iter().map(|channel| channel.name.as_str()).collect();
+    /// Sets the limits of the rates that are stated, in the unit of the boat.
+    pub(super) fn state_rates(&self, scene: &mut Scenario, plant: &Model) -> Result<(), SetupError> {
+        let d = &plant.description;
+        let commands: Vec<&str> = d.inputs.iter().map(|port| port.channel.name.as_str()).collect();
         for (name, number) in &self.rate_limit {
             let index = place("--rate-limit", name, &commands)?;
             ensure(*number > 0.0, || {
                 format!("--rate-limit {name}={number}: the limit of a rate must be greater than 0")
             })?;
-            scene.limits[index].rate = *number;
+            let raw = d.boat.raw_input(&d.inputs[index].channel, None);
+            scene.limits[index].rate = number * raw.map_or(1.0, |raw| raw.factor.abs());
         }
         Ok(())
     }

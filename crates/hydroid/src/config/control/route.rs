@@ -63,6 +63,11 @@ impl Route {
             Some(response) => response.speed_m_s,
             None => 0.2,
         });
+        ensure(acceleration > 0.0 || given.acceleration.is_some(), || {
+            String::from(
+                "the model does not gain speed ahead with its propulsion: identify it from logs in which every input that pushes varies, correct the roles with --role, or state --acceleration",
+            )
+        })?;
         let pace = SpeedOptions { cruise, turn: given.turn_speed, acceleration };
         Ok(Self { task, pace, origin_deg })
     }

@@ -114,7 +114,7 @@ impl Setup {
         let response = response(&options, &plant, model.as_ref())?;
         let scale = response.as_ref().map_or(Scale::BOAT, Scale::of);
         let Route { task, pace, origin_deg } = Route::of(&options, scale, response.as_ref())?;
-        let scenario = scenario(&options, Arc::clone(&plant), Track::new(&task, &pace)?, scale, dt_s)?;
+        let scenario = scenario(&options, &plant, Track::new(&task, &pace)?, scale, dt_s)?;
         if scenario.track.is_station {
             check_station(&plant, &scenario.limits)?;
         }
@@ -166,7 +166,8 @@ impl Setup {
     /// The first input of which one is not known, with the line or option that states it.
     pub fn check_firm(&self) -> Result<(), SetupError> {
         let boat = find_roles(&self.plant);
-        let directions: Vec<&str> = self.options.push.iter().chain(&self.options.turn).map(bare).collect();
+        let directions: Vec<&str> =
+            self.options.push.iter().chain(&self.options.turn).map(|name| bare(name)).collect();
         for port in &self.plant.description.inputs {
             let name = port.channel.name.as_str();
             if !directions.contains(&name) {
@@ -219,7 +220,7 @@ impl Setup {
 }
 
 /// The input of a direction, `-NAME` or `NAME`.
-fn bare(direction: &String) -> &str {
+fn bare(direction: &str) -> &str {
     direction.strip_prefix('-').unwrap_or(direction)
 }
 
@@ -272,14 +273,14 @@ fn response(
 
 fn scenario(
     given: &ClosedLoopOptions,
-    plant: Arc<Model>,
+    plant: &Arc<Model>,
     track: Track,
     scale: Scale,
     dt_s: f64,
 ) -> Result<Scenario, SetupError> {
-    let limits = limits_of(&plant)?;
-    let mut scenario = Scenario { limits, ..Scenario::new(plant, track) };
-    given.state_rates(&mut scenario)?;
+    let limits = limits_of(plant)?;
+    let mut scenario = Scenario { limits, ..Scenario::new(Arc::clone(plant), track) };
+    given.state_rates(&mut scenario, plant)?;
     scenario.dt_s = dt_s;
     scenario.start = given.start.unwrap_or([0.0, -0.5 * scale.radius]);
     scenario.tolerance = given.tolerance.unwrap_or(2.0 * scale.radius);
