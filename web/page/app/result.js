@@ -142,6 +142,8 @@ function settings() {
   }
   for (const [name, { found, ...input }] of Object.entries(request.config.boat?.inputs ?? {})) {
     lines.push("", `[boat.inputs.${value(name)}]`, ...Object.entries(input).map(([key, item]) => `${key} = ${value(item)}`));
+    // What only the values tell does not become a statement.
+    if (found?.neutral?.log) lines.push(`found = { neutral = { log = ${value(found.neutral.log)} } }`);
   }
   lines.push("", "[split]");
   for (const part of ["train", "validate", "test"]) if (request[part].length) lines.push(`${part} = ${value(request[part])}`);
