@@ -64,7 +64,7 @@ def test_a_recording_becomes_the_model_of_the_command(tab, tmp_path):
     columns_of(page, LOGS["ardupilot"])
     check(page, timeout=200_000)
     identified(page, ["sindy"])
-    own = errors(page.evaluate("state.result.summary"))
+    own, kept = (errors(page.evaluate("state.result.summary"), of) for of in ("nrmse", "persistence"))
     # A file that is chosen once more is read once more.
     columns_of(page, LOGS["ardupilot"])
     identified(page, ["sindy"], timeout=280_000)
@@ -73,9 +73,12 @@ def test_a_recording_becomes_the_model_of_the_command(tab, tmp_path):
     shutil.copy(LOGS["ardupilot"], tmp_path)
     subprocess.run([COMMAND, "identify", "--methods", "sindy", "-o", "out", "-q"], cwd=tmp_path, check=True, capture_output=True)
     truth = json.loads((tmp_path / "out/identify.json").read_text(encoding="utf-8"))
-    # Delay, misalignment and bias are estimated by iteration: other roundings of WebAssembly end at other digits of them.
-    assert own == pytest.approx(errors(truth), rel=0.1)
+    # Delay, misalignment and bias are estimated by iteration: other roundings of WebAssembly end at other digits of them. The
+    # velocities are those of the command.
+    assert kept == pytest.approx(errors(truth, "persistence"), rel=1e-3)
+    # Terms that are as good as others are chosen by these digits: moving the antenna by 1e-6 m changes 43 of them to 50.
+    assert own == pytest.approx(errors(truth), rel=0.1, abs=0.05)
 
 
-def errors(summary):
-    return {verdict["channel"]: verdict["nrmse"] for verdict in summary["verdicts"]}
+def errors(summary, of="nrmse"):
+    return {verdict["channel"]: verdict[of] for verdict in summary["verdicts"]}
