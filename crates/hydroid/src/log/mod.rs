@@ -21,6 +21,7 @@ mod prepare;
 pub(crate) mod pulses;
 mod resample;
 mod resolve;
+pub(crate) mod same;
 mod sanity;
 mod selection;
 mod sensors;

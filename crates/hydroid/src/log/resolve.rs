@@ -6,6 +6,7 @@ use std::path::Path;
 use super::csv::{RawColumn, RawLog};
 use super::error::LogError;
 use super::note::Note;
+use super::same;
 use super::selection::{ChannelSpec, Selection, Wind};
 use super::trajectory::Channel;
 use super::units::{self, Quantity, Unit, UnitError};
@@ -486,11 +487,16 @@ fn note_unit(log: &RawLog, column: &str, unit: &Unit, role: Role, notes: &mut Ve
     }
 }
 
-/// Column of a specification, and the specification with the name of a column that looks like an expression.
+/// Column of a specification, and the specification with its name: that of a column that looks like an expression, or of one that
+/// has the meaning of another.
 pub fn locate<'a>(log: &RawLog, spec: &'a ChannelSpec) -> Option<(usize, Cow<'a, ChannelSpec>)> {
     spec.as_names()
         .find_map(|named| Some((log.position(&named.column)?, Cow::Owned(named))))
         .or_else(|| Some((find(log, &spec.column)?, Cow::Borrowed(spec))))
+        .or_else(|| {
+            let column = same::on_link(&spec.column)?;
+            Some((log.position(&column)?, Cow::Owned(ChannelSpec { column, ..spec.clone() })))
+        })
 }
 
 /// Column of this name: exact, else without case, else without a unit suffix (`u` for `u_mps`), if only one fits.

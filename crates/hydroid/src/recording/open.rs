@@ -217,7 +217,10 @@ fn yaw([x, y, z, w]: [f64; 4]) -> f64 {
 
 /// Names that a specification may mean.
 pub(super) fn names(spec: &ChannelSpec) -> impl Iterator<Item = String> + '_ {
-    spec.as_names().map(|spec| spec.column).chain([spec.column.clone()])
+    spec.as_names()
+        .map(|spec| spec.column)
+        .chain([spec.column.clone()])
+        .chain(log::same::on_link(&spec.column))
 }
 
 struct Collector<'p> {

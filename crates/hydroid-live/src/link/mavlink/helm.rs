@@ -151,10 +151,19 @@ impl Helm {
     ///
     /// # Errors
     /// If the axes do not fit together, or their limits cannot be.
-    pub fn new(mut axes: Vec<Axis>, options: Options) -> Result<Self, String> {
+    pub fn new(axes: Vec<Axis>, options: Options) -> Result<Self, String> {
+        Self::asking(axes, options, &[Vec::new(), Vec::new()])
+    }
+
+    /// As [`new`](Self::new), and asks for other parameters: those that all releases have, and those that some do not have.
+    pub(super) fn asking(
+        mut axes: Vec<Axis>,
+        options: Options,
+        others: &[Vec<String>; 2],
+    ) -> Result<Self, String> {
         let kind = checked(&mut axes)?;
         Ok(Self {
-            parameters: Parameters::new(&axes, kind),
+            parameters: Parameters::new(&axes, kind, others),
             axes,
             options,
             kind,
@@ -171,6 +180,11 @@ impl Helm {
             arming: String::new(),
             events: VecDeque::new(),
         })
+    }
+
+    /// The value of a parameter that was asked for.
+    pub(super) fn parameter(&self, name: &str) -> Option<f64> {
+        self.parameters.value(name)
     }
 
     /// Topics that the checks need, with rates \[Hz\], to be added to those of the link.

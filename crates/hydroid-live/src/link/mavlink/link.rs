@@ -4,7 +4,8 @@ use ::mavlink::MavHeader;
 use ::mavlink::dialects::ardupilotmega::MavMessage;
 
 use super::helm::{self, Helm, State, Target};
-use super::topics::TOPICS;
+use super::mixer::{self, Mixer};
+use super::topics::{TOPICS, row};
 use super::{Autopilot, Options};
 use crate::link::{Axis, ClockState, Event, HelmEvent, Link, Topic};
 
@@ -31,6 +32,8 @@ pub struct MavLink {
     settings: Settings,
     autopilot: Autopilot,
     helm: Result<Helm, String>,
+    /// From outputs to the channels of the helm.
+    mixer: Option<Mixer>,
 }
 
 impl MavLink {
@@ -41,8 +44,33 @@ impl MavLink {
             settings,
             autopilot: Autopilot::new(options),
             helm: Err("the link is not prepared".to_owned()),
+            mixer: None,
         }
     }
+
+    /// The helm of inputs as commands: outputs of the autopilot by its sticks, or others directly.
+    fn make_helm(&mut self, axes: Vec<Axis>) -> Result<Helm, String> {
+        let options = helm::Options {
+            own_system: self.settings.own_system,
+            is_allowed: self.settings.may_command,
+            is_dry_run: self.settings.is_dry_run,
+        };
+        let outputs: Option<Vec<_>> =
+            axes.iter().map(|axis| output(axis.place).map(|number| axis.clone().at(number))).collect();
+        if let Some(outputs) = outputs.filter(|outputs| !outputs.is_empty()) {
+            let mixer = Mixer::new(outputs)?;
+            let helm = Helm::asking(mixer.channels(), options, &mixer.parameters())?;
+            self.mixer = Some(mixer);
+            return Ok(helm);
+        }
+        let of = |axis: Axis| target(axis.place).map(|target| axis.at(target));
+        Helm::new(axes.into_iter().map(of).collect::<Result<_, String>>()?, options)
+    }
+}
+
+/// The number of an output that a field contains.
+fn output([topic, field]: [usize; 2]) -> Option<u8> {
+    mixer::output(TOPICS[topic].name, TOPICS[topic].fields[field].name)
 }
 
 /// The target of a field.
@@ -58,18 +86,15 @@ impl Link for MavLink {
     }
 
     fn limits(&self, place: [usize; 2]) -> Result<Option<[f64; 2]>, String> {
+        // What an actuator takes is a property of the boat.
+        if output(place).is_some() {
+            return Ok(None);
+        }
         Ok(matches!(target(place)?, Target::Channel(_)).then_some(PULSES_US))
     }
 
     fn prepare(&mut self, topics: &[usize], axes: Result<Vec<Axis>, String>) {
-        let options = helm::Options {
-            own_system: self.settings.own_system,
-            is_allowed: self.settings.may_command,
-            is_dry_run: self.settings.is_dry_run,
-        };
-        let of = |axis: Axis| target(axis.place).map(|target| axis.at(target));
-        let axes = axes.and_then(|axes| axes.into_iter().map(of).collect::<Result<_, String>>());
-        self.helm = axes.and_then(|axes| Helm::new(axes, options));
+        self.helm = axes.and_then(|axes| self.make_helm(axes));
         let mut rates: Vec<(usize, f64)> =
             topics.iter().map(|topic| (*topic, self.settings.rate_hz)).collect();
         for (topic, rate_hz) in self.helm.iter().flat_map(Helm::rates) {
@@ -93,8 +118,22 @@ impl Link for MavLink {
         tell: &mut dyn FnMut(Event),
     ) {
         let is_own = self.autopilot.receive(*header, message, received_ns, tell);
-        if is_own && let Ok(helm) = &mut self.helm {
-            helm.receive(*header, message, now_ns);
+        let Ok(helm) = &mut self.helm else { return };
+        if !is_own {
+            return;
+        }
+        helm.receive(*header, message, now_ns);
+        let Some(mixer) = &mut self.mixer else { return };
+        if helm.state() != State::Commanding {
+            mixer.want(None, now_ns);
+        } else if let MavMessage::SERVO_OUTPUT_RAW(_) = message {
+            let mut values = Vec::new();
+            // The first field is the bank of outputs.
+            if row(message, &mut values).is_some()
+                && let Some(reason) = mixer.check(&values[1..], &|name| helm.parameter(name), now_ns)
+            {
+                helm.release(now_ns, &reason);
+            }
         }
     }
 
@@ -118,9 +157,14 @@ impl Link for MavLink {
     }
 
     fn refusals(&self, now_ns: i64) -> Vec<String> {
-        match &self.helm {
-            Ok(helm) => helm.refusals(now_ns),
-            Err(error) => vec![error.clone()],
+        match (&self.helm, &self.mixer) {
+            (Ok(helm), None) => helm.refusals(now_ns),
+            (Ok(helm), Some(mixer)) => {
+                let mut refusals = helm.refusals(now_ns);
+                refusals.extend(mixer.refusals(&|name| helm.parameter(name)));
+                refusals
+            }
+            (Err(error), _) => vec![error.clone()],
         }
     }
 
@@ -129,16 +173,23 @@ impl Link for MavLink {
     }
 
     fn begin(&mut self, now_ns: i64) -> Result<(), Vec<String>> {
-        match &mut self.helm {
-            Ok(helm) => helm.begin(now_ns),
-            Err(error) => Err(vec![error.clone()]),
+        match (&mut self.helm, &self.mixer) {
+            (Ok(helm), Some(mixer)) if helm.state() != State::Commanding => {
+                let refusals = mixer.refusals(&|name| helm.parameter(name));
+                if refusals.is_empty() { helm.begin(now_ns) } else { Err(refusals) }
+            }
+            (Ok(helm), _) => helm.begin(now_ns),
+            (Err(error), _) => Err(vec![error.clone()]),
         }
     }
 
     fn command(&mut self, values: &[f64], now_ns: i64) {
-        if let Ok(helm) = &mut self.helm {
-            helm.command(values, now_ns);
-        }
+        let Ok(helm) = &mut self.helm else { return };
+        let Some(mixer) = &mut self.mixer else { return helm.command(values, now_ns) };
+        mixer.want(Some(values), now_ns);
+        // Without the pulses of the sticks, they are neutral.
+        let sticks = mixer.pulses(values, &|name| helm.parameter(name));
+        helm.command(sticks.as_ref().map_or(&[], |pulses| &pulses[..]), now_ns);
     }
 
     fn release(&mut self, now_ns: i64, reason: &str) {

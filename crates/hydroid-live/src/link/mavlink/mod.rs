@@ -6,6 +6,7 @@
 pub mod clock;
 pub mod helm;
 mod link;
+mod mixer;
 pub mod port;
 pub mod topics;
 pub mod transport;

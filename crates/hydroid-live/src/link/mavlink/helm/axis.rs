@@ -50,9 +50,9 @@ impl Target {
                     _ => cannot("it is not a pulse of a channel"),
                 }
             }
-            ("SERVO_OUTPUT_RAW", _) => cannot(
-                "it is an output of the mixer of the autopilot, which follows its inputs and mode alone",
-            ),
+            ("SERVO_OUTPUT_RAW", _) => {
+                cannot("it is not an output, or it stands beside other inputs than outputs")
+            }
             _ => cannot("the autopilot reports it, and takes no such command"),
         }
     }

@@ -38,7 +38,8 @@ pub(super) struct Parameters {
 }
 
 impl Parameters {
-    pub(super) fn new(axes: &[Axis], kind: Kind) -> Self {
+    /// Those of the commands, and others: names that all releases have, and names that some do not have.
+    pub(super) fn new(axes: &[Axis], kind: Kind, others: &[Vec<String>; 2]) -> Self {
         let mut list = Vec::new();
         let mut group = 0;
         let mut add = |is_required, names: &[&str]| {
@@ -69,6 +70,9 @@ impl Parameters {
             }
         } else {
             add(true, &ENFORCE);
+        }
+        for (names, is_required) in others.iter().zip([true, false]) {
+            names.iter().for_each(|name| add(is_required, &[name]));
         }
         Self { asked: list.len() - 1, list, asked_ns: None }
     }

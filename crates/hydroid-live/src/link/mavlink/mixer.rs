@@ -1,0 +1,246 @@
+//! Outputs of the autopilot as commands: the pulses of channels that its mixer turns into them.
+//!
+//! ArduPilot Rover takes no command for an output. In mode MANUAL its outputs follow the channels of steering and throttle
+//! (`RCMAP_ROLL` 1 and `RCMAP_THROTTLE` 3; `RC_Channel::pwm_to_angle_dz`, `AP_MotorsUGV::output_skid_steering`):
+//!
+//! ```text
+//! value = (pulse - TRIM - DZ) / (MAX - TRIM - DZ)            of a channel above its dead zone; below likewise with MIN
+//! left  = throttle + steering    right = throttle - steering    SERVOn_FUNCTION 73 and 74; 26 is steering, 70 throttle
+//! pulse = TRIM + value (MAX - TRIM)                          of an output, or (TRIM - MIN) for a negative value
+//! ```
+//!
+//! `SERVOn_REVERSED` and `RCn_REVERSED` turn the sign of a value. While the throttle is astern, steering has the other sign
+//! unless `PILOT_STEER_TYPE` is 3. What is wanted of two sides is within the range of the mixer: `|throttle| + |steering|` is the
+//! larger of them. The mixer of another firmware or with a thrust curve is another one: the parameters of the curve must be 0, and the
+//! outputs that the autopilot reports are compared with those that are wanted.
+
+use std::collections::VecDeque;
+
+use super::helm::{Axis, Target};
+
+/// Channels of steering and throttle.
+const STICKS: [(u8, &str); 2] = [(1, "steering"), (3, "throttle")];
+
+/// Pulses \[us\] of a channel whose limits are not known: the defaults of `RCn_MIN`, `RCn_TRIM`, `RCn_MAX`.
+const PULSES_US: [f64; 3] = [1100.0, 1500.0, 1900.0];
+
+/// Parameters that must have a value, and that some releases do not have.
+const NEEDED: [(&str, f64); 4] =
+    [("RCMAP_ROLL", 1.0), ("RCMAP_THROTTLE", 3.0), ("MOT_THST_EXPO", 0.0), ("MOT_THR_MIN", 0.0)];
+
+/// Difference of a reported output from those that are wanted \[us\]: both are whole pulses.
+const TOLERANCE_US: f64 = 10.0;
+
+/// Outputs that are not those that are wanted for as long end the commands.
+const FOREIGN_NS: i64 = 1_000_000_000;
+
+/// Time that an output may need beside its slew rate.
+const LATE_NS: i64 = 500_000_000;
+
+/// An output and what it may be.
+type Output = crate::Axis<u8>;
+
+/// Parameters of the autopilot by name.
+type Parameters<'a> = &'a dyn Fn(&str) -> Option<f64>;
+
+/// Outputs as commands.
+#[derive(Clone, Debug)]
+pub(super) struct Mixer {
+    outputs: Vec<Output>,
+    /// Outputs that were wanted, with their times.
+    wanted: VecDeque<(i64, Vec<f64>)>,
+    /// Since when a report differs.
+    foreign_since_ns: Option<i64>,
+}
+
+/// The number of an output, of a field of `SERVO_OUTPUT_RAW`.
+pub(super) fn output(topic: &str, field: &str) -> Option<u8> {
+    let number = field.strip_prefix("servo")?.strip_suffix("_raw")?;
+    number.parse().ok().filter(|_| topic == "SERVO_OUTPUT_RAW")
+}
+
+/// A pulse width with its trim and ends \[us\].
+struct Scale {
+    low: f64,
+    trim: f64,
+    high: f64,
+    dead_zone: f64,
+    sign: f64,
+}
+
+impl Scale {
+    fn of(kind: &str, number: u8, value: Parameters<'_>) -> Option<Self> {
+        let of = |field: &str| value(&format!("{kind}{number}_{field}"));
+        let scale = Self {
+            low: of("MIN")?,
+            trim: of("TRIM")?,
+            high: of("MAX")?,
+            dead_zone: of("DZ").unwrap_or(0.0),
+            sign: if of("REVERSED").unwrap_or(0.0) == 0.0 { 1.0 } else { -1.0 },
+        };
+        let Self { low, trim, high, dead_zone, .. } = scale;
+        (low < trim - dead_zone && trim + dead_zone < high && dead_zone >= 0.0).then_some(scale)
+    }
+
+    /// From -1 to 1.
+    fn value(&self, pulse: f64) -> f64 {
+        let Self { low, trim, high, .. } = *self;
+        let span = if pulse < trim { trim - low } else { high - trim };
+        (self.sign * (pulse - trim) / span).clamp(-1.0, 1.0)
+    }
+
+    /// The pulse of a channel for a value, beyond its dead zone.
+    fn pulse(&self, value: f64) -> f64 {
+        let Self { low, trim, high, dead_zone, sign } = *self;
+        let value = sign * value;
+        match value {
+            _ if value > 0.0 => trim + dead_zone + value * (high - trim - dead_zone),
+            _ if value < 0.0 => trim - dead_zone + value * (trim - low - dead_zone),
+            _ => trim,
+        }
+    }
+}
+
+impl Mixer {
+    /// # Errors
+    /// If there are more outputs than the mixer has.
+    pub(super) fn new(outputs: Vec<Output>) -> Result<Self, String> {
+        if outputs.len() > STICKS.len() {
+            let names: Vec<&str> = outputs.iter().map(|output| output.name.as_str()).collect();
+            return Err(format!(
+                "{} are outputs of the autopilot, which has two sticks for them: command RC_CHANNELS.chan1_raw and chan3_raw",
+                names.join(", ")
+            ));
+        }
+        Ok(Self { outputs, wanted: VecDeque::new(), foreign_since_ns: None })
+    }
+
+    /// The channels as commands.
+    pub(super) fn channels(&self) -> Vec<Axis> {
+        let [low, trim, high] = PULSES_US;
+        STICKS
+            .map(|(channel, name)| crate::Axis::new(name, [low, high], trim).at(Target::Channel(channel)))
+            .to_vec()
+    }
+
+    /// Names of the parameters that all releases have, and of those that some do not have.
+    pub(super) fn parameters(&self) -> [Vec<String>; 2] {
+        let of = |kind: &str, number: u8, fields: &[&str]| -> Vec<String> {
+            fields.iter().map(|field| format!("{kind}{number}_{field}")).collect()
+        };
+        let outputs = self
+            .outputs
+            .iter()
+            .flat_map(|output| of("SERVO", output.place, &["FUNCTION", "MIN", "TRIM", "MAX", "REVERSED"]));
+        let sticks = STICKS.iter().flat_map(|(channel, _)| of("RC", *channel, &["MIN", "MAX", "REVERSED"]));
+        let others = NEEDED.iter().map(|(name, _)| (*name).to_owned());
+        let optional = ["PILOT_STEER_TYPE", "MOT_SLEWRATE"].map(str::to_owned);
+        [
+            outputs.chain(sticks).collect(),
+            others.filter(|name| name != "RCMAP_THROTTLE").chain(optional).collect(),
+        ]
+    }
+
+    /// What keeps outputs from being commands, each with a remedy. Parameters that are not known yet are no reason: the helm waits
+    /// for them.
+    pub(super) fn refusals(&self, value: Parameters<'_>) -> Vec<String> {
+        let mut refusals = Vec::new();
+        for (name, needed) in NEEDED {
+            if let Some(value) = value(name).filter(|value| *value != needed) {
+                refusals.push(format!(
+                    "{name} is {value}: outputs are commanded by the channels of the sticks, for which it must be {needed}; set it, \
+                     or identify a model of the inputs RC_CHANNELS.chan1_raw and chan3_raw"
+                ));
+            }
+        }
+        let functions: Vec<Option<f64>> =
+            self.outputs.iter().map(|output| value(&format!("SERVO{}_FUNCTION", output.place))).collect();
+        if functions.iter().all(Option::is_some) {
+            let mut known: Vec<f64> = functions.iter().flatten().copied().collect();
+            known.sort_by(f64::total_cmp);
+            if known != [73.0, 74.0] && known != [26.0, 70.0] {
+                let text: Vec<String> = self
+                    .outputs
+                    .iter()
+                    .zip(&known)
+                    .map(|(output, _)| {
+                        let function = value(&format!("SERVO{}_FUNCTION", output.place)).unwrap_or(f64::NAN);
+                        format!("SERVO{}_FUNCTION is {function}", output.place)
+                    })
+                    .collect();
+                refusals.push(format!(
+                    "{}: outputs are commanded as left and right throttle (73 and 74) or as steering and throttle (26 and 70)",
+                    text.join(", ")
+                ));
+            }
+        }
+        refusals
+    }
+
+    /// The pulses of steering and throttle for wanted outputs; `None` if a parameter is not known or contradicts itself.
+    pub(super) fn pulses(&self, outputs: &[f64], value: Parameters<'_>) -> Option<[f64; 2]> {
+        let (mut steering, mut throttle) = (0.0, 0.0);
+        for (output, pulse) in self.outputs.iter().zip(outputs) {
+            let pulse = if pulse.is_finite() { pulse.clamp(output.low, output.high) } else { output.rest };
+            let wanted = Scale::of("SERVO", output.place, value)?.value(pulse);
+            match value(&format!("SERVO{}_FUNCTION", output.place))? {
+                73.0 => (steering, throttle) = (steering + 0.5 * wanted, throttle + 0.5 * wanted),
+                74.0 => (steering, throttle) = (steering - 0.5 * wanted, throttle + 0.5 * wanted),
+                26.0 => steering = wanted,
+                70.0 => throttle = wanted,
+                _ => return None,
+            }
+        }
+        if throttle < 0.0 && value("PILOT_STEER_TYPE") != Some(3.0) {
+            steering = -steering;
+        }
+        let [steer, drive] = STICKS.map(|(channel, _)| Scale::of("RC", channel, value));
+        Some([steer?.pulse(steering), drive?.pulse(throttle)])
+    }
+
+    /// Remembers what is wanted; nothing before commands begin.
+    pub(super) fn want(&mut self, outputs: Option<&[f64]>, now_ns: i64) {
+        match outputs {
+            Some(outputs) => self.wanted.push_back((now_ns, outputs.to_vec())),
+            None => {
+                self.wanted.clear();
+                self.foreign_since_ns = None;
+            }
+        }
+    }
+
+    /// Compares reported outputs with those that are wanted; why commands must end.
+    pub(super) fn check(&mut self, reported: &[f64], value: Parameters<'_>, now_ns: i64) -> Option<String> {
+        // From one end to the other.
+        let slew = value("MOT_SLEWRATE").filter(|rate| *rate > 0.0).map_or(0.0, |rate| 200.0 / rate);
+        #[expect(clippy::cast_possible_truncation, reason = "a time of seconds")]
+        let window = (1e9 * slew) as i64 + LATE_NS;
+        // The newest one counts, however old it is.
+        while self.wanted.len() > 1 && now_ns.saturating_sub(self.wanted[1].0) > window {
+            self.wanted.pop_front();
+        }
+        let differs = self.outputs.iter().enumerate().find_map(|(index, output)| {
+            let wanted = self.wanted.iter().filter_map(|(_, outputs)| outputs.get(index));
+            let (low, high) =
+                wanted.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
+            let pulse = *reported.get(usize::from(output.place).checked_sub(1)?)?;
+            let is_within = pulse >= low - TOLERANCE_US && pulse <= high + TOLERANCE_US;
+            (low <= high && !is_within).then(|| {
+                format!(
+                    "the output of '{}' is {pulse} us, and between {low:.0} and {high:.0} us are wanted: the mixer of the \
+                     autopilot is another one than its parameters say",
+                    output.name
+                )
+            })
+        });
+        let Some(reason) = differs else {
+            self.foreign_since_ns = None;
+            return None;
+        };
+        let since_ns = *self.foreign_since_ns.get_or_insert(now_ns);
+        (now_ns.saturating_sub(since_ns) > FOREIGN_NS).then_some(reason)
+    }
+}
+
+#[cfg(test)]
+mod tests;
