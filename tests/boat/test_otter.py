@@ -1,0 +1,63 @@
+"""A model of a recording of the autopilot goes on board as it is, and steers: its inputs are outputs of the autopilot."""
+
+import math
+import os
+import pathlib
+import subprocess
+import time
+
+import pytest
+from conftest import COMMAND
+
+# Simulated seconds per second.
+FAST = 2.0
+
+CONTROL = """
+[control]
+controller = "cem"
+task = "lawn-mower"
+leg = 40
+spacing = 20
+legs = 3
+radius = 9
+tolerance = 8
+"""
+
+
+def test_a_model_of_a_recording_steers(sea, tmp_path):
+    if "HYDROID_DATA" not in os.environ:
+        pytest.skip("skipped: no HYDROID_DATA")
+    otter = pathlib.Path(os.environ["HYDROID_DATA"]).resolve() / "fleet/formats/otter.BIN"
+
+    def run(*arguments):
+        subprocess.run([COMMAND, *arguments], cwd=tmp_path, check=True, capture_output=True)
+
+    run("inspect", str(otter), "--write-config=boat.toml")
+    run("identify", str(otter), "-c", "boat.toml", "--methods", "sindy", "-o", "out")
+    with open(tmp_path / "boat.toml", "a") as file:
+        file.write(CONTROL)
+    model = str(tmp_path / "out/sindy.safetensors")
+    boat, hydroid = sea(model, "--allow-commands", "--fence", "90", scale=FAST, seed=1)
+    hydroid.wait(lambda s: s["motion"] and s["model"] and not s["helm"]["refusals"], 60, "the preflight")
+    status, text = hydroid.act("steer")
+    assert status == 200, text
+    hydroid.wait(lambda s: s["helm"]["state"] == "steering", 60, "steering")
+    path = hydroid.state["path"]
+    since, seen = None, set()
+    end = time.monotonic() + 200.0
+    while since is None or boat.truth.time - since < 30.0:
+        assert time.monotonic() < end, f"{distance:.1f} m from the path at {boat.truth}"
+        assert hydroid.state["helm"]["state"] == "steering", hydroid.said[-3:]
+        truth = boat.truth
+        seen.add(truth.pulses)
+        distance = min(math.hypot(n - truth.north, e - truth.east) for n, e in path)
+        is_sailing = distance < 5.0 and truth.u > 0.3
+        since = (since or truth.time) if is_sailing else None
+        time.sleep(0.05)
+    assert len(seen) > 20, "both outputs follow the commands"
+
+    # Another mixer: the outputs are not those that are wanted.
+    boat.parameters["SERVO3_FUNCTION"] = 73.0
+    hydroid.wait(lambda s: s["helm"]["state"] == "off", 20, "hands off")
+    assert any("the mixer of the autopilot is another one" in said["text"] for said in hydroid.said), hydroid.said[-5:]
+    assert hydroid.stop() == 130
