@@ -320,7 +320,7 @@ fn columns_are_inverted() {
     assert_eq!(Target::of("SET_POSITION_TARGET_LOCAL_NED", "vx"), Ok(Target::Surge));
     assert_eq!(Target::of("SET_POSITION_TARGET_LOCAL_NED", "yaw_rate"), Ok(Target::YawRate));
     for (topic, field, why) in [
-        ("SERVO_OUTPUT_RAW", "servo1_raw", "output of the mixer"),
+        ("SERVO_OUTPUT_RAW", "servo1_raw", "beside other inputs"),
         ("RC_CHANNELS", "chan9_raw", "channels 1 to 8 only"),
         ("RC_CHANNELS", "chan0_raw", "not a pulse"),
         ("RC_CHANNELS", "rssi", "not a pulse"),
