@@ -1,6 +1,6 @@
 //! Columns with the same meaning in the recording of an autopilot and on its link.
 
-/// Columns of DataFlash and messages of MAVLink, both of ArduPilot: the same receiver, filter and first inertial unit.
+/// Columns of DataFlash and messages of `MAVLink`, both of ArduPilot: the same receiver, filter and first inertial unit.
 const COLUMNS: [(&str, &str); 17] = [
     ("GPS.Lat", "GPS_RAW_INT.lat"),
     ("GPS.Lng", "GPS_RAW_INT.lon"),
