@@ -59,7 +59,7 @@ impl MavLink {
             axes.iter().map(|axis| output(axis.place).map(|number| axis.clone().at(number))).collect();
         if let Some(outputs) = outputs.filter(|outputs| !outputs.is_empty()) {
             let mixer = Mixer::new(outputs)?;
-            let helm = Helm::asking(mixer.channels(), options, &mixer.parameters())?;
+            let helm = Helm::asking(Mixer::channels(), options, &mixer.parameters())?;
             self.mixer = Some(mixer);
             return Ok(helm);
         }

@@ -116,7 +116,7 @@ impl Mixer {
     }
 
     /// The channels as commands.
-    pub(super) fn channels(&self) -> Vec<Axis> {
+    pub(super) fn channels() -> Vec<Axis> {
         let [low, trim, high] = PULSES_US;
         STICKS
             .map(|(channel, name)| crate::Axis::new(name, [low, high], trim).at(Target::Channel(channel)))
@@ -200,12 +200,11 @@ impl Mixer {
 
     /// Remembers what is wanted; nothing before commands begin.
     pub(super) fn want(&mut self, outputs: Option<&[f64]>, now_ns: i64) {
-        match outputs {
-            Some(outputs) => self.wanted.push_back((now_ns, outputs.to_vec())),
-            None => {
-                self.wanted.clear();
-                self.foreign_since_ns = None;
-            }
+        if let Some(outputs) = outputs {
+            self.wanted.push_back((now_ns, outputs.to_vec()));
+        } else {
+            self.wanted.clear();
+            self.foreign_since_ns = None;
         }
     }
 

@@ -72,7 +72,9 @@ impl Parameters {
             add(true, &ENFORCE);
         }
         for (names, is_required) in others.iter().zip([true, false]) {
-            names.iter().for_each(|name| add(is_required, &[name]));
+            for name in names {
+                add(is_required, &[name]);
+            }
         }
         Self { asked: list.len() - 1, list, asked_ns: None }
     }
