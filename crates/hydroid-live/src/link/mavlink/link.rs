@@ -66,6 +66,16 @@ impl MavLink {
         let of = |axis: Axis| target(axis.place).map(|target| axis.at(target));
         Helm::new(axes.into_iter().map(of).collect::<Result<_, String>>()?, options)
     }
+
+    /// Ends commands of outputs that no report confirms.
+    fn confirm(&mut self, now_ns: i64) {
+        if let (Ok(helm), Some(mixer)) = (&mut self.helm, &self.mixer)
+            && helm.state() == State::Commanding
+            && let Some(reason) = mixer.unconfirmed(now_ns)
+        {
+            helm.release(now_ns, &reason);
+        }
+    }
 }
 
 /// The number of an output that a field contains.
@@ -123,18 +133,15 @@ impl Link for MavLink {
             return;
         }
         helm.receive(*header, message, now_ns);
-        let Some(mixer) = &mut self.mixer else { return };
-        if helm.state() != State::Commanding {
-            mixer.want(None, now_ns);
-        } else if let MavMessage::SERVO_OUTPUT_RAW(_) = message {
-            let mut values = Vec::new();
+        let mut values = Vec::new();
+        if let Some(mixer) = &mut self.mixer
+            && let MavMessage::SERVO_OUTPUT_RAW(_) = message
+            && row(message, &mut values).is_some()
+        {
             // The first field is the bank of outputs.
-            if row(message, &mut values).is_some()
-                && let Some(reason) = mixer.check(&values[1..], &|name| helm.parameter(name), now_ns)
-            {
-                helm.release(now_ns, &reason);
-            }
+            mixer.report(&values[1..], &|name| helm.parameter(name), now_ns);
         }
+        self.confirm(now_ns);
     }
 
     fn tick(&mut self, now_ns: i64, send: &mut dyn FnMut(Self::Message), tell: &mut dyn FnMut(Event)) {
@@ -142,6 +149,7 @@ impl Link for MavLink {
     }
 
     fn tick_helm(&mut self, now_ns: i64, send: &mut dyn FnMut(Self::Message)) {
+        self.confirm(now_ns);
         if let Ok(helm) = &mut self.helm {
             let autopilot = &mut self.autopilot;
             helm.tick(now_ns, |message| send((autopilot.next_header(), message)));
@@ -162,6 +170,7 @@ impl Link for MavLink {
             (Ok(helm), Some(mixer)) => {
                 let mut refusals = helm.refusals(now_ns);
                 refusals.extend(mixer.refusals(&|name| helm.parameter(name)));
+                refusals.extend(mixer.unseen(now_ns));
                 refusals
             }
             (Err(error), _) => vec![error.clone()],
@@ -173,20 +182,26 @@ impl Link for MavLink {
     }
 
     fn begin(&mut self, now_ns: i64) -> Result<(), Vec<String>> {
-        match (&mut self.helm, &self.mixer) {
-            (Ok(helm), Some(mixer)) if helm.state() != State::Commanding => {
-                let refusals = mixer.refusals(&|name| helm.parameter(name));
-                if refusals.is_empty() { helm.begin(now_ns) } else { Err(refusals) }
-            }
-            (Ok(helm), _) => helm.begin(now_ns),
-            (Err(error), _) => Err(vec![error.clone()]),
+        if self.is_commanding() {
+            return Ok(());
         }
+        if self.mixer.is_some() {
+            let refusals = self.refusals(now_ns);
+            if !refusals.is_empty() {
+                return Err(refusals);
+            }
+        }
+        self.helm.as_mut().map_err(|error| vec![error.clone()])?.begin(now_ns)?;
+        if let Some(mixer) = &mut self.mixer {
+            mixer.begin(now_ns);
+        }
+        Ok(())
     }
 
     fn command(&mut self, values: &[f64], now_ns: i64) {
         let Ok(helm) = &mut self.helm else { return };
         let Some(mixer) = &mut self.mixer else { return helm.command(values, now_ns) };
-        mixer.want(Some(values), now_ns);
+        mixer.want(values, &|name| helm.parameter(name), now_ns);
         // Without the pulses of the sticks, they are neutral.
         let sticks = mixer.pulses(values, &|name| helm.parameter(name));
         helm.command(sticks.as_ref().map_or(&[], |pulses| &pulses[..]), now_ns);

@@ -12,7 +12,7 @@
 //! `SERVOn_REVERSED` and `RCn_REVERSED` turn the sign of a value. While the throttle is astern, steering has the other sign
 //! unless `PILOT_STEER_TYPE` is 3. What is wanted of two sides is within the range of the mixer: `|throttle| + |steering|` is the
 //! larger of them. The mixer of another firmware or with a thrust curve is another one: the parameters of the curve must be 0, and the
-//! outputs that the autopilot reports are compared with those that are wanted.
+//! outputs that the autopilot reports must confirm those that are wanted.
 
 use std::collections::VecDeque;
 
@@ -31,8 +31,8 @@ const NEEDED: [(&str, f64); 4] =
 /// Difference of a reported output from those that are wanted \[us\]: both are whole pulses.
 const TOLERANCE_US: f64 = 10.0;
 
-/// Outputs that are not those that are wanted for as long end the commands.
-const FOREIGN_NS: i64 = 1_000_000_000;
+/// Commands end if no report has confirmed them for as long.
+const CONFIRMED_NS: i64 = 1_000_000_000;
 
 /// Time that an output may need beside its slew rate.
 const LATE_NS: i64 = 500_000_000;
@@ -49,8 +49,10 @@ pub(super) struct Mixer {
     outputs: Vec<Output>,
     /// Outputs that were wanted, with their times.
     wanted: VecDeque<(i64, Vec<f64>)>,
-    /// Since when a report differs.
-    foreign_since_ns: Option<i64>,
+    /// The newest report, with its time.
+    reported: Option<(i64, Vec<f64>)>,
+    /// When a report was as wanted, or the commands began.
+    confirmed_ns: i64,
 }
 
 /// The number of an output, of a field of `SERVO_OUTPUT_RAW`.
@@ -112,7 +114,7 @@ impl Mixer {
                 names.join(", ")
             ));
         }
-        Ok(Self { outputs, wanted: VecDeque::new(), foreign_since_ns: None })
+        Ok(Self { outputs, wanted: VecDeque::new(), reported: None, confirmed_ns: i64::MIN })
     }
 
     /// The channels as commands.
@@ -198,31 +200,62 @@ impl Mixer {
         Some([steer?.pulse(steering), drive?.pulse(throttle)])
     }
 
-    /// Remembers what is wanted; nothing before commands begin.
-    pub(super) fn want(&mut self, outputs: Option<&[f64]>, now_ns: i64) {
-        if let Some(outputs) = outputs {
-            self.wanted.push_back((now_ns, outputs.to_vec()));
-        } else {
-            self.wanted.clear();
-            self.foreign_since_ns = None;
-        }
+    /// Why the outputs cannot be watched.
+    pub(super) fn unseen(&self, now_ns: i64) -> Option<String> {
+        let is_new =
+            self.reported.as_ref().is_some_and(|(at_ns, _)| now_ns.saturating_sub(*at_ns) <= CONFIRMED_NS);
+        (!is_new).then(|| {
+            "the autopilot does not report its outputs, by which commands are confirmed: it must send SERVO_OUTPUT_RAW at least \
+             twice a second"
+                .to_owned()
+        })
     }
 
-    /// Compares reported outputs with those that are wanted; why commands must end.
-    pub(super) fn check(&mut self, reported: &[f64], value: Parameters<'_>, now_ns: i64) -> Option<String> {
+    /// Commands begin with the neutral outputs, from those that are reported.
+    pub(super) fn begin(&mut self, now_ns: i64) {
+        self.wanted.clear();
+        self.confirmed_ns = now_ns;
+        if let Some((_, outputs)) = &self.reported {
+            let outputs =
+                self.outputs.iter().map(|output| of(outputs, output).unwrap_or(output.rest)).collect();
+            self.wanted.push_back((now_ns, outputs));
+        }
+        self.wanted.push_back((now_ns, self.outputs.iter().map(|output| output.rest).collect()));
+    }
+
+    /// Remembers what is wanted.
+    pub(super) fn want(&mut self, outputs: &[f64], value: Parameters<'_>, now_ns: i64) {
+        self.wanted.push_back((now_ns, outputs.to_vec()));
+        self.forget(value, now_ns);
+    }
+
+    /// Forgets what an output has left behind at its slew rate. The newest one counts, however old it is.
+    fn forget(&mut self, value: Parameters<'_>, now_ns: i64) {
         // From one end to the other.
         let slew = value("MOT_SLEWRATE").filter(|rate| *rate > 0.0).map_or(0.0, |rate| 200.0 / rate);
         #[expect(clippy::cast_possible_truncation, reason = "a time of seconds")]
         let window = (1e9 * slew) as i64 + LATE_NS;
-        // The newest one counts, however old it is.
         while self.wanted.len() > 1 && now_ns.saturating_sub(self.wanted[1].0) > window {
             self.wanted.pop_front();
         }
-        let differs = self.outputs.iter().enumerate().find_map(|(index, output)| {
+    }
+
+    /// Takes a report of all outputs.
+    pub(super) fn report(&mut self, reported: &[f64], value: Parameters<'_>, now_ns: i64) {
+        self.reported = Some((now_ns, reported.to_vec()));
+        self.forget(value, now_ns);
+        if self.difference().is_none() {
+            self.confirmed_ns = now_ns;
+        }
+    }
+
+    /// How the newest report differs from what is wanted.
+    fn difference(&self) -> Option<String> {
+        let (_, reported) = self.reported.as_ref()?;
+        self.outputs.iter().enumerate().find_map(|(index, output)| {
             let wanted = self.wanted.iter().filter_map(|(_, outputs)| outputs.get(index));
-            let (low, high) =
-                wanted.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
-            let pulse = *reported.get(usize::from(output.place).checked_sub(1)?)?;
+            let (low, high) = wanted.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
+            let pulse = of(reported, output)?;
             let is_within = pulse >= low - TOLERANCE_US && pulse <= high + TOLERANCE_US;
             (low <= high && !is_within).then(|| {
                 format!(
@@ -231,14 +264,21 @@ impl Mixer {
                     output.name
                 )
             })
-        });
-        let Some(reason) = differs else {
-            self.foreign_since_ns = None;
-            return None;
-        };
-        let since_ns = *self.foreign_since_ns.get_or_insert(now_ns);
-        (now_ns.saturating_sub(since_ns) > FOREIGN_NS).then_some(reason)
+        })
     }
+
+    /// Why commands must end.
+    pub(super) fn unconfirmed(&self, now_ns: i64) -> Option<String> {
+        if now_ns.saturating_sub(self.confirmed_ns) <= CONFIRMED_NS {
+            return None;
+        }
+        self.unseen(now_ns).or_else(|| self.difference())
+    }
+}
+
+/// An output of a report of all.
+fn of(reported: &[f64], output: &Output) -> Option<f64> {
+    reported.get(usize::from(output.place).checked_sub(1)?).copied()
 }
 
 #[cfg(test)]

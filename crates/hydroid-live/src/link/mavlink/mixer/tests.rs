@@ -90,15 +90,38 @@ fn other_mixers_are_refused() {
 #[test]
 fn outputs_that_are_not_wanted_end_the_commands() {
     let (mut mixer, second) = (mixer(), 1_000_000_000);
-    mixer.want(Some(&[1700.0, 1300.0]), 0);
     let reported = |left: f64, right: f64| [left, 0.0, right];
-    assert_eq!(mixer.check(&reported(1700.0, 1305.0), &parameters, second), None);
-    assert_eq!(mixer.check(&reported(1500.0, 1305.0), &parameters, 2 * second), None);
-    let reason = mixer.check(&reported(1500.0, 1305.0), &parameters, 4 * second).unwrap();
+    // From full ahead, at half a second from end to end, to neutral and to the command.
+    mixer.report(&reported(1900.0, 1900.0), &parameters, 0);
+    mixer.begin(0);
+    mixer.want(&[1700.0, 1300.0], &parameters, second / 10);
+    mixer.report(&reported(1900.0, 1900.0), &parameters, second);
+    mixer.report(&reported(1600.0, 1505.0), &parameters, 2 * second);
+    assert_eq!(mixer.unconfirmed(2 * second), None);
+    for k in 1..=20 {
+        mixer.want(&[1700.0, 1300.0], &parameters, (2 + k) * second);
+        mixer.report(&reported(1700.0, 1305.0), &parameters, (2 + k) * second);
+        assert_eq!(mixer.unconfirmed((2 + k) * second), None);
+    }
+    assert!(mixer.wanted.len() < 10);
+    // Another mixer.
+    mixer.report(&reported(1500.0, 1305.0), &parameters, 23 * second);
+    assert_eq!(mixer.unconfirmed(23 * second), None);
+    mixer.report(&reported(1500.0, 1305.0), &parameters, 24 * second);
+    let reason = mixer.unconfirmed(24 * second).unwrap();
     assert!(reason.contains("'left' is 1500 us"), "{reason}");
-    // On its way from one command to the next, an output is between them.
-    mixer.want(None, 0);
-    mixer.want(Some(&[1100.0, 1300.0]), 0);
-    mixer.want(Some(&[1900.0, 1300.0]), second);
-    assert_eq!(mixer.check(&reported(1500.0, 1300.0), &parameters, 2 * second), None);
+}
+
+#[test]
+fn outputs_that_are_not_reported_end_the_commands() {
+    let (mut mixer, second) = (mixer(), 1_000_000_000);
+    assert!(mixer.unseen(0).unwrap().contains("SERVO_OUTPUT_RAW"));
+    mixer.report(&[1500.0, 0.0, 1500.0], &parameters, 0);
+    assert_eq!(mixer.unseen(second), None);
+    mixer.begin(0);
+    for k in 1..30 {
+        mixer.want(&[1500.0; 2], &parameters, k * second / 10);
+        assert_eq!(mixer.unconfirmed(k * second / 10).is_some(), k > 10);
+    }
+    assert!(mixer.unconfirmed(3 * second).unwrap().contains("does not report"));
 }
