@@ -32,6 +32,7 @@ pub fn arguments() -> clap::Command {
 
 /// Runs the command with the arguments of the process.
 pub fn main() -> ExitCode {
+    hydroid::key::spell_as_arguments();
     let args = match args::Args::read() {
         Ok(args) => args,
         Err(error) => return failure(&error, std::env::args().any(|word| word == "--json")),

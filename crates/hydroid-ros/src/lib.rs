@@ -65,6 +65,7 @@ struct RosArgs {
 
 /// Runs the command with the arguments of the process.
 pub fn main() -> ExitCode {
+    hydroid::key::spell_as_arguments();
     let (names, words) = match Names::read(std::env::args_os()) {
         Ok(read) => read,
         Err(error) => {
