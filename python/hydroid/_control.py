@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import csv
-import inspect
 import io
 import os
 import sys
@@ -16,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _hydroid
 from ._hydroid import ControlStep, Model, Run, Session
 from ._identify import _write
-from ._options import Bar, names, roles
+from ._options import Bar, takes
 
 Array = NDArray[np.float64]
 
@@ -169,67 +168,17 @@ class ClosedLoop:
         return f"ClosedLoop({controller} on {plant}: {state}; {errors} after {m['from_s']:.4g} s)"
 
 
+@takes("control")
 def control(
     plant: Model | str | os.PathLike[str],
     model: Model | str | os.PathLike[str] | None = None,
     *,
-    controller: str = "cem",
-    task: str = "circle",
-    speed: float | None = None,
-    turn_speed: float | None = None,
-    radius: float | None = None,
-    leg: float | None = None,
-    spacing: float | None = None,
-    legs: int | None = None,
-    points: ArrayLike | None = None,
-    waypoints: str | os.PathLike[str] | None = None,
-    heading: float | None = None,
-    acceleration: float | None = None,
-    duration: float | str | None = None,
-    start: ArrayLike | None = None,
-    lead: float | None = None,
-    tolerance: float | None = None,
-    evaluate_from: float | str | None = None,
-    bandwidth: ArrayLike | None = None,
-    integral: float | None = None,
-    adaptive_augmentation: bool = False,
-    rate: float | None = None,
-    reference: str | None = None,
-    horizon: int | None = None,
-    hold: int | None = None,
-    candidates: int | None = None,
-    iterations: int | None = None,
-    gauss_newton_steps: int | None = None,
-    cost_weights: ArrayLike | None = None,
-    plan_time: float | None = None,
-    dt: float | None = None,
-    rate_limit: Mapping[str, float] | None = None,
-    limit: Mapping[str, tuple[float, float] | str] | None = None,
-    neutral: Mapping[str, float] | None = None,
-    role: Mapping[str, str] | None = None,
-    push: str | Sequence[str] = (),
-    turn: str | Sequence[str] = (),
-    estimate_current: float | None = None,
-    adapt: bool = False,
-    learner: str | None = None,
     guard: bool | Guard = True,
     training_log: Any = None,
     training_time: float = 200.0,
-    seed: int = 0,
-    noise: float = 1.0,
-    process_noise: float = 0.0,
-    current: ArrayLike = (0.0, 0.0),
-    wind: ArrayLike = (0.0, 0.0),
-    gusts: ArrayLike = (0.0, 5.0),
-    mass: float = 1.0,
-    delay: float = 0.0,
-    onset: float | str | None = None,
-    runs: int = 1,
-    mass_variation: float | None = None,
-    current_variation: float | None = None,
-    wind_variation: float | None = None,
     threads: int | None = None,
     progress: bool | Callable[[float], object] = False,
+    **options: Any,
 ) -> ClosedLoop:
     """Simulate a closed loop: a controller with a model, on a plant with noise, current, wind and delay.
 
@@ -242,94 +191,13 @@ def control(
         The true plant: an identified model, a vessel file, or ``"hydrofoil"``, ``"hydrofoil-low-speed"``, ``"simple"``.
     model : Model or path, optional
         The model of the controller. Default: the plant.
-    controller : str
-        ``cem`` (model predictive control by the cross-entropy method), ``fl`` (feedback linearization),
-        ``backstepping``, or ``pid`` (autopilot, tuned on the model first).
-    task : str
-        ``circle``, ``lawn-mower``, ``waypoints``, ``legs`` (sharp corners) or ``station``.
-    speed, turn_speed : float, optional
-        Speed on straights and circles, and in turns [m/s].
-    radius : float, optional
-        Radius of circle and turns [m].
-    leg, spacing, legs : optional
-        Lawn-mower: length of a leg [m], distance between legs [m], and number of legs.
-    points : array_like, shape (points, 2), optional
-        Waypoints and legs: north and east [m]. Station: one point.
-    waypoints : path, optional
-        A CSV or GPX file with the points.
-    heading : float, optional
-        Station: heading, clockwise from north [deg].
-    acceleration : float, optional
-        Largest rate of change of the reference speed [m/s^2].
-    duration, evaluate_from, onset : float or str, optional
-        Duration of the simulation, time from which errors count, and time from which current, wind and mass factor
-        apply: seconds, or text as ``"5m"``.
-    start : array_like, shape (2,), optional
-        Initial position relative to the start of the path: ahead and to starboard [m].
-    lead : float, optional
-        Distance of the controlled point ahead of the vessel's origin [m].
-    tolerance : float, optional
-        Largest distance from the reference at which the vessel is on track [m].
-    bandwidth : array_like, shape (2,), optional
-        ``fl``: natural frequency [rad/s] and damping ratio.
-    integral : float, optional
-        ``fl``: integral gain [1/s^3].
-    adaptive_augmentation : bool
-        ``fl``: a network learns the model error online.
-    rate : float, optional
-        ``backstepping``: common rate of the gains [1/s].
-    reference : str, optional
-        ``cem``: ``time`` (trajectory tracking) or ``path`` (path following).
-    horizon, hold : int, optional
-        ``cem``: prediction horizon [commands], and samples for which a command of a plan is held.
-    candidates, iterations, gauss_newton_steps : int, optional
-        ``cem``: candidates of each iteration, iterations, and Gauss-Newton steps from the best candidate.
-    cost_weights : array_like, shape (3,), optional
-        ``cem``: weights of position error [1/m^2], course error [1/rad^2] and speed error [s^2/m^2].
-    plan_time : float, optional
-        ``cem``: time limit of a plan [ms]; the result then depends on the machine.
-    dt : float, optional
-        Sample time [s]; that of an identified model cannot be changed.
-    rate_limit, neutral : mapping of str to float, optional
-        Largest rate of change of commands, in their unit per second, and their values at rest.
-    limit : mapping of str to (float, float) or str, optional
-        Limits of commands: ``{"n": (0, 120)}`` or, with a unit, ``{"delta": "-30:30 [deg]"}``.
-    role : mapping of str to str, optional
-        Roles of inputs, in place of those of the model: ``propulsion``, ``steering``, ``thruster``, ``disturbance`` or
-        ``setting``.
-    push, turn : str or list of str
-        ``pid``: inputs that push the vessel, and that turn it to starboard; ``-NAME`` acts the other way.
-    estimate_current : float, optional
-        Take the model as one of the motion through the water, and estimate the current: standard deviation of its
-        components at the start [m/s].
-    adapt : bool
-        Adapt the model in the loop.
-    learner : str, optional
-        ``least-squares`` or ``kalman``.
+    **options
     guard : bool or Guard
         Guard of the adaptation.
     training_log : Log, path, data frame, mapping, Run, or list of these, optional
         Logs of the training of the model: the filter runs over the first `training_time` seconds of each first.
     training_time : float
         [s]
-    seed : int
-        Seed of noise, gusts and plans.
-    noise, process_noise : float
-        Factors on the measurement noise of the plant, and on the process noise of a model as the plant.
-    current : array_like, shape (2,)
-        Velocity of the current: north and east [m/s].
-    wind : array_like, shape (2,)
-        Force of the wind on the hull: north and east [N]. Wind, gusts and mass need a plant with given parameters.
-    gusts : array_like, shape (2,)
-        Standard deviation [N] and time constant [s].
-    mass : float
-        Factor on mass and yaw inertia.
-    delay : float
-        Input delay [s], a whole number of samples.
-    runs : int
-        Number of Monte Carlo trials, each with its own seed, mass, current and wind.
-    mass_variation, current_variation, wind_variation : float, optional
-        Trials: largest relative change of the mass, speed of the current [m/s] and force of the wind [N].
     threads : int, optional
         Default: all cores. The result does not depend on it.
     progress : bool or callable
@@ -351,34 +219,11 @@ def control(
     >>> loop = hydroid.control("hydrofoil", controller="fl", speed=4.0, radius=30.0)
     >>> loop.metrics["rms_position"]
     """
-    # Before any other local variable: the options are the arguments.
-    options = _options(dict(locals()))
     with Bar(progress, "simulating") as bar:
         inner = _hydroid.control(
             plant, model, options, guard, training_log, training_time, threads, bar.callback
         )
     return ClosedLoop(inner)
-
-
-#: Arguments that are not options of the loop.
-_OTHERS = {"plant", "model", "guard", "training_log", "training_time", "threads", "progress"}
-
-
-def _options(given: dict[str, Any]) -> dict[str, Any]:
-    options = {name: value for name, value in given.items() if name not in _OTHERS}
-    for name in ("push", "turn"):
-        if name in options:
-            options[name] = names(name, options[name])
-    if "role" in options:
-        options["role"] = roles(options["role"])
-    for name in ("rate_limit", "limit", "neutral"):
-        mapping = options.get(name)
-        if mapping is None:
-            continue
-        if not isinstance(mapping, Mapping):
-            raise TypeError(f"{name}: expected a mapping from names of commands, got {type(mapping).__name__}")
-        options[name] = dict(mapping)
-    return options
 
 
 class Controller:
@@ -413,6 +258,7 @@ class Controller:
     >>> step.command, step.status
     """
 
+    @takes("control")
     def __init__(
         self,
         model: Model | str | os.PathLike[str],
@@ -424,12 +270,9 @@ class Controller:
         progress: bool | Callable[[float], object] = False,
         **options: Any,
     ) -> None:
-        unknown = sorted(set(options) - _NAMES)
-        if unknown:
-            raise TypeError(f"Controller() got an unexpected keyword argument '{unknown[0]}'")
         with Bar(progress, "tuning") as bar:
             self._inner = _hydroid.Controller(
-                model, _options(options), guard, training_log, training_time, threads, bar.callback
+                model, options, guard, training_log, training_time, threads, bar.callback
             )
 
     def step(
@@ -496,10 +339,6 @@ class Controller:
 
     def __repr__(self) -> str:
         return repr(self._inner)
-
-
-#: Names of the options of a loop.
-_NAMES = set(inspect.signature(control).parameters) - _OTHERS
 
 
 class Limits(NamedTuple):

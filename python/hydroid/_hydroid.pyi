@@ -333,6 +333,9 @@ class ClosedLoop:
     def run(self) -> Run: ...
     def track(self) -> dict[str, Any]: ...
 
+def options(section: str) -> list[dict[str, Any]]:
+    """The options of a section: key, kind, text, and the names that the value can be."""
+
 def control(
     plant: Model | str | os.PathLike[str],
     model: Model | str | os.PathLike[str] | None,

@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+import difflib
+import functools
+import inspect
+import re
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Union
+from typing import Any, TypeVar, Union
+
+from . import _hydroid
 
 Channels = Union[str, Sequence[str], Mapping[str, str]]
 
@@ -42,12 +49,51 @@ def names(argument: str, given: str | Sequence[str]) -> list[str]:
     raise TypeError(f"{argument}: expected 'a,b' or a list of names, got {given!r}")
 
 
-def roles(given: Mapping[str, str] | None) -> dict[str, str]:
-    if given is None:
-        return {}
-    if not isinstance(given, Mapping):
-        raise TypeError(f"role: expected a mapping from inputs to roles, got {type(given).__name__}")
-    return dict(given)
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+#: Options of the library that Python has in another form.
+_OTHERS = {"no_guard": "guard"}
+
+
+def takes(section: str) -> Callable[[Function], Function]:
+    """Gives a function with ``**options`` the options of the library: its signature and documentation name them.
+
+    The line ``**options`` of the documentation becomes a list of them. Names that are no option are refused.
+    """
+    known = [option for option in _hydroid.options(section) if option["key"] not in _OTHERS]
+
+    def decorate(function: Function) -> Function:
+        name = function.__qualname__.removesuffix(".__init__")
+
+        @functools.wraps(function)
+        def checked(*arguments: Any, **keywords: Any) -> Any:
+            for key in keywords:
+                if key not in parameters:
+                    near = difflib.get_close_matches(key, parameters, 1)
+                    hint = f"; did you mean '{near[0]}'?" if near else ""
+                    raise TypeError(f"{name}() got an unexpected keyword argument '{key}'{hint}")
+            return function(*arguments, **keywords)
+
+        signature = inspect.signature(function)
+        fixed = [p for p in signature.parameters.values() if p.kind is not inspect.Parameter.VAR_KEYWORD]
+        own = [option for option in known if option["key"] not in signature.parameters]
+        options = [inspect.Parameter(option["key"], inspect.Parameter.KEYWORD_ONLY, default=None) for option in own]
+        parameters = [p.name for p in fixed + options]
+        checked.__signature__ = signature.replace(parameters=fixed + options)  # type: ignore[attr-defined]
+        text = "".join(_entry(option) for option in own)
+        checked.__doc__ = re.sub(r"(?m)^    \*\*options\n", lambda _: text, function.__doc__ or "")
+        return checked  # type: ignore[return-value]
+
+    return decorate
+
+
+def _entry(option: dict[str, Any]) -> str:
+    """An option in the form of numpydoc."""
+    choices = [name for name, _ in option["choices"]]
+    kind = "{" + ", ".join(f"'{name}'" for name in choices) + "}" if choices else option["kind"]
+    lines = [option["text"] + "."] + [f"``{name}``: {text}." for name, text in option["choices"] if text]
+    filled = (textwrap.fill(line, 116, initial_indent=" " * 8, subsequent_indent=" " * 8) for line in lines)
+    return f"    {option['key']} : {kind}, optional\n" + "".join(line + "\n" for line in filled)
 
 
 def log_section(

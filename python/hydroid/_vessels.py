@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from . import _hydroid
 from ._hydroid import Log, Model
-from ._options import Bar, log_section, names, roles
+from ._options import Bar, log_section, takes
 
 Array = NDArray[np.float64]
 
@@ -20,23 +20,6 @@ Plant = Union[Model, str, "os.PathLike[str]"]
 
 #: Velocities of tracks over ground [m/s, m/s, rad/s].
 MOTION = ("u", "v", "r")
-
-
-def _floats(argument: str, given: Sequence[float] | None) -> list[float] | None:
-    """Numbers of any sequence or array."""
-    if given is None:
-        return None
-    try:
-        return [float(x) for x in given]
-    except (TypeError, ValueError):
-        raise TypeError(f"{argument}: expected a sequence of numbers, got {given!r}") from None
-
-
-def _pair(argument: str, given: Sequence[float] | None) -> list[float] | None:
-    pair = _floats(argument, given)
-    if pair is not None and len(pair) != 2:
-        raise ValueError(f"{argument}: expected two velocities [m/s], north and east, got {given!r}")
-    return pair
 
 
 def vessels() -> list[str]:
@@ -60,30 +43,15 @@ def vessel_toml(vessel: Plant) -> str:
     return _hydroid.vessel_toml(vessel)
 
 
+@takes("simulate")
 def simulate(
     plant: Plant,
     excitation: Union[str, "os.PathLike[str]", Log, Mapping[str, Any]] = "mixed",
     *,
-    duration: float | None = None,
-    dt: float | None = None,
-    step: float | None = None,
-    seed: int = 0,
-    noise: float = 1.0,
-    current: Sequence[float] | None = None,
-    process_noise: float = 0.0,
-    start: float | str | None = None,
-    role: Mapping[str, str] | None = None,
-    push: str | Sequence[str] = (),
-    turn: str | Sequence[str] = (),
-    leg: float | None = None,
-    spacing: float | None = None,
-    leg_speeds: Sequence[float] = (),
-    sharp_turns: bool = False,
-    radius: float | None = None,
-    speed: float | None = None,
     figure: str | os.PathLike[str] | None = None,
     name: str | None = None,
     progress: bool | Callable[[float], object] = False,
+    **options: Any,
 ) -> Log:
     """Simulate a log of a vessel or of an identified model.
 
@@ -98,36 +66,7 @@ def simulate(
         ``"low-speed"``, ``"lawn-mower"`` and ``"circle"``. A log, or the path of one, has the time and the commands, each
         held until the next. If a log has the outputs of an identified model, the simulation starts with the measured
         motion.
-    duration : float, optional
-        Duration [s]; default 7200, or as long as given commands last.
-    dt : float, optional
-        Sample time of a vessel [s]; default 0.1. An identified model has its own.
-    step : float, optional
-        Integration step of a vessel [s]; default 0.01.
-    seed : int
-        Seed of commands and noise.
-    noise : float
-        Factor on the measurement noise of the vessel.
-    current : sequence of two floats, optional
-        Velocity of a constant current, north and east [m/s]. Default: still water; with a log, the estimate of the model.
-    process_noise : float
-        Factor on the process noise of an identified model.
-    start : float or str, optional
-        Time from the start of a log at which the simulation of a model starts: seconds, or ``"5m"``.
-    role : mapping of str to str, optional
-        Roles of inputs, in place of those of the model: ``propulsion``, ``steering``, ``thruster``, ``disturbance`` or
-        ``setting``.
-    push, turn : str or list of str
-        Inputs that push a model, and inputs that turn it to starboard, for ``"mixed"``; ``-NAME`` is the opposite
-        direction. Default: by the roles of the inputs.
-    leg, spacing : float, optional
-        Lawn-mower: length and distance of the legs [m].
-    leg_speeds : sequence of float
-        Lawn-mower: speeds of the legs [m/s].
-    sharp_turns : bool
-        Lawn-mower: sharp turns instead of half circles.
-    radius, speed : float, optional
-        Circle: radius [m] and speed [m/s]. Low-speed: upper limit of the speed.
+    **options
     figure : path, optional
         File of a figure (``.svg``) of the track of an identified model, those of its members, and the measured one.
     name : str, optional
@@ -140,25 +79,6 @@ def simulate(
     Log
         Time, commands, pose, measured and true outputs; row k is the state before command k acts.
     """
-    options: dict[str, Any] = {
-        "duration": duration,
-        "dt": dt,
-        "step": step,
-        "seed": seed,
-        "noise": noise,
-        "current": _pair("current", current),
-        "process_noise": process_noise,
-        "start": start,
-        "role": roles(role),
-        "push": names("push", push),
-        "turn": names("turn", turn),
-        "leg": leg,
-        "spacing": spacing,
-        "leg_speeds": _floats("leg_speeds", leg_speeds),
-        "sharp_turns": sharp_turns,
-        "radius": radius,
-        "speed": speed,
-    }
     with Bar(progress, "simulating") as bar:
         return _hydroid.simulate(plant, excitation, options, name, figure, bar.callback)
 
@@ -310,22 +230,14 @@ class Comparisons(_Figures):
         ]
 
 
+@takes("manoeuvre")
 def manoeuvres(
     model: Plant,
     trials: str | Sequence[str] | None = None,
     *,
-    steering: float | None = None,
-    zigzag: str | Sequence[str | Sequence[float]] | None = None,
-    propulsion: float | None = None,
-    speed: float | None = None,
-    longest: float | str = 3600.0,
-    current: Sequence[float] = (0.0, 0.0),
-    length: float | None = None,
-    role: Mapping[str, str] | None = None,
-    push: str | Sequence[str] = (),
-    turn: str | Sequence[str] = (),
     threads: int | None = None,
     progress: bool | Callable[[float], object] = False,
+    **options: Any,
 ) -> Trials:
     """Run manoeuvring trials of a vessel or of an identified model.
 
@@ -338,28 +250,7 @@ def manoeuvres(
         A model, a built-in vessel (see `vessels`), a vessel file, or a model file.
     trials : str or list of str, optional
         ``turning-circle``, ``zigzag``, ``pull-out``, ``spiral``, ``acceleration``, ``stopping``; default all.
-    steering : float, optional
-        Steering of turning circle, pull-out and spiral: degrees if one input turns the vessel and is an angle, otherwise
-        percent of hard over. Default: 35 degrees, or hard over.
-    zigzag : str or list, optional
-        Steering and change of heading [deg] of each zigzag: ``"10/10,20/20"``, or ``[(10, 10), (20, 20)]``. Default:
-        these two, where the steering suffices.
-    propulsion : float, optional
-        Propulsion of the approach, in percent of full ahead; default 85.
-    speed : float, optional
-        Speed of the approach through the water [m/s], in place of the propulsion. A vessel that no input pushes has one.
-    longest : float or str
-        Longest trial: seconds, or ``"1h"``.
-    current : sequence of two floats
-        Velocity of a constant current, north and east [m/s]; the approach heads north.
-    length : float, optional
-        Length of the ship [m]: adds the criteria of IMO resolution MSC.137(76).
-    role : mapping of str to str, optional
-        Roles of inputs, in place of those of the model: ``{"delta": "steering", "wind_x": "disturbance"}``; others are
-        ``propulsion``, ``thruster`` and ``setting``.
-    push, turn : str or list of str
-        Inputs that push the vessel, and inputs that turn it to starboard; ``-NAME`` is the opposite direction. Default:
-        by the roles of the inputs.
+    **options
     threads : int, optional
         Default: all cores. The result does not depend on it.
     progress : bool or callable
@@ -369,21 +260,8 @@ def manoeuvres(
     -------
     Trials
     """
-    options: dict[str, Any] = {
-        "trials": None if trials is None else names("trials", trials),
-        "steering": steering,
-        "zigzag": zigzag.split(",") if isinstance(zigzag, str) else zigzag,
-        "propulsion": propulsion,
-        "speed": speed,
-        "longest": longest,
-        "current": _pair("current", current),
-        "length": length,
-        "role": roles(role),
-        "push": names("push", push),
-        "turn": names("turn", turn),
-    }
     with Bar(progress, "trials") as bar:
-        return Trials(_hydroid.manoeuvres(model, options, threads, bar.callback))
+        return Trials(_hydroid.manoeuvres(model, {"trials": trials, **options}, threads, bar.callback))
 
 
 def compare_manoeuvres(

@@ -211,7 +211,7 @@ pub(crate) fn control(
     setup.controller.rehearsal = Arc::from(beginnings(&training, training_time));
     let simulated = work::run(py, threads, progress, move |control| -> Result<ClosedLoop, SetupError> {
         // Tuning, trials and the run have equal shares of the progress.
-        let before = [setup.options.controller == ControlMethod::Autopilot, setup.options.runs != 1];
+        let before = [setup.options.controller == ControlMethod::Autopilot, setup.options.runs() != 1];
         let [tuning, trials] = before.map(|has| f64::from(u8::from(has)));
         let parts = tuning + trials + 1.0;
         let report = |part: f64| move |done: f64| control.report((part + done) / parts);

@@ -40,6 +40,8 @@ mod _hydroid {
     #[pymodule_export]
     use super::on_board::{ControlStep, Controller, Planner, command_limits};
     #[pymodule_export]
+    use super::settings::options;
+    #[pymodule_export]
     use super::vessels::{
         Comparisons, Trials, compare_manoeuvres, manoeuvres, simulate, vessel_toml, vessels,
     };

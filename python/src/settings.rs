@@ -2,15 +2,18 @@
 
 use std::path::Path;
 
+use hydroid::config::control::ClosedLoopOptions;
+use hydroid::config::schema::options_of;
 use hydroid::config::{self, Config};
 use hydroid::model::Reading;
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyInt, PyList, PyString, PyTuple};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use toml::Value;
 
-use crate::error::{expected, internal, value};
+use crate::error::{expected, internal, unfit, value};
 
 /// Options as the tables of `hydroid.toml`. What is `None` is left out.
 pub(crate) fn table(options: &Bound<'_, PyDict>) -> PyResult<Value> {
@@ -64,6 +67,18 @@ fn setting(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
     }
 }
 
+/// The options of a section: key, kind, text, and the names that the value can be.
+#[pyfunction]
+pub(crate) fn options<'py>(py: Python<'py>, section: &str) -> PyResult<Bound<'py, PyAny>> {
+    let all = match section {
+        "control" => options_of::<ClosedLoopOptions>(),
+        "simulate" => options_of::<config::Simulate>(),
+        "manoeuvre" => options_of::<config::Manoeuvre>(),
+        _ => return Err(unfit("section", "control, simulate or manoeuvre", section)),
+    };
+    document(py, &all)
+}
+
 /// Options of a type of the library.
 pub(crate) fn of<T: DeserializeOwned>(options: &Bound<'_, PyDict>) -> PyResult<T> {
     read(table(options)?)
@@ -73,10 +88,11 @@ pub(crate) fn of<T: DeserializeOwned>(options: &Bound<'_, PyDict>) -> PyResult<T
 pub(crate) fn read<T: DeserializeOwned>(table: Value) -> PyResult<T> {
     serde_path_to_error::deserialize(table).map_err(|error| {
         let message = error.inner().message();
-        match error.path().to_string().as_str() {
-            "." => value(message),
-            path => value(format!("{path}: {message}")),
-        }
+        let text = match error.path().to_string().as_str() {
+            "." => message.to_owned(),
+            path => format!("{path}: {message}"),
+        };
+        if message.starts_with("invalid type") { PyTypeError::new_err(text) } else { value(text) }
     })
 }
 

@@ -3,10 +3,11 @@
 use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
-use hydroid::adapt::CovarianceForm;
+use hydroid::adapt::{CovarianceForm, Method};
+use hydroid::config::value::named;
 use hydroid::faults::Faults;
 
-use super::{AnswerArgs, Duration, EvaluationArgs, Learner, LogArgs, NamedNumber};
+use super::{AnswerArgs, Duration, EvaluationArgs, LogArgs};
 
 /// Recursive least squares: equations of motion, and the last layer of direct predictors.
 #[derive(Clone, Debug, Default, PartialEq, ClapArgs)]
@@ -36,8 +37,8 @@ pub struct LeastSquaresArgs {
 )]
 pub struct KalmanArgs {
     /// Standard deviation of the noise of each output, in its SI unit: u=0.01,v=0.01,r=0.02 (default: that of the training logs)
-    #[arg(long, value_name = "NAME=STD", value_delimiter = ',')]
-    pub noise: Vec<NamedNumber>,
+    #[arg(long, value_name = "NAME=STD", value_delimiter = ',', value_parser = named::<f64>)]
+    pub noise: Vec<(String, f64)>,
     /// Factor on the variance of the noise; it accounts for model error (default: 3; equations and vessels 1)
     #[arg(long, value_name = "X")]
     pub noise_factor: Option<f64>,
@@ -66,7 +67,7 @@ pub struct KalmanArgs {
 pub struct MethodArgs {
     /// Method of adaptation (default: least-squares for equations and direct predictors, kalman for networks and vessels)
     #[arg(long, value_name = "METHOD", value_enum)]
-    pub learner: Option<Learner>,
+    pub learner: Option<Method>,
     /// Forgetting time: age at which a sample has the weight 1/e [s]; inf: none (default: 60; direct predictors 300; kalman inf)
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub forgetting: Option<f64>,

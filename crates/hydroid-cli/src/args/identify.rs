@@ -3,9 +3,11 @@
 use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
-use hydroid::identify::{GateOption, LagOption, MotionOption, RateLimitOption};
+use hydroid::boat::StatedRoles;
+use hydroid::config::value::named;
+use hydroid::identify::{GateOption, GivenRange, LagOption, MotionOption, RateLimitOption};
 
-use super::{Duration, Horizon, LogArgs, Method, NamedRange, RoleArgs, ValueArgs};
+use super::{Duration, Horizon, LogArgs, Method};
 
 /// Identify models from logs, judge them by cross-validation or on test runs, and write a report
 #[derive(Debug, ClapArgs)]
@@ -41,10 +43,18 @@ pub struct Identify {
     /// cross-validation those that reduce its error significantly). The models contain them
     #[arg(long, value_name = "auto|none|LIST")]
     pub rate_limit: Option<RateLimitOption>,
-    #[command(flatten)]
-    pub roles: RoleArgs,
-    #[command(flatten)]
-    pub values: ValueArgs,
+    /// Roles of inputs: propulsion, steering, thruster, disturbance or setting, as in delta=steering,wind=disturbance
+    /// (default: those of the model, found from names, units and its response)
+    #[arg(long, value_name = "INPUT=ROLE,..")]
+    pub role: Option<StatedRoles>,
+    /// Limits of a command, in the unit of the input in the boat, else of the model (default: those of the boat, 35 deg for a
+    /// steering angle, or in simulations the range of the log). May be repeated
+    #[arg(long, value_name = "NAME=LOW:HIGH", value_delimiter = ',', value_parser = named::<GivenRange>)]
+    pub limit: Vec<(String, GivenRange)>,
+    /// Value of a command without effect, in the same unit (default: that of the boat, 1500 for pulses in us, 0 for physical
+    /// quantities). May be repeated
+    #[arg(long, value_name = "NAME=VALUE", value_delimiter = ',', value_parser = named::<f64>)]
+    pub neutral: Vec<(String, f64)>,
     /// Longest prediction horizon: samples (100) or seconds (10s) (default: 100 samples, or
     /// half of a block of a short log)
     #[arg(long, value_name = "N|Ns")]
@@ -104,8 +114,8 @@ pub struct Identify {
     pub budget: Option<Duration>,
     /// Design range of outputs and inputs: u=0:6,v=-1:1 or 'u=0:12 [kn]'; sets the scaling of networks and the limit of
     /// divergence (default: the training range). May be repeated
-    #[arg(long = "range", value_name = "NAME=LOW:HIGH", value_delimiter = ',', help_heading = "Networks")]
-    pub ranges: Vec<NamedRange>,
+    #[arg(long = "range", value_name = "NAME=LOW:HIGH", value_delimiter = ',', value_parser = named::<GivenRange>, help_heading = "Networks")]
+    pub ranges: Vec<(String, GivenRange)>,
     /// Largest number of epochs (default: depends on the network)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Networks")]
     pub epochs: Option<u32>,

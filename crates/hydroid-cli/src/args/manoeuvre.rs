@@ -2,43 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::{Args as ClapArgs, ValueEnum};
-use hydroid::config::{self, ZigzagAngles};
+use clap::Args as ClapArgs;
+use hydroid::config;
 
-use super::Duration;
 use super::LogArgs;
-use super::Pair;
-use super::{RoleArgs, ValueArgs};
-
-/// Trials.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum TrialName {
-    /// Turning circles to starboard and to port
-    TurningCircle,
-    /// Zigzags, first to starboard and first to port
-    Zigzag,
-    /// Pull-outs from turns to both sides: is the vessel directionally stable?
-    PullOut,
-    /// Direct spiral (Dieudonné): yaw rate against steering, with the width of a loop
-    Spiral,
-    /// Acceleration from rest
-    Acceleration,
-    /// Stopping: full astern if the propulsion can be reversed
-    Stopping,
-}
-
-impl From<TrialName> for config::TrialName {
-    fn from(trial: TrialName) -> Self {
-        match trial {
-            TrialName::TurningCircle => Self::TurningCircle,
-            TrialName::Zigzag => Self::Zigzag,
-            TrialName::PullOut => Self::PullOut,
-            TrialName::Spiral => Self::Spiral,
-            TrialName::Acceleration => Self::Acceleration,
-            TrialName::Stopping => Self::Stopping,
-        }
-    }
-}
 
 /// Run manoeuvring trials of a vessel or of an identified model
 ///
@@ -56,64 +23,11 @@ pub struct Manoeuvre {
     /// Logs: their turns and zigzags are set beside the predictions of the model from their first samples
     #[arg(value_name = "LOG")]
     pub logs: Vec<PathBuf>,
-    /// Trials, separated by commas (default: all)
-    #[arg(long, value_enum, value_delimiter = ',', value_name = "TRIAL")]
-    pub trial: Vec<TrialName>,
-    /// Steering of turning circle, pull-out and spiral: degrees, or percent of hard over (default: 35 deg, or hard over)
-    #[arg(long, value_name = "DEG|PERCENT", allow_negative_numbers = true)]
-    pub steering: Option<f64>,
-    /// Zigzags: steering (degrees or percent) and change of heading [deg] (default: 10/10,20/20, where the steering suffices)
-    #[arg(long, value_delimiter = ',', value_name = "STEERING/HEADING")]
-    pub zigzag: Vec<ZigzagAngles>,
-    /// Steady speed of the approach through the water [m/s] (default: that of 85 % propulsion; a vessel that no input pushes has one speed)
-    #[arg(long, value_name = "M_S", conflicts_with = "propulsion", allow_negative_numbers = true)]
-    pub speed: Option<f64>,
-    /// Propulsion of the approach, in percent of full ahead (default: 85, the test speed of the IMO)
-    #[arg(long, value_name = "PERCENT", allow_negative_numbers = true)]
-    pub propulsion: Option<f64>,
     #[command(flatten)]
-    pub roles: RoleArgs,
-    #[command(flatten)]
-    pub values: ValueArgs,
-    /// Inputs that push the vessel, separated by commas; -NAME pushes astern (default: by the roles of the inputs)
-    #[arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)]
-    pub push: Vec<String>,
-    /// Inputs that turn the vessel to starboard; -NAME turns to port (default: by the roles of the inputs)
-    #[arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)]
-    pub turn: Vec<String>,
-    /// Velocity of a constant current: north,east [m/s]; the approach heads north
-    #[arg(long, default_value = "0,0", value_name = "N,E", allow_hyphen_values = true)]
-    pub current: Pair,
-    /// Length of the ship [m]: adds the criteria of IMO resolution MSC.137(76)
-    #[arg(long, value_name = "M", allow_negative_numbers = true)]
-    pub length: Option<f64>,
-    /// Longest trial
-    #[arg(long, value_name = "TIME", default_value = "1h")]
-    pub longest: Duration,
+    pub settings: config::Manoeuvre,
     /// Folder for trials.json (comparisons.json with logs), tracks.csv and report.html
     #[arg(long, short, value_name = "DIR")]
     pub output: Option<PathBuf>,
     #[command(flatten)]
     pub log: LogArgs,
-}
-
-impl Manoeuvre {
-    /// The settings of the trials.
-    pub fn settings(&self) -> config::Manoeuvre {
-        config::Manoeuvre {
-            trials: self.trial.iter().map(|trial| (*trial).into()).collect(),
-            steering: self.steering,
-            zigzag: self.zigzag.clone(),
-            speed: self.speed,
-            propulsion: self.propulsion,
-            role: self.roles.roles(),
-            limit: self.values.limits(),
-            neutral: self.values.neutrals(),
-            push: self.push.clone(),
-            turn: self.turn.clone(),
-            current: self.current.0,
-            length: self.length,
-            longest: Some(self.longest),
-        }
-    }
 }

@@ -24,8 +24,6 @@ pub use export::{Export, Target};
 pub use hydroid::config::{Duration, Horizon};
 pub use hydroid_live::program::control::{AnswerArgs, Control};
 use hydroid_live::program::file::parse;
-pub use hydroid_live::program::roles::{RoleArgs, ValueArgs};
-pub use hydroid_live::program::values::{Learner, NamedNumber, NamedRange, Pair};
 pub use identify::Identify;
 pub use live::Live;
 pub use manoeuvre::Manoeuvre;
@@ -98,91 +96,17 @@ pub struct Simulate {
     /// file; if the file is a log with the outputs of the model, the simulation starts with the measured motion
     #[arg(long, default_value = "mixed", value_name = "KIND|FILE")]
     pub excitation: String,
-    /// Duration [s] (default: 7200, or as long as the commands of a file last)
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
-    pub duration: Option<f64>,
-    /// Sample time of a vessel [s] (default: 0.1); an identified model has its own
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
-    pub dt: Option<f64>,
-    /// Integration step of a vessel [s] (default: 0.01); the sample time is a multiple of it
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
-    pub step: Option<f64>,
-    /// Seed of commands and noise; the same seed gives the same bytes
-    #[arg(long, default_value_t = 0)]
-    pub seed: u64,
-    /// Factor on the measurement noise of the vessel; 0: none
-    #[arg(long, default_value_t = 1.0, value_name = "FACTOR", allow_negative_numbers = true)]
-    pub noise: f64,
-    /// Velocity of a constant current: north,east [m/s]; pose and velocities are over ground (default: still water; with a
-    /// log, the estimate of the model from the samples before the start)
-    #[arg(long, value_name = "N,E", allow_hyphen_values = true)]
-    pub current: Option<Pair>,
-    /// Identified model: factor on its process noise, from the growth of its errors; 0: none
-    #[arg(long, default_value_t = 0.0, value_name = "FACTOR", allow_negative_numbers = true)]
-    pub process_noise: f64,
-    /// Identified model and a log: time from the start of the log at which the simulation starts [s]
-    #[arg(long, value_name = "TIME")]
-    pub start: Option<Duration>,
+    #[command(flatten)]
+    pub settings: config::Simulate,
     /// Identified model: file of a figure (.svg) with the simulated track, those of the model's members, and the measured one
     #[arg(long, value_name = "FILE")]
     pub figure: Option<PathBuf>,
-    #[command(flatten)]
-    pub roles: RoleArgs,
-    /// Identified model: inputs that push the vessel, for mixed; -NAME pushes astern (default: by their roles)
-    #[arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)]
-    pub push: Vec<String>,
-    /// Identified model: inputs that turn the vessel to starboard, for mixed; -NAME turns to port (default: by their roles)
-    #[arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)]
-    pub turn: Vec<String>,
-    /// Lawn-mower: length of a leg [m]
-    #[arg(long, value_name = "M", allow_negative_numbers = true)]
-    pub leg: Option<f64>,
-    /// Lawn-mower: distance between legs [m]
-    #[arg(long, value_name = "M", allow_negative_numbers = true)]
-    pub spacing: Option<f64>,
-    /// Lawn-mower: speeds of the legs [m/s], separated by commas (default: random)
-    #[arg(long, value_delimiter = ',', value_name = "M_S")]
-    pub leg_speeds: Vec<f64>,
-    /// Lawn-mower: sharp turns between legs instead of half circles
-    #[arg(long)]
-    pub sharp_turns: bool,
-    /// Circle: radius [m]
-    #[arg(long, value_name = "M", allow_negative_numbers = true)]
-    pub radius: Option<f64>,
-    /// Circle: speed [m/s]. Low-speed: upper limit of the speed [m/s]
-    #[arg(long, value_name = "M_S", allow_negative_numbers = true)]
-    pub speed: Option<f64>,
     /// File of the log; - for standard output (default: PLANT-EXCITATION-seedN.csv)
     #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Print the vessel's parameters as TOML and stop
     #[arg(long)]
     pub print_vessel: bool,
-}
-
-impl Simulate {
-    /// The settings of the simulation.
-    pub fn settings(&self) -> config::Simulate {
-        config::Simulate {
-            duration: self.duration,
-            dt: self.dt,
-            step: self.step,
-            seed: self.seed,
-            noise: self.noise,
-            current: self.current.map(|current| current.0),
-            process_noise: self.process_noise,
-            start: self.start,
-            role: self.roles.roles(),
-            push: self.push.clone(),
-            turn: self.turn.clone(),
-            leg: self.leg,
-            spacing: self.spacing,
-            leg_speeds: self.leg_speeds.clone(),
-            sharp_turns: self.sharp_turns,
-            radius: self.radius,
-            speed: self.speed,
-        }
-    }
 }
 
 /// Show the contents of logs, models and black boxes

@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
 
-use super::{EvaluationArgs, LogArgs, RoleArgs};
+use hydroid::boat::StatedRoles;
+
+use super::{EvaluationArgs, LogArgs};
 
 /// Write a page about a model: what it is, its errors on logs, its trials; on it, the model can be driven
 ///
@@ -29,8 +31,10 @@ pub struct Report {
     /// Length of the ship [m]: adds the criteria of IMO resolution MSC.137(76)
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub length: Option<f64>,
-    #[command(flatten)]
-    pub roles: RoleArgs,
+    /// Roles of inputs: propulsion, steering, thruster, disturbance or setting, as in delta=steering,wind=disturbance
+    /// (default: those of the model, found from names, units and its response)
+    #[arg(long, value_name = "INPUT=ROLE,..")]
+    pub role: Option<StatedRoles>,
     /// Inputs that push the vessel, separated by commas; -NAME pushes astern (default: by the roles of the inputs)
     #[arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)]
     pub push: Vec<String>,

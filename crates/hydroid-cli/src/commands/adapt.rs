@@ -15,7 +15,7 @@ use hydroid::model::{self, Model};
 use hydroid_live::black_box::adapt_recorded;
 
 use super::{Outcome, evaluate, table};
-use crate::args::{Adapt, Global, KalmanArgs, Learner, LeastSquaresArgs, MethodArgs, NamedNumber};
+use crate::args::{Adapt, Global, KalmanArgs, LeastSquaresArgs, MethodArgs};
 use crate::{logs, outputs, ui};
 
 pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
@@ -125,10 +125,10 @@ pub fn method_options(args: &MethodArgs, model: &Model) -> anyhow::Result<Option
     }
     let (equations, direct) = (model.equations().is_some(), model.direct().is_some());
     ensure!(
-        !direct || args.learner != Some(Learner::Kalman),
+        !direct || args.learner != Some(Method::Kalman),
         "direct predictors adapt by least squares: leave --learner kalman out"
     );
-    if direct || equations && args.learner != Some(Learner::Kalman) {
+    if direct || equations && args.learner != Some(Method::Kalman) {
         ensure!(
             args.kalman == KalmanArgs::default(),
             "the options of the extended Kalman filter need a recurrent network, a vessel, or equations with --learner kalman: this is a model of kind '{}'",
@@ -153,7 +153,7 @@ pub fn method_options(args: &MethodArgs, model: &Model) -> anyhow::Result<Option
         return Ok(options);
     }
     ensure!(
-        equations || args.learner != Some(Learner::LeastSquares),
+        equations || args.learner != Some(Method::LeastSquares),
         "--learner least-squares needs equations or a direct predictor: this is a model of kind '{}', which adapts by the extended Kalman filter",
         model.kind()
     );
@@ -182,24 +182,23 @@ pub fn method_options(args: &MethodArgs, model: &Model) -> anyhow::Result<Option
     Ok(options)
 }
 
-fn noise(given: &[NamedNumber], model: &Model) -> anyhow::Result<Option<Vec<f64>>> {
+fn noise(given: &[(String, f64)], model: &Model) -> anyhow::Result<Option<Vec<f64>>> {
     if given.is_empty() {
         return Ok(None);
     }
     let outputs: Vec<&str> =
         model.description.outputs.iter().map(|port| port.channel.name.as_str()).collect();
-    for entry in given {
+    for (name, _) in given {
         ensure!(
-            outputs.contains(&entry.name.as_str()),
-            "--noise: the model has no output '{}'; its outputs are {}",
-            entry.name,
+            outputs.contains(&name.as_str()),
+            "--noise: the model has no output '{name}'; its outputs are {}",
             outputs.join(", ")
         );
     }
     let of = |name: &&str| {
-        let entry = given.iter().find(|entry| entry.name == **name);
+        let entry = given.iter().find(|(named, _)| named == *name);
         entry
-            .map(|entry| entry.number)
+            .map(|(_, std)| *std)
             .with_context(|| format!("--noise: the output '{name}' is missing; name all outputs"))
     };
     outputs.iter().map(of).collect::<anyhow::Result<_>>().map(Some)

@@ -15,7 +15,7 @@ use crate::args::{Control, Global};
 use crate::ui;
 
 pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
-    let options = args.options();
+    let options = args.options.clone();
     options.check()?;
     service::check_options(args, &options)?;
     let read = |path: Option<&Path>| path.map(NamedModel::read).transpose();
@@ -23,9 +23,8 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
     if setup.controller.adapt.is_some() {
         let reading = &setup.model.description.reading;
         let of = (args.model.as_deref().unwrap_or(Path::new("")), &*setup.model);
-        let files = &args.adaptation.training_log;
-        let training =
-            crate::logs::training_logs(files, args.adaptation.training_time.0, of, reading, global)?;
+        let files = &args.training_log;
+        let training = crate::logs::training_logs(files, args.training_time.0, of, reading, global)?;
         setup.controller.rehearsal = training.replayed.into();
     }
     // Built before any simulation, so that a model that it cannot invert is refused early.

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use hydroid::atomic::{self, Lock};
+use hydroid::config::value::by_name;
 use hydroid::config::{self, Config, Logs};
 use hydroid::craft::CraftFile;
 use hydroid::excitation::Excitation;
@@ -140,17 +141,17 @@ fn vessel(path: &Path) -> anyhow::Result<CraftFile> {
 /// The command line takes precedence over the file.
 fn apply(args: &Identify, config: &mut Config) -> anyhow::Result<()> {
     let Config { boat, limit, identify, sindy, ranges, .. } = config;
-    for (name, role) in args.roles.roles() {
+    for (name, role) in args.role.clone().unwrap_or_default().0 {
         boat.inputs.entry(name).or_default().role = Some(role);
     }
-    for (name, range) in args.values.limits() {
+    for (name, range) in by_name(&args.limit) {
         if range.unit.is_some() {
             limit.insert(name, range);
             continue;
         }
         boat.state_values(&Channel::new(name, ""), None, Some(([range.low, range.high], None)))?;
     }
-    for (name, neutral) in args.values.neutrals() {
+    for (name, neutral) in by_name(&args.neutral) {
         boat.state_values(&Channel::new(name, ""), Some(neutral), None)?;
     }
     identify.seed = args.seed.or(identify.seed);
@@ -161,11 +162,11 @@ fn apply(args: &Identify, config: &mut Config) -> anyhow::Result<()> {
     if let Some(rate_limit) = &args.rate_limit {
         identify.rate_limit.clone_from(rate_limit);
     }
-    for given in &args.ranges {
-        if args.ranges.iter().filter(|other| other.name == given.name).count() > 1 {
-            bail!("--range names '{}' twice: give one range for each channel", given.name);
+    for (name, range) in &args.ranges {
+        if args.ranges.iter().filter(|(other, _)| other == name).count() > 1 {
+            bail!("--range names '{name}' twice: give one range for each channel");
         }
-        ranges.insert(given.name.clone(), given.range.clone());
+        ranges.insert(name.clone(), range.clone());
     }
     apply_equation_args(args, sindy);
     apply_network_args(args, config);

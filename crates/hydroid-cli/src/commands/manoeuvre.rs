@@ -16,7 +16,7 @@ pub fn run(args: &Manoeuvre, global: Global) -> anyhow::Result<Outcome> {
     if !args.logs.is_empty() {
         return compare(args, &model, global);
     }
-    let plan = args.settings().plan(&model)?;
+    let plan = args.settings.plan(&model)?;
     let _lock = lock(args)?;
     let bar = ui::Bar::new("trials", global);
     let Some(trials) = plan.run(&model, &mut bar.callback())? else {
@@ -26,8 +26,12 @@ pub fn run(args: &Manoeuvre, global: Global) -> anyhow::Result<Outcome> {
     let document = trials.document(&args.plant.display().to_string(), &model, &plan.options);
     if let Some(folder) = &args.output {
         let command = ui::command_line();
-        let report =
-            ManoeuvreReport { command: &command, model: &model, trials: &trials, length_m: args.length };
+        let report = ManoeuvreReport {
+            command: &command,
+            model: &model,
+            trials: &trials,
+            length_m: args.settings.length,
+        };
         report.write(folder, &document)?;
     }
     if global.json {

@@ -17,7 +17,7 @@ use crate::args::{Global, Report};
 use crate::{logs, outputs, ui};
 
 pub fn run(args: &Report, global: Global) -> anyhow::Result<Outcome> {
-    let mut model = model::read(&args.model)?.with_roles(&args.roles.roles())?;
+    let mut model = model::read(&args.model)?.with_roles(&args.role.clone().unwrap_or_default().0)?;
     let inputs: Vec<&Path> = std::iter::once(&args.model).chain(&args.logs).map(|path| &**path).collect();
     outputs::check(&[("-o", Some(&args.output))], &inputs)?;
     let judged = if args.logs.is_empty() { None } else { Some(judge(args, &mut model, global)?) };
@@ -32,7 +32,7 @@ pub fn run(args: &Report, global: Global) -> anyhow::Result<Outcome> {
     let trials = plan.and_then(|plan| Ok(plan.run(&model, &mut bar.callback())?));
     drop(bar);
     let stated =
-        args.roles.role.is_some() || !args.push.is_empty() || !args.turn.is_empty() || args.length.is_some();
+        args.role.is_some() || !args.push.is_empty() || !args.turn.is_empty() || args.length.is_some();
     let trials = match trials {
         Ok(Some(trials)) => Ok(trials),
         Ok(None) => bail!("cancelled"),

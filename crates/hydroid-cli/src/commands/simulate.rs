@@ -36,17 +36,16 @@ pub fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
         }
         return Ok(Outcome::Done);
     }
-    match args.settings().plan(&plant, &Drive::read(&args.excitation)?)? {
+    match args.settings.plan(&plant, &Drive::read(&args.excitation)?)? {
         Plan::Vessel { options, label } => vessel(args, &options, &label, global),
         Plan::Model(plan) => model::run(args, &plan, global),
     }
 }
 
 fn vessel(args: &Simulate, options: &Options, label: &str, global: Global) -> anyhow::Result<Outcome> {
-    let path = args
-        .output
-        .clone()
-        .unwrap_or_else(|| PathBuf::from(format!("{}-{label}-seed{}.csv", options.vessel.name, args.seed)));
+    let path = args.output.clone().unwrap_or_else(|| {
+        PathBuf::from(format!("{}-{label}-seed{}.csv", options.vessel.name, args.settings.seed))
+    });
     if global.json && path == Path::new("-") {
         bail!("--json and -o - both write to standard output: name a file with -o");
     }
@@ -71,7 +70,7 @@ fn vessel(args: &Simulate, options: &Options, label: &str, global: Global) -> an
             "samples": record.len(),
             "dt": record.dt_s(),
             "duration_s": record.len() as f64 * record.dt_s(),
-            "seed": args.seed,
+            "seed": args.settings.seed,
             "u_min": low,
             "u_max": high,
         }))?;
@@ -82,7 +81,7 @@ fn vessel(args: &Simulate, options: &Options, label: &str, global: Global) -> an
             record.len(),
             record.dt_s(),
             options.vessel.name,
-            args.seed
+            args.settings.seed
         );
     }
     Ok(Outcome::Done)

@@ -358,16 +358,16 @@ impl<L: Link> Boat<L> {
             let name = &column.source.channel.name;
             let Some(value) = values.iter().find(|value| value.name == *name) else { continue };
             let own = axis(&self.link, &self.settings, column)?;
-            // In the unit of the boat of the model.
+            // In the unit of the boat of the model. What an option states follows, and counts.
             let raw = |value: f64| boat.raw(&column.source.channel, value).map_err(|error| error.to_string());
             let is_weak = |property| value.weak().any(|weak| weak == property);
             if self.settings.limits.contains_key(name) || is_weak(Property::Limits) {
                 let [a, b] = [raw(own.low)?, raw(own.high)?];
                 let range = GivenRange { low: a.min(b), high: a.max(b), unit: None };
-                options.limit.entry(name.clone()).or_insert(range);
+                options.limit.insert(0, (name.clone(), range));
             }
             if self.settings.neutral.contains_key(name) || is_weak(Property::Neutral) {
-                options.neutral.entry(name.clone()).or_insert(raw(own.rest)?);
+                options.neutral.insert(0, (name.clone(), raw(own.rest)?));
             }
         }
         let named = NamedModel { name: active.name.clone(), model: active.model.clone() };

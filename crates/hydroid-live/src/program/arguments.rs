@@ -5,7 +5,8 @@ use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
 
-use super::values::{NamedNumber, NamedRange, Pair};
+use hydroid::config::value::{named, numbers};
+use hydroid::identify::GivenRange;
 
 /// Commands to the vessel.
 #[derive(Debug, ClapArgs)]
@@ -27,18 +28,18 @@ pub struct CommandArgs {
     #[arg(long, value_delimiter = ',', allow_hyphen_values = true, value_name = "LIST")]
     pub turn: Vec<String>,
     /// Limits of commands in the units of the model (default for MAVLink: pulses from 1100 to 1900 us)
-    #[arg(long, value_delimiter = ',', value_name = "NAME=LOW:HIGH")]
-    pub limit: Vec<NamedRange>,
+    #[arg(long, value_delimiter = ',', value_parser = named::<GivenRange>, value_name = "NAME=LOW:HIGH")]
+    pub limit: Vec<(String, GivenRange)>,
     /// Neutral commands in the units of the model (default: those of [boat.inputs], 1500 for pulses in us, 0 for physical
     /// quantities)
-    #[arg(long, value_delimiter = ',', value_name = "NAME=VALUE", allow_hyphen_values = true)]
-    pub neutral: Vec<NamedNumber>,
+    #[arg(long, value_delimiter = ',', value_parser = named::<f64>, value_name = "NAME=VALUE")]
+    pub neutral: Vec<(String, f64)>,
     /// Radius of the geofence [m]
     #[arg(long, default_value_t = 100.0, value_name = "M")]
     pub fence: f64,
     /// Centre of the geofence, latitude and longitude [deg] (default: the first position)
-    #[arg(long, allow_hyphen_values = true, value_name = "LAT,LON")]
-    pub fence_centre: Option<Pair>,
+    #[arg(long, allow_hyphen_values = true, value_name = "LAT,LON", value_parser = numbers::<2>)]
+    pub fence_centre: Option<[f64; 2]>,
     /// Largest speed over ground [m/s]
     #[arg(long, default_value_t = 3.0, value_name = "M_S")]
     pub max_speed: f64,

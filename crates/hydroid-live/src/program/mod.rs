@@ -11,10 +11,8 @@ pub mod control;
 pub mod file;
 mod identification;
 pub mod interrupt;
-pub mod roles;
 mod session;
 pub mod text;
-pub mod values;
 
 pub use arguments::{CommandArgs, PageArgs, SessionArgs};
 pub use session::{Session, check_positive, config_file};

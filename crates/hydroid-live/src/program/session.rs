@@ -103,11 +103,11 @@ fn settings(args: &SessionArgs, address: &str, config: Config, file: &Path) -> a
         reading.selection.outputs = ["u", "v", "r"].map(ChannelSpec::named).to_vec();
     }
     let mut limits = std::collections::BTreeMap::new();
-    for given in &args.commands.limit {
-        ensure!(given.range.unit.is_none(), "--limit {}: limits are in the unit of the model", given.name);
-        limits.insert(given.name.clone(), [given.range.low, given.range.high]);
+    for (name, range) in &args.commands.limit {
+        ensure!(range.unit.is_none(), "--limit {name}: limits are in the unit of the model");
+        limits.insert(name.clone(), [range.low, range.high]);
     }
-    let control = file::control_of(file)?.options();
+    let control = file::control_of(file)?.options;
     Ok(Settings {
         address: address.to_owned(),
         selection: reading.selection,
@@ -117,12 +117,12 @@ fn settings(args: &SessionArgs, address: &str, config: Config, file: &Path) -> a
         is_dry_run: args.commands.dry_run,
         boat: config.boat,
         limits,
-        neutral: args.commands.neutral.iter().map(|given| (given.name.clone(), given.number)).collect(),
+        neutral: args.commands.neutral.iter().cloned().collect(),
         push: args.commands.push.clone(),
         turn: args.commands.turn.clone(),
         experiment: ExperimentLimits {
             fence_m: args.commands.fence,
-            centre_deg: args.commands.fence_centre.map(|centre| centre.0),
+            centre_deg: args.commands.fence_centre,
             max_speed_m_s: args.commands.max_speed,
             max_yaw_rate_rad_s: args.commands.max_yaw_rate.to_radians(),
             duration_s: args.commands.duration,

@@ -50,12 +50,13 @@ pub use {
 /// Adaptation method of equations. Networks and vessels use the filter, direct predictors least squares.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[cfg_attr(feature = "arguments", derive(clap::ValueEnum))]
 pub enum Method {
-    /// Recursive least squares on increments of the measured state.
+    /// Recursive least squares on increments (equations) or on the last layer (direct predictors)
     #[default]
     #[serde(alias = "least-squares")]
     LeastSquares,
-    /// Extended Kalman filter over coefficients and outputs.
+    /// An extended Kalman filter over state and weights, which also filters the measurement noise
     Kalman,
 }
 

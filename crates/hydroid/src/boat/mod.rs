@@ -194,8 +194,28 @@ impl fmt::Display for Evidence {
 }
 
 /// Roles as an option states them: `delta=steering,wind_x=disturbance`.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "WrittenRoles")]
 pub struct StatedRoles(pub Roles);
+
+/// Roles in a file: a table, or text as on a command line.
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "a table of inputs and roles, or text like \"delta=steering\"")]
+enum WrittenRoles {
+    Table(Roles),
+    Text(String),
+}
+
+impl TryFrom<WrittenRoles> for StatedRoles {
+    type Error = BoatError;
+
+    fn try_from(written: WrittenRoles) -> Result<Self, BoatError> {
+        match written {
+            WrittenRoles::Table(roles) => Ok(Self(roles)),
+            WrittenRoles::Text(text) => text.parse(),
+        }
+    }
+}
 
 impl FromStr for StatedRoles {
     type Err = BoatError;

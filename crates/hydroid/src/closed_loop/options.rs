@@ -37,19 +37,24 @@ const BANDWIDTH: [f64; 2] = [1.5, 0.7];
 const RATE_PER_S: f64 = 1.0;
 
 /// Control method.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "arguments", derive(clap::ValueEnum))]
 pub enum ControlMethod {
-    /// [`FeedbackLinearization`].
+    /// Feedback linearization of a point ahead of the vessel: equations, vessels and control-affine networks
     #[serde(rename = "fl")]
+    #[cfg_attr(feature = "arguments", value(name = "fl"))]
     FeedbackLinearization,
-    /// [`Backstepping`].
+    /// Adaptive backstepping of the same point, which rejects constant disturbances: the same models
     #[serde(rename = "backstepping")]
     Backstepping,
-    /// The cross-entropy method, [`Planner`].
+    /// Model predictive control by the cross-entropy method: any model
+    #[default]
     #[serde(rename = "cem")]
+    #[cfg_attr(feature = "arguments", value(name = "cem"))]
     CrossEntropy,
-    /// [`Autopilot`](hydroid_core::control::Autopilot).
+    /// Line of sight, PID on the heading, PI on the speed: any model; the gains are found by a grid search on it first
     #[serde(rename = "pid")]
+    #[cfg_attr(feature = "arguments", value(name = "pid"))]
     Autopilot,
 }
 

@@ -9,11 +9,13 @@ use super::track::Track;
 /// Parameter that moves the reference along its path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[cfg_attr(feature = "arguments", derive(clap::ValueEnum))]
 pub enum Timing {
-    /// Time: trajectory tracking. As an option it is `time`.
+    /// Trajectory tracking: a position for each time
     #[serde(rename(deserialize = "time"))]
+    #[cfg_attr(feature = "arguments", value(name = "time"))]
     Clock,
-    /// Projection of the vessel on the path: path following at the speed of the profile.
+    /// Path following: the nearest point of the path, with the speed required there
     Path,
 }
 

@@ -1,14 +1,18 @@
 //! Settings of manoeuvring trials.
+// Help texts come from the comments of the options; brackets are units.
+#![expect(rustdoc::broken_intra_doc_links, reason = "the comments are help texts, too")]
 
-use std::collections::BTreeMap;
 use std::str::FromStr;
 
 use serde::{Deserialize, Deserializer};
 
 use super::error::SettingError;
+use super::value::{by_name, read_list, read_named};
+#[cfg(feature = "arguments")]
+use super::value::{named, numbers};
 use super::{Duration, with_values};
-use crate::boat::{HARD_OVER_DEG, Roles};
-use crate::identify::GivenRanges;
+use crate::boat::{HARD_OVER_DEG, StatedRoles};
+use crate::identify::GivenRange;
 use crate::manoeuvre::{LeftOut, ManoeuvreError, Options, TrialKind, TrialOptions, Trials, trials};
 use crate::model::Model;
 use crate::plant::InputMap;
@@ -17,18 +21,19 @@ use crate::progress::Progress;
 /// Trials of one kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "arguments", derive(clap::ValueEnum))]
 pub enum TrialName {
-    /// Turning circles to both sides.
+    /// Turning circles to both sides
     TurningCircle,
-    /// Zigzags, first to starboard and first to port.
+    /// Zigzags, first to starboard and first to port
     Zigzag,
-    /// Pull-outs from turns to both sides.
+    /// Pull-outs from turns to both sides: is the vessel directionally stable?
     PullOut,
-    /// Direct spiral.
+    /// Direct spiral (Dieudonné): yaw rate against steering, with the width of a loop
     Spiral,
-    /// Acceleration from rest.
+    /// Acceleration from rest
     Acceleration,
-    /// Stopping.
+    /// Stopping: full astern if the propulsion can be reversed
     Stopping,
 }
 
@@ -77,35 +82,68 @@ impl<'de> Deserialize<'de> for ZigzagAngles {
     }
 }
 
-/// Settings of manoeuvring trials.
+/// Options of manoeuvring trials, of the command and of Python.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[cfg_attr(feature = "arguments", derive(clap::Args))]
 pub struct Manoeuvre {
-    /// Trials; empty for all.
+    /// Trials, separated by commas (default: all)
+    #[cfg_attr(
+        feature = "arguments",
+        arg(long, alias = "trial", value_enum, value_delimiter = ',', value_name = "TRIAL")
+    )]
+    #[serde(deserialize_with = "read_list")]
     pub trials: Vec<TrialName>,
-    /// Steering of turning circle, pull-out and spiral, in the unit of the steering; default 35 degrees, or hard over.
+    /// Steering of turning circle, pull-out and spiral: degrees, or percent of hard over (default: 35 deg, or hard over)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "DEG|PERCENT", allow_negative_numbers = true))]
     pub steering: Option<f64>,
-    /// Zigzags; default 10/10 and 20/20, where the steering suffices.
+    /// Zigzags: steering (degrees or percent) and change of heading [deg] (default: 10/10,20/20, where the steering suffices)
+    #[cfg_attr(feature = "arguments", arg(long, value_delimiter = ',', value_name = "STEERING/HEADING"))]
+    #[serde(deserialize_with = "read_list")]
     pub zigzag: Vec<ZigzagAngles>,
-    /// Speed of the approach through the water \[m/s\]; in place of the propulsion.
+    /// Steady speed of the approach through the water [m/s] (default: that of 85 % propulsion; a vessel that no input pushes has
+    /// one speed)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "M_S", allow_negative_numbers = true))]
     pub speed: Option<f64>,
-    /// Propulsion of the approach, in percent of full ahead; default 85.
+    /// Propulsion of the approach, in percent of full ahead (default: 85, the test speed of the IMO)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "PERCENT", allow_negative_numbers = true))]
     pub propulsion: Option<f64>,
-    /// Roles of inputs, in place of those of the model.
-    pub role: Roles,
-    /// Limits of inputs, in place of those of the boat and in its units.
-    pub limit: GivenRanges,
-    /// Neutral values of inputs, in place of those of the boat and in its units.
-    pub neutral: BTreeMap<String, f64>,
-    /// Inputs that push the vessel; `-NAME` pushes astern. Default: by the roles of the inputs.
+    /// Roles of inputs: propulsion, steering, thruster, disturbance or setting, as in delta=steering,wind=disturbance
+    /// (default: those of the model, found from names, units and its response)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "INPUT=ROLE,.."))]
+    pub role: StatedRoles,
+    /// Limits of a command, in the unit of the input in the boat, else of the model (default: those of the boat, 35 deg for a
+    /// steering angle, or in simulations the range of the log). May be repeated
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "NAME=LOW:HIGH", value_delimiter = ',', value_parser = named::<GivenRange>))]
+    #[serde(deserialize_with = "read_named")]
+    pub limit: Vec<(String, GivenRange)>,
+    /// Value of a command without effect, in the same unit (default: that of the boat, 1500 for pulses in us, 0 for physical
+    /// quantities); value of an input that is not commanded, as of the wind (default: 0). May be repeated
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "NAME=VALUE", value_delimiter = ',', value_parser = named::<f64>))]
+    #[serde(deserialize_with = "read_named")]
+    pub neutral: Vec<(String, f64)>,
+    /// Inputs that push the vessel, separated by commas; -NAME pushes astern (default: by the roles of the inputs)
+    #[cfg_attr(
+        feature = "arguments",
+        arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)
+    )]
+    #[serde(deserialize_with = "read_list")]
     pub push: Vec<String>,
-    /// Inputs that turn the vessel to starboard; `-NAME` turns to port. Default: by the roles of the inputs.
+    /// Inputs that turn the vessel to starboard; -NAME turns to port (default: by the roles of the inputs)
+    #[cfg_attr(
+        feature = "arguments",
+        arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)
+    )]
+    #[serde(deserialize_with = "read_list")]
     pub turn: Vec<String>,
-    /// Velocity of the water, north and east \[m/s\].
-    pub current: [f64; 2],
-    /// Length of the ship \[m\], for the criteria of the IMO.
+    /// Velocity of a constant current: north,east [m/s]; the approach heads north (default: still water)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "N,E", value_parser = numbers::<2>, allow_hyphen_values = true))]
+    pub current: Option<[f64; 2]>,
+    /// Length of the ship [m]: adds the criteria of IMO resolution MSC.137(76)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "M", allow_negative_numbers = true))]
     pub length: Option<f64>,
-    /// Longest trial; default one hour.
+    /// Longest trial (default: 1h)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "TIME"))]
     pub longest: Option<Duration>,
 }
 
@@ -143,7 +181,11 @@ impl Manoeuvre {
     /// # Errors
     /// If the inputs of the model cannot be found, or an option is out of range.
     pub fn plan(&self, model: &Model) -> Result<TrialPlan, SettingError> {
-        let model = with_values(model.clone().with_roles(&self.role)?, &self.neutral, &self.limit)?;
+        let model = with_values(
+            model.clone().with_roles(&self.role.0)?,
+            &by_name(&self.neutral),
+            &by_name(&self.limit),
+        )?;
         let map = InputMap::with(&model, &self.push, &self.turn)?;
         let kinds = self.kinds(&map)?;
         let options = self.options()?;
@@ -246,7 +288,7 @@ impl Manoeuvre {
         if let Some(length) = self.length.filter(|length| !(length.is_finite() && *length > 0.0)) {
             return wrong(format!("--length {length}: give metres, greater than 0"));
         }
-        if self.current.iter().any(|velocity| !velocity.is_finite()) {
+        if self.current.iter().flatten().any(|velocity| !velocity.is_finite()) {
             return wrong(String::from("--current: give two velocities in m/s, north and east"));
         }
         Ok(TrialOptions {
@@ -255,7 +297,7 @@ impl Manoeuvre {
                 speed_m_s: self.speed,
             },
             longest_s: self.longest.map_or(default.longest_s, |longest| longest.0),
-            current: self.current,
+            current: self.current.unwrap_or_default(),
             length_m: self.length,
         })
     }

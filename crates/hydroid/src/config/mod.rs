@@ -9,7 +9,10 @@ mod error;
 mod job;
 mod manoeuvre;
 mod quantity;
+#[cfg(feature = "arguments")]
+pub mod schema;
 mod simulate;
+pub mod value;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -44,7 +44,7 @@ pub(super) fn run(args: &Control, global: Global, steered: &Steered<'_>) -> anyh
         ("--state", args.service.answers.state.as_deref()),
         ("--black-box", args.service.black_box.as_deref()),
     ];
-    let read = args.adaptation.training_log.iter().map(AsRef::as_ref);
+    let read = args.training_log.iter().map(AsRef::as_ref);
     outputs::check(&written, &read.chain([steered.stream, steered.file]).collect::<Vec<&Path>>())?;
     let written = [&args.service.answers.state, &args.service.black_box];
     let locks = written.into_iter().flatten().map(|path| Lock::new(path)).collect::<Result<_, _>>()?;
@@ -55,10 +55,9 @@ pub(super) fn run(args: &Control, global: Global, steered: &Steered<'_>) -> anyh
         .adapter()
         .context("the service follows the vessel with a model that can be adapted, and this one cannot")?;
     if controller.adapt.is_some() {
-        let files = &args.adaptation.training_log;
+        let files = &args.training_log;
         let of = (steered.file, model);
-        logs::training_logs(files, args.adaptation.training_time.0, of, reading, global)?
-            .remember(adapter.as_mut());
+        logs::training_logs(files, args.training_time.0, of, reading, global)?.remember(adapter.as_mut());
     }
     let pilot = setup.pilot(adapter.as_ref()).context("this controller cannot be used with this model")?;
     let given = &args.service;
@@ -93,7 +92,7 @@ pub(super) fn run(args: &Control, global: Global, steered: &Steered<'_>) -> anyh
                 "limits": format!("{:?}", scenario.limits),
                 "origin_deg": origin_deg,
             },
-            "seed": args.disturbances.seed,
+            "seed": args.options.seed,
         });
         let fingerprint = stream::model_fingerprint(steered.file, model)?;
         stream::persist(&mut live, path, fingerprint, &settings, global)?;

@@ -18,7 +18,7 @@ pub(super) fn run(args: &Simulate, plan: &ModelPlan, global: Global) -> anyhow::
     ui::print_notes(&plan.notes, global);
     let output = args.output.clone().unwrap_or_else(|| {
         let stem = Path::new(&args.plant).file_stem().unwrap_or_default().to_string_lossy();
-        PathBuf::from(format!("{stem}-simulated-seed{}.csv", args.seed))
+        PathBuf::from(format!("{stem}-simulated-seed{}.csv", args.settings.seed))
     });
     let _lock = super::lock(&output)?;
     let bar = ui::Bar::new("simulating", global);
@@ -70,14 +70,20 @@ fn report(
             "samples": simulated.len(),
             "dt": simulated.dt,
             "duration_s": duration_s,
-            "seed": args.seed,
+            "seed": args.settings.seed,
             "figure": args.figure,
             "current": current,
             "distance_at_end_m": last,
             "max_distance_m": most,
         }));
     }
-    outln!("{}: {} samples of {} s, seed {}", output.display(), simulated.len(), simulated.dt, args.seed);
+    outln!(
+        "{}: {} samples of {} s, seed {}",
+        output.display(),
+        simulated.len(),
+        simulated.dt,
+        args.settings.seed
+    );
     if current != [0.0; 2] {
         outln!("current: {:.3}, {:.3} m/s (north, east)", current[0], current[1]);
     }

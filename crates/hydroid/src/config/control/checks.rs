@@ -3,9 +3,34 @@
 use super::error::{SetupError, ensure};
 use super::options::{ClosedLoopOptions, TaskKind};
 use crate::closed_loop::{ControlMethod, Timing};
+use crate::key::key;
 
 /// Largest number of Monte Carlo trials.
 const MAX_RUNS: usize = 1_000_000;
+
+/// Whether an option is given.
+trait Given {
+    fn is_given(&self) -> bool;
+}
+
+impl<T> Given for Option<T> {
+    fn is_given(&self) -> bool {
+        self.is_some()
+    }
+}
+
+impl Given for bool {
+    fn is_given(&self) -> bool {
+        *self
+    }
+}
+
+/// The first one of some options that is given.
+macro_rules! first {
+    ($of:expr, $($name:ident)*) => {
+        [$((stringify!($name), $of.$name.is_given())),*].into_iter().find_map(|(name, is_given)| is_given.then_some(name))
+    };
+}
 
 impl ClosedLoopOptions {
     /// Checks that every option that is given belongs to the controller, the task, and the kind of run.
@@ -24,136 +49,111 @@ impl ClosedLoopOptions {
     /// # Errors
     /// If one does; the message names it.
     pub fn check_on_board(&self) -> Result<(), SetupError> {
-        for (option, is_given) in [
-            ("--runs", self.runs != 1),
-            ("--duration", self.duration.is_some()),
-            ("--start", self.start.is_some()),
-            ("--evaluate-from", self.evaluate_from.is_some()),
-            ("--noise", self.noise != 1.0),
-            ("--process-noise", self.process_noise != 0.0),
-            ("--current", self.current != [0.0; 2]),
-            ("--wind", self.wind != [0.0; 2]),
-            ("--gusts", self.gusts[0] != 0.0),
-            ("--mass", self.mass != 1.0),
-            ("--delay", self.delay != 0.0),
-            ("--onset", self.onset.is_some()),
-        ] {
-            ensure(!is_given, || {
-                format!("{option} belongs to a simulated run: leave it out for a controller on board")
-            })?;
-        }
-        Ok(())
+        none(
+            first!(self, runs duration start evaluate_from noise process_noise current wind gusts mass delay onset),
+            |option| format!("{option} belongs to a simulated run: leave it out for a controller on board"),
+        )
     }
 
     fn check_controller(&self) -> Result<(), SetupError> {
         use ControlMethod::{Autopilot, Backstepping, CrossEntropy, FeedbackLinearization};
-        for (option, is_given, owner) in [
-            ("--bandwidth", self.bandwidth.is_some(), FeedbackLinearization),
-            ("--integral", self.integral.is_some(), FeedbackLinearization),
-            ("--adaptive-augmentation", self.adaptive_augmentation, FeedbackLinearization),
-            ("--rate", self.rate.is_some(), Backstepping),
-            ("--horizon", self.horizon.is_some(), CrossEntropy),
-            ("--hold", self.hold.is_some(), CrossEntropy),
-            ("--candidates", self.candidates.is_some(), CrossEntropy),
-            ("--iterations", self.iterations.is_some(), CrossEntropy),
-            ("--gauss-newton-steps", self.gauss_newton_steps.is_some(), CrossEntropy),
-            ("--cost-weights", self.cost_weights.is_some(), CrossEntropy),
-            ("--plan-time", self.plan_time.is_some(), CrossEntropy),
+        let law = |law: ControlMethod| key("controller").is(law.name());
+        for (owner, given) in [
+            (FeedbackLinearization, first!(self, bandwidth integral adaptive_augmentation)),
+            (Backstepping, first!(self, rate)),
+            (
+                CrossEntropy,
+                first!(self, horizon hold candidates iterations gauss_newton_steps cost_weights plan_time),
+            ),
         ] {
-            let owner_name = owner.name();
-            ensure(!is_given || self.controller == owner, || {
-                format!("{option} needs --controller {owner_name}: leave it out")
+            none(given.filter(|_| self.controller != owner), |option| {
+                format!("{option} needs {}: leave it out", law(owner))
             })?;
         }
         let is_predictive = self.controller == CrossEntropy;
         ensure(is_predictive || self.task != TaskKind::Station, || {
-            "--task station needs --controller cem: fl, backstepping and pid steer along a path".to_owned()
+            let task = key("task").is("station");
+            format!("{task} needs {}: fl, backstepping and pid steer along a path", law(CrossEntropy))
         })?;
         ensure(is_predictive || self.reference.is_none_or(|timing| timing == Timing::Clock), || {
-            "--reference needs --controller cem: fl and backstepping track a trajectory in time, pid follows the path".to_owned()
+            format!(
+                "{} needs {}: fl and backstepping track a trajectory in time, pid follows the path",
+                key("reference"),
+                law(CrossEntropy)
+            )
         })?;
-        ensure(self.controller != Autopilot || self.lead.is_none_or(|lead| lead == 0.0), || {
-            "--lead: pid controls the vessel's origin; leave --lead out".to_owned()
+        let is_pid = self.controller == Autopilot;
+        ensure(!is_pid || self.lead.is_none_or(|lead| lead == 0.0), || {
+            format!("{}: pid controls the vessel's origin; leave it out", key("lead"))
         })?;
-        ensure(self.controller != Autopilot || self.estimate_current.is_none(), || {
-            "--estimate-current needs a controller that predicts with a model; pid does not: leave it out"
-                .to_owned()
-        })?;
-        ensure(self.controller != Autopilot || !self.adapt, || {
-            "--adapt needs a controller that predicts with a model; pid does not: leave --adapt out"
-                .to_owned()
+        none(first!(self, estimate_current adapt).filter(|_| is_pid), |option| {
+            format!("{option} needs a controller that predicts with a model; pid does not: leave it out")
         })
     }
 
     fn check_adaptation(&self) -> Result<(), SetupError> {
-        for (option, is_given) in [("--learner", self.learner.is_some()), ("--no-guard", self.no_guard)] {
-            ensure(!is_given || self.adapt, || {
-                format!("{option} is an option of the adaptation: add --adapt, or leave it out")
-            })?;
-        }
-        ensure(!(self.adaptive_augmentation && self.adapt), || {
-            "--adaptive-augmentation and --adapt both learn the error of the model: leave one of them out"
-                .to_owned()
+        let adapt = key("adapt");
+        none(first!(self, learner no_guard).filter(|_| !self.adapt), |option| {
+            format!("{option} is an option of the adaptation: set {adapt} too, or leave it out")
+        })?;
+        none(first!(self, adaptive_augmentation).filter(|_| self.adapt), |option| {
+            format!("{option} and {adapt} both learn the error of the model: leave one of them out")
         })
     }
 
     fn check_trials(&self) -> Result<(), SetupError> {
-        for (option, is_given) in [
-            ("--mass-variation", self.mass_variation.is_some()),
-            ("--current-variation", self.current_variation.is_some()),
-            ("--wind-variation", self.wind_variation.is_some()),
-        ] {
-            ensure(!is_given || self.runs != 1, || {
+        let runs = self.runs();
+        none(
+            first!(self, mass_variation current_variation wind_variation).filter(|_| runs == 1),
+            |option| {
                 format!(
-                    "{option} applies to Monte Carlo trials: add --runs, or set the value of a single run by --mass, --current, --wind"
+                    "{option} applies to Monte Carlo trials: set {}, or state the value of a single run by {}, {}, {}",
+                    key("runs"),
+                    key("mass"),
+                    key("current"),
+                    key("wind")
                 )
-            })?;
-        }
-        ensure(self.runs <= MAX_RUNS, || format!("--runs {}: the largest number is {MAX_RUNS}", self.runs))
+            },
+        )?;
+        ensure(runs <= MAX_RUNS, || format!("{}: the largest number is {MAX_RUNS}", key("runs").is(runs)))
     }
 
     fn check_task(&self) -> Result<(), SetupError> {
-        let is_lawn = self.leg.is_some() || self.spacing.is_some() || self.legs.is_some();
         let is_station = self.task == TaskKind::Station;
         let by_points = matches!(self.task, TaskKind::Waypoints | TaskKind::Legs);
-        for (holds, message) in [
-            (
-                !is_lawn || self.task == TaskKind::LawnMower,
-                "--leg, --spacing and --legs need --task lawn-mower",
-            ),
-            (
-                self.points.is_none() || by_points || is_station,
-                "--points needs --task waypoints, --task legs or --task station",
-            ),
-            (self.waypoints.is_none() || by_points, "--waypoints needs --task waypoints or --task legs"),
-            (
-                self.points.is_none() || self.waypoints.is_none(),
-                "--points and --waypoints both state the points: leave one of them out",
-            ),
-            (self.heading.is_none_or(f64::is_finite), "--heading: give degrees, clockwise from north"),
-            (self.heading.is_none() || is_station, "--heading needs --task station"),
-            (
-                self.radius.is_none() || self.task != TaskKind::Legs,
-                "--task legs has sharp corners: leave --radius out, or use --task waypoints",
-            ),
-        ] {
-            ensure(holds, || message.to_owned())?;
-        }
-        for (option, is_given) in [
-            ("--speed", self.speed.is_some()),
-            ("--turn-speed", self.turn_speed.is_some()),
-            ("--radius", self.radius.is_some()),
-            ("--acceleration", self.acceleration.is_some()),
-        ] {
-            ensure(!(is_given && is_station), || {
-                format!("{option}: a station has no speed and no turns: leave it out")
-            })?;
-        }
-        match (self.turn_speed, self.task) {
-            (Some(turn), TaskKind::Circle) => Err(SetupError::option(format!(
-                "--task circle has one speed: use --speed {turn} and leave --turn-speed out"
-            ))),
-            _ => Ok(()),
-        }
+        let task = |name: &'static str| key("task").is(name);
+        none(first!(self, leg spacing legs).filter(|_| self.task != TaskKind::LawnMower), |option| {
+            format!("{option} needs {}", task("lawn-mower"))
+        })?;
+        none(first!(self, points).filter(|_| !by_points && !is_station), |option| {
+            format!("{option} needs {}, {} or {}", task("waypoints"), task("legs"), task("station"))
+        })?;
+        none(first!(self, waypoints).filter(|_| !by_points), |option| {
+            format!("{option} needs {} or {}", task("waypoints"), task("legs"))
+        })?;
+        none(first!(self, waypoints).filter(|_| self.points.is_some()), |option| {
+            format!("{} and {option} both state the points: leave one of them out", key("points"))
+        })?;
+        ensure(self.heading.is_none_or(f64::is_finite), || {
+            format!("{}: give degrees, clockwise from north", key("heading"))
+        })?;
+        none(first!(self, heading).filter(|_| !is_station), |option| {
+            format!("{option} needs {}", task("station"))
+        })?;
+        none(first!(self, radius).filter(|_| self.task == TaskKind::Legs), |option| {
+            format!("{} has sharp corners: leave {option} out, or set {}", task("legs"), task("waypoints"))
+        })?;
+        none(first!(self, speed turn_speed radius acceleration).filter(|_| is_station), |option| {
+            format!("{option}: a station has no speed and no turns: leave it out")
+        })?;
+        ensure(self.turn_speed.is_none() || self.task != TaskKind::Circle, || {
+            let [speed, turn] = [key("speed"), key("turn_speed")];
+            format!("{} has one speed: set {speed}, and leave {turn} out", task("circle"))
+        })
     }
+}
+
+/// An error if an option is given.
+fn none(given: Option<&str>, message: impl FnOnce(String) -> String) -> Result<(), SetupError> {
+    given.map_or(Ok(()), |name| Err(SetupError::Option(message(key(name).to_string()))))
 }

@@ -11,7 +11,9 @@ use super::setup::NamedModel;
 use crate::adapt::{self, Method};
 use crate::boat::{Role, Roles};
 use crate::closed_loop::{ControllerOptions, Scale, Scenario, Timing};
+use crate::config::value::by_name;
 use crate::config::with_values;
+use crate::key::key;
 use crate::model::Model;
 use crate::plant::find_roles;
 use crate::toml_file::nearest;
@@ -35,7 +37,8 @@ fn place(option: &str, name: &str, commands: &[&str]) -> Result<usize, SetupErro
         let nearest = nearest.map(|n| format!(", did you mean '{n}'?")).unwrap_or_default();
         let known = commands.join(", ");
         SetupError::option(format!(
-            "{option}: the plant has no command '{name}'{nearest}; its commands are {known}"
+            "{}: the plant has no command '{name}'{nearest}; its commands are {known}",
+            key(option)
         ))
     })
 }
@@ -51,7 +54,7 @@ impl ClosedLoopOptions {
             model.description.inputs.iter().map(|port| port.channel.name.clone()).collect();
         let keep = |name: &String| !is_beside_another || inputs.contains(name);
         let (mut roles, mut neutral, mut limits) =
-            (self.role.clone(), self.neutral.clone(), self.limit.clone());
+            (self.role.0.clone(), by_name(&self.neutral), by_name(&self.limit));
         roles.retain(|name, _| keep(name));
         neutral.retain(|name, _| keep(name));
         limits.retain(|name, _| keep(name));
@@ -59,20 +62,23 @@ impl ClosedLoopOptions {
         Ok(NamedModel { name, model })
     }
 
-    /// Checks that the inputs of `--limit` and `--neutral` are commands of the plant.
+    /// Checks that the inputs of `limit` and `neutral` are commands of the plant.
     pub(super) fn check_commands(&self, plant: &Model) -> Result<(), SetupError> {
         let inputs = &plant.description.inputs;
         let commands: Vec<&str> = inputs.iter().map(|port| port.channel.name.as_str()).collect();
-        let boat = find_roles(&plant.clone().with_roles(&known(&self.role, &commands))?);
-        for name in self.limit.keys() {
-            place("--limit", name, &commands)?;
+        let boat = find_roles(&plant.clone().with_roles(&known(&self.role.0, &commands))?);
+        for (name, _) in &self.limit {
+            place("limit", name, &commands)?;
             ensure(boat.role(name).is_none_or(Role::is_commanded), || {
                 format!(
-                    "--limit {name}: this input is not commanded; state its value with --neutral {name}=X, or make it an actuator, as in --role {name}=thruster"
+                    "{}: the input {name} is not commanded; state its value, as in {}, or make it an actuator, as in {}",
+                    key("limit"),
+                    key("neutral").is(format_args!("{name}=0")),
+                    key("role").is(format_args!("{name}=thruster"))
                 )
             })?;
         }
-        self.neutral.keys().try_for_each(|name| place("--neutral", name, &commands).map(|_| ()))
+        self.neutral.iter().try_for_each(|(name, _)| place("neutral", name, &commands).map(|_| ()))
     }
 
     /// Sets the limits of the rates that are stated, in the unit of the boat.
@@ -80,9 +86,10 @@ impl ClosedLoopOptions {
         let d = &plant.description;
         let commands: Vec<&str> = d.inputs.iter().map(|port| port.channel.name.as_str()).collect();
         for (name, number) in &self.rate_limit {
-            let index = place("--rate-limit", name, &commands)?;
+            let index = place("rate_limit", name, &commands)?;
             ensure(*number > 0.0, || {
-                format!("--rate-limit {name}={number}: the limit of a rate must be greater than 0")
+                let option = key("rate_limit").is(format_args!("{name}={number}"));
+                format!("{option}: the limit of a rate must be greater than 0")
             })?;
             let raw = d.boat.raw_input(&d.inputs[index].channel, None);
             scene.limits[index].rate = number * raw.map_or(1.0, |raw| raw.factor.abs());
@@ -108,7 +115,7 @@ impl ClosedLoopOptions {
         }
         if let Some(ms) = self.plan_time {
             ensure(ms > 0.0 && ms < 1e6, || {
-                format!("--plan-time {ms}: the time limit in milliseconds must be greater than 0")
+                format!("{}: the time limit in milliseconds must be greater than 0", key("plan_time").is(ms))
             })?;
             made.budget = Some(Duration::from_secs_f64(1e-3 * ms));
         }
@@ -118,23 +125,28 @@ impl ClosedLoopOptions {
     fn planner(&self, default: PlannerOptions, commands: usize) -> Result<PlannerOptions, SetupError> {
         let candidates = self.candidates.unwrap_or(default.candidates);
         let horizon = self.horizon.unwrap_or(default.horizon);
-        ensure(candidates > 0, || "--candidates 0: at least one candidate is needed".to_owned())?;
+        let of = |name, value: usize| key(name).is(value);
+        ensure(candidates > 0, || format!("{}: at least one candidate is needed", of("candidates", 0)))?;
         ensure(candidates.saturating_mul(horizon) <= MAX_SAMPLES, || {
-            format!(
-                "--candidates {candidates} times --horizon {horizon} is more than {MAX_SAMPLES}: reduce one of them"
-            )
+            let [candidates, horizon] = [of("candidates", candidates), of("horizon", horizon)];
+            format!("{candidates} times {horizon} is more than {MAX_SAMPLES}: reduce one of them")
         })?;
         let gauss_newton_steps = self.gauss_newton_steps.unwrap_or(default.gauss_newton_steps);
         let most = PlannerOptions::MAX_GAUSS_NEWTON_COMMANDS;
         ensure(gauss_newton_steps == 0 || horizon.saturating_mul(commands) <= most, || {
             format!(
-                "--horizon {horizon}: Gauss-Newton steps solve for all commands of a plan, at most {most}; use a shorter horizon, or --gauss-newton-steps 0"
+                "{}: Gauss-Newton steps solve for all commands of a plan, at most {most}; use a shorter horizon, or {}",
+                of("horizon", horizon),
+                of("gauss_newton_steps", 0)
             )
         })?;
         let hold = self.hold.unwrap_or(default.hold);
         ensure(candidates.saturating_mul(horizon).saturating_mul(hold) <= 10 * MAX_SAMPLES, || {
             format!(
-                "--candidates {candidates} times --horizon {horizon} times --hold {hold} is more than {}: reduce one of them",
+                "{} times {} times {} is more than {}: reduce one of them",
+                of("candidates", candidates),
+                of("horizon", horizon),
+                of("hold", hold),
                 10 * MAX_SAMPLES
             )
         })?;
@@ -155,11 +167,12 @@ impl ClosedLoopOptions {
         let mut options = adapt::Options::of(model);
         let (equations, direct) = (model.equations().is_some(), model.direct().is_some());
         ensure(!direct || self.learner != Some(Method::Kalman), || {
-            "direct predictors adapt by least squares: leave --learner kalman out".to_owned()
+            format!("direct predictors adapt by least squares: leave {} out", key("learner").is("kalman"))
         })?;
         ensure(equations || direct || self.learner != Some(Method::LeastSquares), || {
             format!(
-                "--learner least-squares needs equations or a direct predictor: this is a model of kind '{}'; leave it out",
+                "{} needs equations or a direct predictor: this is a model of kind '{}'; leave it out",
+                key("learner").is("least-squares"),
                 model.kind()
             )
         })?;

@@ -3,12 +3,11 @@
 use serde::Serialize;
 use serde_json::json;
 
-use super::options::ClosedLoopOptions;
 use super::setup::Setup;
 use crate::boat::Value;
 use crate::closed_loop::{
     self, ClosedLoopController, ClosedLoopError, Conditions, ControlMethod, Metrics, MonteCarlo, Run,
-    TruePlant, TunedAutopilot,
+    TruePlant, TunedAutopilot, Wind,
 };
 use crate::progress::Progress;
 
@@ -60,7 +59,7 @@ impl Setup {
     /// # Errors
     /// As [`monte_carlo`](closed_loop::monte_carlo()).
     pub fn trials(&self, progress: Progress<'_>) -> Result<Option<MonteCarlo>, ClosedLoopError> {
-        let ClosedLoopOptions { runs, .. } = self.options;
+        let runs = self.options.runs();
         if runs == 1 {
             return Ok(None);
         }
@@ -183,9 +182,9 @@ impl Setup {
         let track = &scenario.track;
         let speed = if track.is_station { String::new() } else { format!(", {:.3} m/s{turn}", track.cruise) };
         add("Task", format!("{}{speed}", options.task.name()));
-        let ClosedLoopOptions { noise, mass, delay, seed, .. } = options;
-        let [[north, east], [to_north, to_east], [gust, gust_s]] =
-            [options.current, options.wind, options.gusts];
+        let Conditions { seed, noise, current, wind, mass, delay_s: delay, .. } = options.conditions();
+        let ([north, east], [to_north, to_east]) = (current, wind.force);
+        let Wind { gust, gust_s, .. } = wind;
         let onset = options.onset.map(|onset| format!(" (from {} s on)", onset.0)).unwrap_or_default();
         add(
             "Conditions",

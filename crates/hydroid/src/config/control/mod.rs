@@ -1,7 +1,7 @@
 //! Settings of a closed loop as data: plant, model and options become a simulation, or a controller on board.
 //!
 //! [`ClosedLoopOptions`] has the options of `hydroid control` under the same names, all with defaults. [`Setup`] makes
-//! scenario, conditions and controller of them. Messages name an option as the command line does (`--turn-speed`).
+//! scenario, conditions and controller of them.
 //!
 //! ```
 //! use hydroid::config::control::{ClosedLoopOptions, NamedModel, Setup};
@@ -32,5 +32,5 @@ mod setup;
 
 pub use document::{Document, Simulated};
 pub use error::SetupError;
-pub use options::{ClosedLoopOptions, TaskKind};
+pub use options::{ClosedLoopOptions, Points, TaskKind};
 pub use setup::{NamedModel, Setup, active_weights};

@@ -1,30 +1,38 @@
 //! The options of `hydroid control` without those of live streams.
+// Help texts come from the comments of the options; brackets are units.
+#![expect(rustdoc::broken_intra_doc_links, reason = "the comments are help texts, too")]
 
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use serde::Deserialize;
 
 use crate::adapt::Method;
-use crate::boat::Roles;
+use crate::boat::StatedRoles;
 use crate::closed_loop::{Conditions, ControlMethod, Dispersion, Timing, TruePlant, Wind};
 use crate::config::Duration;
-use crate::identify::GivenRanges;
+#[cfg(feature = "arguments")]
+use crate::config::value::{named, numbers, points};
+use crate::config::value::{read_list, read_named};
+use crate::identify::GivenRange;
 
-/// Kinds of reference paths.
+/// North and east of each point [m].
+pub type Points = Vec<[f64; 2]>;
+
+/// Reference paths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "arguments", derive(clap::ValueEnum))]
 pub enum TaskKind {
-    /// A circle to starboard.
+    /// A circle to starboard
     #[default]
     Circle,
-    /// Parallel legs to the north and back, joined by arcs.
+    /// Parallel legs to the north and back, joined by arcs
     LawnMower,
-    /// From point to point, with turning circles at the corners.
+    /// From point to point, with turning circles at the corners
     Waypoints,
-    /// From point to point, with sharp corners.
+    /// From point to point, with sharp corners
     Legs,
-    /// Station keeping: a point and a heading.
+    /// Station keeping: hold a point and a heading, if the actuators suffice
     Station,
 }
 
@@ -41,202 +49,214 @@ impl TaskKind {
     }
 }
 
-/// Options of a closed loop. An option that is `None` has a default, which may follow from the size of the vessel
-/// ([`Scale`](crate::closed_loop::Scale)).
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ClosedLoopOptions {
-    /// Reference path.
-    pub task: TaskKind,
-    /// Speed on straights and circles \[m/s\]; default 1.5, for an identified model that of half the propulsion.
-    pub speed: Option<f64>,
-    /// Speed in turns and at corners \[m/s\]; default `speed`.
-    pub turn_speed: Option<f64>,
-    /// Radius of circle and turns \[m\]; default 15, in proportion to the turning radius of an identified model.
-    pub radius: Option<f64>,
-    /// Lawn-mower: length of a leg \[m\]; default four radii.
-    pub leg: Option<f64>,
-    /// Lawn-mower: distance between legs \[m\]; default two radii.
-    pub spacing: Option<f64>,
-    /// Lawn-mower: number of legs; default 4.
-    pub legs: Option<usize>,
-    /// Waypoints and legs: north and east of each point \[m\]. Station: one point; default the origin.
-    pub points: Option<Vec<[f64; 2]>>,
-    /// Waypoints and legs: a CSV or GPX file with the points.
-    pub waypoints: Option<PathBuf>,
-    /// Station: heading, clockwise from north \[deg\]; default 0.
-    pub heading: Option<f64>,
-    /// Largest rate of change of the reference speed \[m/s^2\]; default 0.2, in proportion for an identified model.
-    pub acceleration: Option<f64>,
-    /// Duration of the simulation; default 120 s on a circle, else 1.5 times the duration of the reference.
-    pub duration: Option<Duration>,
-    /// Initial position relative to the start of the path, ahead and to starboard \[m\]; default 0 and -0.5, in proportion
-    /// for an identified model.
-    pub start: Option<[f64; 2]>,
-
-    /// Control law.
-    pub controller: ControlMethod,
-    /// Distance of the controlled point ahead of the vessel's origin \[m\]; default 1.5 for the laws that invert a model,
-    /// else 0.
-    pub lead: Option<f64>,
-    /// Largest distance from the reference at which the vessel is on track \[m\]; default 2, in proportion for an
-    /// identified model.
-    pub tolerance: Option<f64>,
-    /// Time from which errors count; default [`Scenario::default_from_s`](crate::closed_loop::Scenario::default_from_s).
-    pub evaluate_from: Option<Duration>,
-    /// Feedback linearization: natural frequency \[rad/s\] and damping ratio of the error dynamics; default 1.5 and 0.7.
-    pub bandwidth: Option<[f64; 2]>,
-    /// Feedback linearization: integral gain \[1/s^3\]; default 0.
-    pub integral: Option<f64>,
-    /// Feedback linearization: a network learns the model error online.
-    pub adaptive_augmentation: bool,
-    /// Backstepping: common rate of the gains \[1/s\]; default 1.
-    pub rate: Option<f64>,
-    /// Predictive control: trajectory tracking or path following; default tracking.
-    pub reference: Option<Timing>,
-    /// Predictive control: horizon \[commands\]; default 20, for an identified model 40.
-    pub horizon: Option<usize>,
-    /// Predictive control: samples for which a command of a plan is held; default 1, in proportion for an identified model.
-    pub hold: Option<usize>,
-    /// Predictive control: candidates in each iteration; default 60. A tenth of them are elites.
-    pub candidates: Option<usize>,
-    /// Predictive control: iterations; default 2.
-    pub iterations: Option<usize>,
-    /// Predictive control: Gauss-Newton steps from the best candidate; default 2.
-    pub gauss_newton_steps: Option<usize>,
-    /// Predictive control: weights of position error \[1/m^2\], course error \[1/rad^2\] and speed error \[s^2/m^2\]; default
-    /// 1, 0.2 and 0.2.
-    pub cost_weights: Option<[f64; 3]>,
-    /// Predictive control: time limit of a plan \[ms\]. The result then depends on the machine.
-    pub plan_time: Option<f64>,
-    /// Sample time \[s\]; default that of an identified model, else 0.1.
-    pub dt: Option<f64>,
-    /// Largest rate of change of a command, in its unit per second, by name; default that of vessel or model.
-    pub rate_limit: BTreeMap<String, f64>,
-    /// Limits of a command, by name, in the unit of the input of the boat; default those of the boat of the plant.
-    pub limit: GivenRanges,
-    /// Value of a command without effect, by name, in the unit of the input of the boat; default that of the boat.
-    pub neutral: BTreeMap<String, f64>,
-    /// Roles of inputs, in place of those of the model.
-    pub role: Roles,
-    /// Autopilot: inputs that push the vessel; `-NAME` pushes astern. Default: by the roles of the inputs.
-    pub push: Vec<String>,
-    /// Autopilot: inputs that turn the vessel to starboard; `-NAME` turns to port. Default: by the roles of the inputs.
-    pub turn: Vec<String>,
-
-    /// Standard deviation of the components of the current at the start \[m/s\], for a model of the motion through the
-    /// water that estimates the current; `None` for the model as it is.
-    pub estimate_current: Option<f64>,
-    /// Whether the model adapts in the loop.
-    pub adapt: bool,
-    /// Method of adaptation; default that of the kind of model.
-    pub learner: Option<Method>,
-    /// Adaptation without a guard.
-    pub no_guard: bool,
-
-    /// Seed of noise, gusts and plans.
-    pub seed: u64,
-    /// Factor on the measurement noise of the plant; 0 for none.
-    pub noise: f64,
-    /// Factor on the process noise of a model as the plant; 0 for none.
-    pub process_noise: f64,
-    /// Velocity of the current, north and east \[m/s\].
-    pub current: [f64; 2],
-    /// Steady force of the wind on the hull, north and east \[N\].
-    pub wind: [f64; 2],
-    /// Gusts: standard deviation \[N\] and time constant \[s\].
-    pub gusts: [f64; 2],
-    /// Factor on mass and yaw inertia.
-    pub mass: f64,
-    /// Input delay \[s\], a whole number of samples.
-    pub delay: f64,
-    /// Time from which current, wind and mass factor apply; default 0.
-    pub onset: Option<Duration>,
-
-    /// Number of Monte Carlo trials; 1 for a single run under the stated conditions.
-    pub runs: usize,
-    /// Trials: largest relative change of the mass; default 0.2.
-    pub mass_variation: Option<f64>,
-    /// Trials: largest speed of the current, from any direction \[m/s\]; default 0.3.
-    pub current_variation: Option<f64>,
-    /// Trials: largest force of the wind, from any direction, half of it in gusts \[N\]; default 15.
-    pub wind_variation: Option<f64>,
+#[cfg(feature = "arguments")]
+mod headings {
+    pub(super) const TASK: &str = "Task";
+    pub(super) const CONTROLLER: &str = "Controller";
+    pub(super) const ADAPTATION: &str = "Online adaptation";
+    pub(super) const DISTURBANCES: &str = "Disturbances (unknown to the controller)";
+    pub(super) const TRIALS: &str = "Monte Carlo";
 }
+#[cfg(feature = "arguments")]
+use headings::{ADAPTATION, CONTROLLER, DISTURBANCES, TASK, TRIALS};
 
-impl Default for ClosedLoopOptions {
-    fn default() -> Self {
-        Self {
-            task: TaskKind::Circle,
-            speed: None,
-            turn_speed: None,
-            radius: None,
-            leg: None,
-            spacing: None,
-            legs: None,
-            points: None,
-            waypoints: None,
-            heading: None,
-            acceleration: None,
-            duration: None,
-            start: None,
-            controller: ControlMethod::CrossEntropy,
-            lead: None,
-            tolerance: None,
-            evaluate_from: None,
-            bandwidth: None,
-            integral: None,
-            adaptive_augmentation: false,
-            rate: None,
-            reference: None,
-            horizon: None,
-            hold: None,
-            candidates: None,
-            iterations: None,
-            gauss_newton_steps: None,
-            cost_weights: None,
-            plan_time: None,
-            dt: None,
-            rate_limit: BTreeMap::new(),
-            limit: BTreeMap::new(),
-            neutral: BTreeMap::new(),
-            role: Roles::new(),
-            push: Vec::new(),
-            turn: Vec::new(),
-            estimate_current: None,
-            adapt: false,
-            learner: None,
-            no_guard: false,
-            seed: 0,
-            noise: 1.0,
-            process_noise: 0.0,
-            current: [0.0; 2],
-            wind: [0.0; 2],
-            gusts: [0.0, Wind::CALM.gust_s],
-            mass: 1.0,
-            delay: 0.0,
-            onset: None,
-            runs: 1,
-            mass_variation: None,
-            current_variation: None,
-            wind_variation: None,
-        }
-    }
+/// Options of a closed loop, of the command, of the section `[control]` of a file, and of Python. One that is not given has a
+/// default, which may follow from the size of the vessel.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[cfg_attr(feature = "arguments", derive(clap::Args))]
+pub struct ClosedLoopOptions {
+    /// Reference path
+    #[cfg_attr(feature = "arguments", arg(long, value_enum, default_value_t, help_heading = TASK))]
+    pub task: TaskKind,
+    /// Speed on straights and circles [m/s] (default: 1.5; for an identified model that of half the propulsion)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "M_S", allow_negative_numbers = true, help_heading = TASK))]
+    pub speed: Option<f64>,
+    /// Speed in turns and at corners [m/s] (default: speed)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "M_S", allow_negative_numbers = true, help_heading = TASK))]
+    pub turn_speed: Option<f64>,
+    /// Radius of circle and turns [m] (default: 15, in proportion to the turning radius of an identified model)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "M", allow_negative_numbers = true, help_heading = TASK))]
+    pub radius: Option<f64>,
+    /// Lawn-mower: length of a leg [m] (default: four radii)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "M", allow_negative_numbers = true, help_heading = TASK))]
+    pub leg: Option<f64>,
+    /// Lawn-mower: distance between legs [m] (default: two radii)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "M", allow_negative_numbers = true, help_heading = TASK))]
+    pub spacing: Option<f64>,
+    /// Lawn-mower: number of legs (default: 4)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "N", help_heading = TASK))]
+    pub legs: Option<usize>,
+    /// Waypoints and legs: north,east of each point [m]: '0,0;60,0;60,40'; station: one point (default: 0,0)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "N,E;N,E;..", allow_hyphen_values = true, value_parser = points, help_heading = TASK))]
+    pub points: Option<Points>,
+    /// Waypoints and legs: the points of a CSV file (north [m] and east [m], or lat [deg] and lon [deg]) or a GPX file
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "FILE", help_heading = TASK))]
+    pub waypoints: Option<PathBuf>,
+    /// Station: heading to hold, clockwise from north [deg] (default: 0)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "DEG", allow_negative_numbers = true, help_heading = TASK))]
+    pub heading: Option<f64>,
+    /// Largest rate of change of the reference speed [m/s^2] (default: 0.2, in proportion for an identified model)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "M_S2", allow_negative_numbers = true, help_heading = TASK))]
+    pub acceleration: Option<f64>,
+    /// Duration of the simulation: 90, 5m (default: 120 s on a circle, else 1.5 times the duration of the reference)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "TIME", help_heading = TASK))]
+    pub duration: Option<Duration>,
+    /// Initial position relative to the start of the path [m]: ahead, to starboard (default: 0,-0.5, in proportion for an
+    /// identified model)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "M,M", allow_hyphen_values = true, value_parser = numbers::<2>, help_heading = TASK))]
+    pub start: Option<[f64; 2]>,
+    /// Control law; cem works with every kind of model
+    #[cfg_attr(feature = "arguments", arg(long, value_enum, default_value_t, help_heading = CONTROLLER))]
+    pub controller: ControlMethod,
+    /// Distance of the controlled point ahead of the vessel's origin [m] (default: fl, backstepping 1.5; cem, pid 0)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "M", allow_negative_numbers = true, help_heading = CONTROLLER))]
+    pub lead: Option<f64>,
+    /// Largest distance from the reference at which the vessel counts as on track [m] (default: 2, in proportion for an
+    /// identified model)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "M", allow_negative_numbers = true, help_heading = CONTROLLER))]
+    pub tolerance: Option<f64>,
+    /// Time from which errors count and the vessel must be on track (default: 40 s on a circle, else 10 s, less on short tasks)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "TIME", help_heading = CONTROLLER))]
+    pub evaluate_from: Option<Duration>,
+    /// fl: natural frequency [rad/s] and damping ratio of the error dynamics (default: 1.5,0.7)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "RAD_S,ZETA", value_parser = numbers::<2>, help_heading = CONTROLLER))]
+    pub bandwidth: Option<[f64; 2]>,
+    /// fl: integral gain [1/s^3] against model error and steady disturbances (default: 0; 1 suits the default bandwidth)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "PER_S3", allow_negative_numbers = true, help_heading = CONTROLLER))]
+    pub integral: Option<f64>,
+    /// fl: a small network learns the model error online and compensates it while its predictions hold
+    #[cfg_attr(feature = "arguments", arg(long, help_heading = CONTROLLER))]
+    pub adaptive_augmentation: bool,
+    /// backstepping: common rate of the gains [1/s] (default: 1)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "PER_S", allow_negative_numbers = true, help_heading = CONTROLLER))]
+    pub rate: Option<f64>,
+    /// cem: trajectory tracking (time) or path following (path) (default: time)
+    #[cfg_attr(feature = "arguments", arg(long, value_enum, help_heading = CONTROLLER))]
+    pub reference: Option<Timing>,
+    /// cem: prediction horizon [commands] (default: 20; 40 for an identified model)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "N", help_heading = CONTROLLER))]
+    pub horizon: Option<usize>,
+    /// cem: samples for which a command of a plan is held (default: 1, in proportion to the time of a turn of an identified model)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "N", help_heading = CONTROLLER))]
+    pub hold: Option<usize>,
+    /// cem: candidates per iteration; a tenth of them are elites (default: 60)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "N", help_heading = CONTROLLER))]
+    pub candidates: Option<usize>,
+    /// cem: iterations (default: 2)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "N", help_heading = CONTROLLER))]
+    pub iterations: Option<usize>,
+    /// cem: Gauss-Newton steps from the best candidate (default: 2)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "N", help_heading = CONTROLLER))]
+    pub gauss_newton_steps: Option<usize>,
+    /// cem: cost weights of position error [1/m^2], course error [1/rad^2] and speed error [s^2/m^2] (default: 1,0.2,0.2)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "M,RAD,M_S", value_parser = numbers::<3>, help_heading = CONTROLLER))]
+    pub cost_weights: Option<[f64; 3]>,
+    /// cem: time limit of a plan [ms]; the best plan found so far is used, so that the result depends on the clock
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "MS", allow_negative_numbers = true, help_heading = CONTROLLER))]
+    pub plan_time: Option<f64>,
+    /// Sample time of the controller [s] (default: that of the model; 0.1 for vessels and pid)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "S", allow_negative_numbers = true, help_heading = CONTROLLER))]
+    pub dt: Option<f64>,
+    /// Largest rate of change of a command, in its unit per second (default: that of the vessel or model). May be repeated
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "NAME=RATE", value_parser = named::<f64>, value_delimiter = ',', help_heading = CONTROLLER))]
+    #[serde(deserialize_with = "read_named")]
+    pub rate_limit: Vec<(String, f64)>,
+    /// Limits of a command, in the unit of the input in the boat, else of the model (default: those of the boat, 35 deg for a
+    /// steering angle, or in simulations the range of the log). May be repeated
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "NAME=LOW:HIGH", value_delimiter = ',', value_parser = named::<GivenRange>, help_heading = CONTROLLER))]
+    #[serde(deserialize_with = "read_named")]
+    pub limit: Vec<(String, GivenRange)>,
+    /// Value of a command without effect, in the same unit (default: that of the boat, 1500 for pulses in us, 0 for physical
+    /// quantities); value of an input that is not commanded, as of the wind (default: 0). May be repeated
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "NAME=VALUE", value_delimiter = ',', value_parser = named::<f64>, help_heading = CONTROLLER))]
+    #[serde(deserialize_with = "read_named")]
+    pub neutral: Vec<(String, f64)>,
+    /// Roles of inputs: propulsion, steering, thruster, disturbance or setting, as in delta=steering,wind=disturbance
+    /// (default: those of the model, found from names, units and its response)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "INPUT=ROLE,..", help_heading = CONTROLLER))]
+    pub role: StatedRoles,
+    /// pid: inputs that push the vessel, separated by commas; -NAME pushes astern (default: by the roles of the inputs)
+    #[cfg_attr(feature = "arguments", arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true, help_heading = CONTROLLER))]
+    #[serde(deserialize_with = "read_list")]
+    pub push: Vec<String>,
+    /// pid: inputs that turn the vessel to starboard; -NAME turns to port (default: by the roles of the inputs)
+    #[cfg_attr(feature = "arguments", arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true, help_heading = CONTROLLER))]
+    #[serde(deserialize_with = "read_list")]
+    pub turn: Vec<String>,
+    /// Take the model as one of the motion through the water, and estimate the current: standard deviation of its components
+    /// at the start [m/s], as in 0.3
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "M/S", allow_negative_numbers = true, help_heading = ADAPTATION))]
+    pub estimate_current: Option<f64>,
+    /// Adapt the model in the loop, as hydroid adapt does
+    #[cfg_attr(feature = "arguments", arg(long, help_heading = ADAPTATION))]
+    pub adapt: bool,
+    /// Method of adaptation (default: least-squares for equations and direct predictors, kalman for networks and vessels)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "METHOD", value_enum, help_heading = ADAPTATION))]
+    pub learner: Option<Method>,
+    /// Switch the guard off: always use the adapted model
+    #[cfg_attr(feature = "arguments", arg(long, help_heading = ADAPTATION))]
+    pub no_guard: bool,
+    /// Seed of noise, gusts and plans
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "N", default_value_t, help_heading = DISTURBANCES))]
+    pub seed: u64,
+    /// Factor on the measurement noise of the plant; 0: none (default: 1)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "FACTOR", allow_negative_numbers = true, help_heading = DISTURBANCES))]
+    pub noise: Option<f64>,
+    /// Factor on the process noise of a model as the plant, from its residuals; 0: none (default: 0)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "FACTOR", allow_negative_numbers = true, help_heading = DISTURBANCES))]
+    pub process_noise: Option<f64>,
+    /// Velocity of the current: north,east [m/s] (default: still water)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "N,E", allow_hyphen_values = true, value_parser = numbers::<2>, help_heading = DISTURBANCES))]
+    pub current: Option<[f64; 2]>,
+    /// Constant wind force on the hull: north,east [N] (default: 0,0); wind, gusts and mass need a plant with given parameters
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "N,E", allow_hyphen_values = true, value_parser = numbers::<2>, help_heading = DISTURBANCES))]
+    pub wind: Option<[f64; 2]>,
+    /// Gusts: standard deviation [N] and time constant [s] of a Gauss-Markov force in each direction (default: 0,5)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "N,S", value_parser = numbers::<2>, help_heading = DISTURBANCES))]
+    pub gusts: Option<[f64; 2]>,
+    /// Factor on mass and yaw inertia: 1.2 for 20 % more (default: 1)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "FACTOR", allow_negative_numbers = true, help_heading = DISTURBANCES))]
+    pub mass: Option<f64>,
+    /// Input delay [s]: a whole number of samples (default: 0)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "S", allow_negative_numbers = true, help_heading = DISTURBANCES))]
+    pub delay: Option<f64>,
+    /// Time from which current, wind and mass factor apply, as in 60s: before it, the vessel is as built, in still water
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "TIME", help_heading = DISTURBANCES))]
+    pub onset: Option<Duration>,
+    /// Number of trials, each with its own seed, mass, current and wind (default: a single run under the stated conditions)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "N", help_heading = TRIALS))]
+    pub runs: Option<usize>,
+    /// Largest relative change of the mass of a trial (default: 0.2)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "FRACTION", allow_negative_numbers = true, help_heading = TRIALS))]
+    pub mass_variation: Option<f64>,
+    /// Largest speed of the current, from any direction [m/s] of a trial (default: 0.3)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "M_S", allow_negative_numbers = true, help_heading = TRIALS))]
+    pub current_variation: Option<f64>,
+    /// Largest wind force, from any direction [N], half of it in gusts of a trial (default: 15)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "N", allow_negative_numbers = true, help_heading = TRIALS))]
+    pub wind_variation: Option<f64>,
 }
 
 impl ClosedLoopOptions {
     /// The conditions of a run.
     pub fn conditions(&self) -> Conditions {
-        let [gust, gust_s] = self.gusts;
+        let [gust, gust_s] = self.gusts.unwrap_or([0.0, Wind::CALM.gust_s]);
         Conditions {
             seed: self.seed,
-            noise: self.noise,
-            process_noise: self.process_noise,
-            current: self.current,
-            wind: Wind { force: self.wind, gust, gust_s },
-            mass: self.mass,
-            delay_s: self.delay,
+            noise: self.noise.unwrap_or(1.0),
+            process_noise: self.process_noise.unwrap_or(0.0),
+            current: self.current.unwrap_or_default(),
+            wind: Wind { force: self.wind.unwrap_or_default(), gust, gust_s },
+            mass: self.mass.unwrap_or(1.0),
+            delay_s: self.delay.unwrap_or(0.0),
             onset_s: self.onset.map_or(0.0, |onset| onset.0),
         }
+    }
+
+    /// Number of trials.
+    pub fn runs(&self) -> usize {
+        self.runs.unwrap_or(1)
     }
 
     /// Dispersion of the conditions of trials. An identified model has no forces and no mass.

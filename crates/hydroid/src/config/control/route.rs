@@ -3,6 +3,7 @@
 use super::error::{SetupError, ensure};
 use super::options::{ClosedLoopOptions, TaskKind};
 use crate::closed_loop::{Scale, SpeedOptions, Task, Waypoints};
+use crate::key::key;
 use crate::manoeuvre::Response;
 
 /// Path, speed, and origin of way-points that are latitudes and longitudes \[deg\].
@@ -27,7 +28,10 @@ impl Route {
                 radius > *turning_radius_m || given.turn_speed.is_some_and(|turn| turn < *speed_m_s),
                 || {
                     format!(
-                        "--radius {radius}: at {speed_m_s:.2} m/s, the model turns with a radius of {turning_radius_m:.1} m with the steering hard over: give a larger --radius, or a --turn-speed below {speed_m_s:.2}"
+                        "{}: at {speed_m_s:.2} m/s, the model turns with a radius of {turning_radius_m:.1} m with the steering hard over: give a larger {}, or a {} below {speed_m_s:.2}",
+                        key("radius").is(radius),
+                        key("radius"),
+                        key("turn_speed")
                     )
                 },
             )?;
@@ -40,9 +44,11 @@ impl Route {
                 origin_deg = waypoints.origin_deg;
                 Ok(waypoints.points)
             }
-            (None, None) => Err(SetupError::option(
-                "waypoints are missing: give them as --points '0,0;60,0;60,40' (north,east in metres), or as a CSV or GPX file with --waypoints",
-            )),
+            (None, None) => Err(SetupError::option(format!(
+                "waypoints are missing: give them as {} (north,east in metres), or as a CSV or GPX file with {}",
+                key("points").is("0,0;60,0;60,40"),
+                key("waypoints")
+            ))),
         };
         let task = match given.task {
             TaskKind::Circle => Task::Circle { radius },
@@ -64,8 +70,10 @@ impl Route {
             None => 0.2,
         });
         ensure(acceleration > 0.0 || given.acceleration.is_some(), || {
-            String::from(
-                "the model does not gain speed ahead with its propulsion: identify it from logs in which every input that pushes varies, correct the roles with --role, or state --acceleration",
+            format!(
+                "the model does not gain speed ahead with its propulsion: identify it from logs in which every input that pushes varies, correct the roles with {}, or state {}",
+                key("role"),
+                key("acceleration")
             )
         })?;
         let pace = SpeedOptions { cruise, turn: given.turn_speed, acceleration };
@@ -79,8 +87,10 @@ fn station(given: &ClosedLoopOptions) -> Result<Task, SetupError> {
         Some([point]) => *point,
         Some(points) => {
             return Err(SetupError::option(format!(
-                "--points has {} points: a station is one point, as in --points 20,-5 (north,east in metres)",
-                points.len()
+                "{} has {} points: a station is one point, as in {} (north,east in metres)",
+                key("points"),
+                points.len(),
+                key("points").is("20,-5")
             )));
         }
     };

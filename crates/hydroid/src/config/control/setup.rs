@@ -14,6 +14,7 @@ use crate::closed_loop::{
     ClosedLoopError, Conditions, ControlMethod, ControllerOptions, Pilot, Scale, Scenario, SpeedOptions,
     Task, Track, TunedAutopilot, limits_of, tune_autopilot,
 };
+use crate::key::key;
 use crate::manoeuvre::{Approach, Options, Response};
 use crate::model::{self, Model};
 use crate::plant::{InputMap, Simulation, check_station, find_roles, input_values, values_by};
@@ -232,7 +233,7 @@ pub fn active_weights(adapter: &dyn Adapter) -> &[f64] {
 fn no_model(method: ControlMethod) -> String {
     let law = method.name();
     format!(
-        "the model is missing: {law} needs a .safetensors file of `hydroid identify`, a vessel file (.toml), or hydrofoil, hydrofoil-low-speed, simple, as in `hydroid control hydrofoil --controller {law}`"
+        "the model is missing: {law} needs a .safetensors file of `hydroid identify`, a vessel file (.toml), or hydrofoil, hydrofoil-low-speed, simple"
     )
 }
 
@@ -244,7 +245,8 @@ fn sample_time(given: &ClosedLoopOptions, model: Option<&Model>, plant: &Model) 
     if let Some(dt) = given.dt {
         ensure((dt / own - 1.0).abs() < 1e-3, || {
             format!(
-                "the sample time of the model is {own} s, and the controller has the same: leave --dt {dt} out"
+                "the sample time of the model is {own} s, and the controller has the same: leave {} out",
+                key("dt").is(dt)
             )
         })?;
     }

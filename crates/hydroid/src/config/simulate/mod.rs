@@ -1,4 +1,6 @@
 //! Settings of a simulated log: a vessel, or any model as a plant.
+// Help texts come from the comments of the options; brackets are units.
+#![expect(rustdoc::broken_intra_doc_links, reason = "the comments are help texts, too")]
 
 mod drive;
 mod plan;
@@ -7,8 +9,11 @@ mod plant;
 use hydroid_core::vessel::VesselParams;
 use serde::Deserialize;
 
+#[cfg(feature = "arguments")]
+use super::value::numbers;
+use super::value::read_list;
 use super::{Duration, SettingError};
-use crate::boat::Roles;
+use crate::boat::StatedRoles;
 use crate::excitation::{Circle, Excitation, LawnMower, LowSpeed, Turn};
 use crate::model::Model;
 use crate::plant::{InputMap, PlantError, current_before};
@@ -20,68 +25,72 @@ pub use drive::Drive;
 pub use plan::{ModelPlan, Plan};
 pub use plant::{Plant, PlantKind};
 
-/// Settings of a simulated log.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// Options of a simulated log, of the command and of Python.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[cfg_attr(feature = "arguments", derive(clap::Args))]
 pub struct Simulate {
-    /// Duration \[s\]; default 7,200 s, or as long as given commands last.
+    /// Duration [s] (default: 7200, or as long as the commands of a file last)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "S", allow_negative_numbers = true))]
     pub duration: Option<f64>,
-    /// Sample time of a vessel \[s\]; default 0.1 s.
+    /// Sample time of a vessel [s] (default: 0.1); an identified model has its own
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "S", allow_negative_numbers = true))]
     pub dt: Option<f64>,
-    /// Integration step of a vessel with one propeller and one rudder \[s\]; default 0.01 s.
+    /// Integration step of a vessel [s] (default: 0.01); the sample time is a multiple of it
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "S", allow_negative_numbers = true))]
     pub step: Option<f64>,
-    /// Seed of commands and noise.
+    /// Seed of commands and noise; the same seed gives the same bytes
+    #[cfg_attr(feature = "arguments", arg(long, default_value_t))]
     pub seed: u64,
-    /// Factor on the measurement noise.
-    pub noise: f64,
-    /// Velocity of the water, north and east \[m/s\]; default still water or, with a log, the estimate of the model.
+    /// Factor on the measurement noise of the vessel; 0: none (default: 1)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "FACTOR", allow_negative_numbers = true))]
+    pub noise: Option<f64>,
+    /// Velocity of a constant current: north,east [m/s]; pose and velocities are over ground (default: still water; with a
+    /// log, the estimate of the model from the samples before the start)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "N,E", value_parser = numbers::<2>, allow_hyphen_values = true))]
     pub current: Option<[f64; 2]>,
-    /// Factor on the process noise of a model.
-    pub process_noise: f64,
-    /// Time from the start of a log at which the simulation of a model starts.
+    /// Identified model: factor on its process noise, from the growth of its errors; 0: none (default: 0)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "FACTOR", allow_negative_numbers = true))]
+    pub process_noise: Option<f64>,
+    /// Identified model and a log: time from the start of the log at which the simulation starts [s]
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "TIME"))]
     pub start: Option<Duration>,
-    /// Roles of inputs, in place of those of the model.
-    pub role: Roles,
-    /// Inputs that push the vessel, for random commands of a model; `-NAME` pushes astern. Default: by the roles of the inputs.
+    /// Roles of inputs: propulsion, steering, thruster, disturbance or setting, as in delta=steering,wind=disturbance
+    /// (default: those of the model, found from names, units and its response)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "INPUT=ROLE,.."))]
+    pub role: StatedRoles,
+    /// Identified model: inputs that push the vessel, for mixed; -NAME pushes astern (default: by the roles of the inputs)
+    #[cfg_attr(
+        feature = "arguments",
+        arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)
+    )]
+    #[serde(deserialize_with = "read_list")]
     pub push: Vec<String>,
-    /// Inputs that turn the vessel to starboard; `-NAME` turns to port. Default: by the roles of the inputs.
+    /// Identified model: inputs that turn the vessel to starboard, for mixed; -NAME turns to port (default: by the roles of the inputs)
+    #[cfg_attr(
+        feature = "arguments",
+        arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)
+    )]
+    #[serde(deserialize_with = "read_list")]
     pub turn: Vec<String>,
-    /// Lawn-mower: length of a leg \[m\].
+    /// Lawn-mower: length of a leg [m]
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "M", allow_negative_numbers = true))]
     pub leg: Option<f64>,
-    /// Lawn-mower: distance between legs \[m\].
+    /// Lawn-mower: distance between legs [m]
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "M", allow_negative_numbers = true))]
     pub spacing: Option<f64>,
-    /// Lawn-mower: speeds of the legs \[m/s\]; random if empty.
+    /// Lawn-mower: speeds of the legs [m/s], separated by commas (default: random)
+    #[cfg_attr(feature = "arguments", arg(long, value_delimiter = ',', value_name = "M_S"))]
     pub leg_speeds: Vec<f64>,
-    /// Lawn-mower: sharp turns instead of half circles.
+    /// Lawn-mower: sharp turns between legs instead of half circles
+    #[cfg_attr(feature = "arguments", arg(long))]
     pub sharp_turns: bool,
-    /// Circle: radius \[m\].
+    /// Circle: radius [m]
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "M", allow_negative_numbers = true))]
     pub radius: Option<f64>,
-    /// Circle: speed. Low-speed: upper limit of the speed. Lawn-mower with sharp turns: speed between legs \[m/s\].
+    /// Circle: speed [m/s]. Low-speed: upper limit of the speed [m/s]
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "M_S", allow_negative_numbers = true))]
     pub speed: Option<f64>,
-}
-
-impl Default for Simulate {
-    fn default() -> Self {
-        Self {
-            duration: None,
-            dt: None,
-            step: None,
-            seed: 0,
-            noise: 1.0,
-            current: None,
-            process_noise: 0.0,
-            start: None,
-            role: Roles::new(),
-            push: Vec::new(),
-            turn: Vec::new(),
-            leg: None,
-            spacing: None,
-            leg_speeds: Vec::new(),
-            sharp_turns: false,
-            radius: None,
-            speed: None,
-        }
-    }
 }
 
 /// Default duration \[s\].
@@ -111,8 +120,8 @@ impl Simulate {
     fn of_vessel(&self, plant: &Plant, vessel: &VesselParams, drive: &Drive) -> Result<Plan, SettingError> {
         for (option, given) in [
             ("--start", self.start.is_some()),
-            ("--process-noise", self.process_noise != 0.0),
-            ("--role", !self.role.is_empty()),
+            ("--process-noise", self.process_noise.is_some()),
+            ("--role", !self.role.0.is_empty()),
             ("--push", !self.push.is_empty()),
             ("--turn", !self.turn.is_empty()),
         ] {
@@ -134,7 +143,7 @@ impl Simulate {
             dt_s,
             step_s: self.step.unwrap_or(options.step_s),
             seed: self.seed,
-            noise_scale: self.noise,
+            noise_scale: self.noise.unwrap_or(1.0),
             current: self.current.unwrap_or_default(),
             ..options
         };
@@ -189,7 +198,7 @@ impl Simulate {
     fn of_model(&self, plant: &Plant, model: &Model, drive: &Drive) -> Result<ModelPlan, SettingError> {
         self.check_for_model(plant, model, drive)?;
         let dt = self.dt.unwrap_or(model.description.dt);
-        let model = model.clone().at_step(dt).map_err(PlantError::from)?.with_roles(&self.role)?;
+        let model = model.clone().at_step(dt).map_err(PlantError::from)?.with_roles(&self.role.0)?;
         let mut notes = Vec::new();
         let commands = match drive {
             Drive::Kind(_) => GivenCommands::Mixed,

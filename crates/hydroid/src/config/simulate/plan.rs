@@ -69,8 +69,8 @@ impl ModelPlan {
                 GivenCommands::Log { run, from } => Commands::Run { run, from: *from },
             },
             seed: self.settings.seed,
-            noise: self.settings.noise,
-            process_noise: self.settings.process_noise,
+            noise: self.settings.noise.unwrap_or(1.0),
+            process_noise: self.settings.process_noise.unwrap_or(0.0),
             current: self.current,
         }
     }
