@@ -232,8 +232,8 @@ class Controller:
     It is built as that of ``hydroid control MODEL -``. Its model follows the vessel, fills in missing measurements, and
     learns with ``adapt=True``. A missing position or heading is predicted from the velocities for the longest gap of a
     run; without it the controller is blind, and brings the commands to rest. The reference waits while the vessel is
-    farther from it than `tolerance`. A `LogWarning` names neutral values and limits that only follow from the logs of the
-    model: state them with ``neutral`` and ``limit`` before a vessel is commanded.
+    farther from it than `tolerance`. It is refused if the role of an input is not known, or neutral values or limits only
+    follow from the logs of the model: state them with ``role``, ``neutral`` and ``limit``.
 
     Parameters
     ----------

@@ -61,7 +61,7 @@ impl ClosedLoop {
             hydroid_report::closed_loop(&ClosedLoopReport {
                 title: &setup.title(),
                 command,
-                facts: &setup.facts(),
+                facts: &setup.facts(simulated),
                 path: &setup.scenario.track.path,
                 run: &simulated.run,
                 metrics: &simulated.metrics,

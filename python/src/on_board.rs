@@ -132,6 +132,7 @@ impl Controller {
         let (options, guarding) = self::options(options, guard, training_log)?;
         options.check_on_board().map_err(|error| chain(&error))?;
         let mut setup = setup(py, options, &guarding, Some(named("model", model)?), None)?;
+        setup.check_firm().map_err(|error| chain(&error))?;
         let rehearsed = training(py, &setup.model, training_log)?;
         let made = work::run(py, threads, progress, move |control| {
             setup.tune(&mut |done| control.report(done))?;

@@ -327,9 +327,10 @@ def test_a_controller_gives_the_commands_of_the_service(hydrofoil, law, tmp_path
 def test_commands_on_their_way_are_those_of_the_service(records, tmp_path):
     """A model with an input delay sees each command as much later, and adapts."""
     file = identify(records, tmp_path / "late.safetensors", log={"input_delay": 3})
-    # The service commands no vessel by the ranges of a log.
-    with pytest.warns(hydroid.LogWarning, match="state them with"):
-        seen = hydroid.Controller(file, radius=12).limits
+    # No vessel is commanded by the ranges of a log.
+    with pytest.raises(ValueError, match="neutral"):
+        hydroid.Controller(file, radius=12)
+    seen = hydroid.Planner(hydroid.Model.load(file)).limits
     stated = {
         "limit": {name: (of.low, of.high) for name, of in seen.items()},
         "neutral": {name: of.rest for name, of in seen.items()},

@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use hydroid::atomic;
-use hydroid::manoeuvre::{Figure as Value, Outside, Track, Trial, TrialKind, Trials};
+use hydroid::manoeuvre::{Figure as Value, Track, Trial, TrialKind, Trials};
 use hydroid::model::Model;
+use hydroid::plant::Outside;
 use maud::{Markup, html};
 use serde_json::Value as Document;
 

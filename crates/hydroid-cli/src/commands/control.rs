@@ -71,7 +71,7 @@ fn simulate(
         if let Some(tuned) = tuned {
             print_tuning(tuned);
         }
-        for note in setup.notes() {
+        for note in setup.notes().into_iter().chain(simulated.extrapolations()) {
             outln!("{note}");
         }
         match &simulated.trials {
@@ -92,7 +92,7 @@ fn write(
     tuned: Option<&TunedAutopilot>,
     document: &Document<'_>,
 ) -> anyhow::Result<()> {
-    let Simulated { run, metrics, trials } = simulated;
+    let Simulated { run, metrics, trials, .. } = simulated;
     atomic::write(&folder.join("track.csv"), |out| run.write_csv(out))?;
     let mut text = serde_json::to_string_pretty(document)?;
     text.push('\n');
@@ -100,7 +100,7 @@ fn write(
     let page = hydroid_report::closed_loop(&ClosedLoopReport {
         title: &setup.title(),
         command: &ui::command_line(),
-        facts: &setup.facts(),
+        facts: &setup.facts(simulated),
         path: &setup.scenario.track.path,
         run,
         metrics,

@@ -16,8 +16,8 @@ use super::track::Track;
 use super::turning_circle::turning_circle;
 use super::zigzag::zigzag;
 use crate::log::Shortest;
-use crate::model::{Model, Port};
-use crate::plant::{InputMap, PlantError, Simulation};
+use crate::model::Model;
+use crate::plant::{InputMap, Outside, PlantError, Simulation};
 use crate::progress::Progress;
 
 /// A trial with its parameters. The steering is positive to starboard, and 1 or -1 on the side to which it reaches farther
@@ -118,19 +118,6 @@ pub struct LeftOut {
     pub trial: &'static str,
     /// Reason.
     pub reason: String,
-}
-
-/// An output or input that leaves its training range by more than a tenth of its width: the model extrapolates from there on.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Outside {
-    /// Name.
-    pub name: String,
-    /// Time since the order at which it leaves the range \[s\]; 0 if it is outside at the order, or was before.
-    pub from_s: f64,
-    /// Lowest and highest value in the trial.
-    pub reached: [f64; 2],
-    /// Training range.
-    pub range: [f64; 2],
 }
 
 /// Options of [`trials`].
@@ -253,22 +240,11 @@ fn outside(model: &Model, tracks: &[Track]) -> Vec<Outside> {
     }
     let channel = |(i, name): (usize, &&str)| {
         let port = model.description.outputs.iter().find(|port| port.channel.name == *name)?;
-        let range = port.training_range.unwrap_or(port.range);
-        let room = 0.1 * (range.high - range.low);
-        let beyond = |nu: &[f64; 3]| nu[i] < range.low - room || nu[i] > range.high + room;
-        let first = tracks.iter().find_map(|track| {
-            let sample = track.nu.iter().position(beyond)?;
-            Some(sample.saturating_sub(track.execute) as f64 * track.dt)
+        let samples = tracks.iter().flat_map(|track| {
+            let time = |sample: usize| sample.saturating_sub(track.execute) as f64 * track.dt;
+            track.nu.iter().enumerate().map(move |(sample, nu)| (time(sample), nu[i]))
         });
-        let values = tracks.iter().flat_map(|track| &track.nu).map(|nu| nu[i]);
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
-        let of = |from_s| Outside {
-            name: (*name).to_owned(),
-            from_s,
-            reached: [low, high],
-            range: [range.low, range.high],
-        };
-        first.map(of)
+        Outside::of(port, samples)
     };
     crate::model::MOTION.iter().enumerate().filter_map(channel).collect()
 }
@@ -299,22 +275,10 @@ fn inputs_outside(
     if let TrialKind::Spiral { steering, .. } = kind {
         commands.extend([steering, -steering].map(|s| (0.0, map.command(propulsion, s))));
     }
-    let input = |(c, port): (usize, &Port)| {
-        let range = port.training_range.unwrap_or(port.range);
-        let room = 0.1 * (range.high - range.low);
-        let beyond = |value: f64| value < range.low - room || value > range.high + room;
-        let from_s = commands.iter().filter(|(_, command)| beyond(command[c])).map(|(t, _)| *t);
-        let from_s = from_s.fold(f64::INFINITY, f64::min);
-        let values = commands.iter().map(|(_, command)| command[c]);
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
-        from_s.is_finite().then(|| Outside {
-            name: port.channel.name.clone(),
-            from_s,
-            reached: [low, high],
-            range: [range.low, range.high],
-        })
-    };
-    model.description.inputs.iter().enumerate().filter_map(input).collect()
+    let inputs = model.description.inputs.iter().enumerate();
+    inputs
+        .filter_map(|(c, port)| Outside::of(port, commands.iter().map(|(t, command)| (*t, command[c]))))
+        .collect()
 }
 
 impl Trials {

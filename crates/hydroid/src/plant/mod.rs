@@ -26,6 +26,7 @@
 mod error;
 mod free_run;
 mod input_map;
+mod outside;
 mod record;
 mod roles;
 mod simulation;
@@ -34,6 +35,7 @@ mod station;
 pub use error::PlantError;
 pub use free_run::FreeRun;
 pub use input_map::{InputMap, LEAST_SHARE, Steering};
+pub use outside::Outside;
 pub(crate) use record::process_deviations;
 #[doc(hidden)]
 pub use record::rest;

@@ -6,9 +6,11 @@ use serde_json::json;
 use super::setup::Setup;
 use crate::boat::Value;
 use crate::closed_loop::{
-    self, ClosedLoopController, ClosedLoopError, Conditions, ControlMethod, Metrics, MonteCarlo, Run,
+    self, ClosedLoopController, ClosedLoopError, Conditions, ControlMethod, Metrics, MonteCarlo, Run, Sample,
     TruePlant, TunedAutopilot, Wind,
 };
+use crate::model::MOTION;
+use crate::plant::Outside;
 use crate::progress::Progress;
 
 /// A simulated closed loop.
@@ -20,9 +22,20 @@ pub struct Simulated {
     pub metrics: Metrics,
     /// Monte Carlo trials, if there is more than one run.
     pub trials: Option<MonteCarlo>,
+    /// Inputs and velocities of the run that leave the range in which the model of the plant was seen.
+    pub outside: Vec<Outside>,
 }
 
 impl Simulated {
+    /// Where the model of the plant extrapolates, in words.
+    pub fn extrapolations(&self) -> impl Iterator<Item = String> {
+        self.outside.iter().map(|Outside { name, from_s, reached: [low, high], range: [least, most] }| {
+            format!(
+                "not validated from {from_s:.1} s on: {name} reaches {low:.4} to {high:.4}, and the model was seen from {least:.4} to {most:.4}"
+            )
+        })
+    }
+
     /// Whether the vessel stayed on track and no command was beyond a limit, in all trials.
     pub fn is_sound(&self) -> bool {
         match &self.trials {
@@ -51,6 +64,7 @@ pub struct Document<'a> {
     conditions: &'a Conditions,
     inputs: Vec<Value>,
     notes: Vec<String>,
+    outside: &'a [Outside],
 }
 
 impl Setup {
@@ -83,7 +97,31 @@ impl Setup {
         let conditions = first.map_or(self.conditions, |trial| trial.conditions);
         let run = closed_loop::run(&self.scenario, &conditions, controller, progress)?;
         let metrics = Metrics::of(&run, self.from_s);
-        Ok(Simulated { run, metrics, trials })
+        let outside = self.outside(&run, &conditions);
+        Ok(Simulated { run, metrics, trials, outside })
+    }
+
+    /// What leaves the range in which the model of the plant was seen. Its velocities are those through the water.
+    fn outside(&self, run: &Run, conditions: &Conditions) -> Vec<Outside> {
+        // A vessel with given parameters has no training range.
+        if self.plant.is_vessel() {
+            return Vec::new();
+        }
+        let d = &self.plant.description;
+        let times = run.samples.iter().map(|sample| sample.t);
+        let inputs = d.inputs.iter().enumerate().filter_map(|(c, port)| {
+            Outside::of(port, times.clone().enumerate().map(|(k, t)| (t, run.command(k)[c])))
+        });
+        let motion = MOTION.iter().enumerate().filter_map(|(i, name)| {
+            let port = d.outputs.iter().find(|port| port.channel.name == *name)?;
+            let velocity = |sample: &Sample| {
+                let ([north, east], (sin, cos)) = (conditions.current, sample.eta[2].sin_cos());
+                let flow = [north * cos + east * sin, east * cos - north * sin, 0.0];
+                sample.nu[i] - if sample.t < conditions.onset_s { 0.0 } else { flow[i] }
+            };
+            Outside::of(port, run.samples.iter().map(|sample| (sample.t, velocity(sample))))
+        });
+        inputs.chain(motion).collect()
     }
 
     /// The document of a simulation.
@@ -110,6 +148,7 @@ impl Setup {
             conditions: &self.conditions,
             inputs: self.values().unwrap_or_default(),
             notes: self.notes(),
+            outside: &simulated.outside,
         }
     }
 
@@ -155,7 +194,7 @@ impl Setup {
     }
 
     /// Settings in the report: name and value.
-    pub fn facts(&self) -> Vec<(String, String)> {
+    pub fn facts(&self, simulated: &Simulated) -> Vec<(String, String)> {
         let Self { options, controller, scenario, .. } = self;
         let words = match controller.method {
             ControlMethod::FeedbackLinearization if controller.learned.is_some() => {
@@ -195,6 +234,7 @@ impl Setup {
         for note in self.notes() {
             facts.push(("Limits".to_owned(), note));
         }
+        facts.extend(simulated.extrapolations().map(|text| ("Extrapolation".to_owned(), text)));
         facts
     }
 }
