@@ -85,7 +85,7 @@ impl<'de> Deserialize<'de> for ZigzagAngles {
 /// Options of manoeuvring trials, of the command and of Python.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-#[cfg_attr(feature = "arguments", derive(clap::Args))]
+#[cfg_attr(feature = "arguments", derive(clap::Args), group(skip))]
 pub struct Manoeuvre {
     /// Trials, separated by commas (default: all)
     #[cfg_attr(

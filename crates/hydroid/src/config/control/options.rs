@@ -64,7 +64,7 @@ use headings::{ADAPTATION, CONTROLLER, DISTURBANCES, TASK, TRIALS};
 /// default, which may follow from the size of the vessel.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-#[cfg_attr(feature = "arguments", derive(clap::Args))]
+#[cfg_attr(feature = "arguments", derive(clap::Args), group(skip))]
 pub struct ClosedLoopOptions {
     /// Reference path
     #[cfg_attr(feature = "arguments", arg(long, value_enum, default_value_t, help_heading = TASK))]

@@ -28,7 +28,7 @@ pub use plant::{Plant, PlantKind};
 /// Options of a simulated log, of the command and of Python.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-#[cfg_attr(feature = "arguments", derive(clap::Args))]
+#[cfg_attr(feature = "arguments", derive(clap::Args), group(skip))]
 pub struct Simulate {
     /// Duration [s] (default: 7200, or as long as the commands of a file last)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "S", allow_negative_numbers = true))]
