@@ -57,8 +57,8 @@ pub struct Manoeuvre {
     #[arg(value_name = "LOG")]
     pub logs: Vec<PathBuf>,
     /// Trials, separated by commas (default: all)
-    #[arg(long, value_enum, value_delimiter = ',', value_name = "TRIAL")]
-    pub trial: Vec<TrialName>,
+    #[arg(long, alias = "trial", value_enum, value_delimiter = ',', value_name = "TRIAL")]
+    pub trials: Vec<TrialName>,
     /// Steering of turning circle, pull-out and spiral: degrees, or percent of hard over (default: 35 deg, or hard over)
     #[arg(long, value_name = "DEG|PERCENT", allow_negative_numbers = true)]
     pub steering: Option<f64>,
@@ -101,7 +101,7 @@ impl Manoeuvre {
     /// The settings of the trials.
     pub fn settings(&self) -> config::Manoeuvre {
         config::Manoeuvre {
-            trials: self.trial.iter().map(|trial| (*trial).into()).collect(),
+            trials: self.trials.iter().map(|trial| (*trial).into()).collect(),
             steering: self.steering,
             zigzag: self.zigzag.clone(),
             speed: self.speed,

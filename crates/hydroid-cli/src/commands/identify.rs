@@ -163,7 +163,7 @@ fn apply(args: &Identify, config: &mut Config) -> anyhow::Result<()> {
     }
     for given in &args.ranges {
         if args.ranges.iter().filter(|other| other.name == given.name).count() > 1 {
-            bail!("--range names '{}' twice: give one range for each channel", given.name);
+            bail!("--ranges names '{}' twice: give one range for each channel", given.name);
         }
         ranges.insert(given.name.clone(), given.range.clone());
     }
