@@ -30,6 +30,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
+use crate::key::key;
 use crate::toml_file::nearest;
 
 pub(crate) use autopilot::FUNCTIONS;
@@ -184,12 +185,22 @@ impl fmt::Display for Evidence {
             Self::Contradicted(text) => {
                 write!(
                     f,
-                    "its name, but the response of the model contradicts it: {text}. State it with --role"
+                    "its name, but the response of the model contradicts it: {text}. State it with {}",
+                    key("role")
                 )
             }
             Self::Constant => f.write_str("it was constant in the logs"),
             Self::Parameter(text) | Self::Convention(text) | Self::Log(text) => f.write_str(text),
         }
+    }
+}
+
+impl FromStr for Role {
+    type Err = BoatError;
+
+    fn from_str(text: &str) -> Result<Self, BoatError> {
+        let known = Self::ALL.into_iter().find(|known| known.name() == text);
+        known.ok_or_else(|| BoatError::UnknownRole(text.to_owned()))
     }
 }
 
@@ -204,8 +215,7 @@ impl FromStr for StatedRoles {
         let mut roles = Roles::new();
         for stated in text.split(',') {
             let (input, role) = stated.split_once('=').ok_or_else(|| BoatError::NoRole(stated.to_owned()))?;
-            let known = Role::ALL.into_iter().find(|known| known.name() == role.trim());
-            let role = known.ok_or_else(|| BoatError::UnknownRole(role.trim().to_owned()))?;
+            let role: Role = role.trim().parse()?;
             let name = input.trim().to_owned();
             if let Some(other) = roles.insert(name.clone(), role).filter(|other| *other != role) {
                 return Err(BoatError::TwoRoles { name, roles: [other, role] });

@@ -9,10 +9,12 @@ use super::error::SettingError;
 use super::{Duration, with_values};
 use crate::boat::{HARD_OVER_DEG, Roles};
 use crate::identify::GivenRanges;
+use crate::key::key;
 use crate::manoeuvre::{LeftOut, ManoeuvreError, Options, TrialKind, TrialOptions, Trials, trials};
 use crate::model::Model;
 use crate::plant::InputMap;
 use crate::progress::Progress;
+use crate::written;
 
 /// Trials of one kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -92,10 +94,13 @@ pub struct Manoeuvre {
     /// Propulsion of the approach, in percent of full ahead; default 85.
     pub propulsion: Option<f64>,
     /// Roles of inputs, in place of those of the model.
+    #[serde(deserialize_with = "written::table")]
     pub role: Roles,
     /// Limits of inputs, in place of those of the boat and in its units.
+    #[serde(deserialize_with = "written::table")]
     pub limit: GivenRanges,
     /// Neutral values of inputs, in place of those of the boat and in its units.
+    #[serde(deserialize_with = "written::table")]
     pub neutral: BTreeMap<String, f64>,
     /// Inputs that push the vessel; `-NAME` pushes astern. Default: by the roles of the inputs.
     pub push: Vec<String>,
@@ -149,7 +154,7 @@ impl Manoeuvre {
         let options = self.options()?;
         let no_propulsion = map.no_propulsion();
         if let (Some(reason), Some(percent)) = (&no_propulsion, self.propulsion) {
-            return wrong(format!("--propulsion {percent}: {reason}; leave it out"));
+            return wrong(format!("{}: {reason}; leave it out", key("propulsion").is(percent)));
         }
         let left_out = match no_propulsion {
             Some(reason) if self.trials.is_empty() => {
@@ -170,7 +175,8 @@ impl Manoeuvre {
         let relative = |stated: f64, option: &str| {
             if stated.is_nan() || stated <= 0.0 {
                 return wrong(format!(
-                    "{option} {stated}: the steering must be greater than 0; both sides are tried"
+                    "{}: the steering must be greater than 0; both sides are tried",
+                    key(option).is(stated)
                 ));
             }
             if stated > least * (1.0 + 1e-9) {
@@ -181,13 +187,15 @@ impl Manoeuvre {
                     format!("{starboard:.4} {unit} to starboard and {port:.4} {unit} to port")
                 };
                 return wrong(format!(
-                    "{option} {stated}: hard over is {sides} for this vessel: give at most that, or state the limits of the input that turns it, as in --limit NAME=LOW:HIGH"
+                    "{}: hard over is {sides} for this vessel: give at most that, or state the limits of the input that turns it, as in {}",
+                    key(option).is(stated),
+                    key("limit").is("NAME=LOW:HIGH")
                 ));
             }
             Ok((stated / full).min(1.0))
         };
         let hard = match self.steering {
-            Some(stated) => [relative(stated, "--steering")?; 2],
+            Some(stated) => [relative(stated, "steering")?; 2],
             None if unit == "deg" => hard_over.map(|angle| angle.min(HARD_OVER_DEG) / full),
             None => hard_over.map(|reach| reach / full),
         };
@@ -208,11 +216,12 @@ impl Manoeuvre {
                     let zigzags = if self.zigzag.is_empty() { &usual } else { &self.zigzag };
                     if zigzags.is_empty() {
                         return wrong(format!(
-                            "hard over is {least:.4} {unit} for this vessel, less than a zigzag 10/10 needs: give smaller angles, as in --zigzag 5/5"
+                            "hard over is {least:.4} {unit} for this vessel, less than a zigzag 10/10 needs: give smaller angles, as in {}",
+                            key("zigzag").is("5/5")
                         ));
                     }
                     for &ZigzagAngles { steering, heading_deg } in zigzags {
-                        let steering = relative(steering, "--zigzag")?;
+                        let steering = relative(steering, "zigzag")?;
                         let zigzag = |steering| TrialKind::Zigzag { steering, heading_deg };
                         kinds.extend([steering, -steering].map(zigzag));
                     }
@@ -222,7 +231,8 @@ impl Manoeuvre {
                 TrialName::Acceleration | TrialName::Stopping if no_propulsion.is_some() => {
                     if let (Some(reason), false) = (&no_propulsion, self.trials.is_empty()) {
                         return wrong(format!(
-                            "acceleration and stopping need propulsion, and {reason}: choose other trials, or state the input that pushes the vessel, as in --role NAME=propulsion"
+                            "acceleration and stopping need propulsion, and {reason}: choose other trials, or state the input that pushes the vessel, as in {}",
+                            key("role").is("NAME=propulsion")
                         ));
                     }
                 }
@@ -236,18 +246,20 @@ impl Manoeuvre {
     fn options(&self) -> Result<TrialOptions, SettingError> {
         let default = TrialOptions::default();
         if self.speed.is_some() && self.propulsion.is_some() {
-            return wrong(String::from("--speed and --propulsion both state the approach: give one of them"));
+            let [speed, propulsion] = ["speed", "propulsion"].map(key);
+            return wrong(format!("{speed} and {propulsion} both state the approach: give one of them"));
         }
         if let Some(percent) = self.propulsion.filter(|percent| !(*percent > 0.0 && *percent <= 100.0)) {
             return wrong(format!(
-                "--propulsion {percent}: give percent of full ahead, greater than 0 and at most 100"
+                "{}: give percent of full ahead, greater than 0 and at most 100",
+                key("propulsion").is(percent)
             ));
         }
         if let Some(length) = self.length.filter(|length| !(length.is_finite() && *length > 0.0)) {
-            return wrong(format!("--length {length}: give metres, greater than 0"));
+            return wrong(format!("{}: give metres, greater than 0", key("length").is(length)));
         }
         if self.current.iter().any(|velocity| !velocity.is_finite()) {
-            return wrong(String::from("--current: give two velocities in m/s, north and east"));
+            return wrong(format!("{}: give two velocities in m/s, north and east", key("current")));
         }
         Ok(TrialOptions {
             approach: Options {

@@ -10,9 +10,11 @@ use serde::Deserialize;
 use super::{Duration, SettingError};
 use crate::boat::Roles;
 use crate::excitation::{Circle, Excitation, LawnMower, LowSpeed, Turn};
+use crate::key::key;
 use crate::model::Model;
 use crate::plant::{InputMap, PlantError, current_before};
 use crate::simulate::Options;
+use crate::written;
 use drive::commands_of;
 use plan::GivenCommands;
 
@@ -41,6 +43,7 @@ pub struct Simulate {
     /// Time from the start of a log at which the simulation of a model starts.
     pub start: Option<Duration>,
     /// Roles of inputs, in place of those of the model.
+    #[serde(deserialize_with = "written::table")]
     pub role: Roles,
     /// Inputs that push the vessel, for random commands of a model; `-NAME` pushes astern. Default: by the roles of the inputs.
     pub push: Vec<String>,
@@ -110,15 +113,16 @@ impl Simulate {
 
     fn of_vessel(&self, plant: &Plant, vessel: &VesselParams, drive: &Drive) -> Result<Plan, SettingError> {
         for (option, given) in [
-            ("--start", self.start.is_some()),
-            ("--process-noise", self.process_noise != 0.0),
-            ("--role", !self.role.is_empty()),
-            ("--push", !self.push.is_empty()),
-            ("--turn", !self.turn.is_empty()),
+            ("start", self.start.is_some()),
+            ("process_noise", self.process_noise != 0.0),
+            ("role", !self.role.is_empty()),
+            ("push", !self.push.is_empty()),
+            ("turn", !self.turn.is_empty()),
         ] {
             if given {
                 return wrong(format!(
-                    "{option} needs an identified model (.safetensors): '{}' is a vessel",
+                    "{} needs an identified model (.safetensors): '{}' is a vessel",
+                    key(option),
                     plant.name
                 ));
             }
@@ -143,19 +147,19 @@ impl Simulate {
 
     fn excitation(&self, vessel: &VesselParams, drive: &Drive) -> Result<(Excitation, String), SettingError> {
         let kind = drive.name();
-        let lawn_mower = self.leg.is_some() || self.spacing.is_some() || !self.leg_speeds.is_empty();
         for (option, given, kinds) in [
-            (
-                "--leg, --spacing, --leg-speeds and --sharp-turns",
-                lawn_mower || self.sharp_turns,
-                &["lawn-mower"][..],
-            ),
-            ("--radius", self.radius.is_some(), &["circle"]),
-            ("--speed", self.speed.is_some(), &["circle", "low-speed", "lawn-mower"]),
+            ("leg", self.leg.is_some(), &["lawn-mower"][..]),
+            ("spacing", self.spacing.is_some(), &["lawn-mower"]),
+            ("leg_speeds", !self.leg_speeds.is_empty(), &["lawn-mower"]),
+            ("sharp_turns", self.sharp_turns, &["lawn-mower"]),
+            ("radius", self.radius.is_some(), &["circle"]),
+            ("speed", self.speed.is_some(), &["circle", "low-speed", "lawn-mower"]),
         ] {
             if given && !kinds.contains(&kind) {
                 return wrong(format!(
-                    "{option} cannot be used with --excitation {kind}: it needs {}",
+                    "{} cannot be used with {}: it needs {}",
+                    key(option),
+                    key("excitation").is(kind),
                     kinds.join(", ")
                 ));
             }
@@ -210,27 +214,29 @@ impl Simulate {
 
     fn check_for_model(&self, plant: &Plant, model: &Model, drive: &Drive) -> Result<(), SettingError> {
         if self.dt.is_some() && !model.is_vessel() {
-            return wrong(plant.needs_a_vessel("--dt"));
+            return wrong(plant.needs_a_vessel("dt"));
         }
         for (option, given) in [
-            ("--step", self.step.is_some()),
-            ("--leg", self.leg.is_some()),
-            ("--spacing", self.spacing.is_some()),
-            ("--leg-speeds", !self.leg_speeds.is_empty()),
-            ("--sharp-turns", self.sharp_turns),
-            ("--radius", self.radius.is_some()),
-            ("--speed", self.speed.is_some()),
+            ("step", self.step.is_some()),
+            ("leg", self.leg.is_some()),
+            ("spacing", self.spacing.is_some()),
+            ("leg_speeds", !self.leg_speeds.is_empty()),
+            ("sharp_turns", self.sharp_turns),
+            ("radius", self.radius.is_some()),
+            ("speed", self.speed.is_some()),
         ] {
             if given {
                 return wrong(format!(
-                    "{option} needs a vessel with one propeller and one rudder: '{}' has inputs of its own",
+                    "{} needs a vessel with one propeller and one rudder: '{}' has inputs of its own",
+                    key(option),
                     plant.name
                 ));
             }
         }
         match drive {
             Drive::Kind(kind) if kind != "mixed" => wrong(format!(
-                "--excitation {kind} needs a vessel with one propeller and one rudder: with '{}' write mixed, or the name of a CSV file with time and its inputs",
+                "{} needs a vessel with one propeller and one rudder: with '{}' write mixed, or the name of a CSV file with time and its inputs",
+                key("excitation").is(kind),
                 plant.name
             )),
             Drive::Kind(_) | Drive::Log(_) => Ok(()),
