@@ -42,12 +42,19 @@ def names(argument: str, given: str | Sequence[str]) -> list[str]:
     raise TypeError(f"{argument}: expected 'a,b' or a list of names, got {given!r}")
 
 
-def roles(given: Mapping[str, str] | None) -> dict[str, str]:
+def by_name(argument: str, given: Mapping[str, Any] | str | None) -> dict[str, Any] | str:
+    """Values by name: a mapping, or the text ``NAME=VALUE,NAME=VALUE``."""
     if given is None:
         return {}
+    if isinstance(given, str):
+        return given
     if not isinstance(given, Mapping):
-        raise TypeError(f"role: expected a mapping from inputs to roles, got {type(given).__name__}")
+        raise TypeError(f"{argument}: expected a mapping or 'NAME=VALUE', got {type(given).__name__}")
     return dict(given)
+
+
+def roles(given: Mapping[str, str] | str | None) -> dict[str, Any] | str:
+    return by_name("role", given)
 
 
 def log_section(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from . import _hydroid
 from ._hydroid import Log, Model
-from ._options import Bar, log_section, names, roles
+from ._options import Bar, by_name, log_section, names, roles
 
 Array = NDArray[np.float64]
 
@@ -72,7 +72,7 @@ def simulate(
     current: Sequence[float] | None = None,
     process_noise: float = 0.0,
     start: float | str | None = None,
-    role: Mapping[str, str] | None = None,
+    role: Mapping[str, str] | str | None = None,
     push: str | Sequence[str] = (),
     turn: str | Sequence[str] = (),
     leg: float | None = None,
@@ -116,7 +116,7 @@ def simulate(
         Time from the start of a log at which the simulation of a model starts: seconds, or ``"5m"``.
     role : mapping of str to str, optional
         Roles of inputs, in place of those of the model: ``propulsion``, ``steering``, ``thruster``, ``disturbance`` or
-        ``setting``.
+        ``setting``; or ``"delta=steering"``.
     push, turn : str or list of str
         Inputs that push a model, and inputs that turn it to starboard, for ``"mixed"``; ``-NAME`` is the opposite
         direction. Default: by the roles of the inputs.
@@ -321,7 +321,9 @@ def manoeuvres(
     longest: float | str = 3600.0,
     current: Sequence[float] = (0.0, 0.0),
     length: float | None = None,
-    role: Mapping[str, str] | None = None,
+    role: Mapping[str, str] | str | None = None,
+    limit: Mapping[str, tuple[float, float] | str] | str | None = None,
+    neutral: Mapping[str, float] | str | None = None,
     push: str | Sequence[str] = (),
     turn: str | Sequence[str] = (),
     threads: int | None = None,
@@ -356,7 +358,12 @@ def manoeuvres(
         Length of the ship [m]: adds the criteria of IMO resolution MSC.137(76).
     role : mapping of str to str, optional
         Roles of inputs, in place of those of the model: ``{"delta": "steering", "wind_x": "disturbance"}``; others are
-        ``propulsion``, ``thruster`` and ``setting``.
+        ``propulsion``, ``thruster`` and ``setting``. Also ``"delta=steering,wind_x=disturbance"``.
+    limit : mapping of str to (float, float) or str, optional
+        Limits of inputs in the unit of the input in the boat, else of the model: ``{"delta": "-30:30 [deg]"}``, or
+        ``"delta=-30:30 [deg]"``.
+    neutral : mapping of str to float, optional
+        Values of inputs without effect, in the same unit: ``{"n": 1500}``, or ``"n=1500"``.
     push, turn : str or list of str
         Inputs that push the vessel, and inputs that turn it to starboard; ``-NAME`` is the opposite direction. Default:
         by the roles of the inputs.
@@ -379,6 +386,8 @@ def manoeuvres(
         "current": _pair("current", current),
         "length": length,
         "role": roles(role),
+        "limit": by_name("limit", limit),
+        "neutral": by_name("neutral", neutral),
         "push": names("push", push),
         "turn": names("turn", turn),
     }
