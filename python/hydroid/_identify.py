@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from . import _hydroid
 from ._evaluate import Evaluation
 from ._hydroid import Model
-from ._options import Bar, Channels, log_section, names, tables
+from ._options import Bar, Channels, by_name, log_section, names, tables
 
 
 #: Further keys of the section ``[identify]``.
@@ -122,7 +122,7 @@ def identify(
     seed: int | None = None,
     config: str | os.PathLike[str] | None = None,
     vessel: str | os.PathLike[str] | None = None,
-    ranges: Mapping[str, tuple[float, float]] | None = None,
+    ranges: Mapping[str, tuple[float, float] | str] | str | None = None,
     log: Mapping[str, Any] | None = None,
     sections: Mapping[str, Mapping[str, Any]] | None = None,
     threads: int | None = None,
@@ -155,9 +155,9 @@ def identify(
     vessel : path, optional
         Vessel file whose marked numbers are estimated as well.
     ranges : mapping, optional
-        Design range (low, high) of channels, in SI units.
+        Design range of channels: (low, high) in SI units, or ``"0:12 [kn]"``; all together ``"u=0:6,r=-20:20 [deg/s]"``.
     log : mapping, optional
-        Further keys of ``[log]``: ``dt``, ``max_gap_s``, ``command_timing``, ``input_delay``, ``keep_towed``,
+        Further keys of ``[log]``: ``dt``, ``max_gap``, ``command_timing``, ``input_delay``, ``keep_towed``,
         ``sensors``.
     sections : mapping, optional
         Sections of ``hydroid.toml``: ``{"sindy": {"degree": 3}, "network": {"epochs": 100}}``.
@@ -186,7 +186,7 @@ def identify(
     if horizon is not None:
         given["identify"]["horizon"] = horizon
     if ranges is not None:
-        given["ranges"] = {name: list(range) for name, range in ranges.items()}
+        given["ranges"] = by_name("ranges", ranges)
     with Bar(progress, "identifying") as bar:
         inner = _hydroid.identify(
             logs, validate, test, names("methods", methods), given, config, vessel, threads, bar.callback

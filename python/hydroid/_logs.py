@@ -114,7 +114,7 @@ def prepare(
     wind : str, optional
         Columns of speed and direction of the wind, separated by a comma.
     **options
-        Further keys of the section ``[log]`` of ``hydroid.toml``: ``dt``, ``max_gap_s``, ``command_timing``,
+        Further keys of the section ``[log]`` of ``hydroid.toml``: ``dt``, ``max_gap``, ``command_timing``,
         ``input_delay``, ``keep_towed``, ``sensors``. Recordings are read with these options, all paths together.
 
     Returns

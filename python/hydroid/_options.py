@@ -96,6 +96,15 @@ def _entry(option: dict[str, Any]) -> str:
     return f"    {option['key']} : {kind}, optional\n" + "".join(line + "\n" for line in filled)
 
 
+def by_name(argument: str, given: Mapping[str, Any] | str) -> dict[str, Any] | str:
+    """Values by name: a mapping, or the text ``NAME=VALUE,NAME=VALUE``."""
+    if isinstance(given, str):
+        return given
+    if not isinstance(given, Mapping):
+        raise TypeError(f"{argument}: expected a mapping or 'NAME=VALUE', got {type(given).__name__}")
+    return dict(given)
+
+
 def log_section(
     outputs: Channels | None = None,
     inputs: Channels | None = None,

@@ -68,6 +68,8 @@ def test_a_wrong_channel_is_named(files):
         hydroid.prepare(files[0], outputs="speed", inputs="n")
     with pytest.raises(ValueError, match="a step of -1"):
         hydroid.prepare(files[0], **CHANNELS, dt=-1.0)
+    with pytest.raises(ValueError, match='name the commands, for example inputs="n=RPM,delta=RUDDER"'):
+        hydroid.prepare({"t": [0.0, 0.1, 0.2], "u": [1.0, 2.0, 3.0]})
     with pytest.raises(ValueError, match="unknown field `gap`"):
         hydroid.prepare(files[0], **CHANNELS, gap=1.0)
 

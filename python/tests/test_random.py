@@ -44,7 +44,7 @@ def calls(model, run):
         "log": lambda x, y: hydroid.Log(x, name=y) if isinstance(y, str) else hydroid.Log(x),
         "log of columns": lambda x, y: hydroid.Log({"u": x, "n": y}),
         "prepare": lambda x, y: hydroid.prepare(hydroid.Log({"u": x, "n": y}), outputs="u", inputs="n"),
-        "options": lambda x, y: hydroid.prepare(hydroid.Log({"u": [1.0] * 9, "n": [2.0] * 9}), dt=x, max_gap_s=y),
+        "options": lambda x, y: hydroid.prepare(hydroid.Log({"u": [1.0] * 9, "n": [2.0] * 9}), dt=x, max_gap=y),
         "bytes": lambda x, y: hydroid.Model.from_bytes(x),
         "horizon": lambda x, y: hydroid.evaluate(model, run, horizon=x, stride=y if isinstance(y, int) else 50),
         "function": lambda x, y: hydroid.evaluate(lambda *_: x, run, horizon=5, stride=100),

@@ -200,14 +200,14 @@ def test_options_of_trials_are_those_of_the_command(tmp_path):
     ):
         given = dict(options, zigzag=[(10, 10), (5, 20)]) if "zigzag" in options else options
         trials = hydroid.manoeuvres("simple", ["turning-circle", "zigzag"], **given)
-        words = ["manoeuvre", "simple", "--trial", "turning-circle,zigzag", *flags(options), "--json"]
+        words = ["manoeuvre", "simple", "--trials", "turning-circle,zigzag", *flags(options), "--json"]
         assert trials.document == json.loads(command(*words))
 
 
 def test_figures_and_tracks_are_those_of_the_files(model, model_file, tmp_path):
     trials = hydroid.manoeuvres(model, "turning-circle,pull-out,spiral", threads=1)
     # The command names the file.
-    document = json.loads(command("manoeuvre", model_file, "--trial", "turning-circle,pull-out,spiral", "--json"))
+    document = json.loads(command("manoeuvre", model_file, "--trials", "turning-circle,pull-out,spiral", "--json"))
     assert dict(trials.document, plant=str(model_file)) == document and trials.document["plant"] == "sindy"
     assert hydroid.manoeuvres(model_file, "turning-circle,pull-out,spiral").document == document
     for figure in trials.figures:
@@ -297,3 +297,16 @@ def test_a_rudder_as_the_only_input_does_not_push(tmp_path):
         hydroid.manoeuvres(model, "turning-circle", role={"detla": "steering"})
     with pytest.raises(ValueError, match="role"):
         hydroid.manoeuvres(model, "turning-circle", role={"delta": "rudder"})
+
+
+def test_roles_limits_and_neutral_values_as_text():
+    options = {"trials": "turning-circle", "speed": 1.5, "steering": 40}
+    table = hydroid.manoeuvres("simple", limit={"RD_cmd": (-20, 20)}, neutral={"RD_cmd": 0.0}, **options)
+    text = hydroid.manoeuvres("simple", limit="RD_cmd=-20:20", neutral="RD_cmd=0", **options)
+    assert text.figures == table.figures
+    with pytest.raises(ValueError, match='^steering=150: .* as in limit="NAME=LOW:HIGH"'):
+        hydroid.manoeuvres("simple", trials="turning-circle", steering=150)
+    with pytest.raises(ValueError, match="^role: 'delta' is not NAME=VALUE"):
+        hydroid.manoeuvres("simple", role="delta", trials="zigzag")
+    with pytest.raises(ValueError, match="^speed and propulsion both"):
+        hydroid.manoeuvres("simple", speed=1.5, propulsion=50)

@@ -92,7 +92,7 @@ def test_a_vessel_moves_on_the_page_as_in_the_command(opened, tmp_path, vessel):
 @pytest.mark.parametrize("plant", ["simple", "hydrofoil"])
 def test_a_built_in_vessel_turns_on_the_page_as_in_the_command(opened, tmp_path, plant):
     """The velocities of a turning circle. `hydroid manoeuvre` samples it every 0.01 s, the page every 0.1 s."""
-    hydroid("manoeuvre", plant, "--trial", "turning-circle", "-o", tmp_path)
+    hydroid("manoeuvre", plant, "--trials", "turning-circle", "-o", tmp_path)
     hydroid("report", plant, "--interactive", "-o", tmp_path / "boat.html")
     with open(tmp_path / "tracks.csv", encoding="utf-8") as file:
         heads, *rows = csv.reader(file)

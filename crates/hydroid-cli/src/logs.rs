@@ -25,7 +25,7 @@ pub fn reading(base: Reading, args: &LogArgs, boat: &Boat) -> anyhow::Result<Rea
         heading: args.heading.as_deref().map(str::parse).transpose()?,
         sensors: None,
         dt: args.dt,
-        max_gap_s: args.max_gap,
+        max_gap: args.max_gap,
         command_timing: args.command_timing,
         input_delay: args.input_delay.map(config::Delay::Text),
         keep_towed: args.keep_towed,

@@ -43,6 +43,8 @@ impl Key<'_> {
         write!(out, "--{}", name.replace('_', "-"))?;
         match value {
             Some(value) if value.contains([' ', ';', '(', '[', '\'']) => write!(out, " \"{value}\""),
+            // A value that begins like a flag is not taken as one.
+            Some(value) if value.starts_with('-') => write!(out, "={value}"),
             Some(value) => write!(out, " {value}"),
             None => Ok(()),
         }
@@ -72,6 +74,7 @@ mod tests {
         for (key, argument, keyword) in [
             (key("max_gap"), "--max-gap", "max_gap"),
             (key("max_gap").is(3.5), "--max-gap 3.5", "max_gap=3.5"),
+            (key("input_delay").is("-3"), "--input-delay=-3", "input_delay=-3"),
             (key("task").is("lawn-mower"), "--task lawn-mower", "task=\"lawn-mower\""),
             (key("heading").is("psi [deg]"), "--heading \"psi [deg]\"", "heading=\"psi [deg]\""),
         ] {

@@ -1,6 +1,6 @@
 //! Identification, evaluation, adaptation and closed-loop simulation of vessel models from logs.
 //!
-//! Order of the modules, bottom to top; each imports only modules before it: `progress`, `key` (names of options in messages), `log` (runs and their files),
+//! Order of the modules, bottom to top; each imports only modules before it: `progress`, `key` (names of options in messages), `written` (their values), `log` (runs and their files),
 //! `excitation` (command sequences), `toml_file`, `atomic`, `fingerprint`, `boat` (roles of inputs), `evaluate` (multi-step errors of any model),
 //! `navigate` (pose and velocities from raw sensors), `recording` (files of topics), `faults` (sensor faults), `simulate` (commands to logs), `craft` (vessel files with any actuators), `model` (identified models and their files),
 //! `plant` (models that run freely), `manoeuvre` (manoeuvring trials), `sindy`
@@ -38,6 +38,7 @@ pub mod sindy;
 #[doc(hidden)]
 pub mod toml_file;
 pub mod train;
+mod written;
 
 /// The examples of the page on the Rust API, to which the package has a link.
 #[cfg(doctest)]

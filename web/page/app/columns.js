@@ -127,7 +127,7 @@ function logSection() {
   if (!log.outputs.length && sensors()) log.sensors = sensors();
   const { dt, maxGap, delay } = state.options;
   if (dt) log.dt = dt;
-  if (maxGap) log.max_gap_s = maxGap;
+  if (maxGap) log.max_gap = maxGap;
   if (delay) log.input_delay = `${delay}s`;
   return log;
 }

@@ -1,15 +1,14 @@
 // Messages of hydroid in the words of the page.
 
-/** A message without the options of the command: their fields here, or nothing where the page has none. */
+/** A message without commands. */
 function plain(text) {
-  const named = String(text).replace(/--([a-z-]+)(?: "[^"]*"| '[^']*'| [A-Z,=\d.][^\s;,]*)?/g, (whole, flag) => (flag === "inputs" && whole.includes(" - ") ? TEXT.flags.zero : TEXT.flags[flag] ?? whole));
-  return named.replace(/`hydroid [^`]*`/g, "the command");
+  return String(text).replace(/`hydroid [^`]*`/g, "the command");
 }
 
 /** A remedy, or nothing if it can be followed with the command alone. */
 function remedyOf(note) {
   const text = note.remedy ? plain(note.remedy) : "";
-  return /--[a-z]|the command/.test(text) ? "" : text;
+  return text.includes("the command") ? "" : text;
 }
 
 /** Notes as a list: those of several files once, the serious ones first. */

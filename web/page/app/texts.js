@@ -65,12 +65,6 @@ const TEXT = {
   lost: "The work ended without a result: the device may not have enough memory. Try a shorter log, or the command.",
   restored: "This is the state of your last visit.",
   kept: (name) => `${name} is ready`,
-  // What the options of the command are called on this page.
-  flags: {
-    zero: "the column “zero at”", inputs: "the role “input”", outputs: "the role “output”", time: "the role “time”", heading: "the role “heading”", dt: "the sample time in the options",
-    "max-gap": "the longest gap in the options", "input-delay": "the delay of the commands in the options", horizon: "the longest prediction in the options",
-    validate: "the use “choose”", test: "the use “judge”", turn: "the command", push: "the command", "keep-towed": "the command", "command-timing": "the command",
-  },
   glossary: {
     NRMSE: "Normalized root mean square error: the error of the predictions, divided by the standard deviation of the quantity. 0 is perfect, 1 is no better than its mean.",
     "last value": "Persistence: the prediction that nothing changes. A model that is not better than it is of no use.",

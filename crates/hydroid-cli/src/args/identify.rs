@@ -67,10 +67,10 @@ pub struct Identify {
     #[arg(long, value_name = "FAMILIES", help_heading = "Equations")]
     pub library: Option<String>,
     /// A term, as in 'u |u|' or 'n |n| sin(delta)', added to --library or --degree; may be repeated
-    #[arg(long = "term", value_name = "TERM", help_heading = "Equations")]
+    #[arg(long, alias = "term", value_name = "TERM", help_heading = "Equations")]
     pub terms: Vec<String>,
     /// A constraint on coefficients, as in 'u: u |u| <= 0' or 'v: u r = r: u v'; may be repeated
-    #[arg(long = "constraint", value_name = "OUTPUT: TERM <= 0", help_heading = "Equations")]
+    #[arg(long, alias = "constraint", value_name = "OUTPUT: TERM <= 0", help_heading = "Equations")]
     pub constraints: Vec<String>,
     /// Dissipative damping: coefficients of y and y |y| in the equation of y are at most 0
     #[arg(long, help_heading = "Equations")]
@@ -114,7 +114,7 @@ pub struct Identify {
     pub budget: Option<Duration>,
     /// Design range of outputs and inputs: u=0:6,v=-1:1 or 'u=0:12 [kn]'; sets the scaling of networks and the limit of
     /// divergence (default: the training range). May be repeated
-    #[arg(long = "range", value_name = "NAME=LOW:HIGH", value_delimiter = ',', value_parser = named::<GivenRange>, help_heading = "Networks")]
+    #[arg(long, alias = "range", value_name = "NAME=LOW:HIGH", value_delimiter = ',', value_parser = named::<GivenRange>, help_heading = "Networks")]
     pub ranges: Vec<(String, GivenRange)>,
     /// Largest number of epochs (default: depends on the network)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Networks")]

@@ -164,7 +164,7 @@ fn apply(args: &Identify, config: &mut Config) -> anyhow::Result<()> {
     }
     for (name, range) in &args.ranges {
         if args.ranges.iter().filter(|(other, _)| other == name).count() > 1 {
-            bail!("--range names '{name}' twice: give one range for each channel");
+            bail!("--ranges names '{name}' twice: give one range for each channel");
         }
         ranges.insert(name.clone(), range.clone());
     }

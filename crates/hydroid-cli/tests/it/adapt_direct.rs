@@ -15,7 +15,7 @@ use crate::common::{command, run, text};
 fn prepared() -> &'static Path {
     static FOLDER: OnceLock<TempDir> = OnceLock::new();
     let settings = "[direct]\nhidden = 24\nlayers = 2\nhistory_s = 0.4\nepochs = 12\nrestarts = 1\nensemble = false\nbase = \"nothing\"\n";
-    let identify = "identify a.csv --validate b.csv --test c.csv --outputs u,v,r --methods direct -c net.toml --horizon 20 --range u=0:6,v=-1.5:1.5,r=-1:1,PP_cmd=-130:350 -o out -q";
+    let identify = "identify a.csv --validate b.csv --test c.csv --outputs u,v,r --methods direct -c net.toml --horizon 20 --ranges u=0:6,v=-1.5:1.5,r=-1:1,PP_cmd=-130:350 -o out -q";
     FOLDER.get_or_init(|| crate::low_speed::folder(settings, identify)).path()
 }
 

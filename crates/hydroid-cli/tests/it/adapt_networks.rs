@@ -15,7 +15,7 @@ use crate::common::{command, run, text};
 fn prepared() -> &'static Path {
     static FOLDER: OnceLock<TempDir> = OnceLock::new();
     let settings = "[network]\nhidden = 8\nepochs = 60\nfeedback = false\nlearning_rate = 0.01\n";
-    let identify = "identify a.csv --validate b.csv --test c.csv --outputs u,v,r --methods gru -c net.toml --range u=0:6,v=-1.5:1.5,r=-1:1,PP_cmd=-130:350 -o out -q";
+    let identify = "identify a.csv --validate b.csv --test c.csv --outputs u,v,r --methods gru -c net.toml --ranges u=0:6,v=-1.5:1.5,r=-1:1,PP_cmd=-130:350 -o out -q";
     FOLDER.get_or_init(|| crate::low_speed::folder(settings, identify)).path()
 }
 

@@ -94,7 +94,7 @@ fn identified_equations_work_with_every_controller_and_adapt() {
     for term in
         ["u", "v", "r", "u |u|", "v |v|", "r |r|", "u r", "v r", "r^2", "u v", "PP_cmd", "u sin(RD_ang)"]
     {
-        command.args(["--term", term]);
+        command.args(["--terms", term]);
     }
     let output = command.output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
@@ -127,7 +127,7 @@ fn equations_that_cannot_be_inverted_are_refused_by_fl_and_accepted_by_cem() {
             .split(' '),
     );
     for term in ["u", "v", "r", "PP_cmd", "u RD_cmd", "u sin(RD_cmd)"] {
-        command.args(["--term", term]);
+        command.args(["--terms", term]);
     }
     command.args(["--threshold", "0"]).output().unwrap();
     let model = "out/sindy.safetensors";
@@ -177,7 +177,7 @@ fn every_kind_of_model_is_simulated_tried_and_steered() {
         );
         assert_eq!(log.lines().count(), 601, "{kind}");
         let trials =
-            told(at, &format!("manoeuvre {model} --trial turning-circle --speed 2 --steering 40 --json"), 0);
+            told(at, &format!("manoeuvre {model} --trials turning-circle --speed 2 --steering 40 --json"), 0);
         let figures = trials["trials"][0]["figures"].as_array().unwrap();
         let tactical = figures.iter().find(|figure| figure["name"] == "tactical_diameter_m").unwrap();
         let tactical = tactical["value"].as_f64().unwrap();

@@ -70,15 +70,15 @@ fn invalid_options_of_equations() {
     for (args, words) in [
         (&["--library", "marin"][..], &["marin", "did you mean 'marine'"][..]),
         (
-            &["--term", "u", "--term", "u sin(d_cdm)"],
+            &["--terms", "u", "--terms", "u sin(d_cdm)"],
             &["terms", "character 7", "'d_cdm'", "did you mean 'd_cmd'"],
         ),
-        (&["--term", "lag(n_cmd, 1 s)"], &["lag(n_cmd, 1 s)", "--lag n=1.5"]),
-        (&["--constraint", "w: u <= 0"], &["constraints", "no output 'w'", "u, r"]),
-        (&["--constraint", "u: u <= -1"], &["'u: u <= -1'", "one coefficient with 0"]),
-        (&["--constraint", "u: u^7 <= 0"], &["u: u^7 <= 0", "no library of the search has the term 'u^7'"]),
-        (&["--constraint", "u: u < 0"], &["character 6", "<="]),
-        (&["--constraint", "u: u = 1", "--constraint", "u: u = 2"], &["no coefficients obey"]),
+        (&["--terms", "lag(n_cmd, 1 s)"], &["lag(n_cmd, 1 s)", "--lag n=1.5"]),
+        (&["--constraints", "w: u <= 0"], &["constraints", "no output 'w'", "u, r"]),
+        (&["--constraints", "u: u <= -1"], &["'u: u <= -1'", "one coefficient with 0"]),
+        (&["--constraints", "u: u^7 <= 0"], &["u: u^7 <= 0", "no library of the search has the term 'u^7'"]),
+        (&["--constraints", "u: u < 0"], &["character 6", "<="]),
+        (&["--constraints", "u: u = 1", "--constraints", "u: u = 2"], &["no coefficients obey"]),
         (&["--lag", "n_cdm=1"], &["lag", "no input 'n_cdm'", "did you mean 'n_cmd'"]),
         (&["--lag", "u=1"], &["no input 'u'", "n_cmd, d_cmd"]),
         (&["--lag", "n_cmd=-1"], &["n_cmd=-1", "positive number of seconds"]),
@@ -94,7 +94,10 @@ fn invalid_options_of_equations() {
         (&["--library", "degree 60", "--lag", "none", "--gate", "none"], &["degree 60", "smaller degree"]),
         (&["--library", "degree 0, no constant"], &["no terms", "degree of 1 or more"]),
         (&["--library", "marine", "--degree", "2"], &["--library", "--degree"]),
-        (&["--term", "u", "--term", "ln(r)"], &["'ln(r)'", "log.csv", "zero or below", "leave the term out"]),
+        (
+            &["--terms", "u", "--terms", "ln(r)"],
+            &["'ln(r)'", "log.csv", "zero or below", "leave the term out"],
+        ),
     ] {
         refused(&folder, args, words);
     }
@@ -122,17 +125,17 @@ fn too_few_samples_for_the_library() {
 fn the_equations_have_the_terms_of_the_options() {
     let folder = TempDir::new().unwrap();
     log(&folder, 600, |_| ());
-    let terms = ["--term", "u", "--term", "r", "--term", "n_cmd", "--term", "d_cmd"];
+    let terms = ["--terms", "u", "--terms", "r", "--terms", "n_cmd", "--terms", "d_cmd"];
     let (_, text) = done(&folder, &[&terms[..], &["--gate", "none", "--lag", "none"]].concat());
     assert!(text.contains("du/dt = -0.4") && text.contains("+ 0.8") && text.contains(" n_cmd"), "{text}");
     // A sign constraint that the data contradict removes the term; a relation ties two equations.
     let (_, text) = done(
         &folder,
-        &[&terms[..], &["--gate", "none", "--lag", "none", "--constraint", "u: n_cmd <= 0"]].concat(),
+        &[&terms[..], &["--gate", "none", "--lag", "none", "--constraints", "u: n_cmd <= 0"]].concat(),
     );
     let surge = text.lines().find(|line| line.contains("du/dt")).unwrap().to_owned();
     assert!(!surge.contains("n_cmd"), "{surge}");
-    let tie = ["--gate", "none", "--lag", "none", "--constraint", "u: n_cmd = 2 r: d_cmd", "--dissipative"];
+    let tie = ["--gate", "none", "--lag", "none", "--constraints", "u: n_cmd = 2 r: d_cmd", "--dissipative"];
     done(&folder, &[&terms[..], &tie].concat());
     let inspected = hydroid(folder.path(), &["inspect", "out/sindy.safetensors", "--json"]);
     let document: serde_json::Value = serde_json::from_slice(&inspected.stdout).unwrap();

@@ -157,7 +157,7 @@ fn a_folder_in_use_is_refused() {
     held.try_lock().unwrap();
     for args in [
         &["identify", "log.csv", "-o", "out"][..],
-        &["manoeuvre", "hydrofoil", "--trial", "turning-circle", "-o", "out"],
+        &["manoeuvre", "hydrofoil", "--trials", "turning-circle", "-o", "out"],
         &["control", "hydrofoil", "--controller", "fl", "--task", "circle", "-o", "out"],
     ] {
         refused(at, args, "another run of hydroid writes there");

@@ -21,6 +21,7 @@ mod file_options;
 mod hostile;
 #[cfg(unix)]
 mod interruptions;
+mod keys;
 #[cfg(unix)]
 mod kills;
 mod low_speed;

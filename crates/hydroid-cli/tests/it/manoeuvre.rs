@@ -67,7 +67,7 @@ fn a_vessel_runs_all_trials() {
 fn the_approach_has_the_stated_speed() {
     let folder = TempDir::new().unwrap();
     let args =
-        ["manoeuvre", "simple", "--trial", "turning-circle", "--speed", "1.5", "--steering", "40", "--json"];
+        ["manoeuvre", "simple", "--trials", "turning-circle", "--speed", "1.5", "--steering", "40", "--json"];
     let output = hydroid(folder.path(), &args);
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     let document = json(&output);
@@ -91,9 +91,9 @@ fn an_identified_model_runs_trials_and_predicts_those_in_a_log() {
     let output = hydroid(folder.path(), &args);
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     for model in ["out/sindy.safetensors", "out/committee.safetensors"] {
-        let args = ["manoeuvre", model, "--trial", "turning-circle,pull-out", "--steering", "50", "--json"];
+        let args = ["manoeuvre", model, "--trials", "turning-circle,pull-out", "--steering", "50", "--json"];
         let document = json(&hydroid(folder.path(), &args));
-        let truth = ["manoeuvre", "simple", "--trial", "turning-circle", "--steering", "50", "--json"];
+        let truth = ["manoeuvre", "simple", "--trials", "turning-circle", "--steering", "50", "--json"];
         let truth = json(&hydroid(folder.path(), &truth));
         let value = |document: &Value| {
             figure(&document["trials"][0], "tactical_diameter_m")["value"].as_f64().unwrap()
@@ -250,7 +250,7 @@ fn the_rudder_may_go_farther_than_in_the_log() {
     let output = hydroid(folder, &args);
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     let model = "out/sindy.safetensors";
-    let circle = ["manoeuvre", model, "--trial", "turning-circle", "--steering", "35", "--length", "8"];
+    let circle = ["manoeuvre", model, "--trials", "turning-circle", "--steering", "35", "--length", "8"];
     let printed = hydroid(folder, &circle);
     let printed = String::from_utf8_lossy(&printed.stdout).into_owned();
     assert!(
@@ -281,7 +281,7 @@ fn wrong_input_is_refused_with_a_remedy() {
         ("--push", "PP", "has no input 'PP', did you mean 'PP_cmd'"),
         ("--turn", "-rudder", "has no input 'rudder'"),
         ("--length", "0", "give metres"),
-        ("--trial", "loop", "possible values: turning-circle"),
+        ("--trials", "loop", "possible values: turning-circle"),
     ] {
         refused(folder.path(), &trial(option, value), words);
     }
@@ -322,7 +322,7 @@ fn a_tanker_whose_only_input_is_its_rudder_runs_trials_at_the_speed_of_its_log()
     for (args, words) in [
         (&["--speed", "1.2"][..], "the steady speed of the vessel is 1.7"),
         (&["--propulsion", "50"], "no input pushes the vessel"),
-        (&["--trial", "stopping"], "acceleration and stopping need propulsion"),
+        (&["--trials", "stopping"], "acceleration and stopping need propulsion"),
         (&["--role", "delta=propulsion"], "no input of this model pushes the vessel"),
         (&["--role", "detla=steering"], "did you mean 'delta'?"),
         (&["--role", "delta=rudder"], "'rudder' is not a role"),

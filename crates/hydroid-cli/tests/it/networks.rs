@@ -70,7 +70,7 @@ fn networks_stand_beside_equations_and_are_used_like_them() {
         "none",
         "--members",
         "0",
-        "--range",
+        "--ranges",
         "u=-1:12 [kn],PP_cmd=-100:400",
         "-o",
         "out",
@@ -408,10 +408,10 @@ fn wrong_options_are_refused_with_line_and_remedy() {
         assert!(!path.join("out").exists(), "{text}");
     }
     for (option, value, word) in [
-        ("--range", "u=3:1", "the lower one first"),
-        ("--range", "u", "NAME=LOW:HIGH"),
-        ("--range", "u=0:1 [deg]", "deg"),
-        ("--range", "u=0:1,u=0:2", "twice"),
+        ("--ranges", "u=3:1", "the lower one first"),
+        ("--ranges", "u", "NAME=LOW:HIGH"),
+        ("--ranges", "u=0:1 [deg]", "deg"),
+        ("--ranges", "u=0:1,u=0:2", "twice"),
         ("--budget", "0", "5m"),
         ("--budget", "-3s", "5m"),
         ("--epochs", "0", "epochs"),

@@ -65,7 +65,7 @@ fn a_boat_is_identified_manoeuvred_and_steered() {
         let found = numbers["numbers"]["rigid_body.i_z"]["value"].as_f64().unwrap();
         let truth = if name == "otter" { 16.3025 } else { 1.58e7 };
         assert!((found / truth - 1.0).abs() < 0.1, "{name}: {found}");
-        let trials = json(at, &["manoeuvre", "out/grey-box.toml", "--trial", "turning-circle", "--json"]);
+        let trials = json(at, &["manoeuvre", "out/grey-box.toml", "--trials", "turning-circle", "--json"]);
         assert!(trials["trials"].as_array().unwrap().len() == 2, "{trials}");
         let control = [
             &[

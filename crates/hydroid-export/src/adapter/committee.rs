@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use hydroid::key::key;
 use hydroid::model::Model;
 use hydroid_core::adapt::{CommitteeSession, LearnerConstants};
 use hydroid_core::model::committee::Committee;
@@ -32,8 +33,10 @@ pub(super) fn adapter(model: &Model, committee: &Arc<Committee>) -> Result<Adapt
             reason: String::from(
                 "none of its members learns, because constant members predicted best in training",
             ),
-            remedy: String::from(
-                "export it without --adapter, or identify equations (--method lagged), which learn",
+            remedy: format!(
+                "export it without {}, or identify equations ({}), which learn",
+                key("adapter"),
+                key("methods").is("lagged")
             ),
         });
     }

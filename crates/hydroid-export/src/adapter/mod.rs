@@ -7,6 +7,7 @@ mod equations;
 mod network;
 
 use hydroid::adapt::{AdaptError, Method as MethodKind, Options};
+use hydroid::key::key;
 use hydroid::model::{Body, Model};
 
 use crate::ExportError;
@@ -84,8 +85,9 @@ fn refusal(model: &Model) -> ExportError {
             model: model.title(),
             format: "C with an adapter",
             reason: String::from("its adapter is not written in C"),
-            remedy: String::from(
-                "export it without --adapter, or use the C library of hydroid, which has all adapters",
+            remedy: format!(
+                "export it without {}, or use the C library of hydroid, which has all adapters",
+                key("adapter")
             ),
         },
     }

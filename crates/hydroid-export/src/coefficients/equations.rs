@@ -1,5 +1,6 @@
 //! Coefficients of equations of motion.
 
+use hydroid::key::key;
 use hydroid::model::{Model, NamedEquations};
 use hydroid_core::model::sparse::{Shape, Term};
 
@@ -31,20 +32,26 @@ pub(super) fn of(
     let refuse = |reason: String, remedy: &str| {
         Err(ExportError::Unsupported { model: model.title(), format, reason, remedy: remedy.to_owned() })
     };
+    let grey_box = key("methods").is("grey-box");
     let Some(named) = model.equations() else { return Err(super::no_coefficients(model, format)) };
     let order = match motion(model) {
         Ok(order) => order,
         Err(reason) => {
             return refuse(
                 reason,
-                "identify equations of the outputs u, v [m/s] and r [rad/s], or a vessel with --methods grey-box",
+                &format!(
+                    "identify equations of the outputs u, v [m/s] and r [rad/s], or a vessel with {grey_box}"
+                ),
             );
         }
     };
     let Some(inertia) = options.inertia else {
         return refuse(
             String::from("its coefficients are accelerations, and forces need the mass of the vessel"),
-            "name a vessel file with the mass by --vessel, or identify a vessel with --methods grey-box",
+            &format!(
+                "name a vessel file with the mass by {}, or identify a vessel with {grey_box}",
+                key("vessel")
+            ),
         );
     };
     let [m11, m22, m23, m33] = inertia.mass_matrix();
@@ -74,7 +81,7 @@ pub(super) fn of(
     if !found {
         return refuse(
             String::from("none of its terms is a product of velocities"),
-            "identify with the library of marine terms, or a vessel with --methods grey-box",
+            &format!("identify with the library of marine terms, or a vessel with {grey_box}"),
         );
     }
     let (mass, x_g) = (inertia.mass, inertia.x_g);

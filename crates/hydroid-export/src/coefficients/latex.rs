@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use hydroid::key::key;
 use hydroid::model::{Model, UnitProduct, latex_estimate, latex_text, latex_unit};
 use hydroid::plant::described_inputs;
 
@@ -182,11 +183,14 @@ fn head(model: &Model, coefficients: &Coefficients, prime: &Prime) -> String {
         );
     }
     let _ = match (prime.length, prime.speed) {
-        (None, _) => writeln!(out, "% Prime system: it needs a length, from the vessel file or --length."),
+        (None, _) => {
+            writeln!(out, "% Prime system: it needs a length, from the vessel file or {}.", key("length"))
+        }
         (Some(length), None) => writeln!(
             out,
-            "% Prime system: L = {length} m, rho = {} kg/m^3; linear derivatives need a speed, --speed.",
-            prime.density
+            "% Prime system: L = {length} m, rho = {} kg/m^3; linear derivatives need a {}.",
+            prime.density,
+            key("speed")
         ),
         (Some(length), Some(speed)) => {
             writeln!(out, "% Prime system: L = {length} m, U = {speed} m/s, rho = {} kg/m^3.", prime.density)

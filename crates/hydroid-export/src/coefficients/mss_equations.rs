@@ -1,5 +1,6 @@
 //! Equations of motion as vehicles of the Python Vehicle Simulator and functions of MSS.
 
+use hydroid::key::key;
 use hydroid::model::Model;
 use hydroid::plant::input_values;
 use hydroid_core::model::sparse::{Equations, Factor, Shape, Signal, Term};
@@ -40,7 +41,10 @@ pub(super) fn vehicle(model: &Model, equations: &Equations) -> Result<Vehicle, E
     if let Some(port) = inputs.iter().find(|port| port.rate_limit.is_some()) {
         return refuse(
             format!("its input '{}' has a limit of the rate", port.channel.name),
-            "identify without limits of rates, or a vessel with --methods grey-box, whose actuators have them",
+            &format!(
+                "identify without limits of rates, or a vessel with {}, whose actuators have them",
+                key("methods").is("grey-box")
+            ),
         );
     }
     let mut lags = Vec::new();

@@ -215,7 +215,7 @@ fn models_without_an_adapter_in_c_are_refused() {
             Body::Committee(_) => {}
             Body::Direct(_) | Body::Plant(_) => {
                 let error = refused(model, &options);
-                assert!(error.contains("without --adapter") && error.contains("C library"), "{error}");
+                assert!(error.contains("without adapter") && error.contains("C library"), "{error}");
             }
             _ => {
                 assert!(refused(model, &options).contains("cannot be adapted"), "{}", model.description.name);
@@ -231,5 +231,5 @@ fn models_without_an_adapter_in_c_are_refused() {
     assert!(refused(&model, &options).contains("window of 1000000000 s"));
     options = adapt::Options::of(&model);
     options.method = adapt::Method::Kalman;
-    assert!(refused(&model, &options).contains("without --adapter"));
+    assert!(refused(&model, &options).contains("without adapter"));
 }

@@ -115,7 +115,9 @@ impl Head {
         };
         let Some((before, rest)) = bytes.split_first_chunk::<BEFORE>().filter(|_| bytes.starts_with(MAGIC))
         else {
-            return Err("it is not a black box: give a file that --black-box has written".to_owned());
+            return Err(
+                "it is not a black box: give a file that hydroid has written as a black box".to_owned()
+            );
         };
         let word =
             |at: usize| u32::from_le_bytes([before[at], before[at + 1], before[at + 2], before[at + 3]]);

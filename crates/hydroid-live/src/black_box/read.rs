@@ -47,7 +47,9 @@ impl BlackBox {
         let metadata = std::fs::metadata(path)
             .map_err(|e| wrong(format!("the file cannot be read ({e}); name another file")))?;
         if !metadata.is_file() || metadata.len() > MAX_BYTES {
-            return Err(wrong("it is not a black box: give a file that --black-box has written".to_owned()));
+            return Err(wrong(
+                "it is not a black box: give a file that hydroid has written as a black box".to_owned(),
+            ));
         }
         let bytes = std::fs::read(path)
             .map_err(|e| wrong(format!("the file cannot be read ({e}); name another file")))?;

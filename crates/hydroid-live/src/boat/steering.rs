@@ -10,6 +10,7 @@ use hydroid::boat::Property;
 use hydroid::closed_loop::{ControlMethod, local_position};
 use hydroid::config::control::{NamedModel, Setup};
 use hydroid::identify::GivenRange;
+use hydroid::key::key;
 use hydroid::log::LogError;
 use hydroid::plant::{find_roles, input_values};
 use hydroid::recording::LiveColumn;
@@ -85,7 +86,8 @@ fn axis(link: &impl Link, settings: &Settings, column: &LiveColumn) -> Result<cr
     if neutral.is_none() && usual.is_none() && value.weak().any(|property| property == Property::Neutral) {
         let name = &channel.name;
         return Err(format!(
-            "the neutral command of {name} is not known: add [boat.inputs.{name}] neutral = VALUE, or --neutral {name}=VALUE"
+            "the neutral command of {name} is not known: add [boat.inputs.{name}] neutral = VALUE, or {}",
+            key("neutral").is(format_args!("{name}=VALUE"))
         ));
     }
     Ok(crate::Axis::new(channel.name.clone(), limits, neutral.unwrap_or(value.neutral)))
@@ -428,7 +430,8 @@ impl<L: Link> Boat<L> {
         let outside = path.iter().map(|[n, e]| -fence.margin(*n, *e)).fold(f64::NEG_INFINITY, f64::max);
         if outside > 0.0 {
             return Err(format!(
-                "the path leads {outside:.0} m out of the geofence: make the fence larger (--fence), or the path smaller (section [control])"
+                "the path leads {outside:.0} m out of the geofence: make the {} larger, or the path smaller (section [control])",
+                key("fence")
             ));
         }
         let active = self.active.as_mut().ok_or("there is no model on board")?;

@@ -14,6 +14,7 @@ use hydroid::adapt::events::EventText;
 use hydroid::boat::{Raw, Role};
 use hydroid::closed_loop::{Pilot, longest_gap};
 use hydroid::evaluate::DesignRange;
+use hydroid::key::key;
 use hydroid::log::{CommandTiming, LogError, PrepareOptions};
 use hydroid::model::{Model, Port};
 use hydroid::plant::find_roles;
@@ -167,7 +168,8 @@ impl Follower {
                     say(
                         &mut self.note,
                         format_args!(
-                            "if the time is not in seconds, state its unit, as in --time 'NAME [ms]'"
+                            "if the time is not in seconds, state its unit, as in {}",
+                            key("time").is("NAME [ms]")
                         ),
                     );
                 }

@@ -1,5 +1,6 @@
 //! Assignment of the columns of a stream, from the CSV header or from the keys of the first JSON object.
 
+use hydroid::key::key;
 use hydroid::log::line::{Resolved, Source, Time, locate, unknown};
 use hydroid::log::line::{delimiter, header_columns, name_the_nameless};
 use hydroid::log::{ChannelSpec, LogError, Note, RawColumn, RawLog, Selection, Table, Trajectory};
@@ -168,10 +169,11 @@ impl Layout {
         if model.description.current.is_none() || pose.is_some() {
             columns.heading = None;
         } else if columns.heading.is_none() {
-            let reason = "the estimate of the current needs a heading, and no column looks like one: name it, as in --heading 'yaw [deg]'";
-            return Err(
-                LogError::BadLine { path: name.to_owned(), line: 1, reason: reason.to_owned() }.into()
+            let reason = format!(
+                "the estimate of the current needs a heading, and no column looks like one: name it, as in {}",
+                key("heading").is("yaw [deg]")
             );
+            return Err(LogError::BadLine { path: name.to_owned(), line: 1, reason }.into());
         }
         let names = log.columns.into_iter().map(|column| column.name).collect();
         Ok(Self { name: name.to_owned(), format, names, columns, pose })

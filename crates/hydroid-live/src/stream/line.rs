@@ -6,6 +6,7 @@ use serde_json::{Map, Value};
 
 use super::layout::{Format, Layout, PoseColumns};
 use hydroid::closed_loop::local_position;
+use hydroid::key::key;
 use hydroid::log::LogError;
 use hydroid::log::line::check_value;
 use hydroid::log::line::{Cell, number};
@@ -146,7 +147,8 @@ impl Place<'_> {
             if direction.channel.unit.is_empty() && angle.abs() > std::f64::consts::TAU + 0.01 {
                 let name = &self.layout.names[direction.column];
                 return Err(self.bad(format!(
-                    "column `{name}`: a wind direction of {angle} without a unit is more than a turn in radians: if it counts degrees, write `{name} [deg]` in the header or in --wind"
+                    "column `{name}`: a wind direction of {angle} without a unit is more than a turn in radians: if it counts degrees, write `{name} [deg]` in the header or in {}",
+                    key("wind")
                 )));
             }
             sample.inputs.extend([square * angle.cos(), square * angle.sin()]);

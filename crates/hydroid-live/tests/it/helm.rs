@@ -484,7 +484,7 @@ fn unsuitable_parameters_are_refused() {
         (
             "MAV_GCS_SYSID",
             250.0,
-            "MAV_GCS_SYSID is 250, and hydroid speaks as 255: start it with --own-system 250",
+            "MAV_GCS_SYSID is 250, and hydroid speaks as 255: start it with own_system=250",
         ),
         ("RC_OVERRIDE_TIME", 0.0, "switched off"),
         ("RC_OVERRIDE_TIME", -1.0, "would never end"),
@@ -547,7 +547,7 @@ fn set_points_need_the_system_id_only_where_it_is_enforced() {
     boat.run(6000);
     assert!(
         boat.refusal()
-            .contains("MAV_GCS_SYSID is 255, and hydroid speaks as 1: start it with --own-system 255")
+            .contains("MAV_GCS_SYSID is 255, and hydroid speaks as 1: start it with own_system=255")
     );
 }
 

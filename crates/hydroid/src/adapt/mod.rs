@@ -23,6 +23,7 @@ use hydroid_core::predict::Predictor;
 use serde::{Deserialize, Serialize};
 
 use crate::evaluate::{self, EvaluateError, Evaluation, evaluate};
+use crate::key::key;
 use crate::log::Trajectory;
 use crate::model::{Body, CurrentError, Model};
 use crate::progress::Progress;
@@ -138,7 +139,8 @@ pub enum AdaptError {
     #[error("the model cannot be adapted: {0}")]
     LastLayer(#[from] LastLayerError),
     #[error(
-        "the forgetting time is {given_s} s: at least {least_s:.3} s are needed, which are 9.5 samples; give it, as in --forgetting 300"
+        "the forgetting time is {given_s} s: at least {least_s:.3} s are needed, which are 9.5 samples; give it, as in {}",
+        key("forgetting").is(300)
     )]
     Forgetting { given_s: f64, least_s: f64 },
     #[error("the model cannot be adapted: {0}")]
@@ -148,11 +150,13 @@ pub enum AdaptError {
     #[error("the model cannot be guarded: {0}")]
     Guard(GuardError),
     #[error(
-        "the measurement noise is unknown: the model file does not state it, and it cannot be estimated from a stream. Give standard deviations, as in --noise u=0.01,v=0.01,r=0.02"
+        "the measurement noise is unknown: the model file does not state it, and it cannot be estimated from a stream. Give standard deviations, as in {}",
+        key("noise").is("u=0.01,v=0.01,r=0.02")
     )]
     NoNoise,
     #[error(
-        "the noise of '{channel}' has a standard deviation of {std}: it must be positive. Give it, as in --noise {channel}=0.01"
+        "the noise of '{channel}' has a standard deviation of {std}: it must be positive. Give it, as in {}",
+        key("noise").is(format_args!("{channel}=0.01"))
     )]
     Noise { channel: String, std: f64 },
     #[error("the adapted weights do not belong to this model")]

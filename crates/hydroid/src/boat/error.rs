@@ -1,6 +1,7 @@
 //! Errors of the description of a boat.
 
 use super::Role;
+use crate::key::key;
 use crate::log::units::UnitError;
 
 /// Wrong description of a boat.
@@ -24,7 +25,9 @@ pub enum BoatError {
     #[error("limits of {input} are {low} to {high}: give the lower one first, as in limits = [1100, 1900]")]
     NotAscending { input: String, low: f64, high: f64 },
     #[error(
-        "neutral of {input} is {neutral}, outside of its limits {low} to {high}: correct one of them in [boat.inputs.{input}], or by --neutral or --limit"
+        "neutral of {input} is {neutral}, outside of its limits {low} to {high}: correct one of them in [boat.inputs.{input}], or by {} or {}",
+        key("neutral"),
+        key("limit")
     )]
     NeutralOutside { input: String, neutral: f64, low: f64, high: f64 },
     #[error("scale of {0} is 0: give the raw change that is 1 in the model, as in scale = 400")]
@@ -47,7 +50,8 @@ pub enum BoatError {
     #[error("{what} of {input}: not known; add {line}, or {option}")]
     Missing { input: String, what: &'static str, line: String, option: String },
     #[error(
-        "role of {input}: {why}, and what is sent to the vessel depends on it; add role = \"steering\" (or propulsion, thruster, disturbance, setting) to [boat.inputs.{input}] in the configuration of identify, or --role {input}=steering"
+        "role of {input}: {why}, and what is sent to the vessel depends on it; add role = \"steering\" (or propulsion, thruster, disturbance, setting) to [boat.inputs.{input}] in the configuration of identify, or {}",
+        key("role").is(format_args!("{input}=steering"))
     )]
     RoleNotKnown { input: String, why: String },
     #[error(

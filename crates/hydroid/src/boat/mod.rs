@@ -30,6 +30,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
+use crate::key::key;
 use crate::toml_file::nearest;
 
 pub(crate) use autopilot::FUNCTIONS;
@@ -184,7 +185,8 @@ impl fmt::Display for Evidence {
             Self::Contradicted(text) => {
                 write!(
                     f,
-                    "its name, but the response of the model contradicts it: {text}. State it with --role"
+                    "its name, but the response of the model contradicts it: {text}. State it with {}",
+                    key("role")
                 )
             }
             Self::Constant => f.write_str("it was constant in the logs"),
@@ -193,29 +195,19 @@ impl fmt::Display for Evidence {
     }
 }
 
-/// Roles as an option states them: `delta=steering,wind_x=disturbance`.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(try_from = "WrittenRoles")]
-pub struct StatedRoles(pub Roles);
+impl FromStr for Role {
+    type Err = BoatError;
 
-/// Roles in a file: a table, or text as on a command line.
-#[derive(Deserialize)]
-#[serde(untagged, expecting = "a table of inputs and roles, or text like \"delta=steering\"")]
-enum WrittenRoles {
-    Table(Roles),
-    Text(String),
-}
-
-impl TryFrom<WrittenRoles> for StatedRoles {
-    type Error = BoatError;
-
-    fn try_from(written: WrittenRoles) -> Result<Self, BoatError> {
-        match written {
-            WrittenRoles::Table(roles) => Ok(Self(roles)),
-            WrittenRoles::Text(text) => text.parse(),
-        }
+    fn from_str(text: &str) -> Result<Self, BoatError> {
+        let known = Self::ALL.into_iter().find(|known| known.name() == text);
+        known.ok_or_else(|| BoatError::UnknownRole(text.to_owned()))
     }
 }
+
+/// Roles as an option states them: `delta=steering,wind_x=disturbance`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(transparent)]
+pub struct StatedRoles(pub Roles);
 
 impl FromStr for StatedRoles {
     type Err = BoatError;
@@ -224,8 +216,7 @@ impl FromStr for StatedRoles {
         let mut roles = Roles::new();
         for stated in text.split(',') {
             let (input, role) = stated.split_once('=').ok_or_else(|| BoatError::NoRole(stated.to_owned()))?;
-            let known = Role::ALL.into_iter().find(|known| known.name() == role.trim());
-            let role = known.ok_or_else(|| BoatError::UnknownRole(role.trim().to_owned()))?;
+            let role: Role = role.trim().parse()?;
             let name = input.trim().to_owned();
             if let Some(other) = roles.insert(name.clone(), role).filter(|other| *other != role) {
                 return Err(BoatError::TwoRoles { name, roles: [other, role] });

@@ -5,10 +5,11 @@ use std::fmt::Write as _;
 use serde::Serialize;
 
 use super::{Boat, BoatError, Evidence, Input, Property, Raw, Role};
+use crate::key::key;
 use crate::log::Channel;
 use crate::log::pulses::{PULSE_US, USUAL_US};
 use crate::log::units::{Quantity, Unit};
-use crate::toml_file::key;
+use crate::toml_file;
 
 /// Hard over of a steering angle: the 35 degrees at which the IMO prescribes turning circles (MSC.137(76), section 5.2).
 pub const HARD_OVER_DEG: f64 = 35.0;
@@ -108,7 +109,7 @@ fn line(name: &str, missing: impl Iterator<Item = Property>) -> String {
         Property::Neutral => "neutral = VALUE",
         _ => "limits = [LOW, HIGH]",
     });
-    format!("[boat.inputs.{}] {}", key(name), stated.collect::<Vec<_>>().join(", "))
+    format!("[boat.inputs.{}] {}", toml_file::key(name), stated.collect::<Vec<_>>().join(", "))
 }
 
 /// From raw values to those of the model: `(raw - offset) factor`.
@@ -162,9 +163,10 @@ impl Boat {
             what: if property == Property::Neutral { "neutral" } else { "limits" },
             line: line(&channel.name, [property].into_iter()),
             option: match property {
-                Property::Neutral => format!("--neutral {}=VALUE", channel.name),
-                _ => format!("--limit {}=LOW:HIGH", channel.name),
-            },
+                Property::Neutral => key("neutral").is(format_args!("{}=VALUE", channel.name)),
+                _ => key("limit").is(format_args!("{}=LOW:HIGH", channel.name)),
+            }
+            .to_string(),
         };
         let middle = |[low, high]: [f64; 2]| {
             (0.5 * (low + high), Some(Evidence::Log("the middle of its range in the log".to_owned())))
@@ -329,12 +331,12 @@ pub fn check_firm(values: &[Value]) -> Result<(), BoatError> {
     let name = &value.name;
     let is_pulse = value.unit == "us" && value.limits.iter().all(|limit| PULSE_US.contains(limit));
     let option = missing.iter().map(|property| match (property, is_pulse) {
-        (Property::Neutral, true) => format!("--neutral {name}=1500"),
-        (Property::Neutral, false) => format!("--neutral {name}=VALUE"),
-        (_, true) => format!("--limit {name}=1100:1900"),
-        (_, false) => format!("--limit {name}=LOW:HIGH"),
+        (Property::Neutral, true) => key("neutral").is(format_args!("{name}=1500")),
+        (Property::Neutral, false) => key("neutral").is(format_args!("{name}=VALUE")),
+        (_, true) => key("limit").is(format_args!("{name}=1100:1900")),
+        (_, false) => key("limit").is(format_args!("{name}=LOW:HIGH")),
     });
-    let option = option.collect::<Vec<_>>().join(" ");
+    let option = option.map(|option| option.to_string()).collect::<Vec<_>>().join(" and ");
     let what = if missing.len() > 1 {
         "neutral value and limits"
     } else if missing[0] == Property::Neutral {

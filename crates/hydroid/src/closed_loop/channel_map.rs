@@ -2,6 +2,7 @@
 
 use super::error::ClosedLoopError;
 use super::options::Instruments;
+use crate::key::key;
 use crate::log::Channel;
 use crate::model::Description;
 
@@ -21,9 +22,10 @@ impl ChannelMap {
             let Channel { name, unit } = &port.channel;
             let Some(place) = plant.measured.iter().position(|own| own.name == *name) else {
                 return Err(ClosedLoopError::Channels(format!(
-                    "its output '{name}' is not measured on '{}', which measures {}; identify with --outputs u,v,r",
+                    "its output '{name}' is not measured on '{}', which measures {}; identify with {}",
                     plant.name,
-                    list(plant.measured.iter().map(|own| own.name.as_str()))
+                    list(plant.measured.iter().map(|own| own.name.as_str())),
+                    key("outputs").is("u,v,r")
                 )));
             };
             same_unit(name, unit, &plant.measured[place].unit)?;
@@ -33,8 +35,9 @@ impl ChannelMap {
         let motion = known.map(|(name, _)| model.outputs.iter().position(|port| port.channel.name == name));
         let [Some(u), Some(v), Some(r)] = motion else {
             return Err(ClosedLoopError::Channels(format!(
-                "it has the outputs {}, and control needs u, v and r: identify with --outputs u,v,r",
-                list(model.outputs.iter().map(|port| port.channel.name.as_str()))
+                "it has the outputs {}, and control needs u, v and r: identify with {}",
+                list(model.outputs.iter().map(|port| port.channel.name.as_str())),
+                key("outputs").is("u,v,r")
             )));
         };
         for ((name, needed), place) in known.into_iter().zip([u, v, r]) {
@@ -47,11 +50,11 @@ impl ChannelMap {
             (names(&mut model.inputs.iter().map(|port| &port.channel)), names(&mut plant.commands.iter()));
         if own != commands {
             return Err(ClosedLoopError::Channels(format!(
-                "its inputs are {}, and the commands of '{}' are {}; identify with --inputs {}",
+                "its inputs are {}, and the commands of '{}' are {}; identify with {}",
                 own.join(", "),
                 plant.name,
                 commands.join(", "),
-                commands.join(",")
+                key("inputs").is(commands.join(","))
             )));
         }
         for (port, command) in model.inputs.iter().zip(&plant.commands) {

@@ -6,6 +6,7 @@ use hydroid_core::vessel::InvalidParams;
 
 use crate::adapt::AdaptError;
 use crate::boat::Role;
+use crate::key::key;
 use crate::manoeuvre::ManoeuvreError;
 use crate::model::NotInvertible;
 use crate::plant::PlantError;
@@ -36,12 +37,14 @@ pub enum ClosedLoopError {
         /// Reason, with channel names.
         why: String,
         /// Further remedy.
-        remedy: &'static str,
+        remedy: String,
     },
     #[error("the model does not fit this plant: {0}")]
     Channels(String),
     #[error(
-        "the evaluation starts at {from_s} s, but the run takes {duration_s} s: give a smaller --evaluate-from or a longer --duration"
+        "the evaluation starts at {from_s} s, but the run takes {duration_s} s: give a smaller {} or a longer {}",
+        key("evaluate_from"),
+        key("duration")
     )]
     EvaluationStart { from_s: f64, duration_s: f64 },
     #[error(
@@ -57,7 +60,8 @@ pub enum ClosedLoopError {
     #[error("the sample time of {dt_s} s is not a whole number of integration steps of {step_s} s")]
     Substeps { dt_s: f64, step_s: f64 },
     #[error(
-        "the plant is a model with samples of {own_s} s, and the controller has samples of {dt_s} s: identify both with the same --dt"
+        "the plant is a model with samples of {own_s} s, and the controller has samples of {dt_s} s: identify both with the same {}",
+        key("dt")
     )]
     PlantStep { dt_s: f64, own_s: f64 },
     #[error(
@@ -69,11 +73,15 @@ pub enum ClosedLoopError {
     #[error(transparent)]
     Manoeuvre(#[from] ManoeuvreError),
     #[error(
-        "no gains of the autopilot hold this track: give a larger --radius, a lower --turn-speed or a lower --speed"
+        "no gains of the autopilot hold this track: give a larger {}, a lower {} or a lower {}",
+        key("radius"),
+        key("turn_speed"),
+        key("speed")
     )]
     Untunable,
     #[error(
-        "pid holds the speed, and {0}: use cem, or state the input that pushes the vessel, as in --role NAME=propulsion"
+        "pid holds the speed, and {0}: use cem, or state the input that pushes the vessel, as in {role}",
+        role = key("role").is("NAME=propulsion")
     )]
     NoPropulsion(String),
     #[error(

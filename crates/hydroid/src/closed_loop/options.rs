@@ -22,6 +22,7 @@ use super::reference::Timing;
 use super::scale::Scale;
 use super::session_model::{SessionModel, WithSession};
 use crate::adapt;
+use crate::key::key;
 use crate::log::{Channel, Trajectory};
 use crate::model::Model;
 use crate::plant::find_roles;
@@ -276,8 +277,9 @@ impl ControllerOptions {
             }
             ControlMethod::CrossEntropy | ControlMethod::Autopilot => {
                 if channels.motion != [0, 1, 2] {
-                    let why = "its outputs do not begin with u, v, r; identify with --outputs u,v,r";
-                    return Err(ClosedLoopError::Channels(String::from(why)));
+                    let outputs = key("outputs").is("u,v,r");
+                    let why = format!("its outputs do not begin with u, v, r; identify with {outputs}");
+                    return Err(ClosedLoopError::Channels(why));
                 }
                 let settings = PlannerOptions { seed, ..self.planner };
                 let cost = Cost { lookahead: self.lead, ..self.cost.clone() };

@@ -9,6 +9,7 @@ use super::error::ClosedLoopError;
 use super::guidance::{Guidance, Guided, Measured};
 use super::options::ControllerOptions;
 use super::track::Track;
+use crate::key::key;
 
 /// A controller on its track. It keeps the pose: a missing position or heading is predicted from the velocities for the
 /// longest gap of the stream; without it the controller is blind.
@@ -83,8 +84,9 @@ impl Pilot {
         let measured = &options.instruments.measured;
         let place = |name: &str| measured.iter().position(|channel| channel.name == name);
         let [Some(u), Some(v), Some(r)] = ["u", "v", "r"].map(place) else {
-            let why = "control needs the outputs u, v and r; identify with --outputs u,v,r";
-            return Err(ClosedLoopError::Channels(String::from(why)));
+            let outputs = key("outputs").is("u,v,r");
+            let why = format!("control needs the outputs u, v and r; identify with {outputs}");
+            return Err(ClosedLoopError::Channels(why));
         };
         let rest: Vec<f64> = options.limits.iter().map(|limits| limits.rest).collect();
         Ok(Self {

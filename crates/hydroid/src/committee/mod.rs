@@ -21,6 +21,7 @@ mod selection;
 
 use hydroid_core::model::committee::{Committee, CommitteeError};
 
+use crate::key::key;
 use crate::log::Trajectory;
 use crate::progress::{Cancelled, Progress};
 
@@ -53,7 +54,8 @@ pub struct Chosen {
 #[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum ChooseError {
     #[error(
-        "the runs are too short for a committee: of {folds} folds, those with a window of {horizon} samples after {warm_up} samples of past are fewer than two. Record for longer, or give a shorter --horizon"
+        "the runs are too short for a committee: of {folds} folds, those with a window of {horizon} samples after {warm_up} samples of past are fewer than two. Record for longer, or give a shorter {}",
+        key("horizon")
     )]
     TooShort { folds: usize, horizon: usize, warm_up: usize },
     #[error(

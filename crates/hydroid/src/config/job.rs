@@ -4,6 +4,7 @@ use super::Config;
 use crate::boat::{Boat, BoatError};
 use crate::craft::CraftFile;
 use crate::identify::{CrossValidation, Job, Method, NetworkTrainingOptions, input_ranges};
+use crate::key::key;
 use crate::log::line::locate;
 use crate::log::units::Unit;
 use crate::log::{
@@ -99,7 +100,7 @@ impl Config {
                 let channel = channel.cloned().unwrap_or_else(|| Channel::new(name.as_str(), ""));
                 let limits = ([range.low, range.high], range.unit.as_deref());
                 boat.state_values(&channel, None, Some(limits))
-                    .map_err(|error| of_boat(error, "correct --limit"))?;
+                    .map_err(|error| of_boat(error, &format!("correct {}", key("limit"))))?;
             }
             let refused = |error| of_boat(error, "correct it in [boat.inputs], or name it among the inputs");
             boat.check(&names).map_err(refused)?;
@@ -244,8 +245,10 @@ fn in_seconds(delay: InputDelay, steps: &[f64]) -> Result<InputDelay, LogError> 
         return Err(LogError::BadOption {
             what: "an input delay",
             value: format!("{n} samples"),
-            reason: "the logs have different sample times: write it in seconds, as in --input-delay 0.3s"
-                .to_owned(),
+            reason: format!(
+                "the logs have different sample times: write it in seconds, as in {}",
+                key("input_delay").is("0.3s")
+            ),
         });
     }
     Ok(InputDelay::Seconds(n as f64 * step))

@@ -4,19 +4,22 @@
 
 use std::str::FromStr;
 
+use serde::de::IntoDeserializer;
 use serde::{Deserialize, Deserializer};
 
 use super::error::SettingError;
-use super::value::{by_name, read_list, read_named};
+use super::value::by_name;
 #[cfg(feature = "arguments")]
 use super::value::{named, numbers};
 use super::{Duration, with_values};
 use crate::boat::{HARD_OVER_DEG, StatedRoles};
 use crate::identify::GivenRange;
+use crate::key::key;
 use crate::manoeuvre::{LeftOut, ManoeuvreError, Options, TrialKind, TrialOptions, Trials, trials};
 use crate::model::Model;
 use crate::plant::InputMap;
 use crate::progress::Progress;
+use crate::written;
 
 /// Trials of one kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -41,6 +44,14 @@ impl TrialName {
     /// All trials.
     pub const ALL: [Self; 6] =
         [Self::TurningCircle, Self::Zigzag, Self::PullOut, Self::Spiral, Self::Acceleration, Self::Stopping];
+}
+
+impl FromStr for TrialName {
+    type Err = serde::de::value::Error;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Self::deserialize(text.into_deserializer())
+    }
 }
 
 /// A zigzag: steering and change of heading.
@@ -92,14 +103,14 @@ pub struct Manoeuvre {
         feature = "arguments",
         arg(long, alias = "trial", value_enum, value_delimiter = ',', value_name = "TRIAL")
     )]
-    #[serde(deserialize_with = "read_list")]
+    #[serde(deserialize_with = "written::list")]
     pub trials: Vec<TrialName>,
     /// Steering of turning circle, pull-out and spiral: degrees, or percent of hard over (default: 35 deg, or hard over)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "DEG|PERCENT", allow_negative_numbers = true))]
     pub steering: Option<f64>,
     /// Zigzags: steering (degrees or percent) and change of heading [deg] (default: 10/10,20/20, where the steering suffices)
     #[cfg_attr(feature = "arguments", arg(long, value_delimiter = ',', value_name = "STEERING/HEADING"))]
-    #[serde(deserialize_with = "read_list")]
+    #[serde(deserialize_with = "written::list")]
     pub zigzag: Vec<ZigzagAngles>,
     /// Steady speed of the approach through the water [m/s] (default: that of 85 % propulsion; a vessel that no input pushes has
     /// one speed)
@@ -111,30 +122,31 @@ pub struct Manoeuvre {
     /// Roles of inputs: propulsion, steering, thruster, disturbance or setting, as in delta=steering,wind=disturbance
     /// (default: those of the model, found from names, units and its response)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "INPUT=ROLE,.."))]
+    #[serde(deserialize_with = "written::value")]
     pub role: StatedRoles,
     /// Limits of a command, in the unit of the input in the boat, else of the model (default: those of the boat, 35 deg for a
     /// steering angle, or in simulations the range of the log). May be repeated
     #[cfg_attr(feature = "arguments", arg(long, value_name = "NAME=LOW:HIGH", value_delimiter = ',', value_parser = named::<GivenRange>))]
-    #[serde(deserialize_with = "read_named")]
+    #[serde(deserialize_with = "written::named")]
     pub limit: Vec<(String, GivenRange)>,
     /// Value of a command without effect, in the same unit (default: that of the boat, 1500 for pulses in us, 0 for physical
     /// quantities); value of an input that is not commanded, as of the wind (default: 0). May be repeated
     #[cfg_attr(feature = "arguments", arg(long, value_name = "NAME=VALUE", value_delimiter = ',', value_parser = named::<f64>))]
-    #[serde(deserialize_with = "read_named")]
+    #[serde(deserialize_with = "written::named")]
     pub neutral: Vec<(String, f64)>,
     /// Inputs that push the vessel, separated by commas; -NAME pushes astern (default: by the roles of the inputs)
     #[cfg_attr(
         feature = "arguments",
         arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)
     )]
-    #[serde(deserialize_with = "read_list")]
+    #[serde(deserialize_with = "written::list")]
     pub push: Vec<String>,
     /// Inputs that turn the vessel to starboard; -NAME turns to port (default: by the roles of the inputs)
     #[cfg_attr(
         feature = "arguments",
         arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)
     )]
-    #[serde(deserialize_with = "read_list")]
+    #[serde(deserialize_with = "written::list")]
     pub turn: Vec<String>,
     /// Velocity of a constant current: north,east [m/s]; the approach heads north (default: still water)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "N,E", value_parser = numbers::<2>, allow_hyphen_values = true))]
@@ -191,7 +203,7 @@ impl Manoeuvre {
         let options = self.options()?;
         let no_propulsion = map.no_propulsion();
         if let (Some(reason), Some(percent)) = (&no_propulsion, self.propulsion) {
-            return wrong(format!("--propulsion {percent}: {reason}; leave it out"));
+            return wrong(format!("{}: {reason}; leave it out", key("propulsion").is(percent)));
         }
         let left_out = match no_propulsion {
             Some(reason) if self.trials.is_empty() => {
@@ -212,7 +224,8 @@ impl Manoeuvre {
         let relative = |stated: f64, option: &str| {
             if stated.is_nan() || stated <= 0.0 {
                 return wrong(format!(
-                    "{option} {stated}: the steering must be greater than 0; both sides are tried"
+                    "{}: the steering must be greater than 0; both sides are tried",
+                    key(option).is(stated)
                 ));
             }
             if stated > least * (1.0 + 1e-9) {
@@ -223,13 +236,15 @@ impl Manoeuvre {
                     format!("{starboard:.4} {unit} to starboard and {port:.4} {unit} to port")
                 };
                 return wrong(format!(
-                    "{option} {stated}: hard over is {sides} for this vessel: give at most that, or state the limits of the input that turns it, as in --limit NAME=LOW:HIGH"
+                    "{}: hard over is {sides} for this vessel: give at most that, or state the limits of the input that turns it, as in {}",
+                    key(option).is(stated),
+                    key("limit").is("NAME=LOW:HIGH")
                 ));
             }
             Ok((stated / full).min(1.0))
         };
         let hard = match self.steering {
-            Some(stated) => [relative(stated, "--steering")?; 2],
+            Some(stated) => [relative(stated, "steering")?; 2],
             None if unit == "deg" => hard_over.map(|angle| angle.min(HARD_OVER_DEG) / full),
             None => hard_over.map(|reach| reach / full),
         };
@@ -250,11 +265,12 @@ impl Manoeuvre {
                     let zigzags = if self.zigzag.is_empty() { &usual } else { &self.zigzag };
                     if zigzags.is_empty() {
                         return wrong(format!(
-                            "hard over is {least:.4} {unit} for this vessel, less than a zigzag 10/10 needs: give smaller angles, as in --zigzag 5/5"
+                            "hard over is {least:.4} {unit} for this vessel, less than a zigzag 10/10 needs: give smaller angles, as in {}",
+                            key("zigzag").is("5/5")
                         ));
                     }
                     for &ZigzagAngles { steering, heading_deg } in zigzags {
-                        let steering = relative(steering, "--zigzag")?;
+                        let steering = relative(steering, "zigzag")?;
                         let zigzag = |steering| TrialKind::Zigzag { steering, heading_deg };
                         kinds.extend([steering, -steering].map(zigzag));
                     }
@@ -264,7 +280,8 @@ impl Manoeuvre {
                 TrialName::Acceleration | TrialName::Stopping if no_propulsion.is_some() => {
                     if let (Some(reason), false) = (&no_propulsion, self.trials.is_empty()) {
                         return wrong(format!(
-                            "acceleration and stopping need propulsion, and {reason}: choose other trials, or state the input that pushes the vessel, as in --role NAME=propulsion"
+                            "acceleration and stopping need propulsion, and {reason}: choose other trials, or state the input that pushes the vessel, as in {}",
+                            key("role").is("NAME=propulsion")
                         ));
                     }
                 }
@@ -278,18 +295,20 @@ impl Manoeuvre {
     fn options(&self) -> Result<TrialOptions, SettingError> {
         let default = TrialOptions::default();
         if self.speed.is_some() && self.propulsion.is_some() {
-            return wrong(String::from("--speed and --propulsion both state the approach: give one of them"));
+            let [speed, propulsion] = ["speed", "propulsion"].map(key);
+            return wrong(format!("{speed} and {propulsion} both state the approach: give one of them"));
         }
         if let Some(percent) = self.propulsion.filter(|percent| !(*percent > 0.0 && *percent <= 100.0)) {
             return wrong(format!(
-                "--propulsion {percent}: give percent of full ahead, greater than 0 and at most 100"
+                "{}: give percent of full ahead, greater than 0 and at most 100",
+                key("propulsion").is(percent)
             ));
         }
         if let Some(length) = self.length.filter(|length| !(length.is_finite() && *length > 0.0)) {
-            return wrong(format!("--length {length}: give metres, greater than 0"));
+            return wrong(format!("{}: give metres, greater than 0", key("length").is(length)));
         }
         if self.current.iter().flatten().any(|velocity| !velocity.is_finite()) {
-            return wrong(String::from("--current: give two velocities in m/s, north and east"));
+            return wrong(format!("{}: give two velocities in m/s, north and east", key("current")));
         }
         Ok(TrialOptions {
             approach: Options {

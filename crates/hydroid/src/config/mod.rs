@@ -25,6 +25,7 @@ use crate::identify::{GivenRanges, MotionOption, NetworkOptions, RateLimitOption
 use crate::log::{Channel, ChannelSpec, CommandTiming, InputDelay, PrepareOptions, Selection, Sensors, Wind};
 use crate::model::{Model, Reading};
 use crate::toml_file::{self, TomlError};
+use crate::written;
 
 pub use error::SettingError;
 pub use job::{Logs, default_horizon, default_origin_stride};
@@ -51,6 +52,7 @@ pub struct Config {
     pub rnn: NetworkOptions,
     pub direct: NetworkOptions,
     pub affine: NetworkOptions,
+    #[serde(deserialize_with = "written::table")]
     pub ranges: GivenRanges,
     /// Limits of inputs that an option states in a unit, in place of those of the boat.
     #[serde(skip)]
@@ -67,13 +69,17 @@ pub struct Config {
 #[expect(missing_docs, reason = "see Selection and PrepareOptions")]
 pub struct Log {
     pub time: Option<String>,
+    #[serde(deserialize_with = "written::list")]
     pub outputs: Vec<ChannelSpec>,
+    #[serde(deserialize_with = "written::list")]
     pub inputs: Vec<ChannelSpec>,
+    #[serde(deserialize_with = "written::optional")]
     pub wind: Option<Wind>,
     pub heading: Option<ChannelSpec>,
     pub sensors: Option<Sensors>,
     pub dt: Option<f64>,
-    pub max_gap_s: Option<f64>,
+    #[serde(alias = "max_gap_s")]
+    pub max_gap: Option<f64>,
     pub command_timing: Option<CommandTiming>,
     pub input_delay: Option<Delay>,
     pub keep_towed: bool,
@@ -108,7 +114,7 @@ impl Log {
             },
             options: PrepareOptions {
                 dt: self.dt.or(options.dt),
-                max_gap_s: self.max_gap_s.or(options.max_gap_s),
+                max_gap_s: self.max_gap.or(options.max_gap_s),
                 command_timing: self.command_timing.unwrap_or(options.command_timing),
                 input_delay: delay.unwrap_or(options.input_delay),
                 keep_towed: self.keep_towed || options.keep_towed,
@@ -154,6 +160,7 @@ pub struct Identify {
     /// The motion that the models predict.
     pub motion: MotionOption,
     /// Limits of the rates of actuators.
+    #[serde(deserialize_with = "written::value")]
     pub rate_limit: RateLimitOption,
     /// Longest horizon; default 100 samples.
     pub horizon: Option<Horizon>,

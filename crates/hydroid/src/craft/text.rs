@@ -126,7 +126,7 @@ impl Writer<'_> {
         self.line(&head);
         if !file.estimate.is_empty() {
             let parameters = craft.parameters();
-            self.line("\n# Numbers that hydroid identify --vessel estimates, with the relative standard deviation of the prior.\n[estimate]");
+            self.line("\n# Numbers that `hydroid identify --vessel` estimates, with the relative standard deviation of the prior.\n[estimate]");
             for estimate in &file.estimate {
                 let line =
                     format!("{} = {}", quoted(&parameters[estimate.index].0.path), number(estimate.prior));

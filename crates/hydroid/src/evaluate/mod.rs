@@ -15,6 +15,7 @@ mod windows;
 
 use serde::{Deserialize, Serialize};
 
+use crate::key::key;
 use crate::log::Channel;
 
 #[doc(hidden)]
@@ -275,7 +276,9 @@ pub enum EvaluateError {
     )]
     TooShort { needed: usize, warm_up: usize, horizon: usize, longest: usize },
     #[error(
-        "run '{run}' has no true outputs: only simulated logs do (columns like u_true). Use --origin measured and --against measurement"
+        "run '{run}' has no true outputs: only simulated logs do (columns like u_true). Use {} and {}",
+        key("origin").is("measured"),
+        key("against").is("measurement")
     )]
     NoTruth { run: String },
     #[error("the model has {expected} {what}, run '{run}' has {given}")]
@@ -291,7 +294,8 @@ pub enum EvaluateError {
     )]
     NoOrigin { channel: String },
     #[error(
-        "run '{run}' has a sample time of {given} s, the others {expected} s: resample them to one step (--dt)"
+        "run '{run}' has a sample time of {given} s, the others {expected} s: resample them to one step ({})",
+        key("dt")
     )]
     SampleTime { run: String, expected: f64, given: f64 },
     #[error("the horizon and the stride between origins must be at least 1 sample")]

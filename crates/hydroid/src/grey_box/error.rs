@@ -2,6 +2,7 @@
 
 use hydroid_core::model::PlantModelError;
 
+use crate::key::key;
 use crate::progress::Cancelled;
 
 /// Error of the estimation of the numbers of a vessel file.
@@ -14,7 +15,8 @@ pub enum GreyBoxError {
     )]
     NothingMarked,
     #[error(
-        "the vessel has the {what} {needed}, the logs have {given}: name the columns of the log, as in --{what} NAME=COLUMN"
+        "the vessel has the {what} {needed}, the logs have {given}: name the columns of the log, as in {}",
+        key(what).is("NAME=COLUMN")
     )]
     Channels {
         /// `outputs` or `inputs`.
@@ -23,11 +25,13 @@ pub enum GreyBoxError {
         needed: String,
     },
     #[error(
-        "the vessel has the command '{name}' in {needed}, the logs in {given}: state the unit of the column, as in --inputs '{name}=COLUMN [{needed}]'"
+        "the vessel has the command '{name}' in {needed}, the logs in {given}: state the unit of the column, as in {}",
+        key("inputs").is(format_args!("{name}=COLUMN [{needed}]"))
     )]
     Unit { name: String, given: String, needed: String },
     #[error(
-        "the motion of the vessel file diverges from the logs, or no run is as long as the horizon: check the numbers of the file with `hydroid simulate VESSEL.toml --excitation LOG`, or give a shorter --horizon"
+        "the motion of the vessel file diverges from the logs, or no run is as long as the horizon: check the numbers of the file with `hydroid simulate VESSEL.toml --excitation LOG`, or give a shorter {}",
+        key("horizon")
     )]
     NoStart,
     #[error(transparent)]

@@ -4,6 +4,7 @@ use hydroid_core::model::sparse::{Shape, Signal, Term};
 
 use super::Candidate;
 use super::data_summary::ChannelSummary;
+use crate::key::key;
 use crate::log::{Note, Trajectory};
 
 /// Correlation above which two inputs are collinear.
@@ -26,7 +27,10 @@ pub(super) fn warnings(candidate: &Candidate, data: &[ChannelSummary], training:
                 Note::warning(format!(
                     "inputs '{first}' and '{second}' move together in the training runs (correlation {correlation:.4}): their effects cannot be separated, and their coefficients may be exchanged"
                 ))
-                .with_remedy("log a run in which each moves independently, or remove one of them from --inputs"),
+                .with_remedy(format!(
+                    "log a run in which each moves independently, or remove one of them from {}",
+                    key("inputs")
+                )),
             );
         }
     }

@@ -6,6 +6,7 @@ use super::Method;
 use crate::committee::ChooseError;
 use crate::evaluate::EvaluateError;
 use crate::grey_box::GreyBoxError;
+use crate::key::key;
 use crate::sindy::expression::ExpressionError;
 use crate::sindy::{SearchError, UnknownLibrary};
 use crate::train::TrainError;
@@ -34,33 +35,43 @@ pub enum IdentifyError {
         hint: String,
         known: String,
     },
-    #[error("the method grey-box needs a vessel file: name it, as in --vessel boat.toml")]
+    #[error("the method grey-box needs a vessel file: name it, as in {}", key("vessel").is("boat.toml"))]
     NoVessel,
     #[error(transparent)]
     GreyBox(#[from] GreyBoxError),
     #[error(
-        "models of the motion through the water are cross-validated: leave out --validate, and give only --methods sindy, committee"
+        "models of the motion through the water are cross-validated: leave out {}, and give only {}",
+        key("validate"),
+        key("methods").is("sindy,committee")
     )]
     ThroughWater,
     #[error(
-        "the currents of the runs cannot be estimated: the runs are too short for predictions over a quarter of the horizon, or such predictions diverge. Give longer runs or a shorter --horizon, or identify with --motion over-ground"
+        "the currents of the runs cannot be estimated: the runs are too short for predictions over a quarter of the horizon, or such predictions diverge. Give longer runs or a shorter {}, or identify with {}",
+        key("horizon"),
+        key("motion").is("over-ground")
     )]
     NoCurrents,
     #[error(
-        "there is no output '{name}', and the current needs surge u, sway v and yaw rate r: name their columns, as in --outputs u=SOG,v=SWAY,r=GYRO"
+        "there is no output '{name}', and the current needs surge u, sway v and yaw rate r: name their columns, as in {}",
+        key("outputs").is("u=SOG,v=SWAY,r=GYRO")
     )]
     NoMotion { name: &'static str },
     #[error(
-        "{run}: no column is known to be the heading, which the current needs: name it, as in --heading 'psi [deg]'"
+        "{run}: no column is known to be the heading, which the current needs: name it, as in {}",
+        key("heading").is("psi [deg]")
     )]
     NoHeading { run: String },
     #[error(
-        "gate {gate}: only {:.1} % of the training samples are {side} it, too few for equations of that mode. Move the gate, add runs in both modes, or use the search for gates (--gate auto)",
-        100.0 * share
+        "gate {gate}: only {:.1} % of the training samples are {side} it, too few for equations of that mode. Move the gate, add runs in both modes, or use the search for gates ({})",
+        100.0 * share,
+        key("gate").is("auto")
     )]
     ModeNotVisited { gate: String, side: &'static str, share: f64 },
-    #[error("there are no {0} runs: give more logs, or name some with --{0}")]
-    NoRuns(&'static str),
+    #[error("there are no {what} runs: give more logs, or name some with {}", key(what))]
+    NoRuns {
+        /// `train`, `validate` or `test`.
+        what: &'static str,
+    },
     #[error(
         "'{first}' and '{second}' share measurements: training, validation and test must be disjoint for a valid evaluation. Name each log once"
     )]
@@ -68,7 +79,8 @@ pub enum IdentifyError {
     #[error("the {what} of {value} cannot be used: it must be {needed}")]
     InvalidOption { what: &'static str, value: String, needed: &'static str },
     #[error(
-        "the rate limit of '{channel}' cannot be used: {why}. Write it per second, as in --rate-limit 'delta=4 [deg]'"
+        "the rate limit of '{channel}' cannot be used: {why}. Write it per second, as in {}",
+        key("rate_limit").is("delta=4 [deg]")
     )]
     RateLimit { channel: String, why: String },
     #[error("the range of '{channel}' cannot be used: {why}")]
@@ -79,7 +91,8 @@ pub enum IdentifyError {
     )]
     NoBase { method: Method },
     #[error(
-        "the logs have no inputs, and a network without output feedback has no other variables: select inputs (--inputs), or set feedback = true under [{}]",
+        "the logs have no inputs, and a network without output feedback has no other variables: select {}, or set feedback = true under [{}]",
+        key("inputs"),
         method.name()
     )]
     NoInputs { method: Method },
@@ -95,7 +108,8 @@ pub enum IdentifyError {
         longest: usize,
     },
     #[error(
-        "it cannot be evaluated: the warm-up requires {warm_up} samples and a measurement of each output, the horizon {horizon} samples; all {part} runs are shorter than both together (the longest has {longest} samples). Use longer runs, a shorter --horizon, or a shorter wash_out_s of the network"
+        "it cannot be evaluated: the warm-up requires {warm_up} samples and a measurement of each output, the horizon {horizon} samples; all {part} runs are shorter than both together (the longest has {longest} samples). Use longer runs, a shorter {}, or a shorter wash_out_s of the network",
+        key("horizon")
     )]
     NotEvaluable {
         /// `validation`, `test`, or `left-out` in a cross-validation.
@@ -105,8 +119,10 @@ pub enum IdentifyError {
         longest: usize,
     },
     #[error(
-        "there is no interrupted training in {} to resume: remove --resume, or give the folder of the training with -o",
-        folder.display()
+        "there is no interrupted training in {} to resume: remove {}, or give the folder of the training as {}",
+        folder.display(),
+        key("resume"),
+        key("output")
     )]
     NoCheckpoint { folder: PathBuf },
     /// The training of a network failed.

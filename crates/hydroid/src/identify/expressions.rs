@@ -3,6 +3,7 @@
 use hydroid_core::model::sparse::{Shape, Term};
 
 use super::{IdentifyError, SindyOptions};
+use crate::key::key;
 use crate::log::{Channel, Trajectory};
 use crate::sindy::expression::{list, nearest};
 use crate::sindy::{Constraint, ExpressionParser, Library, Variables, dissipative, is_supported};
@@ -84,12 +85,13 @@ fn parser_for(run: &Trajectory) -> ExpressionParser {
 }
 
 /// Refuses lag states and past values, which have separate options.
-fn refuse_signals(parser: &ExpressionParser, key: &'static str, text: &str) -> Result<(), IdentifyError> {
+fn refuse_signals(parser: &ExpressionParser, option: &'static str, text: &str) -> Result<(), IdentifyError> {
     if parser.signals().is_empty() {
         return Ok(());
     }
     let why = format!(
-        "{key} may contain outputs and inputs only. A lag is set separately (lag = {{ n = 1.5 }}, or --lag n=1.5) and replaces its input in every term; past values are not supported"
+        "{option} may contain outputs and inputs only. A lag is set separately, as in {}, and replaces its input in every term; past values are not supported",
+        key("lag").is("n=1.5")
     );
     Err(IdentifyError::Constraint { text: text.to_owned(), why })
 }

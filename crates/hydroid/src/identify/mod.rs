@@ -310,7 +310,7 @@ fn check(job: &Job) -> Result<(), IdentifyError> {
     let needed = if cross { 1 } else { 3 };
     let named = [(&train, "train"), (&validation, "validate"), (&test, "test")];
     if let Some((_, part)) = named.into_iter().take(needed).find(|(runs, _)| runs.is_empty()) {
-        return Err(IdentifyError::NoRuns(part));
+        return Err(IdentifyError::NoRuns { what: part });
     }
     if cross {
         // Every run is a part of its own.

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::evaluation::check_evaluable;
 use super::formulation::{formulations, select_formulation};
 use super::{IdentifyError, Job, Method, Parts};
+use crate::key::key;
 use crate::log::{Channel, Note, Trajectory};
 use crate::train::{
     self, BaseKind, CellKind, Outcome, Precision, Refit, Schedule, TrainError, TrainOptions, Trained,
@@ -210,7 +211,7 @@ impl NetworkTrainingOptions {
                 }
                 (false, _) => "it belongs to a training with other settings, or is damaged",
             };
-            let reason = format!("{reason}; resume with the original command, or remove --resume");
+            let reason = format!("{reason}; resume with the original command, or remove {}", key("resume"));
             return Err(IdentifyError::Train { method, error: TrainError::Checkpoint { path, reason } });
         }
         if found { Ok(()) } else { Err(IdentifyError::NoCheckpoint { folder: folder.clone() }) }
@@ -327,11 +328,11 @@ fn of_refit(method: Method, trained: &Trained, refit: &Refit) -> Note {
             "{name}: the refit on training and validation runs together failed (error {:.3} on the validation runs, {:.3} before): the network before the refit is kept",
             refit.validation, trained.validation
         ))
-        .with_remedy("set a smaller learning_rate, or another --seed"),
+        .with_remedy(format!("set a smaller learning_rate, or another {}", key("seed"))),
         Outcome::Budget => Note::warning(format!(
             "{name}: the time budget ended before the refit on training and validation runs together: the network before the refit is kept"
         ))
-        .with_remedy("set a longer --budget"),
+        .with_remedy(format!("set a longer {}", key("budget"))),
     }
 }
 

@@ -11,6 +11,7 @@ use crate::sindy::{
     Criterion, Family, GateSpec, Lag, Library, Loss, Optimizer, RefineScope, RegressionForm, SearchGrid,
     Structure, StructureSpec, weak_form_from_noise,
 };
+use crate::written;
 
 /// Options of the search for equations. Options that are not given are selected on the validation runs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -31,12 +32,15 @@ pub struct SindyOptions {
     /// Whether the library has the constant 1, a steady force or a sensor offset; default: true.
     pub constant: Option<bool>,
     /// Actuator lags: `"auto"` (search, the default), `"none"`, or the time constants \[s\] by input.
+    #[serde(deserialize_with = "written::value")]
     pub lag: LagOption,
     /// Gate between two modes: `"auto"` (search, the default), `"none"`, or a gate on an output.
+    #[serde(deserialize_with = "written::value")]
     pub gate: GateOption,
     /// Delay of the past values in lagged equations \[s\]; default: a search.
     pub past_s: Option<f64>,
     /// Window of the regression \[s\]; default: a search.
+    #[serde(rename(deserialize = "window"), alias = "window_s")]
     pub window_s: Option<f64>,
     /// Central differences instead of the weak form.
     pub central_differences: bool,

@@ -14,6 +14,7 @@ use super::{CrossValidation, IdentifyError, Job, Method, Parts};
 use crate::committee::currents::Currents;
 use crate::committee::rate_limits;
 use crate::evaluate::{self, evaluate_each};
+use crate::key::key;
 use crate::log::units::Unit;
 use crate::log::{Channel, Note, Split, Trajectory};
 use crate::progress::Progress;
@@ -238,6 +239,8 @@ fn note(channels: &[Channel], rates: &[Option<f64>]) -> Option<Note> {
     (!found.is_empty()).then(|| {
         let found = found.join(", ");
         let message = format!("limits of the rates of actuators reduce the cross-validated error: {found}");
-        Note::info(message).with_remedy("state the true limits with --rate-limit, or --rate-limit none")
+        let rate_limit = || key("rate_limit");
+        let remedy = format!("state the true limits with {}, or {}", rate_limit(), rate_limit().is("none"));
+        Note::info(message).with_remedy(remedy)
     })
 }

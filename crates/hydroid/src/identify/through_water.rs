@@ -7,6 +7,7 @@ use super::training::{Trained, train_by};
 use super::{Candidate, CrossValidation, IdentifyError, Job, Method, Parts};
 use crate::committee::currents::{self, Currents};
 use crate::evaluate::{self, EvaluateError, evaluate_each};
+use crate::key::key;
 use crate::log::{Note, Split, Trajectory};
 use crate::model::{CurrentEstimate, MOTION};
 use crate::progress::Progress;
@@ -113,7 +114,7 @@ pub(super) fn estimate(
             if matches!(error, IdentifyError::NoHeading { .. }) {
                 let message =
                     "the logs have no heading: a current, if there is one, is not told from the vessel";
-                let remedy = "name the heading, as in --heading 'psi [deg]'";
+                let remedy = format!("name the heading, as in {}", key("heading").is("psi [deg]"));
                 warnings.push(Note::info(message).with_remedy(remedy));
             }
             return Ok(None);

@@ -251,7 +251,7 @@ fn cross_validated_equations(
     parts: &Parts<'_>,
     progress: Progress<'_>,
 ) -> Result<(Arc<SearchResult>, Vec<Equations>), IdentifyError> {
-    let Some(folds) = parts.folds else { return Err(IdentifyError::NoRuns("validate")) };
+    let Some(folds) = parts.folds else { return Err(IdentifyError::NoRuns { what: "validate" }) };
     let [train, validation] = folds.search(&job.split.train);
     let draft = |runs: &[&Trajectory]| subsample(runs, DRAFT_SAMPLES, (10 * job.horizon).max(3_000));
     let train = draft(&train);

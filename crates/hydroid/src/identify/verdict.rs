@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::data_summary::ChannelSummary;
 use super::{Candidate, SindyOptions};
 use crate::evaluate::Evaluation;
+use crate::key::key;
 use crate::log::{Note, Trajectory};
 use crate::sindy;
 use crate::sindy::{SearchResult, StabilityCheck};
@@ -71,9 +72,12 @@ pub(super) fn spikes(training: &[&Trajectory], settings: &SindyOptions) -> Optio
         .map(|(share, channel)| format!("{} ({:.1} % of the samples)", channel.name, 100.0 * share))
         .collect();
     (!told.is_empty()).then(|| {
-        Note::warning(format!("the training runs have spikes in {}", told.join(", "))).with_remedy(
-            "set --huber 1.345 to limit their weight, or blank them in the log; the search for lags and gates is less reliable with spikes: give known ones (--lag, --gate)",
-        )
+        Note::warning(format!("the training runs have spikes in {}", told.join(", "))).with_remedy(format!(
+            "set {} to limit their weight, or blank them in the log; the search for lags and gates is less reliable with spikes: give known ones ({}, {})",
+            key("huber").is(1.345),
+            key("lag"),
+            key("gate")
+        ))
     })
 }
 
@@ -107,7 +111,11 @@ pub(super) fn warnings(
                     "{} of the {part} runs ({} samples) are too short for a horizon of {horizon_s} s and are not evaluated",
                     evaluation.runs.unused, evaluation.runs.unused_samples
                 ))
-                .with_remedy("set a shorter --horizon, or a longer --max-gap if gaps cut the log"),
+                .with_remedy(format!(
+                    "set a shorter {}, or a longer {} if gaps cut the log",
+                    key("horizon"),
+                    key("max_gap")
+                )),
             );
         }
         if evaluation.diverged > 0 {
@@ -135,7 +143,7 @@ pub(super) fn warnings(
                     "input '{}' never moves in the training runs: its effect cannot be identified",
                     summary.channel.name
                 ))
-                .with_remedy("remove it from --inputs, or log a run in which it moves"),
+                .with_remedy(format!("remove it from {}, or log a run in which it moves", key("inputs"))),
             );
         }
     }
@@ -157,7 +165,10 @@ fn search_warnings(found: &SearchResult, notes: &mut Vec<Note>) {
                 "the selected ridge ({largest}) is the largest in the search: the coefficients are shrunk to about {:.0} %, and these logs do not determine the right amount",
                 100.0 / (1.0 + largest)
             ))
-            .with_remedy("log runs in which each input moves independently; compare with --ridge 0.1"),
+            .with_remedy(format!(
+                "log runs in which each input moves independently; compare with {}",
+                key("ridge").is(0.1)
+            )),
         );
     }
     let StabilityCheck { rollouts, unbounded } = found.stability;
@@ -166,9 +177,10 @@ fn search_warnings(found: &SearchResult, notes: &mut Vec<Note>) {
             Note::warning(format!(
                 "{unbounded} of {rollouts} rollouts from random states and commands inside the training envelope diverge: the equations are not stable everywhere"
             ))
-            .with_remedy(
-                "keep controllers and simulations inside the training range; try --dissipative, a smaller library, or logs that cover more of the envelope",
-            ),
+            .with_remedy(format!(
+                "keep controllers and simulations inside the training range; try {}, a smaller library, or logs that cover more of the envelope",
+                key("dissipative")
+            )),
         );
     }
     if found.condition > 1e6 {

@@ -11,6 +11,7 @@ use super::resolve::{self, Resolved, Source, Time};
 use super::selection::Selection;
 use super::stamp;
 use super::trajectory::Channel;
+use crate::key::key;
 
 /// Where the values of [`Columns`] come from.
 pub(crate) enum Origin<'a, 'b> {
@@ -320,7 +321,10 @@ fn check_direction(
                 "a wind direction of {} without a unit is more than a turn in radians and looks like degrees: write `{name} [deg]`",
                 directions[k]
             ),
-            remedy: "in the header or in --wind SPEED,DIRECTION; if it counts radians over several turns, write [rad]",
+            remedy: format!(
+                "in the header or in {}; if it counts radians over several turns, write [rad]",
+                key("wind").is("SPEED,DIRECTION")
+            ),
         }),
         _ => Ok(()),
     }

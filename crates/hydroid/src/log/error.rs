@@ -2,6 +2,7 @@
 
 use std::io;
 
+use crate::key::key;
 use crate::progress::Cancelled;
 
 /// Error of a log. A message names the file, the line if any (from 1, header included), the column and a remedy.
@@ -97,15 +98,20 @@ pub enum LogError {
     )]
     DifferentUnits { column: String, first: String, second: String, units: String },
     #[error(
-        "{path}: no time column, as none is called t, time, t_s, time_s or timestamp: name it with --time COLUMN, or give the step of equally spaced rows with --dt SECONDS. Its columns are: {columns}"
+        "{path}: no time column, as none is called t, time, t_s, time_s or timestamp: name it with {}, or give the step of equally spaced rows with {} in seconds. Its columns are: {columns}",
+        key("time").is("COLUMN"),
+        key("dt")
     )]
     NoTime { path: String, columns: String },
     #[error(
-        "{path}: no columns u, v, r to take as outputs; name the measured columns, for example --outputs u=SPEED,r=YAWRATE. Its columns are: {columns}"
+        "{path}: no columns u, v, r to take as outputs; name the measured columns, for example {}. Its columns are: {columns}",
+        key("outputs").is("u=SPEED,r=YAWRATE")
     )]
     NoOutputs { path: String, columns: String },
     #[error(
-        "{path}: no column ends in _cmd or _ang to take as a command; name the commands, for example --inputs n=RPM,delta=RUDDER, or write --inputs none if there are no commands. Its columns are: {columns}"
+        "{path}: no column ends in _cmd or _ang to take as a command; name the commands, for example {}, or write {} if there are no commands. Its columns are: {columns}",
+        key("inputs").is("n=RPM,delta=RUDDER"),
+        key("inputs").is("none")
     )]
     NoInputs { path: String, columns: String },
     /// A unit that cannot be used.
@@ -126,7 +132,7 @@ pub enum LogError {
         column: String,
         /// The value in SI units and its limit.
         value: String,
-        remedy: &'static str,
+        remedy: String,
     },
     #[error("{path}: no output ever changes; was the right column chosen, and was the vessel moving?")]
     NothingMoves { path: String },
@@ -137,7 +143,10 @@ pub enum LogError {
     #[error("{path}, line {line}: time runs backwards, from {from} s to {to} s; {remedy}")]
     Backwards { path: String, line: u64, from: f64, to: f64, remedy: &'static str },
     #[error(
-        "{path}, line {line}, column `{column}`: {value} is the only time in the whole column; name another one with --time COLUMN, or, if the rows are equally spaced, leave --time out and give their step with --dt SECONDS"
+        "{path}, line {line}, column `{column}`: {value} is the only time in the whole column; name another one with {}, or, if the rows are equally spaced, leave {} out and give their step with {} in seconds",
+        key("time").is("COLUMN"),
+        key("time"),
+        key("dt")
     )]
     OneTime {
         path: String,
@@ -151,7 +160,9 @@ pub enum LogError {
     )]
     MixedTime { path: String, line: u64, column: String, text: String },
     #[error(
-        "{path}, column `{column}`: the usual step is {step}, too long for a moving vessel if it counts seconds, and no unit is stated; state it: --time \"{column} [ms]\" for milliseconds, --time \"{column} [s]\" for seconds"
+        "{path}, column `{column}`: the usual step is {step}, too long for a moving vessel if it counts seconds, and no unit is stated; state it: {} for milliseconds, {} for seconds",
+        key("time").is(format_args!("{column} [ms]")),
+        key("time").is(format_args!("{column} [s]"))
     )]
     SlowClock {
         path: String,
@@ -160,13 +171,15 @@ pub enum LogError {
         step: f64,
     },
     #[error(
-        "{path}, line {line}: a time of {time:e} s is not plausible; if it counts milliseconds or nanoseconds, state the unit, for example --time 'timestamp [ms]'"
+        "{path}, line {line}: a time of {time:e} s is not plausible; if it counts milliseconds or nanoseconds, state the unit, for example {}",
+        key("time").is("timestamp [ms]")
     )]
     AbsurdTime { path: String, line: u64, time: f64 },
     #[error("{path}: {found} usable samples are left, at least {needed} are needed; {remedy}")]
     TooShort { path: String, found: usize, needed: usize, remedy: String },
     #[error(
-        "there are logs to validate on, but none to test on: name some with --test, or name neither and let the runs be split"
+        "there are logs to validate on, but none to test on: name some with {}, or name neither and let the runs be split",
+        key("test")
     )]
     NoTest,
     /// A line of a stream that cannot be read.

@@ -11,6 +11,7 @@ use super::note::{Note, count};
 use super::prepare::{FEWEST_SAMPLES, PrepareOptions};
 use super::resample::Resampling;
 use super::trajectory::{Channel, Table, Trajectory};
+use crate::key::key;
 
 /// Longest usual step \[s\] of a clock without a unit.
 const LONGEST_UNSTATED_S: f64 = 30.0;
@@ -194,7 +195,7 @@ impl<'a> File<'a> {
                     "{path}: the clock is irregular (steps of {shortest_s:.4} s to {longest_s:.4} s, usually {step_s:.4} s); \
                      resampled to {dt:.4} s with interpolated measurements"
                 ))
-                .with_remedy("record the time of each measurement; set the step with --dt"),
+                .with_remedy(format!("record the time of each measurement; set the step with {}", key("dt"))),
             );
         } else if !native {
             notes.push(Note::info(format!("{path}: resampled from {step_s} s to {dt} s")));
@@ -210,7 +211,10 @@ impl<'a> File<'a> {
                     "{path}: the step of {dt} s is shorter than the step of the log ({step} s): values between samples are interpolated with the next measurement, \
                      and errors of predictions over less than {step} s are underestimated"
                 ))
-                .with_remedy(format!("set --dt to {step} or more, or evaluate only horizons of {step} s or longer")),
+                .with_remedy(format!(
+                    "set {} to {step} or more, or evaluate only horizons of {step} s or longer",
+                    key("dt")
+                )),
             );
         }
     }
@@ -239,8 +243,9 @@ fn check_step(columns: &Columns<'_>, clock: &Clock, options: &PrepareOptions) ->
             value: format!("{dt} s"),
             reason: format!(
                 "{} has a sample every {step} s, and most of the samples would only be interpolated between measurements; \
-                 leave --dt out or give {} at least",
+                 leave {} out or give {} at least",
                 columns.path,
+                key("dt"),
                 0.5 * step
             ),
         }),

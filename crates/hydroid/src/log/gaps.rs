@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use super::clock::median;
 use super::columns::Columns;
 use super::note::Note;
+use crate::key::key;
 
 /// Default gap limit in samples.
 const SAMPLES: f64 = 10.0;
@@ -33,6 +34,9 @@ pub(crate) fn default_limit(columns: &Columns, step: f64, dt: Option<f64>, notes
     let spacing = slow.iter().map(|(_, own, _)| *own).fold(step, f64::max);
     let resampled = dt.is_some_and(|dt| dt >= 0.99 * spacing);
     let path = &columns.path;
+    let remedy = |step: f64| {
+        format!("{} puts all channels on the clock of the slowest", key("dt").is(format_args!("{step:.3}")))
+    };
     if !resampled {
         for (i, own, values) in &slow {
             notes.push(
@@ -41,7 +45,7 @@ pub(crate) fn default_limit(columns: &Columns, step: f64, dt: Option<f64>, notes
                     columns.output_channels[*i].name,
                     columns.rows(),
                 ))
-                .with_remedy(format!("--dt {spacing:.3} puts all channels on the clock of the slowest")),
+                .with_remedy(remedy(spacing)),
             );
         }
     }
@@ -52,7 +56,7 @@ pub(crate) fn default_limit(columns: &Columns, step: f64, dt: Option<f64>, notes
             Note::warning(format!(
                 "{path}: no two outputs ever have a value in the same row, so that no row holds the state of the vessel"
             ))
-            .with_remedy(format!("--dt {apart:.3} puts all channels on the clock of the slowest")),
+            .with_remedy(remedy(apart)),
         );
     }
     SECONDS.max(SAMPLES * spacing)

@@ -19,6 +19,7 @@ use super::sanity;
 use super::selection::Selection;
 use super::towed;
 use super::trajectory::{Table, Trajectory};
+use crate::key::key;
 
 pub(crate) const FEWEST_SAMPLES: usize = 3;
 
@@ -108,8 +109,11 @@ pub(super) fn prepare_logs(
     let path = if logs.len() == 1 { logs[0].path.clone() } else { format!("the {} logs", logs.len()) };
     if runs.is_empty() {
         let found = files.iter().map(|f| f.columns.rows()).max().unwrap_or(0).min(FEWEST_SAMPLES - 1);
-        let remedy = "list the gaps with `hydroid inspect`; a longer gap limit (--max-gap) or a shorter input delay keeps more samples";
-        return Err(LogError::TooShort { path, found, needed: FEWEST_SAMPLES, remedy: remedy.to_owned() });
+        let remedy = format!(
+            "list the gaps with `hydroid inspect`; a longer gap limit ({}) or a shorter input delay keeps more samples",
+            key("max_gap")
+        );
+        return Err(LogError::TooShort { path, found, needed: FEWEST_SAMPLES, remedy });
     }
     note_constants(&path, &runs, &mut notes)?;
     Ok(Prepared { runs, sources, selection, notes })
@@ -194,7 +198,7 @@ fn common_step(files: &[File<'_>], options: &PrepareOptions, notes: &mut Vec<Not
             Note::warning(format!(
                 "the logs have different steps, from {shortest:.4} s to {longest:.4} s; all are resampled to {longest:.4} s"
             ))
-            .with_remedy("set the step with --dt"),
+            .with_remedy(format!("set the step with {}", key("dt"))),
         );
     }
     longest
@@ -215,7 +219,10 @@ fn note_constants(path: &str, runs: &[Trajectory], notes: &mut Vec<Note>) -> Res
         if constant(|r| &r.outputs, i) {
             constant_outputs += 1;
             notes.push(Note::warning(format!("the output `{}` is constant", channel.name)).with_remedy(
-                "a constant output cannot be identified: remove it from --outputs or check the sensor",
+                format!(
+                    "a constant output cannot be identified: remove it from {} or check the sensor",
+                    key("outputs")
+                ),
             ));
         }
     }
@@ -224,9 +231,10 @@ fn note_constants(path: &str, runs: &[Trajectory], notes: &mut Vec<Note>) -> Res
     }
     for (i, channel) in runs[0].inputs.channels().iter().enumerate() {
         if constant(|r| &r.inputs, i) {
-            notes.push(Note::warning(format!("the input `{}` is constant", channel.name)).with_remedy(
-                "its effect cannot be identified from these logs: remove it from --inputs or record a log in which it varies",
-            ));
+            notes.push(Note::warning(format!("the input `{}` is constant", channel.name)).with_remedy(format!(
+                "its effect cannot be identified from these logs: remove it from {} or record a log in which it varies",
+                key("inputs")
+            )));
         }
     }
     Ok(())

@@ -10,6 +10,7 @@ use super::same;
 use super::selection::{ChannelSpec, Selection, Wind};
 use super::trajectory::Channel;
 use super::units::{self, Quantity, Unit, UnitError};
+use crate::key::key;
 
 /// A column of a log as a channel.
 #[derive(Clone, Debug)]
@@ -238,7 +239,8 @@ fn unused(log: &RawLog, resolved: &Resolved) -> Option<Note> {
             inputs.join(", "),
             names.join(", ")
         );
-        Note::info(message).with_remedy("if one of them is a command, name all inputs with --inputs")
+        Note::info(message)
+            .with_remedy(format!("if one of them is a command, name all inputs with {}", key("inputs")))
     })
 }
 
@@ -288,7 +290,10 @@ pub(crate) fn time(
                 "{}: the time in `{}` states no unit and is taken as seconds",
                 log.path, spec.column
             ))
-            .with_remedy(format!("if it is not in seconds, state the unit: --time '{} [ms]'", spec.column)),
+            .with_remedy(format!(
+                "if it is not in seconds, state the unit: {}",
+                key("time").is(format_args!("{} [ms]", spec.column))
+            )),
         );
     } else if unit != "s" {
         let error = UnitError::Incompatible { from: unit.clone(), to: "s".to_owned() };
@@ -300,7 +305,7 @@ pub(crate) fn time(
 fn even(log: &RawLog, dt: f64, notes: &mut Vec<Note>) -> Time {
     notes.push(
         Note::warning(format!("{}: no time column; the rows are taken as {dt} s apart", log.path))
-            .with_remedy("if a column holds the time, name it with --time COLUMN"),
+            .with_remedy(format!("if a column holds the time, name it with {}", key("time").is("COLUMN"))),
     );
     Time::Even(dt)
 }

@@ -62,7 +62,8 @@ pub fn check_value(channel: &Channel, value: f64, path: &str, line: u64) -> Resu
             line,
             column: channel.name.clone(),
             value: format!("{} {unit} is more than any vessel does ({limit} {unit})", short(value)),
-            remedy: "if the unit is another, state it (`name [deg/s]`, `name [km/h]`); if it is a spike, blank the cell",
+            remedy: "if the unit is another, state it (`name [deg/s]`, `name [km/h]`); if it is a spike, blank the cell"
+                .to_owned(),
         }),
         _ => Ok(()),
     }
@@ -88,7 +89,7 @@ fn spike(columns: &Columns, channel: &Channel, values: &[f64]) -> Result<(), Log
         line: columns.lines.get(k),
         column: channel.name.clone(),
         value: format!("{} is a million times the channel's typical size ({median:.3e})", short(values[k])),
-        remedy: "blank the cell if it is a spike",
+        remedy: "blank the cell if it is a spike".to_owned(),
     })
 }
 

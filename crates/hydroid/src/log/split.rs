@@ -7,6 +7,7 @@ use super::error::LogError;
 use super::note::Note;
 use super::prepare::FEWEST_SAMPLES;
 use super::trajectory::Trajectory;
+use crate::key::key;
 
 /// Training, validation and test runs.
 #[derive(Clone, Debug, PartialEq)]
@@ -112,7 +113,8 @@ pub fn split_named(
             let note = format!("no validation log is given: validation on the last quarter of {}", run.name);
             train.insert(longest, run.slice(0, at));
             let validation = vec![run.slice(at, run.len())];
-            let notes = vec![Note::info(note).with_remedy("give separate validation logs with --validate")];
+            let remedy = format!("give separate validation logs with {}", key("validate"));
+            let notes = vec![Note::info(note).with_remedy(remedy)];
             Ok(Split { train, validation, test, notes })
         }
     }

@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use super::columns::Columns;
 use super::note::Note;
 use super::sanity::is_velocity;
+use crate::key::key;
 
 /// Shortest stretch that is examined \[s\].
 const SHORTEST_S: f64 = 20.0;
@@ -44,7 +45,7 @@ pub(crate) fn cut(columns: &mut Columns, commands: usize, notes: &mut Vec<Note>)
                 columns.lines.get(stretch.end - 1),
                 columns.output_channels[output].name,
             ))
-            .with_remedy("keep it with --keep-towed"),
+            .with_remedy(format!("keep it with {}", key("keep_towed"))),
         );
         if edge {
             keep.start = stretch.end;

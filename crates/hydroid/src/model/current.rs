@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Model, Port};
 use crate::evaluate::BAND_80;
+use crate::key::key;
 
 /// Share of the horizon of the windows from whose errors sessions estimate the current.
 const WINDOW: f64 = 0.25;
@@ -57,7 +58,8 @@ pub enum CurrentError {
     )]
     NoErrors { name: &'static str },
     #[error(
-        "the standard deviation of the current is {given} m/s: give a positive number, as in --estimate-current 0.3"
+        "the standard deviation of the current is {given} m/s: give a positive number, as in {}",
+        key("estimate_current").is(0.3)
     )]
     Deviation { given: f64 },
 }

@@ -27,6 +27,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::boat::{Boat, BoatError, Raw, Roles};
 use crate::evaluate::{DesignRange, PredictionBands};
+use crate::key::key;
 use crate::log::{Channel, Note, PrepareOptions, Selection, Trajectory};
 
 pub(crate) use current::MOTION;
@@ -425,7 +426,8 @@ impl Description {
 pub enum Mismatch {
     /// Another sample time.
     #[error(
-        "the model has a sample time of {model} s, and run '{run}' has {given} s: resample it with --dt {model}"
+        "the model has a sample time of {model} s, and run '{run}' has {given} s: resample it with {}",
+        key("dt").is(model)
     )]
     Step {
         /// The run.
@@ -437,7 +439,8 @@ pub enum Mismatch {
     },
     /// Other channels.
     #[error(
-        "the model's {what} are {model}, those of run '{run}' are {given}: name the log's columns with --{what}, as in --{what} NAME=COLUMN"
+        "the model's {what} are {model}, those of run '{run}' are {given}: name the log's columns, as in {}",
+        key(what).is("NAME=COLUMN")
     )]
     Channels {
         /// The run.
@@ -454,7 +457,8 @@ pub enum Mismatch {
     Vessel(#[from] PlantModelError),
     /// A model with an estimate of the current, and a run without a heading.
     #[error(
-        "{run}: the estimate of the current needs a heading that changes with the yaw rate r: name its column, as in --heading 'yaw [deg]'"
+        "{run}: the estimate of the current needs a heading that changes with the yaw rate r: name its column, as in {}",
+        key("heading").is("yaw [deg]")
     )]
     NoHeading {
         /// The run.

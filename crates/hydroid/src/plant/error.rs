@@ -3,6 +3,7 @@
 use hydroid_core::model::PlantModelError;
 
 use crate::boat::BoatError;
+use crate::key::key;
 use crate::progress::Cancelled;
 
 /// Reason why a model is not a plant, or its inputs are unknown.
@@ -11,26 +12,32 @@ use crate::progress::Cancelled;
 #[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum PlantError {
     #[error(
-        "a simulated vessel needs the surge velocity u and the yaw rate r; this model has no output '{missing}', only {known}. Identify it with --outputs u,v,r"
+        "a simulated vessel needs the surge velocity u and the yaw rate r; this model has no output '{missing}', only {known}. Identify it with {}",
+        key("outputs").is("u,v,r")
     )]
     NoMotion { missing: &'static str, known: String },
     #[error(
-        "the output '{name}' is in {unit}, and a simulated vessel needs it in {needed}: state the unit of its column, as in --outputs '{name}={name} [{needed}]', and identify again"
+        "the output '{name}' is in {unit}, and a simulated vessel needs it in {needed}: state the unit of its column, as in {}, and identify again",
+        key("outputs").is(format_args!("{name}={name} [{needed}]"))
     )]
     Unit { name: &'static str, unit: String, needed: &'static str },
     #[error(
-        "no input of this model {effect}: under half of their ranges, {inputs} change {output} by less than 1 % of its range. Name the inputs with {option}"
+        "no input of this model {effect}: under half of their ranges, {inputs} change {output} by less than 1 % of its range. Name the inputs with {}",
+        key(option)
     )]
     NoEffect { effect: &'static str, inputs: String, output: &'static str, option: &'static str },
     #[error(
-        "'{input}' steers by its name, and pushes the vessel by the response of the model: {response}. State what it is, as in --role {input}=thruster or --role {input}=steering"
+        "'{input}' steers by its name, and pushes the vessel by the response of the model: {response}. State what it is, as in {} or {}",
+        key("role").is(format_args!("{input}=thruster")),
+        key("role").is(format_args!("{input}=steering"))
     )]
     Contradiction { input: String, response: String },
     #[error(
-        "the vessel cannot keep a station: at rest, no combination of its commands ({inputs}) {lacks}. Station keeping needs forces in surge, sway and yaw in both directions; sail around the point with --task circle instead"
+        "the vessel cannot keep a station: at rest, no combination of its commands ({inputs}) {lacks}. Station keeping needs forces in surge, sway and yaw in both directions; sail around the point with {} instead",
+        key("task").is("circle")
     )]
     NoStation { inputs: String, lacks: &'static str },
-    #[error("{option}: the model has no input '{name}'{}; its inputs are {known}", nearest.as_ref().map(|n| format!(", did you mean '{n}'?")).unwrap_or_default())]
+    #[error("{}: the model has no input '{name}'{}; its inputs are {known}", key(option), nearest.as_ref().map(|n| format!(", did you mean '{n}'?")).unwrap_or_default())]
     UnknownInput { option: &'static str, name: String, nearest: Option<String>, known: String },
     #[error(transparent)]
     Boat(#[from] BoatError),

@@ -84,7 +84,7 @@ impl InputMap {
         let inputs = &model.description.inputs;
         let names: Vec<String> = inputs.iter().map(|port| port.channel.name.clone()).collect();
         let units = inputs.iter().map(|port| port.channel.unit.clone()).collect();
-        let given = [stated(push, &names, "--push")?, stated(turn, &names, "--turn")?];
+        let given = [stated(push, &names, "push")?, stated(turn, &names, "turn")?];
         let mut boat = find_roles(model);
         let is_stated = |c: usize| given.iter().flatten().any(|direction| direction[c] != 0.0);
         let mut doubtful = (0..names.len()).filter(|&c| !is_stated(c));
@@ -118,7 +118,7 @@ impl InputMap {
             given
         } else if may_push.contains(&true) {
             let effects = test.effects(&operating, &half, &limits, &may_push, |nu| nu[0]);
-            significant(effects, test.range("u")).ok_or_else(no_effect("pushes the vessel", "u", "--push"))?
+            significant(effects, test.range("u")).ok_or_else(no_effect("pushes the vessel", "u", "push"))?
         } else {
             vec![0.0; inputs.len()]
         };
@@ -131,7 +131,7 @@ impl InputMap {
             let ahead: Vec<f64> = ahead.collect();
             test.settle(&ahead);
             let effects = test.effects(&ahead, &half, &limits, &may_turn, |nu| nu[2]);
-            significant(effects, test.range("r")).ok_or_else(no_effect("turns the vessel", "r", "--turn"))?
+            significant(effects, test.range("r")).ok_or_else(no_effect("turns the vessel", "r", "turn"))?
         };
         // From half of the range of the test to the reach of the actuator.
         let reach: Vec<f64> = values.iter().map(reach).collect();

@@ -3,6 +3,7 @@
 use hydroid_core::model::sparse::{EquationsError, ProgramError};
 
 use super::constraints::ConstraintError;
+use crate::key::key;
 
 /// Error of a fit.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -12,7 +13,8 @@ pub enum FitError {
         "{rows} usable regression rows for {terms} terms: too few{}",
         if *skipped > *rows {
             format!(
-                " ({skipped} more touch a missing value). Put sensors of different rates on one clock with --dt, the step of the slowest; or shorten the window"
+                " ({skipped} more touch a missing value). Put sensors of different rates on one clock with {}, the step of the slowest; or shorten the window",
+                key("dt")
             )
         } else {
             String::from(". Give longer logs, a shorter window, or a smaller library (degree)")

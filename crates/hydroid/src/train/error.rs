@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::atomic::WriteError;
+use crate::key::key;
 use crate::progress::Cancelled;
 
 /// Error of a training.
@@ -28,7 +29,8 @@ pub enum TrainError {
         given: usize,
     },
     #[error(
-        "run '{run}' has a sample time of {given} s, the first {expected} s: resample them to one step (--dt)"
+        "run '{run}' has a sample time of {given} s, the first {expected} s: resample them to one step ({})",
+        key("dt")
     )]
     SampleTime { run: String, expected: f64, given: f64 },
     #[error("the design range of {what} {index} is {low}..{high}: give two finite numbers, the lower first")]
@@ -41,12 +43,13 @@ pub enum TrainError {
         high: f64,
     },
     #[error(
-        "input '{channel}' is to act by its sine, and its design range is {low}..{high} rad, beyond a quarter of a turn (1.5708), where a sine cannot be inverted: give a narrower --range, or set maps = [{maps}] in [affine]"
+        "input '{channel}' is to act by its sine, and its design range is {low}..{high} rad, beyond a quarter of a turn (1.5708), where a sine cannot be inverted: give a narrower range ({}), or set maps = [{maps}] in [affine]",
+        key("ranges")
     )]
     Sine { channel: String, low: f64, high: f64, maps: String },
     #[error(
         "no {what} run is long enough: a window needs {needed} samples ({wash_out} of wash-out, {length} compared, and the first), the longest run has {longest}. Give longer runs, or a shorter wash_out_s or {} (a direct predictor has history_s in place of wash_out_s)",
-        if *what == "validation" { "horizon (--horizon)" } else { "window_s" }
+        if *what == "validation" { key("horizon").to_string() } else { String::from("window_s") }
     )]
     TooShort {
         /// `training` or `validation`.
@@ -64,7 +67,8 @@ pub enum TrainError {
         what: &'static str,
     },
     #[error(
-        "the validation runs hold {origins} origins with a wash-out before and {horizon} samples to compare after them, and no output varies over the origins, so that the NRMSE is undefined: give longer validation runs, runs in which the outputs vary, or a shorter horizon (--horizon)"
+        "the validation runs hold {origins} origins with a wash-out before and {horizon} samples to compare after them, and no output varies over the origins, so that the NRMSE is undefined: give longer validation runs, runs in which the outputs vary, or a shorter {}",
+        key("horizon")
     )]
     NoScore { origins: usize, horizon: usize },
     #[error(

@@ -105,12 +105,12 @@ fn the_speed_of_a_ship_that_nothing_pushes_is_its_own() {
     };
     assert!(at(4.02).is_ok());
     let refused = at(3.0).unwrap_err().to_string();
-    assert!(refused.contains("4.000 m/s") && refused.contains("--role NAME=propulsion"), "{refused}");
+    assert!(refused.contains("4.000 m/s") && refused.contains("role=\"NAME=propulsion\""), "{refused}");
     let refused = |settings: config::Manoeuvre| settings.plan(&model).unwrap_err().to_string();
     let named = config::Manoeuvre { trials: vec![TrialName::Stopping], ..config::Manoeuvre::default() };
     assert!(refused(named).contains("delta (steering)"));
     let percent = config::Manoeuvre { propulsion: Some(50.0), ..config::Manoeuvre::default() };
-    assert!(refused(percent).contains("--propulsion 50: no input pushes"));
+    assert!(refused(percent).contains("propulsion=50: no input pushes"));
 }
 
 #[test]
@@ -168,7 +168,7 @@ fn a_name_that_the_response_contradicts_is_no_role() {
     assert!(boat.contradiction("rudder_motor").unwrap().contains("u changes by"), "{boat:?}");
     assert_eq!((boat.contradiction("m2"), boat.role("m2")), (None, Some(Role::Thruster)));
     let refused = InputMap::find(&twin).unwrap_err().to_string();
-    assert!(refused.contains("--role rudder_motor=thruster"), "{refused}");
+    assert!(refused.contains("role=\"rudder_motor=thruster\""), "{refused}");
     let mut stated = twin.clone();
     let roles = [("rudder_motor".to_owned(), Role::Thruster)].into();
     stated.description.boat.state(&roles, &["rudder_motor", "m2"]).unwrap();

@@ -83,7 +83,7 @@ fn values_that_contradict_each_other_are_refused() {
     let outside = Input { neutral: Some(1500.0), ..limits(1600.0, 1900.0) };
     assert_eq!(
         refused(left, outside),
-        "neutral of left is 1500, outside of its limits 1600 to 1900: correct one of them in [boat.inputs.left], or by --neutral or --limit"
+        "neutral of left is 1500, outside of its limits 1600 to 1900: correct one of them in [boat.inputs.left], or by neutral or limit"
     );
     let scale = |scale, neutral| Input { scale: Some(scale), neutral, ..Input::default() };
     assert!(refused(left, scale(0.0, Some(1.0))).contains("scale of left is 0"));
@@ -122,7 +122,7 @@ fn a_service_needs_more_than_the_log() {
     assert!(error.contains("neutral value and limits of left"), "{error}");
     assert!(error.contains("[boat.inputs.left] neutral = VALUE, limits = [LOW, HIGH]"), "{error}");
     let error = firm(&pulses("us")).unwrap_err().to_string();
-    assert!(error.contains("--neutral left=1500 --limit left=1100:1900"), "{error}");
+    assert!(error.contains("neutral=\"left=1500\" and limit=\"left=1100:1900\""), "{error}");
     let options = ClosedLoopOptions {
         neutral: ["left", "right"].map(|name| (name.to_owned(), 1500.0)).into(),
         limit: ["left", "right"].map(|name| (name.to_owned(), "1100:1900".parse().unwrap())).into(),

@@ -380,7 +380,7 @@ fn unsuitable_models_and_scenarios_are_refused() {
     let bare = ControllerOptions::new(ControlMethod::FeedbackLinearization, &vessel.clone().into(), 0.1);
     assert!(matches!(bare.controller(0).err(), Some(ClosedLoopError::NoModel { .. })));
     let other = by(ControlMethod::CrossEntropy, &vessel, &VesselParams::simple());
-    assert!(refused(&other).contains("identify with --inputs PP_cmd,RD_ang"), "{}", refused(&other));
+    assert!(refused(&other).contains("identify with inputs=\"PP_cmd,RD_ang\""), "{}", refused(&other));
     let mut needless = by(ControlMethod::Autopilot, &vessel, &vessel);
     needless.autopilot = None;
     assert!(refused(&needless).contains("uses no model"));

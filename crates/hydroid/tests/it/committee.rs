@@ -247,7 +247,7 @@ fn runs_without_a_committee_are_refused() {
     let short: Vec<_> = (0..4).map(|i| run(GAIN, 1000 * i, 34)).collect();
     let error = refused(&short, 30);
     assert!(matches!(error, ChooseError::TooShort { folds: 4, .. }));
-    assert!(error.to_string().contains("--horizon"), "{error}");
+    assert!(error.to_string().contains("a shorter horizon"), "{error}");
     assert!(matches!(refused(&[], 30), ChooseError::Singular));
     // Only one fold has a window.
     let mut one_long = short;

@@ -185,7 +185,7 @@ fn what_a_model_cannot_simulate_is_refused() {
     wind.wind.force = [1.0, 0.0];
     assert!(refused(&scenario, &wind).contains("wind needs a vessel"));
     let coarse = Scenario { dt_s: 0.2, ..scenario.clone() };
-    assert!(refused(&coarse, &Conditions::calm(0)).contains("identify both with the same --dt"));
+    assert!(refused(&coarse, &Conditions::calm(0)).contains("identify both with the same dt"));
     // Another boat.
     let other: TruePlant = VesselParams::simple().into();
     let mut control = ControllerOptions::new(ControlMethod::CrossEntropy, &other, 0.1);

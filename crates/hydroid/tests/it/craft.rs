@@ -351,7 +351,7 @@ fn a_grey_box_needs_marks_and_fitting_channels() {
     let error = |job: Job| identify(&job, &mut silent()).unwrap_err().to_string();
     let unmarked = CraftFile { estimate: Vec::new(), ..vessel.clone() };
     assert!(error(job(runs(), unmarked, 20)).contains("marks no number to estimate"));
-    assert!(error(Job { vessel: None, ..job(runs(), vessel.clone(), 20) }).contains("--vessel boat.toml"));
+    assert!(error(Job { vessel: None, ..job(runs(), vessel.clone(), 20) }).contains("vessel=\"boat.toml\""));
     let other = error(job(runs(), file("mariner"), 20));
     assert!(
         other.contains("marks no number") || other.contains("the logs have pwm_left, pwm_right"),
@@ -361,7 +361,7 @@ fn a_grey_box_needs_marks_and_fitting_channels() {
     tug.estimate.truncate(1);
     let other = error(job(runs(), tug, 20));
     assert!(
-        other.contains("the vessel has the inputs thrust_port") && other.contains("--inputs NAME=COLUMN"),
+        other.contains("the vessel has the inputs thrust_port") && other.contains("inputs=\"NAME=COLUMN\""),
         "{other}"
     );
 }

@@ -45,6 +45,7 @@ mod simulate_input;
 mod simulate_records;
 mod sindy;
 mod sindy_golden;
+mod texts;
 mod through_water;
 mod train;
 mod train_direct;

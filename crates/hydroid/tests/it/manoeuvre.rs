@@ -300,7 +300,7 @@ fn two_thrusters_push_together_and_turn_in_opposite_directions() {
     let stated = InputMap::with(&model, &["L".into(), "R".into()], &["-R".into()]).unwrap();
     assert_eq!(stated.turn, [0.0, -1.0]);
     let unknown = InputMap::with(&model, &["left".into()], &[]).unwrap_err();
-    assert!(matches!(unknown, PlantError::UnknownInput { option: "--push", .. }), "{unknown}");
+    assert!(matches!(unknown, PlantError::UnknownInput { option: "push", .. }), "{unknown}");
 
     let kinds = [TrialKind::Stopping, TrialKind::Acceleration, TrialKind::TurningCircle { steering: 0.2 }];
     let result = trials(&model, &map, &kinds, &TrialOptions::default(), &mut silent()).unwrap().unwrap();
@@ -330,7 +330,7 @@ fn a_model_without_a_motion_is_no_plant() {
         Equations::new(own.terms().to_vec(), without.to_vec(), 2, 2, 0.1, 4).unwrap(),
     ));
     let error = InputMap::find(&still).unwrap_err();
-    assert!(matches!(error, PlantError::NoEffect { output: "r", option: "--turn", .. }), "{error}");
+    assert!(matches!(error, PlantError::NoEffect { output: "r", option: "turn", .. }), "{error}");
 }
 
 #[test]

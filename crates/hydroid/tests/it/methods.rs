@@ -118,7 +118,7 @@ fn spikes_are_named_with_their_remedy() {
     let clean = run(1.0, 1, 300.0);
     assert_eq!(told(clean.clone(), None), None);
     let note = told(spiky(clean.clone()), None).unwrap();
-    assert!(note.remedy.unwrap().contains("--huber"), "{}", note.message);
+    assert!(note.remedy.unwrap().contains("huber=1.345"), "{}", note.message);
     assert_eq!(told(spiky(clean), Some(1.345)), None, "the remedy has been taken");
 }
 
@@ -327,5 +327,5 @@ fn the_runs_of_a_cross_validation_must_differ() {
     // Networks need validation runs.
     let job = Job { methods: vec![Method::Committee, Method::Gru], ..job };
     let job = Job { split: Split { train: vec![run(1.0, 1, 60.0)], ..job.split }, ..job };
-    assert!(matches!(identify(&job, &mut silent()), Err(IdentifyError::NoRuns("validate"))));
+    assert!(matches!(identify(&job, &mut silent()), Err(IdentifyError::NoRuns { what: "validate" })));
 }

@@ -183,7 +183,7 @@ fn limits_that_make_no_sense_are_refused() {
         ("rudder=4", "rudder"),
         ("delta=0", "0 is not a positive number"),
         ("delta=-1 [deg]", "-1 is not a positive number"),
-        ("delta=4 [m]", "--rate-limit 'delta=4 [deg]'"),
+        ("delta=4 [m]", "rate_limit=\"delta=4 [deg]\""),
     ] {
         let error = try_identify(RATE, option, &[Method::Committee]).unwrap_err().to_string();
         assert!(error.contains(part), "{option}: {error}");

@@ -266,7 +266,7 @@ fn wrong_columns_are_found_before_velocities_are_computed() {
     let wind = Wind { speed: spec("gnss.sog"), direction: spec("gnss.sog") };
     for (selection, expected) in [
         (Selection { inputs: of("servo.ruder"), ..selection.clone() }, "did you mean `servo.rudder`?"),
-        (Selection { inputs: Vec::new(), ..selection.clone() }, "--inputs none if there are no commands"),
+        (Selection { inputs: Vec::new(), ..selection.clone() }, "inputs=\"none\" if there are no commands"),
         (Selection { outputs: of("speed"), ..selection.clone() }, "no column `speed`"),
         (
             Selection { heading: Some(spec("compass.course")), ..selection.clone() },

@@ -197,7 +197,7 @@ fn what_the_current_needs_is_asked_for() {
     };
     let error = demanded(without, &[Method::Committee]);
     assert!(matches!(&error, IdentifyError::NoHeading { run } if run == "run 1"), "{error}");
-    assert!(error.to_string().contains("--heading"), "{error}");
+    assert!(error.to_string().contains("heading=\"psi [deg]\""), "{error}");
     let names = ["u", "v", "yaw"].map(|name| Channel::new(name, ""));
     let renamed = runs.iter().cloned().map(|run| {
         let values = run.outputs.rows(0, run.len()).to_vec();

@@ -161,7 +161,7 @@ fn other_models_are_refused_with_the_nearest_thing() {
             ("latex", latex(&model, &options, &coefficient_options)),
         ] {
             let error = files.unwrap_err().to_string();
-            assert!(error.contains("--methods grey-box") && error.contains(format), "{kind}: {error}");
+            assert!(error.contains("grey-box") && error.contains(format), "{kind}: {error}");
         }
     }
 }

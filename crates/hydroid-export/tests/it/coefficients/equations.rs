@@ -214,7 +214,7 @@ fn equations_without_a_mass_have_accelerations_in_latex_and_refusals_elsewhere()
     let table = content(&latex(&whole, &options(), &plain).unwrap(), "boat.tex");
     assert!(table.contains("\\dot{u} &=") && table.contains("without the mass"), "{table}");
     let error = sdf(&whole, &options(), &plain).unwrap_err().to_string();
-    assert!(error.contains("--vessel"), "{error}");
+    assert!(error.contains("by vessel"), "{error}");
     let inertia = inertia(&craft);
     for (wrong, words) in [
         (Inertia { mass: 0.0, ..inertia }, "not that of a vessel"),

@@ -12,8 +12,8 @@ use crate::closed_loop::{Conditions, ControlMethod, Dispersion, Timing, TruePlan
 use crate::config::Duration;
 #[cfg(feature = "arguments")]
 use crate::config::value::{named, numbers, points};
-use crate::config::value::{read_list, read_named};
 use crate::identify::GivenRange;
+use crate::written;
 
 /// North and east of each point [m].
 pub type Points = Vec<[f64; 2]>;
@@ -160,29 +160,30 @@ pub struct ClosedLoopOptions {
     pub dt: Option<f64>,
     /// Largest rate of change of a command, in its unit per second (default: that of the vessel or model). May be repeated
     #[cfg_attr(feature = "arguments", arg(long, value_name = "NAME=RATE", value_parser = named::<f64>, value_delimiter = ',', help_heading = CONTROLLER))]
-    #[serde(deserialize_with = "read_named")]
+    #[serde(deserialize_with = "written::named")]
     pub rate_limit: Vec<(String, f64)>,
     /// Limits of a command, in the unit of the input in the boat, else of the model (default: those of the boat, 35 deg for a
     /// steering angle, or in simulations the range of the log). May be repeated
     #[cfg_attr(feature = "arguments", arg(long, value_name = "NAME=LOW:HIGH", value_delimiter = ',', value_parser = named::<GivenRange>, help_heading = CONTROLLER))]
-    #[serde(deserialize_with = "read_named")]
+    #[serde(deserialize_with = "written::named")]
     pub limit: Vec<(String, GivenRange)>,
     /// Value of a command without effect, in the same unit (default: that of the boat, 1500 for pulses in us, 0 for physical
     /// quantities); value of an input that is not commanded, as of the wind (default: 0). May be repeated
     #[cfg_attr(feature = "arguments", arg(long, value_name = "NAME=VALUE", value_delimiter = ',', value_parser = named::<f64>, help_heading = CONTROLLER))]
-    #[serde(deserialize_with = "read_named")]
+    #[serde(deserialize_with = "written::named")]
     pub neutral: Vec<(String, f64)>,
     /// Roles of inputs: propulsion, steering, thruster, disturbance or setting, as in delta=steering,wind=disturbance
     /// (default: those of the model, found from names, units and its response)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "INPUT=ROLE,..", help_heading = CONTROLLER))]
+    #[serde(deserialize_with = "written::value")]
     pub role: StatedRoles,
     /// pid: inputs that push the vessel, separated by commas; -NAME pushes astern (default: by the roles of the inputs)
     #[cfg_attr(feature = "arguments", arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true, help_heading = CONTROLLER))]
-    #[serde(deserialize_with = "read_list")]
+    #[serde(deserialize_with = "written::list")]
     pub push: Vec<String>,
     /// pid: inputs that turn the vessel to starboard; -NAME turns to port (default: by the roles of the inputs)
     #[cfg_attr(feature = "arguments", arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true, help_heading = CONTROLLER))]
-    #[serde(deserialize_with = "read_list")]
+    #[serde(deserialize_with = "written::list")]
     pub turn: Vec<String>,
     /// Take the model as one of the motion through the water, and estimate the current: standard deviation of its components
     /// at the start [m/s], as in 0.3

@@ -7,6 +7,7 @@ use hydroid_core::vessel::{Command, VesselParams};
 use super::plan::GivenCommands;
 use super::{Simulate, wrong};
 use crate::config::SettingError;
+use crate::key::key;
 use crate::log::{self, ChannelSpec, Note, RawLog, Selection, Trajectory};
 use crate::model::Model;
 
@@ -58,7 +59,8 @@ impl Simulate {
             let holds = |run: &&Trajectory| (0.0..(run.len() as f64 - 1.0)).contains(&sample(run));
             let Some(run) = prepared.runs.iter().find(holds) else {
                 return wrong(format!(
-                    "--start {time_s}: {} has no samples there, or too few after it",
+                    "{}: {} has no samples there, or too few after it",
+                    key("start").is(time_s),
                     log.path
                 ));
             };
@@ -76,7 +78,8 @@ impl Simulate {
         }
         if self.start.is_some() {
             return wrong(format!(
-                "--start needs a log with the outputs of the model: {} has only commands",
+                "{} needs a log with the outputs of the model: {} has only commands",
+                key("start"),
                 log.path
             ));
         }

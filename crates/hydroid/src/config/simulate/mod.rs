@@ -11,13 +11,14 @@ use serde::Deserialize;
 
 #[cfg(feature = "arguments")]
 use super::value::numbers;
-use super::value::read_list;
 use super::{Duration, SettingError};
 use crate::boat::StatedRoles;
 use crate::excitation::{Circle, Excitation, LawnMower, LowSpeed, Turn};
+use crate::key::key;
 use crate::model::Model;
 use crate::plant::{InputMap, PlantError, current_before};
 use crate::simulate::Options;
+use crate::written;
 use drive::commands_of;
 use plan::GivenCommands;
 
@@ -58,20 +59,21 @@ pub struct Simulate {
     /// Roles of inputs: propulsion, steering, thruster, disturbance or setting, as in delta=steering,wind=disturbance
     /// (default: those of the model, found from names, units and its response)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "INPUT=ROLE,.."))]
+    #[serde(deserialize_with = "written::value")]
     pub role: StatedRoles,
     /// Identified model: inputs that push the vessel, for mixed; -NAME pushes astern (default: by the roles of the inputs)
     #[cfg_attr(
         feature = "arguments",
         arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)
     )]
-    #[serde(deserialize_with = "read_list")]
+    #[serde(deserialize_with = "written::list")]
     pub push: Vec<String>,
     /// Identified model: inputs that turn the vessel to starboard, for mixed; -NAME turns to port (default: by the roles of the inputs)
     #[cfg_attr(
         feature = "arguments",
         arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true)
     )]
-    #[serde(deserialize_with = "read_list")]
+    #[serde(deserialize_with = "written::list")]
     pub turn: Vec<String>,
     /// Lawn-mower: length of a leg [m]
     #[cfg_attr(feature = "arguments", arg(long, value_name = "M", allow_negative_numbers = true))]
@@ -119,15 +121,16 @@ impl Simulate {
 
     fn of_vessel(&self, plant: &Plant, vessel: &VesselParams, drive: &Drive) -> Result<Plan, SettingError> {
         for (option, given) in [
-            ("--start", self.start.is_some()),
-            ("--process-noise", self.process_noise.is_some()),
-            ("--role", !self.role.0.is_empty()),
-            ("--push", !self.push.is_empty()),
-            ("--turn", !self.turn.is_empty()),
+            ("start", self.start.is_some()),
+            ("process_noise", self.process_noise.is_some()),
+            ("role", !self.role.0.is_empty()),
+            ("push", !self.push.is_empty()),
+            ("turn", !self.turn.is_empty()),
         ] {
             if given {
                 return wrong(format!(
-                    "{option} needs an identified model (.safetensors): '{}' is a vessel",
+                    "{} needs an identified model (.safetensors): '{}' is a vessel",
+                    key(option),
                     plant.name
                 ));
             }
@@ -152,19 +155,19 @@ impl Simulate {
 
     fn excitation(&self, vessel: &VesselParams, drive: &Drive) -> Result<(Excitation, String), SettingError> {
         let kind = drive.name();
-        let lawn_mower = self.leg.is_some() || self.spacing.is_some() || !self.leg_speeds.is_empty();
         for (option, given, kinds) in [
-            (
-                "--leg, --spacing, --leg-speeds and --sharp-turns",
-                lawn_mower || self.sharp_turns,
-                &["lawn-mower"][..],
-            ),
-            ("--radius", self.radius.is_some(), &["circle"]),
-            ("--speed", self.speed.is_some(), &["circle", "low-speed", "lawn-mower"]),
+            ("leg", self.leg.is_some(), &["lawn-mower"][..]),
+            ("spacing", self.spacing.is_some(), &["lawn-mower"]),
+            ("leg_speeds", !self.leg_speeds.is_empty(), &["lawn-mower"]),
+            ("sharp_turns", self.sharp_turns, &["lawn-mower"]),
+            ("radius", self.radius.is_some(), &["circle"]),
+            ("speed", self.speed.is_some(), &["circle", "low-speed", "lawn-mower"]),
         ] {
             if given && !kinds.contains(&kind) {
                 return wrong(format!(
-                    "{option} cannot be used with --excitation {kind}: it needs {}",
+                    "{} cannot be used with {}: it needs {}",
+                    key(option),
+                    key("excitation").is(kind),
                     kinds.join(", ")
                 ));
             }
@@ -219,27 +222,29 @@ impl Simulate {
 
     fn check_for_model(&self, plant: &Plant, model: &Model, drive: &Drive) -> Result<(), SettingError> {
         if self.dt.is_some() && !model.is_vessel() {
-            return wrong(plant.needs_a_vessel("--dt"));
+            return wrong(plant.needs_a_vessel("dt"));
         }
         for (option, given) in [
-            ("--step", self.step.is_some()),
-            ("--leg", self.leg.is_some()),
-            ("--spacing", self.spacing.is_some()),
-            ("--leg-speeds", !self.leg_speeds.is_empty()),
-            ("--sharp-turns", self.sharp_turns),
-            ("--radius", self.radius.is_some()),
-            ("--speed", self.speed.is_some()),
+            ("step", self.step.is_some()),
+            ("leg", self.leg.is_some()),
+            ("spacing", self.spacing.is_some()),
+            ("leg_speeds", !self.leg_speeds.is_empty()),
+            ("sharp_turns", self.sharp_turns),
+            ("radius", self.radius.is_some()),
+            ("speed", self.speed.is_some()),
         ] {
             if given {
                 return wrong(format!(
-                    "{option} needs a vessel with one propeller and one rudder: '{}' has inputs of its own",
+                    "{} needs a vessel with one propeller and one rudder: '{}' has inputs of its own",
+                    key(option),
                     plant.name
                 ));
             }
         }
         match drive {
             Drive::Kind(kind) if kind != "mixed" => wrong(format!(
-                "--excitation {kind} needs a vessel with one propeller and one rudder: with '{}' write mixed, or the name of a CSV file with time and its inputs",
+                "{} needs a vessel with one propeller and one rudder: with '{}' write mixed, or the name of a CSV file with time and its inputs",
+                key("excitation").is(kind),
                 plant.name
             )),
             Drive::Kind(_) | Drive::Log(_) => Ok(()),

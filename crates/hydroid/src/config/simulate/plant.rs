@@ -6,6 +6,7 @@ use hydroid_core::vessel::VesselParams;
 
 use crate::config::SettingError;
 use crate::craft;
+use crate::key::key;
 use crate::model::{self, Model};
 use crate::simulate::{self, built_in};
 
@@ -67,13 +68,13 @@ impl Plant {
             PlantKind::Vessel(vessel) => simulate::vessel_toml(vessel).map_err(|error| error.to_string()),
             PlantKind::Model(model) => match model.craft_file() {
                 Some(file) => Ok(file.text()),
-                None => Err(self.needs_a_vessel("--print-vessel")),
+                None => Err(self.needs_a_vessel("print_vessel")),
             },
         };
         text.map_err(SettingError::Option)
     }
 
     pub(super) fn needs_a_vessel(&self, option: &str) -> String {
-        format!("{option} needs a vessel: '{}' is an identified model", self.name)
+        format!("{} needs a vessel: '{}' is an identified model", key(option), self.name)
     }
 }

@@ -13,6 +13,7 @@ use super::super::note::Note;
 use super::super::prepare::PrepareOptions;
 use super::super::trajectory::Trajectory;
 use super::lags::{EARLIEST, Fixed, LATEST, Problem};
+use crate::key::key;
 
 /// Smallest share of the residual without commands that the commands must explain.
 const EXPLAINED: f64 = 0.01;
@@ -96,11 +97,14 @@ impl DelayEstimate {
                 estimates.iter().map(|(name, d)| format!("{} for `{name}`", d.samples)).collect();
             return Some(
                 Note::info(format!("{path}: commands seem to act after they are logged, with a different delay in samples for each input: {}", list.join(", ")))
-                    .with_remedy(format!("the cause is probably actuator lag and not a delay of the log: keep --input-delay {}, the model identifies the lag", applied.options.input_delay)),
+                    .with_remedy(format!(
+                        "the cause is probably actuator lag and not a delay of the log: keep {}, the model identifies the lag",
+                        key("input_delay").is(applied.options.input_delay)
+                    )),
             );
         }
         let Self { samples, seconds, range, better_than_zero, .. } = self;
-        let right = applied.with(*samples, *seconds);
+        let right = key("input_delay").is(applied.with(*samples, *seconds));
         if (range.0..=range.1).contains(&0) {
             return None;
         }
@@ -109,10 +113,11 @@ impl DelayEstimate {
         if *samples < 0 {
             let after = if applied.options.command_timing == CommandTiming::Before {
                 format!(
-                    "if the row holds the command that led to its measurement, --command-timing after; else --input-delay={right}"
+                    "if the row holds the command that led to its measurement, {}; else {right}",
+                    key("command_timing").is("after")
                 )
             } else {
-                format!("try --input-delay={right}")
+                format!("try {right}")
             };
             return Some(
                 Note::warning(format!(
@@ -131,7 +136,7 @@ impl DelayEstimate {
         let note =
             if self.confidence == Confidence::High { Note::warning(message) } else { Note::info(message) };
         Some(note.with_remedy(format!(
-            "try --input-delay {right} and compare on validation runs; actuator lag has a similar effect"
+            "try {right} and compare on validation runs; actuator lag has a similar effect"
         )))
     }
 }

@@ -32,6 +32,7 @@ use super::prepare::{PrepareOptions, prepare_logs};
 use super::resolve::{self, Resolved};
 use super::selection::{ChannelSpec, Selection};
 use super::trajectory::Trajectory;
+use crate::key::key;
 
 /// Share of repeated samples above which a note is added.
 const MANY_REPEATS: f64 = 0.15;
@@ -298,7 +299,10 @@ fn repeats(inspection: &mut Inspection, columns: &Columns<'_>) {
                 columns.path,
                 100.0 * share
             ))
-            .with_remedy(format!("resample to the sensor's rate, about --dt {step:.2}, or blank the repeated cells")),
+            .with_remedy(format!(
+                "resample to the sensor's rate, about {}, or blank the repeated cells",
+                key("dt").is(format_args!("{step:.2}"))
+            )),
         );
     }
 }
@@ -311,7 +315,7 @@ fn disagree(inspection: &mut Inspection) {
                 "{}: `{}` and `{}` should both show the {what}, but their correlation is {correlation:.2}: the {what} is unreliable",
                 inspection.path, d.first, d.second
             ))
-            .with_remedy(format!("do not identify the {what} from this log: remove it from --outputs")),
+            .with_remedy(format!("do not identify the {what} from this log: remove it from {}", key("outputs"))),
         );
     }
 }

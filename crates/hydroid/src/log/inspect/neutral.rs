@@ -5,6 +5,7 @@ use super::super::note::Note;
 use super::super::pulses::{self, Pulses};
 use super::super::resolve::{Resolved, Source};
 use super::super::selection::{ChannelSpec, Selection};
+use crate::key::key;
 
 /// Adds a note for each input that is a pulse width and has no offset. Equations and networks take a command of zero as
 /// no force: squares and signed squares of a pulse width hardly change.
@@ -41,7 +42,7 @@ pub(super) fn check(log: &RawLog, resolved: &Resolved, selection: &Selection, no
             log.path,
             shown.join(", ")
         ))
-        .with_remedy(format!("subtract the neutral position: --inputs \"{}\"", corrected.join(","))),
+        .with_remedy(format!("subtract the neutral position: {}", key("inputs").is(corrected.join(",")))),
     );
 }
 

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use super::super::note::Note;
 use super::super::trajectory::Trajectory;
+use crate::key::key;
 
 /// Largest smoothing window in the search \[samples\].
 const LONGEST_WINDOW: usize = 100;
@@ -59,7 +60,10 @@ pub(super) fn reports(runs: &[Trajectory], repeated: f64, notes: &mut Vec<Note>)
                     "the change of `{}` from sample to sample is mostly noise (standard deviation about {std:.2e} {})",
                     channel.name, channel.unit
                 ))
-                .with_remedy("identify compares regressions over several windows; --window fixes one"),
+                .with_remedy(format!(
+                    "identify compares regressions over several windows; {} fixes one",
+                    key("window")
+                )),
             );
         }
         if let Some(window) = smoothing_window {

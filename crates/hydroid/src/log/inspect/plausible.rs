@@ -3,6 +3,7 @@
 use super::super::note::Note;
 use super::super::trajectory::Trajectory;
 use super::pose::Compared;
+use crate::key::key;
 
 /// Yaw rate that no vessel exceeds for half of its log \[rad/s\]: at 3 rad/s a vessel turns once in 2.1 s. The 1.1 m
 /// tug among the real logs, the fastest of them, turns with 0.7 rad/s at most.
@@ -28,7 +29,7 @@ pub(super) fn check(path: &str, runs: &[Trajectory], compared: Compared, notes: 
                 Note::warning(format!(
                     "{path}: `r` exceeds {median:.1} rad/s for half of the time: no vessel turns as fast, and its unit seems to be deg/s"
                 ))
-                .with_remedy("state the unit, as in --outputs \"r=COLUMN [deg/s]\""),
+                .with_remedy(format!("state the unit, as in {}", key("outputs").is("r=COLUMN [deg/s]"))),
             );
         }
     }

@@ -11,6 +11,7 @@ use safetensors::tensor::SafeTensors;
 use serde::{Deserialize, Serialize};
 
 use super::{Body, Encoded, InvertibleModel, Kind, NotInvertible, WeightMap};
+use crate::key::key;
 use crate::model::file::{Tensor, ensemble, numbers, tensor};
 use crate::model::{Description, Learning, Model};
 
@@ -149,7 +150,11 @@ impl Kind for Arc<Equations> {
                 let signals: Vec<String> =
                     self.signals().iter().map(|signal| signal.name(&names, description.dt)).collect();
                 names.extend(signals);
-                let remedy = ", or identify with terms that have one function of each command (--for-control, or --term for each)";
+                let remedy = format!(
+                    ", or identify with terms that have one function of each command ({}, or {} for each)",
+                    key("for_control"),
+                    key("terms")
+                );
                 NotInvertible::NotAffine(error.with_names(&names), remedy)
             },
         )

@@ -66,7 +66,7 @@ pub(super) enum Encoded {
 #[derive(Debug)]
 pub(crate) enum NotInvertible {
     /// The model is not affine in its commands: reason, further remedy.
-    NotAffine(String, &'static str),
+    NotAffine(String, String),
     Control(ControlError),
     Vessel(InvalidParams),
 }
@@ -126,7 +126,7 @@ pub(super) trait Kind {
     /// Affine form for a control law; `motion` are the indices of `u`, `v`, `r` in the outputs.
     fn invert(&self, model: &Model, _: [usize; 3]) -> Result<InvertibleModel, NotInvertible> {
         let why = format!("a model of kind '{}' has no affine form in its commands", model.kind());
-        Err(NotInvertible::NotAffine(why, ""))
+        Err(NotInvertible::NotAffine(why, String::new()))
     }
 
     /// Map from an adapter's weights to the coefficients of the affine form.

@@ -150,10 +150,10 @@ fn milliseconds_since_1970_are_not_seconds() {
 fn no_time_outputs_or_inputs_to_guess() {
     let guess =
         |text: &str| error_of(prepare(&[log(text)], &Selection::default(), &PrepareOptions::default()));
-    says(&guess("when,u,n_cmd\n0,1,2\n"), &["--time COLUMN", "when, u, n_cmd"]);
-    says(&guess("when,u,n_cmd\n0,1,2\n"), &["no time column", "--dt SECONDS"]);
-    says(&guess("t,speed,n_cmd\n0,1,2\n"), &["--outputs", "t, speed, n_cmd"]);
-    says(&guess("t,u,n\n0,1,2\n"), &["--inputs", "t, u, n"]);
+    says(&guess("when,u,n_cmd\n0,1,2\n"), &["time=\"COLUMN\"", "when, u, n_cmd"]);
+    says(&guess("when,u,n_cmd\n0,1,2\n"), &["no time column", "with dt in seconds"]);
+    says(&guess("t,speed,n_cmd\n0,1,2\n"), &["outputs=", "t, speed, n_cmd"]);
+    says(&guess("t,u,n\n0,1,2\n"), &["inputs=", "t, u, n"]);
 }
 
 #[test]
@@ -177,7 +177,7 @@ fn a_step_far_below_the_logs() {
     let selection = Selection::of("u", "n").unwrap();
     let options = PrepareOptions { dt: Some(0.04), ..PrepareOptions::default() };
     let message = error_of(prepare(&[log(&table(20, u, n))], &selection, &options));
-    says(&message, &["a step of 0.04 s", "log.csv has a sample every 0.1 s", "leave --dt out or give 0.05"]);
+    says(&message, &["a step of 0.04 s", "log.csv has a sample every 0.1 s", "leave dt out or give 0.05"]);
 }
 
 #[test]

@@ -101,7 +101,7 @@ fn a_row_of_dates_and_numbers_is_no_header() {
 #[test]
 fn rows_without_time_are_a_step_apart_if_it_is_given() {
     let text = "u,n\n1,0\n2,0\n1,0\n1,0\n3,1\n";
-    says(&error(text), &["log.csv: no time column", "--time COLUMN", "--dt SECONDS"]);
+    says(&error(text), &["log.csv: no time column", "time=\"COLUMN\"", "with dt in seconds"]);
     let options = PrepareOptions { dt: Some(0.25), ..PrepareOptions::default() };
     let p = prepared_with(text, &options);
     assert_eq!((p.runs[0].t0, p.runs[0].dt), (0.0, 0.25));
@@ -118,7 +118,7 @@ fn rows_without_time_are_a_step_apart_if_it_is_given() {
 #[test]
 fn a_time_column_with_one_value_is_no_clock() {
     for text in ["t,u,n\n,1,0\n4,1,0\n,2,0\n,3,1\n", "t,u,n\n,1,0\n4,1,0\n4,2,0\n4,3,1\n"] {
-        says(&error(text), &["log.csv, line 3, column `t`: 4 is the only time", "--time", "--dt"]);
+        says(&error(text), &["log.csv, line 3, column `t`: 4 is the only time", "leave time out", "with dt"]);
     }
 }
 
@@ -127,7 +127,7 @@ fn steps_too_long_for_seconds_ask_for_the_unit() {
     let rows = "0,1,0\n100,2,0\n200,1,0\n300,3,1\n";
     says(
         &error(&format!("t,u,n\n{rows}")),
-        &["log.csv, column `t`", "step is 100", "--time \"t [ms]\"", "t [s]"],
+        &["log.csv, column `t`", "step is 100", "time=\"t [ms]\"", "t [s]"],
     );
     assert_eq!(prepared(&format!("t [s],u,n\n{rows}")).runs[0].dt, 100.0);
     assert_eq!(prepared(&format!("t_s,u,n\n{rows}")).runs[0].dt, 100.0);

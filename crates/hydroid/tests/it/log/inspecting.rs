@@ -109,7 +109,7 @@ fn columns_are_counted() {
     assert!(report.columns[2].constant);
     assert_eq!(report.columns[2].repeated, 1.0);
     assert_eq!(report.columns[3].not_numbers, 5);
-    assert!(report.notes.iter().any(|n| n.message.contains("--inputs")), "{:?}", report.notes);
+    assert!(report.notes.iter().any(|n| n.message.contains("inputs")), "{:?}", report.notes);
     assert!(report.inputs.is_empty());
     assert!(report.clock.unwrap().regular);
 }
@@ -159,21 +159,21 @@ fn correct_reading_options_give_no_warning() {
         .collect();
     let default = PrepareOptions::default();
     let after = PrepareOptions { command_timing: CommandTiming::After, ..default };
-    assert!(advised(&looked_at(&late, &default), "--command-timing after"));
+    assert!(advised(&looked_at(&late, &default), "command_timing=\"after\""));
     let found = looked_at(&late, &after);
-    assert!(!advised(&found, "--command-timing") && !advised(&found, "--input-delay"), "{:?}", found.notes);
+    assert!(!advised(&found, "command_timing") && !advised(&found, "input_delay"), "{:?}", found.notes);
     assert_eq!(found.input_delay.unwrap().samples, 0);
 
     let delayed = boat(3000, 5, 0.0);
     let by = |n: i64| PrepareOptions { input_delay: InputDelay::Samples(n), ..default };
-    assert!(advised(&looked_at(&delayed, &default), "--input-delay 5 "));
+    assert!(advised(&looked_at(&delayed, &default), "input_delay=5 "));
     // The remaining delay adds to the present shift.
-    assert!(advised(&looked_at(&delayed, &by(2)), "--input-delay 5 "));
-    assert!(!advised(&looked_at(&delayed, &by(5)), "--input-delay"));
+    assert!(advised(&looked_at(&delayed, &by(2)), "input_delay=5 "));
+    assert!(!advised(&looked_at(&delayed, &by(5)), "input_delay"));
     // With another step, samples of the runs are not samples of the log.
     let coarse = PrepareOptions { dt: Some(0.2), ..by(2) };
     let found = looked_at(&boat(3000, 6, 0.0), &coarse);
-    assert!(advised(&found, "--input-delay 0.6s "), "{:?}", found.notes);
+    assert!(advised(&found, "input_delay=\"0.6s\" "), "{:?}", found.notes);
 }
 
 #[test]
@@ -252,7 +252,7 @@ fn a_pulse_width_without_an_offset_is_noted_with_its_neutral_position() {
     })
     .unwrap();
     assert!(message.contains("`L` (1511)") && !message.contains("`R`"), "{message}");
-    assert!(remedy.contains("--inputs \"L=L - 1511,R\""), "{remedy}");
+    assert!(remedy.contains("inputs=\"L=L - 1511,R\""), "{remedy}");
     // At rest in the first row only.
     let first = |k: f64| if k == 0.0 { 1489.0 } else { pulse(k) };
     let (_, remedy) = noted(&|k| [1.0, 0.1, 0.01 * k.sin(), first(k), first(k)]).unwrap();

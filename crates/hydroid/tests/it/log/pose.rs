@@ -278,7 +278,7 @@ fn not_named(right: &Boat, change: Change, expected: &[Accused]) -> Vec<String> 
     let mut missed = Vec::new();
     for case in expected {
         let listed = |remedy: &str| {
-            let list = remedy.trim_start_matches("--outputs ").trim_matches('"');
+            let list = remedy.trim_start_matches("outputs=").trim_matches('"');
             list.split(',').any(|entry| entry == spec(case))
         };
         if !accused(names[case.0]) || !found.iter().all(|(_, remedy)| listed(remedy)) {
@@ -368,10 +368,10 @@ fn a_winding_path_names_wrong_channels_and_no_others() {
         message,
         "log.csv: `r` contradicts the pose: as read it is 57.3 times the rate of change of `psi`; its unit seems to be deg/s"
     );
-    assert_eq!(remedy, "--outputs \"u,v,r [deg/s]\"");
+    assert_eq!(remedy, "outputs=\"u,v,r [deg/s]\"");
     let (message, remedy) = right.clone().mixed_up(0, 1).accusations().remove(0);
     assert!(message.contains("`u` and `v` seem to be exchanged: the forward velocity"), "{message}");
-    assert_eq!(remedy, "--outputs \"u=v,v=u,r\"");
+    assert_eq!(remedy, "outputs=\"u=v,v=u,r\"");
 }
 
 #[test]

@@ -110,9 +110,7 @@ fn the_noise_of_simulated_logs_is_estimated_and_their_delay_is_zero() {
     // The lag of the propeller resembles a delay, the rudder has none: no shift is advised.
     let rudder = found.inputs[1].delay.as_ref().unwrap();
     assert!(rudder.samples == 0 && rudder.confidence == Confidence::High, "{rudder:?}");
-    assert!(
-        found.notes.iter().any(|n| n.remedy.as_ref().is_some_and(|r| r.contains("keep --input-delay 0")))
-    );
+    assert!(found.notes.iter().any(|n| n.remedy.as_ref().is_some_and(|r| r.contains("keep input_delay=0"))));
 }
 
 #[test]
@@ -148,7 +146,7 @@ fn tank_logs_have_a_step_and_no_time_column() {
     let timed = Selection { time: Some("Ts".into()), ..selection };
     let message = prepare(&[log], &timed, &PrepareOptions::default()).unwrap_err().to_string();
     assert!(
-        message.contains("line 2, column `Ts`: 4 is the only time") && message.contains("--dt"),
+        message.contains("line 2, column `Ts`: 4 is the only time") && message.contains("with dt in seconds"),
         "{message}"
     );
 }
@@ -158,6 +156,6 @@ fn the_pulse_widths_of_the_twin_thruster_boat_have_a_neutral_position() {
     let Some(path) = data("usv-asw/boat1_2_circle.csv") else { return };
     let found = inspect(&read(&path).unwrap(), &usv(), &PrepareOptions::default()).unwrap();
     let remedy = found.notes.iter().find(|n| n.message.contains("pulse widths")).unwrap().remedy.as_deref();
-    let expected = "--inputs \"pwm_left_us=pwm_left_us - 1510,pwm_right_us=pwm_right_us - 1510\"";
+    let expected = "inputs=\"pwm_left_us=pwm_left_us - 1510,pwm_right_us=pwm_right_us - 1510\"";
     assert!(remedy.unwrap().contains(expected), "{remedy:?}");
 }

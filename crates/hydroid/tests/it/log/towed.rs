@@ -40,9 +40,7 @@ fn a_towed_end_is_removed() {
         "{:?}",
         p.notes
     );
-    assert!(
-        p.notes.iter().any(|n| n.is_warning() && n.remedy.as_deref() == Some("keep it with --keep-towed"))
-    );
+    assert!(p.notes.iter().any(|n| n.is_warning() && n.remedy.as_deref() == Some("keep it with keep_towed")));
     let kept = prepared_with(&text, &PrepareOptions { keep_towed: true, ..PrepareOptions::default() });
     assert_eq!(kept.runs[0].len(), ROWS);
     assert!(!has_note(&kept, "is removed"), "{:?}", kept.notes);

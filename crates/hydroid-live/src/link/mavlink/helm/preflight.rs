@@ -6,6 +6,7 @@ use super::super::{family_name, mode_name};
 use super::axis::{Axis, Kind};
 use super::parameters::{ENFORCE, GCS_IDS};
 use super::{Helm, MS, Phase, seconds};
+use hydroid::key::key;
 
 /// Without a heartbeat for this time, the link is lost.
 const HEARTBEAT_NS: i64 = 2_500 * MS;
@@ -149,6 +150,7 @@ impl Helm {
     fn check_sender(&self, refusals: &mut Vec<String>) {
         let Some((name, id)) = self.parameters.first_of(&GCS_IDS) else { return };
         let own = f64::from(self.options.own_system);
+        let option = key("own_system").is(id);
         let last = self.parameters.value("MAV_GCS_SYSID_HI").unwrap_or(0.0).max(id);
         if (id..=last).contains(&own) {
             return;
@@ -158,11 +160,11 @@ impl Helm {
         let is_own_vehicle = self.vehicle.is_some_and(|v| v.system == u32::from(self.options.own_system));
         match (self.kind, enforced) {
             (Kind::Overrides, _) => refusals.push(format!(
-                "{name} is {id}, and hydroid speaks as {own}: start it with --own-system {id} or set the parameter"
+                "{name} is {id}, and hydroid speaks as {own}: start it with {option} or set the parameter"
             )),
             (Kind::SetPoints, Some((enforce, _))) if !is_own_vehicle => refusals.push(format!(
                 "{enforce} restricts commands to {name}, which is {id}, and hydroid speaks as {own}: start it with \
-                 --own-system {id} or set one of the parameters"
+                 {option} or set one of the parameters"
             )),
             (Kind::SetPoints, _) => {}
         }

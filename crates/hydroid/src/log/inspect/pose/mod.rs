@@ -22,6 +22,7 @@ use super::super::note::Note;
 use super::super::prepare::PrepareOptions;
 use super::super::resolve::{self, Resolved, Source};
 use super::super::selection::{ChannelSpec, Selection};
+use crate::key::key;
 use columns::PoseColumns;
 use fit::{Fit, Frame, Motion, Products, Verdict};
 use windows::Window;
@@ -393,7 +394,7 @@ impl Check {
             return format!("correct the names and units of the header: the column {}", in_header.join(", "));
         }
         let list: Vec<String> = corrected.iter().map(ToString::to_string).collect();
-        format!("--outputs \"{}\"", list.join(","))
+        key("outputs").is(list.join(",")).to_string()
     }
 }
 
