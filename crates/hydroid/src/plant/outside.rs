@@ -1,0 +1,39 @@
+//! Where a model was not seen.
+
+use serde::Serialize;
+
+use crate::model::Port;
+
+/// An output or input that leaves its training range by more than a tenth of its width: the model extrapolates from there on.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Outside {
+    /// Name.
+    pub name: String,
+    /// Time at which it leaves the range \[s\]. In a trial it counts from the order, and is 0 if it was outside before.
+    pub from_s: f64,
+    /// Lowest and highest value.
+    pub reached: [f64; 2],
+    /// Training range.
+    pub range: [f64; 2],
+}
+
+impl Outside {
+    /// The channel of a port along times and values; `None` if it stays within its range.
+    pub fn of(port: &Port, series: impl Iterator<Item = (f64, f64)>) -> Option<Self> {
+        let range = port.training_range.unwrap_or(port.range);
+        let room = 0.1 * (range.high - range.low);
+        let (mut from_s, mut low, mut high) = (f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY);
+        for (t, value) in series {
+            (low, high) = (low.min(value), high.max(value));
+            if value < range.low - room || value > range.high + room {
+                from_s = from_s.min(t);
+            }
+        }
+        from_s.is_finite().then(|| Self {
+            name: port.channel.name.clone(),
+            from_s,
+            reached: [low, high],
+            range: [range.low, range.high],
+        })
+    }
+}
