@@ -45,7 +45,8 @@ pub struct Export {
     /// coefficients are accelerations
     #[arg(long, value_name = "FILE")]
     pub vessel: Option<PathBuf>,
-    /// sdf, latex: speed [m/s] of the prime system and of the linear derivatives of a straight course
+    /// sdf, latex: speed [m/s] of the prime system and of the linear derivatives of a straight course (default for equations: the
+    /// middle of their training range)
     #[arg(long, value_name = "M_S", allow_negative_numbers = true)]
     pub speed: Option<f64>,
     /// latex: length [m] of the prime system (default: that of the vessel file)

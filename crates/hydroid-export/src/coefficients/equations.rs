@@ -2,14 +2,14 @@
 
 use hydroid::key::key;
 use hydroid::model::{Model, NamedEquations};
-use hydroid_core::model::sparse::{Shape, Term};
+use hydroid_core::model::sparse::{Factor, Term};
 
 use super::derivative::VELOCITY;
 use super::numbers::short;
 use super::{Centripetal, CoefficientOptions, Coefficients, Derivative, Force, Variable, add};
 use crate::ExportError;
 
-/// The coefficients of equations of `u`, `v`, `r` whose terms are products of velocities and their magnitudes.
+/// The coefficients of equations of `u`, `v`, `r`.
 ///
 /// With the mass matrix `M` of the options, the coefficients `xi` of the accelerations become forces `M xi`, and the
 /// Coriolis and centripetal forces of the mass are taken out:
@@ -20,7 +20,7 @@ use crate::ExportError;
 /// N = m23 dv/dt + m33 dr/dt + m x_g u r
 /// ```
 ///
-/// Terms of other forms are forces of actuators or remain a list.
+/// Terms with inputs, gates and other functions are forces by the same rule.
 ///
 /// # Errors
 /// If the outputs are others, a unit is not SI, no mass is given or it is not the mass of a vessel.
@@ -54,6 +54,7 @@ pub(super) fn of(
             ),
         );
     };
+    let matrix = mass_rows(inertia.mass_matrix());
     let [m11, m22, m23, m33] = inertia.mass_matrix();
     let regular = m11 > 0.0 && m22 > 0.0 && m33 > 0.0 && m22 * m33 > m23 * m23;
     let finite = [m11, m22, m23, m33].iter().all(|entry| entry.is_finite());
@@ -65,7 +66,6 @@ pub(super) fn of(
             "give a positive mass [kg] and yaw inertia [kg m^2], and added masses as derivatives, which are not positive",
         );
     }
-    let matrix = [[m11, 0.0, 0.0], [0.0, m22, m23], [0.0, m23, m33]];
     let mut coefficients = Coefficients {
         name: model.description.name.clone(),
         water_density: options.water_density,
@@ -75,6 +75,7 @@ pub(super) fn of(
         derivatives: inertia.added_mass().into_iter().filter(|derivative| derivative.value != 0.0).collect(),
         centripetal: Centripetal::InDerivatives,
         cross_flow: (0.0, None),
+        inputs: Vec::new(),
         other_forces: Vec::new(),
     };
     let found = fill(&mut coefficients, &named, order, &matrix);
@@ -117,7 +118,7 @@ pub(super) fn motion(model: &Model) -> Result<[usize; 3], String> {
     Ok(order)
 }
 
-/// Adds the forces of all terms; whether a derivative was among them.
+/// Adds the forces of all terms; whether a derivative by velocities was among them.
 fn fill(
     coefficients: &mut Coefficients,
     named: &NamedEquations<'_>,
@@ -125,50 +126,61 @@ fn fill(
     matrix: &[[f64; 3]; 3],
 ) -> bool {
     let equations = named.equations();
-    let names = named.variable_names();
-    let uncertainty = named.coefficient_uncertainty();
-    let error = |output: usize, term: usize| -> Option<f64> {
-        let of = &uncertainty.as_ref()?[output];
-        of.standard_errors[of.terms.iter().position(|&known| known == term)?]
-    };
     let mut found = false;
     for (j, term) in equations.terms().iter().enumerate() {
         let rates = order.map(|output| equations.coefficient(output, j));
-        if rates == [0.0; 3] {
-            continue;
-        }
-        let variable = variable(term, order);
+        let variable = Variable::Product(reordered(term, |index| place(index, order)));
         for (i, force) in Force::ALL.into_iter().enumerate() {
             let value: f64 = (0..3).map(|k| matrix[i][k] * rates[k]).sum();
             if value == 0.0 {
                 continue;
             }
-            if let Some(variable) = variable {
-                // The errors of different equations are taken as independent.
-                let errors = (0..3).filter_map(|k| Some(matrix[i][k] * error(order[k], j)?));
-                let deviation = errors.fold(0.0, f64::hypot);
-                let deviation = (deviation > 0.0).then_some(deviation);
-                add(&mut coefficients.derivatives, Derivative { force, variable, value, deviation });
-                found = true;
-            } else {
-                let term = crate::name::comment(&term.name(&names));
-                coefficients.other_forces.push(format!("{} = {} {term}", force.letter(), short(value)));
-            }
+            let of_one = |other: &Term| f64::from(u8::from(other == term));
+            let deviation = deviation(named, order, &matrix[i], of_one);
+            found |= variable.is_polynomial() && !variable.has_input();
+            add(
+                &mut coefficients.derivatives,
+                Derivative { force, variable: variable.clone(), value, deviation },
+            );
         }
     }
     found
 }
 
-/// The variable of a term, if it is a product of velocities and their magnitudes.
-fn variable(term: &Term, order: [usize; 3]) -> Option<Variable> {
-    let (mut powers, mut magnitudes) = ([0_u8; 3], [false; 3]);
-    for factor in term.factors() {
-        let i = order.iter().position(|&output| output == usize::from(factor.variable))?;
-        match factor.shape {
-            Shape::Power(n) => powers[i] = powers[i].checked_add(n)?,
-            Shape::Abs => magnitudes[i] = true,
-            _ => return None,
+/// Rows of a mass matrix.
+pub(super) fn mass_rows([m11, m22, m23, m33]: [f64; 4]) -> [[f64; 3]; 3] {
+    [[m11, 0.0, 0.0], [0.0, m22, m23], [0.0, m23, m33]]
+}
+
+/// Standard deviation of a sum of forces of terms with weights, from the members of the bootstrap; `row` is that of the mass matrix.
+pub(super) fn deviation(
+    named: &NamedEquations<'_>,
+    order: [usize; 3],
+    row: &[f64; 3],
+    weight: impl Fn(&Term) -> f64,
+) -> Option<f64> {
+    let equations = named.equations();
+    let count = equations.terms().len();
+    let mut weights = vec![0.0; 3 * count];
+    for (j, term) in equations.terms().iter().enumerate() {
+        let weight = weight(term);
+        for (output, mass) in order.into_iter().zip(row) {
+            if equations.coefficient(output, j) != 0.0 {
+                weights[output * count + j] = mass * weight;
+            }
         }
     }
-    Some(Variable::Product { powers, magnitudes })
+    named.standard_error_of_sum(&weights)
+}
+
+/// Index of a variable of equations with `u`, `v`, `r` first.
+pub(super) fn place(index: u16, order: [usize; 3]) -> u16 {
+    let velocity = (0..).zip(order).find(|(_, output)| *output == usize::from(index));
+    velocity.map_or(index, |(place, _)| place)
+}
+
+/// A term with other indices of its variables.
+pub(super) fn reordered(term: &Term, place: impl Fn(u16) -> u16) -> Term {
+    let of = |factor: &Factor| Factor { variable: place(factor.variable), shape: factor.shape };
+    Term::new(term.factors().iter().map(of).collect())
 }

@@ -2,28 +2,31 @@
 
 use std::fmt::Write as _;
 
+use hydroid::evaluate::DesignRange;
 use hydroid::key::key;
 use hydroid::model::{Model, UnitProduct, latex_estimate, latex_text, latex_unit};
 use hydroid::plant::described_inputs;
 
-use super::derivative::unit_text;
 use super::vessel::deviations;
-use super::{Centripetal, CoefficientOptions, Coefficients, Derivative, Force, Inertia, Variable};
+use super::{Centripetal, CoefficientOptions, Coefficients, Derivative, Input, straight_course};
 use crate::name::comment;
 use crate::{ExportError, File, Options, identifier};
 
 const FORMAT: &str = "latex";
 
-/// Tables of the coefficients as `NAME.tex`: mass, derivatives and actuators in SI units with standard deviations, and in the
-/// prime system with length and speed. With a speed `U` the derivatives of a straight course are added, which published
-/// derivatives from tests with models are:
+/// Stands above the table of linear derivatives.
+const LINEAR: &str = "
+% Linear derivatives: all inputs at their neutral values, lags and delays settled, + and - above and below a kink.
+% N is positive to starboard: an input with a positive N turns the bow to starboard.
+";
+
+/// Tables of the coefficients as `NAME.tex`: mass, derivatives by velocities and inputs, and actuators in SI units with standard
+/// deviations, and in the prime system with length and speed. With a speed `U` the [linear
+/// derivatives](straight_course) of a straight course are added, which published derivatives from tests with models are. That of
+/// equations is the middle of their training range if none is given.
 ///
-/// ```text
-/// Y_v(U) = d Y/dv    Y_r(U) - m U    N_v(U) = d N/dv    N_r(U) - m x_g U        at nu = (U, 0, 0)
-/// ```
-///
-/// They contain the Coriolis and centripetal forces of mass and added mass, and the forces of no actuators. Equations of
-/// motion without a given mass become an `align*` and the table of their coefficients.
+/// They contain the Coriolis and centripetal forces of mass and added mass. Equations of motion without a given mass become an
+/// `align*` and the table of their coefficients.
 ///
 /// # Errors
 /// See [`Coefficients::of`]; or if length, speed or density are not positive.
@@ -39,7 +42,7 @@ pub fn latex(
         format!("{head}{}{}", named.equations_latex(), named.coefficients_latex())
     } else {
         let coefficients = Coefficients::of(model, coefficient_options, FORMAT)?;
-        tables(model, &coefficients, coefficient_options)
+        tables(model, &coefficients, coefficient_options)?
     };
     Ok(vec![File { name: format!("{}.tex", identifier(&options.name)), content: text.into_bytes() }])
 }
@@ -98,20 +101,31 @@ struct Table {
 
 impl Table {
     /// A row; the symbol is LaTeX in mathematics mode.
-    fn row(&mut self, symbol: &str, value: f64, deviation: Option<f64>, unit: &str, divisor: Option<f64>) {
-        let prime = divisor.map(|by| format!("${}$", latex_estimate(value / by, deviation.map(|d| d / by))));
-        let unit = latex_unit(&UnitProduct::of_channel("", unit));
+    fn row(
+        &mut self,
+        symbol: &str,
+        value: f64,
+        deviation: Option<f64>,
+        unit: &UnitProduct,
+        divisor: Option<f64>,
+    ) {
+        let estimate = |value: f64, deviation: Option<f64>| match deviation {
+            None if value == 0.0 => String::from("0"),
+            deviation => latex_estimate(value, deviation),
+        };
+        let prime = divisor.map(|by| format!("${}$", estimate(value / by, deviation.map(|d| d / by))));
         let _ = writeln!(
             self.rows,
-            "  ${symbol}$ & ${}$ & ${unit}$ & {} \\\\",
-            latex_estimate(value, deviation),
+            "  ${symbol}$ & ${}$ & ${}$ & {} \\\\",
+            estimate(value, deviation),
+            latex_unit(unit),
             prime.as_deref().unwrap_or("--")
         );
     }
 
-    fn derivative(&mut self, symbol: &str, of: &Derivative, prime: &Prime) {
+    fn derivative(&mut self, symbol: &str, of: &Derivative, inputs: &[Input], prime: &Prime) {
         let divisor = prime.divisor(of.prime_powers());
-        self.row(symbol, of.value, of.deviation, &unit_text(of.unit()), divisor);
+        self.row(symbol, of.value, of.deviation, &of.unit(inputs), divisor);
     }
 
     fn text(&self, title: &str) -> String {
@@ -123,43 +137,73 @@ impl Table {
     }
 }
 
-fn tables(model: &Model, coefficients: &Coefficients, options: &CoefficientOptions) -> String {
+fn tables(
+    model: &Model,
+    coefficients: &Coefficients,
+    options: &CoefficientOptions,
+) -> Result<String, ExportError> {
+    let speed = options.speed.or_else(|| middle_speed(model));
     let prime = Prime {
         length: options.length.or(coefficients.size.map(|[length, ..]| length)),
-        speed: options.speed,
+        speed,
         density: coefficients.water_density,
     };
     let mut out = head(model, coefficients, &prime);
+    if options.speed.is_none() && speed.is_some() {
+        out.push_str("% The speed U is the middle of the training range; --speed states another one.\n");
+    }
     let inertia = coefficients.inertia;
     let mut table = Table::default();
+    let unit = |text| UnitProduct::of_channel("", text);
     let [mass, i_z, x_g] = coefficients.inertia_deviations;
-    table.row("m", inertia.mass, mass, "kg", prime.divisor([3, 0]));
-    table.row("x_g", inertia.x_g, x_g, "m", prime.length);
-    table.row("I_z", inertia.i_z, i_z, "kg m^2", prime.divisor([5, 0]));
+    table.row("m", inertia.mass, mass, &unit("kg"), prime.divisor([3, 0]));
+    table.row("x_g", inertia.x_g, x_g, &unit("m"), prime.length);
+    table.row("I_z", inertia.i_z, i_z, &unit("kg m^2"), prime.divisor([5, 0]));
     if coefficients.cross_flow.0 != 0.0 {
-        table.row("C_d", coefficients.cross_flow.0, coefficients.cross_flow.1, "1", Some(1.0));
+        table.row("C_d", coefficients.cross_flow.0, coefficients.cross_flow.1, &unit("1"), Some(1.0));
     }
+    let inputs = &coefficients.inputs;
     let mut all = coefficients.derivatives.clone();
-    all.sort_by_key(|derivative| (derivative.force, derivative.variable));
+    all.retain(|derivative| derivative.variable.is_polynomial());
+    all.sort_by_key(|derivative| {
+        (derivative.force, derivative.variable.has_input(), derivative.variable.clone())
+    });
     for derivative in &all {
-        table.derivative(&derivative.latex(), derivative, &prime);
+        table.derivative(&derivative.latex(inputs), derivative, inputs, &prime);
     }
     out.push_str(
         &table.text("Mass and hydrodynamic derivatives; standard deviations of estimates behind \\pm"),
     );
-    if let Some(speed) = options.speed {
+    if let Some(speed) = speed {
         let mut table = Table::default();
-        for (symbol, derivative) in straight_course(coefficients, speed) {
-            table.derivative(&symbol, &derivative, &prime);
+        let mut notes = String::new();
+        for row in straight_course(model, coefficients, speed)? {
+            if row.derivative.value.is_nan() {
+                let _ = writeln!(
+                    notes,
+                    "% ${}$ has no value: the force jumps or is not defined there.",
+                    row.latex
+                );
+            } else {
+                table.derivative(&row.latex, &row.derivative, inputs, &prime);
+            }
         }
-        out.push_str(
-            &table.text(&format!(
-                "Linear derivatives of a straight course at U = {speed} m/s, without actuators"
-            )),
-        );
+        let actuators = if model.craft().is_some() { ", without actuators" } else { "" };
+        let _ = write!(out, "{LINEAR}{notes}");
+        out.push_str(&table.text(&format!(
+            "Linear derivatives of a straight course at U = {speed} m/s, by velocities{actuators} and by inputs"
+        )));
     }
     out.push_str(&actuators(model));
-    out
+    Ok(out)
+}
+
+/// The middle of the training range of `u` in equations, if it is ahead.
+fn middle_speed(model: &Model) -> Option<f64> {
+    model.equations()?;
+    let port = model.description.outputs.iter().find(|port| port.channel.name == "u")?;
+    let DesignRange { low, high } = port.training_range.unwrap_or(port.range);
+    Some(0.5 * (low + high)).filter(|middle| middle.is_finite() && *middle > 0.0)
 }
 
 fn head(model: &Model, coefficients: &Coefficients, prime: &Prime) -> String {
@@ -196,41 +240,15 @@ fn head(model: &Model, coefficients: &Coefficients, prime: &Prime) -> String {
             writeln!(out, "% Prime system: L = {length} m, U = {speed} m/s, rho = {} kg/m^3.", prime.density)
         }
     };
-    for force in &coefficients.other_forces {
-        let _ = writeln!(out, "% Not in the tables: {}", comment(force));
+    out.push_str(
+        "% Derivatives by inputs are per unit of the input, also in the prime system; a radian is 1.\n",
+    );
+    let others = coefficients.derivatives.iter().filter(|derivative| !derivative.variable.is_polynomial());
+    let others = others.map(|derivative| derivative.described(&coefficients.inputs));
+    for force in others.chain(coefficients.other_forces.iter().map(|force| comment(force))) {
+        let _ = writeln!(out, "% Not in the tables: {force}");
     }
     out
-}
-
-/// Linear derivatives at `nu = (U, 0, 0)` with their symbols. `Y` and `N` by `r` contain the centripetal forces of the mass.
-fn straight_course(coefficients: &Coefficients, speed: f64) -> Vec<(String, Derivative)> {
-    let all = coefficients.with_centripetal();
-    let Inertia { mass, x_g, .. } = coefficients.inertia;
-    let mut rows = Vec::new();
-    for (force, j, symbol, of_mass) in [
-        (Force::X, 0, "X_u(U)", 0.0),
-        (Force::Y, 1, "Y_v(U)", 0.0),
-        (Force::Y, 2, "Y_r(U) - m U", mass * speed),
-        (Force::N, 1, "N_v(U)", 0.0),
-        (Force::N, 2, "N_r(U) - m x_g U", mass * x_g * speed),
-    ] {
-        let of = |derivative: &&Derivative| derivative.force == force;
-        let parts: Vec<(f64, Option<f64>)> = all
-            .iter()
-            .filter(of)
-            .map(|d| {
-                let slope = d.variable.slope(j, speed);
-                (d.value * slope, d.deviation.map(|deviation| deviation * slope.abs()))
-            })
-            .collect();
-        let value = parts.iter().map(|(value, _)| value).sum::<f64>() - of_mass;
-        let deviation = parts.iter().filter_map(|(_, deviation)| *deviation).fold(0.0, f64::hypot);
-        let variable = Variable::product(&[j]);
-        let derivative =
-            Derivative { force, variable, value, deviation: (deviation > 0.0).then_some(deviation) };
-        rows.push((symbol.to_owned(), derivative));
-    }
-    rows
 }
 
 /// The numbers of thrusters and rudders.

@@ -23,10 +23,14 @@
 //! ```text
 //! X_vr = -Y_vdot    X_rr = -Y_rdot    Y_ur = X_udot    N_uv = Y_vdot - X_udot (Munk moment)    N_ur = Y_rdot
 //! ```
+//!
+//! In equations of motion the variables contain inputs as well, such as `u u delta` and `|n| n`, and no other forces act. The linear
+//! derivatives by velocities and inputs are those of [`straight_course`].
 
 mod derivative;
 mod equations;
 mod latex;
+mod linear;
 mod literal;
 mod mss;
 mod mss_equations;
@@ -37,10 +41,13 @@ mod servos;
 mod vehicle;
 mod vessel;
 
-use hydroid::model::{Body, Model};
+use hydroid::boat::Value;
+use hydroid::model::{Body, Model, Port, UnitProduct, latex_symbol};
+use hydroid::plant::input_values;
 
-pub use derivative::{Derivative, Force, Variable};
+pub use derivative::{Derivative, Force, Input, Variable};
 pub use latex::latex;
+pub use linear::{Linear, straight_course};
 pub use mss::mss;
 pub use sdf::sdf;
 
@@ -118,7 +125,7 @@ impl Inertia {
             (Force::X, Variable::product(&[1, 2]), -y_vdot),
             (Force::X, Variable::product(&[2, 2]), -y_rdot),
             (Force::Y, Variable::product(&[0, 2]), x_udot),
-            (Force::N, MUNK, y_vdot - x_udot),
+            (Force::N, munk(), y_vdot - x_udot),
             (Force::N, Variable::product(&[0, 2]), y_rdot),
         ]
         .map(|(force, variable, value)| Derivative::new(force, variable, value))
@@ -126,7 +133,9 @@ impl Inertia {
 }
 
 /// `u v`, the variable of the Munk moment.
-const MUNK: Variable = Variable::Product { powers: [1, 1, 0], magnitudes: [false; 3] };
+fn munk() -> Variable {
+    Variable::product(&[0, 1])
+}
 
 /// Coriolis and centripetal forces of the added mass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -158,6 +167,8 @@ pub struct Coefficients {
     pub centripetal: Centripetal,
     /// Cross-flow drag coefficient `C_d` and its standard deviation.
     pub cross_flow: (f64, Option<f64>),
+    /// Variables of the derivatives after `u`, `v`, `r`: the inputs of the model, and signals computed from them.
+    pub inputs: Vec<Input>,
     /// Parts of the model that are neither derivatives nor cross-flow drag, with their values.
     pub other_forces: Vec<String>,
 }
@@ -172,20 +183,21 @@ impl Coefficients {
         options: &CoefficientOptions,
         format: &'static str,
     ) -> Result<Self, ExportError> {
-        match &model.body {
-            Body::Craft(craft) => Ok(vessel::of_craft(&craft.file)),
-            Body::Plant(plant) => Ok(vessel::of_plant(plant.params(), options.water_density)),
-            Body::Equations(_) => equations::of(model, options, format),
-            _ => Err(no_coefficients(model, format)),
-        }
+        let coefficients = match &model.body {
+            Body::Craft(craft) => vessel::of_craft(&craft.file),
+            Body::Plant(plant) => vessel::of_plant(plant.params(), options.water_density),
+            Body::Equations(_) => equations::of(model, options, format)?,
+            _ => return Err(no_coefficients(model, format)),
+        };
+        Ok(Self { inputs: inputs(model), ..coefficients })
     }
 
     /// The derivatives by velocities that come beside the added mass and its Coriolis and centripetal forces.
     pub fn beside_added_mass(&self) -> Vec<Derivative> {
         let is_velocity = |of: &&Derivative| matches!(of.variable, Variable::Product { .. });
-        let mut all: Vec<Derivative> = self.derivatives.iter().filter(is_velocity).copied().collect();
+        let mut all: Vec<Derivative> = self.derivatives.iter().filter(is_velocity).cloned().collect();
         for derivative in self.inertia.centripetal() {
-            let is_munk = derivative.variable == MUNK;
+            let is_munk = derivative.variable == munk();
             if self.centripetal == Centripetal::InDerivatives
                 || (is_munk && self.centripetal == Centripetal::WithoutMunk)
             {
@@ -222,6 +234,29 @@ impl Coefficients {
     }
 }
 
+/// Inputs of a model, and the signals of equations.
+fn inputs(model: &Model) -> Vec<Input> {
+    let ports = &model.description.inputs;
+    let channel = |(port, source): (&Port, u16)| Input {
+        name: port.channel.name.clone(),
+        latex: latex_symbol(&port.channel.name),
+        unit: UnitProduct::of_channel(&port.channel.name, &port.channel.unit),
+        source,
+    };
+    let mut all: Vec<Input> = ports.iter().zip(3..).map(channel).collect();
+    if let Some(named) = model.equations() {
+        let signals = named.equations().signals();
+        let first = named.equations().outputs() + ports.len();
+        let symbols = named.variable_names().into_iter().zip(named.variables_latex()).skip(first);
+        for ((signal, (name, latex)), unit) in
+            signals.iter().zip(symbols).zip(named.variable_units().into_iter().skip(first))
+        {
+            all.push(Input { name, latex, unit, source: signal.source() });
+        }
+    }
+    all
+}
+
 /// Adds a derivative to the one of the same variable, or to the list.
 fn add(all: &mut Vec<Derivative>, derivative: Derivative) {
     let same =
@@ -237,6 +272,16 @@ fn add(all: &mut Vec<Derivative>, derivative: Derivative) {
         None if derivative.value != 0.0 || derivative.deviation.is_some() => all.push(derivative),
         None => {}
     }
+}
+
+/// Neutral values and limits of the inputs of a model.
+fn values(model: &Model, format: &'static str) -> Result<Vec<Value>, ExportError> {
+    input_values(model).map_err(|error| ExportError::Unsupported {
+        model: model.title(),
+        format,
+        reason: error.to_string(),
+        remedy: String::from("correct it in [boat.inputs], and identify again"),
+    })
 }
 
 fn no_coefficients(model: &Model, format: &'static str) -> ExportError {

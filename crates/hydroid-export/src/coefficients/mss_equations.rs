@@ -2,13 +2,13 @@
 
 use hydroid::key::key;
 use hydroid::model::Model;
-use hydroid::plant::input_values;
 use hydroid_core::model::sparse::{Equations, Factor, Shape, Signal, Term};
 
 use super::derivative::VELOCITY;
 use super::equations::motion;
 use super::literal::Literal;
 use super::numbers::{exact, short};
+use super::values;
 use super::vehicle::{Channel, Vehicle, describe};
 use crate::ExportError;
 use crate::name::comment;
@@ -68,10 +68,7 @@ pub(super) fn vehicle(model: &Model, equations: &Equations) -> Result<Vehicle, E
             ("time", Literal::Number(time_constant_s.0)),
         ]));
     }
-    let values = match input_values(model) {
-        Ok(values) => values,
-        Err(error) => return refuse(error.to_string(), "correct it in [boat.inputs], and identify again"),
-    };
+    let values = values(model, "mss")?;
     let channels = inputs.iter().zip(&values).map(|(port, value)| Channel {
         name: &port.channel.name,
         unit: &port.channel.unit,

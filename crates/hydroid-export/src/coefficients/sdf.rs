@@ -23,8 +23,9 @@
 use std::fmt::Write as _;
 
 use hydroid::model::Model;
+use hydroid_core::model::sparse::Shape;
 
-use super::derivative::{VELOCITY, unit_text};
+use super::derivative::VELOCITY;
 use super::numbers::short;
 use super::{CoefficientOptions, Coefficients, Derivative, Force, Variable, add};
 use crate::name::comment;
@@ -101,32 +102,30 @@ fn element(out: &mut String, name: &str, value: &str, remark: &str) {
     let _ = writeln!(out, "  <{name}>{value}</{name}> <!-- {remark} -->");
 }
 
-fn described(derivative: &Derivative) -> String {
-    format!("{} = {} {}", derivative.symbol(), short(derivative.value), unit_text(derivative.unit()))
-}
-
 /// Name of an element of Gazebo's plugin; `None` for a variable that it lacks.
 fn gazebo_element(derivative: &Derivative) -> Option<String> {
     let row = derivative.force.letter().to_ascii_lowercase();
-    let letter = |j: usize| VELOCITY[j].to_ascii_uppercase();
-    match derivative.variable {
-        Variable::Acceleration(_) => None,
-        Variable::Product { powers, magnitudes } => {
-            let factors: Vec<usize> = (0..3).flat_map(|j| vec![j; usize::from(powers[j])]).collect();
-            let absolute: Vec<usize> = (0..3).filter(|&j| magnitudes[j]).collect();
-            match (factors.as_slice(), absolute.as_slice()) {
-                ([j], []) => Some(format!("{row}{}", letter(*j))),
-                ([j, k], []) => Some(format!("{row}{}{}", letter(*j), letter(*k))),
-                ([j], [k]) => Some(format!("{row}{}abs{}", letter(*j), letter(*k))),
-                _ => None,
-            }
+    let letter = |index: u16| VELOCITY.get(usize::from(index)).map(|name| name.to_ascii_uppercase());
+    let Variable::Product(term) = &derivative.variable else { return None };
+    let (mut factors, mut absolute) = (String::new(), String::new());
+    for factor in term.factors() {
+        let letter = letter(factor.variable)?;
+        match factor.shape {
+            Shape::Power(n) => factors.push_str(&letter.repeat(usize::from(n))),
+            Shape::Abs => absolute.push_str(&letter),
+            _ => return None,
         }
+    }
+    match (factors.len(), absolute.len()) {
+        (1 | 2, 0) => Some(format!("{row}{factors}")),
+        (1, 1) => Some(format!("{row}{factors}abs{absolute}")),
+        _ => None,
     }
 }
 
 fn gazebo(coefficients: &Coefficients, actuators: &[String], link: &str) -> String {
     let mut all = hull(coefficients);
-    all.sort_by_key(|derivative| (derivative.force, derivative.variable));
+    all.sort_by(|a, b| (a.force, &a.variable).cmp(&(b.force, &b.variable)));
     let mut out = String::from(
         "<plugin filename=\"gz-sim-hydrodynamics-system\" name=\"gz::sim::systems::Hydrodynamics\">\n",
     );
@@ -146,9 +145,9 @@ fn gazebo(coefficients: &Coefficients, actuators: &[String], link: &str) -> Stri
         match gazebo_element(derivative) {
             Some(name) => {
                 let value = short(derivative.forward_port_up());
-                element(&mut out, &name, &value, &described(derivative));
+                element(&mut out, &name, &value, &derivative.described(&coefficients.inputs));
             }
-            None => missing.push(described(derivative)),
+            None => missing.push(derivative.described(&coefficients.inputs)),
         }
     }
     missing.extend(cross_flow_note(coefficients));
@@ -166,20 +165,20 @@ fn vrx(coefficients: &Coefficients, actuators: &[String], link: &str) -> String 
     header(&mut out, coefficients);
     let _ = writeln!(out, "  <link_name>{link}</link_name>");
     let mut used = vec![false; all.len()];
-    for (i, force) in Force::ALL.into_iter().enumerate() {
+    for (by, force) in (0..).zip(Force::ALL) {
         let row = force.letter().to_ascii_lowercase();
-        let column = VELOCITY[i].to_ascii_uppercase();
+        let column = VELOCITY[force as usize].to_ascii_uppercase();
         element(&mut out, &format!("{row}Dot{column}"), "0.0", "in the inertial element of the link");
         for (name, variable) in [
-            (format!("{row}{column}"), Variable::product(&[i])),
-            (format!("{row}{column}{column}"), Variable::signed(i, i)),
+            (format!("{row}{column}"), Variable::product(&[by])),
+            (format!("{row}{column}{column}"), Variable::signed(by, by)),
         ] {
             let index = all.iter().position(|d| d.force == force && d.variable == variable);
-            let found = index.map_or(Derivative::new(force, variable, 0.0), |index| all[index]);
+            let found = index.map_or(Derivative::new(force, variable, 0.0), |index| all[index].clone());
             if let Some(index) = index {
                 used[index] = true;
             }
-            element(&mut out, &name, &short(-found.value), &described(&found));
+            element(&mut out, &name, &short(-found.value), &found.described(&coefficients.inputs));
         }
     }
     // The plugin limits each component of its force to 10 kN without this element.
@@ -188,7 +187,7 @@ fn vrx(coefficients: &Coefficients, actuators: &[String], link: &str) -> String 
         .iter()
         .zip(&used)
         .filter(|(_, used)| !**used)
-        .map(|(derivative, _)| described(derivative))
+        .map(|(derivative, _)| derivative.described(&coefficients.inputs))
         .collect();
     missing.extend(cross_flow_note(coefficients));
     missing.extend(coefficients.other_forces.clone());

@@ -1,6 +1,7 @@
 //! Coefficients of vessels.
 
 use hydroid::craft::CraftFile;
+use hydroid_core::model::sparse::{Shape, Term};
 use hydroid_core::vessel::{Coriolis, RudderLaw, VesselParams};
 
 use super::numbers::short;
@@ -25,13 +26,18 @@ pub(super) fn of_craft(file: &CraftFile) -> Coefficients {
         take(force, Variable::Acceleration(i), value, &format!("added_mass.{key}"));
     }
     for (i, force) in Force::ALL.into_iter().enumerate() {
-        for j in 0..3 {
-            take(force, Variable::product(&[j]), -hull.linear[i][j], &format!("drag.linear[{i}][{j}]"));
-            take(force, Variable::signed(j, j), -hull.quadratic[i][j], &format!("drag.quadratic[{i}][{j}]"));
+        for (j, by) in (0..3).enumerate() {
+            take(force, Variable::product(&[by]), -hull.linear[i][j], &format!("drag.linear[{i}][{j}]"));
+            take(
+                force,
+                Variable::signed(by, by),
+                -hull.quadratic[i][j],
+                &format!("drag.quadratic[{i}][{j}]"),
+            );
         }
-        for j in 0..2 * usize::from(i > 0) {
+        for (j, by) in (1..3).enumerate().filter(|_| i > 0) {
             let path = format!("drag.lift[{}][{j}]", i - 1);
-            take(force, Variable::signed(0, j + 1), -hull.lift[i - 1][j], &path);
+            take(force, Variable::signed(0, by), -hull.lift[i - 1][j], &path);
         }
     }
     Coefficients {
@@ -51,6 +57,7 @@ pub(super) fn of_craft(file: &CraftFile) -> Coefficients {
         derivatives,
         centripetal: Centripetal::Full,
         cross_flow: (hull.cross_flow, deviation("drag.cross_flow")),
+        inputs: Vec::new(),
         other_forces: Vec::new(),
     }
 }
@@ -81,19 +88,23 @@ pub(super) fn of_plant(params: &VesselParams, water_density: f64) -> Coefficient
     let mut derivatives = Vec::new();
     inertia.added_mass().into_iter().for_each(|derivative| add(&mut derivatives, derivative));
     for (i, force) in Force::ALL.into_iter().enumerate() {
-        for j in 0..3 {
-            add(&mut derivatives, Derivative::new(force, Variable::product(&[j]), -drag.linear[i][j]));
-            add(&mut derivatives, Derivative::new(force, Variable::signed(j, j), -drag.quadratic[i][j]));
+        for (j, by) in (0..3).enumerate() {
+            add(&mut derivatives, Derivative::new(force, Variable::product(&[by]), -drag.linear[i][j]));
+            add(&mut derivatives, Derivative::new(force, Variable::signed(by, by), -drag.quadratic[i][j]));
         }
     }
     let mut other_forces = Vec::new();
-    let gain = short(params.rudder.gain);
-    other_forces.push(match params.rudder.law {
-        RudderLaw::Linear => format!("rudder: N = {gain} u RD with the command RD"),
-        RudderLaw::Sine => format!("rudder: N = {gain} u sin(RD) with the command RD [rad]"),
-    });
+    // Surge, propeller command, rudder command.
+    let [u, propeller, rudder] = [0, 3, 4];
+    let angle = match params.rudder.law {
+        RudderLaw::Linear => Shape::Power(1),
+        RudderLaw::Sine => Shape::Sin,
+    };
+    let moment = Term::monomial(&[u]).times(&Term::of(rudder, angle));
+    add(&mut derivatives, Derivative::new(Force::N, Variable::Product(moment), params.rudder.gain));
+    add(&mut derivatives, Derivative::new(Force::X, Variable::product(&[propeller]), 1.0));
     other_forces.push(format!(
-        "propeller: X = P_f, which follows its command with a lag of {} s",
+        "propeller: its force follows the command with a lag of {} s",
         short(params.propeller.lag)
     ));
     if let Some(flying) = params.flying {
@@ -117,6 +128,7 @@ pub(super) fn of_plant(params: &VesselParams, water_density: f64) -> Coefficient
             Coriolis::WithoutMunk => Centripetal::WithoutMunk,
         },
         cross_flow: (0.0, None),
+        inputs: Vec::new(),
         other_forces,
     }
 }

@@ -44,7 +44,7 @@ pub use uncertainty::CoefficientUncertainty;
 pub use {
     jacobian::{JacobianEntry, JacobianText},
     kinds::{NamedMember, cell_text},
-    latex::{latex_estimate, latex_text, latex_unit},
+    latex::{latex_estimate, latex_symbol, latex_text, latex_unit},
     members::MAX_MEMBERS,
     modes::{Mode, Modes, NamedGate},
     uncertainty::NamedCorrelation,

@@ -80,6 +80,18 @@ impl NamedEquations<'_> {
         Some((0..equations.outputs()).map(of).collect())
     }
 
+    /// Standard error of the sum of all coefficients, `outputs x terms`, times weights: that of the sums of the members, which
+    /// contains all correlations. `None` without an ensemble, or if all members agree.
+    pub fn standard_error_of_sum(&self, weights: &[f64]) -> Option<f64> {
+        let members = self.members.filter(|members| members.len() > 1)?;
+        let mut sums = vec![0.0; members.len()];
+        for (place, weight) in weights.iter().enumerate().filter(|(_, weight)| **weight != 0.0) {
+            let values = members.values_at(place);
+            sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
+        }
+        deviations(&sums).map(|(error, _)| error)
+    }
+
     /// Correlation matrix of the coefficients of each equation; see [`Model::coefficient_uncertainty`].
     pub fn correlations(&self) -> Option<Vec<NamedCorrelation>> {
         let names = self.variable_names();

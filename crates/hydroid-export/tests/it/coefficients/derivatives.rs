@@ -19,8 +19,9 @@ fn coefficients(model: &Model) -> Coefficients {
 /// `(M_RB - A) nu_dot = F(nu) - C_RB nu`.
 pub(crate) fn acceleration(of: &Coefficients, all: &[Derivative], nu: [f64; 3]) -> [f64; 3] {
     let mut force = [0.0; 3];
+    let at: Vec<f64> = nu.into_iter().chain(of.inputs.iter().map(|_| 0.0)).collect();
     for derivative in all.iter().filter(|d| !matches!(d.variable, Variable::Acceleration(_))) {
-        force[derivative.force as usize] += derivative.value * derivative.variable.value(nu, [0.0; 3]);
+        force[derivative.force as usize] += derivative.value * derivative.variable.value(&at, [0.0; 3]);
     }
     let (m, x_g) = (of.inertia.mass, of.inertia.x_g);
     let [u, v, r] = nu;
@@ -71,8 +72,10 @@ fn derivatives_move_a_built_in_vessel_as_its_equations_do() {
 #[test]
 fn the_flying_mode_and_the_actuators_of_a_built_in_vessel_are_named() {
     let model = Model::of_vessel(&VesselParams::hydrofoil(), 0.1).unwrap();
-    let text = coefficients(&model).other_forces.join("\n");
-    for words in ["u sin(RD)", "lag of 1.0 s", "above 2.5 m/s", "damping by 0.5"] {
+    let found = coefficients(&model);
+    let described = found.derivatives.iter().map(|derivative| derivative.described(&found.inputs));
+    let text = described.chain(found.other_forces.clone()).collect::<Vec<_>>().join("\n");
+    for words in ["u sin(RD_ang)", "X_PP_cmd = 1.0", "lag of 1.0 s", "above 2.5 m/s", "damping by 0.5"] {
         assert!(text.contains(words), "{words}: {text}");
     }
 }
@@ -90,7 +93,7 @@ fn cross_flow_drag_has_its_derivatives_in_pure_sway_and_yaw() {
             let (with, without) = (dynamics.damping(nu), without.damping(nu));
             let mut found = [0.0; 3];
             for d in coefficients.cross_flow_derivatives() {
-                found[d.force as usize] -= d.value * d.variable.value(nu, [0.0; 3]);
+                found[d.force as usize] -= d.value * d.variable.value(&nu, [0.0; 3]);
             }
             let scale = with[1].abs() + with[2].abs();
             assert!((0..3).all(|i| near(found[i], with[i] - without[i], scale)), "{name} {nu:?}");
@@ -144,8 +147,8 @@ fn a_symbol_has_its_unit_and_its_prime_system() {
         (Force::X, Variable::product(&[]), "X_0", [1, 1, -2], [2, 2]),
     ] {
         let derivative = Derivative::new(force, variable, 1.0);
-        assert_eq!(derivative.symbol(), symbol);
-        assert_eq!((derivative.unit(), derivative.prime_powers()), (unit, prime), "{symbol}");
+        assert_eq!(derivative.symbol(&[]), symbol);
+        assert_eq!((derivative.unit_powers(), derivative.prime_powers()), (unit, prime), "{symbol}");
     }
 }
 

@@ -33,8 +33,17 @@ const TERMS: [&str; 14] = [
 ];
 
 fn model(outputs: &[(&str, &str)], terms: &[&str], rows: &[Vec<f64>], members: Members) -> Model {
-    let inputs = [("n", "rpm"), ("delta", "rad")];
-    let names = outputs.iter().chain(&inputs).map(|(name, _)| *name);
+    with_inputs(&[("n", "rpm"), ("delta", "rad")], outputs, terms, rows, members)
+}
+
+pub(crate) fn with_inputs(
+    inputs: &[(&str, &str)],
+    outputs: &[(&str, &str)],
+    terms: &[&str],
+    rows: &[Vec<f64>],
+    members: Members,
+) -> Model {
+    let names = outputs.iter().chain(inputs).map(|(name, _)| *name);
     let mut parser = ExpressionParser::new(names, outputs.len(), 0.1);
     let terms = terms.iter().map(|text| parser.term(text).unwrap()).collect();
     let signals = parser.signals().to_vec();
@@ -45,7 +54,8 @@ fn model(outputs: &[(&str, &str)], terms: &[&str], rows: &[Vec<f64>], members: M
         noise: None,
         rate_limit: None,
     };
-    let equations = Equations::with_signals(terms, rows.concat(), outputs.len(), 2, signals, 0.1, 1).unwrap();
+    let equations =
+        Equations::with_signals(terms, rows.concat(), outputs.len(), inputs.len(), signals, 0.1, 1).unwrap();
     Model {
         description: Description {
             bands: None,
@@ -137,7 +147,7 @@ fn inertia(craft: &Craft) -> Inertia {
     }
 }
 
-const MOTION: [(&str, &str); 3] = [("u", "m/s"), ("v", "m/s"), ("r", "rad/s")];
+pub(crate) const MOTION: [(&str, &str); 3] = [("u", "m/s"), ("v", "m/s"), ("r", "rad/s")];
 
 #[test]
 fn equations_with_the_mass_of_a_vessel_have_its_derivatives() {
@@ -153,8 +163,8 @@ fn equations_with_the_mass_of_a_vessel_have_its_derivatives() {
             let scale = 1e3 * expected.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()));
             assert!((0..3).all(|i| near(a[i], expected[i], scale)), "{name} {nu:?}: {a:?} {expected:?}");
         }
-        let of = |force, variable| {
-            let found = found.derivatives.iter().find(|d| d.force == force && d.variable == variable);
+        let of = |force, variable: &Variable| {
+            let found = found.derivatives.iter().find(|d| d.force == force && d.variable == *variable);
             found.map_or(0.0, |d| d.value)
         };
         let h = &craft.hull;
@@ -166,7 +176,7 @@ fn equations_with_the_mass_of_a_vessel_have_its_derivatives() {
             (Force::N, Variable::product(&[0, 1]), h.y_vdot - h.x_udot),
         ] {
             let scale = 1e4 * (h.mass + expected.abs());
-            assert!(near(of(force, variable), expected, scale), "{name} {variable:?}: {expected}");
+            assert!(near(of(force, &variable), expected, scale), "{name} {variable:?}: {expected}");
         }
     }
 }
@@ -194,16 +204,17 @@ fn forces_of_actuators_and_standard_errors_are_stated() {
     };
     let found = Coefficients::of(&model, &with, "sdf").unwrap();
     let [m11, ..] = inertia.mass_matrix();
-    let x_u = found.derivatives.iter().find(|d| d.symbol() == "X_u").unwrap();
+    let x_u = found.derivatives.iter().find(|d| d.symbol(&[]) == "X_u").unwrap();
     let deviation = 0.1 * rows[0][0].abs() * m11;
     assert!((x_u.deviation.unwrap() / deviation - 1.0).abs() < 1e-9, "{x_u:?} {deviation}");
-    let text = found.other_forces.join("\n");
-    assert!(text.contains("n |n|") && text.contains("u sin(delta)"), "{text}");
     let comments = content(&sdf(&model, &options(), &with).unwrap(), "boat_gz.sdf");
-    assert!(comments.contains("n |n|") && comments.contains("<xU>"), "{comments}");
+    for words in ["X_|n| n = ", "N = 20.72", "kg m/s times u sin(delta)", "<xU>"] {
+        assert!(comments.contains(words), "{words}: {comments}");
+    }
     let table = content(&latex(&model, &options(), &with).unwrap(), "boat.tex");
     assert!(table.contains("$X_{u}$ & $-77.5 \\pm 7.8$"), "{table}");
-    assert!(table.contains("% Not in the tables: X = "), "{table}");
+    assert!(table.contains("% Not in the tables: N = 20.72"), "{table}");
+    assert!(table.contains("  $X_{\\lvert n\\rvert n}$ & $0.1710$ & $\\mathrm{kg}\\,\\mathrm{m}\\,\\mathrm{s}^{-2}\\,\\mathrm{rpm}^{-2}$"), "{table}");
 }
 
 #[test]

@@ -160,7 +160,7 @@ fn a_vessel_without_the_munk_moment_has_its_negative_in_the_plugin() {
         let force = gazebo(&plugin, [nu[0], -nu[1], -nu[2]]);
         assert!((0..3).all(|i| near(left[i], force[i], 10.0 * scale)), "{nu:?}: {left:?} {force:?}");
     }
-    assert!(plugin.comments.contains("u sin(RD)"));
+    assert!(plugin.comments.contains("u sin(RD_ang)"));
 }
 
 /// `SimpleHydrodynamics.cc` of VRX: the diagonal in pure surge, sway and yaw.
@@ -192,7 +192,7 @@ fn the_plugin_of_vrx_has_the_resistance_of_pure_motions_and_names_the_rest() {
         assert!(plugin.number("max_effort") >= 1e300);
         let coefficients = Coefficients::of(&model, &CoefficientOptions::default(), "sdf").unwrap();
         for derivative in coefficients.beside_added_mass() {
-            let words = format!("{} = ", derivative.symbol());
+            let words = format!("{} = ", derivative.symbol(&[]));
             assert!(plugin.comments.contains(&words), "{name}: {words}");
         }
         for thruster in &file.craft.thrusters {

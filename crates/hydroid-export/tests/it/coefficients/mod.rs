@@ -3,6 +3,7 @@
 mod derivatives;
 mod equations;
 mod gazebo;
+mod linear;
 mod names;
 mod tables;
 

@@ -10,19 +10,16 @@ fn with_speed(speed: f64) -> CoefficientOptions {
     CoefficientOptions { speed: Some(speed), ..CoefficientOptions::default() }
 }
 
-/// A cell as a number: `-1.160 \times 10^{-2}`, `-77.5 \pm 7.8`.
-fn number(cell: &str) -> f64 {
-    let cell = cell.trim().trim_matches('$').split(" \\pm").next().unwrap();
-    match cell.split_once(" \\times 10^{") {
-        Some((mantissa, power)) => {
-            mantissa.parse::<f64>().unwrap() * 10_f64.powi(power.trim_end_matches('}').parse().unwrap())
-        }
-        None => cell.parse().unwrap(),
-    }
+/// A cell as a number: `-1.160 \times 10^{-2}`, `-77.5 \pm 7.8`, `(-4.1 \pm 0.1) \times 10^{3}`.
+pub(crate) fn number(cell: &str) -> f64 {
+    let cell = cell.trim().trim_matches('$');
+    let (mantissa, power) = cell.split_once(" \\times 10^{").unwrap_or((cell, "0}"));
+    let value = mantissa.trim_start_matches('(').split(" \\pm").next().unwrap();
+    value.parse::<f64>().unwrap() * 10_f64.powi(power.trim_end_matches('}').parse().unwrap())
 }
 
 /// A column of the row of a symbol.
-fn cell(text: &str, symbol: &str, column: usize) -> String {
+pub(crate) fn cell(text: &str, symbol: &str, column: usize) -> String {
     let start = format!("  ${symbol}$ &");
     let row =
         text.lines().find(|line| line.starts_with(&start)).unwrap_or_else(|| panic!("{symbol}: {text}"));

@@ -11,7 +11,7 @@ use super::{Mode, Modes, NamedEquations};
 use symbol::{Symbol, magnitude, shortest, unit};
 
 pub use coefficients::estimate as latex_estimate;
-pub use symbol::{escaped as latex_text, unit as latex_unit};
+pub use symbol::{escaped as latex_text, symbol as latex_symbol, unit as latex_unit};
 
 const DIGITS: usize = 4;
 
@@ -122,6 +122,11 @@ impl NamedEquations<'_> {
         }
         text.push_str(".\n");
         text
+    }
+
+    /// Symbols of the variables in mathematics mode: outputs, inputs, signals.
+    pub fn variables_latex(&self) -> Vec<String> {
+        self.latex_variables().iter().map(Variable::plain).collect()
     }
 
     fn latex_variables(&self) -> Vec<Variable> {

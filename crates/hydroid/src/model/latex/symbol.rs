@@ -74,6 +74,11 @@ impl Symbol {
     }
 }
 
+/// The symbol of a channel in mathematics mode: `\delta`, `n_{1}`, `\mathrm{rudder}`.
+pub fn symbol(name: &str) -> String {
+    Symbol::of(name).accented(&[])
+}
+
 fn greek(c: char) -> Option<&'static str> {
     GREEK.iter().find(|(_, letter)| *letter == c).map(|(word, _)| *word)
 }
