@@ -150,7 +150,11 @@ fn tables(
     };
     let mut out = head(model, coefficients, &prime);
     if options.speed.is_none() && speed.is_some() {
-        out.push_str("% The speed U is the middle of the training range; --speed states another one.\n");
+        let _ = writeln!(
+            out,
+            "% The speed U is the middle of the training range; {} states another one.",
+            key("speed")
+        );
     }
     let inertia = coefficients.inertia;
     let mut table = Table::default();
