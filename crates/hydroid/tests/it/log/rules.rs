@@ -392,7 +392,7 @@ fn outputs_that_are_never_measured_together_are_warned_of() {
     }
     let p = prepare(&[log(&text)], &Selection::of("u,v", "n").unwrap(), &PrepareOptions::default()).unwrap();
     let warned = p.notes.iter().find(|n| n.is_warning() && n.message.contains("no two outputs")).unwrap();
-    assert!(warned.remedy.as_ref().unwrap().contains("set dt to 0.2"), "{warned:?}");
+    assert!(warned.remedy.as_ref().unwrap().contains("dt=0.2"), "{warned:?}");
 }
 
 #[test]
