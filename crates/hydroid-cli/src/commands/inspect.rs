@@ -29,6 +29,12 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
     if args.latex && global.json {
         bail!("--latex and --json exclude each other: --json contains the LaTeX, too");
     }
+    if args.write_config.is_some()
+        && let Some(file) = args.files.iter().find(|file| file.extension().is_some_and(|ext| ext == "toml"))
+    {
+        let file = file.display();
+        bail!("{file} is no log: if it is the file to be written, give it as --write-config={file}");
+    }
     let reading = logs::reading(Reading::default(), &args.log, &Boat::default())?;
     let mut documents = Vec::new();
     // Recordings of one vessel have one file of configuration, from the first of them.

@@ -60,6 +60,9 @@ fn from_topics_to_a_run() {
     ] {
         assert!(shown.contains(expected), "{expected} is missing in\n{shown}");
     }
+    let apart = run(folder, "inspect boat --write-config new.toml");
+    assert!(text(&apart.stderr).contains("give it as --write-config=new.toml"), "{}", text(&apart.stderr));
+    assert!(apart.status.code() != Some(0) && !folder.join("new.toml").exists());
     let again = run(folder, "inspect boat --write-config");
     assert!(!again.status.success());
     assert!(
