@@ -8,30 +8,6 @@ use crate::key::key;
 /// Largest number of Monte Carlo trials.
 const MAX_RUNS: usize = 1_000_000;
 
-/// Whether an option is given.
-trait Given {
-    fn is_given(&self) -> bool;
-}
-
-impl<T> Given for Option<T> {
-    fn is_given(&self) -> bool {
-        self.is_some()
-    }
-}
-
-impl Given for bool {
-    fn is_given(&self) -> bool {
-        *self
-    }
-}
-
-/// The first one of some options that is given.
-macro_rules! first {
-    ($of:expr, $($name:ident)*) => {
-        [$((stringify!($name), $of.$name.is_given())),*].into_iter().find_map(|(name, is_given)| is_given.then_some(name))
-    };
-}
-
 impl ClosedLoopOptions {
     /// Checks that every option that is given belongs to the controller, the task, and the kind of run.
     ///
@@ -49,23 +25,15 @@ impl ClosedLoopOptions {
     /// # Errors
     /// If one does; the message names it.
     pub fn check_on_board(&self) -> Result<(), SetupError> {
-        none(
-            first!(self, runs duration start evaluate_from noise process_noise current wind gusts mass delay onset),
-            |option| format!("{option} belongs to a simulated run: leave it out for a controller on board"),
-        )
+        none(self.of_simulation(), |option| {
+            format!("{option} belongs to a simulated run: leave it out for a controller on board")
+        })
     }
 
     fn check_controller(&self) -> Result<(), SetupError> {
-        use ControlMethod::{Autopilot, Backstepping, CrossEntropy, FeedbackLinearization};
+        use ControlMethod::{Autopilot, CrossEntropy};
         let law = |law: ControlMethod| key("controller").is(law.name());
-        for (owner, given) in [
-            (FeedbackLinearization, first!(self, bandwidth integral adaptive_augmentation)),
-            (Backstepping, first!(self, rate)),
-            (
-                CrossEntropy,
-                first!(self, horizon hold candidates iterations gauss_newton_steps cost_weights plan_time),
-            ),
-        ] {
+        for (owner, given) in self.of_laws() {
             none(given.filter(|_| self.controller != owner), |option| {
                 format!("{option} needs {}: leave it out", law(owner))
             })?;

@@ -255,6 +255,23 @@ impl ClosedLoopOptions {
         }
     }
 
+    /// The first one that is given of the options of each control law.
+    pub(super) fn of_laws(&self) -> [(ControlMethod, Option<&'static str>); 3] {
+        [
+            (ControlMethod::FeedbackLinearization, first!(self, bandwidth integral adaptive_augmentation)),
+            (ControlMethod::Backstepping, first!(self, rate)),
+            (
+                ControlMethod::CrossEntropy,
+                first!(self, horizon hold candidates iterations gauss_newton_steps cost_weights plan_time),
+            ),
+        ]
+    }
+
+    /// The first one that is given of the options of a simulation.
+    pub(super) fn of_simulation(&self) -> Option<&'static str> {
+        first!(self, runs duration start evaluate_from noise process_noise current wind gusts mass delay onset)
+    }
+
     /// Number of trials.
     pub fn runs(&self) -> usize {
         self.runs.unwrap_or(1)
