@@ -113,6 +113,9 @@ impl ClosedLoopOptions {
         if let Some(weights) = self.cost_weights {
             [made.cost.position, made.cost.heading, made.cost.speed] = weights;
         }
+        if let Some(weight) = self.change_weight {
+            made.cost.rate.fill(weight);
+        }
         if let Some(ms) = self.plan_time {
             ensure(ms > 0.0 && ms < 1e6, || {
                 format!("{}: the time limit in milliseconds must be greater than 0", key("plan_time").is(ms))

@@ -152,6 +152,10 @@ pub struct ClosedLoopOptions {
     /// cem: cost weights of position error [1/m^2], course error [1/rad^2] and speed error [s^2/m^2] (default: 1,0.2,0.2)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "M,RAD,M_S", value_parser = numbers::<3>, help_heading = CONTROLLER))]
     pub cost_weights: Option<[f64; 3]>,
+    /// cem: weight of the squared change from command to command, relative to half of the range of the command; a larger one
+    /// gives calmer commands (default: 0.05)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "WEIGHT", help_heading = CONTROLLER))]
+    pub change_weight: Option<f64>,
     /// cem: time limit of a plan [ms]; the best plan found so far is used, so that the result depends on the clock
     #[cfg_attr(feature = "arguments", arg(long, value_name = "MS", allow_negative_numbers = true, help_heading = CONTROLLER))]
     pub plan_time: Option<f64>,
@@ -262,7 +266,7 @@ impl ClosedLoopOptions {
             (ControlMethod::Backstepping, first!(self, rate)),
             (
                 ControlMethod::CrossEntropy,
-                first!(self, horizon hold candidates iterations gauss_newton_steps cost_weights plan_time),
+                first!(self, horizon hold candidates iterations gauss_newton_steps cost_weights change_weight plan_time),
             ),
         ]
     }
