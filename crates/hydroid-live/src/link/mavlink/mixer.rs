@@ -205,7 +205,7 @@ impl Mixer {
         let is_new =
             self.reported.as_ref().is_some_and(|(at_ns, _)| now_ns.saturating_sub(*at_ns) <= CONFIRMED_NS);
         (!is_new).then(|| {
-            "the autopilot does not report its outputs, by which commands are confirmed: it must send SERVO_OUTPUT_RAW at least \
+            "the autopilot does not report its outputs, which confirm the commands: it must send SERVO_OUTPUT_RAW at least \
              twice a second"
                 .to_owned()
         })
