@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use hydroid::atomic::{self, Lock};
+use hydroid::boat::StatedRoles;
 use hydroid::config::value::by_name;
 use hydroid::config::{self, Config, Logs};
 use hydroid::craft::CraftFile;
@@ -141,7 +142,7 @@ fn vessel(path: &Path) -> anyhow::Result<CraftFile> {
 /// The command line takes precedence over the file.
 fn apply(args: &Identify, config: &mut Config) -> anyhow::Result<()> {
     let Config { boat, limit, identify, sindy, ranges, .. } = config;
-    for (name, role) in args.role.clone().unwrap_or_default().0 {
+    for (name, role) in StatedRoles::given(&args.role) {
         boat.inputs.entry(name).or_default().role = Some(role);
     }
     for (name, range) in by_name(&args.limit) {

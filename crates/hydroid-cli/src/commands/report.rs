@@ -4,6 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context as _, bail};
 use hydroid::atomic;
+use hydroid::boat::StatedRoles;
 use hydroid::config;
 use hydroid::evaluate::Evaluation;
 use hydroid::manoeuvre::{self, Comparison};
@@ -17,7 +18,7 @@ use crate::args::{Global, Report};
 use crate::{logs, outputs, ui};
 
 pub fn run(args: &Report, global: Global) -> anyhow::Result<Outcome> {
-    let mut model = model::read(&args.model)?.with_roles(&args.role.clone().unwrap_or_default().0)?;
+    let mut model = model::read(&args.model)?.with_roles(&StatedRoles::given(&args.role))?;
     let inputs: Vec<&Path> = std::iter::once(&args.model).chain(&args.logs).map(|path| &**path).collect();
     outputs::check(&[("-o", Some(&args.output))], &inputs)?;
     let judged = if args.logs.is_empty() { None } else { Some(judge(args, &mut model, global)?) };

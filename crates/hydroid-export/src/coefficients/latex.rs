@@ -3,7 +3,6 @@
 use std::fmt::Write as _;
 
 use hydroid::evaluate::DesignRange;
-use hydroid::key::key;
 use hydroid::model::{Model, UnitProduct, latex_estimate, latex_text, latex_unit};
 use hydroid::plant::described_inputs;
 
@@ -150,11 +149,7 @@ fn tables(
     };
     let mut out = head(model, coefficients, &prime);
     if options.speed.is_none() && speed.is_some() {
-        let _ = writeln!(
-            out,
-            "% The speed U is the middle of the training range; {} states another one.",
-            key("speed")
-        );
+        out.push_str("% The speed U is the middle of the training range, because none was stated.\n");
     }
     let inertia = coefficients.inertia;
     let mut table = Table::default();
@@ -232,13 +227,12 @@ fn head(model: &Model, coefficients: &Coefficients, prime: &Prime) -> String {
     }
     let _ = match (prime.length, prime.speed) {
         (None, _) => {
-            writeln!(out, "% Prime system: it needs a length, from the vessel file or {}.", key("length"))
+            writeln!(out, "% Prime system: it needs a length, of the vessel file or a stated one.")
         }
         (Some(length), None) => writeln!(
             out,
-            "% Prime system: L = {length} m, rho = {} kg/m^3; linear derivatives need a {}.",
-            prime.density,
-            key("speed")
+            "% Prime system: L = {length} m, rho = {} kg/m^3; linear derivatives need a stated speed.",
+            prime.density
         ),
         (Some(length), Some(speed)) => {
             writeln!(out, "% Prime system: L = {length} m, U = {speed} m/s, rho = {} kg/m^3.", prime.density)

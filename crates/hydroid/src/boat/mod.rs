@@ -209,6 +209,13 @@ impl FromStr for Role {
 #[serde(transparent)]
 pub struct StatedRoles(pub Roles);
 
+impl StatedRoles {
+    /// The roles of an option that may be left out.
+    pub fn given(option: &Option<Self>) -> Roles {
+        option.clone().unwrap_or_default().0
+    }
+}
+
 impl FromStr for StatedRoles {
     type Err = BoatError;
 

@@ -122,8 +122,8 @@ pub struct Manoeuvre {
     /// Roles of inputs: propulsion, steering, thruster, disturbance or setting, as in delta=steering,wind=disturbance
     /// (default: those of the model, found from names, units and its response)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "INPUT=ROLE,.."))]
-    #[serde(deserialize_with = "written::value")]
-    pub role: StatedRoles,
+    #[serde(deserialize_with = "written::optional")]
+    pub role: Option<StatedRoles>,
     /// Limits of a command, in the unit of the input in the boat, else of the model (default: those of the boat, 35 deg for a
     /// steering angle, or in simulations the range of the log). May be repeated
     #[cfg_attr(feature = "arguments", arg(long, value_name = "NAME=LOW:HIGH", value_delimiter = ',', value_parser = named::<GivenRange>))]
@@ -194,7 +194,7 @@ impl Manoeuvre {
     /// If the inputs of the model cannot be found, or an option is out of range.
     pub fn plan(&self, model: &Model) -> Result<TrialPlan, SettingError> {
         let model = with_values(
-            model.clone().with_roles(&self.role.0)?,
+            model.clone().with_roles(&StatedRoles::given(&self.role))?,
             &by_name(&self.neutral),
             &by_name(&self.limit),
         )?;

@@ -59,7 +59,7 @@ fn the_prime_system_needs_length_and_speed() {
     let without = text(&CoefficientOptions::default(), &file);
     assert_eq!(cell(&without, "X_{u}", 3), "--");
     assert_ne!(cell(&without, "X_{\\dot{u}}", 3), "--");
-    assert!(without.contains("need a speed.") && !without.contains("straight course"));
+    assert!(without.contains("need a stated speed.") && !without.contains("straight course"));
     let mut bare = file.clone();
     bare.craft.hull.size = None;
     bare.craft.hull.cross_flow = 0.0;

@@ -9,7 +9,7 @@ use super::error::{SetupError, ensure};
 use super::options::ClosedLoopOptions;
 use super::setup::NamedModel;
 use crate::adapt::{self, Method};
-use crate::boat::{Role, Roles};
+use crate::boat::{Role, Roles, StatedRoles};
 use crate::closed_loop::{ControllerOptions, Scale, Scenario, Timing};
 use crate::config::value::by_name;
 use crate::config::with_values;
@@ -54,7 +54,7 @@ impl ClosedLoopOptions {
             model.description.inputs.iter().map(|port| port.channel.name.clone()).collect();
         let keep = |name: &String| !is_beside_another || inputs.contains(name);
         let (mut roles, mut neutral, mut limits) =
-            (self.role.0.clone(), by_name(&self.neutral), by_name(&self.limit));
+            (StatedRoles::given(&self.role), by_name(&self.neutral), by_name(&self.limit));
         roles.retain(|name, _| keep(name));
         neutral.retain(|name, _| keep(name));
         limits.retain(|name, _| keep(name));
@@ -66,7 +66,7 @@ impl ClosedLoopOptions {
     pub(super) fn check_commands(&self, plant: &Model) -> Result<(), SetupError> {
         let inputs = &plant.description.inputs;
         let commands: Vec<&str> = inputs.iter().map(|port| port.channel.name.as_str()).collect();
-        let boat = find_roles(&plant.clone().with_roles(&known(&self.role.0, &commands))?);
+        let boat = find_roles(&plant.clone().with_roles(&known(&StatedRoles::given(&self.role), &commands))?);
         for (name, _) in &self.limit {
             place("limit", name, &commands)?;
             ensure(boat.role(name).is_none_or(Role::is_commanded), || {

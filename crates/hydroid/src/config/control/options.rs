@@ -179,8 +179,8 @@ pub struct ClosedLoopOptions {
     /// Roles of inputs: propulsion, steering, thruster, disturbance or setting, as in delta=steering,wind=disturbance
     /// (default: those of the model, found from names, units and its response)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "INPUT=ROLE,..", help_heading = CONTROLLER))]
-    #[serde(deserialize_with = "written::value")]
-    pub role: StatedRoles,
+    #[serde(deserialize_with = "written::optional")]
+    pub role: Option<StatedRoles>,
     /// pid: inputs that push the vessel, separated by commas; -NAME pushes astern (default: by the roles of the inputs)
     #[cfg_attr(feature = "arguments", arg(long, value_delimiter = ',', value_name = "INPUTS", allow_hyphen_values = true, help_heading = CONTROLLER))]
     #[serde(deserialize_with = "written::list")]

@@ -59,8 +59,8 @@ pub struct Simulate {
     /// Roles of inputs: propulsion, steering, thruster, disturbance or setting, as in delta=steering,wind=disturbance
     /// (default: those of the model, found from names, units and its response)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "INPUT=ROLE,.."))]
-    #[serde(deserialize_with = "written::value")]
-    pub role: StatedRoles,
+    #[serde(deserialize_with = "written::optional")]
+    pub role: Option<StatedRoles>,
     /// Identified model: inputs that push the vessel, for mixed; -NAME pushes astern (default: by the roles of the inputs)
     #[cfg_attr(
         feature = "arguments",
@@ -123,7 +123,7 @@ impl Simulate {
         for (option, given) in [
             ("start", self.start.is_some()),
             ("process_noise", self.process_noise.is_some()),
-            ("role", !self.role.0.is_empty()),
+            ("role", self.role.is_some()),
             ("push", !self.push.is_empty()),
             ("turn", !self.turn.is_empty()),
         ] {
@@ -201,7 +201,11 @@ impl Simulate {
     fn of_model(&self, plant: &Plant, model: &Model, drive: &Drive) -> Result<ModelPlan, SettingError> {
         self.check_for_model(plant, model, drive)?;
         let dt = self.dt.unwrap_or(model.description.dt);
-        let model = model.clone().at_step(dt).map_err(PlantError::from)?.with_roles(&self.role.0)?;
+        let model = model
+            .clone()
+            .at_step(dt)
+            .map_err(PlantError::from)?
+            .with_roles(&StatedRoles::given(&self.role))?;
         let mut notes = Vec::new();
         let commands = match drive {
             Drive::Kind(_) => GivenCommands::Mixed,
