@@ -65,7 +65,7 @@ fn the_prime_system_needs_length_and_speed() {
     bare.craft.hull.cross_flow = 0.0;
     let bare_text = text(&CoefficientOptions::default(), &bare);
     assert_eq!(cell(&bare_text, "m", 3), "--");
-    assert!(bare_text.contains("or length."));
+    assert!(bare_text.contains("needs a length"));
     let given = CoefficientOptions { length: Some(2.0), ..with_speed(1.5) };
     let (given, whole) = (text(&given, &bare), text(&with_speed(1.5), &file));
     for symbol in ["m", "X_{u}", "N_{r}", "N_{\\lvert r\\rvert r}"] {
