@@ -1,7 +1,8 @@
 //! Coefficients of vessels.
 
 use hydroid::craft::CraftFile;
-use hydroid_core::vessel::{Coriolis, RudderLaw, VesselParams};
+use hydroid_core::craft::{Coriolis, Craft, Rudder, RudderLaw};
+use hydroid_core::vessel::{self as old, VesselParams};
 
 use super::numbers::short;
 use super::{Centripetal, Coefficients, Derivative, Force, Inertia, Variable, add};
@@ -49,10 +50,36 @@ pub(super) fn of_craft(file: &CraftFile) -> Coefficients {
         },
         inertia_deviations: ["mass", "i_z", "x_g"].map(|key| deviation(&format!("rigid_body.{key}"))),
         derivatives,
-        centripetal: Centripetal::Full,
+        centripetal: match hull.coriolis {
+            Coriolis::Full => Centripetal::Full,
+            Coriolis::WithoutMunk => Centripetal::WithoutMunk,
+        },
         cross_flow: (hull.cross_flow, deviation("drag.cross_flow")),
-        other_forces: Vec::new(),
+        other_forces: other_forces(craft),
     }
+}
+
+/// Forces that are no hydrodynamic derivatives.
+fn other_forces(craft: &Craft) -> Vec<String> {
+    let moment = |rudder: &Rudder| match rudder.law {
+        RudderLaw::Normal(_) => None,
+        RudderLaw::Linear(gain) => {
+            Some(format!("rudder {}: N = {} u RD with its order RD", rudder.name, short(gain)))
+        }
+        RudderLaw::Sine(gain) => {
+            Some(format!("rudder {}: N = {} u sin(RD) with its angle RD [rad]", rudder.name, short(gain)))
+        }
+    };
+    let flying = craft.flying.map(|flying| {
+        format!(
+            "flying mode: above {} m/s the added mass is multiplied by {} and the damping by {}, with a slope of {} s/m",
+            short(flying.transition_speed),
+            short(flying.added_mass_factor),
+            short(flying.drag_factor),
+            short(flying.slope)
+        )
+    });
+    craft.rudders.iter().filter_map(moment).chain(flying).collect()
 }
 
 /// Standard deviation of the estimate of a number by its path in the vessel file.
@@ -89,8 +116,8 @@ pub(super) fn of_plant(params: &VesselParams, water_density: f64) -> Coefficient
     let mut other_forces = Vec::new();
     let gain = short(params.rudder.gain);
     other_forces.push(match params.rudder.law {
-        RudderLaw::Linear => format!("rudder: N = {gain} u RD with the command RD"),
-        RudderLaw::Sine => format!("rudder: N = {gain} u sin(RD) with the command RD [rad]"),
+        old::RudderLaw::Linear => format!("rudder: N = {gain} u RD with the command RD"),
+        old::RudderLaw::Sine => format!("rudder: N = {gain} u sin(RD) with the command RD [rad]"),
     });
     other_forces.push(format!(
         "propeller: X = P_f, which follows its command with a lag of {} s",
