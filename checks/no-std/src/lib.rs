@@ -19,7 +19,8 @@ use hydroid_core::model::recurrent::{
     BaseModel, Cell, Network, Recurrent, Rollout, Scaling,
 };
 use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
-use hydroid_core::model::{PlantModel, PlantSession};
+use hydroid_core::craft::Craft;
+use hydroid_core::model::{CraftModel, PlantModel, PlantSession};
 use hydroid_core::predict::{Predictor, Workspace};
 use hydroid_core::vessel::{Command, Plant, State, VesselParams};
 
@@ -90,7 +91,7 @@ fn plan(u: f64) -> f64 {
 
 /// A vessel that learns its parameters.
 fn vessel(pp: f64, rd: f64) -> f64 {
-    let Ok(model) = PlantModel::new(&VesselParams::hydrofoil(), 0.1) else { return f64::NAN };
+    let Ok(model) = CraftModel::new(Craft::hydrofoil(), 0.1) else { return f64::NAN };
     let weights = LearnablePlant::new(&model).places().len();
     let options = FilterOptions::uniform(weights, 0.01, 1e-7, (1.0, 1e-6), &[1e-4; 3]);
     let Ok(mut session) = KalmanPlant::new(&model, options) else { return f64::NAN };

@@ -92,7 +92,7 @@ impl Model {
                 Status::Unsupported,
                 format!(
                     "a model of kind '{kind}' cannot be adapted: give one of equations, a committee, a recurrent network, \
-                    a direct predictor or a vessel of the built-in form; hydroid_model_session predicts without adaptation"
+                    a direct predictor or a vessel; hydroid_model_session predicts without adaptation"
                 ),
             ),
             AdaptError::NoNoise => Error::new(

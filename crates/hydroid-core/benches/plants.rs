@@ -1,6 +1,7 @@
 //! Speed of the plants: one RK4 step, and a record of 72,000 samples with ten steps each.
 
 use divan::{Bencher, black_box};
+use hydroid_core::craft::{Craft, Dynamics};
 use hydroid_core::vessel::{Command, Plant, State, VesselParams};
 
 fn main() {
@@ -43,5 +44,43 @@ fn steps_720_000(bencher: Bencher, name: &str) {
             }
         }
         state
+    });
+}
+
+fn craft(name: &str) -> Dynamics {
+    Dynamics::new(&match name {
+        "simple" => Craft::simple(),
+        "hydrofoil" => Craft::hydrofoil(),
+        _ => Craft::hydrofoil_low_speed(),
+    })
+}
+
+#[divan::bench(args = PLANTS, sample_count = 10)]
+fn craft_steps_720_000(bencher: Bencher, name: &str) {
+    let dynamics = craft(name);
+    bencher.bench_local(|| {
+        let (mut nu, mut positions) = ([0.0; 3], [0.0; 2]);
+        for k in 0..72_000_u32 {
+            let pp = if k / 200 % 2 == 0 { 240.0 } else { 40.0 };
+            dynamics.advance(&mut nu, &mut positions, black_box(&[pp, 0.1]), 0.01, 10);
+        }
+        nu
+    });
+}
+
+/// The motion alone, as of a craft.
+#[divan::bench(args = PLANTS, sample_count = 10)]
+fn motion_steps_720_000(bencher: Bencher, name: &str) {
+    let plant = plant(name);
+    bencher.bench_local(|| {
+        let mut motion = [0.0; 4];
+        for k in 0..72_000_u32 {
+            let pp = if k / 200 % 2 == 0 { 240.0 } else { 40.0 };
+            let actuation = plant.actuation(black_box(&Command { pp, rd: 0.1 }));
+            for _ in 0..10 {
+                motion = plant.advance_motion(&motion, &actuation, 0.01);
+            }
+        }
+        motion
     });
 }

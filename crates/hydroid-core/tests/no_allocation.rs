@@ -26,6 +26,7 @@ use hydroid_core::control::{
     Autopilot, AutopilotOptions, Backstepping, BacksteppingOptions, Controller, Estimate,
     FeedbackLinearization, FeedbackLinearizationOptions, HeadingGains, SpeedGains,
 };
+use hydroid_core::craft::Craft;
 use hydroid_core::current::{CurrentOptions, ThroughWater};
 use hydroid_core::guidance::{
     LineOfSight, LineOfSightOptions, Path, PathReference, Reference, Side, SpeedLimits, SpeedProfile,
@@ -38,7 +39,7 @@ use hydroid_core::model::recurrent::{
     Tape,
 };
 use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
-use hydroid_core::model::{Persistence, PlantModel, PlantSession};
+use hydroid_core::model::{CraftModel, Persistence, PlantModel, PlantSession};
 use hydroid_core::predict::{Predictor, Workspace};
 use hydroid_core::rate_limit::{RateLimited, RateLimiter};
 use hydroid_core::vessel::VesselParams;
@@ -223,7 +224,7 @@ fn filtered(equations: &Equations) -> KalmanEquations {
 }
 
 /// A vessel that learns by a filter.
-fn vessel(model: &PlantModel) -> KalmanPlant {
+fn vessel(model: &CraftModel) -> KalmanPlant {
     let plant = LearnablePlant::new(model);
     let uniform = FilterOptions::uniform(plant.places().len(), 0.01, 1e-6, (1.0, 1e-4), &[0.1; 3]);
     KalmanPlant::new(model, FilterOptions { leak: 1e-4, huber: 3.0, ..uniform }).unwrap()
@@ -471,7 +472,8 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     learning_allocates_nothing(read_out(BaseModel::Hold));
     learning_allocates_nothing(guarded(&equations, &options));
     let hydrofoil = PlantModel::new(&VesselParams::hydrofoil(), 0.1).unwrap();
-    learning_allocates_nothing(vessel(&hydrofoil));
+    let craft = CraftModel::new(Craft::hydrofoil(), 0.1).unwrap();
+    learning_allocates_nothing(vessel(&craft));
     recurrent_batches_allocate_nothing(Cell::Lstm { hidden: 6, projection: Some(3) });
     recurrent_batches_allocate_nothing(Cell::Gru { hidden: 6 });
     recurrent_batches_allocate_nothing(Cell::Vanilla { hidden: 6, layers: 2 });
@@ -494,8 +496,8 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
         Box::new(read_out(on_recalling)),
         Box::new(read_out(BaseModel::Hold)),
         read_out(BaseModel::Hold).fork(),
-        vessel(&hydrofoil).fork(),
-        Box::new(vessel(&hydrofoil)),
+        vessel(&craft).fork(),
+        Box::new(vessel(&craft)),
         Box::new(PlantSession::new(&hydrofoil)),
         recalls.fork(),
         Box::new(recalls),

@@ -14,8 +14,8 @@ fn errors(program: &Program) {
     let mut still: Model = model("equations");
     still.description.outputs[0].channel.name = String::from("speed");
     write(&still, &path("still")).unwrap();
-    write(&model("otter"), &path("vessel")).unwrap();
-    let files = ["model", "damaged", "still", "vessel"].map(|name| path(name).to_str().unwrap().to_owned());
+    write(&model("affine"), &path("affine")).unwrap();
+    let files = ["model", "damaged", "still", "affine"].map(|name| path(name).to_str().unwrap().to_owned());
     program.run(&files.each_ref().map(String::as_str));
 }
 

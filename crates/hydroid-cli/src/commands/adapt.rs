@@ -34,7 +34,7 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     ];
     let read = args.guard.training_log.iter().chain([given_log, &args.model]);
     outputs::check(&written, &read.map(AsRef::as_ref).collect::<Vec<&Path>>())?;
-    if let (Some(path), Some(_)) = (&args.output, model.plant()) {
+    if let (Some(path), true) = (&args.output, model.is_vessel()) {
         ensure!(
             path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")),
             "{}: a vessel is written as a TOML file; give -o a name that ends in .toml",

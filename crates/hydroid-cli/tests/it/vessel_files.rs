@@ -119,6 +119,26 @@ fn a_station_is_kept_where_the_actuators_suffice() {
     }
 }
 
+/// The numbers that a file marks are adapted along a log, or all but places and directions.
+#[test]
+fn vessel_files_are_adapted_along_a_log() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    for (name, path) in [
+        ("otter", "thruster.port.forward"),
+        ("tug", "thruster.port.lag"),
+        ("mariner", "rudder.rudder.lift_slope"),
+    ] {
+        let (file, log, learned) = (vessel(name), format!("{name}.csv"), format!("{name}.toml"));
+        ran(at, &["simulate", &file, "--duration", "300", "-o", &log]);
+        let said = text(&ran(at, &["adapt", &file, &log, "-o", &learned]).stdout);
+        assert!(said.contains(path) && !said.contains("position"), "{said}");
+        let written = fs::read_to_string(at.join(&learned)).unwrap();
+        assert!(written.starts_with("# Numbers adapted by `hydroid adapt`"), "{written}");
+        ran(at, &["manoeuvre", &learned, "--trial", "turning-circle"]);
+    }
+}
+
 #[test]
 fn a_vessel_file_is_printed_and_read_again() {
     let folder = TempDir::new().unwrap();
@@ -142,7 +162,7 @@ fn wrong_vessel_files_are_refused_with_place_and_remedy() {
         (&["simulate", "far.toml"], "correct position, hull.length or hull.beam"),
         (&["identify", "a.csv", "--vessel", "hydrofoil", "-o", "out"], "tables [[command]], [[thruster]]"),
         (&["control", &vessel("otter"), "--controller", "fl"], "no affine form in its commands"),
-        (&["adapt", &vessel("otter"), "a.csv"], "cannot be adapted"),
+        (&["adapt", &vessel("otter"), "run.csv", "-o", "learned.safetensors"], "a name that ends in .toml"),
         (
             &[
                 "identify",

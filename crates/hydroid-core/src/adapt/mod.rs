@@ -7,7 +7,7 @@
 //! | --- | --- |
 //! | [`RecursiveEquations`] | coefficients of sparse equations, by [`RecursiveLeastSquares`] on increments |
 //! | [`KalmanEquations`](kalman::KalmanEquations) | outputs and coefficients of sparse equations, by an extended Kalman filter |
-//! | [`KalmanPlant`](kalman::KalmanPlant) | motion, propeller force and parameters of a vessel, by the filter |
+//! | [`KalmanPlant`](kalman::KalmanPlant) | motion, positions of the actuators and numbers of a vessel, by the filter |
 //! | [`KalmanNetwork`](kalman::KalmanNetwork) | hidden state and weights of a recurrent network, by the filter |
 //! | [`DirectLastLayer`] | last layer of a direct predictor, by [`RecursiveLeastSquares`] |
 //! | [`ExpertMixture`] | several [`RecursiveEquations`] with different priors, weighted by their past errors |

@@ -1,11 +1,13 @@
 //! Equations of motion of a craft.
+#![expect(clippy::inline_always, reason = "inlined into functions compiled for the processor")]
 
 use alloc::vec::Vec;
 use core::f64::consts::FRAC_PI_4;
 
+use super::motion::HullMotion;
 use super::servo::Servo;
-use super::{Craft, Hull, Rudder, ThrustLaw, Thruster};
-use crate::vessel::{Number, Real};
+use super::{Craft, Hull, NormalForce, RudderLaw, ThrustLaw};
+use crate::vessel::Real;
 
 /// Largest number of moving positions of a craft: orders of thrusters, their steering, rudders.
 pub const MAX_SERVOS: usize = 16;
@@ -14,23 +16,64 @@ pub const MAX_SERVOS: usize = 16;
 /// order and, if there is one, its steering, then for each rudder its angle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dynamics<T = f64> {
-    /// `m11`, `m22`, `m23`.
-    mass: [T; 3],
-    /// Inverse of the mass matrix: entries 11, 22, 23, 33.
-    inverse: [T; 4],
-    /// Row, column and value of the entries of the damping that are not zero.
-    linear: Vec<(usize, usize, T)>,
-    quadratic: Vec<(usize, usize, T)>,
-    lift: Vec<(usize, usize, T)>,
-    /// `1/2 rho T C_d`.
-    cross_flow: T,
-    half_length: f64,
+    motion: HullMotion<T>,
     half_density: f64,
     servos: Vec<Servo<T>>,
-    thrusters: Vec<Thruster<T>>,
-    /// Sine and cosine of the angle of each thruster.
-    directions: Vec<(T, T)>,
-    rudders: Vec<Rudder<T>>,
+    /// The angle to which the position of each servo adds; none where it is no angle.
+    angles: Vec<Option<T>>,
+    thrusters: Vec<CompiledThruster<T>>,
+    /// Whether thrust is lost with the speed of advance.
+    loses: bool,
+    /// Place among the servos, and gain, of rudders that are a yaw moment.
+    moments: Vec<(usize, T)>,
+    /// Place among the servos, and law, of rudders in the flow.
+    rudders: Vec<(usize, NormalForce<T>)>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct CompiledThruster<T> {
+    law: ThrustLaw,
+    dead_band: f64,
+    forward: T,
+    reverse: T,
+    speed_loss: T,
+    position: [T; 2],
+    /// Force and moment of a unit of thrust; `None` if it is steered.
+    direction: Option<[T; 3]>,
+    diameter: f64,
+    /// Place among the servos; the steering follows.
+    order: usize,
+}
+
+/// Position of a servo; sine and cosine of its angle, if it is one.
+#[derive(Clone, Copy)]
+struct Position<T> {
+    value: T,
+    sin: T,
+    cos: T,
+}
+
+/// A force that is affine in the velocity: `force - slope nu + [0, 0, moment u]`.
+#[derive(Clone, Copy)]
+struct AffineForce<T> {
+    force: [T; 3],
+    /// Loss of thrust with the speed of advance.
+    slope: [[T; 3]; 3],
+    /// Yaw moment per surge velocity.
+    moment: T,
+}
+
+impl<T: Real> AffineForce<T> {
+    /// The force at a velocity \[N, N, N m\].
+    #[inline(always)]
+    fn at(&self, nu: [T; 3]) -> [T; 3] {
+        let mut force = self.force;
+        for (force, slope) in force.iter_mut().zip(&self.slope) {
+            *force = *force - (slope[0] * nu[0] + slope[1] * nu[1] + slope[2] * nu[2]);
+        }
+        force[2] = force[2] + nu[0] * self.moment;
+        force
+    }
 }
 
 impl<T: Real> Dynamics<T> {
@@ -39,9 +82,6 @@ impl<T: Real> Dynamics<T> {
     /// # Panics
     /// If there are more than [`MAX_SERVOS`] servos.
     pub fn new(craft: &Craft<T>) -> Self {
-        let hull = craft.hull;
-        let [m11, m22, m23, m33] = hull.mass_matrix();
-        let [length, _, draught] = hull.size.unwrap_or([0.0; 3]);
         let mut servos = Vec::new();
         for thruster in &craft.thrusters {
             servos.push(thruster.servo.clone());
@@ -49,26 +89,84 @@ impl<T: Real> Dynamics<T> {
         }
         servos.extend(craft.rudders.iter().map(|rudder| rudder.servo.clone()));
         assert!(servos.len() <= MAX_SERVOS, "at most {MAX_SERVOS} servos");
-        let determinant = m22 * m33 - m23 * m23;
-        Self {
-            mass: [m11, m22, m23],
-            inverse: [T::constant(1.0) / m11, m33 / determinant, -m23 / determinant, m22 / determinant],
-            linear: entries(&hull.linear, 0),
-            quadratic: entries(&hull.quadratic, 0),
-            lift: entries(&hull.lift, 1),
-            cross_flow: hull.cross_flow * (0.5 * craft.water_density * draught),
-            half_length: 0.5 * length,
-            half_density: 0.5 * craft.water_density,
+        let mut dynamics = Self {
+            motion: HullMotion::new(&craft.hull, craft.flying.as_ref(), craft.water_density),
+            half_density: 0.0,
+            angles: Vec::with_capacity(servos.len()),
             servos,
-            thrusters: craft.thrusters.clone(),
-            directions: craft.thrusters.iter().map(|thruster| thruster.angle.sin_cos()).collect(),
-            rudders: craft.rudders.clone(),
+            thrusters: Vec::with_capacity(craft.thrusters.len()),
+            loses: false,
+            moments: Vec::with_capacity(craft.rudders.len()),
+            rudders: Vec::with_capacity(craft.rudders.len()),
+        };
+        dynamics.set(craft);
+        dynamics
+    }
+
+    /// Replaces the numbers by those of a craft with the same actuators, without allocating.
+    pub fn set(&mut self, craft: &Craft<T>) {
+        self.motion = HullMotion::new(&craft.hull, craft.flying.as_ref(), craft.water_density);
+        self.half_density = 0.5 * craft.water_density;
+        self.loses = craft.thrusters.iter().any(|thruster| thruster.speed_loss.value() != 0.0);
+        self.angles.clear();
+        self.thrusters.clear();
+        self.moments.clear();
+        self.rudders.clear();
+        let mut servos = self.servos.iter_mut();
+        let mut next = |servo: &Servo<T>| {
+            if let Some(own) = servos.next() {
+                (own.lag, own.rate) = (servo.lag, servo.rate);
+            }
+        };
+        for thruster in &craft.thrusters {
+            let is_fixed = thruster.steering.is_none();
+            self.thrusters.push(CompiledThruster {
+                law: thruster.law,
+                dead_band: thruster.dead_band,
+                forward: thruster.forward,
+                reverse: thruster.reverse,
+                speed_loss: thruster.speed_loss,
+                position: thruster.position,
+                direction: is_fixed.then(|| direction(thruster.position, thruster.angle.sin_cos())),
+                diameter: thruster.diameter.unwrap_or(0.0),
+                order: self.angles.len(),
+            });
+            next(&thruster.servo);
+            self.angles.push(None);
+            if let Some(steering) = &thruster.steering {
+                next(steering);
+                self.angles.push(Some(thruster.angle));
+            }
+        }
+        for rudder in &craft.rudders {
+            next(&rudder.servo);
+            let place = self.angles.len();
+            let is_angle = !matches!(rudder.law, RudderLaw::Linear(_));
+            self.angles.push(is_angle.then(|| T::constant(0.0)));
+            match rudder.law {
+                RudderLaw::Linear(gain) | RudderLaw::Sine(gain) => self.moments.push((place, gain)),
+                RudderLaw::Normal(normal) => self.rudders.push((place, normal)),
+            }
         }
     }
 
     /// Number of servos.
     pub fn servos(&self) -> usize {
         self.servos.len()
+    }
+
+    /// Servos that do not follow their orders at once.
+    pub fn moving(&self) -> Vec<usize> {
+        (0..self.servos.len()).filter(|&servo| !self.servos[servo].follows_at_once()).collect()
+    }
+
+    /// Sets the positions of servos that follow their orders at once.
+    pub(crate) fn follow(&self, commands: &[f64], positions: &mut [T]) {
+        for (position, servo) in positions.iter_mut().zip(&self.servos) {
+            if servo.follows_at_once() {
+                *position = T::constant(servo.order.value(commands));
+            }
+        }
     }
 
     /// The shortest lag of a servo \[s\]; infinite if there is none.
@@ -94,176 +192,193 @@ impl<T: Real> Dynamics<T> {
     /// Integrates velocity and positions over `steps` steps of `h` seconds with the commands held: positions exactly,
     /// velocities by the classical Runge-Kutta method of order 4.
     pub fn advance(&self, nu: &mut [T; 3], positions: &mut [T], commands: &[f64], h: f64, steps: usize) {
-        let count = self.servos.len();
         let half = 0.5 * h;
         let mut held = [(0.0, T::constant(0.0)); MAX_SERVOS];
         for (held, servo) in held.iter_mut().zip(&self.servos) {
             *held = (servo.order.value(commands), servo.decay(half));
         }
-        let move_half = |positions: &mut [T; MAX_SERVOS]| {
-            for ((position, servo), (order, decay)) in positions.iter_mut().zip(&self.servos).zip(held) {
-                *position = servo.step(*position, order, half, decay);
-            }
-        };
-        let mut at = [T::constant(0.0); MAX_SERVOS];
-        at[..count].copy_from_slice(&positions[..count]);
+        let mut at = self.placed(positions);
         // A position that follows at once is at its order from the first stage on.
-        for ((position, servo), (order, _)) in at.iter_mut().zip(&self.servos).zip(held) {
+        for (i, servo) in self.servos.iter().enumerate() {
             if servo.follows_at_once() {
-                *position = T::constant(order);
+                at[i] = self.position(i, T::constant(held[i].0));
             }
         }
+        let move_half = |at: &mut [Position<T>; MAX_SERVOS]| {
+            for (i, servo) in self.servos.iter().enumerate() {
+                if !servo.follows_at_once() {
+                    let (order, decay) = held[i];
+                    at[i] = self.position(i, servo.step(at[i].value, order, half, decay));
+                }
+            }
+        };
+        let mut affine = self.affine(&at);
         for _ in 0..steps {
             let along = |k: &[T; 3], a: f64| -> [T; 3] { core::array::from_fn(|i| nu[i] + k[i] * a) };
-            let k1 = self.acceleration(*nu, &at[..count]);
+            let k1 = self.acceleration_at(*nu, &at, &affine);
             move_half(&mut at);
-            let k2 = self.acceleration(along(&k1, half), &at[..count]);
-            let k3 = self.acceleration(along(&k2, half), &at[..count]);
+            affine = self.affine(&at);
+            let k2 = self.acceleration_at(along(&k1, half), &at, &affine);
+            let k3 = self.acceleration_at(along(&k2, half), &at, &affine);
             move_half(&mut at);
-            let k4 = self.acceleration(along(&k3, h), &at[..count]);
+            affine = self.affine(&at);
+            let k4 = self.acceleration_at(along(&k3, h), &at, &affine);
             let sixth = h / 6.0;
             *nu = core::array::from_fn(|i| nu[i] + (k1[i] + (k2[i] + k3[i]) * 2.0 + k4[i]) * sixth);
         }
-        positions[..count].copy_from_slice(&at[..count]);
+        for (position, at) in positions.iter_mut().zip(&at) {
+            *position = at.value;
+        }
+    }
+
+    #[inline(always)]
+    fn position(&self, servo: usize, value: T) -> Position<T> {
+        let Some(angle) = self.angles[servo] else { return Position { value, sin: value, cos: value } };
+        let (sin, cos) = (angle + value).sin_cos();
+        Position { value, sin, cos }
+    }
+
+    #[inline(always)]
+    fn placed(&self, positions: &[T]) -> [Position<T>; MAX_SERVOS] {
+        let zero = T::constant(0.0);
+        let mut at = [Position { value: zero, sin: zero, cos: zero }; MAX_SERVOS];
+        for (i, (at, value)) in at.iter_mut().zip(positions).enumerate() {
+            *at = self.position(i, *value);
+        }
+        at
     }
 
     /// `dnu/dt` \[m/s^2, m/s^2, rad/s^2\] at positions of the servos.
-    #[inline]
     pub fn acceleration(&self, nu: [T; 3], positions: &[T]) -> [T; 3] {
-        let [m11, m22, m23] = self.mass;
-        let [u, v, r] = nu;
-        let damping = self.damping(nu);
-        let applied = self.actuators(nu, positions);
-        let x = applied[0] - damping[0] + (m22 * v + m23 * r) * r;
-        let y = applied[1] - damping[1] - m11 * u * r;
-        let n = applied[2] - damping[2] - (m22 - m11) * u * v - m23 * u * r;
-        let [i11, i22, i23, i33] = self.inverse;
-        [i11 * x, i22 * y + i23 * n, i23 * y + i33 * n]
+        let at = self.placed(positions);
+        self.acceleration_at(nu, &at, &self.affine(&at))
     }
 
-    /// Damping forces `D(nu) nu` \[N, N, N m\].
-    #[inline]
-    pub fn damping(&self, nu: [T; 3]) -> [T; 3] {
-        let [u, v, r] = nu;
-        let mut force = [T::constant(0.0); 3];
-        for &(i, j, value) in &self.linear {
-            force[i] = force[i] + value * nu[j];
+    #[inline(always)]
+    fn acceleration_at(&self, nu: [T; 3], at: &[Position<T>; MAX_SERVOS], affine: &AffineForce<T>) -> [T; 3] {
+        let mut applied = affine.force;
+        if self.loses {
+            applied = affine.at(nu);
+        } else {
+            applied[2] = applied[2] + nu[0] * affine.moment;
         }
-        for &(i, j, value) in &self.quadratic {
-            force[i] = force[i] + value * nu[j].abs() * nu[j];
-        }
-        for &(i, j, value) in &self.lift {
-            force[i] = force[i] + value * u.abs() * nu[j];
-        }
-        if self.half_length > 0.0 && self.cross_flow.value() > 0.0 {
-            let [side, moment] = self.cross_flow_integrals(v, r);
-            force[1] = force[1] + self.cross_flow * side;
-            force[2] = force[2] + self.cross_flow * moment;
-        }
-        force
-    }
-
-    /// Integrals of `|w| w` and `x |w| w` over the hull, `w = v + x r`: exact, by parts without change of sign.
-    #[inline]
-    fn cross_flow_integrals(&self, v: T, r: T) -> [T; 2] {
-        let l = self.half_length;
-        if Number::abs(v.value()) >= Number::abs(r.value()) * l {
-            // v^2 + 2 x v r + x^2 r^2 over the whole length.
-            let cubed = 2.0 * l * l * l / 3.0;
-            let side = if v.value() < 0.0 { -1.0 } else { 1.0 };
-            return [(v * v * (2.0 * l) + r * r * cubed) * side, v * r * (2.0 * cubed * side)];
-        }
-        // The primitives of |w| w and w |w| w over w, with x = (w - v) / r.
-        let (fore, aft) = (v + r * l, v - r * l);
-        let cube = |w: T| w * w * w.abs();
-        let force = (cube(fore) - cube(aft)) / (r * 3.0);
-        let fourth = (cube(fore) * fore - cube(aft) * aft) / (r * r * 4.0);
-        [force, fourth - v * force / r]
-    }
-
-    /// Force of all actuators \[N, N, N m\].
-    #[inline]
-    fn actuators(&self, nu: [T; 3], positions: &[T]) -> [T; 3] {
-        let zero = T::constant(0.0);
-        let mut tau = [zero; 3];
-        let mut thrusts = [(zero, zero); MAX_SERVOS];
-        let mut place = 0;
-        for ((thruster, &direction), slot) in self.thrusters.iter().zip(&self.directions).zip(&mut thrusts) {
-            let order = positions[place];
-            place += 1;
-            let (sin, cos) = if thruster.steering.is_some() {
-                place += 1;
-                (thruster.angle + positions[place - 1]).sin_cos()
-            } else {
-                direction
-            };
-            let [x, y] = thruster.position;
-            let advance = (nu[0] - y * nu[2]) * cos + (nu[1] + x * nu[2]) * sin;
-            let thrust = thruster.thrust(order, advance);
-            *slot = (thrust, advance);
-            tau[0] = tau[0] + thrust * cos;
-            tau[1] = tau[1] + thrust * sin;
-            tau[2] = tau[2] + thrust * (x * sin - y * cos);
-        }
-        for (rudder, &angle) in self.rudders.iter().zip(&positions[place..]) {
-            let race = rudder.thruster.map(|of| (thrusts[of], self.thrusters[of].diameter.unwrap_or(0.0)));
-            let force = rudder.force(nu, angle, race, self.half_density);
-            for (sum, part) in tau.iter_mut().zip(force) {
+        for (place, rudder) in &self.rudders {
+            let race = rudder.thruster.map(|of| self.thrusters[of].race(nu, at));
+            let force = rudder.force(nu, &at[*place], race, self.half_density);
+            for (sum, part) in applied.iter_mut().zip(force) {
                 *sum = *sum + part;
             }
         }
-        tau
+        self.motion.under(nu, applied)
+    }
+
+    /// Damping forces `D(nu) nu` of the normal mode \[N, N, N m\].
+    pub fn damping(&self, nu: [T; 3]) -> [T; 3] {
+        self.motion.damping(nu)
+    }
+
+    /// Contribution of an external force `[X, Y, N]` \[N, N, N m\], for instance wind on the hull, to `dnu/dt` at surge
+    /// velocity `u`. The motion is linear in the force.
+    pub fn pushed(&self, u: T, force: [T; 3]) -> [T; 3] {
+        self.motion.pushed(u, force)
+    }
+
+    /// The force of the thrusters at positions, and the moment of the rudders that are one. A thruster pushes along `d`, and its
+    /// speed of advance is `d nu`.
+    #[inline(always)]
+    fn affine(&self, at: &[Position<T>; MAX_SERVOS]) -> AffineForce<T> {
+        let zero = T::constant(0.0);
+        let mut affine = AffineForce { force: [zero; 3], slope: [[zero; 3]; 3], moment: zero };
+        for thruster in &self.thrusters {
+            let (d, (thrust, loss)) = (thruster.direction(at), thruster.thrust(at));
+            for (force, d) in affine.force.iter_mut().zip(d) {
+                *force = *force + thrust * d;
+            }
+            if self.loses {
+                for (slope, di) in affine.slope.iter_mut().zip(d) {
+                    for (slope, dj) in slope.iter_mut().zip(d) {
+                        *slope = *slope + loss * di * dj;
+                    }
+                }
+            }
+        }
+        for (place, gain) in &self.moments {
+            affine.moment = affine.moment + *gain * at[*place].sin;
+        }
+        affine
     }
 }
 
-/// Row, column and value of the entries that are not zero; rows and columns are counted from `first`.
-fn entries<T: Real, const N: usize>(matrix: &[[T; N]; N], first: usize) -> Vec<(usize, usize, T)> {
-    let all = matrix
-        .iter()
-        .enumerate()
-        .flat_map(|(i, row)| row.iter().enumerate().map(move |(j, value)| (first + i, first + j, *value)));
-    all.filter(|(_, _, value)| value.value() != 0.0).collect()
+/// Force and moment of a unit of thrust.
+fn direction<T: Real>([x, y]: [T; 2], (sin, cos): (T, T)) -> [T; 3] {
+    [cos, sin, x * sin - y * cos]
 }
 
 impl<T: Real> Hull<T> {
     /// Mass matrix as `[m11, m22, m23, m33]`.
     pub fn mass_matrix(&self) -> [T; 4] {
+        self.mass_matrix_with(T::constant(1.0))
+    }
+
+    /// Mass matrix with a factor on the added mass.
+    pub fn mass_matrix_with(&self, added: T) -> [T; 4] {
         [
-            self.mass - self.x_udot,
-            self.mass - self.y_vdot,
-            self.mass * self.x_g - self.y_rdot,
-            self.i_z - self.n_rdot,
+            self.mass - added * self.x_udot,
+            self.mass - added * self.y_vdot,
+            self.mass * self.x_g - added * self.y_rdot,
+            self.i_z - added * self.n_rdot,
         ]
     }
 }
 
-impl<T: Real> Thruster<T> {
-    /// Thrust \[N\] at an order and a speed of advance \[m/s\].
-    #[inline]
-    fn thrust(&self, order: T, advance: T) -> T {
+impl<T: Real> CompiledThruster<T> {
+    #[inline(always)]
+    fn direction(&self, at: &[Position<T>; MAX_SERVOS]) -> [T; 3] {
+        self.direction.unwrap_or_else(|| {
+            let steering = &at[self.order + 1];
+            direction(self.position, (steering.sin, steering.cos))
+        })
+    }
+
+    /// Thrust at rest \[N\], and its loss per speed of advance \[N s/m\].
+    #[inline(always)]
+    fn thrust(&self, at: &[Position<T>; MAX_SERVOS]) -> (T, T) {
+        let order = at[self.order].value;
         let size = order.abs();
         if size.value() <= self.dead_band {
-            return T::constant(0.0);
+            return (T::constant(0.0), T::constant(0.0));
         }
         let n = size - T::constant(self.dead_band);
-        let ahead = order.value() > 0.0;
-        let gain = if ahead { self.forward } else { -self.reverse };
-        let static_thrust = match self.law {
+        let gain = if order.value() > 0.0 { self.forward } else { -self.reverse };
+        let thrust = match self.law {
             ThrustLaw::Quadratic => gain * n * n,
             ThrustLaw::Linear => gain * n,
         };
-        static_thrust - self.speed_loss * n * advance
+        (thrust, self.speed_loss * n)
+    }
+
+    /// Thrust \[N\], speed of advance \[m/s\] and diameter \[m\].
+    fn race(&self, nu: [T; 3], at: &[Position<T>; MAX_SERVOS]) -> (T, T, f64) {
+        let (d, (thrust, loss)) = (self.direction(at), self.thrust(at));
+        let advance = d[0] * nu[0] + d[1] * nu[1] + d[2] * nu[2];
+        (thrust - loss * advance, advance, self.diameter)
     }
 }
 
-impl<T: Real> Rudder<T> {
+impl<T: Real> NormalForce<T> {
     /// Force \[N, N, N m\] at an angle; `race` are thrust, speed of advance and diameter of the thruster ahead of it.
     #[inline]
-    fn force(&self, nu: [T; 3], angle: T, race: Option<((T, T), f64)>, half_density: f64) -> [T; 3] {
+    fn force(
+        &self,
+        nu: [T; 3],
+        &Position { sin, cos, .. }: &Position<T>,
+        race: Option<(T, T, f64)>,
+        half_density: f64,
+    ) -> [T; 3] {
         let [x, y] = self.position;
         let one = T::constant(1.0);
         let mut u = (nu[0] - y * nu[2]) * (one - self.wake);
-        if let Some(((thrust, advance), diameter)) = race
+        if let Some((thrust, advance, diameter)) = race
             && thrust.value() > 0.0
         {
             let disc = FRAC_PI_4 * diameter * diameter;
@@ -271,7 +386,6 @@ impl<T: Real> Rudder<T> {
             u = u + self.race * (behind - advance.abs());
         }
         let v = (nu[1] + x * nu[2]) * self.straightening;
-        let (sin, cos) = angle.sin_cos();
         let speed = (u * u + v * v).sqrt();
         let normal = self.lift_slope * (half_density * self.area) * speed * (u * sin + v * cos);
         let along = -normal * (one - self.drag_deduction) * sin;

@@ -4,6 +4,7 @@ use alloc::string::String;
 use core::fmt;
 
 use super::MAX_SERVOS;
+pub use crate::vessel::Mode;
 
 /// The invalid part of a [`Craft`](super::Craft). Numbers are named by their path in the vessel file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -19,9 +20,10 @@ pub enum InvalidCraft {
     #[error("rigid_body.i_z is {i_z} kg m^2; about the origin it must exceed mass * x_g^2 = {least} kg m^2")]
     YawInertia { i_z: f64, least: f64 },
     #[error(
-        "the mass matrix is not positive definite: m22 m33 - m23^2 = {determinant}; check added_mass.y_rdot"
+        "the mass matrix of the {mode} mode is not positive definite: m22 m33 - m23^2 = {determinant}; check added_mass.y_rdot"
     )]
     MassMatrix {
+        mode: Mode,
         /// `m22 m33 - m23^2` \[kg^2 m^2\].
         determinant: f64,
     },

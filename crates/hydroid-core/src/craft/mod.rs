@@ -13,7 +13,7 @@
 //!
 //! M = [[m11, 0, 0], [0, m22, m23], [0, m23, m33]]        m11 = m - X_udot        m22 = m - Y_vdot
 //!                                                        m23 = m x_g - Y_rdot    m33 = I_z - N_rdot
-//! C nu = [-(m22 v + m23 r) r,  m11 u r,  (m22 - m11) u v + m23 u r]
+//! C nu = [-(m22 v + m23 r) r,  m11 u r,  (m22 - m11) u v + m23 u r]     Munk moment (m22 - m11) u v: see Coriolis
 //! D nu = linear nu + quadratic (|nu_j| nu_j) + |u| lift [v, r]
 //!        + 1/2 rho T C_d integral over -L/2..L/2 of |v + x r| (v + x r) [0, 1, x] dx
 //! ```
@@ -39,12 +39,22 @@
 //!
 //! the normal force of the MMG standard method (H. Yasukawa and Y. Yoshimura, *Introduction of MMG standard method for
 //! ship maneuvering predictions*, J. Mar. Sci. Technol. 20 (2015) 37, equations 17 to 24), with the velocity in the race
-//! from the momentum theory of an actuator disc. Positions of actuators follow their orders with a first-order lag and a
-//! limit of the rate ([`Servo`]).
+//! from the momentum theory of an actuator disc. Other laws of the rudder ([`RudderLaw`]) are a yaw moment alone:
+//! `N = k u delta` or `N = k u sin delta`. Positions of actuators follow their orders with a first-order lag and a limit of
+//! the rate ([`Servo`]).
+//!
+//! A hydrofoil has a flying mode ([`Flying`]): its acceleration is a blend of two, the second one with `k_A` times the added
+//! mass in the mass matrix and `k_D` times the damping. `C` is that of the normal mode in both.
+//!
+//! ```text
+//! dnu/dt = sigma(u_0 - u) f_normal + sigma(u - u_0) f_fly        sigma(z) = 1 / (1 + exp(-slope z))
+//! ```
 
 mod dynamics;
 mod invalid;
+mod motion;
 mod parameters;
+mod reference;
 mod servo;
 mod validate;
 
@@ -52,9 +62,11 @@ use alloc::string::String;
 use alloc::vec::Vec;
 
 pub use dynamics::{Dynamics, MAX_SERVOS};
-pub use invalid::InvalidCraft;
+pub use invalid::{InvalidCraft, Mode};
 pub use parameters::CraftParameter;
 pub use servo::{Order, Servo};
+
+pub use crate::vessel::Coriolis;
 
 /// A vessel with any set of actuators. `T` is the type of its numbers.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,6 +77,8 @@ pub struct Craft<T = f64> {
     pub water_density: f64,
     /// Hull.
     pub hull: Hull<T>,
+    /// Flying mode of a hydrofoil; none for other vessels.
+    pub flying: Option<Flying<T>>,
     /// Commands, in the order of the inputs.
     pub commands: Vec<CommandInput>,
     /// Thrusters.
@@ -102,6 +116,21 @@ pub struct Hull<T = f64> {
     pub lift: [[T; 2]; 2],
     /// Cross-flow drag coefficient `C_d`.
     pub cross_flow: T,
+    /// Form of the Coriolis and centripetal forces.
+    pub coriolis: Coriolis,
+}
+
+/// The flying mode of a hydrofoil: other added mass and damping, blended in by a sigmoid of the speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Flying<T = f64> {
+    /// Factor `k_A` of the added mass.
+    pub added_mass_factor: T,
+    /// Factor `k_D` of the damping.
+    pub drag_factor: T,
+    /// Transition speed `u_0` \[m/s\].
+    pub transition_speed: T,
+    /// Slope of the blend \[s/m\].
+    pub slope: T,
 }
 
 /// A command.
@@ -159,10 +188,28 @@ pub struct Thruster<T = f64> {
 pub struct Rudder<T = f64> {
     /// Name.
     pub name: String,
+    /// Order, an angle \[rad\] but for [`RudderLaw::Linear`], and its servo; positive for a turn to starboard ahead.
+    pub servo: Servo<T>,
+    /// Law of its force.
+    pub law: RudderLaw<T>,
+}
+
+/// Force of a rudder.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RudderLaw<T = f64> {
+    /// Normal force in the flow.
+    Normal(NormalForce<T>),
+    /// Yaw moment `k u delta`, with the gain `k`; the unit of the order is that of the gain.
+    Linear(T),
+    /// Yaw moment `k u sin delta`, with the gain `k` \[N s\].
+    Sine(T),
+}
+
+/// Normal force of a rudder in the flow (MMG standard method).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NormalForce<T = f64> {
     /// Place \[m\]: forward, starboard of the origin.
     pub position: [T; 2],
-    /// Order \[rad\] and its servo; positive for a turn to starboard ahead.
-    pub servo: Servo<T>,
     /// Area \[m^2\].
     pub area: f64,
     /// Slope `f_alpha` of the coefficient of the normal force \[1/rad\].

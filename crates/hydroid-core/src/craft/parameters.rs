@@ -5,7 +5,7 @@ use alloc::string::String;
 use alloc::vec::Vec;
 
 use super::servo::Servo;
-use super::{Craft, Hull, Rudder, Thruster};
+use super::{Craft, Flying, Hull, NormalForce, Rudder, RudderLaw, Thruster};
 use crate::vessel::Real;
 
 /// A number of a craft.
@@ -59,6 +59,16 @@ impl<T: Real, U: Real> Mapper<'_, T, U> {
             quadratic: self.matrix("drag.quadratic", &QUADRATIC, &hull.quadratic),
             lift: self.matrix("drag.lift", &LIFT, &hull.lift),
             cross_flow: self.fixed("drag.cross_flow", "1", hull.cross_flow),
+            coriolis: hull.coriolis,
+        }
+    }
+
+    fn flying(&mut self, flying: &Flying<T>) -> Flying<U> {
+        Flying {
+            added_mass_factor: self.fixed("flying.added_mass_factor", "1", flying.added_mass_factor),
+            drag_factor: self.fixed("flying.drag_factor", "1", flying.drag_factor),
+            transition_speed: self.fixed("flying.transition_speed", "m/s", flying.transition_speed),
+            slope: self.fixed("flying.slope", "s/m", flying.slope),
         }
     }
 
@@ -110,20 +120,28 @@ impl<T: Real, U: Real> Mapper<'_, T, U> {
     fn rudder(&mut self, r: &Rudder<T>) -> Rudder<U> {
         let path = format!("rudder.{}", r.name);
         let at = |key: &str| format!("{path}.{key}");
-        Rudder {
-            name: r.name.clone(),
-            position: self.position(&path, &r.position),
-            servo: self.servo(&path, &r.servo),
-            area: r.area,
-            lift_slope: self.of(at("lift_slope"), "1/rad", false, r.lift_slope),
-            wake: self.of(at("wake"), "1", true, r.wake),
-            straightening: self.of(at("straightening"), "1", false, r.straightening),
-            drag_deduction: self.of(at("drag_deduction"), "1", true, r.drag_deduction),
-            hull_force: self.of(at("hull_force"), "1", false, r.hull_force),
-            hull_position: self.of(at("hull_position"), "m", true, r.hull_position),
-            thruster: r.thruster,
-            race: self.of(at("race"), "1", false, r.race),
-        }
+        let position = match &r.law {
+            RudderLaw::Normal(normal) => self.position(&path, &normal.position),
+            RudderLaw::Linear(_) | RudderLaw::Sine(_) => [U::constant(0.0); 2],
+        };
+        let servo = self.servo(&path, &r.servo);
+        let law = match &r.law {
+            RudderLaw::Normal(normal) => RudderLaw::Normal(NormalForce {
+                position,
+                area: normal.area,
+                lift_slope: self.of(at("lift_slope"), "1/rad", false, normal.lift_slope),
+                wake: self.of(at("wake"), "1", true, normal.wake),
+                straightening: self.of(at("straightening"), "1", false, normal.straightening),
+                drag_deduction: self.of(at("drag_deduction"), "1", true, normal.drag_deduction),
+                hull_force: self.of(at("hull_force"), "1", false, normal.hull_force),
+                hull_position: self.of(at("hull_position"), "m", true, normal.hull_position),
+                thruster: normal.thruster,
+                race: self.of(at("race"), "1", false, normal.race),
+            }),
+            RudderLaw::Linear(gain) => RudderLaw::Linear(self.of(at("gain"), "1", false, *gain)),
+            RudderLaw::Sine(gain) => RudderLaw::Sine(self.of(at("gain"), "N s", false, *gain)),
+        };
+        Rudder { name: r.name.clone(), servo, law }
     }
 }
 
@@ -135,6 +153,7 @@ impl<T: Real> Craft<T> {
             name: self.name.clone(),
             water_density: self.water_density,
             hull: mapper.hull(&self.hull),
+            flying: self.flying.as_ref().map(|flying| mapper.flying(flying)),
             commands: self.commands.clone(),
             thrusters: self.thrusters.iter().map(|thruster| mapper.thruster(thruster)).collect(),
             rudders: self.rudders.iter().map(|rudder| mapper.rudder(rudder)).collect(),
@@ -149,7 +168,100 @@ impl<T: Real> Craft<T> {
     }
 }
 
+impl<T> Hull<T> {
+    /// Calls a function with the place of each number, in the order of [`Craft::parameters`].
+    pub(crate) fn visit_numbers(&mut self, visit: &mut dyn FnMut(&mut T)) {
+        let Self {
+            mass, x_g, i_z, x_udot, y_vdot, y_rdot, n_rdot, linear, quadratic, lift, cross_flow, ..
+        } = self;
+        [mass, x_g, i_z, x_udot, y_vdot, y_rdot, n_rdot].into_iter().for_each(&mut *visit);
+        linear.as_flattened_mut().iter_mut().for_each(&mut *visit);
+        quadratic.as_flattened_mut().iter_mut().for_each(&mut *visit);
+        lift.as_flattened_mut().iter_mut().for_each(&mut *visit);
+        visit(cross_flow);
+    }
+}
+
+impl<T> Flying<T> {
+    /// As [`Hull::visit_numbers`].
+    pub(crate) fn visit_numbers(&mut self, visit: &mut dyn FnMut(&mut T)) {
+        let Self { added_mass_factor, drag_factor, transition_speed, slope } = self;
+        [added_mass_factor, drag_factor, transition_speed, slope].into_iter().for_each(visit);
+    }
+}
+
+fn visit_servo<T>(servo: &mut Servo<T>, visit: &mut dyn FnMut(&mut T)) {
+    visit(&mut servo.lag);
+    servo.rate.iter_mut().for_each(visit);
+}
+
+impl<T: Copy> Craft<T> {
+    /// Replaces the numbers, in the order of [`parameters`](Craft::parameters), without allocating; missing ones stay.
+    pub fn set_numbers(&mut self, numbers: &[T]) {
+        let mut numbers = numbers.iter();
+        let visit: &mut dyn FnMut(&mut T) = &mut |place| *place = numbers.next().copied().unwrap_or(*place);
+        self.hull.visit_numbers(visit);
+        self.flying.iter_mut().for_each(|flying| flying.visit_numbers(visit));
+        for thruster in &mut self.thrusters {
+            thruster.position.iter_mut().for_each(&mut *visit);
+            visit(&mut thruster.angle);
+            visit_servo(&mut thruster.servo, visit);
+            let Thruster { forward, reverse, speed_loss, .. } = thruster;
+            [forward, reverse, speed_loss].into_iter().for_each(&mut *visit);
+            thruster.steering.iter_mut().for_each(|steering| visit_servo(steering, visit));
+        }
+        for rudder in &mut self.rudders {
+            if let RudderLaw::Normal(normal) = &mut rudder.law {
+                normal.position.iter_mut().for_each(&mut *visit);
+            }
+            visit_servo(&mut rudder.servo, visit);
+            match &mut rudder.law {
+                RudderLaw::Linear(gain) | RudderLaw::Sine(gain) => visit(gain),
+                RudderLaw::Normal(NormalForce {
+                    lift_slope,
+                    wake,
+                    straightening,
+                    drag_deduction,
+                    hull_force,
+                    hull_position,
+                    race,
+                    ..
+                }) => [lift_slope, wake, straightening, drag_deduction, hull_force, hull_position, race]
+                    .into_iter()
+                    .for_each(&mut *visit),
+            }
+        }
+    }
+}
+
+impl Hull {
+    /// Whether the equations can be solved: the yaw inertia exceeds `m x_g^2`, and the mass matrix of each mode is positive
+    /// definite. Signs of other numbers are not checked.
+    pub(crate) fn is_solvable(&self, flying: Option<&Flying>) -> bool {
+        let definite = |added: f64| {
+            let [m11, m22, m23, m33] = self.mass_matrix_with(added);
+            m11 > 0.0 && m22 > 0.0 && m22 * m33 - m23 * m23 > 1e-12 * m22 * m33
+        };
+        self.i_z > self.mass * self.x_g * self.x_g
+            && definite(1.0)
+            && flying.is_none_or(|flying| definite(flying.added_mass_factor))
+    }
+}
+
 impl Craft {
+    /// Indices of the numbers that an adaptation changes if nothing else is stated: those that are not zero, but for places
+    /// and directions of the actuators.
+    pub fn adaptable(&self) -> Vec<usize> {
+        let is_place = |path: &str| {
+            let key = path.rsplit('.').next().unwrap_or(path);
+            key == "angle" || key.starts_with("position[")
+        };
+        let all = self.parameters().into_iter().enumerate();
+        all.filter(|(_, (parameter, number))| *number != 0.0 && !is_place(&parameter.path))
+            .map(|(index, _)| index)
+            .collect()
+    }
+
     /// All numbers with their descriptions.
     pub fn parameters(&self) -> Vec<(CraftParameter, f64)> {
         let mut all = Vec::new();

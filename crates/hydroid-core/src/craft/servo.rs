@@ -57,9 +57,6 @@ impl<T: Real> Servo<T> {
         let order = T::constant(order);
         let error = order - position;
         let size = Number::abs(error.value());
-        if size == 0.0 {
-            return order;
-        }
         let Some(rate) = self.rate else { return order - error * decay };
         let knee = if self.lag.value() > 0.0 { rate * self.lag } else { T::constant(0.0) };
         if size <= knee.value() {

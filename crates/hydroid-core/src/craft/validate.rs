@@ -5,9 +5,9 @@ use alloc::string::String;
 use alloc::vec::Vec;
 use core::f64::consts::PI;
 
-use super::invalid::InvalidCraft;
+use super::invalid::{InvalidCraft, Mode};
 use super::servo::Servo;
-use super::{Craft, MAX_SERVOS};
+use super::{Craft, MAX_SERVOS, NormalForce, RudderLaw};
 
 impl Craft {
     /// Finds the first invalid part.
@@ -32,7 +32,9 @@ impl Craft {
                 return wrong(path, value, "a finite number is needed");
             }
             match name {
-                "mass" | "i_z" | "lift_slope" | "rate" if value <= 0.0 => {
+                "mass" | "i_z" | "lift_slope" | "rate" | "gain" | "transition_speed" | "slope"
+                    if value <= 0.0 =>
+                {
                     return wrong(path, value, "it must be greater than 0");
                 }
                 "x_udot" | "y_vdot" | "n_rdot" if value > 0.0 => {
@@ -66,11 +68,16 @@ impl Craft {
         if hull.i_z <= least {
             return Err(InvalidCraft::YawInertia { i_z: hull.i_z, least });
         }
-        let [_, m22, m23, m33] = hull.mass_matrix();
-        let determinant = m22 * m33 - m23 * m23;
-        // Relative, because a determinant of the size of rounding errors is as singular as zero.
-        if !(determinant.is_finite() && determinant > 1e-12 * m22 * m33) {
-            return Err(InvalidCraft::MassMatrix { determinant });
+        let modes =
+            [(Mode::Normal, Some(1.0)), (Mode::Flying, self.flying.map(|flying| flying.added_mass_factor))];
+        for (mode, added) in modes {
+            let Some(added) = added else { continue };
+            let [_, m22, m23, m33] = hull.mass_matrix_with(added);
+            let determinant = m22 * m33 - m23 * m23;
+            // Relative, because a determinant of the size of rounding errors is as singular as zero.
+            if !(determinant.is_finite() && determinant > 1e-12 * m22 * m33) {
+                return Err(InvalidCraft::MassMatrix { mode, determinant });
+            }
         }
         match hull.size {
             None if hull.cross_flow > 0.0 => Err(InvalidCraft::NoSize { what: "drag.cross_flow" }),
@@ -107,6 +114,13 @@ impl Craft {
         Ok(())
     }
 
+    fn normal_forces(&self) -> impl Iterator<Item = (&str, &NormalForce)> {
+        self.rudders.iter().filter_map(|rudder| match &rudder.law {
+            RudderLaw::Normal(normal) => Some((rudder.name.as_str(), normal)),
+            RudderLaw::Linear(_) | RudderLaw::Sine(_) => None,
+        })
+    }
+
     /// All servos with their paths.
     fn servos(&self) -> impl Iterator<Item = (String, &Servo)> {
         let thrusters = self.thrusters.iter().flat_map(|thruster| {
@@ -129,7 +143,7 @@ impl Craft {
             return Err(InvalidCraft::Servos { given });
         }
         let thrusters = self.thrusters.iter().map(|t| (format!("thruster.{}.position", t.name), t.position));
-        let rudders = self.rudders.iter().map(|r| (format!("rudder.{}.position", r.name), r.position));
+        let rudders = self.normal_forces().map(|(name, r)| (format!("rudder.{name}.position"), r.position));
         if let Some([length, beam, _]) = self.hull.size {
             let half = [0.5 * length, 0.5 * beam];
             for (path, position) in thrusters.chain(rudders) {
@@ -147,16 +161,16 @@ impl Craft {
                 }
             }
         }
-        for rudder in &self.rudders {
+        for (name, rudder) in self.normal_forces() {
             if !(rudder.area.is_finite() && rudder.area > 0.0) {
-                let path = format!("rudder.{}.area", rudder.name);
+                let path = format!("rudder.{name}.area");
                 let needed = "it must be greater than 0";
                 return Err(InvalidCraft::Number { path, value: rudder.area, needed });
             }
             if let Some(thruster) = rudder.thruster.and_then(|of| self.thrusters.get(of))
                 && thruster.diameter.is_none_or(|diameter| diameter <= 0.0)
             {
-                let (thruster, rudder) = (thruster.name.clone(), rudder.name.clone());
+                let (thruster, rudder) = (thruster.name.clone(), String::from(name));
                 return Err(InvalidCraft::NoDiameter { thruster, rudder });
             }
         }
@@ -166,7 +180,11 @@ impl Craft {
                 let path = format!("{path}.limits");
                 return Err(InvalidCraft::Limits { path, low, high, neutral: 0.0 });
             }
-            let is_angle = path.ends_with(".steering") || path.starts_with("rudder.");
+            let is_linear = |law: &RudderLaw| matches!(law, RudderLaw::Linear(_));
+            let rudder =
+                path.strip_prefix("rudder.").and_then(|name| self.rudders.iter().find(|r| r.name == name));
+            let is_angle =
+                path.ends_with(".steering") || rudder.is_some_and(|rudder| !is_linear(&rudder.law));
             let reached = self.reach(servo);
             if is_angle && reached > PI * 1.001 {
                 return Err(InvalidCraft::Degrees { path: format!("{path}.order"), angle: reached });

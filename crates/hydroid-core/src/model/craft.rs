@@ -25,6 +25,8 @@ pub struct CraftModel {
     dt: f64,
     steps: usize,
     ranges: [[f64; 2]; 3],
+    position_ranges: Vec<[f64; 2]>,
+    learned: Vec<Vec<usize>>,
 }
 
 /// Step relative to the shortest time constant.
@@ -43,6 +45,9 @@ const SETTLED: f64 = 1e-3;
 const LONGEST_RUN: usize = 1 << 14;
 
 impl CraftModel {
+    /// Outputs: `u`, `v`, `r`.
+    pub const OUTPUTS: usize = 3;
+
     /// A model with samples of `dt` seconds.
     ///
     /// # Errors
@@ -60,7 +65,33 @@ impl CraftModel {
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 1 and 10,000")]
         let steps = steps as usize;
-        Ok(Self { dynamics: Arc::new(dynamics), craft, dt, steps, ranges })
+        let position_ranges = orders(&craft, &dynamics);
+        let learned = craft.adaptable().into_iter().map(|index| vec![index]).collect();
+        Ok(Self { dynamics: Arc::new(dynamics), craft, dt, steps, ranges, position_ranges, learned })
+    }
+
+    /// The model with other numbers for an [adaptation](crate::adapt::kalman::LearnablePlant): their indices in
+    /// [`Craft::parameters`], those that are equal in one group.
+    ///
+    /// # Panics
+    /// If a group is empty, or an index is not one of a number.
+    #[must_use]
+    pub fn with_learned(self, learned: Vec<Vec<usize>>) -> Self {
+        let count = self.craft.parameters().len();
+        let valid = |group: &Vec<usize>| !group.is_empty() && group.iter().all(|&index| index < count);
+        assert!(learned.iter().all(valid), "groups of indices of numbers");
+        Self { learned, ..self }
+    }
+
+    /// Indices of the numbers that an adaptation learns, in [`Craft::parameters`]; those of one group are equal.
+    pub fn learned(&self) -> &[Vec<usize>] {
+        &self.learned
+    }
+
+    /// Lowest and highest order of each servo under combinations of the limits of the commands, in the order of
+    /// [`Dynamics`].
+    pub fn position_ranges(&self) -> &[[f64; 2]] {
+        &self.position_ranges
     }
 
     /// The vessel.
@@ -104,6 +135,18 @@ fn corners(craft: &Craft) -> Vec<Vec<f64>> {
         }
     }
     corners
+}
+
+fn orders(craft: &Craft, dynamics: &Dynamics) -> Vec<[f64; 2]> {
+    let mut positions = [0.0; MAX_SERVOS];
+    let mut ranges = vec![[0.0, 0.0]; dynamics.servos()];
+    for corner in corners(craft) {
+        dynamics.settle(&corner, &mut positions);
+        for ([low, high], order) in ranges.iter_mut().zip(positions) {
+            (*low, *high) = (low.min(order), high.max(order));
+        }
+    }
+    ranges
 }
 
 /// Largest row sum of the Jacobian of the equations of motion \[1/s\], with the yaw rate times the radius of gyration.
@@ -168,7 +211,7 @@ fn explore(craft: &Craft, dynamics: &Dynamics) -> Option<([[f64; 2]; 3], f64)> {
 /// start of a run they are at rest under the first one. The snapshot is `[u, v, r, positions]`, NaN where unknown.
 #[derive(Clone, Debug)]
 pub struct CraftSession {
-    dynamics: Arc<Dynamics>,
+    dynamics: Dynamics,
     inputs: usize,
     h: f64,
     steps: usize,
@@ -180,7 +223,7 @@ impl CraftSession {
     /// A session at the start of a run.
     pub fn new(model: &CraftModel) -> Self {
         Self {
-            dynamics: Arc::clone(&model.dynamics),
+            dynamics: Dynamics::clone(&model.dynamics),
             inputs: model.craft.commands.len(),
             h: model.dt / model.steps as f64,
             steps: model.steps,
@@ -189,14 +232,43 @@ impl CraftSession {
         }
     }
 
-    fn is_waiting(&self) -> bool {
+    /// Whether an output has not been measured yet.
+    pub fn is_waiting(&self) -> bool {
         self.nu.iter().any(|x| x.is_nan())
     }
 
-    fn start(&self, positions: &mut [f64], c: &[f64]) {
+    /// Positions of a run that starts with the command `c`.
+    pub(crate) fn start(&self, positions: &mut [f64], c: &[f64]) {
         if positions.iter().any(|position| position.is_nan()) {
             self.dynamics.settle(c, positions);
         }
+    }
+
+    /// Velocities, and positions of the actuators; NaN where unknown.
+    pub fn motion(&self) -> ([f64; 3], &[f64]) {
+        (self.nu, &self.positions)
+    }
+
+    pub(crate) fn motion_mut(&mut self) -> (&mut [f64; 3], &mut [f64]) {
+        (&mut self.nu, &mut self.positions)
+    }
+
+    pub(crate) fn set_craft(&mut self, craft: &Craft) {
+        self.dynamics.set(craft);
+    }
+
+    /// Sets unknown positions to those of the command `c`, held for a long time. Returns whether they were unknown.
+    pub(crate) fn settle(&mut self, c: &[f64]) -> bool {
+        let is_unknown = self.positions.iter().any(|position| position.is_nan());
+        if is_unknown {
+            self.dynamics.settle(c, &mut self.positions);
+        }
+        is_unknown
+    }
+
+    /// Sets the positions of actuators that follow the command at once.
+    pub(crate) fn follow(&mut self, c: &[f64]) {
+        self.dynamics.follow(c, &mut self.positions);
     }
 }
 

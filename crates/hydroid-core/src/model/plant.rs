@@ -158,15 +158,6 @@ impl PlantSession {
         &self.motion
     }
 
-    pub(crate) fn motion_mut(&mut self) -> &mut [f64; 4] {
-        &mut self.motion
-    }
-
-    pub(crate) fn set_numbers(&mut self, form: Form, numbers: &Numbers) {
-        self.plant = Plant::assemble(form, numbers);
-        self.lanes = side_by_side(form, numbers);
-    }
-
     /// Whether an output has not been measured yet.
     pub fn is_waiting(&self) -> bool {
         self.motion.iter().any(|x| x.is_nan())

@@ -1,11 +1,12 @@
 //! Vessels with any set of actuators.
 
 use hydroid_core::craft::{
-    CommandInput, Craft, Dynamics, Hull, InvalidCraft, Order, Rudder, Servo, ThrustLaw, Thruster,
+    CommandInput, Coriolis, Craft, Dynamics, Hull, InvalidCraft, NormalForce, Order, Rudder, RudderLaw,
+    Servo, ThrustLaw, Thruster,
 };
 use hydroid_core::model::{CraftModel, CraftSession};
 use hydroid_core::predict::{Predictor, Workspace};
-use hydroid_core::vessel::Dual;
+use hydroid_core::vessel::{Dual, VesselParams};
 use proptest::prelude::*;
 
 fn servo(command: usize, lag: f64, rate: Option<f64>) -> Servo {
@@ -14,7 +15,7 @@ fn servo(command: usize, lag: f64, rate: Option<f64>) -> Servo {
 }
 
 /// A boat with a steerable thruster, a fixed one, and a rudder in the race of the latter.
-fn craft() -> Craft {
+pub(crate) fn craft() -> Craft {
     let command =
         |name: &str, limits| CommandInput { name: name.into(), unit: String::new(), limits, neutral: 0.0 };
     let thruster = |name: &str, x, y, command| Thruster {
@@ -48,7 +49,9 @@ fn craft() -> Craft {
             quadratic: [[10.0, 0.5, 0.5], [0.5, 20.0, 0.5], [0.5, 0.5, 100.0]],
             lift: [[30.0, 5.0], [6.0, 7.0]],
             cross_flow: 0.8,
+            coriolis: Coriolis::Full,
         },
+        flying: None,
         commands: vec![
             command("n_1", [-15.0, 20.0]),
             command("n_2", [-15.0, 20.0]),
@@ -58,17 +61,19 @@ fn craft() -> Craft {
         thrusters: vec![azimuth, thruster("fixed", -0.9, -0.2, 1)],
         rudders: vec![Rudder {
             name: "rudder".into(),
-            position: [-1.0, -0.2],
             servo: servo(3, 0.0, Some(0.3)),
-            area: 0.05,
-            lift_slope: 2.5,
-            wake: 0.1,
-            straightening: 0.6,
-            drag_deduction: 0.2,
-            hull_force: 0.3,
-            hull_position: -0.8,
-            thruster: Some(1),
-            race: 0.5,
+            law: RudderLaw::Normal(NormalForce {
+                position: [-1.0, -0.2],
+                area: 0.05,
+                lift_slope: 2.5,
+                wake: 0.1,
+                straightening: 0.6,
+                drag_deduction: 0.2,
+                hull_force: 0.3,
+                hull_position: -0.8,
+                thruster: Some(1),
+                race: 0.5,
+            }),
         }],
         noise: [0.01, 0.01, 0.01],
     }
@@ -273,4 +278,29 @@ fn invalid_vessels_are_named() {
     let more = many.thrusters[1].clone();
     many.thrusters.extend((0..16).map(|k| Thruster { name: format!("{k}"), ..more.clone() }));
     assert_eq!(many.validate(), Err(InvalidCraft::Servos { given: 20 }));
+}
+
+#[test]
+fn numbers_are_set_in_place_in_the_order_of_the_parameters() {
+    for mut craft in [craft(), Craft::hydrofoil(), Craft::simple()] {
+        let numbers: Vec<f64> = (0..craft.parameters().len()).map(|k| 1.0 + k as f64).collect();
+        let mapped: Craft = craft.with_numbers(&numbers);
+        let mut dynamics = Dynamics::new(&craft);
+        craft.set_numbers(&numbers);
+        assert_eq!(craft, mapped);
+        dynamics.set(&craft);
+        assert_eq!(dynamics, Dynamics::new(&mapped));
+    }
+}
+
+#[test]
+fn the_vessels_of_the_thesis_are_those_of_their_parameters() {
+    let both = [
+        (Craft::simple(), VesselParams::simple()),
+        (Craft::hydrofoil(), VesselParams::hydrofoil()),
+        (Craft::hydrofoil_low_speed(), VesselParams::hydrofoil_low_speed()),
+    ];
+    for (craft, params) in both {
+        assert_eq!(craft, Craft::from(&params));
+    }
 }

@@ -1,8 +1,8 @@
 //! Vessels as data of the templates of MSS.
 
-use hydroid_core::craft::{Craft, Order, Servo, ThrustLaw};
+use hydroid_core::craft::{Coriolis, Craft, Order, RudderLaw, Servo, ThrustLaw};
 use hydroid_core::model::PlantModel;
-use hydroid_core::vessel::{Coriolis, RudderLaw};
+use hydroid_core::vessel::{self as old};
 
 use super::literal::Literal;
 use super::servos::Servos;
@@ -35,24 +35,32 @@ pub(super) fn of_craft(craft: &Craft, step: f64) -> Vehicle {
             ("diameter", Literal::Number(thruster.diameter.unwrap_or(0.0))),
         ]));
     }
-    let mut rudders = Vec::new();
+    let (mut rudders, mut helms) = (Vec::new(), Vec::new());
     for rudder in &craft.rudders {
         let name = comment(&rudder.name);
-        let servo = servos.add(&name, &rudder.servo, true);
-        rudders.push(Literal::Record(vec![
-            ("name", Literal::Text(name)),
-            ("position", Literal::numbers(&rudder.position)),
-            ("servo", Literal::Index(Some(servo))),
-            ("area", Literal::Number(rudder.area)),
-            ("lift_slope", Literal::Number(rudder.lift_slope)),
-            ("wake", Literal::Number(rudder.wake)),
-            ("straightening", Literal::Number(rudder.straightening)),
-            ("drag_deduction", Literal::Number(rudder.drag_deduction)),
-            ("hull_force", Literal::Number(rudder.hull_force)),
-            ("hull_position", Literal::Number(rudder.hull_position)),
-            ("thruster", Literal::Index(rudder.thruster)),
-            ("race", Literal::Number(rudder.race)),
-        ]));
+        let servo = ("servo", Literal::Index(Some(servos.add(&name, &rudder.servo, true))));
+        let mut helm = |servo, gain, sine| {
+            let (gain, sine) = (("gain", Literal::Number(gain)), ("sine", Literal::Flag(sine)));
+            helms.push(Literal::Record(vec![servo, gain, sine]));
+        };
+        match &rudder.law {
+            RudderLaw::Linear(gain) => helm(servo, *gain, false),
+            RudderLaw::Sine(gain) => helm(servo, *gain, true),
+            RudderLaw::Normal(normal) => rudders.push(Literal::Record(vec![
+                ("name", Literal::Text(name)),
+                ("position", Literal::numbers(&normal.position)),
+                servo,
+                ("area", Literal::Number(normal.area)),
+                ("lift_slope", Literal::Number(normal.lift_slope)),
+                ("wake", Literal::Number(normal.wake)),
+                ("straightening", Literal::Number(normal.straightening)),
+                ("drag_deduction", Literal::Number(normal.drag_deduction)),
+                ("hull_force", Literal::Number(normal.hull_force)),
+                ("hull_position", Literal::Number(normal.hull_position)),
+                ("thruster", Literal::Index(normal.thruster)),
+                ("race", Literal::Number(normal.race)),
+            ])),
+        }
     }
     let channels = craft.commands.iter().map(|c| Channel {
         name: &c.name,
@@ -66,19 +74,27 @@ pub(super) fn of_craft(craft: &Craft, step: f64) -> Vehicle {
         ("LENGTH", Literal::Number(length)),
         ("BEAM", Literal::Number(beam)),
         ("MASS", Literal::numbers(&mass)),
-        ("MUNK", Literal::Number(mass[1] - mass[0])),
+        ("MUNK", Literal::Number(if hull.coriolis == Coriolis::Full { mass[1] - mass[0] } else { 0.0 })),
         ("LINEAR", Literal::matrix(&hull.linear)),
         ("QUADRATIC", Literal::matrix(&hull.quadratic)),
         ("LIFT", Literal::matrix(&hull.lift)),
         ("CROSS_FLOW", Literal::Number(0.5 * craft.water_density * draught * hull.cross_flow)),
         ("THRUSTERS", Literal::List(thrusters)),
         ("RUDDERS", Literal::List(rudders)),
-        ("HELMS", Literal::List(Vec::new())),
+        ("HELMS", Literal::List(helms)),
         ("STEP", Literal::Number(step)),
     ];
     let commands = describe(channels, &mut data);
     let positions = servos.describe(&mut data);
-    data.push(("FLYING", Literal::Nothing));
+    let flying = craft.flying.map(|flying| {
+        Literal::Record(vec![
+            ("mass", Literal::numbers(&hull.mass_matrix_with(flying.added_mass_factor))),
+            ("drag_factor", Literal::Number(flying.drag_factor)),
+            ("transition_speed", Literal::Number(flying.transition_speed)),
+            ("slope", Literal::Number(flying.slope)),
+        ])
+    });
+    data.push(("FLYING", flying.unwrap_or(Literal::Nothing)));
     Vehicle { title: comment(&craft.name), commands, positions, data, accelerations: None }
 }
 
@@ -124,7 +140,7 @@ pub(super) fn of_plant(plant: &PlantModel, density: f64) -> Vehicle {
     let helm = vec![
         ("servo", Literal::Index(Some(rudder))),
         ("gain", Literal::Number(params.rudder.gain)),
-        ("sine", Literal::Flag(params.rudder.law == RudderLaw::Sine)),
+        ("sine", Literal::Flag(params.rudder.law == old::RudderLaw::Sine)),
     ];
     let munk = if params.coriolis == Coriolis::Full { normal[1] - normal[0] } else { 0.0 };
     let mut data = vec![

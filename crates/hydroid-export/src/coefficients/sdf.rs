@@ -23,6 +23,7 @@
 use std::fmt::Write as _;
 
 use hydroid::model::Model;
+use hydroid_core::craft::{RudderLaw, ThrustLaw};
 use hydroid_core::model::sparse::Shape;
 
 use super::derivative::VELOCITY;
@@ -286,8 +287,8 @@ fn actuators(model: &Model) -> Vec<String> {
     let thrusters = craft.thrusters.iter().map(|thruster| {
         let [x, y] = thruster.position;
         let law = match thruster.law {
-            hydroid_core::craft::ThrustLaw::Quadratic => "n^2",
-            hydroid_core::craft::ThrustLaw::Linear => "n",
+            ThrustLaw::Quadratic => "n^2",
+            ThrustLaw::Linear => "n",
         };
         format!(
             "thruster {} at {} {} 0 m, yaw {} rad: {} N {law} ahead, {} N {law} astern, loss {} N s/m |n|, lag {} s",
@@ -302,14 +303,19 @@ fn actuators(model: &Model) -> Vec<String> {
         )
     });
     let rudders = craft.rudders.iter().map(|rudder| {
-        let [x, y] = rudder.position;
+        let name = comment(&rudder.name);
+        let normal = match &rudder.law {
+            RudderLaw::Normal(normal) => normal,
+            RudderLaw::Linear(gain) => return format!("rudder {name}: moment {} u RD", short(-gain)),
+            RudderLaw::Sine(gain) => return format!("rudder {name}: moment {} N s u sin(RD)", short(-gain)),
+        };
+        let [x, y] = normal.position;
         format!(
-            "rudder {} at {} {} 0 m: area {} m^2, slope of the normal force {} 1/rad",
-            comment(&rudder.name),
+            "rudder {name} at {} {} 0 m: area {} m^2, slope of the normal force {} 1/rad",
             short(x),
             short(-y),
-            short(rudder.area),
-            short(rudder.lift_slope)
+            short(normal.area),
+            short(normal.lift_slope)
         )
     });
     thrusters.chain(rudders).collect()

@@ -1,8 +1,9 @@
 //! Coefficients of vessels.
 
 use hydroid::craft::CraftFile;
+use hydroid_core::craft::{Coriolis, Craft, Rudder, RudderLaw};
 use hydroid_core::model::sparse::{Shape, Term};
-use hydroid_core::vessel::{Coriolis, RudderLaw, VesselParams};
+use hydroid_core::vessel::{self as old, VesselParams};
 
 use super::numbers::short;
 use super::{Centripetal, Coefficients, Derivative, Force, Inertia, Variable, add};
@@ -55,11 +56,37 @@ pub(super) fn of_craft(file: &CraftFile) -> Coefficients {
         },
         inertia_deviations: ["mass", "i_z", "x_g"].map(|key| deviation(&format!("rigid_body.{key}"))),
         derivatives,
-        centripetal: Centripetal::Full,
+        centripetal: match hull.coriolis {
+            Coriolis::Full => Centripetal::Full,
+            Coriolis::WithoutMunk => Centripetal::WithoutMunk,
+        },
         cross_flow: (hull.cross_flow, deviation("drag.cross_flow")),
         inputs: Vec::new(),
-        other_forces: Vec::new(),
+        other_forces: other_forces(craft),
     }
+}
+
+/// Forces that are no hydrodynamic derivatives.
+fn other_forces(craft: &Craft) -> Vec<String> {
+    let moment = |rudder: &Rudder| match rudder.law {
+        RudderLaw::Normal(_) => None,
+        RudderLaw::Linear(gain) => {
+            Some(format!("rudder {}: N = {} u RD with its order RD", rudder.name, short(gain)))
+        }
+        RudderLaw::Sine(gain) => {
+            Some(format!("rudder {}: N = {} u sin(RD) with its angle RD [rad]", rudder.name, short(gain)))
+        }
+    };
+    let flying = craft.flying.map(|flying| {
+        format!(
+            "flying mode: above {} m/s the added mass is multiplied by {} and the damping by {}, with a slope of {} s/m",
+            short(flying.transition_speed),
+            short(flying.added_mass_factor),
+            short(flying.drag_factor),
+            short(flying.slope)
+        )
+    });
+    craft.rudders.iter().filter_map(moment).chain(flying).collect()
 }
 
 /// Standard deviation of the estimate of a number by its path in the vessel file.
@@ -97,8 +124,8 @@ pub(super) fn of_plant(params: &VesselParams, water_density: f64) -> Coefficient
     // Surge, propeller command, rudder command.
     let [u, propeller, rudder] = [0, 3, 4];
     let angle = match params.rudder.law {
-        RudderLaw::Linear => Shape::Power(1),
-        RudderLaw::Sine => Shape::Sin,
+        old::RudderLaw::Linear => Shape::Power(1),
+        old::RudderLaw::Sine => Shape::Sin,
     };
     let moment = Term::monomial(&[u]).times(&Term::of(rudder, angle));
     add(&mut derivatives, Derivative::new(Force::N, Variable::Product(moment), params.rudder.gain));

@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_PI_4;
 
-use hydroid_core::craft::{Craft, Hull, Order, Rudder, Servo, ThrustLaw, Thruster};
+use hydroid_core::craft::{Coriolis, Craft, Hull, NormalForce, Order, RudderLaw, Servo, ThrustLaw, Thruster};
 use hydroid_core::model::CraftModel;
 use hydroid_core::vessel::Number as _;
 
@@ -142,7 +142,7 @@ fn thrust<'a>(thruster: &Thruster, order: Scalar<'a>, advance: Scalar<'a>) -> Sc
 }
 
 fn rudder_force<'a>(
-    rudder: &Rudder,
+    rudder: &NormalForce,
     nu: Three<'a>,
     angle: Scalar<'a>,
     race: Option<(Scalar<'a>, Scalar<'a>, f64)>,
@@ -190,8 +190,15 @@ fn actuators<'a>(craft: &Craft, nu: Three<'a>, positions: &[Scalar<'a>]) -> Thre
         tau[2] = tau[2] + thrust * (sin * x - cos * y);
     }
     for rudder in &craft.rudders {
-        let race = rudder.thruster.and_then(|of| thrusts.get(of).copied());
-        let force = rudder_force(rudder, nu, next(), race, half_density);
+        let angle = next();
+        let force = match &rudder.law {
+            RudderLaw::Linear(gain) => [ZERO, ZERO, nu[0] * angle * *gain],
+            RudderLaw::Sine(gain) => [ZERO, ZERO, nu[0] * angle.unary(Unary::Sin) * *gain],
+            RudderLaw::Normal(rudder) => {
+                let race = rudder.thruster.and_then(|of| thrusts.get(of).copied());
+                rudder_force(rudder, nu, angle, race, half_density)
+            }
+        };
         for (sum, part) in tau.iter_mut().zip(force) {
             *sum = *sum + part;
         }
@@ -199,20 +206,35 @@ fn actuators<'a>(craft: &Craft, nu: Three<'a>, positions: &[Scalar<'a>]) -> Thre
     tau
 }
 
-fn acceleration<'a>(craft: &Craft, nu: Three<'a>, positions: &[Scalar<'a>]) -> Three<'a> {
-    let [m11, m22, m23, m33] = craft.hull.mass_matrix();
+/// The product of a force with the inverse of a mass matrix.
+fn accelerated([m11, m22, m23, m33]: [f64; 4], [x, y, n]: Three<'_>) -> Three<'_> {
     let determinant = m22 * m33 - m23 * m23;
-    let [u, v, r] = nu;
-    let damping = damping(&craft.hull, 0.5 * craft.water_density, nu);
-    let applied = actuators(craft, nu, positions);
-    let x = applied[0] - damping[0] + (v * m22 + r * m23) * r;
-    let y = applied[1] - damping[1] - u * r * m11;
-    let n = applied[2] - damping[2] - u * v * (m22 - m11) - u * r * m23;
     [
         x * (1.0 / m11),
         y * (m33 / determinant) - n * (m23 / determinant),
         n * (m22 / determinant) - y * (m23 / determinant),
     ]
+}
+
+fn acceleration<'a>(craft: &Craft, nu: Three<'a>, positions: &[Scalar<'a>]) -> Three<'a> {
+    let mass = craft.hull.mass_matrix();
+    let [m11, m22, m23, _] = mass;
+    let munk = if craft.hull.coriolis == Coriolis::Full { m22 - m11 } else { 0.0 };
+    let [u, v, r] = nu;
+    let damping = damping(&craft.hull, 0.5 * craft.water_density, nu);
+    let applied = actuators(craft, nu, positions);
+    let driving = [
+        applied[0] + (v * m22 + r * m23) * r,
+        applied[1] - u * r * m11,
+        applied[2] - u * v * munk - u * r * m23,
+    ];
+    let damped = |factor: f64| std::array::from_fn(|i| driving[i] - damping[i] * factor);
+    let normal = accelerated(mass, damped(1.0));
+    let Some(flying) = &craft.flying else { return normal };
+    let fly = accelerated(craft.hull.mass_matrix_with(flying.added_mass_factor), damped(flying.drag_factor));
+    let weight = ((u - flying.transition_speed) * flying.slope).logistic();
+    let rest = ONE - weight;
+    std::array::from_fn(|i| weight * fly[i] + rest * normal[i])
 }
 
 pub(super) fn state_space(model: &CraftModel) -> StateSpace {

@@ -38,6 +38,7 @@ pub use least_squares::LeastSquaresOptions;
 pub use metrics::MeteredAdapter;
 pub use metrics::{Counts, Coverage, Times};
 pub use plant::LearnedParameter;
+use plant::Vessel;
 #[doc(hidden)]
 pub use {
     committee::ResolvedCommittee,
@@ -182,8 +183,10 @@ impl Options {
                 (Method::LeastSquares, LeastSquaresOptions::for_last_layer(), KalmanOptions::default())
             }
             Body::Recurrent(_) => (Method::Kalman, LeastSquaresOptions::default(), KalmanOptions::default()),
-            Body::Plant(_) => (Method::Kalman, LeastSquaresOptions::default(), KalmanOptions::of_plants()),
-            Body::Affine(_) | Body::Committee(_) | Body::Craft(_) => return Self::default(),
+            Body::Plant(_) | Body::Craft(_) => {
+                (Method::Kalman, LeastSquaresOptions::default(), KalmanOptions::of_plants())
+            }
+            Body::Affine(_) | Body::Committee(_) => return Self::default(),
         };
         Self { method, least_squares, kalman, ..Self::default() }
     }
@@ -195,10 +198,13 @@ impl Options {
 /// If its kind has no adaptation.
 pub fn adaptable(model: &Model) -> Result<(), AdaptError> {
     match &model.body {
-        Body::Equations(_) | Body::Recurrent(_) | Body::Direct(_) | Body::Committee(_) | Body::Plant(_) => {
-            Ok(())
-        }
-        Body::Affine(_) | Body::Craft(_) => Err(AdaptError::Kind { kind: model.kind() }),
+        Body::Affine(_) => Err(AdaptError::Kind { kind: model.kind() }),
+        Body::Equations(_)
+        | Body::Recurrent(_)
+        | Body::Direct(_)
+        | Body::Committee(_)
+        | Body::Plant(_)
+        | Body::Craft(_) => Ok(()),
     }
 }
 
@@ -261,14 +267,18 @@ fn inner_learner(
             Ok((Box::new(adapter), ResolvedOptions::LastLayer(used)))
         }
         Body::Plant(vessel) => {
-            let (adapter, used) = plant::adapter(model, vessel, &options.kalman, runs)?;
+            let (adapter, used) = plant::adapter(model, &Vessel::Plant(vessel), &options.kalman, runs)?;
+            Ok((Box::new(adapter), ResolvedOptions::Kalman(used)))
+        }
+        Body::Craft(craft) => {
+            let (adapter, used) = plant::adapter(model, &Vessel::Craft(craft), &options.kalman, runs)?;
             Ok((Box::new(adapter), ResolvedOptions::Kalman(used)))
         }
         Body::Committee(committee) => {
             let (adapter, used) = committee::adapter(model, committee)?;
             Ok((Box::new(adapter), ResolvedOptions::Committee(used)))
         }
-        Body::Affine(_) | Body::Craft(_) => Err(AdaptError::Kind { kind: model.kind() }),
+        Body::Affine(_) => Err(AdaptError::Kind { kind: model.kind() }),
     }
 }
 
@@ -383,7 +393,7 @@ impl Frozen {
         let restarted = evaluate(name, session.as_mut(), &ranges, runs, &options.evaluate, &mut |done| {
             progress(0.5 * done)
         })?;
-        let filtered = match (used, model.equations(), model.plant()) {
+        let filtered = match (used, model.equations(), Vessel::of(model)) {
             (
                 ResolvedOptions::LeastSquares(_)
                 | ResolvedOptions::LastLayer(_)
@@ -397,7 +407,7 @@ impl Frozen {
             }
             (ResolvedOptions::Kalman(_), _, Some(vessel)) => {
                 let options = options.kalman.with_constant_weights();
-                let (session, _) = plant::adapter(model, vessel, &options, runs)?;
+                let (session, _) = plant::adapter(model, &vessel, &options, runs)?;
                 Some(model.whole_session(Box::new(session)))
             }
             (ResolvedOptions::Kalman(used), None, None) => kalman::filtered(model, &used.noise)?,
@@ -472,8 +482,9 @@ pub fn learned(
         Body::Recurrent(network) => kalman::learned(model, network, weights)?,
         Body::Direct(direct) => last_layer::learned(model, direct, weights)?,
         Body::Committee(committee) => committee::learned(model, committee, weights)?,
-        Body::Affine(_) | Body::Craft(_) => return Err(AdaptError::Kind { kind: model.kind() }),
-        Body::Plant(vessel) => plant::learned(model, vessel, weights)?,
+        Body::Affine(_) => return Err(AdaptError::Kind { kind: model.kind() }),
+        Body::Plant(vessel) => plant::learned(model, &Vessel::Plant(vessel), weights)?,
+        Body::Craft(craft) => plant::learned(model, &Vessel::Craft(craft), weights)?,
     };
     let entry = serde_json::json!({ "runs": runs, "hydroid": env!("CARGO_PKG_VERSION"), "settings": used });
     let settings = &mut model.description.provenance.settings;

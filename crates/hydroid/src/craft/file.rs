@@ -3,10 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use hydroid_core::craft::{CommandInput, Craft, Hull, Order, Rudder, Servo, ThrustLaw, Thruster};
+use hydroid_core::craft::{
+    CommandInput, Coriolis, Craft, Flying, Hull, NormalForce, Order, Rudder, RudderLaw, Servo, ThrustLaw,
+    Thruster,
+};
 
 use super::error::CraftFileError;
-use super::tables::{Command, EstimateList, File, Law, RudderTable, ThrusterTable};
+use super::tables::{Command, CoriolisForm, EstimateList, File, Law, RudderKind, RudderTable, ThrusterTable};
 use super::{CommandUnit, CraftFile, Estimate, Tie};
 use crate::log::units::{Quantity, Unit};
 use crate::toml_file::{self, nearest};
@@ -106,7 +109,17 @@ impl Reader<'_> {
             quadratic: file.drag.quadratic.full(),
             lift: file.drag.lift,
             cross_flow: file.drag.cross_flow,
+            coriolis: match file.coriolis {
+                CoriolisForm::Full => Coriolis::Full,
+                CoriolisForm::WithoutMunk => Coriolis::WithoutMunk,
+            },
         };
+        let flying = file.flying.as_ref().map(|flying| Flying {
+            added_mass_factor: flying.added_mass_factor,
+            drag_factor: flying.drag_factor,
+            transition_speed: flying.transition_speed,
+            slope: flying.slope,
+        });
         let commands = file.command.iter().zip(&self.units).map(|(command, unit)| CommandInput {
             name: command.name.clone(),
             unit: unit.stored.clone(),
@@ -130,6 +143,7 @@ impl Reader<'_> {
             name: file.name.clone(),
             water_density: file.water_density.unwrap_or(SEA_WATER),
             hull,
+            flying,
             commands,
             thrusters,
             rudders,
@@ -246,13 +260,60 @@ impl Reader<'_> {
         thrusters: &[Thruster],
     ) -> Result<Rudder, CraftFileError> {
         let place = format!("rudder.{}", table.name);
+        let servo = Servo {
+            order: self.order(&place, &table.order, table.limits, commands)?,
+            lag: table.lag,
+            rate: table.rate,
+        };
+        let gain = || {
+            let given = [
+                ("position", table.position.is_some()),
+                ("area", table.area.is_some()),
+                ("aspect_ratio", table.aspect_ratio.is_some()),
+                ("lift_slope", table.lift_slope.is_some()),
+                ("wake", table.wake.is_some()),
+                ("straightening", table.straightening.is_some()),
+                ("drag_deduction", table.drag_deduction.is_some()),
+                ("hull_force", table.hull_force.is_some()),
+                ("hull_position", table.hull_position.is_some()),
+                ("thruster", table.thruster.is_some()),
+                ("race", table.race.is_some()),
+            ];
+            if let Some((key, _)) = given.iter().find(|(_, is_given)| *is_given) {
+                return Err(self.wrong(&format!(
+                    "{place}.{key} belongs to the normal force of a rudder in the flow: leave it out, or leave out law and gain"
+                )));
+            }
+            table.gain.ok_or_else(|| {
+                self.missing(&place, "gain", "state the yaw moment per surge velocity at the order 1")
+            })
+        };
+        let law = match table.law {
+            RudderKind::Linear => RudderLaw::Linear(gain()?),
+            RudderKind::Sine => RudderLaw::Sine(gain()?),
+            RudderKind::Normal => RudderLaw::Normal(self.normal(&place, table, thrusters)?),
+        };
+        Ok(Rudder { name: table.name.clone(), servo, law })
+    }
+
+    fn normal(
+        &self,
+        place: &str,
+        table: &RudderTable,
+        thrusters: &[Thruster],
+    ) -> Result<NormalForce, CraftFileError> {
+        if table.gain.is_some() {
+            return Err(self.wrong(&format!(
+                "{place}.gain needs law = \"linear\" or \"sine\", a yaw moment: state the law, or leave out the gain"
+            )));
+        }
         let slope = match (table.lift_slope, table.aspect_ratio) {
             (Some(slope), _) => slope,
             // Fujii's formula; Yasukawa and Yoshimura 2015, equation 18.
             (None, Some(ratio)) => 6.13 * ratio / (ratio + 2.25),
             (None, None) => {
                 return Err(self.missing(
-                    &place,
+                    place,
                     "aspect_ratio",
                     "state the ratio of height and chord, or lift_slope [1/rad]",
                 ));
@@ -265,21 +326,19 @@ impl Reader<'_> {
                 self.unknown(&format!("{place}.thruster"), "thruster", name, known)
             })?),
         };
-        Ok(Rudder {
-            name: table.name.clone(),
-            position: table.position,
-            servo: Servo {
-                order: self.order(&place, &table.order, table.limits, commands)?,
-                lag: table.lag,
-                rate: table.rate,
-            },
-            area: table.area,
+        let position = table.position.ok_or_else(|| {
+            self.missing(place, "position", "write position = [FORWARD, STARBOARD] in metres from the origin")
+        })?;
+        let area = table.area.ok_or_else(|| self.missing(place, "area", "state the area [m^2]"))?;
+        Ok(NormalForce {
+            position,
+            area,
             lift_slope: slope,
-            wake: table.wake,
+            wake: table.wake.unwrap_or(0.0),
             straightening: table.straightening.unwrap_or(1.0),
-            drag_deduction: table.drag_deduction,
-            hull_force: table.hull_force,
-            hull_position: table.hull_position,
+            drag_deduction: table.drag_deduction.unwrap_or(0.0),
+            hull_force: table.hull_force.unwrap_or(0.0),
+            hull_position: table.hull_position.unwrap_or(0.0),
             thruster,
             race: table.race.unwrap_or(if thruster.is_some() { RACE } else { 0.0 }),
         })

@@ -97,6 +97,22 @@ pub struct Tie {
 }
 
 impl CraftFile {
+    /// The numbers that an adaptation changes, as indices in [`Craft::parameters`]: those to estimate, or
+    /// [all adaptable ones](Craft::adaptable) if the file names none. Numbers that are tied are in one group.
+    pub fn learned(&self) -> Vec<Vec<usize>> {
+        let representatives = self.representatives();
+        let mut all: Vec<usize> = if self.estimate.is_empty() {
+            self.craft.adaptable().into_iter().map(|index| representatives[index]).collect()
+        } else {
+            self.estimate.iter().map(|estimate| estimate.index).collect()
+        };
+        all.sort_unstable();
+        all.dedup();
+        let tied =
+            |of: usize| (0..representatives.len()).filter(|&index| representatives[index] == of).collect();
+        all.into_iter().map(tied).collect()
+    }
+
     /// Sets numbers, in the order of [`Craft::parameters`]; those that are tied follow.
     pub fn set_numbers(&mut self, numbers: &[f64]) {
         let representatives = self.representatives();

@@ -10,6 +10,8 @@ pub(super) struct File {
     pub(super) name: String,
     pub(super) water_density: Option<f64>,
     #[serde(default)]
+    pub(super) coriolis: CoriolisForm,
+    #[serde(default)]
     pub(super) estimate: EstimateList,
     #[serde(default)]
     pub(super) deviation: BTreeMap<String, f64>,
@@ -17,6 +19,7 @@ pub(super) struct File {
     pub(super) rigid_body: RigidBody,
     pub(super) added_mass: AddedMass,
     pub(super) drag: Drag,
+    pub(super) flying: Option<FlyingTable>,
     #[serde(default)]
     pub(super) command: Vec<Command>,
     #[serde(default)]
@@ -81,6 +84,24 @@ pub(super) struct Drag {
     pub(super) lift: [[f64; 2]; 2],
     #[serde(default)]
     pub(super) cross_flow: f64,
+}
+
+/// See [`Coriolis`](hydroid_core::craft::Coriolis).
+#[derive(Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum CoriolisForm {
+    #[default]
+    Full,
+    WithoutMunk,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FlyingTable {
+    pub(super) added_mass_factor: f64,
+    pub(super) drag_factor: f64,
+    pub(super) transition_speed: f64,
+    pub(super) slope: f64,
 }
 
 #[derive(Deserialize)]
@@ -157,26 +178,34 @@ pub(super) struct Steering {
 #[serde(deny_unknown_fields)]
 pub(super) struct RudderTable {
     pub(super) name: String,
-    pub(super) position: [f64; 2],
     pub(super) order: BTreeMap<String, f64>,
     pub(super) limits: Option<[f64; 2]>,
     #[serde(default)]
     pub(super) lag: f64,
     pub(super) rate: Option<f64>,
-    pub(super) area: f64,
+    #[serde(default)]
+    pub(super) law: RudderKind,
+    pub(super) gain: Option<f64>,
+    pub(super) position: Option<[f64; 2]>,
+    pub(super) area: Option<f64>,
     pub(super) aspect_ratio: Option<f64>,
     pub(super) lift_slope: Option<f64>,
-    #[serde(default)]
-    pub(super) wake: f64,
+    pub(super) wake: Option<f64>,
     pub(super) straightening: Option<f64>,
-    #[serde(default)]
-    pub(super) drag_deduction: f64,
-    #[serde(default)]
-    pub(super) hull_force: f64,
-    #[serde(default)]
-    pub(super) hull_position: f64,
+    pub(super) drag_deduction: Option<f64>,
+    pub(super) hull_force: Option<f64>,
+    pub(super) hull_position: Option<f64>,
     pub(super) thruster: Option<String>,
     pub(super) race: Option<f64>,
+}
+
+#[derive(Clone, Copy, Default, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum RudderKind {
+    #[default]
+    Normal,
+    Linear,
+    Sine,
 }
 
 #[derive(Default, Deserialize)]

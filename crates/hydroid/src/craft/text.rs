@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use hydroid_core::craft::{Order, Servo, ThrustLaw};
+use hydroid_core::craft::{Coriolis, Order, RudderLaw, Servo, ThrustLaw};
 
 use super::{CraftFile, Tie};
 
@@ -124,9 +124,12 @@ impl Writer<'_> {
             number(craft.water_density)
         );
         self.line(&head);
+        if craft.hull.coriolis == Coriolis::WithoutMunk {
+            self.line("coriolis = \"without_munk\"");
+        }
         if !file.estimate.is_empty() {
             let parameters = craft.parameters();
-            self.line("\n# Numbers that `hydroid identify --vessel` estimates, with the relative standard deviation of the prior.\n[estimate]");
+            self.line("\n# Numbers that `hydroid identify --vessel` estimates and `hydroid adapt` follows, with the relative standard deviation of the prior.\n[estimate]");
             for estimate in &file.estimate {
                 let line =
                     format!("{} = {}", quoted(&parameters[estimate.index].0.path), number(estimate.prior));
@@ -163,19 +166,22 @@ impl Writer<'_> {
         self.matrix("quadratic", 3);
         self.matrix("lift", 2);
         self.next("cross_flow", true);
+        if craft.flying.is_some() {
+            self.line("\n[flying]");
+            for name in ["added_mass_factor", "drag_factor", "transition_speed", "slope"] {
+                self.next(name, true);
+            }
+        }
         for (command, unit) in craft.commands.iter().zip(&file.units) {
             let mut lines = format!("\n[[command]]\nname = {}\n", quoted(&command.name));
             if !unit.text.is_empty() {
                 let _ = writeln!(lines, "unit = {}", quoted(&unit.text));
             }
             let [low, high] = command.limits;
-            let _ = write!(
-                lines,
-                "limits = [{}, {}]\nneutral = {}",
-                neat(low / unit.factor),
-                neat(high / unit.factor),
-                neat(command.neutral / unit.factor)
-            );
+            let given =
+                |value: f64| if unit.factor == 1.0 { number(value) } else { neat(value / unit.factor) };
+            let (low, high, neutral) = (given(low), given(high), given(command.neutral));
+            let _ = write!(lines, "limits = [{low}, {high}]\nneutral = {neutral}");
             self.line(&lines);
         }
         for index in 0..craft.thrusters.len() {
@@ -237,13 +243,23 @@ impl Writer<'_> {
         let order = self.order(&rudder.servo.order);
         self.line(&format!("\n[[rudder]]\nname = {}\norder = {order}", quoted(&rudder.name)));
         self.limits(&rudder.servo);
-        self.position(rudder.position);
+        if let RudderLaw::Normal(normal) = &rudder.law {
+            self.position(normal.position);
+        }
         self.servo(&rudder.servo, &|_| false);
-        self.line(&format!("area = {} # m^2", number(rudder.area)));
+        let normal = match &rudder.law {
+            RudderLaw::Normal(normal) => normal,
+            RudderLaw::Linear(_) | RudderLaw::Sine(_) => {
+                let law = if matches!(rudder.law, RudderLaw::Sine(_)) { "sine" } else { "linear" };
+                self.line(&format!("law = \"{law}\""));
+                return self.next("gain", true);
+            }
+        };
+        self.line(&format!("area = {} # m^2", number(normal.area)));
         for name in ["lift_slope", "wake", "straightening", "drag_deduction", "hull_force", "hull_position"] {
             self.next(name, true);
         }
-        if let Some(of) = rudder.thruster {
+        if let Some(of) = normal.thruster {
             self.line(&format!("thruster = {}", quoted(&file.craft.thrusters[of].name)));
         }
         self.next("race", true);

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use hydroid_core::actuator::Channel;
-use hydroid_core::adapt::kalman::LearnablePlant;
 use hydroid_core::control::{Affine, AffineEquations, AffineNetwork, AffinePlant, Motion};
+use hydroid_core::craft::Craft;
 use hydroid_core::model::PlantModel;
 use hydroid_core::model::sparse::Equations;
-use hydroid_core::vessel::{Numbers, VesselParams};
+use hydroid_core::vessel::{Numbers, PARAMETER, VesselParams};
 
 #[derive(Debug)]
 pub(crate) enum InvertibleModel {
@@ -79,7 +79,8 @@ impl WeightMap {
 
     pub(crate) fn plant(plant: &Arc<PlantModel>) -> Self {
         let (params, numbers) = (Box::new(plant.params().clone()), Box::new(*plant.numbers()));
-        Self::Plant { params, numbers, places: LearnablePlant::new(plant).places().to_vec() }
+        let places = plant_places(plant.params()).into_iter().map(|(_, place)| place).collect();
+        Self::Plant { params, numbers, places }
     }
 
     pub(crate) const fn len(&self) -> usize {
@@ -109,4 +110,22 @@ impl WeightMap {
             _ => {}
         }
     }
+}
+
+/// Index in [`Craft::parameters`] and in [`PARAMETER`] of the numbers of a vessel that an adapter learns, in the order of its
+/// weights: those that are not zero.
+pub(crate) fn plant_places(params: &VesselParams) -> Vec<(usize, usize)> {
+    let numbers = params.numbers();
+    let place = |path: &str| {
+        let path = match path {
+            "thruster.propeller.lag" => "propeller.lag",
+            "rudder.rudder.gain" => "rudder.gain",
+            path => path,
+        };
+        PARAMETER.iter().position(|parameter| parameter.path == path)
+    };
+    let all = Craft::from(params).parameters().into_iter().enumerate();
+    all.filter_map(|(index, (parameter, _))| Some((index, place(&parameter.path)?)))
+        .filter(|(_, place)| numbers[*place] != 0.0)
+        .collect()
 }

@@ -33,7 +33,7 @@ use crate::log::{Channel, Note, PrepareOptions, Selection, Trajectory};
 pub(crate) use current::MOTION;
 pub use current::{CurrentError, CurrentEstimate};
 pub use file::{ModelError, decode, encode, read, write};
-pub(crate) use inversion::{InvertibleModel, WeightMap};
+pub(crate) use inversion::{InvertibleModel, WeightMap, plant_places};
 pub(crate) use kinds::NotInvertible;
 pub use kinds::{Body, NamedCraft};
 pub use members::Members;

@@ -5,7 +5,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use hydroid::craft::{CraftFile, parse};
+use hydroid::adapt;
+use hydroid::craft::{CommandUnit, CraftFile, parse};
+use hydroid::evaluate;
 use hydroid::identify::{
     Job, Method, MotionOption, NetworkTrainingOptions, RateLimitOption, SindyOptions, Training, identify,
 };
@@ -14,6 +16,7 @@ use hydroid::manoeuvre::{TrialKind, TrialOptions, trials};
 use hydroid::model::{self, Model, Reading};
 use hydroid::plant::{Commands, InputMap, RecordOptions, Simulation, record};
 use hydroid::progress::silent;
+use hydroid_core::craft::Craft;
 use hydroid_core::model::{CraftModel, CraftSession};
 use hydroid_core::predict::Predictor;
 use proptest::prelude::*;
@@ -406,4 +409,121 @@ proptest! {
             }
         }
     }
+}
+
+/// The vessels of the thesis: the form of the Coriolis forces, a rudder that is a yaw moment, and a flying mode.
+#[test]
+fn the_vessels_of_the_thesis_are_read_as_they_are_written() {
+    for craft in [Craft::simple(), Craft::hydrofoil(), Craft::hydrofoil_low_speed()] {
+        let units = craft.commands.iter().map(|command| CommandUnit {
+            text: command.unit.clone(),
+            stored: command.unit.clone(),
+            factor: 1.0,
+            gain: 1.0,
+        });
+        let file = CraftFile { units: units.collect(), estimate: Vec::new(), ties: Vec::new(), craft };
+        let text = file.text();
+        assert_eq!(parse(&text, "thesis.toml".as_ref()).unwrap(), file, "{text}");
+    }
+}
+
+#[test]
+fn keys_of_the_other_law_of_a_rudder_are_errors() {
+    let head = r#"
+name = "boat"
+rigid_body = { mass = 80.0, i_z = 16.0 }
+added_mass = { x_udot = -5.0, y_vdot = -80.0, n_rdot = -25.0 }
+drag = { linear = [70.0, 160.0, 40.0] }
+command = [{ name = "n", limits = [-1.0, 1.0] }, { name = "rudder", unit = "deg", limits = [-30.0, 30.0] }]
+thruster = [{ name = "propeller", position = [0.0, 0.0], order = { n = 1.0 }, forward = 90.0 }]
+"#;
+    let rudder = |keys: &str| {
+        let text = format!("{head}\n[[rudder]]\nname = \"helm\"\norder = {{ rudder = 1.0 }}\n{keys}\n");
+        parse(&text, "boat.toml".as_ref()).map_err(|error| error.to_string())
+    };
+    assert!(rudder("law = \"sine\"\ngain = 70.0").is_ok());
+    for (keys, words) in [
+        ("law = \"sine\"", "rudder.helm has no gain: state the yaw moment"),
+        ("law = \"sine\"\ngain = 70.0\narea = 0.1", "rudder.helm.area belongs to the normal force"),
+        ("gain = 70.0", "rudder.helm.gain needs law = \"linear\" or \"sine\""),
+        ("area = 0.1\naspect_ratio = 1.5", "rudder.helm has no position: write"),
+        ("law = \"linear\"\ngain = 0.0", "rudder.helm.gain is 0; it must be greater than 0"),
+    ] {
+        let error = rudder(keys).unwrap_err();
+        assert!(error.contains(words), "{error}");
+    }
+}
+
+/// Numbers before and after an adaptation on a log of the true vessel, relative to it.
+#[test]
+fn vessels_with_any_actuators_are_adapted() {
+    for (name, dt, horizon, learned) in [("otter", 0.1, 50, 7), ("tug", 0.5, 40, 8)] {
+        let truth = file(name);
+        let run = trajectory(&truth, 5, 900.0, dt);
+        let given = Model::of_craft(&spoiled(&truth), dt).unwrap();
+        let options = adapt::Options {
+            evaluate: evaluate::Options {
+                horizon,
+                origin_stride: 10,
+                warm_up: run.len() / 2,
+                ..evaluate::Options::default()
+            },
+            ..adapt::Options::of(&given)
+        };
+        let adapted = adapt::adapt(&given, &[&run], &options, &mut silent()).unwrap();
+        let report = &adapted.report;
+        assert_eq!((report.frozen.diverged, report.adapted.diverged), (0, 0));
+        for (frozen, adapted) in
+            report.frozen.nrmse[horizon - 1].iter().zip(&report.adapted.nrmse[horizon - 1])
+        {
+            assert!(*adapted < 0.75 * frozen, "{name}: {adapted} {frozen}");
+        }
+        assert_eq!(report.parameters.len(), learned, "{name}: those that the file marks");
+        let true_numbers = truth.craft.parameters();
+        for number in &report.parameters {
+            let truth = true_numbers.iter().find(|(parameter, _)| parameter.path == number.path).unwrap().1;
+            let [before, after] = [number.given, number.learned].map(|value| (value / truth - 1.0).abs());
+            println!("{name} {}: {:.1} %, given {:.1} %", number.path, 100.0 * after, 100.0 * before);
+            assert!(after < 0.5 * before, "{name}, {}: {after} {before}", number.path);
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("learned.toml");
+        model::write(&adapted.model, &path).unwrap();
+        let again = model::read(&path).unwrap();
+        assert_eq!(again.craft().unwrap().parameters(), adapted.model.craft().unwrap().parameters());
+        assert_eq!(again.description.provenance.settings["adapted"][0]["runs"][0], "run 5");
+        let file = again.craft_file().unwrap();
+        let forward: Vec<f64> = file.craft.thrusters.iter().map(|thruster| thruster.forward).collect();
+        assert!(forward.windows(2).all(|pair| pair[0] == pair[1]), "thrusters like another one stay equal");
+    }
+}
+
+/// A file that marks no numbers: all but places and directions are learned.
+#[test]
+fn a_ship_without_marked_numbers_is_adapted() {
+    let truth = file("mariner");
+    assert!(truth.estimate.is_empty());
+    let mut given = truth.clone();
+    let changed: Vec<f64> = truth
+        .craft
+        .parameters()
+        .iter()
+        .map(|(parameter, number)| if parameter.path.starts_with("drag.") { 1.3 * number } else { *number })
+        .collect();
+    given.set_numbers(&changed);
+    let run = trajectory(&truth, 5, 7200.0, 1.0);
+    let given = Model::of_craft(&given, 1.0).unwrap();
+    let options = adapt::Options {
+        evaluate: evaluate::Options { horizon: 60, origin_stride: 20, ..evaluate::Options::default() },
+        ..adapt::Options::of(&given)
+    };
+    let report = adapt::adapt(&given, &[&run], &options, &mut silent()).unwrap().report;
+    assert_eq!((report.frozen.diverged, report.adapted.diverged), (0, 0));
+    let paths: Vec<&str> = report.parameters.iter().map(|number| number.path.as_str()).collect();
+    assert!(paths.contains(&"rudder.rudder.rate") && paths.contains(&"drag.lift[1][0]"), "{paths:?}");
+    assert!(!paths.iter().any(|path| path.contains("position[")), "{paths:?}");
+    let mean = |evaluation: &evaluate::Evaluation| evaluation.nrmse[59].iter().sum::<f64>();
+    let (frozen, adapted) = (mean(&report.frozen), mean(&report.adapted));
+    println!("mariner: {frozen} {adapted}");
+    assert!(adapted < 0.5 * frozen, "{adapted} {frozen}");
 }

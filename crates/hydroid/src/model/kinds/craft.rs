@@ -6,6 +6,7 @@ use hydroid_core::craft::Craft;
 use hydroid_core::model::{CraftModel, CraftSession};
 use hydroid_core::predict::Predictor;
 
+use super::vessel::history_text;
 use super::{Body, Encoded, Kind};
 use crate::craft::CraftFile;
 use crate::model::Model;
@@ -53,7 +54,7 @@ impl Kind for Arc<NamedCraft> {
         Box::new(CraftSession::new(&self.model))
     }
 
-    fn encode(&self, _: &Model) -> Result<Encoded, String> {
-        Ok(Encoded::Text(self.file.text()))
+    fn encode(&self, model: &Model) -> Result<Encoded, String> {
+        Ok(Encoded::Text(history_text(model) + &self.file.text()))
     }
 }

@@ -192,10 +192,16 @@ fn read_file(path: &Path) -> Result<Model, ModelError> {
 pub(in crate::model) fn parse(text: &str, path: &Path) -> Result<Model, ModelError> {
     if is_craft(text) {
         let file = craft::parse(text, path)?;
-        return Model::of_craft(&file, VESSEL_DT_S)
-            .map_err(|source| ModelError::Plant { path: path.to_owned(), source });
+        let model = Model::of_craft(&file, VESSEL_DT_S)
+            .map_err(|source| ModelError::Plant { path: path.to_owned(), source })?;
+        return Ok(with_history(model, text));
     }
-    let mut model = model(&parse_vessel(text, path).map_err(ModelError::Vessel)?, path)?;
+    let model = model(&parse_vessel(text, path).map_err(ModelError::Vessel)?, path)?;
+    Ok(with_history(model, text))
+}
+
+/// The model with the adaptations that its file states.
+fn with_history(mut model: Model, text: &str) -> Model {
     // Comments that are not valid JSON are ignored.
     let history: Vec<serde_json::Value> = text
         .lines()
@@ -205,7 +211,19 @@ pub(in crate::model) fn parse(text: &str, path: &Path) -> Result<Model, ModelErr
     if !history.is_empty() {
         model.description.provenance.settings["adapted"] = history.into();
     }
-    Ok(model)
+    model
+}
+
+/// The adaptations of a vessel as comments of its file, which [`with_history`] reads.
+pub(super) fn history_text(model: &Model) -> String {
+    let mut text = String::new();
+    if let Some(history) = model.description.provenance.settings["adapted"].as_array() {
+        text.push_str("# Numbers adapted by `hydroid adapt`; one line for each adaptation.\n");
+        for entry in history {
+            text.extend([ADAPTED, &entry.to_string(), "\n"]);
+        }
+    }
+    text
 }
 
 impl Kind for Arc<PlantModel> {
@@ -226,15 +244,8 @@ impl Kind for Arc<PlantModel> {
     }
 
     fn encode(&self, model: &Model) -> Result<Encoded, String> {
-        let mut text = String::new();
-        if let Some(history) = model.description.provenance.settings["adapted"].as_array() {
-            text.push_str("# Parameters adapted by `hydroid adapt`; one line for each adaptation.\n");
-            for entry in history {
-                text.extend([ADAPTED, &entry.to_string(), "\n"]);
-            }
-        }
-        text += &vessel_toml(self.params()).map_err(|error| error.to_string())?;
-        Ok(Encoded::Text(text))
+        let text = vessel_toml(self.params()).map_err(|error| error.to_string())?;
+        Ok(Encoded::Text(history_text(model) + &text))
     }
 
     fn invert(&self, _: &Model, _: [usize; 3]) -> Result<InvertibleModel, NotInvertible> {

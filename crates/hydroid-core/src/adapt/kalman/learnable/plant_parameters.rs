@@ -1,64 +1,87 @@
-//! The map from weights to the parameters of a vessel.
+//! The map from weights to the numbers of a vessel.
 
+use alloc::vec;
 use alloc::vec::Vec;
 
 use num_traits::Float;
 
-use crate::vessel::{Form, Numbers, PARAMETER, is_solvable};
+use crate::craft::Craft;
+use crate::model::CraftModel;
 
-/// The largest weight: a parameter of fixed sign stays between a tenth and ten times its initial value, the change of
+/// The largest weight: a number of fixed sign stays between a tenth and ten times its initial value, the change of
 /// others below 2.3 times it.
 const LARGEST: f64 = core::f64::consts::LN_10;
 
 /// Halvings of a change of the weights that leaves the set of physical vessels, before it is rejected.
 const HALVINGS: usize = 20;
 
-/// Weights as relative changes of the parameters: they start at zero, and one set of options suits all vessels.
+/// Weights as relative changes of the numbers: they start at zero, and one set of options suits all vessels.
 ///
 /// ```text
-/// p = p_0 exp(w)      parameters of fixed sign: masses, added masses, diagonal damping, gains, time constants
-/// p = p_0 (1 + w)     parameters of either sign: x_g, the coupling of sway and yaw
+/// p = p_0 exp(w)      numbers of fixed sign: masses, added masses, diagonal damping, thrust, gains, time constants
+/// p = p_0 (1 + w)     numbers of either sign: x_g, the coupling of sway and yaw
 /// ```
 ///
-/// Both agree to first order. Parameters that are zero are not learned.
+/// Both agree to first order. A weight belongs to one number, or to several that are equal.
 #[derive(Clone, Debug, PartialEq)]
 pub(in super::super) struct PlantParameters {
-    form: Form,
-    given: Numbers,
-    places: Vec<usize>,
+    craft: Craft,
+    given: Vec<f64>,
+    signed: Vec<bool>,
+    groups: Vec<Vec<usize>>,
+    /// The weight of each number.
+    weight_of: Vec<Option<usize>>,
 }
 
 impl PlantParameters {
-    pub(in super::super) fn new(form: Form, given: &Numbers) -> Self {
-        let flying = |place: usize| PARAMETER[place].path.starts_with("flying.");
-        let places = (0..given.len()).filter(|&place| given[place] != 0.0 && (form.flying || !flying(place)));
-        Self { form, given: *given, places: places.collect() }
+    pub(in super::super) fn new(model: &CraftModel) -> Self {
+        let parameters = model.craft().parameters();
+        let groups = model.learned().to_vec();
+        let mut weight_of = vec![None; parameters.len()];
+        for (weight, group) in groups.iter().enumerate() {
+            for &place in group {
+                weight_of[place] = Some(weight);
+            }
+        }
+        Self {
+            craft: model.craft().clone(),
+            given: parameters.iter().map(|(_, number)| *number).collect(),
+            signed: parameters.iter().map(|(parameter, _)| parameter.signed).collect(),
+            groups,
+            weight_of,
+        }
     }
 
-    pub(in super::super) fn form(&self) -> Form {
-        self.form
+    pub(in super::super) fn craft(&self) -> &Craft {
+        &self.craft
     }
 
-    pub(in super::super) fn places(&self) -> &[usize] {
-        &self.places
+    /// Numbers of each weight.
+    pub(in super::super) fn groups(&self) -> &[Vec<usize>] {
+        &self.groups
     }
 
-    pub(in super::super) fn value(&self, index: usize, w: f64) -> (f64, f64) {
-        let place = self.places[index];
+    pub(in super::super) fn weight_of(&self, place: usize) -> Option<usize> {
+        self.weight_of[place]
+    }
+
+    /// A number under its weight, and its derivative with respect to it.
+    pub(in super::super) fn value(&self, place: usize, w: f64) -> (f64, f64) {
         let given = self.given[place];
-        if PARAMETER[place].signed {
+        if self.signed[place] {
             return (given * (1.0 + w), given);
         }
         let value = given * Float::exp(w);
         (value, value)
     }
 
-    pub(in super::super) fn numbers(&self, weights: &[f64]) -> Numbers {
-        let mut numbers = self.given;
-        for (index, (&place, &w)) in self.places.iter().zip(weights).enumerate() {
-            numbers[place] = self.value(index, w).0;
-        }
-        numbers
+    fn number(&self, place: usize, weights: &[f64]) -> f64 {
+        self.weight_of[place].map_or(self.given[place], |weight| self.value(place, weights[weight]).0)
+    }
+
+    /// All numbers.
+    pub(in super::super) fn numbers<'a>(&'a self, weights: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+        (0..self.given.len()).map(|place| self.number(place, weights))
     }
 
     /// Projects `to` onto the set of physical vessels: clamps each weight, then halves the distance to the valid
@@ -68,11 +91,22 @@ impl PlantParameters {
             *to = if to.is_nan() { *from } else { to.clamp(-LARGEST, LARGEST) };
         }
         for _ in 0..HALVINGS {
-            if is_solvable(self.form, &self.numbers(to)) {
+            if self.is_solvable(to) {
                 return;
             }
             to.iter_mut().zip(from).for_each(|(to, from)| *to = 0.5 * (*to + from));
         }
         to.copy_from_slice(from);
+    }
+
+    fn is_solvable(&self, weights: &[f64]) -> bool {
+        let (mut hull, mut flying) = (self.craft.hull, self.craft.flying);
+        let mut numbers = self.numbers(weights);
+        let mut next = |place: &mut f64| *place = numbers.next().unwrap_or(f64::NAN);
+        hull.visit_numbers(&mut next);
+        if let Some(flying) = &mut flying {
+            flying.visit_numbers(&mut next);
+        }
+        hull.is_solvable(flying.as_ref()) && self.numbers(weights).all(f64::is_finite)
     }
 }
