@@ -137,7 +137,7 @@ fn invalid_input_is_refused() {
         ("--noise u=0.01", "'v' is missing"),
         ("--noise u=0.01,v=0.01,r=0.02,w=1", "no output 'w'"),
         ("--noise u=0,v=0.01,r=0.02", "standard deviation of 0"),
-        ("--noise u", "NAME=NUMBER"),
+        ("--noise u", "NAME=VALUE"),
         ("--covariance blocks:0", "blocks:7"),
         ("--covariance much", "blocks:7"),
         ("--weight-variance=-1", "initial variance"),

@@ -283,7 +283,7 @@ fn adaptive_augmentation_reduces_the_error() {
             "control hydrofoil --controller backstepping --adaptive-augmentation",
             "--adaptive-augmentation needs --controller fl",
         ),
-        ("control hydrofoil --controller fl --adaptive-augmentation --adapt", "cannot be used with"),
+        ("control hydrofoil --controller fl --adaptive-augmentation --adapt", "both learn the error"),
         (
             "control hydrofoil --controller fl --gauss-newton-steps 3",
             "--gauss-newton-steps needs --controller cem",

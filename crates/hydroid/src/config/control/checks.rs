@@ -55,7 +55,7 @@ impl ClosedLoopOptions {
             format!("{}: pid controls the vessel's origin; leave it out", key("lead"))
         })?;
         none(first!(self, estimate_current adapt).filter(|_| is_pid), |option| {
-            format!("{option} needs a controller that predicts with a model; pid does not: leave it out")
+            format!("{option} needs a controller that predicts with a model; pid does not: leave {option} out")
         })
     }
 
@@ -75,7 +75,7 @@ impl ClosedLoopOptions {
             first!(self, mass_variation current_variation wind_variation).filter(|_| runs == 1),
             |option| {
                 format!(
-                    "{option} applies to Monte Carlo trials: set {}, or state the value of a single run by {}, {}, {}",
+                    "{option} applies to Monte Carlo trials: add {}, or state the value of a single run by {}, {}, {}",
                     key("runs"),
                     key("mass"),
                     key("current"),
