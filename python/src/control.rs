@@ -221,5 +221,8 @@ pub(crate) fn control(
         let simulated = setup.simulate(controller.as_mut(), all, &mut report(tuning + trials))?;
         Ok(ClosedLoop { setup, tuned, simulated })
     })?;
-    simulated.map_err(|error| chain(&error))
+    let simulated = simulated.map_err(|error| chain(&error))?;
+    let beyond: Vec<Note> = simulated.simulated.extrapolations().map(Note::warning).collect();
+    warn(py, &beyond)?;
+    Ok(simulated)
 }

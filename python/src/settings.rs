@@ -6,7 +6,6 @@ use hydroid::config::control::ClosedLoopOptions;
 use hydroid::config::schema::options_of;
 use hydroid::config::{self, Config};
 use hydroid::model::Reading;
-use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyInt, PyList, PyString, PyTuple};
 use serde::Serialize;
@@ -92,7 +91,7 @@ pub(crate) fn read<T: DeserializeOwned>(table: Value) -> PyResult<T> {
             "." => message.to_owned(),
             path => format!("{path}: {message}"),
         };
-        if message.starts_with("invalid type") { PyTypeError::new_err(text) } else { value(text) }
+        value(text)
     })
 }
 

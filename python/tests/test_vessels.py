@@ -143,7 +143,7 @@ def test_a_simulated_vessel_is_identified():
         (lambda m: hydroid.simulate("simple", process_noise=1.0), ["process_noise needs an identified model"]),
         (lambda m: hydroid.simulate("simple", figure="a.svg"), ["figure", "identified model"]),
         (lambda m: hydroid.simulate("simple", duration=-1), ["duration is -1"]),
-        (lambda m: hydroid.simulate("simple", current=(1.0,)), ["current", "north and east"]),
+        (lambda m: hydroid.simulate("simple", current=(1.0,)), ["current", "length 2"]),
         (lambda m: hydroid.simulate("simple", {"t": [0.0, 1.0], "n": [1.0, 1.0]}), ["excitation", "PP_cmd", "RD_cmd"]),
         (lambda m: hydroid.simulate(m, "circle"), ["one propeller and one rudder", "write mixed"]),
         (lambda m: hydroid.simulate(m, dt=0.5), ["dt needs a vessel"]),
@@ -306,7 +306,7 @@ def test_roles_limits_and_neutral_values_as_text():
     assert text.figures == table.figures
     with pytest.raises(ValueError, match='^steering=150: .* as in limit="NAME=LOW:HIGH"'):
         hydroid.manoeuvres("simple", trials="turning-circle", steering=150)
-    with pytest.raises(ValueError, match="^role: 'delta' is not NAME=VALUE"):
+    with pytest.raises(ValueError, match="^role: 'delta' is not INPUT=ROLE"):
         hydroid.manoeuvres("simple", role="delta", trials="zigzag")
     with pytest.raises(ValueError, match="^speed and propulsion both"):
         hydroid.manoeuvres("simple", speed=1.5, propulsion=50)

@@ -359,7 +359,7 @@ fn the_command_at_rest_is_neutral_or_the_service_does_not_start() {
     let said = text(&refused.stderr);
     assert_eq!(refused.status.code(), Some(2), "{said}");
     assert!(said.contains("[boat.inputs.left] neutral = VALUE, limits = [LOW, HIGH]"), "{said}");
-    assert!(said.contains("--neutral left=1500 and --limit left=1100:1900"), "{said}");
+    assert!(said.contains("--neutral left=VALUE and --limit left=LOW:HIGH"), "{said}");
 
     let stated = ["left=1100:1900", "right=1100:1900"].map(|limit| ["--limit", limit]).concat();
     let stated =

@@ -6,6 +6,7 @@ use hydroid::evaluate::DesignRange;
 use hydroid::model::{Model, UnitProduct, latex_estimate, latex_text, latex_unit};
 use hydroid::plant::described_inputs;
 
+use super::linear::is_constant;
 use super::vessel::deviations;
 use super::{Centripetal, CoefficientOptions, Coefficients, Derivative, Input, straight_course};
 use crate::name::comment;
@@ -185,6 +186,26 @@ fn tables(
                 );
             } else {
                 table.derivative(&row.latex, &row.derivative, inputs, &prime);
+            }
+        }
+        if model.equations().is_some() {
+            let names = model.description.inputs.iter().enumerate().filter(|(k, _)| is_constant(model, *k));
+            for (_, port) in names {
+                let _ = writeln!(
+                    notes,
+                    "% {} was constant in the logs: its effect is not known.",
+                    port.channel.name
+                );
+            }
+            let u = model.description.outputs.iter().find(|port| port.channel.name == "u");
+            let range = u.map(|port| port.training_range.unwrap_or(port.range));
+            if let Some(DesignRange { low, high }) =
+                range.filter(|range| speed < range.low || speed > range.high)
+            {
+                let _ = writeln!(
+                    notes,
+                    "% Not validated: U = {speed} m/s is outside of the training range of u, {low:.4} to {high:.4} m/s."
+                );
             }
         }
         let actuators = if model.craft().is_some() { ", without actuators" } else { "" };

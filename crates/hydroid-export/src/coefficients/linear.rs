@@ -76,6 +76,10 @@ pub fn straight_course(
         push(&mut rows, force, j, rest, sides);
     }
     for ((k, by), input) in (0..neutral.len()).zip(3..).zip(&coefficients.inputs) {
+        // Nothing is known of the effect of an input that never moved.
+        if model.equations().is_some() && is_constant(model, k) {
+            continue;
+        }
         let sides = [-1.0, 1.0].map(|side| {
             let of_actuators =
                 model.craft().map_or([0.0; 3], |craft| actuators(craft, &neutral, k, speed, side));
@@ -92,13 +96,20 @@ pub fn straight_course(
     Ok(rows)
 }
 
+/// Whether an input was constant in the training.
+pub(super) fn is_constant(model: &Model, input: usize) -> bool {
+    let port = &model.description.inputs[input];
+    let range = port.training_range.unwrap_or(port.range);
+    range.low == range.high
+}
+
 /// Adds a derivative from the derivatives on both sides and their standard deviations.
 fn push(rows: &mut Vec<Linear>, force: Force, by: u16, rest: &str, [below, above]: [(f64, f64); 2]) {
     let mut row = |side: &str, (value, deviation): (f64, f64)| {
         // The rest of a power at the smallest number.
         let value = if value.is_subnormal() { 0.0 } else { value };
         let value = if value.is_finite() { value } else { f64::NAN };
-        let deviation = (deviation > 0.0).then_some(deviation);
+        let deviation = (deviation > f64::MIN_POSITIVE).then_some(deviation);
         let derivative = Derivative { force, variable: Variable::product(&[by]), value, deviation };
         rows.push(Linear { latex: format!("{}{side}{rest}", force.letter()), derivative });
     };

@@ -191,7 +191,8 @@ fn text(value: &Value, separator: &str) -> anyhow::Result<String> {
             let mut joined = String::new();
             for (name, value) in all {
                 let comma = if joined.is_empty() { "" } else { "," };
-                let _ = write!(joined, "{comma}{name}={}", text(value, ",")?);
+                // A list is a range.
+                let _ = write!(joined, "{comma}{name}={}", text(value, ":")?);
             }
             joined
         }

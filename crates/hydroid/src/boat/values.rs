@@ -34,6 +34,9 @@ pub struct Value {
     pub limits_found: Option<Evidence>,
     /// Whether the input is commanded.
     pub is_commanded: bool,
+    /// How its values are stated, if not in the unit of the model.
+    #[serde(skip)]
+    pub stated_as: Option<Raw>,
 }
 
 impl Value {
@@ -92,15 +95,39 @@ impl Value {
 
     /// What is said of the properties that only follow from the logs; none if there are none.
     pub fn note(&self) -> Option<String> {
-        let (name, (neutral, [low, high], unit)) = (&self.name, self.shown());
+        // In the unit in which they are stated.
+        let (name, (neutral, [low, high], unit)) = match &self.stated_as {
+            Some(raw) => {
+                let unit = Some(&raw.unit).filter(|unit| !matches!(unit.as_str(), "" | "1"));
+                let number = |value: f64| (1e4 * raw.raw(value)).round() / 1e4 + 0.0;
+                let unit = unit.map(|unit| format!(" {unit}")).unwrap_or_default();
+                (&self.name, (number(self.neutral), sorted(self.limits.map(number)), unit))
+            }
+            None => (&self.name, self.shown()),
+        };
         let why = |found: &Option<Evidence>| found.as_ref().map(ToString::to_string).unwrap_or_default();
         let said = self.weak().map(|property| match property {
             Property::Neutral => format!("neutral of {name}: {neutral}{unit}, {}", why(&self.neutral_found)),
             _ => format!("limits of {name}: {low} to {high}{unit}, {}", why(&self.limits_found)),
         });
         let said = said.collect::<Vec<_>>().join("; ");
-        (!said.is_empty()).then(|| format!("{said}; state them with {}", line(name, self.weak())))
+        (!said.is_empty()).then(|| {
+            let option = options(name, self.weak());
+            format!(
+                "{said}; state them with {option}, or {} where the model is identified",
+                line(name, self.weak())
+            )
+        })
     }
+}
+
+/// The options that state properties of an input.
+fn options(name: &str, missing: impl Iterator<Item = Property>) -> String {
+    let stated = missing.map(|property| match property {
+        Property::Neutral => key("neutral").is(format_args!("{name}=VALUE")).to_string(),
+        _ => key("limit").is(format_args!("{name}=LOW:HIGH")).to_string(),
+    });
+    stated.collect::<Vec<_>>().join(" and ")
 }
 
 /// The line of a configuration that states properties of an input.
@@ -202,7 +229,17 @@ impl Boat {
             return Err(BoatError::NeutralOutside { input: name(), neutral, low, high });
         }
         let unit = channel.unit.clone();
-        Ok(Value { name: name(), unit, neutral, limits, neutral_found, limits_found, is_commanded })
+        let stated_as = self.raw_input(channel, None);
+        Ok(Value {
+            name: name(),
+            unit,
+            neutral,
+            limits,
+            neutral_found,
+            limits_found,
+            is_commanded,
+            stated_as,
+        })
     }
 
     /// The value of an input as it is sent and logged, from that of a model.
@@ -329,14 +366,7 @@ pub fn check_firm(values: &[Value]) -> Result<(), BoatError> {
     let Some(value) = values.iter().find(|value| value.weak().next().is_some()) else { return Ok(()) };
     let missing: Vec<Property> = value.weak().collect();
     let name = &value.name;
-    let is_pulse = value.unit == "us" && value.limits.iter().all(|limit| PULSE_US.contains(limit));
-    let option = missing.iter().map(|property| match (property, is_pulse) {
-        (Property::Neutral, true) => key("neutral").is(format_args!("{name}=1500")),
-        (Property::Neutral, false) => key("neutral").is(format_args!("{name}=VALUE")),
-        (_, true) => key("limit").is(format_args!("{name}=1100:1900")),
-        (_, false) => key("limit").is(format_args!("{name}=LOW:HIGH")),
-    });
-    let option = option.map(|option| option.to_string()).collect::<Vec<_>>().join(" and ");
+    let option = options(name, missing.iter().copied());
     let what = if missing.len() > 1 {
         "neutral value and limits"
     } else if missing[0] == Property::Neutral {

@@ -122,7 +122,7 @@ fn a_service_needs_more_than_the_log() {
     assert!(error.contains("neutral value and limits of left"), "{error}");
     assert!(error.contains("[boat.inputs.left] neutral = VALUE, limits = [LOW, HIGH]"), "{error}");
     let error = firm(&pulses("us")).unwrap_err().to_string();
-    assert!(error.contains("neutral=\"left=1500\" and limit=\"left=1100:1900\""), "{error}");
+    assert!(error.contains("neutral=\"left=VALUE\" and limit=\"left=LOW:HIGH\""), "{error}");
     let options = ClosedLoopOptions {
         neutral: ["left", "right"].map(|name| (name.to_owned(), 1500.0)).into(),
         limit: ["left", "right"].map(|name| (name.to_owned(), "1100:1900".parse().unwrap())).into(),

@@ -55,7 +55,9 @@ impl ClosedLoopOptions {
             format!("{}: pid controls the vessel's origin; leave it out", key("lead"))
         })?;
         none(first!(self, estimate_current adapt).filter(|_| is_pid), |option| {
-            format!("{option} needs a controller that predicts with a model; pid does not: leave {option} out")
+            format!(
+                "{option} needs a controller that predicts with a model; pid does not: leave {option} out"
+            )
         })
     }
 

@@ -131,7 +131,18 @@ impl Setup {
             }
             None => Arc::clone(&plant),
         };
-        if method != ControlMethod::Autopilot {
+        if method == ControlMethod::Autopilot {
+            let names = |model: &Model| {
+                let names = model.description.inputs.iter().map(|port| port.channel.name.clone());
+                names.collect::<Vec<_>>().join(", ")
+            };
+            let (tuned, steered) = (names(&model), names(&plant));
+            ensure(tuned == steered, || {
+                format!(
+                    "the autopilot is tuned on a model with the inputs {tuned}, and those of the plant are {steered}"
+                )
+            })?;
+        } else {
             controller.model = Some(Arc::clone(&model));
         }
         Ok(Self {
