@@ -71,18 +71,14 @@ where
     Ok(table(deserializer)?.into_iter().collect())
 }
 
-/// Numbers, or `1,2`.
-pub(crate) fn numbers<'de, D, const N: usize>(deserializer: D) -> Result<Option<[f64; N]>, D::Error>
+/// What a function makes of a text, or else what the type itself reads.
+pub(crate) fn parsed<'de, D, T, P>(deserializer: D, parse: P) -> Result<T, D::Error>
 where
     D: Deserializer<'de>,
-    [f64; N]: Deserialize<'de>,
+    T: Deserialize<'de>,
+    P: FnOnce(&str) -> Result<T, String>,
 {
-    deserializer.deserialize_any(Written { parse: crate::config::value::numbers, of: PhantomData }).map(Some)
-}
-
-/// Points, or `0,0;40,0`.
-pub(crate) fn points<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Vec<[f64; 2]>>, D::Error> {
-    deserializer.deserialize_any(Written { parse: crate::config::value::points, of: PhantomData }).map(Some)
+    deserializer.deserialize_any(Written { parse, of: PhantomData })
 }
 
 fn said(error: impl Display) -> String {

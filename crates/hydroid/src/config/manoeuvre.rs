@@ -150,7 +150,7 @@ pub struct Manoeuvre {
     pub turn: Vec<String>,
     /// Velocity of a constant current: north,east [m/s]; the approach heads north (default: still water)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "N,E", value_parser = numbers::<2>, allow_hyphen_values = true))]
-    #[serde(deserialize_with = "written::numbers")]
+    #[serde(deserialize_with = "crate::config::value::read_numbers")]
     pub current: Option<[f64; 2]>,
     /// Length of the ship [m]: adds the criteria of IMO resolution MSC.137(76)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "M", allow_negative_numbers = true))]

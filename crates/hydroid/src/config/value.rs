@@ -4,6 +4,10 @@ use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::str::FromStr;
 
+use serde::{Deserialize, Deserializer};
+
+use crate::written;
+
 /// `N` numbers: `1,2`.
 ///
 /// # Errors
@@ -41,4 +45,20 @@ pub fn named<T: FromStr<Err: Display>>(text: &str) -> Result<(String, T), String
 /// Values by name; the last one of a name counts.
 pub fn by_name<T: Clone>(all: &[(String, T)]) -> BTreeMap<String, T> {
     all.iter().cloned().collect()
+}
+
+/// Reads numbers, or `1,2`.
+pub(crate) fn read_numbers<'de, D, const N: usize>(deserializer: D) -> Result<Option<[f64; N]>, D::Error>
+where
+    D: Deserializer<'de>,
+    [f64; N]: Deserialize<'de>,
+{
+    written::parsed(deserializer, numbers).map(Some)
+}
+
+/// Reads points, or `0,0;40,0`.
+pub(crate) fn read_points<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Option<Vec<[f64; 2]>>, D::Error> {
+    written::parsed(deserializer, points).map(Some)
 }

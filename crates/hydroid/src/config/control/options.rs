@@ -89,7 +89,7 @@ pub struct ClosedLoopOptions {
     pub legs: Option<usize>,
     /// Waypoints and legs: north,east of each point [m]: '0,0;60,0;60,40'; station: one point (default: 0,0)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "N,E;N,E;..", allow_hyphen_values = true, value_parser = points, help_heading = TASK))]
-    #[serde(deserialize_with = "written::points")]
+    #[serde(deserialize_with = "crate::config::value::read_points")]
     pub points: Option<Points>,
     /// Waypoints and legs: the points of a CSV file (north [m] and east [m], or lat [deg] and lon [deg]) or a GPX file
     #[cfg_attr(feature = "arguments", arg(long, value_name = "FILE", help_heading = TASK))]
@@ -106,7 +106,7 @@ pub struct ClosedLoopOptions {
     /// Initial position relative to the start of the path [m]: ahead, to starboard (default: 0,-0.5, in proportion for an
     /// identified model)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "M,M", allow_hyphen_values = true, value_parser = numbers::<2>, help_heading = TASK))]
-    #[serde(deserialize_with = "written::numbers")]
+    #[serde(deserialize_with = "crate::config::value::read_numbers")]
     pub start: Option<[f64; 2]>,
     /// Control law; cem works with every kind of model
     #[cfg_attr(feature = "arguments", arg(long, value_enum, default_value_t, help_heading = CONTROLLER))]
@@ -123,7 +123,7 @@ pub struct ClosedLoopOptions {
     pub evaluate_from: Option<Duration>,
     /// fl: natural frequency [rad/s] and damping ratio of the error dynamics (default: 1.5,0.7)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "RAD_S,ZETA", value_parser = numbers::<2>, help_heading = CONTROLLER))]
-    #[serde(deserialize_with = "written::numbers")]
+    #[serde(deserialize_with = "crate::config::value::read_numbers")]
     pub bandwidth: Option<[f64; 2]>,
     /// fl: integral gain [1/s^3] against model error and steady disturbances (default: 0; 1 suits the default bandwidth)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "PER_S3", allow_negative_numbers = true, help_heading = CONTROLLER))]
@@ -154,7 +154,7 @@ pub struct ClosedLoopOptions {
     pub gauss_newton_steps: Option<usize>,
     /// cem: cost weights of position error [1/m^2], course error [1/rad^2] and speed error [s^2/m^2] (default: 1,0.2,0.2)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "M,RAD,M_S", value_parser = numbers::<3>, help_heading = CONTROLLER))]
-    #[serde(deserialize_with = "written::numbers")]
+    #[serde(deserialize_with = "crate::config::value::read_numbers")]
     pub cost_weights: Option<[f64; 3]>,
     /// cem: weight of the squared change from command to command, relative to half of the range of the command; a larger one
     /// gives calmer commands (default: 0.05)
@@ -217,15 +217,15 @@ pub struct ClosedLoopOptions {
     pub process_noise: Option<f64>,
     /// Velocity of the current: north,east [m/s] (default: still water)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "N,E", allow_hyphen_values = true, value_parser = numbers::<2>, help_heading = DISTURBANCES))]
-    #[serde(deserialize_with = "written::numbers")]
+    #[serde(deserialize_with = "crate::config::value::read_numbers")]
     pub current: Option<[f64; 2]>,
     /// Constant wind force on the hull: north,east [N] (default: 0,0); wind, gusts and mass need a plant with given parameters
     #[cfg_attr(feature = "arguments", arg(long, value_name = "N,E", allow_hyphen_values = true, value_parser = numbers::<2>, help_heading = DISTURBANCES))]
-    #[serde(deserialize_with = "written::numbers")]
+    #[serde(deserialize_with = "crate::config::value::read_numbers")]
     pub wind: Option<[f64; 2]>,
     /// Gusts: standard deviation [N] and time constant [s] of a Gauss-Markov force in each direction (default: 0,5)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "N,S", value_parser = numbers::<2>, help_heading = DISTURBANCES))]
-    #[serde(deserialize_with = "written::numbers")]
+    #[serde(deserialize_with = "crate::config::value::read_numbers")]
     pub gusts: Option<[f64; 2]>,
     /// Factor on mass and yaw inertia: 1.2 for 20 % more (default: 1)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "FACTOR", allow_negative_numbers = true, help_heading = DISTURBANCES))]

@@ -49,7 +49,7 @@ pub struct Simulate {
     /// Velocity of a constant current: north,east [m/s]; pose and velocities are over ground (default: still water; with a
     /// log, the estimate of the model from the samples before the start)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "N,E", value_parser = numbers::<2>, allow_hyphen_values = true))]
-    #[serde(deserialize_with = "written::numbers")]
+    #[serde(deserialize_with = "crate::config::value::read_numbers")]
     pub current: Option<[f64; 2]>,
     /// Identified model: factor on its process noise, from the growth of its errors; 0: none (default: 0)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "FACTOR", allow_negative_numbers = true))]
