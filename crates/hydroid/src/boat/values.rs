@@ -111,13 +111,8 @@ impl Value {
             _ => format!("limits of {name}: {low} to {high}{unit}, {}", why(&self.limits_found)),
         });
         let said = said.collect::<Vec<_>>().join("; ");
-        (!said.is_empty()).then(|| {
-            let option = options(name, self.weak());
-            format!(
-                "{said}; state them with {option}, or {} where the model is identified",
-                line(name, self.weak())
-            )
-        })
+        // A part of documents, which are the same from every front end.
+        (!said.is_empty()).then(|| format!("{said}; state them with {}", line(name, self.weak())))
     }
 }
 
