@@ -5,6 +5,7 @@ mod adapt;
 mod atomic;
 mod boat;
 mod boat_found;
+mod boat_values;
 mod closed_loop;
 mod committee;
 mod control_of_models;
