@@ -37,3 +37,26 @@ impl Outside {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluate::DesignRange;
+    use crate::log::Channel;
+
+    #[test]
+    fn a_channel_is_outside_a_tenth_beyond_the_range_in_which_it_was_seen() {
+        let port = Port {
+            channel: Channel::new("delta", "rad"),
+            range: DesignRange { low: -9.0, high: 9.0 },
+            training_range: Some(DesignRange { low: -0.3, high: 0.2 }),
+            noise: None,
+            rate_limit: None,
+        };
+        let of = |values: &[f64]| Outside::of(&port, (0..).map(f64::from).zip(values.iter().copied()));
+        assert_eq!(of(&[0.0, 0.249, -0.349, f64::NAN]), None);
+        let found = of(&[0.0, 0.1, -0.4, 0.3]).unwrap();
+        let expected = ("delta", 2.0, [-0.4, 0.3], [-0.3, 0.2]);
+        assert_eq!((found.name.as_str(), found.from_s, found.reached, found.range), expected);
+    }
+}

@@ -95,12 +95,10 @@ fn values_that_contradict_each_other_are_refused() {
 
 #[test]
 fn limits_within_the_logged_commands_are_refused_before_the_training() {
-    let text = "t,u,r,left\n".to_owned()
-        + &(0_u32..40)
-            .map(|k| {
-                format!("{k},{},0,{}\n", 1.0 + 0.1 * f64::from(k % 7), if k % 9 == 0 { 1900 } else { 1450 })
-            })
-            .collect::<String>();
+    let rows = (0_u32..40).map(|k| {
+        format!("{k},{},0,{}\n", 1.0 + 0.1 * f64::from(k % 7), if k % 9 == 0 { 1900 } else { 1450 })
+    });
+    let text = format!("t,u,r,left\n{}", rows.collect::<Vec<_>>().concat());
     let job = |limits: &str| {
         let config = format!(
             "[log]\noutputs = [\"u\", \"r\"]\ninputs = [\"left\"]\n[boat.inputs.left]\nlimits = {limits}\n"
