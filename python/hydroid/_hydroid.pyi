@@ -252,8 +252,10 @@ class Adapter:
     noise_logs : Log, path, Run, or list of these, optional
         Logs from which the noise is estimated where the model file does not state it.
     **options
-        Over the defaults of the kind of model: ``method``, ``least_squares``, ``kalman``, ``current_m_s``, for example
-        ``kalman={"weight_variance": 1e-3}``.
+        Options of the section ``[adapt]`` over the defaults of the kind of model: ``learner``, ``forgetting``,
+        ``estimate_current``; for least squares ``window``, ``prior``, ``no_leak``, ``all_terms``, ``no_gate``; for the Kalman
+        filter ``noise``, ``noise_factor``, ``weight_variance``, ``weight_noise``, ``state_variance``, ``state_noise``,
+        ``leak``, ``huber``, ``covariance``, ``rehearsal``. `hydroid adapt --help-advanced` explains them.
     """
 
     def __new__(cls, model: Model, *, guard: bool | Guard = True, noise_logs: Any = None, **options: Any) -> Adapter: ...

@@ -10,11 +10,7 @@ from typing import Any, NamedTuple
 from . import _hydroid
 from ._evaluate import Evaluation
 from ._hydroid import Model
-from ._options import Bar, Channels, by_name, log_section, names, tables
-
-
-#: Further keys of the section ``[identify]``.
-_OPTIONS = ("motion", "rate_limit", "origin_stride", "budget")
+from ._options import Bar, Channels, by_name, log_section, tables, takes
 
 
 class Judgement(NamedTuple):
@@ -107,6 +103,7 @@ def _write(path: Path, text: str) -> None:
     os.replace(part, path)
 
 
+@takes("identify")
 def identify(
     logs: Any = (),
     *,
@@ -117,9 +114,6 @@ def identify(
     heading: str | None = None,
     wind: str | None = None,
     time: str | None = None,
-    methods: str | Sequence[str] = ("sindy", "committee"),
-    horizon: int | str | None = None,
-    seed: int | None = None,
     config: str | os.PathLike[str] | None = None,
     vessel: str | os.PathLike[str] | None = None,
     ranges: Mapping[str, tuple[float, float] | str] | str | None = None,
@@ -144,12 +138,6 @@ def identify(
         Logs that choose models, and logs that judge them.
     outputs, inputs, heading, wind, time
         Columns; see `prepare`.
-    methods : str or list of str
-        ``sindy``, ``committee``, ``lagged``, ``recursive``, ``lstm``, ``gru``, ``rnn``, ``direct``, ``affine``.
-    horizon : int or str
-        Longest horizon: samples (default 100), or seconds as ``"10s"``.
-    seed : int, optional
-        Default: that of `config`, else 0.
     config : path, optional
         A file ``hydroid.toml``. Arguments take precedence over it.
     vessel : path, optional
@@ -166,29 +154,18 @@ def identify(
     progress : bool or callable
         A bar of tqdm, or a function of the completed fraction.
     **options
-        Further keys of ``[identify]``: ``motion``, ``rate_limit``, ``origin_stride``, ``budget``.
 
     Returns
     -------
     Identification
     """
     given: dict[str, Any] = tables("sections", sections)
-    for name in options:
-        if name not in _OPTIONS:
-            raise TypeError(
-                f"identify() got an unexpected option '{name}': expected {', '.join(_OPTIONS)}; an option of a method is "
-                f"given as sections={{'sindy': {{'{name}': ..}}}}, one of the reading as log={{'{name}': ..}}"
-            )
     given["log"] = {**given.get("log", {}), **log_section(outputs, inputs, heading, wind, time, **(log or {}))}
     given["identify"] = {**given.get("identify", {}), **options}
-    if seed is not None:
-        given["identify"]["seed"] = seed
-    if horizon is not None:
-        given["identify"]["horizon"] = horizon
     if ranges is not None:
         given["ranges"] = by_name("ranges", ranges)
     with Bar(progress, "identifying") as bar:
         inner = _hydroid.identify(
-            logs, validate, test, names("methods", methods), given, config, vessel, threads, bar.callback
+            logs, validate, test, given, config, vessel, threads, bar.callback
         )
     return Identification(inner)

@@ -41,14 +41,6 @@ def tables(argument: str, given: Mapping[str, Any] | None) -> dict[str, dict[str
     return {name: dict(section) for name, section in given.items()}
 
 
-def names(argument: str, given: str | Sequence[str]) -> list[str]:
-    if isinstance(given, str):
-        return [name.strip() for name in given.split(",")]
-    if isinstance(given, Sequence) and all(isinstance(name, str) for name in given):
-        return list(given)
-    raise TypeError(f"{argument}: expected 'a,b' or a list of names, got {given!r}")
-
-
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 #: Options of the library that Python has in another form.

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use hydroid::adapt::{self, BAND_80, BAND_95, Options, ResolvedOptions};
+use hydroid::config::Adapt;
 use hydroid::fingerprint::Fingerprint;
 use hydroid::model;
 use hydroid_core::adapt::{Adapter as Learns, Outcome, Rejection};
@@ -59,17 +60,15 @@ pub(crate) fn with_guard(options: Options, guarding: &Guarding) -> PyResult<Opti
     merged(&options, toml::Table::from_iter([("guard".to_owned(), given.clone())]).into())
 }
 
-/// Options over the defaults of a model.
+/// Options of the adaptation of a model.
 fn options(
     model: &model::Model,
     guarding: &Guarding,
     given: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Options> {
-    let options = Options::of(model);
-    let options = if matches!(guarding, Guarding::None) { options } else { options.guarded(model) };
-    let options = with_guard(options, guarding)?;
-    let Some(given) = given else { return Ok(options) };
-    merged(&options, settings::table(given)?)
+    let mut asked: Adapt = given.map(settings::of).transpose()?.unwrap_or_default();
+    asked.no_guard |= matches!(guarding, Guarding::None);
+    with_guard(asked.options(model).map_err(value)?, guarding)
 }
 
 fn merged(options: &Options, given: toml::Value) -> PyResult<Options> {

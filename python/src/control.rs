@@ -66,6 +66,7 @@ impl ClosedLoop {
                 run: &simulated.run,
                 metrics: &simulated.metrics,
                 trials: simulated.trials.as_ref(),
+                outside: &simulated.outside,
                 tuned: tuned.as_ref(),
             })
             .map_err(|error| error.to_string())

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use hydroid::config::{Logs, Split};
-use hydroid::identify::{IdentifyResult, Method, identify as identify_job};
+use hydroid::identify::{IdentifyResult, identify as identify_job};
 use hydroid::log::{self, Note};
 use hydroid_report::Context;
 use pyo3::prelude::*;
@@ -63,41 +63,22 @@ impl Identification {
     }
 }
 
-fn method(name: &str) -> PyResult<Method> {
-    let methods = [
-        Method::Sindy,
-        Method::Lagged,
-        Method::Recursive,
-        Method::Committee,
-        Method::Lstm,
-        Method::Gru,
-        Method::Rnn,
-        Method::Direct,
-        Method::Affine,
-    ];
-    methods.into_iter().find(|method| method.name() == name).ok_or_else(|| {
-        let known = methods.map(Method::name).join(", ");
-        unfit("methods", format!("some of {known}"), format!("'{name}'"))
-    })
-}
-
 /// Identifies models. `options` are sections of `hydroid.toml`, over those of the file `config`.
 #[pyfunction]
-#[pyo3(signature = (train, validate, test, methods, options, config=None, vessel=None, threads=None, progress=None))]
+#[pyo3(signature = (train, validate, test, options, config=None, vessel=None, threads=None, progress=None))]
 pub(crate) fn identify(
     py: Python<'_>,
     train: &Bound<'_, PyAny>,
     validate: &Bound<'_, PyAny>,
     test: &Bound<'_, PyAny>,
-    methods: Vec<String>,
     options: &Bound<'_, PyDict>,
     config: Option<PathBuf>,
     vessel: Option<PathBuf>,
     threads: Option<usize>,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Identification> {
-    let (mut config, mut reading) = settings::config(config.as_deref(), options)?;
-    let methods: Vec<Method> = methods.iter().map(|name| method(name)).collect::<PyResult<_>>()?;
+    let mut config = settings::config(config.as_deref(), options)?;
+    let mut reading = config.reading().map_err(value)?;
     let mut given = Logs {
         train: logs("logs", train)?,
         validate: logs("validate", validate)?,
@@ -130,7 +111,7 @@ pub(crate) fn identify(
     let mut raw = raw.into_iter();
     let raw = given.map(|_| raw.next().expect("one table for each log"));
     let (job, found) =
-        work::run(py, threads, None, move |_| config.job(reading, &raw, methods, vessel))?.map_err(of_log)?;
+        work::run(py, threads, None, move |_| config.job(reading, &raw, vessel))?.map_err(of_log)?;
     notes.extend(found);
     warn(py, &notes)?;
     let seed = job.seed;

@@ -5,7 +5,6 @@ use std::path::Path;
 use hydroid::config::control::ClosedLoopOptions;
 use hydroid::config::schema::options_of;
 use hydroid::config::{self, Config};
-use hydroid::model::Reading;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyInt, PyList, PyString, PyTuple};
 use serde::Serialize;
@@ -70,10 +69,12 @@ fn setting(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Option<Value>> {
 #[pyfunction]
 pub(crate) fn options<'py>(py: Python<'py>, section: &str) -> PyResult<Bound<'py, PyAny>> {
     let all = match section {
+        "adapt" => options_of::<config::Adapt>(),
         "control" => options_of::<ClosedLoopOptions>(),
+        "identify" => options_of::<config::Identify>(),
         "simulate" => options_of::<config::Simulate>(),
         "manoeuvre" => options_of::<config::Manoeuvre>(),
-        _ => return Err(unfit("section", "control, simulate or manoeuvre", section)),
+        _ => return Err(unfit("section", "adapt, control, identify, manoeuvre or simulate", section)),
     };
     document(py, &all)
 }
@@ -95,25 +96,9 @@ pub(crate) fn read<T: DeserializeOwned>(table: Value) -> PyResult<T> {
     })
 }
 
-/// The sections of a configuration file, if there is one, with `options` over them, and the options of reading.
-pub(crate) fn config(file: Option<&Path>, options: &Bound<'_, PyDict>) -> PyResult<(Config, Reading)> {
-    let options = table(options)?;
-    let given: Config = read(options.clone())?;
-    let Some(file) = file else {
-        let reading = given.reading().map_err(value)?;
-        return Ok((given, reading));
-    };
-    // Its errors name lines, and its paths are relative to the file.
-    let alone = config::read(file).map_err(value)?;
-    let text = std::fs::read_to_string(file).map_err(crate::error::os)?;
-    let mut sections = toml::from_str(&text).map_err(internal)?;
-    let split = options.get("split").is_none().then_some(alone.split);
-    merge(&mut sections, options);
-    let mut config: Config = read(sections)?;
-    config.split = split.unwrap_or(config.split);
-    let in_file = alone.log.over(Reading::default(), &config.boat).map_err(value)?;
-    let reading = given.log.over(in_file, &config.boat).map_err(value)?;
-    Ok((config, reading))
+/// A configuration file, if there is one, with the sections `options` over it.
+pub(crate) fn config(file: Option<&Path>, options: &Bound<'_, PyDict>) -> PyResult<Config> {
+    Config::with(file, &table(options)?).map_err(value)
 }
 
 /// Puts the values of a table over those of another one.

@@ -4,34 +4,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use hydroid::adapt::TrainingRuns;
-use hydroid::boat::Boat;
-use hydroid::config;
 use hydroid::log::{self, LogError, Note, Prepared, RawLog, Trajectory};
 use hydroid::model::{Model, Reading};
 use hydroid::recording;
 
-use crate::args::{Global, LogArgs};
+use crate::args::Global;
 use crate::ui;
-
-/// Reading options: `base` (defaults, configuration file or model), overridden by the command line. Inputs are raw values of
-/// the boat of the configuration file or the model.
-pub fn reading(base: Reading, args: &LogArgs, boat: &Boat) -> anyhow::Result<Reading> {
-    let channels = |list: &Option<String>| list.as_deref().map(log::ChannelSpec::parse_list).transpose();
-    let given = config::Log {
-        time: args.time.clone(),
-        outputs: channels(&args.outputs)?.unwrap_or_default(),
-        inputs: channels(&args.inputs)?.unwrap_or_default(),
-        wind: args.wind.as_deref().map(str::parse).transpose()?,
-        heading: args.heading.as_deref().map(str::parse).transpose()?,
-        sensors: None,
-        dt: args.dt,
-        max_gap: args.max_gap,
-        command_timing: args.command_timing,
-        input_delay: args.input_delay.map(config::Delay::Text),
-        keep_towed: args.keep_towed,
-    };
-    Ok(given.over(base, boat)?)
-}
 
 /// The model with the sample time of the runs, which only vessels can change.
 pub fn with_step_of(model: Model, runs: &[Trajectory]) -> anyhow::Result<Model> {

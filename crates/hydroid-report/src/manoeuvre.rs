@@ -246,10 +246,7 @@ fn values(subject: &ManoeuvreReport<'_>, trials: &[&Trial]) -> Markup {
             @if let Some(t_s) = trial.diverged_s { p.warning { "The motion diverges after " (text(t_s, 3)) " s." } }
         }
         @for outside in &outside(trials) {
-            p.small {
-                "* The model extrapolates from " (text(outside.from_s, 3)) " s on: " (outside.name) " goes from " (text(outside.reached[0], 3))
-                " to " (text(outside.reached[1], 3)) ", and from " (text(outside.range[0], 3)) " to " (text(outside.range[1], 3)) " in its logs."
-            }
+            p.small { "* " (outside) "." }
         }
         @if let Some(stable) = stable { p { (if stable { "Directionally stable." } else { "Not directionally stable." }) } }
         @if intervals {

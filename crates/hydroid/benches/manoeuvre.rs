@@ -7,8 +7,7 @@ use divan::Bencher;
 use hydroid::craft::parse;
 use hydroid::excitation::Excitation;
 use hydroid::identify::{
-    EnsembleSize, GivenRanges, Job, Method, MotionOption, NetworkTrainingOptions, RateLimitOption,
-    SindyOptions, identify,
+    GivenRanges, Job, Method, MotionOption, NetworkTrainingOptions, RateLimitOption, SindyOptions, identify,
 };
 use hydroid::log::split_runs;
 use hydroid::model::{Model, Reading};
@@ -41,7 +40,7 @@ fn identified() -> &'static [Model] {
             ranges: GivenRanges::default(),
             motion: MotionOption::default(),
             rate_limits: RateLimitOption::default(),
-            sindy: SindyOptions { members: EnsembleSize(50), ..SindyOptions::default() },
+            sindy: SindyOptions { members: Some(50), ..SindyOptions::default() },
             networks: NetworkTrainingOptions::default(),
             vessel: None,
         };

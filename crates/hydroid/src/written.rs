@@ -20,6 +20,16 @@ where
     deserializer.deserialize_any(Written { parse: |text: &str| text.parse().map_err(said), of: PhantomData })
 }
 
+/// The text of a value that may be left out.
+pub(crate) fn text<'de, D, T>(deserializer: D) -> Result<Option<T>, D::Error>
+where
+    D: Deserializer<'de>,
+    T: FromStr<Err: Display>,
+{
+    let text = Option::<String>::deserialize(deserializer)?;
+    text.map(|text| text.parse().map_err(D::Error::custom)).transpose()
+}
+
 /// As [`value`], for a field that may be left out.
 pub(crate) fn optional<'de, D, T>(deserializer: D) -> Result<Option<T>, D::Error>
 where
@@ -71,6 +81,18 @@ where
     Ok(table(deserializer)?.into_iter().collect())
 }
 
+/// As [`named`], and back.
+pub(crate) mod by_name {
+    pub(crate) use super::named as deserialize;
+
+    pub(crate) fn serialize<S: serde::Serializer, T: serde::Serialize>(
+        all: &[(String, T)],
+        into: S,
+    ) -> Result<S::Ok, S::Error> {
+        into.collect_map(all.iter().map(|(name, value)| (name, value)))
+    }
+}
+
 /// What a function makes of a text, or else what the type itself reads.
 pub(crate) fn parsed<'de, D, T, P>(deserializer: D, parse: P) -> Result<T, D::Error>
 where
@@ -79,6 +101,12 @@ where
     P: FnOnce(&str) -> Result<T, String>,
 {
     deserializer.deserialize_any(Written { parse, of: PhantomData })
+}
+
+/// Whether a flag is not given.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature of serde")]
+pub(crate) fn is_off(flag: &bool) -> bool {
+    !flag
 }
 
 fn said(error: impl Display) -> String {

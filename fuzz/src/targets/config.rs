@@ -43,8 +43,8 @@ struct Log {
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct Identify {
-    motion: MotionOption,
-    rate_limit: RateLimitOption,
+    motion: Option<MotionOption>,
+    rate_limit: Option<RateLimitOption>,
 }
 
 /// What is read as a configuration is used for a small job.
@@ -85,8 +85,8 @@ pub fn config(bytes: &[u8]) {
         origin_stride: 1,
         seed: 1,
         ranges: config.ranges,
-        motion: config.identify.motion,
-        rate_limits: config.identify.rate_limit,
+        motion: config.identify.motion.unwrap_or_default(),
+        rate_limits: config.identify.rate_limit.unwrap_or_default(),
         sindy: config.sindy,
         networks,
         vessel: None,

@@ -13,7 +13,7 @@ use std::path::Path;
 use anyhow::Context as _;
 use hydroid::excitation::Excitation;
 use hydroid::identify::{
-    EnsembleSize, Job, Method, MotionOption, NetworkTrainingOptions, RateLimitOption, SindyOptions, identify,
+    Job, Method, MotionOption, NetworkTrainingOptions, RateLimitOption, SindyOptions, identify,
 };
 use hydroid::log::{Split, Trajectory};
 use hydroid::model::Reading;
@@ -86,7 +86,7 @@ fn components(vessel: &VesselParams, seed: u64) -> anyhow::Result<Vec<Component>
         ranges: std::collections::BTreeMap::default(),
         motion: MotionOption::ThroughWater,
         rate_limits: RateLimitOption::default(),
-        sindy: SindyOptions { members: EnsembleSize(0), ..SindyOptions::default() },
+        sindy: SindyOptions { members: Some(0), ..SindyOptions::default() },
         networks: NetworkTrainingOptions::default(),
         vessel: None,
     };

@@ -108,7 +108,8 @@ impl Files {
     /// # Errors
     /// If the request has a wrong form, or as the command.
     pub fn identify(&self, request: &str, told: &js_sys::Function) -> Result<Identified, JsError> {
-        let request: Request = from_json(request)?;
+        let mut request: Request = from_json(request)?;
+        request.config.identify.methods = request.methods;
         let mut reading = request.config.reading().map_err(failed)?;
         let tell = |stage: &str, done: f64| tell(told, stage, done);
         let names = Logs { train: request.train, validate: request.validate, test: request.test };
@@ -120,8 +121,7 @@ impl Files {
         let mut raw = raw.into_iter();
         let raw = names.map(|_| raw.next().unwrap_or_else(|| RawLog::without_rows("", Vec::new())));
         let horizon = request.config.identify.horizon;
-        let (mut job, mut notes) =
-            request.config.job(reading, &raw, request.methods, None).map_err(failed)?;
+        let (mut job, mut notes) = request.config.job(reading, &raw, None).map_err(failed)?;
         drop(raw);
         if let Some(seconds) = request.first_s {
             job.split.train = log::beginning(&job.split.train, seconds);

@@ -3,9 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Args as ClapArgs, ValueEnum};
+use hydroid::config;
 use hydroid_export::Precision;
-
-use super::MethodArgs;
 
 /// Write a model in the format of another tool: C, ONNX, CasADi, FMU, Gazebo, MSS, LaTeX
 ///
@@ -56,7 +55,7 @@ pub struct Export {
     #[arg(long, value_name = "NAME")]
     pub link: Option<String>,
     #[command(flatten)]
-    pub method: MethodArgs,
+    pub adaptation: config::Adapt,
 }
 
 /// A format.

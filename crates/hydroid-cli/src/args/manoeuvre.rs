@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args as ClapArgs;
 use hydroid::config;
 
-use super::LogArgs;
+use super::Log;
 
 /// Run manoeuvring trials of a vessel or of an identified model
 ///
@@ -29,5 +29,5 @@ pub struct Manoeuvre {
     #[arg(long, short, value_name = "DIR")]
     pub output: Option<PathBuf>,
     #[command(flatten)]
-    pub log: LogArgs,
+    pub log: Log,
 }

@@ -16,12 +16,11 @@ use std::path::PathBuf;
 
 use clap::{Args as ClapArgs, CommandFactory, Parser, Subcommand};
 use hydroid::config;
-use hydroid::log::{CommandTiming, InputDelay};
 
 pub use crate::global::Global;
-pub use adapt::{Adapt, KalmanArgs, LeastSquaresArgs, MethodArgs};
+pub use adapt::Adapt;
 pub use export::{Export, Target};
-pub use hydroid::config::{Duration, Horizon};
+pub use hydroid::config::{Duration, Horizon, Log};
 pub use hydroid_live::program::control::{AnswerArgs, Control};
 use hydroid_live::program::file::parse;
 pub use identify::Identify;
@@ -29,8 +28,7 @@ pub use live::Live;
 pub use manoeuvre::Manoeuvre;
 pub use report::Report;
 pub use thesis::Thesis;
-use values::parse_timing;
-pub use values::{Against, Method, Origin};
+pub use values::{Against, Origin};
 
 /// Identifies the dynamics of surface vessels from logs, adapts the model online, and controls the vessel.
 #[derive(Debug, Parser)]
@@ -128,7 +126,7 @@ pub struct Inspect {
     #[arg(long)]
     pub latex: bool,
     #[command(flatten)]
-    pub log: LogArgs,
+    pub log: Log,
 }
 
 /// Convert recordings to runs: tables of pose, velocities and commands
@@ -150,7 +148,7 @@ pub struct Convert {
     #[arg(long, short, value_name = "FILE")]
     pub config: Option<PathBuf>,
     #[command(flatten)]
-    pub log: LogArgs,
+    pub log: Log,
 }
 
 /// Evaluate a model on logs: errors by horizon and output, compared with persistence
@@ -170,7 +168,7 @@ pub struct Evaluate {
     #[arg(long, value_name = "M/S", allow_negative_numbers = true)]
     pub estimate_current: Option<f64>,
     #[command(flatten)]
-    pub log: LogArgs,
+    pub log: Log,
 }
 
 /// Evaluation of predictions.
@@ -189,42 +187,4 @@ pub struct EvaluationArgs {
     /// Reference of the errors
     #[arg(long, default_value = "measurement")]
     pub against: Against,
-}
-
-/// Reading of logs.
-#[derive(Clone, Debug, Default, PartialEq, ClapArgs)]
-#[command(next_help_heading = "Reading logs")]
-pub struct LogArgs {
-    /// Time column: seconds, ISO 8601, or with a unit: 'timestamp [ms]' (default: t, time, t_s, timestamp, time_s)
-    #[arg(long, value_name = "COLUMN")]
-    pub time: Option<String>,
-    /// Outputs: NAME or NAME=COLUMN, with [unit], offset and scale: u=SOG_kn[kn], r=(gyro - 0.02) * -1 (default: u,v,r)
-    #[arg(long, value_name = "LIST")]
-    pub outputs: Option<String>,
-    /// Inputs, in the same form: n=rpm[rpm], L=thr_left - 1511, L=(thr_left - 1500) / 400; none: no inputs (default: columns that end in
-    /// _cmd or _ang)
-    #[arg(long, value_name = "LIST")]
-    pub inputs: Option<String>,
-    /// Columns of wind speed and direction; the inputs are U^2 cos and U^2 sin
-    #[arg(long, value_name = "SPEED,DIRECTION")]
-    pub wind: Option<String>,
-    /// Column of the heading, clockwise from north: psi, 'yaw [deg]', 'yaw * -1' (default: the only column that is named like
-    /// a heading and changes with the yaw rate r)
-    #[arg(long, value_name = "COLUMN")]
-    pub heading: Option<String>,
-    /// before: the command of row k acts from row k to k+1 (default); after: from row k-1 to k
-    #[arg(long, value_name = "before|after", value_parser = parse_timing)]
-    pub command_timing: Option<CommandTiming>,
-    /// Delay between the log entry of a command and its action: samples (3) or seconds (0.3s); may be negative
-    #[arg(long, value_name = "DELAY", allow_hyphen_values = true)]
-    pub input_delay: Option<InputDelay>,
-    /// Longest gap of an output [s]; a run is cut at longer gaps
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
-    pub max_gap: Option<f64>,
-    /// Keep towed parts at the ends of a log: commands zero for at least 20 s while the speed increases (default: removed)
-    #[arg(long)]
-    pub keep_towed: bool,
-    /// Sample time to resample to [s] (default: that of the log), or of a log without a time column
-    #[arg(long = "dt", value_name = "S", allow_negative_numbers = true)]
-    pub dt: Option<f64>,
 }

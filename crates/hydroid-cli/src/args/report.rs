@@ -6,7 +6,7 @@ use clap::Args as ClapArgs;
 
 use hydroid::boat::StatedRoles;
 
-use super::{EvaluationArgs, LogArgs};
+use super::{EvaluationArgs, Log};
 
 /// Write a page about a model: what it is, its errors on logs, its trials; on it, the model can be driven
 ///
@@ -44,5 +44,5 @@ pub struct Report {
     #[command(flatten)]
     pub evaluation: EvaluationArgs,
     #[command(flatten)]
-    pub log: LogArgs,
+    pub log: Log,
 }

@@ -6,7 +6,7 @@ pub(super) mod stream;
 use std::path::Path;
 
 use anyhow::{Context, bail, ensure};
-use hydroid::adapt::{self, InnovationGate, Method, Options, Rehearse, Report, ResolvedOptions};
+use hydroid::adapt::{self, Options, Rehearse, Report, ResolvedOptions};
 use hydroid::atomic::Lock;
 use hydroid::faults::Faults;
 use hydroid::identify::{Grade, verdicts};
@@ -15,7 +15,7 @@ use hydroid::model::{self, Model};
 use hydroid_live::black_box::adapt_recorded;
 
 use super::{Outcome, evaluate, table};
-use crate::args::{Adapt, Global, KalmanArgs, LeastSquaresArgs, MethodArgs};
+use crate::args::{Adapt, Global};
 use crate::{logs, outputs, ui};
 
 pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
@@ -41,11 +41,11 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
             path.display()
         );
     }
-    let mut reading = logs::reading(model.description.reading.clone(), &args.log, &model.description.boat)?;
+    let mut reading = args.log.clone().over(model.description.reading.clone(), &model.description.boat)?;
     if args.stream.stream || given_log == Path::new("-") {
         let dt = args.log.dt.unwrap_or(model.description.dt);
         let model = model.at_step(dt)?;
-        let model = args.estimate_current.map_or(Ok(model.clone()), |std| model.with_current(std))?;
+        let model = args.options.estimate_current.map_or(Ok(model.clone()), |std| model.with_current(std))?;
         return stream::run(args, given_log, global, &model, reading);
     }
     ensure!(
@@ -57,7 +57,7 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
     ui::print_notes(&prepared.notes, global);
     let model = logs::with_step_of(model, &prepared.runs)?;
     model.check(&prepared.runs)?;
-    logs::with_current(model.clone(), args.estimate_current, &prepared.runs)?;
+    logs::with_current(model.clone(), args.options.estimate_current, &prepared.runs)?;
     ui::print_notes(model.outside(&prepared.runs).as_slice(), global);
     let mut options = options(args, &model)?;
     if let Some(faults) = &args.guard.inject {
@@ -100,108 +100,11 @@ pub fn run(args: &Adapt, global: Global) -> anyhow::Result<Outcome> {
 
 /// Options of the adaptation; options for other kinds of models are refused.
 fn options(args: &Adapt, model: &Model) -> anyhow::Result<Options> {
-    let mut options = Options {
-        evaluate: evaluate::options(args.evaluation, model.description.dt),
-        current_m_s: args.estimate_current,
-        ..method_options(&args.method, model)?
-    };
-    if !args.guard.no_guard {
-        options = options.guarded(model);
-    }
+    let mut options = args.options.options(model)?;
+    options.evaluate = evaluate::options(args.evaluation, model.description.dt);
     let rehearses = model.recurrent().is_some() && !args.guard.training_log.is_empty();
     options.kalman.rehearsal = (rehearses && !args.guard.no_rehearsal).then(Rehearse::default);
     Ok(options)
-}
-
-/// Options of the method; options for other kinds of models are refused.
-pub fn method_options(args: &MethodArgs, model: &Model) -> anyhow::Result<Options> {
-    let mut options = Options::of(model);
-    if model.committee().is_some() {
-        ensure!(
-            *args == MethodArgs::default(),
-            "a committee has no options of adaptation: its members continue the regression of the training rows, with the weights that cross-validation chose. Leave --learner, --forgetting and the options of least squares and of the Kalman filter out"
-        );
-        return Ok(options);
-    }
-    let (equations, direct) = (model.equations().is_some(), model.direct().is_some());
-    ensure!(
-        !direct || args.learner != Some(Method::Kalman),
-        "direct predictors adapt by least squares: leave --learner kalman out"
-    );
-    if direct || equations && args.learner != Some(Method::Kalman) {
-        ensure!(
-            args.kalman == KalmanArgs::default(),
-            "the options of the extended Kalman filter need a recurrent network, a vessel, or equations with --learner kalman: this is a model of kind '{}'",
-            model.kind()
-        );
-        let given = &args.least_squares;
-        if direct {
-            ensure!(
-                given.window.is_none() && !given.all_terms && !given.no_gate,
-                "--window, --all-terms and --no-gate apply to equations: this is a direct predictor"
-            );
-        }
-        let settings = &mut options.least_squares;
-        settings.forgetting_s = args.forgetting.unwrap_or(settings.forgetting_s);
-        settings.window_s = given.window;
-        settings.prior_s = given.prior.unwrap_or(settings.prior_s);
-        settings.leak = !given.no_leak;
-        settings.all_terms = given.all_terms;
-        if given.no_gate {
-            settings.gate = InnovationGate::OPEN;
-        }
-        return Ok(options);
-    }
-    ensure!(
-        equations || args.learner != Some(Method::LeastSquares),
-        "--learner least-squares needs equations or a direct predictor: this is a model of kind '{}', which adapts by the extended Kalman filter",
-        model.kind()
-    );
-    ensure!(
-        args.least_squares == LeastSquaresArgs::default(),
-        "the options of recursive least squares need equations or a direct predictor without --learner kalman: this is a model of kind '{}'",
-        model.kind()
-    );
-    if model.recurrent().is_none() {
-        options.method = Method::Kalman;
-    }
-    let (given, settings) = (&args.kalman, &mut options.kalman);
-    for (value, into) in [
-        (args.forgetting, &mut settings.forgetting_s),
-        (given.noise_factor, &mut settings.noise_factor),
-        (given.weight_variance, &mut settings.weight_variance),
-        (given.weight_noise, &mut settings.weight_noise_per_s),
-        (given.state_noise, &mut settings.state_noise_per_s),
-        (given.leak, &mut settings.leak_s),
-        (given.huber, &mut settings.huber),
-    ] {
-        *into = value.unwrap_or(*into);
-    }
-    settings.covariance = given.covariance.unwrap_or(settings.covariance);
-    settings.noise = noise(&given.noise, model)?;
-    Ok(options)
-}
-
-fn noise(given: &[(String, f64)], model: &Model) -> anyhow::Result<Option<Vec<f64>>> {
-    if given.is_empty() {
-        return Ok(None);
-    }
-    let outputs: Vec<&str> =
-        model.description.outputs.iter().map(|port| port.channel.name.as_str()).collect();
-    for (name, _) in given {
-        ensure!(
-            outputs.contains(&name.as_str()),
-            "--noise: the model has no output '{name}'; its outputs are {}",
-            outputs.join(", ")
-        );
-    }
-    let of = |name: &&str| {
-        let entry = given.iter().find(|(named, _)| named == *name);
-        entry
-            .map(|(_, std)| *std)
-            .with_context(|| format!("--noise: the output '{name}' is missing; name all outputs"))
-    };
-    outputs.iter().map(of).collect::<anyhow::Result<_>>().map(Some)
 }
 
 const EVENTS_SHOWN: usize = 12;

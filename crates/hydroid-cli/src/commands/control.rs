@@ -105,6 +105,7 @@ fn write(
         run,
         metrics,
         trials: trials.as_ref(),
+        outside: &simulated.outside,
         tuned,
     })?;
     atomic::write(&folder.join("report.html"), |out| out.write_all(page.as_bytes()))?;

@@ -28,7 +28,7 @@ pub fn run(args: &Convert, global: Global) -> anyhow::Result<Outcome> {
         }
         None => Config::default(),
     };
-    let mut reading = logs::reading(config.reading()?, &args.log, &config.boat)?;
+    let mut reading = args.log.clone().over(config.reading()?, &config.boat)?;
     let (files, format) = targets(&args.logs, &args.output)?;
     for target in &files {
         let read: Vec<&Path> = args.logs.iter().map(PathBuf::as_path).collect();

@@ -25,7 +25,7 @@ struct Document<'a> {
 
 pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     let model = model::read(&args.model)?;
-    let mut reading = logs::reading(model.description.reading.clone(), &args.log, &model.description.boat)?;
+    let mut reading = args.log.clone().over(model.description.reading.clone(), &model.description.boat)?;
     let (_, prepared) = logs::prepare(&args.logs, &mut reading, global)
         .with_context(|| logs::cannot_use(&args.model, &model))?;
     ui::print_notes(&prepared.notes, global);

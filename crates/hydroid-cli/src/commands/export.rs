@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail, ensure};
 use hydroid::atomic;
+use hydroid::config::Adapt;
 use hydroid::model::{self, Model};
 use hydroid_core::craft::Hull;
 use hydroid_core::vessel::{AddedMass, RigidBody};
@@ -13,7 +14,7 @@ use hydroid_export::{COptions, Format, Options, Precision, export, identifier};
 use serde_json::json;
 
 use super::Outcome;
-use crate::args::{Export, Global, MethodArgs, Target};
+use crate::args::{Export, Global, Target};
 use crate::outputs;
 
 pub fn run(args: &Export, global: Global) -> anyhow::Result<Outcome> {
@@ -22,7 +23,9 @@ pub fn run(args: &Export, global: Global) -> anyhow::Result<Outcome> {
     let precision = args.precision.map(Precision::from).unwrap_or_default();
     let format = match args.to {
         Target::C => {
-            let adapter = args.adapter.then(|| super::adapt::method_options(&args.method, &model));
+            // The exported adapter has no guard.
+            let adaptation = Adapt { no_guard: true, ..args.adaptation.clone() };
+            let adapter = args.adapter.then(|| adaptation.options(&model));
             Format::C(COptions { precision, adapter: adapter.transpose()?.map(Box::new) })
         }
         Target::Onnx => Format::Onnx(precision),
@@ -85,8 +88,12 @@ fn check_options(args: &Export) -> anyhow::Result<()> {
         );
     }
     ensure!(
-        args.adapter || args.method == MethodArgs::default(),
+        args.adapter || args.adaptation == Adapt::default(),
         "the options of the adaptation, such as --forgetting, need --adapter"
+    );
+    ensure!(
+        !args.adaptation.no_guard && args.adaptation.estimate_current.is_none(),
+        "the exported adapter has no guard and no current: leave --no-guard and --estimate-current out"
     );
     Ok(())
 }

@@ -4,25 +4,22 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use hydroid::atomic::{self, Lock};
-use hydroid::boat::StatedRoles;
-use hydroid::config::value::by_name;
-use hydroid::config::{self, Config, Logs};
+use hydroid::config::{self, Config, Log, Logs};
 use hydroid::craft::CraftFile;
 use hydroid::excitation::Excitation;
 use hydroid::grey_box::GreyBox;
-use hydroid::identify::{
-    self, Candidate, EnsembleSize, IdentifyResult, Job, RefineOption, SindyOptions, Training,
-};
-use hydroid::log::{Channel, Note};
+use hydroid::identify::{self, Candidate, IdentifyResult, Job, SindyOptions, Training};
+use hydroid::log::Note;
 use hydroid::model;
 use hydroid::simulate::Options;
 use hydroid_core::vessel::VesselParams;
 use hydroid_report::Context;
+use serde::Serialize;
 use serde_json::json;
 
 use super::previous_output::{checkpoints, model_file, move_stale_models, with_resume_hint};
 use super::{Outcome, simulate, table};
-use crate::args::{Global, Identify, LogArgs};
+use crate::args::{Global, Identify};
 use crate::{logs, ui};
 
 /// Durations of the simulated demonstration logs \[s\].
@@ -48,7 +45,7 @@ fn without_logs(args: &Identify, files: &Files, seed: u64, global: Global) -> an
     if !(files.logs.validate.is_empty() && files.logs.test.is_empty()) {
         bail!("training logs are missing: name them before --validate and --test");
     }
-    if args.log != LogArgs::default() {
+    if args.log != Log::default() {
         bail!("options for reading logs are given, but no log: name at least one");
     }
     let default = || Some(PathBuf::from(config::FILE)).filter(|file| file.exists());
@@ -61,23 +58,38 @@ fn without_logs(args: &Identify, files: &Files, seed: u64, global: Global) -> an
     demonstration(&args.output, seed, global)
 }
 
-fn read(file: &Path) -> anyhow::Result<Config> {
-    config::read(file).context("the configuration file cannot be used")
+/// Options of the command line as sections of the file.
+#[derive(Serialize)]
+struct Given<'a> {
+    log: &'a Log,
+    identify: &'a config::Identify,
+    sindy: &'a SindyOptions,
+}
+
+/// The configuration file, with the options of the command line over it.
+fn configuration(args: &Identify, global: Global) -> anyhow::Result<Config> {
+    let in_folder = Path::new(config::FILE);
+    let file = args.config.as_deref().or(Some(in_folder).filter(|file| file.exists()));
+    if file == Some(in_folder) && args.config.is_none() {
+        ui::print_notes(
+            &[Note::info(format!("options from {} in the current folder", config::FILE))],
+            global,
+        );
+    }
+    let given = Given { log: &args.log, identify: &args.options, sindy: &args.sindy };
+    let mut config = Config::with(file, &given).context("the configuration file cannot be used")?;
+    for (name, range) in &args.ranges {
+        if args.ranges.iter().filter(|(other, _)| other == name).count() > 1 {
+            bail!("--ranges names '{name}' twice: give one range for each channel");
+        }
+        config.ranges.insert(name.clone(), range.clone());
+    }
+    apply_network_args(args, &mut config);
+    Ok(config)
 }
 
 fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
-    let mut config = match &args.config {
-        Some(file) => read(file)?,
-        None if Path::new(config::FILE).exists() => {
-            ui::print_notes(
-                &[Note::info(format!("options from {} in the current folder", config::FILE))],
-                global,
-            );
-            read(Path::new(config::FILE))?
-        }
-        None => Config::default(),
-    };
-    apply(args, &mut config)?;
+    let mut config = configuration(args, global)?;
     let seed = config.identify.seed.unwrap_or(0);
     let pick = |given: &[PathBuf], configured: &mut Vec<PathBuf>| {
         if given.is_empty() { std::mem::take(configured) } else { given.to_vec() }
@@ -94,13 +106,12 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
         files = without_logs(args, &files, seed, global)?;
     }
     let vessel = args.vessel.as_deref().map(vessel).transpose()?;
-    let mut reading = logs::reading(config.reading()?, &args.log, &config.boat)?;
-    let methods = args.methods.iter().map(|&method| method.into()).collect();
+    let mut reading = config.reading()?;
     let all: Vec<&PathBuf> = files.logs.all().collect();
     let (raw, read) = logs::read(&all, &mut reading, global)?;
     let mut raw = raw.into_iter();
     let raw = files.logs.map(|_| raw.next().expect("one log for each file"));
-    let (mut job, mut notes) = config.job(reading, &raw, methods, vessel)?;
+    let (mut job, mut notes) = config.job(reading, &raw, vessel)?;
     drop(raw);
     notes.splice(0..0, read);
     notes.splice(0..0, files.note.clone());
@@ -139,41 +150,6 @@ fn vessel(path: &Path) -> anyhow::Result<CraftFile> {
     Ok(file.clone())
 }
 
-/// The command line takes precedence over the file.
-fn apply(args: &Identify, config: &mut Config) -> anyhow::Result<()> {
-    let Config { boat, limit, identify, sindy, ranges, .. } = config;
-    for (name, role) in StatedRoles::given(&args.role) {
-        boat.inputs.entry(name).or_default().role = Some(role);
-    }
-    for (name, range) in by_name(&args.limit) {
-        if range.unit.is_some() {
-            limit.insert(name, range);
-            continue;
-        }
-        boat.state_values(&Channel::new(name, ""), None, Some(([range.low, range.high], None)))?;
-    }
-    for (name, neutral) in by_name(&args.neutral) {
-        boat.state_values(&Channel::new(name, ""), Some(neutral), None)?;
-    }
-    identify.seed = args.seed.or(identify.seed);
-    identify.budget = args.budget.or(identify.budget);
-    identify.horizon = args.horizon.or(identify.horizon);
-    identify.origin_stride = args.origin_stride.or(identify.origin_stride);
-    identify.motion = args.motion.unwrap_or(identify.motion);
-    if let Some(rate_limit) = &args.rate_limit {
-        identify.rate_limit.clone_from(rate_limit);
-    }
-    for (name, range) in &args.ranges {
-        if args.ranges.iter().filter(|(other, _)| other == name).count() > 1 {
-            bail!("--ranges names '{name}' twice: give one range for each channel");
-        }
-        ranges.insert(name.clone(), range.clone());
-    }
-    apply_equation_args(args, sindy);
-    apply_network_args(args, config);
-    Ok(())
-}
-
 fn apply_network_args(args: &Identify, config: &mut Config) {
     let (epochs, restarts) =
         (args.epochs.and_then(|n| usize::try_from(n).ok()), args.restarts.map(usize::from));
@@ -182,34 +158,6 @@ fn apply_network_args(args: &Identify, config: &mut Config) {
         settings.epochs = epochs.or(settings.epochs);
         settings.restarts = restarts.or(settings.restarts);
     }
-}
-
-fn apply_equation_args(args: &Identify, sindy: &mut SindyOptions) {
-    if args.library.is_some() {
-        sindy.degree = None;
-        sindy.signed_squares = None;
-    } else if args.degree.is_some() {
-        sindy.library = None;
-    }
-    sindy.library = args.library.clone().or(sindy.library.take());
-    sindy.degree = args.degree.or(sindy.degree);
-    for (given, setting) in [(&args.terms, &mut sindy.terms), (&args.constraints, &mut sindy.constraints)] {
-        if !given.is_empty() {
-            setting.clone_from(given);
-        }
-    }
-    sindy.dissipative = args.dissipative.then_some(true).or(sindy.dissipative);
-    sindy.for_control |= args.for_control;
-    sindy.lag = args.lag.clone().unwrap_or_else(|| std::mem::take(&mut sindy.lag));
-    sindy.gate = args.gate.clone().unwrap_or_else(|| std::mem::take(&mut sindy.gate));
-    sindy.huber = args.huber.or(sindy.huber);
-    if args.refine || args.no_refine {
-        sindy.refine = RefineOption::Fixed(args.refine);
-    }
-    sindy.members = args.members.map_or(sindy.members, |n| EnsembleSize(n.into()));
-    sindy.threshold = args.threshold.or(sindy.threshold);
-    sindy.window_s = args.window.or(sindy.window_s);
-    sindy.ridge = args.ridge.or(sindy.ridge);
 }
 
 struct Files {

@@ -35,7 +35,7 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
         let file = file.display();
         bail!("{file} is no log: if it is the file to be written, give it as --write-config={file}");
     }
-    let reading = logs::reading(Reading::default(), &args.log, &Boat::default())?;
+    let reading = args.log.clone().over(Reading::default(), &Boat::default())?;
     let mut documents = Vec::new();
     // Recordings of one vessel have one file of configuration, from the first of them.
     let mut write_config = args.write_config.as_deref();

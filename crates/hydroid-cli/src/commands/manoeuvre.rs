@@ -54,7 +54,7 @@ fn lock(args: &Manoeuvre) -> anyhow::Result<Option<Lock>> {
 
 /// The trials of logs beside their predictions.
 fn compare(args: &Manoeuvre, model: &Model, global: Global) -> anyhow::Result<Outcome> {
-    let mut reading = logs::reading(model.description.reading.clone(), &args.log, &model.description.boat)?;
+    let mut reading = args.log.clone().over(model.description.reading.clone(), &model.description.boat)?;
     let (_, prepared) = logs::prepare(&args.logs, &mut reading, global)
         .with_context(|| logs::cannot_use(&args.plant, model))?;
     ui::print_notes(&prepared.notes, global);
@@ -136,29 +136,19 @@ fn print(model: &Model, trials: &Trials) {
         if let Some(stable) = trial.directionally_stable {
             outln!("  {}", if stable { "directionally stable" } else { "not directionally stable" });
         }
-        print_limits(model, trial);
+        print_limits(trial);
     }
     for LeftOut { trial, reason } in &trials.left_out {
         outln!("\n{trial}: left out, because {reason}");
     }
 }
 
-fn print_limits(model: &Model, trial: &Trial) {
+fn print_limits(trial: &Trial) {
     if let Some(t_s) = trial.diverged_s {
         outln!("  the motion diverges after {t_s:.1} s");
     }
     for outside in &trial.outside {
-        let input = model.description.inputs.iter().find(|port| port.channel.name == outside.name);
-        let is_angle = input.is_some_and(|port| port.channel.unit == "rad");
-        let text = |value: f64| {
-            if is_angle { format!("{:.2} deg", value.to_degrees()) } else { format!("{value:.3}") }
-        };
-        let [[low, high], [least, most]] = [outside.reached, outside.range].map(|range| range.map(text));
-        outln!(
-            "  * the model extrapolates from {:.1} s on: {} goes from {low} to {high}, and from {least} to {most} in training",
-            outside.from_s,
-            outside.name
-        );
+        outln!("  * {outside}");
     }
 }
 

@@ -71,7 +71,7 @@ pub fn run(args: &Report, global: Global) -> anyhow::Result<Outcome> {
 
 /// The errors on the logs, and their trials.
 fn judge(args: &Report, model: &mut Model, global: Global) -> anyhow::Result<(Evaluation, Vec<Comparison>)> {
-    let mut reading = logs::reading(model.description.reading.clone(), &args.log, &model.description.boat)?;
+    let mut reading = args.log.clone().over(model.description.reading.clone(), &model.description.boat)?;
     let (_, prepared) = logs::prepare(&args.logs, &mut reading, global)
         .with_context(|| logs::cannot_use(&args.model, model))?;
     ui::print_notes(&prepared.notes, global);

@@ -9,6 +9,7 @@ use super::ReportError;
 use super::number::{self, text};
 use super::page::{Section, cell, columns, figure, page, readable, table};
 use hydroid::closed_loop::{Metrics, MonteCarlo, Run, TunedAutopilot};
+use hydroid::plant::Outside;
 use hydroid_core::guidance::Path;
 
 /// Content of a closed-loop page.
@@ -27,6 +28,8 @@ pub struct ClosedLoopReport<'a> {
     pub metrics: &'a Metrics,
     /// Monte Carlo trials, if any.
     pub trials: Option<&'a MonteCarlo>,
+    /// Inputs and velocities that leave the range in which the model of the plant was seen.
+    pub outside: &'a [Outside],
     /// Tuning of the autopilot, if used.
     pub tuned: Option<&'a TunedAutopilot>,
 }
@@ -45,7 +48,7 @@ pub fn closed_loop(subject: &ClosedLoopReport<'_>) -> Result<String, ReportError
 }
 
 fn summary(subject: &ClosedLoopReport<'_>) -> Section {
-    let ClosedLoopReport { metrics, trials, .. } = subject;
+    let ClosedLoopReport { metrics, trials, outside, .. } = subject;
     let (class, title, words) = match trials {
         Some(trials) if trials.held < trials.runs => (
             "bad",
@@ -74,12 +77,19 @@ fn summary(subject: &ClosedLoopReport<'_>) -> Section {
             String::from("The vessel was outside the tolerance after the start of the evaluation."),
         ),
     };
+    let (class, title) = match class {
+        "good" if !outside.is_empty() => ("usable", "Within the tolerance, and not validated."),
+        _ => (class, title),
+    };
     let body = html! {
         header {
             p.kicker { "hydroid · closed-loop report" }
             h1 { (subject.title) }
         }
-        div class={ "banner " (class) } role="status" { strong { (title) } " " (words) }
+        div class={ "banner " (class) } role="status" {
+            strong { (title) } " " (words)
+            @for outside in *outside { " Not validated: " (outside) "." }
+        }
         @if trials.is_none() { (figures_table(metrics)) }
         dl.facts { @for (name, value) in subject.facts { dt { (name) } dd { (readable(value)) } } }
     };

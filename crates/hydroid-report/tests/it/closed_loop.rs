@@ -4,6 +4,7 @@ use hydroid::closed_loop::{
     self, Conditions, ControlMethod, ControllerOptions, Dispersion, Metrics, Scenario, SpeedOptions, Task,
     Track, monte_carlo,
 };
+use hydroid::plant::Outside;
 use hydroid::progress::silent;
 use hydroid_core::vessel::VesselParams;
 use hydroid_report::ClosedLoopReport;
@@ -32,6 +33,7 @@ fn the_page_shows_track_errors_commands_and_many_runs() {
         run: &run,
         metrics: &metrics,
         trials: Some(&many),
+        outside: &[],
         tuned: None,
     };
     let page = hydroid_report::closed_loop(&subject).unwrap();
@@ -42,4 +44,13 @@ fn the_page_shows_track_errors_commands_and_many_runs() {
     }
     assert!(!page.contains("NaN"));
     assert_eq!(page, hydroid_report::closed_loop(&subject).unwrap());
+
+    // A loop beyond the logs of its model is not a good one.
+    assert!(page.contains("banner good"));
+    let (reached, range) = ([0.0, 0.2], [-0.1, 0.1]);
+    let outside =
+        [Outside { name: String::from("r"), unit: String::from("rad/s"), from_s: 3.0, reached, range }];
+    let page = hydroid_report::closed_loop(&ClosedLoopReport { outside: &outside, ..subject }).unwrap();
+    assert!(!page.contains("banner good"));
+    assert!(page.contains("r goes from 0 to 11.459 deg/s"));
 }

@@ -60,7 +60,7 @@ fn job() -> Job {
         vessel: None,
         motion: MotionOption::default(),
         rate_limits: RateLimitOption::default(),
-        sindy: SindyOptions { degree: Some(2), window_s: Some(0.5), ..SindyOptions::default() },
+        sindy: SindyOptions { degree: Some(2), window: Some(0.5), ..SindyOptions::default() },
     }
 }
 

@@ -205,7 +205,7 @@ impl FromStr for Role {
 }
 
 /// Roles as an option states them: `delta=steering,wind_x=disturbance`.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct StatedRoles(pub Roles);
 

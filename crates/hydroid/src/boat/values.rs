@@ -215,7 +215,11 @@ impl Boat {
                 let [low, high] = seen.unwrap_or([neutral; 2]);
                 ([low.min(neutral - reach), high.max(neutral + reach)], by("35 deg, MSC.137(76) 5.2"))
             }
-            (None, Some(seen)) => (seen, Some(Evidence::Log("seen in the log".to_owned()))),
+            (None, Some([low, high])) => {
+                // An actuator reaches the neutral position that is stated for it.
+                let reached = input.neutral.map_or([low, high], |_| [low.min(neutral), high.max(neutral)]);
+                (reached, Some(Evidence::Log("seen in the log".to_owned())))
+            }
             (None, None) => return Err(missing(Property::Limits)),
         };
         if is_commanded && stated.is_some_and(|[low, high]| !(low..=high).contains(&neutral)) {

@@ -6,6 +6,21 @@ use crate::manoeuvre::ManoeuvreError;
 use crate::model::{Mismatch, ModelError};
 use crate::plant::PlantError;
 use crate::simulate::{BUILT_IN, SimulateError, VesselFileError};
+use crate::toml_file::TomlError;
+
+/// Reason why a configuration cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
+pub enum ConfigError {
+    #[error(transparent)]
+    File(#[from] TomlError),
+    #[error(transparent)]
+    Options(#[from] toml::ser::Error),
+    /// A key or value among the options.
+    #[error("{}{}", key.as_ref().map(|key| format!("{key}: ")).unwrap_or_default(), error.message())]
+    Option { key: Option<String>, error: Box<toml::de::Error> },
+}
 
 /// Reason why settings of a simulation or of manoeuvring trials cannot be used.
 #[derive(Debug, thiserror::Error)]

@@ -54,9 +54,9 @@ impl Config {
         self,
         mut reading: Reading,
         logs: &Logs<RawLog>,
-        mut methods: Vec<Method>,
         vessel: Option<CraftFile>,
     ) -> Result<(Job, Vec<Note>), LogError> {
+        let mut methods = self.identify.methods();
         if let Some(vessel) = &vessel {
             // The commands of a vessel have their own neutral values and gains.
             let commands = vessel.craft.commands.iter();
@@ -87,15 +87,14 @@ impl Config {
         let cross_validated =
             logs.validate.is_empty() && methods.iter().all(|method| method.is_cross_validated());
         let (split, reading, notes) = split(logs, &reading, cross_validated)?;
-        let Self {
-            mut boat, limit, identify, sindy, network, lstm, gru, rnn, direct, affine, ranges, ..
-        } = self;
+        let Self { mut boat, identify, sindy, network, lstm, gru, rnn, direct, affine, ranges, .. } = self;
+        identify.state(&mut boat).map_err(|error| of_boat(error, "correct the option"))?;
         if let Some(first) = split.train.first() {
             let names: Vec<&str> = first.inputs.channels().iter().map(|c| c.name.as_str()).collect();
             if let Some(log) = logs.train.first() {
                 state_units(&mut boat, log, &reading.selection, first.inputs.channels());
             }
-            for (name, range) in &limit {
+            for (name, range) in identify.limit.iter().filter(|(_, range)| range.unit.is_some()) {
                 let channel = first.inputs.channels().iter().find(|channel| channel.name == *name);
                 let channel = channel.cloned().unwrap_or_else(|| Channel::new(name.as_str(), ""));
                 let limits = ([range.low, range.high], range.unit.as_deref());
@@ -127,8 +126,8 @@ impl Config {
             horizon,
             seed: identify.seed.unwrap_or(0),
             ranges,
-            motion: identify.motion,
-            rate_limits: identify.rate_limit,
+            motion: identify.motion.unwrap_or_default(),
+            rate_limits: identify.rate_limit.unwrap_or_default(),
             sindy,
             networks: NetworkTrainingOptions {
                 all: network,

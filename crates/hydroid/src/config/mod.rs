@@ -1,12 +1,15 @@
 //! Settings as data, for the command line, its file `hydroid.toml` and other front ends.
 //!
-//! [`Config`] has the sections of the file, all optional. [`Config::job`] prepares logs and makes the
+//! [`Config`] has the sections of the file, all optional. [`Config::with`] reads it with options over it. [`Config::job`] prepares logs and makes the
 //! [`Job`](crate::identify::Job) of [`identify`](crate::identify::identify). [`Simulate`] has the settings of a simulated
 //! log, [`Manoeuvre`] those of manoeuvring trials, and [`control`] those of a closed loop.
 
+mod adapt;
 pub mod control;
 mod error;
+mod identify;
 mod job;
+mod log;
 mod manoeuvre;
 mod quantity;
 #[cfg(feature = "arguments")]
@@ -17,18 +20,21 @@ pub mod value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use serde::Deserialize;
-use serde::de::IgnoredAny;
+use serde::de::{DeserializeOwned, IgnoredAny};
+use serde::{Deserialize, Serialize};
 
 use crate::boat::{Boat, BoatError};
-use crate::identify::{GivenRanges, MotionOption, NetworkOptions, RateLimitOption, SindyOptions};
-use crate::log::{Channel, ChannelSpec, CommandTiming, InputDelay, PrepareOptions, Selection, Sensors, Wind};
+use crate::identify::{GivenRanges, NetworkOptions, SindyOptions};
+use crate::log::Channel;
 use crate::model::{Model, Reading};
 use crate::toml_file::{self, TomlError};
 use crate::written;
 
-pub use error::SettingError;
+pub use adapt::Adapt;
+pub use error::{ConfigError, SettingError};
+pub use identify::Identify;
 pub use job::{Logs, default_horizon, default_origin_stride};
+pub use log::Log;
 pub use manoeuvre::{Manoeuvre, TrialName, TrialPlan, ZigzagAngles};
 pub use quantity::{Duration, Horizon};
 pub use simulate::{Drive, ModelPlan, Plan, Plant, PlantKind, Simulate};
@@ -54,93 +60,74 @@ pub struct Config {
     pub affine: NetworkOptions,
     #[serde(deserialize_with = "written::table")]
     pub ranges: GivenRanges,
-    /// Limits of inputs that an option states in a unit, in place of those of the boat.
+    /// Options of reading over those of the section.
     #[serde(skip)]
-    pub limit: GivenRanges,
+    pub given_log: Log,
     pub adapt: IgnoredAny,
     pub control: IgnoredAny,
     pub live: IgnoredAny,
     pub ros: IgnoredAny,
 }
 
-/// How logs are read: [`Selection`] and [`PrepareOptions`].
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-#[expect(missing_docs, reason = "see Selection and PrepareOptions")]
-pub struct Log {
-    pub time: Option<String>,
-    #[serde(deserialize_with = "written::list")]
-    pub outputs: Vec<ChannelSpec>,
-    #[serde(deserialize_with = "written::list")]
-    pub inputs: Vec<ChannelSpec>,
-    #[serde(deserialize_with = "written::optional")]
-    pub wind: Option<Wind>,
-    pub heading: Option<ChannelSpec>,
-    pub sensors: Option<Sensors>,
-    pub dt: Option<f64>,
-    #[serde(alias = "max_gap_s")]
-    pub max_gap: Option<f64>,
-    pub command_timing: Option<CommandTiming>,
-    pub input_delay: Option<Delay>,
-    pub keep_towed: bool,
-}
-
-impl Log {
-    /// These options, and those of `base` where they are not given. The given inputs are raw values of `boat`.
+impl Config {
+    /// A file with options over it, which are sections as in the file.
     ///
     /// # Errors
-    /// If an input contradicts the boat.
-    pub fn over(mut self, base: Reading, boat: &Boat) -> Result<Reading, BoatError> {
-        boat.read(&mut self.inputs)?;
-        let Reading { selection, options } = base;
-        let or =
-            |given: Vec<ChannelSpec>, base: Vec<ChannelSpec>| if given.is_empty() { base } else { given };
-        // Velocities of the log replace those that would be computed, and so does its heading.
-        let replaced = selection.sensors.is_some() && !self.outputs.is_empty();
-        let sensors = selection.sensors.filter(|_| !replaced);
-        let heading = selection.heading.filter(|_| !replaced);
-        let delay = self.input_delay.map(|delay| match delay {
-            Delay::Samples(n) => InputDelay::Samples(n),
-            Delay::Text(delay) => delay,
-        });
-        Ok(Reading {
-            selection: Selection {
-                time: self.time.or(selection.time),
-                outputs: or(self.outputs, selection.outputs),
-                inputs: or(self.inputs, selection.inputs),
-                wind: self.wind.or(selection.wind),
-                heading: self.heading.or(heading),
-                sensors: self.sensors.or(sensors),
-            },
-            options: PrepareOptions {
-                dt: self.dt.or(options.dt),
-                max_gap_s: self.max_gap.or(options.max_gap_s),
-                command_timing: self.command_timing.unwrap_or(options.command_timing),
-                input_delay: delay.unwrap_or(options.input_delay),
-                keep_towed: self.keep_towed || options.keep_towed,
-            },
-        })
+    /// If the file cannot be read, or a key or value is none of the options; the message names the line or the key.
+    pub fn with(file: Option<&Path>, given: &impl Serialize) -> Result<Self, ConfigError> {
+        let given = toml::Table::try_from(given)?;
+        let options: Self = of_table(given.clone())?;
+        let Some(file) = file else {
+            return Ok(options);
+        };
+        // Its errors name lines, and its paths are relative to the file.
+        let alone = read(file)?;
+        let mut sections: toml::Table = toml_file::read(file)?;
+        let has_split = given.contains_key("split");
+        // A library replaces a degree, and the other way round.
+        let is_given = |key: &str| given.get("sindy").is_some_and(|section| section.get(key).is_some());
+        if let Some(toml::Value::Table(sindy)) = sections.get_mut("sindy") {
+            if is_given("library") {
+                sindy.remove("degree");
+                sindy.remove("signed_squares");
+            }
+            if is_given("degree") || is_given("signed_squares") {
+                sindy.remove("library");
+            }
+        }
+        merge(&mut sections, given);
+        let merged: Self = of_table(sections)?;
+        let split = if has_split { merged.split } else { alone.split };
+        Ok(Self { split, log: alone.log, given_log: options.log, ..merged })
     }
-}
 
-impl Config {
     /// How logs are read.
     ///
     /// # Errors
     /// If an input in `[log]` contradicts `[boat.inputs]`.
     pub fn reading(&self) -> Result<Reading, BoatError> {
-        self.log.clone().over(Reading::default(), &self.boat)
+        let mut boat = self.boat.clone();
+        self.identify.state(&mut boat)?;
+        let in_file = self.log.clone().over(Reading::default(), &boat)?;
+        self.given_log.clone().over(in_file, &boat)
     }
 }
 
-/// An input delay: a number of samples, or the text of the command line.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(untagged)]
-pub enum Delay {
-    /// A number of samples.
-    Samples(i64),
-    /// `"3"` samples or `"0.3s"`.
-    Text(InputDelay),
+fn of_table<T: DeserializeOwned>(table: toml::Table) -> Result<T, ConfigError> {
+    serde_path_to_error::deserialize(table).map_err(|error| {
+        let key = Some(error.path().to_string()).filter(|key| key != ".");
+        ConfigError::Option { key, error: Box::new(error.into_inner()) }
+    })
+}
+
+/// Puts the values of a table over those of another one.
+fn merge(into: &mut toml::Table, from: toml::Table) {
+    for (key, value) in from {
+        match (into.get_mut(&key), value) {
+            (Some(toml::Value::Table(known)), toml::Value::Table(value)) => merge(known, value),
+            (_, value) => drop(into.insert(key, value)),
+        }
+    }
 }
 
 /// Files of training, validation and test; in a file, paths are relative to it.
@@ -151,25 +138,6 @@ pub struct Split {
     pub train: Vec<PathBuf>,
     pub validate: Vec<PathBuf>,
     pub test: Vec<PathBuf>,
-}
-
-/// Options of the run.
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Identify {
-    /// The motion that the models predict.
-    pub motion: MotionOption,
-    /// Limits of the rates of actuators.
-    #[serde(deserialize_with = "written::value")]
-    pub rate_limit: RateLimitOption,
-    /// Longest horizon; default 100 samples.
-    pub horizon: Option<Horizon>,
-    /// Samples between two origins of the evaluations; default 1, and more in a cross-validation over long runs.
-    pub origin_stride: Option<usize>,
-    /// Seed; default 0.
-    pub seed: Option<u64>,
-    /// Limit of the time for the training of all networks; the result then depends on the machine.
-    pub budget: Option<Duration>,
 }
 
 /// A model with stated neutral values and limits of inputs, in place of those that it contains. They are in the unit of the

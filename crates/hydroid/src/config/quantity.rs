@@ -2,10 +2,11 @@
 
 use std::str::FromStr;
 
-use serde::{Deserialize, Deserializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// A duration \[s\]: `90`, `90s`, `5m`, `1.5h`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(transparent)]
 pub struct Duration(pub f64);
 
 impl FromStr for Duration {
@@ -66,6 +67,15 @@ impl FromStr for Horizon {
                 if seconds.is_finite() && seconds > 0.0 { Ok(Self::Seconds(seconds)) } else { Err(bad()) }
             }
             None => text.parse().map(Self::Samples).map_err(|_| bad()),
+        }
+    }
+}
+
+impl Serialize for Horizon {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Samples(n) => n.serialize(serializer),
+            Self::Seconds(s) => serializer.collect_str(&format_args!("{s}s")),
         }
     }
 }

@@ -89,7 +89,7 @@ pub(super) fn lagged(
 ) -> Result<Arc<SearchResult>, IdentifyError> {
     let dt = parts.train[0].dt;
     let samples = |share: f64| u16::try_from(intervals(share * job.horizon as f64)).unwrap_or(u16::MAX);
-    let pasts: Vec<Vec<u16>> = match job.sindy.past_s {
+    let pasts: Vec<Vec<u16>> = match job.sindy.past {
         Some(seconds) => vec![vec![u16::try_from(intervals(seconds / dt)).unwrap_or(u16::MAX)]],
         None => vec![vec![samples(0.05)], vec![samples(0.1)], vec![samples(0.2)]],
     };
@@ -108,14 +108,14 @@ pub(super) fn whole(
     let run = parts.train[0];
     let share = |share: f64| intervals(share * job.horizon as f64);
     let past =
-        u16::try_from(job.sindy.past_s.map_or(share(0.1), |s| intervals(s / run.dt))).unwrap_or(u16::MAX);
+        u16::try_from(job.sindy.past.map_or(share(0.1), |s| intervals(s / run.dt))).unwrap_or(u16::MAX);
     let libraries: Vec<Library> = libraries(job, run)?.pop().into_iter().collect();
     let mut grid = job.sindy.grid(&parts.train, job.horizon, &libraries, &[], true);
     for structure in &mut grid.structures {
         structure.past = vec![past];
         structure.past_inputs_only = true;
     }
-    if !job.sindy.central_differences && job.sindy.window_s.is_none() {
+    if !job.sindy.central_differences && job.sindy.window.is_none() {
         grid.regressions = vec![RegressionForm::Weak { intervals: share(0.2) }];
     }
     grid.optimizers = vec![Optimizer::Stepwise(0.0)];
@@ -160,7 +160,7 @@ fn searched(
         inputs: &inputs,
         evaluation: quick(job, parts),
         seed: job.seed,
-        ensemble_size: job.sindy.members.0,
+        ensemble_size: job.sindy.members.unwrap_or(super::options::MEMBERS),
         refine_samples: if parts.draft { DRAFT_REFINE_SAMPLES } else { REFINE_SAMPLES },
     };
     Ok(Arc::new(search(train, &judge, grid, progress)?))

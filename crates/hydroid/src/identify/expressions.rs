@@ -72,7 +72,7 @@ impl SindyOptions {
             }
             rules.push(rule);
         }
-        if self.dissipative == Some(true) {
+        if self.dissipative {
             rules.extend(dissipative(&variables));
         }
         Ok(rules)

@@ -1,37 +1,61 @@
 //! Methods of identification.
 
+use std::str::FromStr;
+
 use serde::{Deserialize, Serialize};
 
 use crate::train::CellKind;
 
 /// Method of identification.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "arguments", derive(clap::ValueEnum))]
 pub enum Method {
-    /// A search for sparse equations of motion.
+    /// Sparse equations of motion
     Sindy,
-    /// Sparse equations with past outputs and inputs among the variables.
+    /// Equations with past outputs and inputs
     Lagged,
-    /// Equations with recursive least squares from several priors: those of another search if they have a lag
-    /// or a gate, else equations with all terms.
+    /// Equations with recursive adaptation, from several priors
     Recursive,
-    /// A committee of difference equations, chosen by cross-validation over runs.
+    /// Difference equations that are combined by cross-validation and learn along a run
     Committee,
-    /// The marked numbers of a vessel file.
+    /// The marked numbers of a vessel file
     GreyBox,
-    /// A recurrent network with LSTM cells.
+    /// A recurrent network with LSTM cells
     Lstm,
-    /// A recurrent network with GRU cells.
+    /// A recurrent network with GRU cells
     Gru,
-    /// A vanilla recurrent network.
+    /// A vanilla recurrent network
     Rnn,
-    /// Feed-forward network that predicts all outputs over a horizon at once.
+    /// A feed-forward network that predicts all steps of a horizon at once
     Direct,
-    /// Feed-forward network of the rates, affine in known maps of the inputs, so that control laws can invert it.
+    /// A feed-forward network of the accelerations, affine in the inputs: for control laws that invert the model
     Affine,
 }
 
+impl FromStr for Method {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|method| method.name() == text);
+        found.ok_or_else(|| format!("'{text}' is not a method: {}", Self::ALL.map(Self::name).join(", ")))
+    }
+}
+
 impl Method {
+    const ALL: [Self; 10] = [
+        Self::Sindy,
+        Self::Lagged,
+        Self::Recursive,
+        Self::Committee,
+        Self::GreyBox,
+        Self::Lstm,
+        Self::Gru,
+        Self::Rnn,
+        Self::Direct,
+        Self::Affine,
+    ];
+
     /// Its name in tables and model files.
     pub fn name(self) -> &'static str {
         match self {

@@ -44,9 +44,7 @@ pub use design_range::{ChannelRange, GivenRange, GivenRanges};
 pub use error::IdentifyError;
 pub use method::Method;
 pub use networks::{NetworkOptions, NetworkTrainingOptions};
-pub use options::{
-    Auto, EnsembleSize, FixedGate, GateOption, Keyword, LagOption, RefineOption, SindyOptions,
-};
+pub use options::{FixedGate, GateOption, Keyword, LagOption, SindyOptions};
 pub use rate_limits::{GivenRate, RateLimitOption};
 pub use through_water::{CurrentsFound, FrameErrors, MotionOption, RunCurrent};
 pub use training::Training;

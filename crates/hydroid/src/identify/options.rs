@@ -13,100 +13,96 @@ use crate::sindy::{
 };
 use crate::written;
 
-/// Options of the search for equations. Options that are not given are selected on the validation runs.
+#[cfg(feature = "arguments")]
+const EQUATIONS: &str = "Equations";
+
+/// Options of the search for equations, of the command, of the section `[sindy]` of a file, and of Python. Options that are
+/// not given are selected on the validation runs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[cfg_attr(feature = "arguments", derive(clap::Args), group(skip))]
 pub struct SindyOptions {
-    /// The library by name: `marine`, `degree 2 + x|x|`, `marine + rational` ...
+    /// Library of terms: families joined by +, as in 'marine + rational': degree N, marine, marine cubic, x|x|, x|y|,
+    /// trigonometric, rational, 'inputs x outputs'; optional suffix ', no constant' (default: marine, degree 1 and 2 are compared)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "FAMILIES", help_heading = EQUATIONS))]
     pub library: Option<String>,
-    /// Listed terms, `u |u|`, `v r`, `n |n| sin(delta)`, added to the library given by name or degree, if any.
+    /// A term, as in 'u |u|' or 'n |n| sin(delta)', added to the library or the degree; may be repeated
+    #[cfg_attr(feature = "arguments", arg(long, alias = "term", value_name = "TERM", help_heading = EQUATIONS))]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub terms: Vec<String>,
-    /// Constraints on coefficients, where `OUTPUT: TERM` denotes a coefficient: `u: u |u| <= 0`, `v: u r = r: u v`.
+    /// A constraint on coefficients, as in 'u: u |u| <= 0' or 'v: u r = r: u v'; may be repeated
+    #[cfg_attr(feature = "arguments", arg(long, alias = "constraint", value_name = "OUTPUT: TERM <= 0", help_heading = EQUATIONS))]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub constraints: Vec<String>,
-    /// Whether the coefficients of `y` and `y |y|` in the equation of each output `y` are not positive.
-    pub dissipative: Option<bool>,
-    /// Degree of the polynomial library; default: a search over 1, 2 and the marine terms.
+    /// Dissipative damping: coefficients of y and y |y| in the equation of y are at most 0
+    #[cfg_attr(feature = "arguments", arg(long, help_heading = EQUATIONS))]
+    #[serde(skip_serializing_if = "written::is_off")]
+    pub dissipative: bool,
+    /// Degree of the polynomial library (default: 1 and 2 are compared)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=6), help_heading = EQUATIONS, conflicts_with = "library"))]
     pub degree: Option<u8>,
-    /// Whether the library has signed squares `x |x|`; default: a search over both.
+    /// Whether the polynomial library has signed squares x |x| (default: both are compared)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "true|false", help_heading = EQUATIONS, conflicts_with = "library"))]
     pub signed_squares: Option<bool>,
-    /// Whether the library has the constant 1, a steady force or a sensor offset; default: true.
+    /// Whether the library has the constant 1, a steady force or a sensor offset (default: true)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "true|false", help_heading = EQUATIONS))]
     pub constant: Option<bool>,
-    /// Actuator lags: `"auto"` (search, the default), `"none"`, or the time constants \[s\] by input.
-    #[serde(deserialize_with = "written::value")]
-    pub lag: LagOption,
-    /// Gate between two modes: `"auto"` (search, the default), `"none"`, or a gate on an output.
-    #[serde(deserialize_with = "written::value")]
-    pub gate: GateOption,
-    /// Delay of the past values in lagged equations \[s\]; default: a search.
-    pub past_s: Option<f64>,
-    /// Window of the regression \[s\]; default: a search.
-    #[serde(rename(deserialize = "window"), alias = "window_s")]
-    pub window_s: Option<f64>,
-    /// Central differences instead of the weak form.
+    /// First-order lags of the actuators: auto, none, or time constants [s]: n=1.5,delta=0.3 (default: auto)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "auto|none|LIST", help_heading = EQUATIONS))]
+    #[serde(deserialize_with = "written::optional")]
+    pub lag: Option<LagOption>,
+    /// Gate between two regimes: auto, none, or OUTPUT=CENTRE/SLOPE: u=2.5/12 (default: auto)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "auto|none|GATE", help_heading = EQUATIONS))]
+    #[serde(deserialize_with = "written::optional")]
+    pub gate: Option<GateOption>,
+    /// Delay of the past values in lagged equations [s] (default: several are compared)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "S", allow_negative_numbers = true, help_heading = EQUATIONS))]
+    #[serde(alias = "past_s")]
+    pub past: Option<f64>,
+    /// Window of the regression [s] (default: several are compared)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "S", allow_negative_numbers = true, help_heading = EQUATIONS))]
+    #[serde(alias = "window_s")]
+    pub window: Option<f64>,
+    /// Central differences in place of the weak form
+    #[cfg_attr(feature = "arguments", arg(long, help_heading = EQUATIONS))]
+    #[serde(skip_serializing_if = "written::is_off")]
     pub central_differences: bool,
-    /// Threshold of STLSQ, in standard deviations of the output per second; default: a search over stepwise tolerances.
+    /// Sequentially thresholded least squares: drop terms with an effect below X standard deviations of the output per second
+    /// (default: backward elimination and BIC)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "X", allow_negative_numbers = true, help_heading = EQUATIONS))]
     pub threshold: Option<f64>,
-    /// Ridge penalty for each row, on columns of unit RMS; default: a search.
+    /// Ridge penalty for each row, on columns of unit RMS (default: several are compared)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "X", allow_negative_numbers = true, help_heading = EQUATIONS))]
     pub ridge: Option<f64>,
-    /// Threshold of the Huber loss in standard deviations, against spikes in the logs; default: least squares.
+    /// Huber threshold of the residuals [standard deviations], against spikes: 1.345 is usual (default: least squares)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "X", allow_negative_numbers = true, help_heading = EQUATIONS))]
     pub huber: Option<f64>,
-    /// Refinement on multi-step predictions: `"auto"` (if their errors are close to the sensor noise, the default),
-    /// `true` (if the predictions improve) or `false`.
-    pub refine: RefineOption,
-    /// Size of the ensemble for the uncertainty of the coefficients.
-    pub members: EnsembleSize,
-    /// Whether the equations are control-affine, so that control laws can invert them: terms are linear in one function
-    /// of each command (`c`, `sin(c)` or `c |c|`), which is selected on the validation runs.
+    /// Refine the coefficients by the output error over many steps: always, or never with false (default: only if the model
+    /// error is close to the noise)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "true|false", num_args = 0..=1, require_equals = true, default_missing_value = "true", help_heading = EQUATIONS))]
+    pub refine: Option<bool>,
+    /// Members of the ensemble for intervals of coefficients and bands of rollouts; 0: none (default: 50)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "N", help_heading = EQUATIONS))]
+    pub members: Option<usize>,
+    /// Equations that control laws can invert: linear in one function of each command, c, sin(c) or c |c| (method sindy)
+    #[cfg_attr(feature = "arguments", arg(long, help_heading = EQUATIONS))]
+    #[serde(skip_serializing_if = "written::is_off")]
     pub for_control: bool,
 }
 
+/// Members of the ensemble without an option.
+pub(super) const MEMBERS: usize = 50;
+
 const MAX_MEMBERS: usize = 1000;
 
-/// Number of ensemble members.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(transparent)]
-pub struct EnsembleSize(pub usize);
-
-impl Default for EnsembleSize {
-    fn default() -> Self {
-        Self(50)
-    }
-}
-
 /// A keyword in place of a value.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Keyword {
     /// Search.
-    #[default]
     Auto,
     /// None.
     None,
-}
-
-/// Whether equations are refined.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(untagged, expecting = "refine is \"auto\", true or false")]
-pub enum RefineOption {
-    /// Depends on prediction errors and sensor noise.
-    Keyword(Auto),
-    /// As given.
-    Fixed(bool),
-}
-
-impl Default for RefineOption {
-    fn default() -> Self {
-        Self::Keyword(Auto::Auto)
-    }
-}
-
-/// The keyword `auto`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Auto {
-    /// Automatic.
-    #[default]
-    Auto,
 }
 
 /// Actuator lags.
@@ -122,12 +118,6 @@ pub enum LagOption {
     Fixed(BTreeMap<String, f64>),
 }
 
-impl Default for LagOption {
-    fn default() -> Self {
-        Self::Keyword(Keyword::Auto)
-    }
-}
-
 /// Gate between two modes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(
@@ -139,12 +129,6 @@ pub enum GateOption {
     Keyword(Keyword),
     /// On an output.
     Fixed(FixedGate),
-}
-
-impl Default for GateOption {
-    fn default() -> Self {
-        Self::Keyword(Keyword::Auto)
-    }
 }
 
 /// A gate `sigma(slope (y - centre))`.
@@ -216,8 +200,8 @@ impl SindyOptions {
     /// If a number is outside its range.
     pub fn check(&self) -> Result<(), IdentifyError> {
         let settings = [
-            ("window", "a positive number of seconds", self.window_s, f64::MIN_POSITIVE),
-            ("past", "a positive number of seconds", self.past_s, f64::MIN_POSITIVE),
+            ("window", "a positive number of seconds", self.window, f64::MIN_POSITIVE),
+            ("past", "a positive number of seconds", self.past, f64::MIN_POSITIVE),
             ("threshold", "a number from 0 on", self.threshold, 0.0),
             ("ridge", "a number from 0 on", self.ridge, 0.0),
             ("huber", "a positive number of standard deviations", self.huber, f64::MIN_POSITIVE),
@@ -227,8 +211,7 @@ impl SindyOptions {
                 return Err(IdentifyError::InvalidOption { what, value: value.to_string(), needed });
             }
         }
-        let EnsembleSize(members) = self.members;
-        if members > MAX_MEMBERS {
+        if let Some(members) = self.members.filter(|members| *members > MAX_MEMBERS) {
             let needed = "a number from 0 to 1000";
             return Err(IdentifyError::InvalidOption { what: "members", value: members.to_string(), needed });
         }
@@ -241,9 +224,9 @@ impl SindyOptions {
     /// If an input does not exist, or a time constant is not positive.
     pub fn lags(&self, run: &Trajectory) -> Result<StructureSpec<Vec<Lag>>, IdentifyError> {
         let given = match &self.lag {
-            LagOption::Keyword(Keyword::Auto) => return Ok(StructureSpec::Search),
-            LagOption::Keyword(Keyword::None) => return Ok(StructureSpec::Absent),
-            LagOption::Fixed(given) => given,
+            None | Some(LagOption::Keyword(Keyword::Auto)) => return Ok(StructureSpec::Search),
+            Some(LagOption::Keyword(Keyword::None)) => return Ok(StructureSpec::Absent),
+            Some(LagOption::Fixed(given)) => given,
         };
         let mut lags = Vec::new();
         for (name, &time_constant_s) in given {
@@ -268,13 +251,13 @@ impl SindyOptions {
     /// If the output does not exist, a number is invalid, or a mode has too few samples in the training runs.
     pub fn gate(&self, training: &[&Trajectory]) -> Result<StructureSpec<GateSpec>, IdentifyError> {
         let given = match &self.gate {
-            GateOption::Keyword(Keyword::Auto) => {
+            None | Some(GateOption::Keyword(Keyword::Auto)) => {
                 // Nested gates are not supported.
                 let lists = training.first().map_or(Ok(false), |run| self.lists_gates(run))?;
                 return Ok(if lists { StructureSpec::Absent } else { StructureSpec::Search });
             }
-            GateOption::Keyword(Keyword::None) => return Ok(StructureSpec::Absent),
-            GateOption::Fixed(given) => given,
+            Some(GateOption::Keyword(Keyword::None)) => return Ok(StructureSpec::Absent),
+            Some(GateOption::Fixed(given)) => given,
         };
         let FixedGate { output: name, centre, slope } = given;
         let value = || format!("{name}={centre}/{slope}");
@@ -342,7 +325,7 @@ impl SindyOptions {
     ) -> SearchGrid {
         let share = |part: f64| intervals(part * horizon as f64);
         let dt = training.first().map_or(1.0, |run| run.dt);
-        let regressions = match (self.central_differences, self.window_s) {
+        let regressions = match (self.central_differences, self.window) {
             (true, _) => vec![RegressionForm::Central],
             (false, Some(window)) => vec![RegressionForm::Weak { intervals: intervals(window / dt) }],
             (false, None) => {
@@ -375,10 +358,10 @@ impl SindyOptions {
             loss: self.huber.map_or(Loss::Squares, Loss::Huber),
             constraints: Vec::new(),
             // Given options are not varied.
-            refine: (self.refine != RefineOption::Fixed(false)).then_some(RefineScope {
-                lags: !matches!(self.lag, LagOption::Fixed(_)),
-                gate: !matches!(self.gate, GateOption::Fixed(_)),
-                always: self.refine == RefineOption::Fixed(true),
+            refine: (self.refine != Some(false)).then_some(RefineScope {
+                lags: !matches!(self.lag, Some(LagOption::Fixed(_))),
+                gate: !matches!(self.gate, Some(GateOption::Fixed(_))),
+                always: self.refine == Some(true),
             }),
         }
     }

@@ -16,27 +16,15 @@ use crate::sindy::SearchError;
 /// Motion that the models predict.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "arguments", derive(clap::ValueEnum))]
 pub enum MotionOption {
-    /// The better one of a cross-validation, if all runs have a heading.
+    /// The better one of a cross-validation, if all runs have a heading
     #[default]
     Auto,
-    /// The motion over ground.
+    /// The motion over ground
     OverGround,
-    /// The motion through the water.
+    /// The motion through the water, with a current for each run
     ThroughWater,
-}
-
-impl std::str::FromStr for MotionOption {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "auto" => Ok(Self::Auto),
-            "over-ground" => Ok(Self::OverGround),
-            "through-water" => Ok(Self::ThroughWater),
-            _ => Err(format!("'{text}' is not a kind of motion: auto, over-ground or through-water")),
-        }
-    }
 }
 
 /// Currents of the training runs, and what models of the motion through the water gain.

@@ -278,8 +278,13 @@ fn cross_validated_equations(
         let (fit, _) = refit(&found, &runs, ranges, (0, job.seed), equations::DRAFT_REFINE_SAMPLES)?;
         left_out.push(fit.equations);
     }
-    let (fit, ensemble) =
-        refit(&found, &parts.train, ranges, (job.sindy.members.0, job.seed), equations::REFINE_SAMPLES)?;
+    let (fit, ensemble) = refit(
+        &found,
+        &parts.train,
+        ranges,
+        (job.sindy.members.unwrap_or(super::options::MEMBERS), job.seed),
+        equations::REFINE_SAMPLES,
+    )?;
     progress::report(progress, 1.0).map_err(SearchError::Cancelled)?;
     let mut found = Arc::unwrap_or_clone(found);
     (found.fit, found.ensemble) = (fit, ensemble);

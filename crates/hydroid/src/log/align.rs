@@ -11,17 +11,18 @@ use super::error::LogError;
 /// The interval on which the command in a row acts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[cfg_attr(feature = "arguments", derive(clap::ValueEnum))]
 pub enum CommandTiming {
-    /// Row `k` holds the command given at `t_k`, which acts on `[t_k, t_{k+1})`.
+    /// Row k holds the command that acts from row k to k+1
     #[default]
     Before,
-    /// Row `k` holds the command that acted on `[t_{k-1}, t_k)`.
+    /// Row k holds the command that acted from row k-1 to k
     After,
 }
 
 /// Input delay `d`: the command logged at row `k - d` acts at row `k`. Negative if commands are logged after they act.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(try_from = "String", into = "String")]
+#[serde(try_from = "Written", into = "String")]
 pub enum InputDelay {
     /// In samples of the log.
     Samples(i64),
@@ -65,11 +66,22 @@ impl FromStr for InputDelay {
     }
 }
 
-impl TryFrom<String> for InputDelay {
+/// Form in a file: a number of samples, or a text.
+#[derive(serde::Deserialize)]
+#[serde(untagged, expecting = "a number of samples (3) or a time (\"0.3s\")")]
+enum Written {
+    Samples(i64),
+    Text(String),
+}
+
+impl TryFrom<Written> for InputDelay {
     type Error = LogError;
 
-    fn try_from(text: String) -> Result<Self, LogError> {
-        text.parse()
+    fn try_from(written: Written) -> Result<Self, LogError> {
+        match written {
+            Written::Samples(n) => Self::Samples(n).check().map(|()| Self::Samples(n)),
+            Written::Text(text) => text.parse(),
+        }
     }
 }
 

@@ -1,5 +1,7 @@
 //! Where a model was not seen.
 
+use std::fmt::{Display, Formatter, Result};
+
 use serde::Serialize;
 
 use crate::model::Port;
@@ -9,6 +11,8 @@ use crate::model::Port;
 pub struct Outside {
     /// Name.
     pub name: String,
+    /// Unit.
+    pub unit: String,
     /// Time at which it leaves the range \[s\]. In a trial it counts from the order, and is 0 if it was outside before.
     pub from_s: f64,
     /// Lowest and highest value.
@@ -31,10 +35,30 @@ impl Outside {
         }
         from_s.is_finite().then(|| Self {
             name: port.channel.name.clone(),
+            unit: port.channel.unit.clone(),
             from_s,
             reached: [low, high],
             range: [range.low, range.high],
         })
+    }
+}
+
+impl Display for Outside {
+    /// What is reached and what was seen; angles in degrees.
+    fn fmt(&self, out: &mut Formatter<'_>) -> Result {
+        let Self { name, unit, from_s, reached, range } = self;
+        let (factor, unit) = match unit.as_str() {
+            "rad" => (1.0_f64.to_degrees(), " deg"),
+            "rad/s" => (1.0_f64.to_degrees(), " deg/s"),
+            "" | "1" => (1.0, ""),
+            unit => (1.0, &*format!(" {unit}")),
+        };
+        let number = |value: f64| (1e3 * factor * value).round() / 1e3 + 0.0;
+        let [[low, high], [least, most]] = [*reached, *range].map(|range| range.map(number));
+        write!(
+            out,
+            "the model extrapolates from {from_s:.1} s on: {name} goes from {low} to {high}{unit}, and from {least} to {most}{unit} in its logs"
+        )
     }
 }
 
@@ -58,5 +82,7 @@ mod tests {
         let found = of(&[0.0, 0.1, -0.4, 0.3]).unwrap();
         let expected = ("delta", 2.0, [-0.4, 0.3], [-0.3, 0.2]);
         assert_eq!((found.name.as_str(), found.from_s, found.reached, found.range), expected);
+        let text = "the model extrapolates from 2.0 s on: delta goes from -22.918 to 17.189 deg, and from -17.189 to 11.459 deg in its logs";
+        assert_eq!(found.to_string(), text);
     }
 }

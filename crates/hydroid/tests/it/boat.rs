@@ -347,7 +347,7 @@ fn an_identified_model_knows_its_wind_and_what_its_inputs_do() {
     .unwrap();
     let reading = config.reading().unwrap();
     let logs = Logs { train: vec![log_in_wind()], validate: Vec::new(), test: Vec::new() };
-    let (job, _) = config.job(reading, &logs, vec![hydroid::identify::Method::Sindy], None).unwrap();
+    let (job, _) = config.job(reading, &logs, None).unwrap();
     let result = identify(&job, &mut silent()).unwrap();
     let model = &result.candidates[result.best.unwrap()].model;
     let boat = &model.description.boat;
@@ -373,7 +373,7 @@ fn a_role_of_an_input_that_is_not_there_is_refused() {
             .unwrap();
     let reading = config.reading().unwrap();
     let logs = Logs { train: vec![log_in_wind()], validate: Vec::new(), test: Vec::new() };
-    let error = config.job(reading, &logs, vec![hydroid::identify::Method::Sindy], None).unwrap_err();
+    let error = config.job(reading, &logs, None).unwrap_err();
     let text = error.to_string();
     assert!(text.contains("'detla'") && text.contains("did you mean 'delta'"), "{text}");
     let error = toml::from_str::<Config>("[boat.inputs.n]\nrole = \"engine\"\n").unwrap_err().to_string();
@@ -389,7 +389,7 @@ fn circles_of_a_tanker_at_a_constant_shaft_speed_are_those_of_shipmmg() {
     let reading = config.reading().unwrap();
     let log = hydroid::log::read(golden.join("tanker.csv").as_path()).unwrap();
     let logs = Logs { train: vec![log], validate: Vec::new(), test: Vec::new() };
-    let (job, _) = config.job(reading, &logs, vec![hydroid::identify::Method::Sindy], None).unwrap();
+    let (job, _) = config.job(reading, &logs, None).unwrap();
     let result = identify(&job, &mut silent()).unwrap();
     let model = &result.candidates[result.best.unwrap()].model;
     let settings = config::Manoeuvre {

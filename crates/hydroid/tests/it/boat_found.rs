@@ -208,7 +208,7 @@ fn a_log_is_read_with_the_boat() {
         assert_eq!(run.inputs.row(k)[0], (logged[k] - 1511.0) / 400.0);
     }
     let logs = Logs { train: vec![raw.clone()], validate: Vec::new(), test: Vec::new() };
-    let (job, _) = boat.job(reading, &logs, Vec::new(), None).unwrap();
+    let (job, _) = boat.job(reading, &logs, None).unwrap();
     assert_eq!(job.boat.inputs["left"].neutral, Some(1511.0), "the boat keeps raw values");
     // The reading of a model reads further logs.
     let text = serde_json::to_string(&job.reading).unwrap();
@@ -290,7 +290,7 @@ fn a_boat_and_a_log_that_contradict_each_other() {
         test: Vec::new(),
     };
     let unnamed = config(LEFT, "");
-    let error = unnamed.clone().job(unnamed.reading().unwrap(), &logs, Vec::new(), None).unwrap_err();
+    let error = unnamed.clone().job(unnamed.reading().unwrap(), &logs, None).unwrap_err();
     assert!(error.to_string().contains("[log] names no inputs"), "{error}");
     // Without a scale, the column may have a formula, as before.
     let spec: ChannelSpec = "left=pwm_left - 1500".parse().unwrap();

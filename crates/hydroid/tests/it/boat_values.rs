@@ -106,7 +106,7 @@ fn limits_within_the_logged_commands_are_refused_before_the_training() {
         let config: Config = toml::from_str(&config).unwrap();
         let log = hydroid::log::read_from(text.as_bytes(), "run.csv").unwrap();
         let logs = Logs { train: vec![log], validate: Vec::new(), test: Vec::new() };
-        config.clone().job(config.reading().unwrap(), &logs, vec![hydroid::identify::Method::Sindy], None)
+        config.clone().job(config.reading().unwrap(), &logs, None)
     };
     let error = job("[1200, 1800]").unwrap_err().to_string();
     assert!(error.contains("limits of left are 1200 to 1800, and the log commands 1900"), "{error}");

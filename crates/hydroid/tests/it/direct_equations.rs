@@ -7,7 +7,7 @@ use std::sync::Arc;
 use crate::vessel::{INPUTS, OUTPUTS, smooth, with_gaps};
 use hydroid::evaluate::{Options, evaluate};
 use hydroid::identify::{
-    EnsembleSize, GivenRanges, IdentifyError, Job as Identification, Method, MotionOption, NetworkOptions,
+    GivenRanges, IdentifyError, Job as Identification, Method, MotionOption, NetworkOptions,
     NetworkTrainingOptions, RateLimitOption, SindyOptions, identify,
 };
 use hydroid::log::{Split, Trajectory};
@@ -139,7 +139,7 @@ fn job(methods: Vec<Method>) -> Identification {
         ranges: GivenRanges::new(),
         motion: MotionOption::default(),
         rate_limits: RateLimitOption::default(),
-        sindy: SindyOptions { degree: Some(1), members: EnsembleSize(0), ..SindyOptions::default() },
+        sindy: SindyOptions { degree: Some(1), members: Some(0), ..SindyOptions::default() },
         networks: NetworkTrainingOptions { direct, ..NetworkTrainingOptions::default() },
         vessel: None,
     }

@@ -4,9 +4,8 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use hydroid::identify::{
-    EnsembleSize, GateOption, GivenRanges, IdentifyError, IdentifyResult, Job, Keyword, LagOption, Method,
-    MotionOption, NetworkOptions, NetworkTrainingOptions, RateLimitOption, SindyOptions,
-    identify_with_stages,
+    GateOption, GivenRanges, IdentifyError, IdentifyResult, Job, Keyword, LagOption, Method, MotionOption,
+    NetworkOptions, NetworkTrainingOptions, RateLimitOption, SindyOptions, identify_with_stages,
 };
 use hydroid::log::{Channel, Split, Table, Trajectory};
 use hydroid::model::Reading;
@@ -52,10 +51,10 @@ fn job(methods: &[Method], [train, validation, test]: [usize; 3], driven: bool) 
         rate_limits: RateLimitOption::default(),
         sindy: SindyOptions {
             degree: Some(1),
-            lag: LagOption::Keyword(Keyword::None),
-            gate: GateOption::Keyword(Keyword::None),
+            lag: Some(LagOption::Keyword(Keyword::None)),
+            gate: Some(GateOption::Keyword(Keyword::None)),
             ridge: Some(1e-6),
-            members: EnsembleSize(0),
+            members: Some(0),
             ..SindyOptions::default()
         },
         vessel: None,

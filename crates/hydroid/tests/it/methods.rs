@@ -4,8 +4,8 @@ use hydroid::adapt::{self, adapt};
 use hydroid::evaluate;
 use hydroid::excitation::Excitation;
 use hydroid::identify::{
-    EnsembleSize, GateOption, GivenRange, GivenRanges, IdentifyError, IdentifyResult, Job, Keyword,
-    LagOption, Method, MotionOption, NetworkTrainingOptions, RateLimitOption, SindyOptions, identify,
+    GateOption, GivenRange, GivenRanges, IdentifyError, IdentifyResult, Job, Keyword, LagOption, Method,
+    MotionOption, NetworkTrainingOptions, RateLimitOption, SindyOptions, identify,
 };
 use hydroid::log::{Channel, Split, Table, Trajectory};
 use hydroid::model::{self, Reading};
@@ -51,10 +51,10 @@ fn job(methods: &[Method], split: Split) -> Job {
         sindy: SindyOptions {
             degree: Some(2),
             signed_squares: Some(false),
-            lag: LagOption::Keyword(Keyword::None),
-            gate: GateOption::Keyword(Keyword::None),
+            lag: Some(LagOption::Keyword(Keyword::None)),
+            gate: Some(GateOption::Keyword(Keyword::None)),
             ridge: Some(1e-6),
-            members: EnsembleSize(0),
+            members: Some(0),
             ..SindyOptions::default()
         },
     }
@@ -105,9 +105,9 @@ fn spikes_are_named_with_their_remedy() {
             rate_limits: RateLimitOption::default(),
             sindy: SindyOptions {
                 degree: Some(1),
-                lag: LagOption::Keyword(Keyword::None),
-                gate: GateOption::Keyword(Keyword::None),
-                members: EnsembleSize(0),
+                lag: Some(LagOption::Keyword(Keyword::None)),
+                gate: Some(GateOption::Keyword(Keyword::None)),
+                members: Some(0),
                 huber,
                 ..SindyOptions::default()
             },
@@ -140,9 +140,9 @@ fn a_given_lag_is_in_all_candidates() {
         motion: MotionOption::default(),
         rate_limits: RateLimitOption::default(),
         sindy: SindyOptions {
-            lag: LagOption::Fixed([(String::from("RD_cmd"), 0.3)].into()),
-            gate: GateOption::Keyword(Keyword::None),
-            members: EnsembleSize(0),
+            lag: Some(LagOption::Fixed([(String::from("RD_cmd"), 0.3)].into())),
+            gate: Some(GateOption::Keyword(Keyword::None)),
+            members: Some(0),
             ..SindyOptions::default()
         },
     };

@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use hydroid::closed_loop::TruePlant;
 use hydroid::identify::{
-    EnsembleSize, IdentifyResult, Job, Method, MotionOption, NetworkTrainingOptions, RateLimitOption,
-    SindyOptions, identify,
+    IdentifyResult, Job, Method, MotionOption, NetworkTrainingOptions, RateLimitOption, SindyOptions,
+    identify,
 };
 use hydroid::log::{Channel, Split, Table, Trajectory};
 use hydroid::manoeuvre::{Figure, compare};
@@ -93,7 +93,7 @@ fn try_identify(
         ranges: BTreeMap::default(),
         motion: MotionOption::Auto,
         rate_limits: option.parse::<RateLimitOption>().unwrap(),
-        sindy: SindyOptions { members: EnsembleSize(0), ..SindyOptions::default() },
+        sindy: SindyOptions { members: Some(0), ..SindyOptions::default() },
         networks: NetworkTrainingOptions::default(),
         vessel: None,
     };

@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use crate::ridge_baseline::{CYBERSHIP, ESSO, Row, Ship, baseline, chosen, last};
 use hydroid::evaluate::Evaluation;
 use hydroid::identify::{
-    EnsembleSize, GivenRanges, Grade, IdentifyResult, Job, Method, MotionOption, NetworkTrainingOptions,
-    RateLimitOption, SindyOptions, identify,
+    GivenRanges, Grade, IdentifyResult, Job, Method, MotionOption, NetworkTrainingOptions, RateLimitOption,
+    SindyOptions, identify,
 };
 use hydroid::log::{self, PrepareOptions, Selection, Split, split_named};
 use hydroid::model::Reading;
@@ -60,7 +60,7 @@ fn means(ship: &Ship, data: &Path) -> (IdentifyResult, Vec<f64>, f64) {
     let [train, validation, test] = ship.runs(data);
     let split = Split { train, validation, test, notes: Vec::new() };
     let methods = vec![Method::Sindy, Method::Lagged, Method::Recursive];
-    let sindy = SindyOptions { members: EnsembleSize(0), ..SindyOptions::default() };
+    let sindy = SindyOptions { members: Some(0), ..SindyOptions::default() };
     let result = identify(&Job { methods, sindy, ..job(split, ship.horizon, 5) }, &mut silent()).unwrap();
     let means = result.candidates.iter().map(|c| last(c.judged()).1).collect();
     let ridge = last(&chosen(&baseline(ship, data)).test).1;

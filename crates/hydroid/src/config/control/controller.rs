@@ -8,9 +8,10 @@ use hydroid_core::control::cem::PlannerOptions;
 use super::error::{SetupError, ensure};
 use super::options::ClosedLoopOptions;
 use super::setup::NamedModel;
-use crate::adapt::{self, Method};
+use crate::adapt;
 use crate::boat::{Role, Roles, StatedRoles};
 use crate::closed_loop::{ControllerOptions, Scale, Scenario, Timing};
+use crate::config::Adapt;
 use crate::config::value::by_name;
 use crate::config::with_values;
 use crate::key::key;
@@ -167,21 +168,7 @@ impl ClosedLoopOptions {
     /// Options of the online adaptation: the defaults of the kind of model.
     pub(super) fn adaptation(&self, model: &Model) -> Result<adapt::Options, SetupError> {
         adapt::adaptable(model)?;
-        let mut options = adapt::Options::of(model);
-        let (equations, direct) = (model.equations().is_some(), model.direct().is_some());
-        ensure(!direct || self.learner != Some(Method::Kalman), || {
-            format!("direct predictors adapt by least squares: leave {} out", key("learner").is("kalman"))
-        })?;
-        ensure(equations || direct || self.learner != Some(Method::LeastSquares), || {
-            format!(
-                "{} needs equations or a direct predictor: this is a model of kind '{}'; leave it out",
-                key("learner").is("least-squares"),
-                model.kind()
-            )
-        })?;
-        if self.learner == Some(Method::Kalman) {
-            options.method = Method::Kalman;
-        }
-        Ok(if self.no_guard { options } else { options.guarded(model) })
+        let adaptation = Adapt { learner: self.learner, no_guard: self.no_guard, ..Adapt::default() };
+        adaptation.options(model).map_err(|error| SetupError::Option(error.to_string()))
     }
 }
