@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use hydroid::atomic::{self, Lock};
 use hydroid::config::{self, Drive, Plan, Plant, SettingError};
+use hydroid::log::Note;
 use hydroid::manoeuvre::{self, Comparison, Figure, ManoeuvreError, Track};
 use hydroid::model as library;
 use hydroid::plant::{InputMap, member_tracks};
@@ -314,6 +315,12 @@ pub(crate) fn manoeuvres(
     .map_err(of_setting)?;
     // After an interrupt nobody waits for the trials.
     let trials = trials.ok_or_else(|| internal("the trials were cancelled"))?;
+    let outside = trials.trials.iter().flat_map(|trial| {
+        let title = trial.kind.title(&trials.inputs);
+        trial.outside.iter().map(move |outside| format!("{title}: {outside}"))
+    });
+    let notes: Vec<Note> = trials.notes.iter().cloned().chain(outside).map(Note::warning).collect();
+    warn(py, &notes)?;
     let document = Arc::new(trials.document(&name, &model, &plan.options));
     Ok(Trials { trials: Arc::new(trials), model, document, length_m: plan.options.length_m })
 }

@@ -1,4 +1,6 @@
+import inspect
 import os
+import pathlib
 import pickle
 
 import numpy as np
@@ -114,8 +116,17 @@ def test_progress_is_reported_and_its_exceptions_end_the_call(files):
         )
 
 
+def test_options_of_the_library_are_those_of_python():
+    parameters = inspect.signature(hydroid.identify).parameters
+    for option in hydroid._hydroid.options("identify"):
+        assert option["key"] in parameters and f"{option['key']} :" in hydroid.identify.__doc__
+    stub = (pathlib.Path(hydroid.__file__).parent / "_hydroid.pyi").read_text()
+    for option in hydroid._hydroid.options("adapt"):
+        assert f"``{option['key']}``" in stub or option["key"] == "no_guard", option["key"]
+
+
 def test_unknown_methods_and_options_are_named(files):
-    with pytest.raises(ValueError, match="methods: expected some of sindy.*got 'spindy'"):
+    with pytest.raises(ValueError, match="identify.methods.*'spindy' is not a method: sindy"):
         hydroid.identify(files[:3], **CHANNELS, methods="spindy")
     with pytest.raises(ValueError, match="unknown field `degre`"):
         hydroid.identify(files[:3], **CHANNELS, sections={"sindy": {"degre": 3}})
@@ -200,3 +211,6 @@ def test_an_adapter_learns_and_its_state_is_kept(model, files):
         adapter.step([1.0], run.outputs[0])
     with pytest.raises(ValueError, match="unknown field `spin`"):
         hydroid.Adapter(model, spin=1)
+    with pytest.raises(ValueError, match="weight_variance is an option of the extended Kalman filter"):
+        hydroid.Adapter(model, weight_variance=1e-3)
+    hydroid.Adapter(model, learner="kalman", weight_variance=1e-3, noise="u=0.1,v=0.1,r=0.1")

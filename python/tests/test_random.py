@@ -40,7 +40,7 @@ def calls(model, run):
         "predict": lambda x, y: adapter.predict(x, y),
         "state": lambda x, y: setattr(adapter, "state", x),
         "cut state": lambda x, y: setattr(adapter, "state", state[: hash(str(x)) % len(state)]),
-        "adapter": lambda x, y: hydroid.Adapter(model, guard=x, kalman=y),
+        "adapter": lambda x, y: hydroid.Adapter(model, guard=x, leak=y),
         "log": lambda x, y: hydroid.Log(x, name=y) if isinstance(y, str) else hydroid.Log(x),
         "log of columns": lambda x, y: hydroid.Log({"u": x, "n": y}),
         "prepare": lambda x, y: hydroid.prepare(hydroid.Log({"u": x, "n": y}), outputs="u", inputs="n"),

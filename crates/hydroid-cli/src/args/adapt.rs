@@ -51,7 +51,7 @@ pub struct BlackBoxArgs {
     #[arg(long, value_name = "MINUTES", requires = "black_box", allow_negative_numbers = true)]
     pub black_box_minutes: Option<f64>,
     /// Compute a recorded session again and compare it bit for bit (exit status 1: it differs). With --json a line for each sample
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["run", "output", "Adapt", "StreamArgs", "Log", "black_box"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["run", "output", "AdaptOptions", "StreamArgs", "Log", "black_box"])]
     pub replay: Option<PathBuf>,
 }
 

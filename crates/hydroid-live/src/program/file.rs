@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, anyhow, bail};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
-use hydroid::toml_file;
+use hydroid::{config, toml_file};
 use serde::Deserialize;
 
 use super::control::Control;
@@ -64,6 +64,8 @@ pub fn section(
     path: &Path,
     given: Option<&ArgMatches>,
 ) -> anyhow::Result<Vec<OsString>> {
+    // Other sections are read by other commands; one that none reads is an error.
+    config::read(path).context("the configuration file cannot be used")?;
     let sections: Sections = toml_file::read(path).context("the configuration file cannot be used")?;
     let section = match verb {
         "adapt" => sections.adapt,

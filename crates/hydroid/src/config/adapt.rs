@@ -26,7 +26,7 @@ use headings::{GUARD, KALMAN, LEAST_SQUARES};
 /// the default of the kind of the model.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-#[cfg_attr(feature = "arguments", derive(clap::Args))]
+#[cfg_attr(feature = "arguments", derive(clap::Args), group(id = "AdaptOptions"))]
 #[expect(clippy::struct_excessive_bools, reason = "flags")]
 pub struct Adapt {
     /// Method of adaptation (default: least-squares for equations and direct predictors, kalman for networks and vessels)
