@@ -257,7 +257,7 @@ fn the_rudder_may_go_farther_than_in_the_log() {
         printed.contains("turning circle, 35 deg to starboard") && printed.contains("limit 36.00"),
         "{printed}"
     );
-    let mark = "delta goes from 35.00 deg to 35.00 deg, and from -12.00 deg to 12.00 deg in training";
+    let mark = "delta goes from 35 to 35 deg, and from -12 to 12 deg in its logs";
     assert!(printed.contains(mark), "{printed}");
     let within = [&circle[..4], &["--steering", "12", "--length", "8"]].concat();
     let printed = hydroid(folder, &within);
