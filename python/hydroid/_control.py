@@ -230,10 +230,12 @@ class Controller:
     """A controller on board: from each sample to a command, along the path of a task.
 
     It is built as that of ``hydroid control MODEL -``. Its model follows the vessel, fills in missing measurements, and
-    learns with ``adapt=True``. A missing position or heading is predicted from the velocities for the longest gap of a
-    run; without it the controller is blind, and brings the commands to rest. The reference waits while the vessel is
-    farther from it than `tolerance`. It is refused if the role of an input is not known, or neutral values or limits only
-    follow from the logs of the model: state them with ``role``, ``neutral`` and ``limit``.
+    learns with ``adapt=True``. A missing position or heading is predicted from the velocities, and a missing velocity is
+    that of the model, for ``max_age`` (default: 1 s, at least 5 samples); then the controller is blind, and the commands
+    have their neutral values. The time is that of the calls: a program that has no sample sends its own neutral command.
+    The reference waits while the vessel is farther from it than `tolerance`. It is refused if the role of an input is not
+    known, or neutral values or limits only follow from the logs of the model: state them with ``role``, ``neutral`` and
+    ``limit``.
 
     Parameters
     ----------

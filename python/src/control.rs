@@ -202,6 +202,7 @@ pub(crate) fn control(
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<ClosedLoop> {
     let (options, guarding) = self::options(options, guard, training_log)?;
+    options.check_simulated().map_err(|error| chain(&error))?;
     let plant = named("plant", plant)?;
     let (model, plant) = match model {
         Some(model) => (named("model", model)?, Some(plant)),

@@ -206,10 +206,10 @@ impl Controller {
             };
             self.begun = true;
             self.observe(eta[2], &y);
-            let Self { adapter, pilot, estimate, max_gap_s, .. } = self;
+            let Self { adapter, pilot, estimate, .. } = self;
             let weights = pilot.adapts().then(|| active_weights(adapter.as_ref()));
             let session = ModelSession { predictor: adapter.as_ref(), weights };
-            let seen = Seen { pose: eta, outputs: &y, estimate, session, max_gap_s: *max_gap_s };
+            let seen = Seen { pose: eta, outputs: &y, estimate, session };
             pilot.steer(elapsed, &seen);
         });
         Ok(ControlStep {

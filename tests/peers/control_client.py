@@ -40,10 +40,13 @@ class Service:
         self.process.stdin.write(line)
 
     def answer(self):
-        line = self.answers.readline()
-        if not line:
-            raise SystemExit(f"the service ended with status {self.process.wait()}")
-        return line
+        while True:
+            line = self.answers.readline()
+            if not line:
+                raise SystemExit(f"the service ended with status {self.process.wait()}")
+            # What is written in silence answers no line.
+            if b'"status":"lost"' not in line:
+                return line
 
     def kill(self):
         self.process.send_signal(signal.SIGKILL)

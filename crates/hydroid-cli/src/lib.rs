@@ -35,7 +35,7 @@ pub fn main() -> ExitCode {
     hydroid::key::spell_as_arguments();
     let args = match args::Args::read() {
         Ok(args) => args,
-        Err(error) => return failure(&error, std::env::args().any(|word| word == "--json")),
+        Err(error) => return failure(&error, std::env::args_os().any(|word| word == "--json")),
     };
     interrupt::catch_interrupt();
     let json = args.global.json;

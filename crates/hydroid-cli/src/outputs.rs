@@ -1,6 +1,6 @@
 //! Files that a command writes are not those that it reads.
 
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use anyhow::ensure;
 
@@ -28,11 +28,19 @@ pub fn check(outputs: &[(&str, Option<&Path>)], inputs: &[&Path]) -> anyhow::Res
     Ok(())
 }
 
-/// The file behind a path: links are resolved, also those of the folder of a file that does not exist yet.
+/// The file behind a path: links are resolved, also those of folders on the way. A folder that does not exist yet is one.
 fn place(path: &Path) -> PathBuf {
-    path.canonicalize().unwrap_or_else(|_| {
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
-        path.file_name().map_or_else(|| path.to_owned(), |name| folder.join(name))
-    })
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let mut place = PathBuf::new();
+    for part in path.components() {
+        if part == Component::ParentDir {
+            place.pop();
+            continue;
+        }
+        place.push(part);
+        if let Ok(real) = place.canonicalize() {
+            place = real;
+        }
+    }
+    place
 }

@@ -106,7 +106,8 @@ pub fn command_line() -> String {
             word
         }
     };
-    let words = std::iter::once(String::from("hydroid")).chain(std::env::args().skip(1)).map(quoted);
+    let given = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
+    let words = std::iter::once(String::from("hydroid")).chain(given).map(quoted);
     words.collect::<Vec<_>>().join(" ")
 }
 

@@ -112,8 +112,15 @@ impl Service {
 
     pub(crate) fn ask(&mut self, line: &str) -> Value {
         self.send(line);
-        let answer = self.answer();
-        serde_json::from_str(&answer).unwrap_or_else(|error| panic!("{error}: {answer}"))
+        loop {
+            let answer = self.answer();
+            let answer: Value =
+                serde_json::from_str(&answer).unwrap_or_else(|error| panic!("{error}: {answer}"));
+            // What a service says in silence, on a loaded machine, answers no line.
+            if answer["status"] != "lost" {
+                return answer;
+            }
+        }
     }
 
     /// Time of the state file, from the note on it.

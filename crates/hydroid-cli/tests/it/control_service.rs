@@ -202,7 +202,8 @@ fn after_a_pause_no_old_command_is_in_force() {
     assert!(answers[0]["note"].as_str().unwrap().contains("after the last used one"));
     assert_eq!(answers[1]["control"], "blind");
     assert_eq!(answers[1]["command"]["PP_cmd"].as_f64(), Some(0.0), "{}", answers[1]);
-    assert!(answers[1]["note"].as_str().unwrap().contains("the commands rest"));
+    assert!(answers[1]["note"].as_str().unwrap().contains("is not known: the commands rest"));
+    assert_eq!(answers[1]["lost"]["heading"], Value::Null);
     for answer in &answers[2..] {
         assert!(used(answer) && answer["pose"]["x"].is_f64(), "{answer}");
     }
@@ -387,4 +388,52 @@ fn the_command_at_rest_is_neutral_or_the_service_does_not_start() {
         assert_eq!(last["command"], json!({ "left": 1500.0, "right": 1500.0 }), "{last}");
         service.kill();
     }
+}
+
+/// The last command was held for ever after silence, and after lines that could not be used.
+#[test]
+fn silence_and_broken_lines_bring_the_commands_to_rest() {
+    let folder = tempfile::tempdir().unwrap();
+    for (max_age, limit) in [(&[][..], 1.0), (&["--max-age", "0.4"], 0.4)] {
+        let args = [&LAWN_MOWER[..], &["fl"], max_age, &["-"]].concat();
+        let mut service = Service::start(folder.path(), &args);
+        let mut boat = Boat::new(&VesselParams::hydrofoil(), 0.0, 0.5, 0.0);
+        for _ in 0..20 {
+            let answer = service.ask(&boat.line());
+            boat.sail(&answer, 0.1);
+        }
+        let neutral = json!({ "PP_cmd": 0.0, "RD_ang": 0.0 });
+        for k in 0..3 {
+            let lost: Value = serde_json::from_str(&service.answer()).unwrap();
+            assert_eq!(
+                (&lost["status"], &lost["command"], &lost["t"]),
+                (&json!("lost"), &neutral, &Value::Null)
+            );
+            let age = lost["lost"]["position"].as_f64().unwrap();
+            assert!(age > limit + f64::from(k), "{lost}");
+        }
+        let again = service.ask(&boat.line());
+        assert!(again["command"] != neutral && again["control"] != "blind", "{again}");
+        for k in 0..12 {
+            let broken = service.ask("{broken");
+            assert_eq!(broken["status"], "error");
+            let is_lost = f64::from(k + 1) * 0.1 > limit + 1e-6;
+            assert!(
+                !is_lost
+                    || broken["command"] == neutral
+                        && broken["message"].as_str().unwrap().contains("the commands rest"),
+                "{k}: {broken}"
+            );
+        }
+        drop(service.child.stdin.take());
+        let (code, notes) = service.end();
+        assert!(code == Some(0) && notes.contains(" lost"), "{notes}");
+    }
+    let simulated = ["control", "hydrofoil", "--controller", "fl", "--max-age", "2"];
+    let output = hydroid(folder.path(), &simulated).output().unwrap();
+    let said = text(&output.stderr);
+    assert!(
+        output.status.code() == Some(2) && said.contains("--max-age belongs to a controller on board"),
+        "{said}"
+    );
 }

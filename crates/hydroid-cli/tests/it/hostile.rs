@@ -210,3 +210,53 @@ fn a_configuration_without_logs_is_no_demonstration() {
     fs::rename(at.join("cut.toml"), at.join("hydroid.toml")).unwrap();
     refused(at, &["identify", "-o", "out"], "hydroid.toml names no training logs");
 }
+
+/// `-o x/../log.csv` overwrote the log if `x` did not exist.
+#[test]
+fn a_folder_that_does_not_exist_hides_no_input() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    log(at);
+    fs::create_dir(at.join("sub")).unwrap();
+    let before = fs::read(at.join("log.csv")).unwrap();
+    #[cfg(unix)]
+    std::os::unix::fs::symlink("sub", at.join("link")).unwrap();
+    for name in
+        ["x/../log.csv", "x/y/../../log.csv", "sub/x/../../log.csv", "./x/./../log.csv", "link/../log.csv"]
+    {
+        if cfg!(not(unix)) && name.starts_with("link") {
+            continue;
+        }
+        let args = ["convert", "log.csv", "--outputs", "u,v,r", "--inputs", "PP_cmd,RD_ang", "-o", name];
+        refused(at, &args, "name another file");
+        assert_eq!(fs::read(at.join("log.csv")).unwrap(), before, "{name}");
+    }
+    // A file of the same name elsewhere is another one.
+    let args = ["convert", "log.csv", "--outputs", "u,v,r", "--inputs", "PP_cmd,RD_ang", "-o", "x/log.csv"];
+    let done = output(&mut hydroid(at, &args));
+    assert!(done.status.success() && at.join("x/log.csv").exists(), "{}", text(&done.stderr));
+}
+
+/// Names that are not UTF-8 ended the command with a panic.
+#[cfg(unix)]
+#[test]
+fn names_that_are_not_utf_8_are_names() {
+    use std::os::unix::ffi::OsStrExt as _;
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    log(at);
+    let name = std::ffi::OsStr::from_bytes(b"log-\xff.csv");
+    fs::rename(at.join("log.csv"), at.join(name)).unwrap();
+    let run = |before: &[&str], after: &[&str]| output(hydroid(at, before).arg(name).args(after));
+    let inspected = run(&["inspect"], &[]);
+    assert_eq!(inspected.status.code(), Some(0), "{}", text(&inspected.stderr));
+    // The command line is part of reports, and of the search for --json in wrong arguments.
+    let reported = run(&["evaluate", "hydrofoil"], &["--horizon", "5", "-o", "out"]);
+    assert!(matches!(reported.status.code(), Some(0 | 1)), "{}", text(&reported.stderr));
+    for wrong in [&["--no-such-option"][..], &["--no-such-option", "--json"], &["--horizon", "x"]] {
+        let refused = run(&["evaluate", "hydrofoil"], wrong);
+        let said = [refused.stdout, refused.stderr].concat();
+        assert_eq!(refused.status.code(), Some(2), "{}", text(&said));
+        assert!(!text(&said).contains("panicked"), "{}", text(&said));
+    }
+}

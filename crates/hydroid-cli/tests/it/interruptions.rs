@@ -236,17 +236,59 @@ fn answers_on_a_full_disk_end_the_service_with_its_state() {
     assert!((saved - time_of(whole[whole.len() - 1])).abs() < 0.11, "{saved}");
 }
 
-/// A state that can never be written is an error of the first sample.
+/// A new state on a full disk ended the service after one answer.
 #[test]
-fn a_state_that_cannot_be_written_is_an_error_at_once() {
+fn a_new_state_on_a_full_disk_does_not_end_the_service() {
+    for (space_again, model) in [(false, MODEL), (true, MODEL), (true, "hydrofoil")] {
+        let folder = prepared();
+        let at = folder.path();
+        let args = if model == MODEL {
+            vec!["adapt", MODEL, "-", "--state", "s"]
+        } else {
+            vec!["control", "hydrofoil", "--controller", "fl", "--state", "s", "-"]
+        };
+        let mut service = Service::of(&mut limited(at, &args));
+        if !set_limit(&service.child, "100") {
+            eprintln!("skipped: no prlimit");
+            return;
+        }
+        let lines: Vec<String> = if model == MODEL {
+            lines()
+        } else {
+            let line = |k: u32| {
+                format!(r#"{{"t":{},"x":0,"y":0,"psi":0,"u":1.5,"v":0,"r":0}}"#, f64::from(k) / 10.0)
+            };
+            (0..300).map(line).collect()
+        };
+        let first = usize::from(model == MODEL);
+        if first == 1 {
+            service.send(&lines[0]);
+        }
+        for line in &lines[first..200] {
+            let answer = service.ask(line);
+            assert!(answer["prediction"]["u"][0].is_f64(), "{answer}");
+        }
+        if space_again {
+            assert!(set_limit(&service.child, "unlimited"));
+            for line in &lines[200..220] {
+                service.ask(line);
+            }
+        }
+        drop(service.child.stdin.take());
+        let (code, notes) = service.end();
+        assert_eq!(code, Some(if space_again { 0 } else { 2 }), "{notes}");
+        assert_eq!(notes.matches("warning: cannot write").count(), 1, "{notes}");
+        assert_eq!(at.join("s").exists(), space_again);
+    }
+}
+
+/// A state in a place that is no folder is an error before the first line.
+#[test]
+fn a_state_that_can_never_be_written_is_an_error_at_once() {
     let folder = prepared();
-    let script = format!("trap '' XFSZ; ulimit -f 1; exec \"$0\" adapt {MODEL} c.csv --stream --state s");
-    let done = output(Command::new("sh").current_dir(folder.path()).args([
-        "-c",
-        &script,
-        env!("CARGO_BIN_EXE_hydroid"),
-    ]));
+    let done =
+        output(&mut hydroid(folder.path(), &["adapt", MODEL, "c.csv", "--stream", "--state", "c.csv/s"]));
     assert_eq!(done.status.code(), Some(2));
-    assert!(text(&done.stderr).contains("cannot write"), "{}", text(&done.stderr));
-    assert!(text(&done.stdout).lines().count() <= 2);
+    assert!(done.stdout.is_empty(), "{}", text(&done.stdout));
+    assert!(text(&done.stderr).contains("c.csv"), "{}", text(&done.stderr));
 }

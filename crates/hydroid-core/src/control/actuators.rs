@@ -5,11 +5,9 @@ use alloc::vec::Vec;
 use num_traits::Float;
 
 use super::error::{ControlError, at_least, positive};
+use super::liveness::SHORTEST_LIMIT_S as HOLD_S;
 use crate::actuator::{Channel, Limits, Map};
 use crate::memory::Memory;
-
-/// Time for which the last commands are held without an estimate \[s\].
-const HOLD_S: f64 = 1.0;
 
 /// All actuators of a vessel.
 ///

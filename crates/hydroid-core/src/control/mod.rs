@@ -6,6 +6,7 @@
 //! - [`FeedbackLinearization`] and [`Backstepping`] of a lookahead point; [`Autopilot`] without a model.
 //! - [`AdaptiveAugmentation`]: feedback linearization with a network that learns the model error online.
 //! - [`cem`]: model predictive control on any predictor.
+//! - [`Liveness`]: how long a command stays in force without measurements.
 //! - [`Actuators`]: limits of the commands, and inversion of actuator lags ([`actuator`](crate::actuator)).
 //! - [`allocate`]: control allocation, damped near singular configurations; [`allocate_within`]: within bounds.
 
@@ -20,6 +21,7 @@ pub mod cem;
 mod equations;
 mod error;
 mod feedback_linearization;
+mod liveness;
 mod lookahead_point;
 mod network;
 mod noise;
@@ -34,6 +36,7 @@ pub use backstepping::{Backstepping, BacksteppingOptions};
 pub use equations::{AffineEquations, NotAffine};
 pub use error::ControlError;
 pub use feedback_linearization::{FeedbackLinearization, FeedbackLinearizationOptions};
+pub use liveness::{Liveness, longest_age_s};
 pub use network::AffineNetwork;
 pub use status::Status;
 

@@ -23,6 +23,7 @@ mod kalman_structured;
 mod kinematics;
 mod last_layer;
 mod least_squares;
+mod liveness;
 mod math;
 mod module_order;
 mod navigation;

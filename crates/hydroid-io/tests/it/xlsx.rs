@@ -219,6 +219,22 @@ fn bombs_are_refused() {
     refused(&workbook(&row, "", &[("xl/sharedStrings.xml", &strings)]), "unpacks to far more");
 }
 
+/// 30 million rows were read for 26 s until they were refused.
+#[test]
+#[ignore = "slow tier: .ci/run runs it"]
+fn more_rows_than_a_workbook_has_are_refused() {
+    let most = 1_048_576;
+    let rows = |count: usize| -> String {
+        let value = |k: usize| format!("<row><c><v>{}</v></c></row>", k * 7919 % 99_991);
+        texts(&["u"]) + &(1..count).map(value).collect::<String>()
+    };
+    let whole = rows(most);
+    assert_eq!(one(&workbook(&whole, "", &[])).topics[0].rows.len(), most - 1);
+    for more in ["<row><c><v>1</v></c></row>", "<row/>"] {
+        refused(&workbook(&(whole.clone() + more), "", &[]), "more than the 1048576 rows of a workbook");
+    }
+}
+
 #[test]
 fn other_files_say_what_they_are() {
     refused(&package(&[("mimetype", "application/vnd.oasis.opendocument.spreadsheet")]), "holds no workbook");

@@ -46,9 +46,6 @@ pub use run::{Identified, Identify, Open, Service, ServiceError};
 pub use settings::{ExperimentLimits, Settings};
 pub use view::{Level, Predicted};
 
-/// Without a position or a heading for this time \[s\] beyond their usual steps, commands end.
-const STALE_S: f64 = 1.0;
-
 /// Time between attempts to begin a planned experiment \[ns\].
 const PLAN_NS: i64 = 1_000_000_000;
 
@@ -495,7 +492,8 @@ impl<L: Link> Boat<L> {
     fn is_located(&self, now_ns: i64) -> bool {
         let t = seconds(self.begun_ns, now_ns);
         let jump = self.position_check.as_ref().and_then(PositionCheck::jump);
-        self.motion.age(t) < STALE_S && jump.is_none_or(|jump| t - jump.since < STALE_S)
+        let max_age_s = self.settings.control.max_age.map(|age| age.0);
+        self.motion.is_fresh(t, max_age_s, jump.map(|jump| jump.since))
     }
 
     /// Whether the inputs act on the vessel: it is armed, and in the mode in which its commands are inputs.

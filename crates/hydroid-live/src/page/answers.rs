@@ -1,6 +1,7 @@
 //! Routes, headers and answers.
 
 use std::future::poll_fn;
+use std::net::IpAddr;
 use std::pin::pin;
 use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, TrySendError};
@@ -14,13 +15,14 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Extension, Router};
 use serde_json::{Value, json};
-use tokio::sync::{Semaphore, oneshot};
+use tokio::sync::oneshot;
 use tokio::time::timeout;
 use tower_service::Service;
 
 use super::checks;
 use super::connections::{Phase, Progress};
 use super::events::{Events, Hub};
+use super::readers::Readers;
 use super::{Asset, Reply, Request};
 
 /// Readers of events at once.
@@ -107,7 +109,7 @@ struct Parts {
     token: String,
     assets: &'static [Asset],
     requests: SyncSender<Request>,
-    readers: Arc<Semaphore>,
+    readers: Arc<Readers>,
 }
 
 impl Server {
@@ -118,7 +120,7 @@ impl Server {
         assets: &'static [Asset],
         requests: SyncSender<Request>,
     ) -> Self {
-        let readers = Arc::new(Semaphore::new(MAX_READERS));
+        let readers = Readers::new(MAX_READERS);
         let parts = Parts { hub, token, assets, requests, readers };
         let router = Router::new()
             .route(EVENTS, get(events))
@@ -134,8 +136,10 @@ impl Server {
         &self,
         mut request: http::Request<hyper::body::Incoming>,
         progress: Arc<Progress>,
+        address: IpAddr,
     ) -> Response {
         request.extensions_mut().insert(progress);
+        request.extensions_mut().insert(address);
         let mut response = match self.check_target(request.uri(), request.headers()) {
             Ok(()) => self.router.clone().call(request).await.into_response(),
             Err(refusal) => refusal.into_response(),
@@ -187,15 +191,16 @@ async fn asset(State(parts): State<Arc<Parts>>, method: Method, uri: Uri) -> Res
 async fn events(
     State(parts): State<Arc<Parts>>,
     Extension(progress): Extension<Arc<Progress>>,
+    Extension(address): Extension<IpAddr>,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
     check_site(&headers)?;
-    let permit = parts.readers.clone().try_acquire_owned().map_err(|_| {
+    let place = parts.readers.take(address).ok_or_else(|| {
         let reason = format!("{MAX_READERS} pages are open already; close one of them");
         Refusal::new(StatusCode::SERVICE_UNAVAILABLE, reason)
     })?;
     progress.enter(Phase::Events);
-    let body = Body::new(Events::new(parts.hub.clone(), permit));
+    let body = Body::new(Events::new(parts.hub.clone(), place));
     Ok(([(header::CONTENT_TYPE, "text/event-stream")], body).into_response())
 }
 

@@ -3,7 +3,7 @@
 use std::convert::Infallible;
 use std::future::poll_fn;
 use std::io::{self, IoSlice};
-use std::net::SocketAddr;
+use std::net::{IpAddr, Ipv6Addr, SocketAddr};
 use std::pin::{Pin, pin};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -145,7 +145,8 @@ enum End {
 async fn connection(mut stream: TcpStream, server: Arc<Server>, progress: Arc<Progress>) {
     // Without it, small events are late.
     let _ = stream.set_nodelay(true);
-    let end = exchange(&stream, &server, &progress).await;
+    let address = stream.peer_addr().map_or(Ipv6Addr::UNSPECIFIED.into(), |peer| peer.ip());
+    let end = exchange(&stream, &server, &progress, address).await;
     progress.enter(Phase::Idle);
     // An answer that the system has still to send outlasts the time-out.
     let _ = match end {
@@ -162,10 +163,10 @@ async fn connection(mut stream: TcpStream, server: Arc<Server>, progress: Arc<Pr
     };
 }
 
-async fn exchange(stream: &TcpStream, server: &Server, progress: &Arc<Progress>) -> End {
+async fn exchange(stream: &TcpStream, server: &Server, progress: &Arc<Progress>, address: IpAddr) -> End {
     let service = service_fn(|request| {
         progress.enter(Phase::Answer);
-        async { Ok::<_, Infallible>(server.answer(request, progress.clone()).await) }
+        async { Ok::<_, Infallible>(server.answer(request, progress.clone(), address).await) }
     });
     let io = Transport { stream, progress, stalled: None };
     let mut http = http1::Builder::new();

@@ -10,11 +10,12 @@ use std::time::Duration;
 
 use axum::body::{Bytes, HttpBody};
 use hyper::body::Frame;
-use tokio::sync::{OwnedSemaphorePermit, watch};
+use tokio::sync::watch;
 use tokio::time::{Instant, sleep_until, timeout};
 
 use super::MAX_SAID;
 use super::history::History;
+use super::readers::Place;
 
 /// Shortest time between two events of a reader.
 const INTERVAL: Duration = Duration::from_millis(100);
@@ -162,17 +163,17 @@ impl Reader {
 /// The events of a reader as the body of an answer without end.
 pub(super) struct Events {
     next: Pin<Box<dyn Future<Output = (Reader, Bytes)> + Send>>,
-    /// Its place among the readers.
-    _permit: OwnedSemaphorePermit,
+    /// Its place among the readers, until another one takes it.
+    place: Place,
 }
 
 impl Events {
-    pub(super) fn new(hub: Arc<Hub>, permit: OwnedSemaphorePermit) -> Self {
+    pub(super) fn new(hub: Arc<Hub>, place: Place) -> Self {
         let mut state = hub.state.subscribe();
         // What was published before the connection is new for this reader.
         state.mark_changed();
         let reader = Reader { hub, state, states: 0, said: 0, has_history: false, due: Instant::now() };
-        Self { next: Box::pin(reader.next()), _permit: permit }
+        Self { next: Box::pin(reader.next()), place }
     }
 }
 
@@ -184,6 +185,9 @@ impl HttpBody for Events {
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
     ) -> Poll<Option<Result<Frame<Bytes>, Infallible>>> {
+        if Pin::new(&mut self.place).poll(context).is_ready() {
+            return Poll::Ready(None);
+        }
         let (reader, chunk) = ready!(self.next.as_mut().poll(context));
         self.next = Box::pin(reader.next());
         Poll::Ready(Some(Ok(Frame::data(chunk))))

@@ -11,6 +11,7 @@
 //! | `checks` | DNS rebinding, requests of other sites, token |
 //! | `events` | newest state and new messages of each reader |
 //! | `history` | what a new reader receives first |
+//! | `readers` | who gets one of the places |
 //!
 //! Requests are untrusted. A connection carries one request, so nothing of a request remains for the next one.
 
@@ -19,6 +20,7 @@ mod checks;
 mod connections;
 mod events;
 mod history;
+mod readers;
 
 use std::fmt::Write as _;
 use std::io;

@@ -26,6 +26,8 @@ pub(crate) enum Status {
     /// Between the grid points of the model.
     Between,
     Error,
+    /// Not a line: a measurement on which the command depends is too old.
+    Lost,
 }
 
 impl Status {
@@ -48,6 +50,7 @@ impl Status {
             Self::Repeated => "repeated",
             Self::Between => "between",
             Self::Error => "error",
+            Self::Lost => "lost",
         }
     }
 }
@@ -108,6 +111,14 @@ impl Writer {
             }
         }
         let _ = write!(line, "}},\"control\":\"{}\"", pilot.status());
+        for (i, (name, age)) in pilot.lost().enumerate() {
+            let _ = write!(line, "{}\"{name}\":", if i == 0 { ",\"lost\":{" } else { "," });
+            // To a millisecond.
+            number(line, (age * 1e3).round() / 1e3);
+        }
+        if pilot.lost().next().is_some() {
+            line.push(b'}');
+        }
         let Some(Guided { reference, distance, cross_track, .. }) = pilot.guided().filter(|_| used) else {
             return;
         };

@@ -80,6 +80,16 @@ impl Clock {
         self.taken
     }
 
+    /// Time of the last line on the grid \[s\].
+    pub(super) fn seen(&self) -> f64 {
+        self.seen
+    }
+
+    /// Mean interval of the lines \[s\], at most a step.
+    pub(super) fn interval(&self) -> f64 {
+        self.interval
+    }
+
     /// Position of a sample; advances to a used sample.
     pub fn arrive(&mut self, t: f64) -> Arrival {
         if self.is_new() {

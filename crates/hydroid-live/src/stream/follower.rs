@@ -59,6 +59,11 @@ pub(crate) struct Follower {
     max_gap_s: f64,
     /// Whether the unit of the time is not stated.
     pub(super) time_is_unstated: bool,
+    /// Time since the last line in which none arrived, and the part of it that has passed for the commands \[s\].
+    waited_s: f64,
+    told_s: f64,
+    /// Time that has passed for the commands since the last line that was used \[s\].
+    since_s: f64,
 }
 
 impl Follower {
@@ -86,6 +91,9 @@ impl Follower {
             options,
             max_gap_s,
             time_is_unstated: false,
+            waited_s: 0.0,
+            told_s: 0.0,
+            since_s: 0.0,
         })
     }
 
@@ -100,7 +108,7 @@ impl Follower {
         for ([low, high], limits) in self.bounds.iter_mut().zip(pilot.limits()) {
             (*low, *high) = (low.min(limits.low), high.max(limits.high));
         }
-        self.session.steer_by(pilot, self.max_gap_s);
+        self.session.steer_by(pilot);
         Ok(())
     }
 
@@ -130,11 +138,20 @@ impl Follower {
 
     /// Advances to a sample on the grid, and collects remarks.
     pub(crate) fn follow(&mut self, sample: &Sample) -> Status {
+        let before = self.clock.seen();
+        let arrival = self.clock.arrive(sample.t);
+        match arrival {
+            Arrival::First => self.pass_used(f64::INFINITY),
+            Arrival::Next(steps) => self.pass_used(steps as f64 * self.model.description.dt),
+            Arrival::Gap(gap) => self.pass_used(gap),
+            Arrival::SetBack(_) => self.pass_used(self.max_gap_s),
+            Arrival::Late(_) | Arrival::Ahead(_) | Arrival::Between => {}
+        }
         let (max_gap, commands) = (self.max_gap_s, &mut self.commands);
-        let (transition, reset) = match self.clock.arrive(sample.t) {
+        let (transition, reset) = match arrival {
             Arrival::Late(by) => {
                 say(&mut self.note, format_args!("the sample is {by:.3} s before the last used one"));
-                self.wait_for_clock();
+                self.pass_line();
                 return Status::Late;
             }
             Arrival::Ahead(by) => {
@@ -144,7 +161,7 @@ impl Follower {
                         "the sample is {by:.3} s after the last used one: used if the next lines confirm it"
                     ),
                 );
-                self.wait_for_clock();
+                self.pass_line();
                 return Status::Ahead;
             }
             Arrival::SetBack(by) => {
@@ -157,7 +174,12 @@ impl Follower {
                 // The true time since the last sample of a clock that was set is not known.
                 (self.session.begin(commands, sample, Some(max_gap)), true)
             }
-            Arrival::Between => return Status::Between,
+            Arrival::Between => {
+                // The stamp is known, and may be that of the line before.
+                let step = self.clock.seen() - before;
+                self.pass_line_of(if step > 0.0 { step } else { self.clock.interval() });
+                return Status::Between;
+            }
             Arrival::First => (self.session.begin(commands, sample, None), false),
             Arrival::Gap(gap) => {
                 say(
@@ -209,6 +231,7 @@ impl Follower {
             }
         }
         self.explain_unknown(sample);
+        self.explain_lost();
         let constant = self.session.pilot().is_some_and(|pilot| !pilot.adapts());
         match outcome {
             _ if reset => Status::Reset,
@@ -217,11 +240,58 @@ impl Follower {
         }
     }
 
-    /// A second line in a row beside the time grid is not a wrong stamp: the command in force is of unknown age.
-    fn wait_for_clock(&mut self) {
-        if self.clock.set_aside() > 1 && self.session.rest(&mut self.commands) {
-            say(&mut self.note, format_args!("the commands rest until the time is known"));
+    /// Time passes \[s\] in which no line arrives.
+    pub(super) fn wait(&mut self, seconds: f64) {
+        self.waited_s += seconds;
+        self.pass(seconds);
+        self.told_s += seconds;
+    }
+
+    /// A line arrives after some more time \[s\]. What it holds decides how much time counts.
+    pub(super) fn arrive_after(&mut self, seconds: f64) {
+        self.waited_s += seconds;
+    }
+
+    fn pass(&mut self, seconds: f64) {
+        self.since_s += seconds;
+        self.session.pass(&mut self.commands, seconds);
+    }
+
+    /// A line is used, `elapsed` seconds after the one before by its stamp: the time of waiting counts if it is longer.
+    fn pass_used(&mut self, elapsed: f64) {
+        let untold = self.waited_s - self.told_s;
+        if self.since_s + untold > elapsed {
+            self.pass(untold);
         }
+        (self.waited_s, self.told_s, self.since_s) = (0.0, 0.0, 0.0);
+    }
+
+    /// A line without a stamp that counts, and without a sample that is used: it is taken as one mean interval of the lines.
+    /// A second one in a row beside the time grid is not a wrong stamp: the time since the last sample is not known.
+    pub(super) fn pass_line(&mut self) {
+        let is_set = self.clock.set_aside() > 1;
+        self.pass_line_of(if is_set { f64::INFINITY } else { self.clock.interval() });
+    }
+
+    /// A line that stands for a time \[s\], or for the time in which it was awaited if that is longer.
+    fn pass_line_of(&mut self, seconds: f64) {
+        self.pass((seconds.max(self.waited_s) - self.told_s).max(0.0));
+        (self.waited_s, self.told_s) = (0.0, 0.0);
+        self.explain_lost();
+    }
+
+    /// Says which measurements are too old for a command.
+    pub(super) fn explain_lost(&mut self) {
+        let Some(pilot) = self.session.pilot() else { return };
+        let Some(oldest) = pilot.lost().map(|(_, age)| age).reduce(f64::max) else { return };
+        let names: Vec<&str> = pilot.lost().map(|(name, _)| name).collect();
+        let (names, limit) = (names.join(", "), pilot.liveness().limit_s());
+        let remark = if oldest.is_finite() {
+            format!("no measurement of {names} for {oldest:.3} s, more than {limit} s: the commands rest")
+        } else {
+            format!("the age of the last measurement of {names} is not known: the commands rest")
+        };
+        say(&mut self.note, format_args!("{remark}"));
     }
 
     fn add_remarks(&mut self, transition: Transition) {

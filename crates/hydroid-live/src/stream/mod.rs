@@ -14,7 +14,8 @@
 //! | [`Recorder`] | optional black box |
 //! | [`State`], `persistence` | state file for a restart |
 //!
-//! A line that cannot be used is answered too, and does not change the state.
+//! A line that cannot be used is answered too, and does not change the state of the model. A command rests while a
+//! measurement on which it depends is too old ([`Pilot::liveness`]); [`Stream::wait`] says so while no line arrives.
 
 mod answer;
 #[doc(hidden)]
@@ -63,6 +64,9 @@ pub use summary::{LineCounts, Summary};
 
 /// Largest horizon \[samples\].
 pub const MAX_HORIZON: usize = 10_000;
+
+/// Time after which it is said again that measurements are too old \[s\].
+const SAY_AGAIN_S: f64 = 1.0;
 
 /// Options of a stream.
 #[derive(Clone, Debug, PartialEq)]
@@ -130,6 +134,10 @@ pub struct Stream {
     earlier: Option<Earlier>,
     /// How the pose of a steered vessel is read.
     position: Option<Position>,
+    /// Time since the last answer in which no line arrived \[s\].
+    silent_s: f64,
+    /// Whether the last answer says that measurements are too old.
+    said_lost: bool,
 }
 
 impl Stream {
@@ -154,6 +162,8 @@ impl Stream {
             first: String::new(),
             earlier: None,
             position: None,
+            silent_s: 0.0,
+            said_lost: false,
         })
     }
 
@@ -183,10 +193,56 @@ impl Stream {
             let us = self.options.timing.then(elapsed_us);
             let answer = self.follower.writer.end(us);
             out.write_all(answer).and_then(|()| out.flush()).map_err(StreamError::Output)?;
+            self.speak();
             self.latency.add(elapsed_us());
             self.notes.extend(self.follower.session.settle(&self.follower.commands));
         }
-        self.save_if_due()
+        self.save_if_due();
+        Ok(())
+    }
+
+    /// States that no line has arrived for some more time \[s\]. If a measurement on which the command depends is too old and
+    /// nothing was said for a second, a line with the status `lost` is written and flushed: it is not the answer to a line.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn wait(&mut self, seconds: f64, out: &mut dyn Write) -> Result<(), StreamError> {
+        self.follower.note.clear();
+        self.follower.wait(seconds);
+        self.silent_s += seconds;
+        if self.due_s().is_none_or(|due| due > 0.0) {
+            return Ok(());
+        }
+        self.speak();
+        self.follower.explain_lost();
+        self.answer_unused(self.line, None, Status::Lost);
+        let line = self.follower.writer.end(None);
+        out.write_all(line).and_then(|()| out.flush()).map_err(StreamError::Output)
+    }
+
+    /// States that the next line has arrived after some more time \[s\] without one.
+    pub fn arrive_after(&mut self, seconds: f64) {
+        self.follower.arrive_after(seconds);
+        self.silent_s += seconds;
+    }
+
+    /// Time without a line after which [`wait`](Self::wait) says that measurements are too old \[s\]; `None` before the first
+    /// answer and without a controller.
+    pub fn due_s(&self) -> Option<f64> {
+        let pilot = self.follower.session.pilot().filter(|_| self.row > 0)?;
+        let liveness = pilot.liveness();
+        Some(if liveness.is_alive() {
+            // The limit itself is not beyond it.
+            liveness.remaining_s() + 1e-3
+        } else {
+            if self.said_lost { (SAY_AGAIN_S - self.silent_s).max(0.0) } else { 0.0 }
+        })
+    }
+
+    /// An answer is written.
+    fn speak(&mut self) {
+        self.silent_s = 0.0;
+        self.said_lost = self.follower.session.pilot().is_some_and(|pilot| !pilot.liveness().is_alive());
     }
 
     fn take(&mut self, line: Line<'_>) -> Result<bool, StreamError> {
@@ -237,12 +293,14 @@ impl Stream {
             Ok(text) => text,
             Err(error) => {
                 let _ = write!(self.follower.note, "{error}");
+                self.follower.pass_line();
                 self.answer_unused(number, None, Status::Error);
                 return Ok(true);
             }
         };
         if self.is_repeated(row, text, self.sample.t) {
             say(&mut self.follower.note, format_args!("answered before the restart"));
+            self.follower.pass_line();
             self.answer_unused(number, Some(self.sample.t), Status::Repeated);
             return Ok(true);
         }

@@ -8,6 +8,7 @@ use serde_json::Value;
 
 use super::follower::Follower;
 use super::{Earlier, State, Stream, StreamError};
+use hydroid::atomic;
 use hydroid::log::Note;
 
 /// Longest stream time that a kill loses \[s\].
@@ -19,6 +20,8 @@ pub(super) struct StateFile {
     settings: Value,
     /// Time of the last sample in the file; NaN before the first.
     saved: f64,
+    /// Time of the last sample at which it was to be written.
+    tried: f64,
     failed: bool,
 }
 
@@ -28,7 +31,7 @@ impl Stream {
     /// are those of the adapter. Returns the time of the resumed state.
     ///
     /// # Errors
-    /// If the file exists and is not a state of this model with these settings.
+    /// If the file exists and is not a state of this model with these settings, or its folder cannot be written.
     pub fn persist_in(
         &mut self,
         path: &Path,
@@ -38,6 +41,8 @@ impl Stream {
         let wrong = |reason: String| StreamError::State { path: path.to_owned(), reason };
         let settings = serde_json::json!({ "learning": settings, "reading": self.options.reading });
         let state = State::read(path)?;
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        atomic::probe(folder.unwrap_or(Path::new(".")))?;
         if let Some(state) = &state {
             state.fits(&model, &settings).map_err(wrong)?;
             let Follower { commands, session, clock, .. } = &mut self.follower;
@@ -60,33 +65,25 @@ impl Stream {
         }
         let resumed = state.is_some().then(|| self.follower.clock.taken());
         let (path, saved) = (path.to_owned(), self.follower.clock.taken());
-        self.state_file = Some(StateFile { path, model, settings, saved, failed: false });
+        self.state_file = Some(StateFile { path, model, settings, saved, tried: saved, failed: false });
         Ok(resumed)
     }
 
-    /// Saves the state if the next sample might come after the interval.
-    pub(super) fn save_if_due(&mut self) -> Result<(), StreamError> {
+    /// Saves the state if the next sample might come after the interval. A disk that is full must not stop the answers: the
+    /// failure is a note, and the next attempt is after the interval.
+    pub(super) fn save_if_due(&mut self) {
         let (t, dt) = (self.follower.clock.taken(), self.follower.model.description.dt);
-        match &mut self.state_file {
-            // A sample may be half a step off its grid point.
-            Some(state_file) if state_file.saved.is_nan() && !t.is_nan() => self.save_state(),
-            // A clock may have been set back.
-            Some(state_file)
-                if (t - state_file.saved).abs() + 1.5 * dt > SAVE_INTERVAL_S && t != state_file.saved =>
-            {
-                let failed = state_file.failed;
-                // A full disk must not stop the predictions; a file that can never be written is reported at the first
-                // sample.
-                let result = self.save_state();
-                if let (Err(error), Some(state_file)) = (&result, &mut self.state_file) {
-                    state_file.failed = true;
-                    if !failed {
-                        self.notes.push(Note::warning(error.to_string()));
-                    }
-                }
-                Ok(())
-            }
-            _ => Ok(()),
+        let Some(state_file) = &mut self.state_file else { return };
+        // A sample may be half a step off its grid point, and a clock may have been set back.
+        let is_due = (t - state_file.tried).abs() + 1.5 * dt > SAVE_INTERVAL_S && t != state_file.tried;
+        if !is_due && !(state_file.tried.is_nan() && !t.is_nan()) {
+            return;
+        }
+        state_file.tried = t;
+        let failed = std::mem::replace(&mut state_file.failed, true);
+        match self.save_state() {
+            Err(error) if !failed => self.notes.push(Note::warning(error.to_string())),
+            _ => {}
         }
     }
 

@@ -43,7 +43,6 @@ pub(super) struct Session {
     track_deviations: Vec<[f64; 2]>,
     /// Places of `u`, `v` and `r` among the outputs, if the track is predicted.
     motion: Option<[usize; 3]>,
-    max_gap_s: f64,
     /// Memory of the adapter before its first sample.
     initial: Vec<f64>,
     /// Samples of the present run.
@@ -92,7 +91,6 @@ impl Session {
             track: Vec::new(),
             track_deviations: Vec::new(),
             motion: None,
-            max_gap_s: f64::INFINITY,
             adapter: RecordingAdapter::new(adapter, None),
             dt,
             horizons,
@@ -126,11 +124,11 @@ impl Session {
         &self.horizons
     }
 
-    /// Steers from now on. Missing poses are predicted for at most `max_gap_s`.
-    pub(super) fn steer_by(&mut self, pilot: Pilot, max_gap_s: f64) {
+    /// Steers from now on.
+    pub(super) fn steer_by(&mut self, pilot: Pilot) {
         self.plan = vec![f64::NAN; self.commands.len()];
         self.predict_track_of(pilot.motion());
-        (self.pilot, self.max_gap_s) = (Some(pilot), max_gap_s);
+        self.pilot = Some(pilot);
     }
 
     /// Steers no more.
@@ -168,12 +166,12 @@ impl Session {
         }
     }
 
-    /// Brings the commands of a pilot to rest, because the time is not known; false without a pilot.
-    pub(super) fn rest(&mut self, commands: &mut Commands) -> bool {
-        let Some(pilot) = &mut self.pilot else { return false };
-        pilot.rest();
-        commands.set_last(pilot.command());
-        true
+    /// Time passes \[s\] without a sample that is used.
+    pub(super) fn pass(&mut self, commands: &mut Commands, seconds: f64) {
+        if let Some(pilot) = &mut self.pilot {
+            pilot.pass(seconds);
+            commands.set_last(pilot.command());
+        }
     }
 
     /// Begins a run, after a gap \[s\] unless it is the first.
@@ -301,7 +299,6 @@ impl Session {
             outputs: &sample.outputs,
             estimate: &self.estimate,
             session: ModelSession { predictor: adapter, weights },
-            max_gap_s: self.max_gap_s,
         };
         pilot.steer(elapsed, &seen);
         commands.set_last(pilot.command());

@@ -33,6 +33,8 @@ pub struct LineCounts {
     pub ahead: u64,
     /// Answered before a restart.
     pub repeated: u64,
+    /// Not lines: measurements were too old for a command while none arrived.
+    pub lost: u64,
 }
 
 impl LineCounts {
@@ -50,6 +52,7 @@ impl LineCounts {
             Status::Repeated => &mut self.repeated,
             Status::Between => &mut self.between,
             Status::Error => &mut self.error,
+            Status::Lost => &mut self.lost,
         };
         *count += 1;
     }
@@ -82,6 +85,7 @@ impl fmt::Display for Summary {
             (lines.error, "error"),
             (lines.ahead, "ahead"),
             (lines.repeated, "repeated"),
+            (lines.lost, "lost"),
         ];
         let listed: Vec<String> =
             counts.iter().filter(|(n, _)| *n > 0).map(|(n, name)| format!("{n} {name}")).collect();

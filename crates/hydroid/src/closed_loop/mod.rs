@@ -58,7 +58,7 @@ pub use guidance::{Guidance, Guided, Measured};
 pub use metrics::{Metrics, Times};
 pub use monte_carlo::{Dispersion, MonteCarlo, Summary, Trial, monte_carlo};
 pub use options::{ControlMethod, ControllerOptions, Instruments};
-pub use pilot::{Elapsed, Pilot, Seen, longest_gap};
+pub use pilot::{Elapsed, Pilot, QUANTITIES, Seen, longest_gap};
 pub use plant::{TruePlant, limits_of};
 pub use reference::Timing;
 pub use run::{Run, Sample, Scenario, run};

@@ -7,7 +7,7 @@ use hydroid_core::actuator::Limits;
 use hydroid_core::control::cem::{Cost, Planner, PlannerOptions};
 use hydroid_core::control::{
     AdaptiveAugmentation, AdaptiveAugmentationOptions, Backstepping, BacksteppingOptions,
-    FeedbackLinearization, FeedbackLinearizationOptions,
+    FeedbackLinearization, FeedbackLinearizationOptions, longest_age_s,
 };
 use serde::{Deserialize, Serialize};
 
@@ -132,6 +132,8 @@ pub struct ControllerOptions {
     pub dt_s: f64,
     /// Distance from the reference beyond which the vessel is lost \[m\].
     pub tolerance: f64,
+    /// On board: age of position, heading and velocities beyond which the commands have their neutral values \[s\].
+    pub max_age_s: f64,
 }
 
 impl ControllerOptions {
@@ -160,6 +162,7 @@ impl ControllerOptions {
             limits,
             dt_s,
             tolerance: 2.0,
+            max_age_s: longest_age_s(dt_s),
         }
     }
 

@@ -1,7 +1,7 @@
 //! Steering on board: from each sample to a command.
 
 use hydroid_core::actuator::Limits;
-use hydroid_core::control::Status;
+use hydroid_core::control::{Liveness, Status};
 use hydroid_core::memory::Memory;
 
 use super::controller::{ClosedLoopController, ModelSession};
@@ -11,8 +11,11 @@ use super::options::ControllerOptions;
 use super::track::Track;
 use crate::key::key;
 
-/// A controller on its track. It keeps the pose: a missing position or heading is predicted from the velocities for the
-/// longest gap of the stream; without it the controller is blind.
+/// What a command depends on: position, heading and the body velocities over ground.
+pub const QUANTITIES: [&str; 5] = ["position", "heading", "u", "v", "r"];
+
+/// A controller on its track. It keeps the pose: a missing position or heading is predicted from the velocities. While a
+/// [quantity](QUANTITIES) is older than the limit, the commands have their neutral values, and the controller is blind.
 pub struct Pilot {
     law: Box<dyn ClosedLoopController>,
     guidance: Guidance,
@@ -25,8 +28,7 @@ pub struct Pilot {
     rest: Vec<f64>,
     eta: [f64; 3],
     nu: [f64; 3],
-    /// Times since the last measured position and heading \[s\].
-    unmeasured_s: [f64; 2],
+    liveness: Liveness<5>,
     /// The command in force.
     command: Vec<f64>,
     /// Whether the end of the path has been reached.
@@ -63,8 +65,6 @@ pub struct Seen<'a> {
     pub estimate: &'a [f64],
     /// Session of the model after this measurement.
     pub session: ModelSession<'a>,
-    /// Longest gap \[s\].
-    pub max_gap_s: f64,
 }
 
 impl Pilot {
@@ -101,7 +101,7 @@ impl Pilot {
             rest,
             eta: [f64::NAN; 3],
             nu: [0.0; 3],
-            unmeasured_s: [f64::INFINITY; 2],
+            liveness: Liveness::new(options.max_age_s),
             arrived: false,
             on_track: false,
             guided: None,
@@ -138,6 +138,25 @@ impl Pilot {
         self.motion
     }
 
+    /// Age of each of the [`QUANTITIES`] \[s\], and their limit.
+    pub const fn liveness(&self) -> &Liveness<5> {
+        &self.liveness
+    }
+
+    /// The quantities that are older than the limit, with their ages \[s\].
+    pub fn lost(&self) -> impl Iterator<Item = (&'static str, f64)> {
+        let ages = QUANTITIES.into_iter().zip(self.liveness.ages_s());
+        ages.filter(|(_, age)| self.liveness.is_beyond(*age))
+    }
+
+    /// Time passes \[s\] without a sample; infinite if it is not known how much. The commands come to rest if it is too long.
+    pub fn pass(&mut self, seconds: f64) {
+        self.liveness.pass(seconds);
+        if !self.liveness.is_alive() {
+            self.rest();
+        }
+    }
+
     /// Status of the command.
     pub fn status(&self) -> &'static str {
         if self.arrived {
@@ -159,6 +178,9 @@ impl Pilot {
             Elapsed::Steps(steps) => steps as f64 * self.dt_s,
             Elapsed::Gap(gap_s) => gap_s,
         };
+        let [x, y, psi] = seen.pose.map(f64::is_finite);
+        let [u, v, r] = self.motion.map(|place| !seen.outputs[place].is_nan());
+        self.liveness.take(elapsed_s, [x && y, psi, u, v, r]);
         self.locate(elapsed_s, seen);
         for (nu, place) in self.nu.iter_mut().zip(self.motion) {
             let measured = seen.outputs[place];
@@ -174,6 +196,10 @@ impl Pilot {
                 (0..steps).for_each(|_| self.guidance.advance());
             }
             Elapsed::Start | Elapsed::Steps(_) => {}
+        }
+        if !self.liveness.is_alive() {
+            self.rest();
+            return;
         }
         let outputs: Vec<f64> = seen
             .outputs
@@ -196,10 +222,11 @@ impl Pilot {
         }
     }
 
-    /// Brings the command to rest until the next sample.
-    pub fn rest(&mut self) {
+    /// Brings the commands to their neutral values, from which the law continues.
+    fn rest(&mut self) {
         self.command.copy_from_slice(&self.rest);
-        self.guided = None;
+        self.law.reset();
+        (self.guided, self.on_track) = (None, false);
     }
 
     /// Takes the measured pose, or predicts missing parts with the last velocities.
@@ -211,15 +238,12 @@ impl Pilot {
         let predicted =
             [x + elapsed_s * (u * cos - v * sin), y + elapsed_s * (u * sin + v * cos), psi + turned];
         for (part, range) in [0..2, 2..3].into_iter().enumerate() {
-            let unmeasured_s = &mut self.unmeasured_s[part];
             if seen.pose[range.clone()].iter().all(|x| x.is_finite()) {
-                *unmeasured_s = 0.0;
                 self.eta[range.clone()].copy_from_slice(&seen.pose[range]);
             } else {
-                *unmeasured_s += elapsed_s;
-                let known = *unmeasured_s <= seen.max_gap_s;
+                let is_lost = self.liveness.is_beyond(self.liveness.ages_s()[part]);
                 for i in range {
-                    self.eta[i] = if known { predicted[i] } else { f64::NAN };
+                    self.eta[i] = if is_lost { f64::NAN } else { predicted[i] };
                 }
             }
         }
@@ -231,7 +255,7 @@ impl Pilot {
         self.guidance.visit_state(memory);
         memory.numbers(&mut self.eta);
         memory.numbers(&mut self.nu);
-        memory.numbers(&mut self.unmeasured_s);
+        self.liveness.visit_state(memory);
         memory.numbers(&mut self.command);
         for flag in [&mut self.arrived, &mut self.on_track] {
             memory.flag(flag);

@@ -18,6 +18,9 @@ const ECCENTRICITY_2: f64 = 6.694_379_990_14e-3;
 const AVERAGED_S: f64 = 0.05;
 /// Shortest step of a table \[s\], unless it is given.
 const SHORTEST_S: f64 = 0.1;
+/// A sensor is missing after this many of its usual steps, at least [`LONGEST_S`] seconds.
+const LONGEST_STEPS: f64 = 10.0;
+const LONGEST_S: f64 = 1.0;
 /// Standard deviation of the components of the current before the first measurement \[m/s\].
 pub(super) const CURRENT_M_S: f64 = 0.5;
 
@@ -294,8 +297,8 @@ impl Instruments {
         ));
     }
 
-    /// Measurements in the order of time, and the prior. Kinds of position fixes come first among the sensors.
-    pub(super) fn run(&self, sensors: &Sensors, qualities: &[f64]) -> Run {
+    /// Measurements of a part in the order of time, and the prior. Kinds of position fixes come first among the sensors.
+    pub(super) fn run(&self, part: &Part, sensors: &Sensors, qualities: &[f64]) -> Run {
         let mut events = Vec::new();
         let places = qualities.len().max(1);
         if let Some([north, east]) = &self.position {
@@ -323,7 +326,7 @@ impl Instruments {
                 events.push(Event { t, sensor, value: [x, 0.0] });
             }
         }
-        events.retain(|event| event.value.iter().all(|x| x.is_finite()) && event.t.is_finite());
+        events.retain(|event| event.value.iter().all(|x| x.is_finite()) && part.has(event.t));
         events.sort_by(|a, b| a.t.total_cmp(&b.t));
         let first = |sensor: std::ops::Range<usize>| events.iter().find(|e| sensor.contains(&e.sensor));
         let velocities = || events.iter().filter(|e| e.sensor == places).take(5);
@@ -345,8 +348,9 @@ impl Instruments {
         Run { events, prior }
     }
 
-    /// Times of the table: from the first time at which position and heading are known.
-    pub(super) fn times(&self, dt: Option<f64>) -> Result<Vec<f64>, LogError> {
+    /// The times in which both the place (position or velocity) and the direction (heading or yaw rate) are measured, with the
+    /// rows of the table: gaps are not bridged, and a measurement whose stamp is far from all others is in none of them.
+    pub(super) fn parts(&self, dt: Option<f64>, notes: &mut Vec<Note>) -> Result<Vec<Part>, LogError> {
         let step = dt.or_else(|| {
             let heading = self.heading.as_ref().and_then(Series::step);
             let pair = |s: &Option<[Series; 2]>| s.as_ref().and_then(|s| s[0].step());
@@ -354,23 +358,133 @@ impl Instruments {
             usual.map(|usual| rounded(usual).max(SHORTEST_S))
         });
         let step = step.filter(|step| *step > 0.0 && step.is_finite()).unwrap_or(SHORTEST_S);
-        let ends = |of: &dyn Fn(&Series) -> Option<f64>, fold: fn(f64, f64) -> f64, from: f64| {
-            self.series().filter_map(of).fold(from, fold)
-        };
-        let from = ends(&|s| s.pairs().next().map(|(t, _)| t), f64::max, 0.0);
-        let to = ends(&|s| s.pairs().last().map(|(t, _)| t), f64::max, 0.0);
-        let rows = ((to - from) / step).floor();
-        if !(1.0..1e8).contains(&rows) {
+        let place = self.position.iter().chain(&self.velocity).map(|both| &both[0]);
+        let (place, place_limit) = stretches(place);
+        let (direction, direction_limit) = stretches(self.heading.iter().chain(&self.yaw_rate));
+        let limit = place_limit.max(direction_limit);
+        // All sensors have begun at the first row.
+        let begun = self.series().filter_map(|s| s.pairs().next()).map(|(t, _)| t).fold(0.0, f64::max);
+        // The first measurement of either of them, the first one of both, and the last one of both and of either.
+        let mut both: Vec<[f64; 4]> = Vec::new();
+        for [a, b] in &place {
+            let with = direction.iter().map(|[c, d]| [a.min(*c), a.max(*c), b.min(*d), b.max(*d)]);
+            both.extend(with.filter(|[_, from, to, _]| from < to));
+        }
+        let longest = both.iter().map(|[_, from, to, _]| to - from).fold(0.0, f64::max);
+        if let Some([_, from, to, _]) = both.first_mut()
+            && begun < *to
+        {
+            *from = from.max(begun);
+        }
+        if let Some([.., to, end]) = both.last_mut()
+            && *end - *to <= limit
+        {
+            // One of them ends somewhat earlier.
+            *to = *end;
+        }
+        let origin = both.first().map_or(0.0, |[_, from, ..]| *from);
+        let mut parts: Vec<Part> = Vec::new();
+        let mut rows = 0.0;
+        for [begin, from, to, _] in both {
+            let [first, last] = [((from - origin) / step).ceil(), ((to - origin) / step).floor()];
+            rows += last - first;
+            if last - first < 1.0 || rows > MOST_ROWS {
+                continue;
+            }
+            // The rows begin with the last sensor, and the measurements of the first part with the first one.
+            let from = if parts.is_empty() { begin } else { from };
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in the range above")]
+            let all = first as usize..=last as usize;
+            parts.push(Part { from, to, times: all.map(|k| origin + k as f64 * step).collect() });
+        }
+        if parts.is_empty() || rows > MOST_ROWS {
             return Err(LogError::Unusable {
                 path: self.path.clone(),
-                reason: format!("position and heading overlap for {:.1} s", to - from),
+                reason: format!("position and heading overlap for {longest:.1} s"),
                 remedy: "check the stamps of the topics with `hydroid inspect`".to_owned(),
             });
         }
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in the range above")]
-        let rows = rows as usize;
-        Ok((0..=rows).map(|k| from + k as f64 * step).collect())
+        self.tell_gaps(&parts, limit, notes);
+        Ok(parts)
     }
+
+    /// Says where measurements are missing, and which ones are left out.
+    fn tell_gaps(&self, parts: &[Part], limit: f64, notes: &mut Vec<Note>) {
+        let text = |t: f64| super::table::time_text(t + self.origin);
+        let pair = |of: &'static str, both: &Option<[Series; 2]>| {
+            both.as_ref().map(|both| (of, both[0].pairs().map(|(t, _)| t).collect::<Vec<f64>>()))
+        };
+        let single = |of: &'static str, one: &Option<Series>| {
+            one.as_ref().map(|one| (of, one.pairs().map(|(t, _)| t).collect::<Vec<f64>>()))
+        };
+        let all = [
+            pair("positions", &self.position),
+            pair("velocities", &self.velocity),
+            single("headings", &self.heading),
+            single("yaw rates", &self.yaw_rate),
+            pair("accelerations", &self.force),
+        ];
+        for (name, times) in all.into_iter().flatten() {
+            let mut outside = times.iter().filter(|t| !parts.iter().any(|part| part.has(**t)));
+            let Some(first) = outside.next() else { continue };
+            notes.push(
+                Note::warning(format!(
+                    "{}: {} of {} {name} are left out, the first at {}: position and heading are not both measured there within {limit:.1} s",
+                    self.path,
+                    1 + outside.count(),
+                    times.len(),
+                    text(*first)
+                ))
+                .with_remedy("if the recording was not paused, check the stamps of the topics with `hydroid inspect`"),
+            );
+        }
+        if let [first, second, more @ ..] = parts {
+            notes.push(Note::info(format!(
+                "{}: there are no rows from {} to {}{}: position or heading are missing",
+                self.path,
+                text(first.to),
+                text(second.from),
+                if more.is_empty() { String::new() } else { format!(", and in {} more gaps", more.len()) }
+            )));
+        }
+    }
+}
+
+/// Most rows of a table.
+const MOST_ROWS: f64 = 1e8;
+
+/// A time in which place and direction are measured.
+pub(super) struct Part {
+    /// Times of its measurements \[s\].
+    from: f64,
+    to: f64,
+    /// Times of its rows \[s\].
+    pub(super) times: Vec<f64>,
+}
+
+impl Part {
+    /// Whether a time is in it.
+    fn has(&self, t: f64) -> bool {
+        (self.from..=self.to).contains(&t)
+    }
+}
+
+/// The stretches of time in which one of some sensors is measured, and the longest time between measurements in them.
+fn stretches<'a>(sensors: impl Iterator<Item = &'a Series>) -> (Vec<[f64; 2]>, f64) {
+    let (mut times, mut limit) = (Vec::new(), LONGEST_S);
+    for series in sensors {
+        limit = limit.max(LONGEST_STEPS * series.step().unwrap_or(0.0));
+        times.extend(series.pairs().map(|(t, _)| t).filter(|t| t.is_finite()));
+    }
+    times.sort_by(f64::total_cmp);
+    let mut all: Vec<[f64; 2]> = Vec::new();
+    for t in times {
+        match all.last_mut() {
+            Some([_, to]) if t - *to <= limit => *to = t,
+            _ => all.push([t, t]),
+        }
+    }
+    (all, limit)
 }
 
 impl Series {

@@ -2,6 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
+use hydroid_core::control::longest_age_s;
 use hydroid_core::navigation::{Filter, Prior, State};
 
 use super::instruments::{CURRENT_M_S, UNITS, local_step};
@@ -289,14 +290,18 @@ impl LiveMotion {
         &self.health
     }
 
-    /// Age of the older of position and heading at a time \[s\], less two of its usual steps; NaN before the first one.
-    pub fn age(&self, t: f64) -> f64 {
-        let kinds = [Some(Kind::Position), Some(Kind::Heading)];
-        let ages = kinds.map(|kind| {
-            let at = self.instruments.iter().position(|one| one.kind == kind);
-            at.map_or(f64::NAN, |at| t - self.health[at].last - 2.0 * self.health[at].step)
-        });
-        if ages.iter().any(|age| age.is_nan()) { f64::NAN } else { ages[0].max(ages[1]) }
+    /// Whether position and heading are recent enough at a time \[s\] for commands: none is older than `max_age_s`, by default
+    /// that of [its steps](longest_age_s). The positions since `set_aside` are not used.
+    pub fn is_fresh(&self, t: f64, max_age_s: Option<f64>, set_aside: Option<f64>) -> bool {
+        let is_fresh = |kind: Kind, until: f64| {
+            let at = self.instruments.iter().position(|one| one.kind == Some(kind));
+            at.is_some_and(|at| {
+                let SensorHealth { last, step, .. } = self.health[at];
+                let limit = max_age_s.unwrap_or_else(|| longest_age_s(step));
+                t - last <= limit && t - until <= limit
+            })
+        };
+        is_fresh(Kind::Position, set_aside.unwrap_or(f64::INFINITY)) && is_fresh(Kind::Heading, f64::INFINITY)
     }
 
     /// Time of the estimate \[s\]; NaN before it.

@@ -72,12 +72,16 @@ pub(super) fn tables(
     }
     let qualities = qualities(&instruments);
     let mut placed = known::placed(sensors, &qualities);
-    let mut runs = Runs {
-        sensors: placed.iter().map(|placed| placed.sensor.clone()).collect(),
-        runs: instruments.iter().map(|one| one.run(sensors, &qualities)).collect(),
-    };
+    let mut runs =
+        Runs { sensors: placed.iter().map(|placed| placed.sensor.clone()).collect(), runs: Vec::new() };
+    let (mut times, mut counts) = (Vec::new(), Vec::new());
+    for one in &instruments {
+        let parts = one.parts(dt, notes)?;
+        runs.runs.extend(parts.iter().map(|part| one.run(part, sensors, &qualities)));
+        counts.push(parts.len());
+        times.extend(parts.into_iter().map(|part| part.times));
+    }
     retain_used(&mut runs, &mut placed);
-    let times = instruments.iter().map(|one| one.times(dt)).collect::<Result<Vec<_>, _>>()?;
     // What is wrong with the other columns is found before the long computation.
     let others =
         recordings.iter().map(|recording| others(recording, selection)).collect::<Result<Vec<_>, _>>()?;
@@ -97,9 +101,10 @@ pub(super) fn tables(
     };
     let smoothed =
         navigate::smooth(&runs, &statistics, &times, &mut |done| progress(FIT + (1.0 - FIT) * done))?;
+    let smoothed = joined(&runs, smoothed, &counts);
     let mut tables = Vec::with_capacity(recordings.len());
     for (i, one) in instruments.iter().enumerate() {
-        tables.push(one.table(&recordings[i], &others[i], &smoothed[i], &times[i], notes)?);
+        tables.push(one.table(&recordings[i], &others[i], &smoothed[i], notes)?);
     }
     if let (Some(one), Some(last)) = (instruments.first(), smoothed.last()) {
         let path =
@@ -114,6 +119,32 @@ pub(super) fn tables(
         sensors.known.get_or_insert_with(|| known::of(&placed, &statistics, last));
     }
     Ok(tables)
+}
+
+/// The parts of each recording as one: `counts` are their numbers.
+fn joined(runs: &Runs, parts: Vec<Smoothed>, counts: &[usize]) -> Vec<Smoothed> {
+    let mut parts = runs.runs.iter().zip(parts);
+    let of =
+        |run: &Run, sensor: usize| run.events.iter().filter(|event| event.sensor == sensor).count() as f64;
+    let mut all = Vec::with_capacity(counts.len());
+    for count in counts {
+        let mut own = parts.by_ref().take(*count);
+        let Some((run, mut whole)) = own.next() else { continue };
+        let mut weights: Vec<f64> = (0..whole.outliers.len()).map(|sensor| of(run, sensor)).collect();
+        for (run, part) in own {
+            for (sensor, weight) in weights.iter_mut().enumerate() {
+                let more = of(run, sensor);
+                let share = more / (*weight + more).max(1.0);
+                *weight += more;
+                whole.outliers[sensor] += share * (part.outliers[sensor] - whole.outliers[sensor]);
+                whole.nis[sensor] += share * (part.nis[sensor] - whole.nis[sensor]);
+            }
+            whole.rows.extend(part.rows);
+            whole.end = part.end;
+        }
+        all.push(whole);
+    }
+    all
 }
 
 /// The kinds of position fixes, the most frequent first.
@@ -220,14 +251,14 @@ impl Instruments {
         recording: &Recording,
         others: &[Other],
         smoothed: &Smoothed,
-        t: &[f64],
         notes: &mut Vec<Note>,
     ) -> Result<RawLog, LogError> {
+        let t: Vec<f64> = smoothed.rows.iter().map(|row| row.t).collect();
         let absolute: Vec<f64> = t.iter().map(|t| t + self.origin).collect();
         let computed = COMPUTED
             .iter()
             .map(|&(name, unit, of)| RawColumn::of(name, Some(unit), smoothed.rows.iter().map(of).collect()));
-        let mut columns: Vec<RawColumn> = std::iter::once(table::time(t)).chain(computed).collect();
+        let mut columns: Vec<RawColumn> = std::iter::once(table::time(&t)).chain(computed).collect();
         for Other { column, held, period } in others {
             let values = if *held {
                 recording.held(*column, &absolute)

@@ -5,6 +5,7 @@
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use hydroid::boat::Boat;
 use hydroid::log::{ChannelSpec, LogError, Note, RawLog, Selection, Sensors, Wind, read};
@@ -670,4 +671,113 @@ fn a_file_in_memory_is_read_as_one_on_disk() {
     }
     let empty = hydroid_io::LogFile::in_memory("empty.csv", Vec::new());
     assert!(matches!(survey(&empty), Err(LogError::Empty { .. })), "{:?}", survey(&empty).err());
+}
+
+/// The boat of 40 s after its rows were changed: file by file, the number of each row and its cells.
+fn changed(
+    selection: Option<&Selection>,
+    change: impl Fn(&str, usize, &mut Vec<String>),
+) -> (Selection, RawLog, Vec<Note>) {
+    let folder = boat(40);
+    for name in ["gnss", "compass", "imu", "servo"] {
+        let path = folder.path().join(format!("{name}.csv"));
+        let text = std::fs::read_to_string(&path).unwrap();
+        let lines = text.lines().enumerate().map(|(k, line)| {
+            let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+            if k > 0 {
+                change(name, k - 1, &mut cells);
+            }
+            cells.join(",")
+        });
+        let lines: Vec<String> = lines.filter(|line| !line.is_empty()).collect();
+        std::fs::write(&path, lines.join("\n") + "\n").unwrap();
+    }
+    let mut selection = selection.cloned().unwrap_or_else(|| proposed(folder.path()));
+    let (mut logs, notes) = read_logs(&[folder.path()], &mut selection, None, &mut silent()).unwrap();
+    (selection, logs.remove(0), notes)
+}
+
+/// The boat as it is: what is known of its sensors, its rows and the delay of its GNSS.
+fn unchanged() -> &'static (Selection, usize, f64) {
+    static UNCHANGED: OnceLock<(Selection, usize, f64)> = OnceLock::new();
+    UNCHANGED.get_or_init(|| {
+        let (selection, log, notes) = changed(None, |_, _, _| {});
+        assert!(!notes.iter().any(|note| note.message.contains("left out")), "{notes:?}");
+        (selection, log.rows(), delay(&notes))
+    })
+}
+
+/// The estimated delay of the GNSS \[s\].
+fn delay(notes: &[Note]) -> f64 {
+    let text = notes.iter().find(|note| note.message.contains("the GNSS is ")).expect("a delay");
+    text.message.split("the GNSS is ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap()
+}
+
+/// One stamp of the GNSS 19 h ahead became 343,619 rows of dead reckoning, and moved the delay without a word.
+#[test]
+fn a_stamp_that_jumps_makes_no_rows() {
+    let (known, rows, unmoved) = unchanged();
+    for (selection, file, row, stamp, named) in [
+        (
+            None,
+            "gnss",
+            100,
+            "2026-05-02T05:00:20.000Z",
+            "1 of 200 positions are left out, the first at 2026-05-02T05:00:20",
+        ),
+        (
+            Some(known),
+            "compass",
+            200,
+            "2026-04-30T15:00:20.000Z",
+            "1 of 400 headings are left out, the first at 2026-04-30T15:00:20",
+        ),
+        (
+            Some(known),
+            "gnss",
+            199,
+            "2026-05-01T11:00:39.800Z",
+            "1 of 200 velocities are left out, the first at 2026-05-01T11:00:39",
+        ),
+    ] {
+        let (_, log, notes) = changed(selection, |name, k, cells| {
+            if (name, k) == (file, row) {
+                stamp.clone_into(&mut cells[0]);
+            }
+        });
+        assert!(
+            log.rows() <= *rows && log.rows() + 3 >= *rows,
+            "{file} {row}: {} of {rows} rows",
+            log.rows()
+        );
+        assert!(notes.iter().any(|note| note.message.contains(named)), "{named}: {notes:?}");
+        assert!((delay(&notes) - unmoved).abs() < 0.02, "{file} {row}: {} of {unmoved}", delay(&notes));
+        assert!(column(&log, "u").iter().all(|u| (u - SPEED).abs() < 0.2), "{file} {row}");
+    }
+}
+
+/// A recording that paused, or a GNSS without a fix, has no rows in the gap, and the velocities after it are right.
+#[test]
+fn a_gap_is_not_filled_by_dead_reckoning() {
+    let known = Some(&unchanged().0);
+    for (file, why) in
+        [("gnss", "no fix"), ("compass", "no heading and no yaw rate"), ("", "a pause of an hour")]
+    {
+        let (_, log, notes) = changed(known, |name, k, cells| {
+            let t = k as f64 * if name == "gnss" { 0.2 } else { 0.1 };
+            let is_missing = (15.0..25.0).contains(&t);
+            match file {
+                "gnss" if name == "gnss" && is_missing => cells.clear(),
+                "compass" if ["compass", "imu"].contains(&name) && is_missing => cells.clear(),
+                "" if name != "servo" && t >= 20.0 => cells[0] = cells[0].replace("T10:", "T11:"),
+                _ => {}
+            }
+        });
+        let t = column(&log, "t");
+        let longest = t.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
+        let expected = if file.is_empty() { 3600.1 } else { 10.1 };
+        assert!((longest - expected).abs() < 0.21, "{why}: {longest}");
+        assert!(column(&log, "u").iter().all(|u| (u - SPEED).abs() < 0.2), "{why}");
+        assert!(notes.iter().any(|note| note.message.contains("there are no rows from")), "{why}: {notes:?}");
+    }
 }

@@ -2,9 +2,11 @@
 
 use std::borrow::Cow;
 use std::fs::File;
-use std::io::{BufRead, BufReader, ErrorKind, Write};
+use std::io::{self, BufRead, BufReader, ErrorKind, Write};
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLockReadGuard};
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, ensure};
 use hydroid::adapt::{self, ResolvedOptions};
@@ -13,7 +15,7 @@ use hydroid::log::{LogError, Note};
 use hydroid::model::{self, Model, Reading};
 use hydroid_live::black_box::{Recorder, Source};
 use hydroid_live::program::{interrupt, text};
-use hydroid_live::stream::{Lines, Options, Stream, StreamError, fingerprint};
+use hydroid_live::stream::{Line, Lines, Options, Stream, StreamError, fingerprint};
 
 use serde_json::{Value, json};
 
@@ -48,9 +50,9 @@ impl Lined {
         Self { name, piped }
     }
 
-    pub fn open(&self) -> anyhow::Result<Box<dyn BufRead>> {
+    pub fn open(&self) -> anyhow::Result<Box<dyn BufRead + Send>> {
         if self.piped {
-            return Ok(Box::new(std::io::stdin().lock()));
+            return Ok(Box::new(BufReader::new(io::stdin())));
         }
         let failed = |source| LogError::Read { path: self.name.clone(), source };
         Ok(Box::new(BufReader::new(File::open(&self.name).map_err(failed)?)))
@@ -163,12 +165,12 @@ fn lock(service: &Mutex<Service>) -> MutexGuard<'_, Service> {
 
 /// Standard output, during whose writes an interrupted program may end: the reader of the answers may not read.
 struct Answers<'a> {
-    out: std::io::Stdout,
+    out: io::Stdout,
     held: &'a mut Option<RwLockReadGuard<'static, ()>>,
 }
 
 impl Answers<'_> {
-    fn released<T>(&mut self, act: impl FnOnce(&mut std::io::Stdout) -> T) -> T {
+    fn released<T>(&mut self, act: impl FnOnce(&mut io::Stdout) -> T) -> T {
         *self.held = None;
         let done = act(&mut self.out);
         *self.held = Some(atomic::hold());
@@ -177,18 +179,18 @@ impl Answers<'_> {
 }
 
 impl Write for Answers<'_> {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.released(|out| out.write(bytes))
     }
 
-    fn flush(&mut self) -> std::io::Result<()> {
+    fn flush(&mut self) -> io::Result<()> {
         self.released(Write::flush)
     }
 }
 
 /// Answers each line until the source ends or the program is interrupted. A line that is being computed, and the files of
 /// the end, are finished first.
-pub fn serve(reader: Box<dyn BufRead>, service: Service) -> anyhow::Result<Outcome> {
+pub fn serve(reader: Box<dyn BufRead + Send>, service: Service) -> anyhow::Result<Outcome> {
     let service = &Arc::new(Mutex::new(service));
     let interrupted = Arc::clone(service);
     // The main thread may wait for input.
@@ -210,17 +212,55 @@ pub fn serve(reader: Box<dyn BufRead>, service: Service) -> anyhow::Result<Outco
     Ok(Outcome::Done)
 }
 
-fn answer_lines(reader: Box<dyn BufRead>, service: &Mutex<Service>) -> anyhow::Result<()> {
-    let mut lines = Lines::new(reader);
+/// A line that waits for its answer; `None` is one that is too long.
+type Waiting = io::Result<Option<Vec<u8>>>;
+
+/// Reads the lines in a thread, so that their absence can be answered, too. The thread ends with the source, or with the
+/// program: a source that says nothing cannot be interrupted.
+fn read_lines(reader: Box<dyn BufRead + Send>) -> Receiver<Waiting> {
+    let (sender, receiver) = sync_channel(1);
+    std::thread::spawn(move || {
+        let mut lines = Lines::new(reader);
+        loop {
+            let line = match lines.next_line() {
+                Ok(None) => return,
+                Ok(Some(Line::TooLong)) => Ok(None),
+                Ok(Some(Line::Whole(bytes))) => Ok(Some(bytes.to_vec())),
+                Err(error) => Err(error),
+            };
+            let is_last = line.is_err();
+            if sender.send(line).is_err() || is_last {
+                return;
+            }
+        }
+    });
+    receiver
+}
+
+fn answer_lines(reader: Box<dyn BufRead + Send>, service: &Mutex<Service>) -> anyhow::Result<()> {
+    let lines = read_lines(reader);
     loop {
-        let name = || lock(service).name.clone();
-        let Some(line) = lines.next_line().map_err(|source| LogError::Read { path: name(), source })? else {
-            return Ok(());
+        let due =
+            lock(service).stream.due_s().map(|due| Duration::try_from_secs_f64(due).unwrap_or(Duration::MAX));
+        let begun = Instant::now();
+        let line = match due {
+            Some(due) => lines.recv_timeout(due),
+            None => lines.recv().map_err(|_| RecvTimeoutError::Disconnected),
         };
+        let waited_s = begun.elapsed().as_secs_f64();
+        if matches!(line, Err(RecvTimeoutError::Disconnected)) {
+            return Ok(());
+        }
         let mut service = lock(service);
         let mut held = Some(atomic::hold());
-        let mut out = Answers { out: std::io::stdout(), held: &mut held };
-        let served = service.stream.serve(line, &mut out);
+        let mut out = Answers { out: io::stdout(), held: &mut held };
+        let served = if let Ok(line) = line {
+            let line = line.map_err(|source| LogError::Read { path: service.name.clone(), source })?;
+            service.stream.arrive_after(waited_s);
+            service.stream.serve(line.as_deref().map_or(Line::TooLong, Line::Whole), &mut out)
+        } else {
+            service.stream.wait(waited_s, &mut out)
+        };
         if interrupt::interrupted() {
             service.end_interrupted();
         }

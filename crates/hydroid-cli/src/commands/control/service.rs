@@ -22,7 +22,7 @@ pub(super) fn check_options(args: &Control, options: &ClosedLoopOptions) -> anyh
             !given.answers.is_given() && given.black_box.is_none(),
             "--horizons, --state, --timing and --black-box apply to a live stream: add - for standard input"
         );
-        return Ok(());
+        return Ok(options.check_simulated()?);
     }
     for (option, is_given) in [("--plant", args.plant.is_some()), ("--output", args.output.is_some())] {
         ensure!(!is_given, "{option} belongs to a simulated run: leave it out with a live stream");

@@ -10,6 +10,7 @@ use super::gauss_newton::GaussNewton;
 use super::options::PlannerOptions;
 use crate::actuator::{Limits, clamp_to_limits};
 use crate::control::error::{ControlError, positive};
+use crate::control::liveness::SHORTEST_LIMIT_S as BLIND_S;
 use crate::control::noise::Noise;
 use crate::control::status::Status;
 use crate::guidance::Reference;
@@ -76,9 +77,6 @@ pub struct Planner {
     work: Workspace,
     samples: Vec<f64>,
 }
-
-/// Time for which the last plan continues without a finite cost \[s\].
-const BLIND_S: f64 = 1.0;
 
 /// Result of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -25,6 +25,9 @@ use crate::sink::{Sink, Summary};
 /// Longest directory of the package: a workbook has a few hundred parts.
 const LONGEST_DIRECTORY: u32 = 16 << 20;
 
+/// Rows of a sheet by its specification.
+const MOST_ROWS: u64 = 1_048_576;
+
 const AGAIN: &str = "save it again as a workbook (.xlsx), or as CSV";
 
 /// A file that counts what is read of it.
@@ -86,6 +89,10 @@ pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, Io
             }
             if !table.add(&mut row, sink) {
                 break Ok(());
+            }
+            if table.lines() > MOST_ROWS {
+                let reason = format!("sheet '{name}' has more than the {MOST_ROWS} rows of a workbook");
+                return Err(input.damaged(&reason, AGAIN));
             }
             if table.lines().is_multiple_of(1024)
                 && !sink.proceed(read.get().min(input.length()), input.length())

@@ -30,6 +30,16 @@ impl ClosedLoopOptions {
         })
     }
 
+    /// Checks that no option belongs to a controller on board, for a simulated run.
+    ///
+    /// # Errors
+    /// If one does; the message names it.
+    pub fn check_simulated(&self) -> Result<(), SetupError> {
+        none(first!(self, max_age), |option| {
+            format!("{option} belongs to a controller on board: leave it out of a simulated run")
+        })
+    }
+
     fn check_controller(&self) -> Result<(), SetupError> {
         use ControlMethod::{Autopilot, CrossEntropy};
         let law = |law: ControlMethod| key("controller").is(law.name());

@@ -107,6 +107,7 @@ impl ClosedLoopOptions {
         made.integral = self.integral.unwrap_or(0.0);
         made.learned = self.adaptive_augmentation.then(AdaptiveAugmentationOptions::default);
         made.rate = self.rate.or(made.rate);
+        made.max_age_s = self.max_age.map_or(made.max_age_s, |age| age.0);
         if self.reference == Some(Timing::Path) {
             made.timing = Timing::Path;
         }

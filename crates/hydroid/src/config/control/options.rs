@@ -163,6 +163,10 @@ pub struct ClosedLoopOptions {
     /// cem: time limit of a plan [ms]; the best plan found so far is used, so that the result depends on the clock
     #[cfg_attr(feature = "arguments", arg(long, value_name = "MS", allow_negative_numbers = true, help_heading = CONTROLLER))]
     pub plan_time: Option<f64>,
+    /// On board: age of the last measured position, heading or velocity beyond which the commands have their neutral values
+    /// (default: 1 s, at least 5 samples)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "TIME", help_heading = CONTROLLER))]
+    pub max_age: Option<Duration>,
     /// Sample time of the controller [s] (default: that of the model; 0.1 for vessels and pid)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "S", allow_negative_numbers = true, help_heading = CONTROLLER))]
     pub dt: Option<f64>,
