@@ -8,12 +8,12 @@ use hydroid::log::{Channel, ChannelSpec};
 use hydroid::model::{Body, Description, Learning, Members, Model, Port, Provenance, Reading};
 use hydroid_core::actuator::Map;
 use hydroid_core::adapt::{ExpertMixtureOptions, InnovationGate};
+use hydroid_core::craft::Craft;
 use hydroid_core::model::affine::{ControlAffine, Effector};
 use hydroid_core::model::committee::{Committee, DifferenceEquations, Member, Prior, Shape};
 use hydroid_core::model::direct::{Direct, Perceptron};
 use hydroid_core::model::recurrent::{BaseModel, Cell, Network, Recurrent, Scaling};
 use hydroid_core::model::sparse::{Equations, Term};
-use hydroid_core::vessel::VesselParams;
 
 /// Sample time of all models but those that are slow \[s\].
 pub const DT: f64 = 0.1;
@@ -39,7 +39,7 @@ pub fn model(name: &str) -> Model {
         "direct" => direct(name),
         "affine" => affine(name),
         "committee" => committee(name),
-        "vessel" => Model::of_vessel(&VesselParams::simple(), DT).expect("a built-in vessel"),
+        "vessel" => Model::of_vessel(&Craft::simple(), DT).expect("a built-in vessel"),
         _ => described("equations", DT, moving()),
     }
 }

@@ -8,7 +8,6 @@ use std::time::Instant;
 use hydroid::craft::CraftFileError;
 use hydroid::model::{self, ModelError};
 use hydroid::plant::find_roles;
-use hydroid::simulate::VesselFileError;
 use hydroid::toml_file::TomlError;
 use hydroid_core::model::sparse::{EquationsSession, Jacobian, Shape, Signal};
 use hydroid_core::predict::{Predictor, Workspace};
@@ -50,9 +49,7 @@ impl Model {
 
 /// Whether the file of a vessel does not exist.
 fn is_missing(error: &ModelError) -> bool {
-    let (ModelError::Vessel(VesselFileError::File(toml)) | ModelError::Craft(CraftFileError::File(toml))) =
-        error
-    else {
+    let ModelError::Craft(CraftFileError::File(toml)) = error else {
         return false;
     };
     matches!(toml, TomlError::Read { source, .. } if source.kind() == std::io::ErrorKind::NotFound)

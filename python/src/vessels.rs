@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use hydroid::atomic::{self, Lock};
 use hydroid::config::{self, Drive, Plan, Plant, SettingError};
+use hydroid::craft::BUILT_IN;
 use hydroid::log::Note;
 use hydroid::manoeuvre::{self, Comparison, Figure, ManoeuvreError, Track};
 use hydroid::model as library;
 use hydroid::plant::{InputMap, member_tracks};
-use hydroid::simulate::{BUILT_IN, VesselFileError};
 use hydroid_report::{ComparisonReport, FolderError, ManoeuvreReport};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -27,9 +27,6 @@ fn of_setting(error: SettingError) -> PyErr {
     match error {
         SettingError::Log(error) => of_log(error),
         SettingError::Model(error) => of_model(error),
-        SettingError::Vessel(error @ VesselFileError::File(_)) => {
-            of_model(library::ModelError::Vessel(error))
-        }
         SettingError::UnknownPlant { name } => {
             let known = BUILT_IN.join(", ");
             let known = format!("{known}, a vessel file (.toml), a model file (.safetensors) or a Model");

@@ -5,14 +5,14 @@ use hydroid::log::Trajectory;
 use hydroid::model::Model;
 use hydroid::progress::silent;
 use hydroid::simulate::{Options, simulate};
-use hydroid_core::vessel::VesselParams;
+use hydroid_core::craft::Craft;
 use hydroid_research::guard::{Campaign, Case, campaign};
 use serde_json::Value;
 
 /// A log of the simple vessel with 1.6 times the drag.
 fn log() -> Trajectory {
-    let mut vessel = VesselParams::simple();
-    vessel.drag.linear.iter_mut().chain(&mut vessel.drag.quadratic).flatten().for_each(|drag| *drag *= 1.6);
+    let mut vessel = Craft::simple();
+    vessel.hull.linear.iter_mut().chain(&mut vessel.hull.quadratic).flatten().for_each(|drag| *drag *= 1.6);
     let options = Options { duration_s: 300.0, seed: 3, ..Options::new(vessel, Excitation::Mixed) };
     simulate(&options, &mut silent()).unwrap().to_trajectory(&["u", "v", "r"]).unwrap()
 }
@@ -20,7 +20,7 @@ fn log() -> Trajectory {
 /// Each day depends on its seed alone, whatever the number of threads and the other seeds.
 #[test]
 fn a_day_depends_on_its_seed_alone() {
-    let model = Model::of_vessel(&VesselParams::simple(), 0.1).unwrap();
+    let model = Model::of_vessel(&Craft::simple(), 0.1).unwrap();
     let cases = [Case::new("simple".to_owned(), model, &[log()])];
     let days = |seeds, threads| -> Campaign {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

@@ -19,10 +19,9 @@ use hydroid_core::model::recurrent::{
     BaseModel, Cell, Network, Recurrent, Rollout, Scaling,
 };
 use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
-use hydroid_core::craft::Craft;
-use hydroid_core::model::{CraftModel, PlantModel, PlantSession};
+use hydroid_core::craft::{Craft, Dynamics};
+use hydroid_core::model::{CraftModel, CraftSession};
 use hydroid_core::predict::{Predictor, Workspace};
-use hydroid_core::vessel::{Command, Plant, State, VesselParams};
 
 struct NoMemory;
 
@@ -46,13 +45,13 @@ fn halt(_: &PanicInfo<'_>) -> ! {
 /// Calls plants and models, so that they are linked.
 #[unsafe(no_mangle)]
 pub extern "C" fn hydroid_step(pp: f64, rd: f64) -> f64 {
-    let Ok(plant) = Plant::new(&VesselParams::hydrofoil()) else { return f64::NAN };
-    let state = plant.advance(&State::REST, &Command { pp, rd }, 0.01);
+    let (mut nu, mut positions) = ([0.0; 3], [0.0; 2]);
+    Dynamics::new(&Craft::hydrofoil()).advance(&mut nu, &mut positions, &[pp, rd], 0.01, 1);
     let Ok(equations) = Equations::new(vec![Term::monomial(&[0])], vec![-1.0], 1, 0, 0.1, 1) else {
         return f64::NAN;
     };
     let mut session = EquationsSession::new(Arc::new(equations));
-    session.observe(&[state.u]);
+    session.observe(&nu[..1]);
     let mut y = [0.0];
     session.rollout(&[], &mut Workspace::new(), &mut y);
     y[0] + recurrent(rd) + batch(rd) + vessel(pp, rd) + steer(pp) + plan(rd)
@@ -60,7 +59,7 @@ pub extern "C" fn hydroid_step(pp: f64, rd: f64) -> f64 {
 
 /// A vessel that is steered along a path.
 fn steer(u: f64) -> f64 {
-    let vessel = VesselParams::hydrofoil();
+    let vessel = Craft::hydrofoil();
     let Ok(model) = AffinePlant::new(&vessel) else { return f64::NAN };
     let limits = AffinePlant::limits(&vessel);
     let settings = FeedbackLinearizationOptions::new(1.5);
@@ -75,15 +74,15 @@ fn steer(u: f64) -> f64 {
 
 /// A plan on a vessel.
 fn plan(u: f64) -> f64 {
-    let vessel = VesselParams::hydrofoil();
-    let Ok(model) = PlantModel::new(&vessel, 0.1) else { return f64::NAN };
+    let vessel = Craft::hydrofoil();
+    let Ok(model) = CraftModel::new(vessel.clone(), 0.1) else { return f64::NAN };
     let limits = AffinePlant::limits(&vessel);
     let (settings, cost) = (PlannerOptions::new(1), Cost::tracking(2));
     let Ok(mut planner) = Planner::new(settings, cost, &limits, 3, 0.1, 5.0) else { return f64::NAN };
     let Ok(path) = Path::circle([0.0; 2], 20.0, Side::Starboard, 0.0) else { return f64::NAN };
     let Ok(profile) = SpeedProfile::new(&path, &SpeedLimits::cruise(2.0)) else { return f64::NAN };
     let references = [TimedReference::new(&profile).reference(&path, &profile); 20];
-    let mut session = PlantSession::new(&model);
+    let mut session = CraftSession::new(&model);
     session.observe(&[u, 0.0, 0.0]);
     let mut command = [0.0; 2];
     planner.command(&session, [20.0, 0.0, 1.5], &references, &mut || true, &mut command).cost

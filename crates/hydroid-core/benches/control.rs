@@ -12,12 +12,13 @@ use hydroid_core::control::{
     AutopilotOptions, Backstepping, BacksteppingOptions, Controller, Estimate, FeedbackLinearization,
     FeedbackLinearizationOptions, HeadingGains, SpeedGains,
 };
+use hydroid_core::craft::Craft;
 use hydroid_core::guidance::{LineOfSightOptions, Path, Reference, Side};
 use hydroid_core::model::direct::{Direct, DirectSession, Perceptron};
 use hydroid_core::model::recurrent::{BaseModel, Cell, Network, Recurrent, RecurrentSession, Scaling};
 use hydroid_core::model::sparse::{Equations, EquationsSession};
+use hydroid_core::model::{CraftModel, CraftSession};
 use hydroid_core::predict::Predictor;
-use hydroid_core::vessel::VesselParams;
 use written::{Force, equations};
 
 fn main() {
@@ -34,8 +35,8 @@ const MODELS: [&str; 6] = [
     "hydrofoil, gated equations, force measured",
 ];
 
-fn vessel(name: &str) -> VesselParams {
-    if name.starts_with("simple") { VesselParams::simple() } else { VesselParams::hydrofoil() }
+fn vessel(name: &str) -> Craft {
+    if name.starts_with("simple") { Craft::simple() } else { Craft::hydrofoil() }
 }
 
 fn model(name: &str) -> AffineEquations {
@@ -80,7 +81,7 @@ fn backstepping(bencher: Bencher, name: &str) {
 /// A sample, those at which the network learns among them.
 #[divan::bench(sample_size = 1_000)]
 fn learned_correction(bencher: Bencher) {
-    let vessel = VesselParams::simple();
+    let vessel = Craft::simple();
     let plant = AffinePlant::new(&vessel).expect("built in");
     let (limits, settings) = (AffinePlant::limits(&vessel), FeedbackLinearizationOptions::new(1.5));
     let base = FeedbackLinearization::new(plant, &limits, 0.1, settings).expect("possible");
@@ -97,8 +98,8 @@ fn autopilot(bencher: Bencher) {
         steerage: 0.3,
         tolerance: 3.0,
     };
-    let limits = AffinePlant::limits(&VesselParams::hydrofoil());
-    run(bencher, &mut Autopilot::new(&limits, 0.1, settings).expect("possible"));
+    let limits = AffinePlant::limits(&Craft::hydrofoil());
+    run(bencher, &mut Autopilot::new(limits.first_chunk().expect("two"), 0.1, settings).expect("possible"));
 }
 
 fn scaling() -> Scaling {
@@ -144,6 +145,10 @@ fn session(name: &str) -> Box<dyn Predictor> {
             };
             Box::new(DirectSession::new(Arc::new(model)).expect("parts that fit"))
         }
+        name if name.ends_with("vessel") => {
+            let model = CraftModel::new(vessel(name), 0.1).expect("built in");
+            Box::new(CraftSession::new(&model))
+        }
         name => Box::new(EquationsSession::new(Arc::new(one_step(name)))),
     }
 }
@@ -156,8 +161,16 @@ fn one_step(name: &str) -> Equations {
     Equations::with_signals(terms, coefficients, 3, 2, signals, 0.1, 1).expect("as before")
 }
 
-const PLANNED: [&str; 6] =
-    ["simple, equations", "hydrofoil, gated equations", "LSTM", "GRU", "GRU on equations", "direct"];
+const PLANNED: [&str; 8] = [
+    "simple, vessel",
+    "hydrofoil, vessel",
+    "simple, equations",
+    "hydrofoil, gated equations",
+    "LSTM",
+    "GRU",
+    "GRU on equations",
+    "direct",
+];
 
 /// A whole plan: 350 candidates side by side, 20 samples ahead, 5 iterations.
 #[divan::bench(args = PLANNED, sample_count = 20)]
@@ -176,7 +189,7 @@ fn begin(session: &mut dyn Predictor) {
 }
 
 fn plans(bencher: Bencher, session: &dyn Predictor) {
-    let limits = AffinePlant::limits(&VesselParams::hydrofoil());
+    let limits = AffinePlant::limits(&Craft::hydrofoil());
     // What is drawn alone: steps downhill are 49 candidates each.
     let settings = PlannerOptions {
         candidates: 350,

@@ -8,11 +8,11 @@ mod written;
 use std::sync::Arc;
 
 use divan::{Bencher, black_box};
+use hydroid_core::craft::Craft;
 use hydroid_core::current::{CurrentOptions, ThroughWater};
 use hydroid_core::model::recurrent::{BaseModel, Cell, Network, Recurrent, RecurrentSession, Scaling};
 use hydroid_core::model::sparse::{Equations, EquationsSession};
 use hydroid_core::predict::{BATCH, Predictor, Workspace};
-use hydroid_core::vessel::VesselParams;
 use written::{Force, equations};
 
 fn main() {
@@ -37,7 +37,7 @@ fn inner(name: &str) -> Box<dyn Predictor> {
         let model = Recurrent { network, weights, scaling, base, feedback: false, wash_out: 1 };
         Box::new(RecurrentSession::new(Arc::new(model)).expect("parts that fit"))
     } else {
-        let fine = equations(&VesselParams::hydrofoil(), Force::Hidden);
+        let fine = equations(&Craft::hydrofoil(), Force::Hidden);
         let (terms, coefficients, signals) =
             (fine.terms().to_vec(), fine.coefficients().to_vec(), fine.signals().to_vec());
         // One integration step in a sample, as identification makes them.

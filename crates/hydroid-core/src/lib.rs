@@ -2,7 +2,7 @@
 //! per sample. It builds without the standard library (`default-features = false`) where there is an allocator.
 //!
 //! Order of the modules, each of which imports only those before it: `math` (vector kernels), `actuator` (lags, command
-//! maps, limits), `vessel` (the parametric plant), `craft` (vessels with any actuators), `predict` (the prediction session), `memory` (numbers of a state), `model` (equations, networks,
+//! maps, limits), `vessel` (states, kinematics, numbers), `craft` (vessels with any actuators), `predict` (the prediction session), `memory` (numbers of a state), `model` (equations, networks,
 //! plants over samples), `adapt` (online adaptation and its guard), `current`
 //! (predictions over ground in a current), `rate_limit` (steering gears in front of a model), `navigation` (pose and velocities from raw sensors), `guidance` (paths and references), `control`
 //! (control laws and planning).

@@ -39,10 +39,9 @@ use hydroid_core::model::recurrent::{
     Tape,
 };
 use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
-use hydroid_core::model::{CraftModel, Persistence, PlantModel, PlantSession};
+use hydroid_core::model::{CraftModel, CraftSession, Persistence};
 use hydroid_core::predict::{Predictor, Workspace};
 use hydroid_core::rate_limit::{RateLimited, RateLimiter};
-use hydroid_core::vessel::VesselParams;
 
 struct Counting;
 
@@ -232,7 +231,7 @@ fn vessel(model: &CraftModel) -> KalmanPlant {
 
 /// Every law on a vessel, and those with a model also on equations.
 fn controllers() -> Vec<Box<dyn Controller>> {
-    let vessel = VesselParams::hydrofoil();
+    let vessel = Craft::hydrofoil();
     let limits = AffinePlant::limits(&vessel);
     let plant = || AffinePlant::new(&vessel).unwrap();
     let equations =
@@ -259,7 +258,7 @@ fn controllers() -> Vec<Box<dyn Controller>> {
         ),
         Box::new(Backstepping::new(plant(), &limits, 0.1, BacksteppingOptions::new(1.5)).unwrap()),
         Box::new(Backstepping::new(equations(), &limits, 0.1, BacksteppingOptions::new(1.5)).unwrap()),
-        Box::new(Autopilot::new(&limits, 0.1, autopilot).unwrap()),
+        Box::new(Autopilot::new(limits.first_chunk().unwrap(), 0.1, autopilot).unwrap()),
         Box::new(
             AdaptiveAugmentation::new(
                 FeedbackLinearization::new(plant(), &limits, 0.1, linearized).unwrap(),
@@ -302,7 +301,7 @@ fn steering_allocates_nothing() {
 
 /// A law takes new coefficients, and refuses others.
 fn updating_allocates_nothing() {
-    let vessel = VesselParams::simple();
+    let vessel = Craft::simple();
     let equations = written::equations(&vessel, written::Force::Measured);
     let model = AffineEquations::new(&equations, [0, 1, 2]).unwrap();
     let options = FeedbackLinearizationOptions::new(1.5);
@@ -319,7 +318,7 @@ fn updating_allocates_nothing() {
 
 /// Plans on a session, with time and without.
 fn planning_allocates_nothing(session: &dyn Predictor) {
-    let limits = AffinePlant::limits(&VesselParams::hydrofoil());
+    let limits = AffinePlant::limits(&Craft::hydrofoil());
     let options = PlannerOptions { candidates: 12, elites: 4, iterations: 2, ..PlannerOptions::new(1) };
     let mut planner = Planner::new(options, Cost::tracking(2), &limits, 3, 0.1, 5.0).unwrap();
     let path = Path::circle([0.0, 0.0], 20.0, Side::Port, 0.0).unwrap();
@@ -438,7 +437,7 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     assert!(allocations(|| drop(std::hint::black_box(vec![0u8; 64]))) > 0, "the counter counts");
     steering_allocates_nothing();
     updating_allocates_nothing();
-    let flying = written::equations(&VesselParams::hydrofoil(), written::Force::Hidden);
+    let flying = written::equations(&Craft::hydrofoil(), written::Force::Hidden);
     let mut session = EquationsSession::new(Arc::new(flying));
     session.observe(&[2.0, 0.0, 0.1]);
     planning_allocates_nothing(&session);
@@ -471,7 +470,6 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
     learning_networks_allocate_nothing();
     learning_allocates_nothing(read_out(BaseModel::Hold));
     learning_allocates_nothing(guarded(&equations, &options));
-    let hydrofoil = PlantModel::new(&VesselParams::hydrofoil(), 0.1).unwrap();
     let craft = CraftModel::new(Craft::hydrofoil(), 0.1).unwrap();
     learning_allocates_nothing(vessel(&craft));
     recurrent_batches_allocate_nothing(Cell::Lstm { hidden: 6, projection: Some(3) });
@@ -498,7 +496,7 @@ fn a_session_allocates_nothing_once_its_workspace_has_grown() {
         read_out(BaseModel::Hold).fork(),
         vessel(&craft).fork(),
         Box::new(vessel(&craft)),
-        Box::new(PlantSession::new(&hydrofoil)),
+        Box::new(CraftSession::new(&craft)),
         recalls.fork(),
         Box::new(recalls),
         Box::new(EquationsSession::new(Arc::new(recalling))),

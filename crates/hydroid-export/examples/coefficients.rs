@@ -16,7 +16,6 @@ use hydroid::model::{self, Body, Description, Members, Model, Port, Provenance, 
 use hydroid::sindy::ExpressionParser;
 use hydroid_core::craft::Dynamics;
 use hydroid_core::model::sparse::Equations;
-use hydroid_core::vessel::{Command, Plant, State};
 use hydroid_export::coefficients::{CoefficientOptions, Inertia, latex, mss, sdf};
 use hydroid_export::{Options, identifier};
 use serde_json::json;
@@ -54,7 +53,7 @@ fn write(model: &Model, name: &str, folder: &Path) -> Result<(), Failure> {
         inertia: Some(Inertia { mass: 400.0, i_z: 900.0, x_g: 0.1, ..Inertia::default() }),
         ..CoefficientOptions::default()
     };
-    for files in [sdf, mss, latex].map(|format| format(model, &options, &with)) {
+    for files in [sdf(model, &options, &with), mss(model, &options), latex(model, &options, &with)] {
         for file in files? {
             std::fs::write(folder.join(file.name), file.content)?;
         }
@@ -160,23 +159,6 @@ fn run(model: &Model) -> Option<serde_json::Value> {
                 motion.push(nu);
                 moved.push(positions.clone());
                 rates.push(dynamics.acceleration(nu, &positions));
-            }
-            Some(json!({ "dt": dt, "commands": commands, "nu": motion, "positions": moved, "nu_dot": rates }))
-        }
-        Body::Plant(named) => {
-            let plant = Plant::new(named.params()).ok()?;
-            let channels = [&named.params().commands.propeller, &named.params().commands.rudder];
-            let commands = commands(&channels.map(|channel| channel.limits));
-            let mut state = State::default();
-            let (mut motion, mut moved, mut rates) = (Vec::new(), Vec::new(), Vec::new());
-            for row in &commands {
-                let command = Command { pp: row[0], rd: row[1] };
-                for _ in 0..named.steps() {
-                    state = plant.advance(&state, &command, dt / named.steps() as f64);
-                }
-                motion.push(state.nu());
-                moved.push([state.p_f, row[1]]);
-                rates.push(plant.derivative(&state, &command).nu());
             }
             Some(json!({ "dt": dt, "commands": commands, "nu": motion, "positions": moved, "nu_dot": rates }))
         }

@@ -41,7 +41,7 @@ pub enum Format {
     /// Plugins of Gazebo: [`coefficients::sdf`].
     Sdf(CoefficientOptions),
     /// Vessels of MSS and the Python Vehicle Simulator: [`coefficients::mss`].
-    Mss(CoefficientOptions),
+    Mss,
     /// Tables of hydrodynamic derivatives: [`coefficients::latex`].
     Latex(CoefficientOptions),
 }
@@ -80,7 +80,7 @@ pub fn export(model: &Model, format: &Format, options: &Options) -> Result<Vec<F
         Format::Onnx(precision) => Ok(onnx::export(model, options, *precision)),
         Format::Fmu(fmu) => fmu::export(model, options, fmu),
         Format::Sdf(numbers) => coefficients::sdf(model, options, numbers),
-        Format::Mss(numbers) => coefficients::mss(model, options, numbers),
+        Format::Mss => coefficients::mss(model, options),
         Format::Latex(numbers) => coefficients::latex(model, options, numbers),
     }
 }

@@ -6,8 +6,8 @@
 //! speed, from the true state with the true propeller force; and the noise floor, the true plant from the measured
 //! velocities with the true force.
 
+use hydroid_core::craft::{Craft, Dynamics};
 use hydroid_core::predict::{Predictor, Workspace};
-use hydroid_core::vessel::{Command, Plant, State, VesselParams};
 use serde::{Deserialize, Serialize};
 
 use super::StudyError;
@@ -95,18 +95,16 @@ impl Record {
     }
 
     /// Mean absolute error of a plant over a window.
-    pub(super) fn of_plant(&self, plant: &Plant, from: Errors, origin: usize) -> Errors {
-        let mut state = State { u: from[0], v: from[1], r: from[2], p_f: self.force[origin], ..State::REST };
+    pub(super) fn of_plant(&self, plant: &Dynamics, from: Errors, origin: usize) -> Errors {
+        // The order of the propeller is its force, and the rudder follows at once.
+        let (mut nu, mut positions) = (from, [self.force[origin], 0.0]);
         let mut sums = [0.0; OUTPUTS];
-        let step = self.run.dt / (self.run.dt / INTERNAL_S).round().max(1.0);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small and positive")]
+        let steps = (self.run.dt / INTERNAL_S).round().max(1.0) as usize;
         for k in origin..origin + STEPS {
             let c = self.run.inputs.row(k);
-            let mut left = self.run.dt;
-            while left > 0.5 * step {
-                state = plant.advance(&state, &Command { pp: c[0], rd: c[1] }, step);
-                left -= step;
-            }
-            add(&mut sums, self.error(k + 1, &state.nu()), STEPS);
+            plant.advance(&mut nu, &mut positions, c, self.run.dt / steps as f64, steps);
+            add(&mut sums, self.error(k + 1, &nu), STEPS);
         }
         sums
     }
@@ -142,11 +140,8 @@ fn windows(record: &Record, session: &mut dyn Predictor) -> Vec<Option<Errors>> 
 }
 
 /// All blocks of a model over a record.
-///
-/// # Errors
-/// If C0 cannot be built; this does not happen.
-pub(super) fn blocks(record: &Record, session: &mut dyn Predictor) -> Result<Vec<Block>, StudyError> {
-    let c0 = plant(&VesselParams::hydrofoil_low_speed())?;
+pub(super) fn blocks(record: &Record, session: &mut dyn Predictor) -> Vec<Block> {
+    let c0 = Dynamics::new(&Craft::hydrofoil_low_speed());
     let windows = windows(record, session);
     let span = STEPS * WINDOWS;
     let mut blocks = Vec::new();
@@ -162,26 +157,19 @@ pub(super) fn blocks(record: &Record, session: &mut dyn Predictor) -> Result<Vec
         let mean_u = speeds().sum::<f64>() / (span + 1) as f64;
         blocks.push(Block { k, mean_u, max_u: speeds().fold(f64::MIN, f64::max), model, c0: low });
     }
-    Ok(blocks)
+    blocks
 }
 
 /// Mean error over 20 steps of the true plant from the measured velocities.
-///
-/// # Errors
-/// If the plant cannot be built; this does not happen.
-pub(super) fn noise_floor(record: &Record) -> Result<Errors, StudyError> {
-    let plant = plant(&VesselParams::hydrofoil())?;
+pub(super) fn noise_floor(record: &Record) -> Errors {
+    let plant = Dynamics::new(&Craft::hydrofoil());
     let origins: Vec<usize> = (FIRST..record.run.len().saturating_sub(STEPS)).step_by(STRIDE).collect();
     let mut sums = [0.0; OUTPUTS];
     for &k in &origins {
         let measured = std::array::from_fn(|c| record.run.outputs.row(k)[c]);
         add(&mut sums, record.of_plant(&plant, measured, k), origins.len());
     }
-    Ok(sums)
-}
-
-fn plant(vessel: &VesselParams) -> Result<Plant, StudyError> {
-    Plant::new(vessel).map_err(|error| StudyError::Result(error.to_string()))
+    sums
 }
 
 /// Speed (upper panel) and errors on logarithmic axes.

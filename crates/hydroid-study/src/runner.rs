@@ -221,7 +221,7 @@ impl<'a> Runner<'a> {
 
 fn options(record: &Record) -> Result<simulate::Options, StudyError> {
     let vessel =
-        simulate::built_in(&record.plant).ok_or_else(|| StudyError::missing("plant", &record.plant))?;
+        hydroid::craft::built_in(&record.plant).ok_or_else(|| StudyError::missing("plant", &record.plant))?;
     let excitation = match record.excitation {
         Drive::Mixed => Excitation::Mixed,
         Drive::LowSpeed => Excitation::LowSpeed(LowSpeed::default()),

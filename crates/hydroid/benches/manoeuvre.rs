@@ -14,7 +14,7 @@ use hydroid::model::{Model, Reading};
 use hydroid::plant::{InputMap, Simulation};
 use hydroid::progress::silent;
 use hydroid::simulate::{Options, simulate};
-use hydroid_core::vessel::VesselParams;
+use hydroid_core::craft::Craft;
 
 fn main() {
     divan::main();
@@ -26,8 +26,7 @@ const DURATION_S: f64 = 600.0;
 fn identified() -> &'static [Model] {
     static MODELS: OnceLock<Vec<Model>> = OnceLock::new();
     MODELS.get_or_init(|| {
-        let options =
-            Options { duration_s: 1_200.0, ..Options::new(VesselParams::hydrofoil(), Excitation::Mixed) };
+        let options = Options { duration_s: 1_200.0, ..Options::new(Craft::hydrofoil(), Excitation::Mixed) };
         let run = simulate(&options, &mut silent()).unwrap().to_trajectory(&["u", "v", "r"]).unwrap();
         let job = Job {
             methods: vec![Method::Sindy, Method::Committee],

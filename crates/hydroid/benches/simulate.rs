@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use divan::Bencher;
 use hydroid::excitation::{Excitation, LawnMower, LowSpeed};
 use hydroid::simulate::{Options, Simulated, simulate};
-use hydroid_core::vessel::VesselParams;
+use hydroid_core::craft::Craft;
 
 fn main() {
     divan::main();
@@ -19,24 +19,24 @@ fn excitation(name: &str) -> Excitation {
     }
 }
 
-fn run(vessel: VesselParams, excitation: Excitation) -> Simulated {
+fn run(vessel: Craft, excitation: Excitation) -> Simulated {
     simulate(&Options::new(vessel, excitation), &mut |_| ControlFlow::Continue(()))
         .expect("a reference plant")
 }
 
 #[divan::bench(args = ["mixed", "low-speed", "lawn-mower"], sample_count = 10)]
 fn hydrofoil_record(bencher: Bencher, name: &str) {
-    bencher.bench_local(|| run(VesselParams::hydrofoil(), excitation(name)));
+    bencher.bench_local(|| run(Craft::hydrofoil(), excitation(name)));
 }
 
 #[divan::bench(sample_count = 10)]
 fn simple_record(bencher: Bencher) {
-    bencher.bench_local(|| run(VesselParams::simple(), Excitation::Mixed));
+    bencher.bench_local(|| run(Craft::simple(), Excitation::Mixed));
 }
 
 #[divan::bench(sample_count = 10)]
 fn csv(bencher: Bencher) {
-    let record = run(VesselParams::hydrofoil(), Excitation::Mixed);
+    let record = run(Craft::hydrofoil(), Excitation::Mixed);
     bencher.bench_local(|| {
         let mut bytes = Vec::new();
         record.write_csv(&mut bytes).expect("memory does not fail");
@@ -46,6 +46,6 @@ fn csv(bencher: Bencher) {
 
 #[divan::bench(sample_count = 10)]
 fn to_trajectory(bencher: Bencher) {
-    let record = run(VesselParams::hydrofoil(), Excitation::Mixed);
+    let record = run(Craft::hydrofoil(), Excitation::Mixed);
     bencher.bench_local(|| record.to_trajectory(&["u", "v", "r"]));
 }

@@ -7,13 +7,13 @@ use hydroid::excitation::Excitation;
 use hydroid::model::Model;
 use hydroid::progress::silent;
 use hydroid::simulate::{self, simulate};
-use hydroid_core::vessel::VesselParams;
+use hydroid_core::craft::Craft;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let nominal = VesselParams::simple();
+    let nominal = Craft::simple();
     let mut fouled = nominal.clone();
-    fouled.drag.linear[0][0] *= 1.3;
-    fouled.drag.quadratic[0][0] *= 1.3;
+    fouled.hull.linear[0][0] *= 1.3;
+    fouled.hull.quadratic[0][0] *= 1.3;
 
     let options =
         simulate::Options { duration_s: 600.0, ..simulate::Options::new(fouled, Excitation::Mixed) };

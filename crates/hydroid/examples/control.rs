@@ -9,12 +9,12 @@ use hydroid::closed_loop::{
 };
 use hydroid::model::Model;
 use hydroid::progress::silent;
-use hydroid_core::vessel::VesselParams;
+use hydroid_core::craft::Craft;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let vessel = VesselParams::simple();
+    let vessel = Craft::simple();
     let mut heavy = vessel.clone();
-    heavy.rigid_body.mass *= 1.2;
+    heavy.hull.mass *= 1.2;
 
     let track = Track::new(&Task::Circle { radius: 10.0 }, &SpeedOptions::cruise(1.5))?;
     let scenario = Scenario::new(vessel, track);

@@ -7,15 +7,15 @@ use hydroid::excitation::Excitation;
 use hydroid::model::Model;
 use hydroid::progress::silent;
 use hydroid::simulate::{Options, simulate};
-use hydroid_core::vessel::VesselParams;
+use hydroid_core::craft::Craft;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let vessel = VesselParams::simple();
+    let vessel = Craft::simple();
     let options = Options { duration_s: 600.0, ..Options::new(vessel.clone(), Excitation::Mixed) };
     let run = simulate(&options, &mut silent())?.to_trajectory(&["u", "v", "r"])?;
 
     let mut heavy = vessel;
-    heavy.rigid_body.mass *= 1.2;
+    heavy.hull.mass *= 1.2;
     let model = Model::of_vessel(&heavy, run.dt)?;
 
     let options = evaluate::Options { horizon: 100, origin_stride: 10, ..Default::default() };

@@ -10,11 +10,11 @@ use hydroid::log::split_runs;
 use hydroid::model::{self, Reading};
 use hydroid::progress::silent;
 use hydroid::simulate::{Options, simulate};
-use hydroid_core::vessel::VesselParams;
+use hydroid_core::craft::Craft;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     // Twenty minutes under random commands, with the noise of the vessel's sensors.
-    let options = Options { duration_s: 1_200.0, ..Options::new(VesselParams::simple(), Excitation::Mixed) };
+    let options = Options { duration_s: 1_200.0, ..Options::new(Craft::simple(), Excitation::Mixed) };
     let run = simulate(&options, &mut silent())?.to_trajectory(&["u", "v", "r"])?;
 
     // Blocks of the run for training, validation and test.

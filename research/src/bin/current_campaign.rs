@@ -31,8 +31,8 @@ use hydroid::model::{Model, Reading};
 use hydroid::progress::silent;
 use hydroid::simulate::{self, simulate};
 use hydroid_core::adapt::Adapter;
+use hydroid_core::craft::Craft;
 use hydroid_core::predict::Workspace;
-use hydroid_core::vessel::VesselParams;
 use rayon::prelude::*;
 
 /// Sample time \[s\].
@@ -50,7 +50,7 @@ const AFTER_S: f64 = 10.0;
 const HORIZONS_S: [f64; 2] = [2.0, 20.0];
 
 struct Boat {
-    vessel: VesselParams,
+    vessel: Craft,
     speed: SpeedOptions,
     radius: f64,
 }
@@ -64,8 +64,8 @@ fn main() -> anyhow::Result<()> {
     };
     let speed = |cruise, turn| SpeedOptions { turn: Some(turn), ..SpeedOptions::cruise(cruise) };
     let boats = [
-        Boat { vessel: VesselParams::hydrofoil(), speed: speed(4.0, 1.8), radius: 15.0 },
-        Boat { vessel: VesselParams::simple(), speed: speed(1.5, 1.0), radius: 10.0 },
+        Boat { vessel: Craft::hydrofoil(), speed: speed(4.0, 1.8), radius: 15.0 },
+        Boat { vessel: Craft::simple(), speed: speed(1.5, 1.0), radius: 10.0 },
     ];
     println!("| vessel, change | model | 2 s | 20 s | 2 s, end | 20 s, end | weights | mass |");
     println!("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |");
@@ -87,7 +87,7 @@ fn main() -> anyhow::Result<()> {
                     all[all.len() / 2]
                 };
                 let mass = median(&|f| f.mass);
-                let mass = if model.plant().is_some() { format!("{mass:.2}") } else { String::new() };
+                let mass = if model.is_vessel() { format!("{mass:.2}") } else { String::new() };
                 println!(
                     "| {}, {change} | {name} | {:.3} | {:.3} | {:.3} | {:.3} | {:.3} | {mass} |",
                     boat.vessel.name,
@@ -103,7 +103,7 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
-fn model(kind: &str, vessel: &VesselParams) -> anyhow::Result<Model> {
+fn model(kind: &str, vessel: &Craft) -> anyhow::Result<Model> {
     let method = match kind {
         "vessel" => return Ok(Model::of_vessel(vessel, DT)?),
         "sindy" => Method::Sindy,

@@ -19,7 +19,7 @@ use hydroid::log::{Split, Trajectory};
 use hydroid::model::Reading;
 use hydroid::progress::silent;
 use hydroid::simulate::{self, simulate};
-use hydroid_core::vessel::VesselParams;
+use hydroid_core::craft::Craft;
 use plotters::prelude::*;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -42,7 +42,7 @@ fn main() -> anyhow::Result<()> {
     let mut all = Vec::new();
     println!("| vessel | seed | RMS error [m/s] | largest | inside the interval of 90 % |");
     println!("| --- | ---: | ---: | ---: | ---: |");
-    for (vessel, seeds) in [(VesselParams::hydrofoil(), 0..5), (VesselParams::simple(), 5..10)] {
+    for (vessel, seeds) in [(Craft::hydrofoil(), 0..5), (Craft::simple(), 5..10)] {
         for seed in seeds {
             let found = components(&vessel, seed)?;
             println!("| {} | {seed} | {} |", vessel.name, summary(&found));
@@ -56,7 +56,7 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
-fn components(vessel: &VesselParams, seed: u64) -> anyhow::Result<Vec<Component>> {
+fn components(vessel: &Craft, seed: u64) -> anyhow::Result<Vec<Component>> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let currents: Vec<[f64; 2]> = (0..4)
         .map(|run| {

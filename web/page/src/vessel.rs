@@ -75,7 +75,7 @@ impl Vessel {
             "casadi" => Format::Casadi,
             "onnx" => Format::Onnx(Precision::Double),
             "sdf" => Format::Sdf(CoefficientOptions::default()),
-            "mss" => Format::Mss(CoefficientOptions::default()),
+            "mss" => Format::Mss,
             "latex" => Format::Latex(CoefficientOptions::default()),
             other => return Err(JsError::new(&format!("the format '{other}' is unknown"))),
         };

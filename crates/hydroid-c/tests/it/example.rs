@@ -6,7 +6,7 @@ use std::path::Path;
 
 use hydroid::adapt::{self, Options};
 use hydroid::model::{Model, encode, read, write};
-use hydroid_core::vessel::VesselParams;
+use hydroid_core::craft::Craft;
 use tempfile::TempDir;
 
 use crate::models::{commands, drawn};
@@ -16,8 +16,8 @@ const SAMPLES: usize = 1500;
 
 /// A run of a heavier vessel: rows of outputs and commands.
 fn rows(model: &Model) -> Vec<[f64; 5]> {
-    let mut params = VesselParams::hydrofoil();
-    params.rigid_body.mass *= 1.5;
+    let mut params = Craft::hydrofoil();
+    params.hull.mass *= 1.5;
     let plant = Model::of_vessel(&params, model.description.dt).unwrap();
     let mut session = plant.session();
     session.observe(&[1.0, 0.0, 0.0]);
@@ -76,7 +76,7 @@ fn the_example_adapts_along_a_log() {
     }
     let learned = adapt::learned(&model, &options, adapter.weights(), &[&path("log.csv")], &used).unwrap();
     assert!(std::fs::read(path("learned.toml")).unwrap() == encode(&learned).unwrap());
-    let mass = |model: &Model| model.plant().unwrap().params().rigid_body.mass;
+    let mass = |model: &Model| model.craft().unwrap().hull.mass;
     assert_ne!(mass(&learned), mass(&model));
     // The learned model is a model.
     write(&learned, Path::new(&path("again.toml"))).unwrap();

@@ -7,7 +7,6 @@ use hydroid::atomic;
 use hydroid::config::Adapt;
 use hydroid::model::{self, Model};
 use hydroid_core::craft::Hull;
-use hydroid_core::vessel::{AddedMass, RigidBody};
 use hydroid_export::coefficients::{CoefficientOptions, Inertia};
 use hydroid_export::fmu::{FmuOptions, Version};
 use hydroid_export::{COptions, Format, Options, Precision, export, identifier};
@@ -35,7 +34,7 @@ pub fn run(args: &Export, global: Global) -> anyhow::Result<Outcome> {
             libraries: args.library.clone(),
         }),
         Target::Sdf => Format::Sdf(coefficient_options(args)?),
-        Target::Mss => Format::Mss(coefficient_options(args)?),
+        Target::Mss => Format::Mss,
         Target::Latex => Format::Latex(coefficient_options(args)?),
     };
     let (folder, stem) = place(&args.output, args.to)?;
@@ -131,10 +130,6 @@ fn coefficient_options(args: &Export) -> anyhow::Result<CoefficientOptions> {
             options.inertia = Some(Inertia { mass, i_z, x_g, x_udot, y_vdot, y_rdot, n_rdot });
             options.water_density = craft.water_density;
             options.length = options.length.or(size.map(|[length, ..]| length));
-        } else if let Some(plant) = vessel.plant() {
-            let RigidBody { mass, i_z, x_g } = plant.params().rigid_body;
-            let AddedMass { x_udot, y_vdot, y_rdot, n_rdot } = plant.params().added_mass;
-            options.inertia = Some(Inertia { mass, i_z, x_g, x_udot, y_vdot, y_rdot, n_rdot });
         } else {
             bail!("--vessel {}: this is an identified model: name a vessel file (.toml)", path.display());
         }

@@ -12,7 +12,7 @@ use hydroid::identify::{self, Candidate, IdentifyResult, Job, SindyOptions, Trai
 use hydroid::log::Note;
 use hydroid::model;
 use hydroid::simulate::Options;
-use hydroid_core::vessel::VesselParams;
+use hydroid_core::craft::Craft;
 use hydroid_report::Context;
 use serde::Serialize;
 use serde_json::json;
@@ -138,14 +138,11 @@ fn identify_into(args: &Identify, global: Global) -> anyhow::Result<Outcome> {
     Ok(if identified.is_usable() { Outcome::Done } else { Outcome::Missed })
 }
 
-/// A vessel file with any set of actuators.
+/// A vessel file.
 fn vessel(path: &Path) -> anyhow::Result<CraftFile> {
     let model = model::read(path)?;
     let file = model.craft_file().with_context(|| {
-        format!(
-            "{} has one propeller and one rudder of the built-in vessels, whose numbers `hydroid adapt` learns: for --vessel, describe its commands and actuators in tables [[command]], [[thruster]] and [[rudder]] (an example is vessels/otter.toml)",
-            path.display()
-        )
+        format!("--vessel {}: this is an identified model: name a vessel file (.toml)", path.display())
     })?;
     Ok(file.clone())
 }
@@ -172,7 +169,7 @@ fn demonstration(folder: &Path, seed: u64, global: Global) -> anyhow::Result<Fil
         let options = Options {
             duration_s,
             seed: seed.wrapping_mul(DEMONSTRATION_S.len() as u64).wrapping_add(index as u64),
-            ..Options::new(VesselParams::hydrofoil(), Excitation::Mixed)
+            ..Options::new(Craft::hydrofoil(), Excitation::Mixed)
         };
         let record = simulate::record(&options, global)?;
         let path = folder.join(format!("hydrofoil-{name}.csv"));

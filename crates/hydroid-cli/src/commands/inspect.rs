@@ -170,12 +170,6 @@ fn latex(file: &Path, model: &Model) -> anyhow::Result<String> {
             file.display()
         );
     }
-    if model.plant().is_some() {
-        bail!(
-            "{} is a vessel: its equations are in the documentation of hydroid_core::vessel::Plant",
-            file.display()
-        );
-    }
     if model.committee().is_some() {
         bail!(
             "{} is a committee of difference equations: `hydroid inspect --json` lists their terms and coefficients; --methods sindy identifies equations of motion",
@@ -218,9 +212,6 @@ fn model_json(file: &Path, model: &Model) -> serde_json::Value {
     }
     if model.committee().is_some() {
         document["members"] = json!(model.named_members());
-    }
-    if let Some(plant) = model.plant() {
-        document["vessel"] = json!(plant.params());
     }
     if let Some(craft) = model.craft() {
         let number = |(parameter, value): &(CraftParameter, f64)| {

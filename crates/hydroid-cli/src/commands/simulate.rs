@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use hydroid::atomic::{self, Lock};
 use hydroid::config::{Drive, Plan, Plant, PlantKind};
+use hydroid::craft;
 use hydroid::simulate::{self, Options, Simulated};
 use serde_json::json;
 
@@ -18,7 +19,7 @@ use crate::{outputs, ui};
 pub fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
     let written = [("-o", args.output.as_deref()), ("--figure", args.figure.as_deref())];
     // Names of vessels precede files here, and an excitation without an extension is one of a kind.
-    let plant = Some(Path::new(&args.plant)).filter(|_| simulate::built_in(&args.plant).is_none());
+    let plant = Some(Path::new(&args.plant)).filter(|_| craft::built_in(&args.plant).is_none());
     let file = Some(Path::new(&args.excitation)).filter(|path| path.extension().is_some());
     let read: Vec<&Path> = plant.into_iter().chain(file).collect();
     outputs::check(&written, &read)?;
@@ -27,10 +28,8 @@ pub fn run(args: &Simulate, global: Global) -> anyhow::Result<Outcome> {
         bail!("--figure needs an identified model (.safetensors): '{}' is a vessel", args.plant);
     }
     if args.print_vessel {
-        if global.json
-            && let PlantKind::Vessel(vessel) = &plant.kind
-        {
-            super::print_json(vessel)?;
+        if global.json {
+            super::print_json(&plant.vessel_json()?)?;
         } else {
             ui::write_out(format_args!("{}", plant.vessel_text()?));
         }

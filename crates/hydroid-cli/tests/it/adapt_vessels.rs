@@ -76,8 +76,8 @@ fn the_drag_of_a_vessel_is_estimated_and_written_to_a_vessel_file() {
     assert!(judged("learned.toml") < 0.3 * judged("hydrofoil"));
     assert_eq!(judged("given.toml"), judged("hydrofoil"));
     let inspected = json("inspect learned.toml --json");
-    assert_eq!(inspected["kind"], "plant");
-    assert_eq!(inspected["vessel"]["drag"]["quadratic"][0][0], drag["learned"]);
+    assert_eq!(inspected["kind"], "craft");
+    assert_eq!(inspected["numbers"]["drag.quadratic[0][0]"]["value"], drag["learned"]);
     let history = &inspected["description"]["provenance"]["settings"]["adapted"];
     assert_eq!(history[0]["runs"][0], "a.csv");
     assert_eq!(history[0]["settings"], report["settings"]);

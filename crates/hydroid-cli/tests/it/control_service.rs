@@ -4,41 +4,39 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::process::Stdio;
 
-use hydroid_core::vessel::{Command, Plant, State, VesselParams};
+use hydroid_core::craft::{Craft, Dynamics, Posed};
 use serde_json::{Value, json};
 
 use crate::common::{Service, hydroid, simple_vessel, text};
 
 /// The boat of the client.
 struct Boat {
-    plant: Plant,
-    state: State,
-    command: Command,
+    dynamics: Dynamics,
+    state: Posed,
+    command: [f64; 2],
     t: f64,
 }
 
 impl Boat {
-    fn new(vessel: &VesselParams, x: f64, y: f64, psi: f64) -> Self {
-        let state = State { x, y, psi, ..State::REST };
-        Self { plant: Plant::new(vessel).unwrap(), state, command: Command { pp: 0.0, rd: 0.0 }, t: 0.0 }
+    fn new(vessel: &Craft, x: f64, y: f64, psi: f64) -> Self {
+        let state = Posed { eta: [x, y, psi], nu: [0.0; 3], positions: vec![0.0; 2] };
+        Self { dynamics: Dynamics::new(vessel), state, command: [0.0; 2], t: 0.0 }
     }
 
     fn line(&self) -> String {
-        let State { x, y, psi, u, v, r, .. } = self.state;
+        let Posed { eta: [x, y, psi], nu: [u, v, r], .. } = self.state;
         json!({ "t": self.t, "x": x, "y": y, "psi": psi, "u": u, "v": v, "r": r }).to_string()
     }
 
     fn sail(&mut self, answer: &Value, dt: f64) {
         let of = |name: &str| answer["command"][name].as_f64().unwrap();
-        self.command = Command { pp: of("PP_cmd"), rd: of("RD_ang") };
+        self.command = [of("PP_cmd"), of("RD_ang")];
         self.drift(dt);
     }
 
     /// Sails with the last command.
     fn drift(&mut self, dt: f64) {
-        for _ in 0..4 {
-            self.state = self.plant.advance(&self.state, &self.command, dt / 4.0);
-        }
+        self.dynamics.advance_pose(&mut self.state, &self.command, dt / 4.0, 4, [0.0; 2], [0.0; 2]);
         self.t = (10.0 * (self.t + dt)).round() / 10.0;
     }
 }
@@ -65,7 +63,7 @@ fn a_boat_stays_in_its_corridor_although_the_service_is_killed() {
         let mut args = LAWN_MOWER.to_vec();
         args.extend([controller, "--state", "boat.state", "-"]);
         let mut service = Service::start(folder.path(), &args);
-        let mut boat = Boat::new(&VesselParams::hydrofoil(), -1.0, 0.5, 0.0);
+        let mut boat = Boat::new(&Craft::hydrofoil(), -1.0, 0.5, 0.0);
         let (mut largest, mut answers, mut arrived) = (0.0_f64, 0, false);
         for k in 0..4000 {
             if k == 800 || k == 1601 {
@@ -107,7 +105,7 @@ fn a_restarted_service_gives_the_same_answers() {
         Service::start(folder.path(), &with("one.state")),
         Service::start(folder.path(), &with("other.state")),
     );
-    let mut boat = Boat::new(&VesselParams::hydrofoil(), 0.0, 0.5, 0.0);
+    let mut boat = Boat::new(&Craft::hydrofoil(), 0.0, 0.5, 0.0);
     let mut since: Vec<(f64, String)> = Vec::new();
     for k in 0..300 {
         if k == 155 {
@@ -178,7 +176,7 @@ fn after_a_pause_no_old_command_is_in_force() {
     let mut args = LAWN_MOWER.to_vec();
     args.extend(["fl", "-"]);
     let mut service = Service::start(folder.path(), &args);
-    let mut boat = Boat::new(&VesselParams::hydrofoil(), 0.0, 0.5, 0.0);
+    let mut boat = Boat::new(&Craft::hydrofoil(), 0.0, 0.5, 0.0);
     let mut last = Value::Null;
     for _ in 0..50 {
         last = service.ask(&boat.line());

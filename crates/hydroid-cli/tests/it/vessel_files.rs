@@ -155,13 +155,14 @@ fn wrong_vessel_files_are_refused_with_place_and_remedy() {
     let boat = fs::read_to_string(vessel("otter")).unwrap();
     fs::write(at.join("heavy.toml"), boat.replace("mass = 80.0", "mass = -80.0")).unwrap();
     fs::write(at.join("far.toml"), boat.replace("[-0.9, 0.395]", "[-9.0, 0.395]")).unwrap();
+    fs::write(at.join("former.toml"), "name = \"boat\"\n[propeller]\nlag = 1.0\n").unwrap();
     ran(at, &["simulate", &vessel("otter"), "--duration", "60", "-o", "run.csv"]);
     for (args, words) in [
         (&["manoeuvre", "heavy.toml"][..], "heavy.toml, line 29: rigid_body.mass is -80"),
         (&["control", "far.toml", "--controller", "cem"], "outside the hull"),
         (&["simulate", "far.toml"], "correct position, hull.length or hull.beam"),
-        (&["identify", "a.csv", "--vessel", "hydrofoil", "-o", "out"], "tables [[command]], [[thruster]]"),
-        (&["control", &vessel("otter"), "--controller", "fl"], "no affine form in its commands"),
+        (&["simulate", "former.toml"], "former.toml: this form of vessel files"),
+        (&["control", &vessel("otter"), "--controller", "fl"], "cannot invert this model: the command"),
         (&["adapt", &vessel("otter"), "run.csv", "-o", "learned.safetensors"], "a name that ends in .toml"),
         (
             &[

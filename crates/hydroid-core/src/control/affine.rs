@@ -4,8 +4,8 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::error::ControlError;
-use crate::actuator::{Channel, Lag, Limits, Map};
-use crate::vessel::{Command, InvalidParams, Plant, RudderLaw, VesselParams};
+use crate::actuator::{Channel, Limits};
+use crate::craft::{CommandInput, Craft, CraftChannel, Dynamics, Effect, MAX_SERVOS, NotAffineCraft};
 
 /// A model that is affine in the efforts of its actuators:
 ///
@@ -41,35 +41,44 @@ impl Motion {
     }
 }
 
-/// A vessel with known parameters ([`Plant`]): the force of the propeller with its lag, and the rudder.
+/// A vessel with known parameters whose commands move one actuator each: fixed thrusters with a force that is proportional to
+/// the order, and rudders that are a yaw moment ([`Craft::channels`]).
 #[derive(Clone, Debug, PartialEq)]
 pub struct AffinePlant {
-    plant: Plant,
-    channels: [Channel; 2],
-    /// Yaw moment per surge velocity and unit of rudder effort \[N s\].
-    moment: f64,
+    craft: Craft,
+    dynamics: Dynamics,
+    commands: Vec<CraftChannel>,
+    channels: Vec<Channel>,
 }
 
 impl AffinePlant {
-    /// Builds the model from parameters.
+    /// Builds the model from a vessel.
     ///
     /// # Errors
-    /// If a parameter is out of range.
-    pub fn new(params: &VesselParams) -> Result<Self, InvalidParams> {
-        let plant = Plant::new(params)?;
-        let (map, unit) = match params.rudder.law {
-            RudderLaw::Linear => (Map::Identity, 1.0),
-            RudderLaw::Sine => (Map::Sine, core::f64::consts::FRAC_PI_2),
-        };
-        let moment = plant.actuation(&Command { pp: 0.0, rd: unit }).moment_per_speed;
-        let propeller = Channel { lag: Lag::of_time_constant(params.propeller.lag), map: Map::Identity };
-        Ok(Self { plant, channels: [propeller, Channel { map, ..Channel::default() }], moment })
+    /// If the vessel is invalid, or a command cannot be inverted.
+    pub fn new(craft: &Craft) -> Result<Self, NotAffineCraft> {
+        let commands = craft.channels()?;
+        let channels = commands.iter().map(|command| command.channel).collect();
+        Ok(Self { dynamics: Dynamics::new(craft), craft: craft.clone(), commands, channels })
     }
 
-    /// Limits of the two commands in the parameters; at rest they are 0, or the nearest value to it.
-    pub fn limits(params: &VesselParams) -> [Limits; 2] {
-        [params.commands.propeller.limits, params.commands.rudder.limits]
-            .map(|limits| Limits::between(limits).with_rest(0.0_f64.max(limits[0]).min(limits[1])))
+    /// Limits of the commands of a vessel, which have their neutral values at rest.
+    pub fn limits(craft: &Craft) -> Vec<Limits> {
+        let limits = |command: &CommandInput| Limits::between(command.limits).with_rest(command.neutral);
+        craft.commands.iter().map(limits).collect()
+    }
+
+    /// The vessel.
+    pub fn craft(&self) -> &Craft {
+        &self.craft
+    }
+
+    /// Replaces the numbers of the vessel, in the order of [`Craft::parameters`]. Numbers that are invalid, or with which a
+    /// command cannot be inverted, are refused, and the model stays.
+    pub fn set_numbers(&mut self, numbers: &[f64]) {
+        if let Ok(changed) = Self::new(&self.craft.with_numbers(numbers)) {
+            *self = changed;
+        }
     }
 }
 
@@ -79,15 +88,20 @@ impl Affine for AffinePlant {
     }
 
     fn evaluate(&mut self, nu: [f64; 3], into: &mut Motion) {
-        let f = self.plant.acceleration(nu, 0.0, 0.0);
-        let slope = |with: [f64; 3]| core::array::from_fn(|i| with[i] - f[i]);
-        // Steps of 100 N: a slope of 0.01 keeps its digits beside the drag.
-        let propeller = self.plant.acceleration(nu, 100.0, 0.0);
-        into.g.copy_from_slice(&[
-            slope(propeller).map(|x| x * 0.01),
-            slope(self.plant.acceleration(nu, 0.0, self.moment)),
-        ]);
-        into.f = f;
+        // All forces of the actuators are zero at the positions zero.
+        into.f = self.dynamics.acceleration(nu, &[0.0; MAX_SERVOS][..self.dynamics.servos()]);
+        assert_eq!(into.g.len(), self.commands.len(), "an effort for each command");
+        for (g, command) in into.g.iter_mut().zip(&self.commands) {
+            let force = match command.effect {
+                Effect::Force(force) => force,
+                Effect::MomentPerSpeed(moment) => [0.0, 0.0, moment * nu[0]],
+            };
+            *g = self.dynamics.pushed(nu[0], force);
+            let neutral = command.channel.map.value(command.neutral);
+            for (f, g) in into.f.iter_mut().zip(g) {
+                *f -= *g * neutral;
+            }
+        }
     }
 }
 

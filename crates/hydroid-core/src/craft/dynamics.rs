@@ -4,10 +4,13 @@
 use alloc::vec::Vec;
 use core::f64::consts::FRAC_PI_4;
 
+use num_traits::Float;
+
 use super::motion::HullMotion;
 use super::servo::Servo;
 use super::{Craft, Hull, NormalForce, RudderLaw, ThrustLaw};
-use crate::vessel::Real;
+use crate::vessel::kinematics::pose_rate;
+use crate::vessel::{Number, Real};
 
 /// Largest number of moving positions of a craft: orders of thrusters, their steering, rudders.
 pub const MAX_SERVOS: usize = 16;
@@ -16,22 +19,33 @@ pub const MAX_SERVOS: usize = 16;
 /// order and, if there is one, its steering, then for each rudder its angle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dynamics<T = f64> {
-    motion: HullMotion<T>,
+    pub(super) motion: HullMotion<T>,
     half_density: f64,
-    servos: Vec<Servo<T>>,
+    pub(super) servos: Vec<Servo<T>>,
     /// The angle to which the position of each servo adds; none where it is no angle.
     angles: Vec<Option<T>>,
-    thrusters: Vec<CompiledThruster<T>>,
+    pub(super) thrusters: Vec<CompiledThruster<T>>,
     /// Whether thrust is lost with the speed of advance.
-    loses: bool,
+    pub(super) loses: bool,
     /// Place among the servos, and gain, of rudders that are a yaw moment.
-    moments: Vec<(usize, T)>,
+    pub(super) moments: Vec<(usize, T)>,
     /// Place among the servos, and law, of rudders in the flow.
     rudders: Vec<(usize, NormalForce<T>)>,
 }
 
+/// Pose and motion of a vessel.
 #[derive(Clone, Debug, PartialEq)]
-struct CompiledThruster<T> {
+pub struct Posed {
+    /// Position north and east, heading clockwise from north, not wrapped \[m, m, rad\].
+    pub eta: [f64; 3],
+    /// Velocities through the water.
+    pub nu: [f64; 3],
+    /// Positions of the servos.
+    pub positions: Vec<f64>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct CompiledThruster<T> {
     law: ThrustLaw,
     dead_band: f64,
     forward: T,
@@ -39,10 +53,10 @@ struct CompiledThruster<T> {
     speed_loss: T,
     position: [T; 2],
     /// Force and moment of a unit of thrust; `None` if it is steered.
-    direction: Option<[T; 3]>,
+    pub(super) direction: Option<[T; 3]>,
     diameter: f64,
     /// Place among the servos; the steering follows.
-    order: usize,
+    pub(super) order: usize,
 }
 
 /// Position of a servo; sine and cosine of its angle, if it is one.
@@ -55,21 +69,29 @@ struct Position<T> {
 
 /// A force that is affine in the velocity: `force - slope nu + [0, 0, moment u]`.
 #[derive(Clone, Copy)]
-struct AffineForce<T> {
-    force: [T; 3],
+pub(super) struct AffineForce<T> {
+    pub(super) force: [T; 3],
     /// Loss of thrust with the speed of advance.
-    slope: [[T; 3]; 3],
+    pub(super) slope: [[T; 3]; 3],
     /// Yaw moment per surge velocity.
-    moment: T,
+    pub(super) moment: T,
 }
 
-impl<T: Real> AffineForce<T> {
+/// Positions of the servos, and the force of the actuators there.
+struct Held<T> {
+    at: [Position<T>; MAX_SERVOS],
+    affine: AffineForce<T>,
+}
+
+impl<T: Number> AffineForce<T> {
     /// The force at a velocity \[N, N, N m\].
     #[inline(always)]
-    fn at(&self, nu: [T; 3]) -> [T; 3] {
+    pub(super) fn at(&self, nu: [T; 3], loses: bool) -> [T; 3] {
         let mut force = self.force;
-        for (force, slope) in force.iter_mut().zip(&self.slope) {
-            *force = *force - (slope[0] * nu[0] + slope[1] * nu[1] + slope[2] * nu[2]);
+        if loses {
+            for (force, slope) in force.iter_mut().zip(&self.slope) {
+                *force = *force - (slope[0] * nu[0] + slope[1] * nu[1] + slope[2] * nu[2]);
+            }
         }
         force[2] = force[2] + nu[0] * self.moment;
         force
@@ -192,41 +214,54 @@ impl<T: Real> Dynamics<T> {
     /// Integrates velocity and positions over `steps` steps of `h` seconds with the commands held: positions exactly,
     /// velocities by the classical Runge-Kutta method of order 4.
     pub fn advance(&self, nu: &mut [T; 3], positions: &mut [T], commands: &[f64], h: f64, steps: usize) {
+        self.integrate(nu, positions, commands, h, steps, |nu, held| self.acceleration_at(*nu, held));
+    }
+
+    /// [`advance`](Self::advance) of a state that contains the velocity; `rate` is its rate at a stage.
+    #[inline(always)]
+    fn integrate<const N: usize>(
+        &self,
+        state: &mut [T; N],
+        positions: &mut [T],
+        commands: &[f64],
+        h: f64,
+        steps: usize,
+        rate: impl Fn(&[T; N], &Held<T>) -> [T; N],
+    ) {
         let half = 0.5 * h;
-        let mut held = [(0.0, T::constant(0.0)); MAX_SERVOS];
-        for (held, servo) in held.iter_mut().zip(&self.servos) {
-            *held = (servo.order.value(commands), servo.decay(half));
+        let mut orders = [(0.0, T::constant(0.0)); MAX_SERVOS];
+        for (order, servo) in orders.iter_mut().zip(&self.servos) {
+            *order = (servo.order.value(commands), servo.decay(half));
         }
         let mut at = self.placed(positions);
         // A position that follows at once is at its order from the first stage on.
         for (i, servo) in self.servos.iter().enumerate() {
             if servo.follows_at_once() {
-                at[i] = self.position(i, T::constant(held[i].0));
+                at[i] = self.position(i, T::constant(orders[i].0));
             }
         }
-        let move_half = |at: &mut [Position<T>; MAX_SERVOS]| {
+        let mut held = Held { affine: self.affine(&at), at };
+        let move_half = |held: &mut Held<T>| {
             for (i, servo) in self.servos.iter().enumerate() {
                 if !servo.follows_at_once() {
-                    let (order, decay) = held[i];
-                    at[i] = self.position(i, servo.step(at[i].value, order, half, decay));
+                    let (order, decay) = orders[i];
+                    held.at[i] = self.position(i, servo.step(held.at[i].value, order, half, decay));
                 }
             }
+            held.affine = self.affine(&held.at);
         };
-        let mut affine = self.affine(&at);
         for _ in 0..steps {
-            let along = |k: &[T; 3], a: f64| -> [T; 3] { core::array::from_fn(|i| nu[i] + k[i] * a) };
-            let k1 = self.acceleration_at(*nu, &at, &affine);
-            move_half(&mut at);
-            affine = self.affine(&at);
-            let k2 = self.acceleration_at(along(&k1, half), &at, &affine);
-            let k3 = self.acceleration_at(along(&k2, half), &at, &affine);
-            move_half(&mut at);
-            affine = self.affine(&at);
-            let k4 = self.acceleration_at(along(&k3, h), &at, &affine);
+            let along = |k: &[T; N], a: f64| -> [T; N] { core::array::from_fn(|i| state[i] + k[i] * a) };
+            let k1 = rate(state, &held);
+            move_half(&mut held);
+            let k2 = rate(&along(&k1, half), &held);
+            let k3 = rate(&along(&k2, half), &held);
+            move_half(&mut held);
+            let k4 = rate(&along(&k3, h), &held);
             let sixth = h / 6.0;
-            *nu = core::array::from_fn(|i| nu[i] + (k1[i] + (k2[i] + k3[i]) * 2.0 + k4[i]) * sixth);
+            *state = core::array::from_fn(|i| state[i] + (k1[i] + (k2[i] + k3[i]) * 2.0 + k4[i]) * sixth);
         }
-        for (position, at) in positions.iter_mut().zip(&at) {
+        for (position, at) in positions.iter_mut().zip(&held.at) {
             *position = at.value;
         }
     }
@@ -251,17 +286,12 @@ impl<T: Real> Dynamics<T> {
     /// `dnu/dt` \[m/s^2, m/s^2, rad/s^2\] at positions of the servos.
     pub fn acceleration(&self, nu: [T; 3], positions: &[T]) -> [T; 3] {
         let at = self.placed(positions);
-        self.acceleration_at(nu, &at, &self.affine(&at))
+        self.acceleration_at(nu, &Held { affine: self.affine(&at), at })
     }
 
     #[inline(always)]
-    fn acceleration_at(&self, nu: [T; 3], at: &[Position<T>; MAX_SERVOS], affine: &AffineForce<T>) -> [T; 3] {
-        let mut applied = affine.force;
-        if self.loses {
-            applied = affine.at(nu);
-        } else {
-            applied[2] = applied[2] + nu[0] * affine.moment;
-        }
+    fn acceleration_at(&self, nu: [T; 3], Held { at, affine }: &Held<T>) -> [T; 3] {
+        let mut applied = affine.at(nu, self.loses);
         for (place, rudder) in &self.rudders {
             let race = rudder.thruster.map(|of| self.thrusters[of].race(nu, at));
             let force = rudder.force(nu, &at[*place], race, self.half_density);
@@ -277,6 +307,11 @@ impl<T: Real> Dynamics<T> {
         self.motion.damping(nu)
     }
 
+    /// Coriolis and centripetal forces `C(nu) nu` \[N, N, N m\].
+    pub fn coriolis(&self, nu: [T; 3]) -> [T; 3] {
+        self.motion.coriolis(nu)
+    }
+
     /// Contribution of an external force `[X, Y, N]` \[N, N, N m\], for instance wind on the hull, to `dnu/dt` at surge
     /// velocity `u`. The motion is linear in the force.
     pub fn pushed(&self, u: T, force: [T; 3]) -> [T; 3] {
@@ -290,7 +325,7 @@ impl<T: Real> Dynamics<T> {
         let zero = T::constant(0.0);
         let mut affine = AffineForce { force: [zero; 3], slope: [[zero; 3]; 3], moment: zero };
         for thruster in &self.thrusters {
-            let (d, (thrust, loss)) = (thruster.direction(at), thruster.thrust(at));
+            let (d, (thrust, loss)) = (thruster.direction(at), thruster.thrust(at[thruster.order].value));
             for (force, d) in affine.force.iter_mut().zip(d) {
                 *force = *force + thrust * d;
             }
@@ -306,6 +341,82 @@ impl<T: Real> Dynamics<T> {
             affine.moment = affine.moment + *gain * at[*place].sin;
         }
         affine
+    }
+}
+
+impl Dynamics {
+    /// Whether the motion of a batch can be computed side by side: all forces are affine, and there is no cross-flow drag.
+    pub(crate) fn is_polynomial(&self) -> bool {
+        self.rudders.is_empty() && self.motion.is_polynomial()
+    }
+
+    /// Force and moment of a unit of thrust of a steered thruster.
+    #[inline(always)]
+    pub(super) fn steered(&self, thruster: &CompiledThruster<f64>, steering: f64) -> [f64; 3] {
+        let Position { sin, cos, .. } = self.position(thruster.order + 1, steering);
+        direction(thruster.position, (sin, cos))
+    }
+
+    /// Sine of the angle of a servo, or the position of one that is no angle.
+    #[inline(always)]
+    pub(super) fn sine(&self, servo: usize, value: f64) -> f64 {
+        self.angles[servo].map_or(value, |angle| Float::sin(angle + value))
+    }
+
+    /// [`advance`](Self::advance) with the pose. The water moves with the velocity `current`, north and east \[m/s\], and a
+    /// force `push`, north and east \[N\], acts on the vessel. A steady irrotational current enters the kinematics only (T.
+    /// I. Fossen, *Handbook of Marine Craft Hydrodynamics and Motion Control*, 2nd edition, 2021, property 10.1).
+    pub fn advance_pose(
+        &self,
+        state: &mut Posed,
+        commands: &[f64],
+        h: f64,
+        steps: usize,
+        current: [f64; 2],
+        push: [f64; 2],
+    ) {
+        let [x, y, psi] = state.eta;
+        let [u, v, r] = state.nu;
+        let is_pushed = push != [0.0; 2];
+        let mut whole = [x, y, psi, u, v, r];
+        self.integrate(
+            &mut whole,
+            &mut state.positions,
+            commands,
+            h,
+            steps,
+            |&[_, _, psi, u, v, r], held| {
+                let nu = [u, v, r];
+                let [north, east, turn] = pose_rate(psi, nu);
+                let [mut du, mut dv, mut dr] = self.acceleration_at(nu, held);
+                if is_pushed {
+                    let (sin, cos) = Float::sin_cos(psi);
+                    let body = [push[0] * cos + push[1] * sin, push[1] * cos - push[0] * sin, 0.0];
+                    let pushed = self.motion.pushed(u, body);
+                    (du, dv, dr) = (du + pushed[0], dv + pushed[1], dr + pushed[2]);
+                }
+                [north + current[0], east + current[1], turn, du, dv, dr]
+            },
+        );
+        let [x, y, psi, u, v, r] = whole;
+        (state.eta, state.nu) = ([x, y, psi], [u, v, r]);
+    }
+
+    /// Surge force that holds a surge velocity on a straight course \[N\]: the surge damping, blended between the modes. For
+    /// a hydrofoil it decreases at take-off.
+    pub fn holding_force(&self, u: f64) -> f64 {
+        self.motion.holding_force(u)
+    }
+
+    /// Weight of the flying mode at a surge velocity; 0 without a flying mode.
+    pub fn flying_weight(&self, u: f64) -> f64 {
+        self.motion.flying_weight(u)
+    }
+
+    /// Force of each thruster at a velocity and positions of the servos \[N\].
+    pub fn thrusts(&self, nu: [f64; 3], positions: &[f64]) -> impl Iterator<Item = f64> {
+        let at = self.placed(positions);
+        self.thrusters.iter().map(move |thruster| thruster.race(nu, &at).0)
     }
 }
 
@@ -342,8 +453,7 @@ impl<T: Real> CompiledThruster<T> {
 
     /// Thrust at rest \[N\], and its loss per speed of advance \[N s/m\].
     #[inline(always)]
-    fn thrust(&self, at: &[Position<T>; MAX_SERVOS]) -> (T, T) {
-        let order = at[self.order].value;
+    pub(super) fn thrust(&self, order: T) -> (T, T) {
         let size = order.abs();
         if size.value() <= self.dead_band {
             return (T::constant(0.0), T::constant(0.0));
@@ -359,7 +469,7 @@ impl<T: Real> CompiledThruster<T> {
 
     /// Thrust \[N\], speed of advance \[m/s\] and diameter \[m\].
     fn race(&self, nu: [T; 3], at: &[Position<T>; MAX_SERVOS]) -> (T, T, f64) {
-        let (d, (thrust, loss)) = (self.direction(at), self.thrust(at));
+        let (d, (thrust, loss)) = (self.direction(at), self.thrust(at[self.order].value));
         let advance = d[0] * nu[0] + d[1] * nu[1] + d[2] * nu[2];
         (thrust - loss * advance, advance, self.diameter)
     }

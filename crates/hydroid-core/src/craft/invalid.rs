@@ -4,7 +4,24 @@ use alloc::string::String;
 use core::fmt;
 
 use super::MAX_SERVOS;
-pub use crate::vessel::Mode;
+
+/// Mode of a hydrofoil.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// Hull in the water.
+    Normal,
+    /// On the foils.
+    Flying,
+}
+
+impl fmt::Display for Mode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Normal => "normal",
+            Self::Flying => "flying",
+        })
+    }
+}
 
 /// The invalid part of a [`Craft`](super::Craft). Numbers are named by their path in the vessel file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

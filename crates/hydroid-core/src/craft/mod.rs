@@ -50,6 +50,8 @@
 //! dnu/dt = sigma(u_0 - u) f_normal + sigma(u - u_0) f_fly        sigma(z) = 1 / (1 + exp(-slope z))
 //! ```
 
+mod batch;
+mod channels;
 mod dynamics;
 mod invalid;
 mod motion;
@@ -61,12 +63,12 @@ mod validate;
 use alloc::string::String;
 use alloc::vec::Vec;
 
-pub use dynamics::{Dynamics, MAX_SERVOS};
+pub(crate) use batch::{BatchRollout, LANES};
+pub use channels::{CraftChannel, Effect, NotAffineCraft};
+pub use dynamics::{Dynamics, MAX_SERVOS, Posed};
 pub use invalid::{InvalidCraft, Mode};
 pub use parameters::CraftParameter;
 pub use servo::{Order, Servo};
-
-pub use crate::vessel::Coriolis;
 
 /// A vessel with any set of actuators. `T` is the type of its numbers.
 #[derive(Clone, Debug, PartialEq)]
@@ -120,6 +122,17 @@ pub struct Hull<T = f64> {
     pub coriolis: Coriolis,
 }
 
+/// Form of the Coriolis and centripetal matrix `C(nu)`, built from the mass matrix of the normal mode.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Coriolis {
+    /// `C nu = [-(m22 v + m23 r) r, m11 u r, m23 u r]` (thesis eq. 3), without the Munk moment `(m22 - m11) u v`:
+    /// `nu' C nu = (m11 - m22) u v r`.
+    WithoutMunk,
+    /// `C nu = [-(m22 v + m23 r) r, m11 u r, (m22 - m11) u v + m23 u r]` (Fossen, skew-symmetric parameterisation); it
+    /// does no work, `nu' C nu = 0`.
+    Full,
+}
+
 /// The flying mode of a hydrofoil: other added mass and damping, blended in by a sigmoid of the speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flying<T = f64> {
@@ -144,6 +157,13 @@ pub struct CommandInput {
     pub limits: [f64; 2],
     /// Value without effect.
     pub neutral: f64,
+}
+
+impl CommandInput {
+    /// Clamps a value to the limits.
+    pub fn clamp(&self, value: f64) -> f64 {
+        value.clamp(self.limits[0], self.limits[1])
+    }
 }
 
 /// Relation of thrust and order.
@@ -181,6 +201,8 @@ pub struct Thruster<T = f64> {
     pub diameter: Option<f64>,
     /// Steering of the thrust, added to the angle \[rad\].
     pub steering: Option<Servo<T>>,
+    /// Standard deviation of the noise of the measured thrust \[N\]; none if the thrust is not measured.
+    pub force_noise: Option<f64>,
 }
 
 /// A rudder.

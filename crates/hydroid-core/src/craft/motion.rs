@@ -123,6 +123,50 @@ impl<T: Real> HullMotion<T> {
     }
 }
 
+impl HullMotion<f64> {
+    /// Whether there is no cross-flow drag.
+    pub(super) fn is_polynomial(&self) -> bool {
+        self.half_length <= 0.0 || self.cross_flow <= 0.0
+    }
+
+    /// The same motion with numbers of another type.
+    #[inline(always)]
+    pub(super) fn spread<T: Number>(&self) -> HullMotion<T> {
+        let all = T::constant;
+        let inverse = |mass: &InverseMass<f64>| InverseMass(mass.0.map(all));
+        HullMotion {
+            mass: self.mass.map(all),
+            munk: all(self.munk),
+            inverse: inverse(&self.inverse),
+            linear: self.linear.map(|row| row.map(all)),
+            quadratic: self.quadratic.map(|row| row.map(all)),
+            lift: self.lift.map(|lift| lift.map(|row| row.map(all))),
+            cross_flow: all(self.cross_flow),
+            half_length: self.half_length,
+            flying: self.flying.as_ref().map(|flying| FlyingMode {
+                inverse: inverse(&flying.inverse),
+                drag_factor: all(flying.drag_factor),
+                transition_speed: all(flying.transition_speed),
+                slope: all(flying.slope),
+            }),
+        }
+    }
+
+    /// Weight of the flying mode at a surge velocity; 0 without one.
+    pub(super) fn flying_weight(&self, u: f64) -> f64 {
+        self.flying.map_or(0.0, |flying| (flying.slope * (u - flying.transition_speed)).logistic())
+    }
+
+    /// Surge force that holds a surge velocity \[N\].
+    pub(super) fn holding_force(&self, u: f64) -> f64 {
+        let [drag, ..] = self.damping([u, 0.0, 0.0]);
+        let Some(flying) = &self.flying else { return drag };
+        let weight = self.flying_weight(u);
+        let (fly, normal) = (weight * flying.inverse.0[0], (1.0 - weight) * self.inverse.0[0]);
+        drag * (fly * flying.drag_factor + normal) / (fly + normal)
+    }
+}
+
 impl<T: Number> HullMotion<T> {
     /// Linear and quadratic damping and lift of the normal mode \[N, N, N m\].
     #[inline(always)]
@@ -144,20 +188,30 @@ impl<T: Number> HullMotion<T> {
         force
     }
 
+    /// Coriolis and centripetal forces `C(nu) nu` \[N, N, N m\].
+    #[inline(always)]
+    pub(super) fn coriolis(&self, [u, v, r]: [T; 3]) -> [T; 3] {
+        let [m11, m22, m23] = self.mass;
+        [-(m22 * v + m23 * r) * r, m11 * u * r, self.munk * u * v + m23 * u * r]
+    }
+
+    /// `dnu/dt` \[m/s^2, m/s^2, rad/s^2\] under applied forces and polynomial damping.
+    #[inline(always)]
+    pub(super) fn under_polynomial(&self, nu: [T; 3], applied: [T; 3]) -> [T; 3] {
+        self.acceleration(nu, applied, self.polynomial_damping(nu))
+    }
+
     /// `dnu/dt` \[m/s^2, m/s^2, rad/s^2\] under applied forces and damping forces of the normal mode.
     #[inline(always)]
     fn acceleration(&self, nu: [T; 3], applied: [T; 3], damping: [T; 3]) -> [T; 3] {
-        let [m11, m22, m23] = self.mass;
-        let [u, v, r] = nu;
-        let x = applied[0] + (m22 * v + m23 * r) * r;
-        let y = applied[1] - m11 * u * r;
-        let n = applied[2] - (self.munk * u * v + m23 * u * r);
+        let coriolis = self.coriolis(nu);
+        let [x, y, n] = [applied[0] - coriolis[0], applied[1] - coriolis[1], applied[2] - coriolis[2]];
         let normal = self.inverse.apply([x - damping[0], y - damping[1], n - damping[2]]);
         let Some(flying) = &self.flying else { return normal };
         let factor = flying.drag_factor;
         let less = [x - factor * damping[0], y - factor * damping[1], n - factor * damping[2]];
         let fly = flying.inverse.apply(less);
-        flying.blended(u, normal, fly)
+        flying.blended(nu[0], normal, fly)
     }
 
     /// Contribution of an external force `[X, Y, N]` \[N, N, N m\] to `dnu/dt` at surge velocity `u`. The motion is linear in

@@ -5,7 +5,7 @@ use alloc::string::String;
 use alloc::vec::Vec;
 
 use super::servo::Servo;
-use super::{Craft, Flying, Hull, NormalForce, Rudder, RudderLaw, Thruster};
+use super::{Craft, Flying, Hull, NormalForce, Rudder, RudderLaw, ThrustLaw, Thruster};
 use crate::vessel::Real;
 
 /// A number of a craft.
@@ -114,6 +114,7 @@ impl<T: Real, U: Real> Mapper<'_, T, U> {
             speed_loss: self.of(at("speed_loss"), "N s/m", false, t.speed_loss),
             diameter: t.diameter,
             steering: t.steering.as_ref().map(|servo| self.servo(&at("steering"), servo)),
+            force_noise: t.force_noise,
         }
     }
 
@@ -250,16 +251,27 @@ impl Hull {
 
 impl Craft {
     /// Indices of the numbers that an adaptation changes if nothing else is stated: those that are not zero, but for places
-    /// and directions of the actuators.
+    /// and directions of the actuators, and for the thrust of a thruster whose order is its force (linear law, 1 N at the
+    /// order 1).
     pub fn adaptable(&self) -> Vec<usize> {
+        let is_force = |path: &str| {
+            self.thrusters.iter().any(|thruster| {
+                let key = path.strip_prefix("thruster.").and_then(|path| path.strip_prefix(&*thruster.name));
+                thruster.law == ThrustLaw::Linear
+                    && (key == Some(".forward") && thruster.forward == 1.0
+                        || key == Some(".reverse") && thruster.reverse == 1.0)
+            })
+        };
         let is_place = |path: &str| {
             let key = path.rsplit('.').next().unwrap_or(path);
             key == "angle" || key.starts_with("position[")
         };
         let all = self.parameters().into_iter().enumerate();
-        all.filter(|(_, (parameter, number))| *number != 0.0 && !is_place(&parameter.path))
-            .map(|(index, _)| index)
-            .collect()
+        all.filter(|(_, (parameter, number))| {
+            *number != 0.0 && !is_place(&parameter.path) && !is_force(&parameter.path)
+        })
+        .map(|(index, _)| index)
+        .collect()
     }
 
     /// All numbers with their descriptions.

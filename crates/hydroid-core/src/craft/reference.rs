@@ -10,7 +10,6 @@ use alloc::vec;
 use super::{
     CommandInput, Coriolis, Craft, Flying, Hull, Order, Rudder, RudderLaw, Servo, ThrustLaw, Thruster,
 };
-use crate::vessel::{self, VesselParams};
 
 /// Thesis section 3.2: 1 cm/s, 1 cm/s, 1 deg/s.
 const NOISE: [f64; 3] = [0.01, 0.01, 0.017_453_292_519_943_295];
@@ -58,6 +57,7 @@ fn of_parts(name: &str, hull: &Hull, commands: [CommandInput; 2], law: RudderLaw
         speed_loss: 0.0,
         diameter: None,
         steering: None,
+        force_noise: None,
     };
     Craft {
         name: name.into(),
@@ -71,54 +71,15 @@ fn of_parts(name: &str, hull: &Hull, commands: [CommandInput; 2], law: RudderLaw
     }
 }
 
-impl From<&VesselParams> for Craft {
-    /// The same vessel: a thruster `propeller` whose order is its force, and a rudder `rudder`.
-    fn from(params: &VesselParams) -> Self {
-        let (body, added, drag) = (&params.rigid_body, &params.added_mass, &params.drag);
-        let hull = Hull {
-            size: None,
-            mass: body.mass,
-            x_g: body.x_g,
-            i_z: body.i_z,
-            x_udot: added.x_udot,
-            y_vdot: added.y_vdot,
-            y_rdot: added.y_rdot,
-            n_rdot: added.n_rdot,
-            linear: drag.linear,
-            quadratic: drag.quadratic,
-            lift: [[0.0; 2]; 2],
-            cross_flow: 0.0,
-            coriolis: params.coriolis,
-        };
-        let law = match params.rudder.law {
-            vessel::RudderLaw::Linear => RudderLaw::Linear(params.rudder.gain),
-            vessel::RudderLaw::Sine => RudderLaw::Sine(params.rudder.gain),
-        };
-        let commands = [&params.commands.propeller, &params.commands.rudder].map(|c| CommandInput {
-            name: c.name.clone(),
-            unit: c.unit.clone(),
-            limits: c.limits,
-            neutral: c.clamp(0.0),
-        });
-        let mut craft = of_parts(&params.name, &hull, commands, law);
-        craft.thrusters[0].servo = servo(0, params.propeller.lag);
-        craft.flying = params.flying.map(|flying| Flying {
-            added_mass_factor: flying.added_mass_factor,
-            drag_factor: flying.drag_factor,
-            transition_speed: flying.transition_speed,
-            slope: flying.slope,
-        });
-        craft.noise = [params.noise.u, params.noise.v, params.noise.r];
-        craft
-    }
-}
-
 impl Craft {
-    /// The simple vessel (thesis eq. 1-6): linear drag, yaw moment `u RD`.
+    /// The simple vessel (thesis eq. 1-6): linear drag, yaw moment `u RD`, measured propeller force.
     pub fn simple() -> Self {
         let linear = [[77.55, 0.0, 0.0], [0.0, 162.5, -16.25], [0.0, -16.25, 82.88]];
         let commands = [command("PP_cmd", "N", [-130.0, 240.0]), command("RD_cmd", "N s", [-25.0, 25.0])];
-        of_parts("simple", &hull(linear, [[0.0; 3]; 3]), commands, RudderLaw::Linear(1.0))
+        let hull = hull(linear, [[0.0; 3]; 3]);
+        let mut craft = of_parts("simple", &hull, commands, RudderLaw::Linear(1.0));
+        craft.thrusters[0].force_noise = Some(1.0);
+        craft
     }
 
     /// The hydrofoil (thesis eq. 7-12): linear and quadratic drag, yaw moment `70 u sin(RD)`, half of the drag and of

@@ -122,7 +122,7 @@ impl Craft {
     }
 
     /// All servos with their paths.
-    fn servos(&self) -> impl Iterator<Item = (String, &Servo)> {
+    pub(super) fn servos(&self) -> impl Iterator<Item = (String, &Servo)> {
         let thrusters = self.thrusters.iter().flat_map(|thruster| {
             let path = format!("thruster.{}", thruster.name);
             let steering = thruster.steering.as_ref().map(|servo| (format!("{path}.steering"), servo));
@@ -154,7 +154,11 @@ impl Craft {
             }
         }
         for thruster in &self.thrusters {
-            for (key, value) in [("dead_band", Some(thruster.dead_band)), ("diameter", thruster.diameter)] {
+            for (key, value) in [
+                ("dead_band", Some(thruster.dead_band)),
+                ("diameter", thruster.diameter),
+                ("force_noise", thruster.force_noise),
+            ] {
                 if let Some(value) = value.filter(|value| !(value.is_finite() && *value >= 0.0)) {
                     let path = format!("thruster.{}.{key}", thruster.name);
                     return Err(InvalidCraft::Number { path, value, needed: "it must not be negative" });

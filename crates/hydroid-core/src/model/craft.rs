@@ -6,11 +6,25 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use num_traits::Float;
+use pulp::Arch;
 
-use super::plant::PlantModelError;
-use crate::craft::{Craft, Dynamics, MAX_SERVOS};
-use crate::predict::{Predictor, Workspace, plain, rollout_steps};
+use crate::craft::{BatchRollout, Craft, Dynamics, LANES, MAX_SERVOS};
+use crate::predict::{Predictor, Workspace, plain, rollout_each, rollout_steps};
 use crate::vessel::Dual;
+
+/// Reasons why a vessel cannot be a model.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and fields are")]
+pub enum CraftModelError {
+    #[error(transparent)]
+    Craft(crate::craft::InvalidCraft),
+    #[error("a sample time of {0} s is out of range: give a positive number of seconds")]
+    Step(f64),
+    #[error(
+        "the speeds of the vessel diverge within the limits of its commands: check drag, thrust, and the limits of the commands"
+    )]
+    Unbounded,
+}
 
 /// A [`Craft`] over samples with held commands: outputs `u, v, r`, inputs its commands, hidden states the positions of its
 /// actuators.
@@ -51,17 +65,17 @@ impl CraftModel {
     /// A model with samples of `dt` seconds.
     ///
     /// # Errors
-    /// See [`PlantModelError`].
-    pub fn new(craft: Craft, dt: f64) -> Result<Self, PlantModelError> {
-        craft.validate().map_err(PlantModelError::Craft)?;
+    /// See [`CraftModelError`].
+    pub fn new(craft: Craft, dt: f64) -> Result<Self, CraftModelError> {
+        craft.validate().map_err(CraftModelError::Craft)?;
         if !(dt.is_finite() && dt > 0.0 && dt <= 1e4) {
-            return Err(PlantModelError::Step(dt));
+            return Err(CraftModelError::Step(dt));
         }
         let dynamics = Dynamics::new(&craft);
-        let (ranges, step) = explore(&craft, &dynamics).ok_or(PlantModelError::Unbounded)?;
+        let (ranges, step) = explore(&craft, &dynamics).ok_or(CraftModelError::Unbounded)?;
         let steps = Float::ceil(dt / step - 1e-9).max(1.0);
         if steps.is_nan() || steps > MOST_STEPS {
-            return Err(PlantModelError::Step(dt));
+            return Err(CraftModelError::Step(dt));
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 1 and 10,000")]
         let steps = steps as usize;
@@ -217,6 +231,7 @@ pub struct CraftSession {
     steps: usize,
     nu: [f64; 3],
     positions: Vec<f64>,
+    arch: Arch,
 }
 
 impl CraftSession {
@@ -229,6 +244,7 @@ impl CraftSession {
             steps: model.steps,
             nu: [f64::NAN; 3],
             positions: vec![f64::NAN; model.dynamics.servos()],
+            arch: Arch::new(),
         }
     }
 
@@ -273,7 +289,7 @@ impl CraftSession {
 }
 
 impl Predictor for CraftSession {
-    plain!(warm_up over_ground advance_observe rollout_batch rollout_snapshots);
+    plain!(warm_up over_ground advance_observe rollout_snapshots);
 
     fn outputs(&self) -> usize {
         3
@@ -328,6 +344,31 @@ impl Predictor for CraftSession {
             self.start(positions, c);
             self.dynamics.advance(&mut nu, positions, c, self.h, self.steps);
             y.copy_from_slice(&nu);
+        }
+    }
+
+    fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
+        rollout_steps(commands, self.inputs, y, 3);
+        if count == 0 || y.is_empty() {
+            return;
+        }
+        if !self.dynamics.is_polynomial() {
+            return rollout_each(self, count, commands, work, y);
+        }
+        assert!(y.len().is_multiple_of(count * 3), "whole sequences");
+        let (inputs, outputs) = (commands.len() / count, y.len() / count);
+        for (commands, y) in commands.chunks(LANES * inputs).zip(y.chunks_mut(LANES * outputs)) {
+            self.arch.dispatch(BatchRollout {
+                dynamics: &self.dynamics,
+                nu: self.nu,
+                positions: &self.positions,
+                h: self.h,
+                steps: self.steps,
+                count: y.len() / outputs,
+                inputs: self.inputs,
+                commands,
+                y,
+            });
         }
     }
 

@@ -5,10 +5,8 @@ pub mod committee;
 mod craft;
 pub mod direct;
 mod persistence;
-mod plant;
 pub mod recurrent;
 pub mod sparse;
 
-pub use craft::{CraftModel, CraftSession};
+pub use craft::{CraftModel, CraftModelError, CraftSession};
 pub use persistence::Persistence;
-pub use plant::{PlantModel, PlantModelError, PlantSession};

@@ -5,8 +5,8 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 
 use num_traits::Float;
 
-/// A real number, a [`Dual`](super::Dual) with its derivatives, or several numbers side by side: [`Plant`](super::Plant)
-/// is generic over them.
+/// A real number, a [`Dual`](super::Dual) with its derivatives, or several numbers side by side: the motion of a
+/// [`Craft`](crate::craft::Craft) is generic over them.
 pub trait Number:
     Copy
     + Add<Output = Self>

@@ -1,12 +1,13 @@
 //! Vessels with any set of actuators.
 
+use hydroid_core::control::{Affine, AffinePlant, Motion};
 use hydroid_core::craft::{
-    CommandInput, Coriolis, Craft, Dynamics, Hull, InvalidCraft, NormalForce, Order, Rudder, RudderLaw,
-    Servo, ThrustLaw, Thruster,
+    CommandInput, Coriolis, Craft, Dynamics, Flying, Hull, InvalidCraft, NormalForce, Order, Rudder,
+    RudderLaw, Servo, ThrustLaw, Thruster,
 };
 use hydroid_core::model::{CraftModel, CraftSession};
 use hydroid_core::predict::{Predictor, Workspace};
-use hydroid_core::vessel::{Dual, VesselParams};
+use hydroid_core::vessel::Dual;
 use proptest::prelude::*;
 
 fn servo(command: usize, lag: f64, rate: Option<f64>) -> Servo {
@@ -30,6 +31,7 @@ pub(crate) fn craft() -> Craft {
         speed_loss: 0.2,
         diameter: Some(0.3),
         steering: None,
+        force_noise: None,
     };
     let mut azimuth = thruster("azimuth", -0.9, 0.2, 0);
     azimuth.steering = Some(servo(2, 0.2, Some(0.5)));
@@ -294,13 +296,106 @@ fn numbers_are_set_in_place_in_the_order_of_the_parameters() {
 }
 
 #[test]
-fn the_vessels_of_the_thesis_are_those_of_their_parameters() {
-    let both = [
-        (Craft::simple(), VesselParams::simple()),
-        (Craft::hydrofoil(), VesselParams::hydrofoil()),
-        (Craft::hydrofoil_low_speed(), VesselParams::hydrofoil_low_speed()),
-    ];
-    for (craft, params) in both {
-        assert_eq!(craft, Craft::from(&params));
+fn mass_matrices_are_those_of_the_reference() {
+    let hull = Craft::hydrofoil().hull;
+    for (added, expected) in [(1.0, [85.5, 162.5, 11.0, 41.4455]), (0.5, [82.75, 121.25, 11.0, 28.874])] {
+        for (ours, theirs) in hull.mass_matrix_with(added).iter().zip(expected) {
+            assert!((ours - theirs).abs() < 1e-12, "{ours} and {theirs}");
+        }
     }
+}
+
+#[test]
+fn invalid_numbers_of_a_hydrofoil_are_named() {
+    type Change = fn(&mut Craft);
+    let cases: [(Change, &str); 9] = [
+        (|c| c.rudders[0].law = RudderLaw::Sine(0.0), "rudder.rudder.gain is 0; it must be greater than 0"),
+        (|c| c.thrusters[0].servo.lag = -1.0, "thruster.propeller.lag is -1; it must not be negative"),
+        (|c| c.thrusters[0].force_noise = Some(-1.0), "thruster.propeller.force_noise is -1"),
+        (|c| flying(c).transition_speed = 0.0, "flying.transition_speed is 0; it must be greater than 0"),
+        (|c| flying(c).slope = f64::NAN, "flying.slope is NaN; a finite number is needed"),
+        (|c| flying(c).drag_factor = -1.0, "flying.drag_factor is -1; it must not be negative"),
+        (|c| c.noise[0] = -1.0, "noise.u is -1; it must not be negative"),
+        (|c| c.commands[1].limits = [-30.0, 30.0], "reaches 30 rad, more than half a turn"),
+        (
+            |c| {
+                // The normal mode is valid, the flying mode with three times the added mass is not.
+                (c.hull.y_rdot, c.hull.n_rdot) = (-60.0, -25.0);
+                flying(c).added_mass_factor = 3.0;
+            },
+            "the mass matrix of the flying mode is not positive definite",
+        ),
+    ];
+    for (change, words) in cases {
+        let mut craft = Craft::hydrofoil();
+        assert_eq!(craft.validate(), Ok(()));
+        change(&mut craft);
+        let error = craft.validate().unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    }
+}
+
+fn flying(craft: &mut Craft) -> &mut Flying {
+    craft.flying.as_mut().expect("the hydrofoil flies")
+}
+
+#[test]
+fn a_control_law_refuses_commands_without_an_inverse() {
+    type Change = fn(&mut Craft);
+    let cases: [(Change, &str); 8] = [
+        (|c| c.hull.mass = -1.0, "rigid_body.mass is -1"),
+        (
+            |c| c.rudders[0].servo.order.terms = vec![(0, 0.0, 0.001), (1, 0.0, 1.0)],
+            "'PP_cmd' moves 2 actuators",
+        ),
+        (|c| c.thrusters[0].law = ThrustLaw::Quadratic, "thruster.propeller has the quadratic law"),
+        (|c| c.thrusters[0].reverse = 0.5, "thruster.propeller has another thrust ahead than astern"),
+        (|c| c.thrusters[0].dead_band = 1.0, "thruster.propeller has a dead band"),
+        (|c| c.thrusters[0].servo.rate = Some(5.0), "thruster.propeller has a limit of its rate"),
+        (|c| c.rudders[0].servo.order.limits = [-0.1, 0.1], "rudder.rudder has limits of its order"),
+        (|c| c.rudders[0].servo.order.terms[0].2 = 0.5, "rudder.rudder has an angle that is not the command"),
+    ];
+    for (change, words) in cases {
+        let mut craft = Craft::hydrofoil();
+        assert!(craft.channels().is_ok());
+        change(&mut craft);
+        let error = craft.channels().unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    }
+    let error = craft().channels().unwrap_err().to_string();
+    assert!(error.contains("has a limit of its rate"), "{error}");
+}
+
+/// Twin thrusters and a rudder, with orders in other units and a neutral command: the affine form is the acceleration.
+#[test]
+fn the_affine_form_of_any_actuators_is_the_acceleration() {
+    let mut craft = Craft::hydrofoil();
+    craft.rudders[0].law = RudderLaw::Linear(30.0);
+    (craft.rudders[0].servo.order.terms[0].2, craft.rudders[0].servo.lag) = (0.01, 0.2);
+    craft.commands[1].limits = [-50.0, 50.0];
+    let mut second = craft.thrusters[0].clone();
+    (second.name, second.position, second.angle) = ("bow".into(), [0.8, 0.1], 1.2);
+    second.servo.order.terms = vec![(2, 1500.0, 0.05)];
+    (second.forward, second.reverse, second.servo.lag) = (4.0, 4.0, 0.0);
+    craft.thrusters.push(second);
+    craft.commands.push(CommandInput {
+        name: "pulse".into(),
+        unit: "us".into(),
+        limits: [1100.0, 1900.0],
+        neutral: 1500.0,
+    });
+    let mut affine = AffinePlant::new(&craft).unwrap();
+    let dynamics = Dynamics::new(&craft);
+    let mut motion = Motion::new(3);
+    for (nu, c) in [([2.3, -0.2, 0.3], [120.0, 10.0, 1720.0]), ([3.4, 0.1, -0.2], [-40.0, -30.0, 1210.0])] {
+        affine.evaluate(nu, &mut motion);
+        let mut positions = [0.0; 3];
+        dynamics.settle(&c, &mut positions);
+        let expected = dynamics.acceleration(nu, &positions);
+        for i in 0..3 {
+            let sum: f64 = (0..3).map(|k| motion.g[k][i] * affine.channels()[k].map.value(c[k])).sum();
+            assert!((motion.f[i] + sum - expected[i]).abs() < 1e-11, "{i}: {motion:?} {expected:?}");
+        }
+    }
+    assert_eq!(AffinePlant::limits(&craft)[2].rest, 1500.0);
 }

@@ -10,8 +10,11 @@ use std::sync::Arc;
 
 use hydroid_core::adapt::kalman::{FilterOptions, KalmanNetwork};
 use hydroid_core::adapt::{Learning, Outcome};
+use hydroid_core::craft::Craft;
 use hydroid_core::predict::Predictor;
-use hydroid_core::vessel::{Command, Plant, State, VesselParams};
+use hydroid_core::vessel::{Command, State};
+
+use crate::plant::Plant;
 
 use crate::networks::pretrained;
 
@@ -42,7 +45,7 @@ struct Voyage {
 
 impl Voyage {
     fn begin() -> Self {
-        let plant = Plant::new(&VesselParams::hydrofoil()).unwrap();
+        let plant = Plant::new(&Craft::hydrofoil());
         Self { plant, state: State::REST, command: Command { pp: 0.0, rd: 0.0 }, left: 0.0, draws: Draws(7) }
     }
 
@@ -59,9 +62,8 @@ impl Voyage {
                 Command { pp: self.draws.between(-60.0, 350.0), rd: self.draws.between(-0.5, 0.5) };
         }
         self.left -= 1.0;
-        let actuation = self.plant.actuation(&self.command);
         for _ in 0..10 {
-            self.state = self.plant.advance_under(&self.state, &actuation, 0.01);
+            self.state = self.plant.advance(&self.state, &self.command, 0.01);
         }
         [self.command.pp, self.command.rd]
     }

@@ -6,9 +6,11 @@ use hydroid_core::adapt::kalman::{
 };
 use hydroid_core::adapt::{Learning, Outcome, Rejection, SaveState};
 use hydroid_core::craft::{Coriolis, Craft, Dynamics};
-use hydroid_core::model::{CraftModel, CraftSession, PlantModel, PlantModelError, PlantSession};
+use hydroid_core::model::{CraftModel, CraftModelError, CraftSession};
 use hydroid_core::predict::{Predictor, Workspace};
-use hydroid_core::vessel::{Command, Plant, State, VesselParams};
+use hydroid_core::vessel::{Command, State};
+
+use crate::plant::Plant;
 
 use crate::craft::craft as with_two_thrusters;
 use crate::dense::{Matrix, inverse, product, transposed};
@@ -173,14 +175,15 @@ fn partials_are_those_of_central_differences() {
 }
 
 #[test]
-fn a_plant_model_equals_the_simulation() {
-    for params in [VesselParams::simple(), VesselParams::hydrofoil()] {
-        let (model, plant) = (PlantModel::new(&params, 0.1).unwrap(), Plant::new(&params).unwrap());
-        let command = |_: &VesselParams, k| command(&Craft::from(&params), k);
-        let mut session = PlantSession::new(&model);
-        let mut state = State { u: 1.9, v: 0.1, r: -0.1, p_f: plant.holding_force(1.9), ..State::REST };
+fn a_session_equals_the_simulation() {
+    for params in [Craft::simple(), Craft::hydrofoil()] {
+        let model = CraftModel::new(params.clone(), 0.1).unwrap();
+        let plant = Plant::new(&params);
+        let mut session = CraftSession::new(&model);
+        let settled = command(&params, 0);
+        let mut state = State { u: 1.9, v: 0.1, r: -0.1, p_f: settled[0], ..State::REST };
         session.observe(&[state.u, state.v, f64::NAN]);
-        session.advance(&command(&params, 0));
+        session.advance(&settled);
         assert!(session.is_waiting());
         session.observe(&[f64::NAN, f64::INFINITY, state.r]);
         let commands: Vec<f64> = (0..40).flat_map(|k| command(&params, k)).collect();
@@ -188,23 +191,21 @@ fn a_plant_model_equals_the_simulation() {
         session.rollout(&commands, &mut Workspace::new(), &mut ahead);
         for k in 0..40 {
             let [pp, rd] = command(&params, k);
-            for _ in 0..10 {
-                state = plant.advance(&state, &Command { pp, rd }, 0.01);
+            for _ in 0..model.steps() {
+                state = plant.advance(&state, &Command { pp, rd }, 0.1 / model.steps() as f64);
             }
             session.advance(&[pp, rd]);
-            assert_eq!(session.motion(), &[state.u, state.v, state.r, state.p_f]);
-            assert_eq!(ahead[3 * k..3 * k + 3], [state.u, state.v, state.r]);
+            let (nu, positions) = session.motion();
+            close(&nu, &state.nu(), 1e-12, &params.name);
+            close(positions, &[state.p_f, rd], 1e-12, &params.name);
+            assert_eq!(ahead[3 * k..3 * k + 3], nu);
         }
         session.advance(&[f64::NAN, 0.0]);
         assert!(session.is_waiting());
     }
     for dt in [0.0, -1.0, f64::NAN, 1e9] {
-        assert!(
-            matches!(PlantModel::new(&VesselParams::simple(), dt), Err(PlantModelError::Step(_))),
-            "{dt}"
-        );
+        assert!(matches!(CraftModel::new(Craft::simple(), dt), Err(CraftModelError::Step(_))), "{dt}");
     }
-    assert_eq!(PlantModel::new(&VesselParams::simple(), 0.025).unwrap().steps(), 3);
 }
 
 /// The textbook filter, dense, with Jacobians by central differences.
@@ -537,20 +538,36 @@ fn bands_agree_with_differences_of_rollouts() {
     }
 }
 
+/// Vessels of the thesis, and one with every part that a batch computes side by side.
 #[test]
 fn a_batch_of_rollouts_equals_single_rollouts() {
-    for params in [VesselParams::simple(), VesselParams::hydrofoil()] {
-        let mut session = PlantSession::new(&PlantModel::new(&params, 0.1).unwrap());
-        let command = |_: &VesselParams, k| command(&Craft::from(&params), k);
-        session.observe(&measured(&Craft::from(&params), 40, 0.0)[39]);
+    let mut steered = with_two_thrusters();
+    steered.hull.cross_flow = 0.0;
+    steered.rudders.clear();
+    steered.commands.truncate(3);
+    for params in [Craft::simple(), Craft::hydrofoil(), steered, with_two_thrusters()] {
+        let mut session = CraftSession::new(&CraftModel::new(params.clone(), 0.1).unwrap());
+        let inputs = params.commands.len();
+        let commands = |from: usize, to: usize| -> Vec<f64> {
+            let command = |k: usize, i: usize| {
+                let [low, high] = params.commands[i].limits;
+                0.5 * (low + high) + 0.5 * (high - low) * (0.3 * k as f64 + i as f64).sin()
+            };
+            (from..to).flat_map(|k| (0..inputs).map(move |i| command(k, i))).collect()
+        };
         let (count, steps) = (37, 12);
-        let commands: Vec<f64> = (0..count * steps).flat_map(|k| command(&params, 7 * k)).collect();
         let (mut work, mut batch) = (Workspace::new(), vec![0.0; count * steps * 3]);
-        session.rollout_batch(count, &commands, &mut work, &mut batch);
-        for (commands, batch) in commands.chunks(2 * steps).zip(batch.chunks(3 * steps)) {
-            let mut single = vec![0.0; 3 * steps];
-            session.rollout(commands, &mut work, &mut single);
-            close(batch, &single, 1e-12, &params.name);
+        session.observe(&[1.2, 0.1, -0.2]);
+        // Positions that are unknown, and known ones.
+        for _ in 0..2 {
+            let all = commands(0, count * steps);
+            session.rollout_batch(count, &all, &mut work, &mut batch);
+            for (commands, batch) in all.chunks(inputs * steps).zip(batch.chunks(3 * steps)) {
+                let mut single = vec![0.0; 3 * steps];
+                session.rollout(commands, &mut work, &mut single);
+                close(batch, &single, 1e-12, &params.name);
+            }
+            session.advance(&commands(5, 6));
         }
         session.rollout_batch(0, &[], &mut work, &mut []);
     }

@@ -39,7 +39,7 @@ impl Text<'_> {
         let upper = self.upper();
         let names = identifiers(ports.iter().map(|port| port.channel.name.as_str()));
         let mut text = format!("/* Indices of the {}. */\nenum {{\n", what.to_ascii_lowercase());
-        let given = self.model.plant().is_some() || self.model.craft().is_some();
+        let given = self.model.is_vessel();
         let trained = if given { "" } else { " in training" };
         for (index, (port, name)) in ports.iter().zip(names).enumerate() {
             let range = port.training_range.unwrap_or(port.range);

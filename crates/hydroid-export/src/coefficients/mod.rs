@@ -185,7 +185,6 @@ impl Coefficients {
     ) -> Result<Self, ExportError> {
         let coefficients = match &model.body {
             Body::Craft(craft) => vessel::of_craft(&craft.file),
-            Body::Plant(plant) => vessel::of_plant(plant.params(), options.water_density),
             Body::Equations(_) => equations::of(model, options, format)?,
             _ => return Err(no_coefficients(model, format)),
         };

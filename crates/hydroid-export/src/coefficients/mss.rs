@@ -3,11 +3,11 @@
 //! `NAME.py` has the class of a vehicle with the interface of the Python Vehicle Simulator (T. I. Fossen,
 //! github.com/cybergalactic/PythonVehicleSimulator: `dynamics(eta, nu, u_actual, u_control, sampleTime)`) and needs numpy.
 //! `NAME.m` is a function `[xdot, U] = NAME(x, ui)` for MATLAB and Octave, as those in the folder VESSELS of MSS. Both contain
-//! all equations of the vessel ([`hydroid_core::craft`], [`hydroid_core::vessel::Plant`]).
+//! all equations of the vessel ([`hydroid_core::craft`]).
 
 use hydroid::model::{Body, Model};
 
-use super::{CoefficientOptions, mss_equations, mss_vessel};
+use super::{mss_equations, mss_vessel};
 use crate::{ExportError, File, Options, identifier};
 
 /// Templates of vessels, of equations of motion, and the class of both.
@@ -91,17 +91,12 @@ const USED: &[&str] = &[
 ///
 /// # Errors
 /// If the model is neither a vessel nor equations of `u`, `v`, `r` without delays and limits of rates.
-pub fn mss(
-    model: &Model,
-    options: &Options,
-    coefficient_options: &CoefficientOptions,
-) -> Result<Vec<File>, ExportError> {
+pub fn mss(model: &Model, options: &Options) -> Result<Vec<File>, ExportError> {
     let vehicle = match &model.body {
         Body::Craft(craft) => {
             let step = craft.model.dt() / craft.model.steps() as f64;
             mss_vessel::of_craft(&craft.file.craft, step)
         }
-        Body::Plant(plant) => mss_vessel::of_plant(plant, coefficient_options.water_density),
         Body::Equations(equations) => mss_equations::vehicle(model, equations)?,
         _ => {
             return Err(ExportError::Unsupported {

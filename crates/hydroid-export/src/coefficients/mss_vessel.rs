@@ -1,8 +1,6 @@
 //! Vessels as data of the templates of MSS.
 
-use hydroid_core::craft::{Coriolis, Craft, Order, RudderLaw, Servo, ThrustLaw};
-use hydroid_core::model::PlantModel;
-use hydroid_core::vessel::{self as old};
+use hydroid_core::craft::{Coriolis, Craft, RudderLaw, ThrustLaw};
 
 use super::literal::Literal;
 use super::servos::Servos;
@@ -96,79 +94,4 @@ pub(super) fn of_craft(craft: &Craft, step: f64) -> Vehicle {
     });
     data.push(("FLYING", flying.unwrap_or(Literal::Nothing)));
     Vehicle { title: comment(&craft.name), commands, positions, data, accelerations: None }
-}
-
-/// A built-in vessel.
-pub(super) fn of_plant(plant: &PlantModel, density: f64) -> Vehicle {
-    let params = plant.params();
-    let (body, added, drag) = (&params.rigid_body, &params.added_mass, &params.drag);
-    let mass = |factor: f64| {
-        [
-            body.mass - factor * added.x_udot,
-            body.mass - factor * added.y_vdot,
-            body.mass * body.x_g - factor * added.y_rdot,
-            body.i_z - factor * added.n_rdot,
-        ]
-    };
-    let normal = mass(1.0);
-    let commands = [&params.commands.propeller, &params.commands.rudder];
-    let channels = commands.iter().map(|c| Channel {
-        name: &c.name,
-        unit: &c.unit,
-        limits: c.limits,
-        neutral: c.clamp(0.0),
-    });
-    let unlimited = [f64::NEG_INFINITY, f64::INFINITY];
-    let order = |command| Order { terms: vec![(command, 0.0, 1.0)], limits: unlimited };
-    let mut servos = Servos::default();
-    let propeller = Servo { order: order(0), lag: params.propeller.lag, rate: None };
-    let propeller = servos.add("propeller force [N]", &propeller, false);
-    let rudder = servos.add("rudder", &Servo { order: order(1), lag: 0.0, rate: None }, true);
-    let thruster = vec![
-        ("name", Literal::Text(String::from("propeller"))),
-        ("position", Literal::numbers(&[0.0, 0.0])),
-        ("angle", Literal::Number(0.0)),
-        ("servo", Literal::Index(Some(propeller))),
-        ("steering", Literal::Index(None)),
-        ("dead_band", Literal::Number(0.0)),
-        ("quadratic", Literal::Flag(false)),
-        ("forward", Literal::Number(1.0)),
-        ("reverse", Literal::Number(1.0)),
-        ("speed_loss", Literal::Number(0.0)),
-        ("diameter", Literal::Number(0.0)),
-    ];
-    let helm = vec![
-        ("servo", Literal::Index(Some(rudder))),
-        ("gain", Literal::Number(params.rudder.gain)),
-        ("sine", Literal::Flag(params.rudder.law == old::RudderLaw::Sine)),
-    ];
-    let munk = if params.coriolis == Coriolis::Full { normal[1] - normal[0] } else { 0.0 };
-    let mut data = vec![
-        ("NAME", Literal::Text(comment(&params.name))),
-        ("DENSITY", Literal::Number(density)),
-        ("LENGTH", Literal::Number(0.0)),
-        ("BEAM", Literal::Number(0.0)),
-        ("MASS", Literal::numbers(&normal)),
-        ("MUNK", Literal::Number(munk)),
-        ("LINEAR", Literal::matrix(&drag.linear)),
-        ("QUADRATIC", Literal::matrix(&drag.quadratic)),
-        ("LIFT", Literal::matrix(&[[0.0; 2]; 2])),
-        ("CROSS_FLOW", Literal::Number(0.0)),
-        ("THRUSTERS", Literal::List(vec![Literal::Record(thruster)])),
-        ("RUDDERS", Literal::List(Vec::new())),
-        ("HELMS", Literal::List(vec![Literal::Record(helm)])),
-        ("STEP", Literal::Number(plant.dt() / plant.steps() as f64)),
-    ];
-    let flying = params.flying.map(|flying| {
-        Literal::Record(vec![
-            ("mass", Literal::numbers(&mass(flying.added_mass_factor))),
-            ("drag_factor", Literal::Number(flying.drag_factor)),
-            ("transition_speed", Literal::Number(flying.transition_speed)),
-            ("slope", Literal::Number(flying.slope)),
-        ])
-    });
-    data.push(("FLYING", flying.unwrap_or(Literal::Nothing)));
-    let commands = describe(channels, &mut data);
-    let positions = servos.describe(&mut data);
-    Vehicle { title: comment(&params.name), commands, positions, data, accelerations: None }
 }

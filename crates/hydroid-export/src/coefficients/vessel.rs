@@ -2,8 +2,6 @@
 
 use hydroid::craft::CraftFile;
 use hydroid_core::craft::{Coriolis, Craft, Rudder, RudderLaw};
-use hydroid_core::model::sparse::{Shape, Term};
-use hydroid_core::vessel::{self as old, VesselParams};
 
 use super::numbers::short;
 use super::{Centripetal, Coefficients, Derivative, Force, Inertia, Variable, add};
@@ -97,65 +95,5 @@ pub(super) fn deviations(file: &CraftFile) -> impl Fn(&str) -> Option<f64> {
     move |path| {
         let index = parameters.iter().position(|(parameter, _)| parameter.path == path)?;
         estimates.iter().find(|estimate| estimate.index == representatives[index])?.deviation
-    }
-}
-
-/// The coefficients of a built-in vessel, and of its normal mode if it flies.
-pub(super) fn of_plant(params: &VesselParams, water_density: f64) -> Coefficients {
-    let (body, added, drag) = (&params.rigid_body, &params.added_mass, &params.drag);
-    let inertia = Inertia {
-        mass: body.mass,
-        i_z: body.i_z,
-        x_g: body.x_g,
-        x_udot: added.x_udot,
-        y_vdot: added.y_vdot,
-        y_rdot: added.y_rdot,
-        n_rdot: added.n_rdot,
-    };
-    let mut derivatives = Vec::new();
-    inertia.added_mass().into_iter().for_each(|derivative| add(&mut derivatives, derivative));
-    for (i, force) in Force::ALL.into_iter().enumerate() {
-        for (j, by) in (0..3).enumerate() {
-            add(&mut derivatives, Derivative::new(force, Variable::product(&[by]), -drag.linear[i][j]));
-            add(&mut derivatives, Derivative::new(force, Variable::signed(by, by), -drag.quadratic[i][j]));
-        }
-    }
-    let mut other_forces = Vec::new();
-    // Surge, propeller command, rudder command.
-    let [u, propeller, rudder] = [0, 3, 4];
-    let angle = match params.rudder.law {
-        old::RudderLaw::Linear => Shape::Power(1),
-        old::RudderLaw::Sine => Shape::Sin,
-    };
-    let moment = Term::monomial(&[u]).times(&Term::of(rudder, angle));
-    add(&mut derivatives, Derivative::new(Force::N, Variable::Product(moment), params.rudder.gain));
-    add(&mut derivatives, Derivative::new(Force::X, Variable::product(&[propeller]), 1.0));
-    other_forces.push(format!(
-        "propeller: its force follows the command with a lag of {} s",
-        short(params.propeller.lag)
-    ));
-    if let Some(flying) = params.flying {
-        other_forces.push(format!(
-            "flying mode: above {} m/s the added mass is multiplied by {} and the damping by {}, with a slope of {} s/m",
-            short(flying.transition_speed),
-            short(flying.added_mass_factor),
-            short(flying.drag_factor),
-            short(flying.slope)
-        ));
-    }
-    Coefficients {
-        name: params.name.clone(),
-        water_density,
-        size: None,
-        inertia,
-        inertia_deviations: [None; 3],
-        derivatives,
-        centripetal: match params.coriolis {
-            Coriolis::Full => Centripetal::Full,
-            Coriolis::WithoutMunk => Centripetal::WithoutMunk,
-        },
-        cross_flow: (0.0, None),
-        inputs: Vec::new(),
-        other_forces,
     }
 }

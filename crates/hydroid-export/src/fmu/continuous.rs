@@ -5,9 +5,8 @@ use std::sync::Arc;
 use hydroid::model::{Body, Model};
 use hydroid::plant::Motion;
 use hydroid_core::craft::{Dynamics, Servo};
-use hydroid_core::model::PlantModel;
 use hydroid_core::model::sparse::{Equations, Jacobian, Signal};
-use hydroid_core::vessel::{Command, Dual, Number, Plant, Real, RudderLaw, State};
+use hydroid_core::vessel::{Dual, Number, Real};
 
 /// A number with its derivative in one direction.
 pub type Directional = Dual<1>;
@@ -36,33 +35,8 @@ pub struct Continuous {
 
 #[derive(Debug)]
 enum Field {
-    Plant(Box<PlantField>),
     Craft { dynamics: Box<Dynamics<Directional>>, servos: Vec<Servo> },
     Equations { equations: Arc<Equations>, jacobian: Box<Jacobian> },
-}
-
-#[derive(Debug)]
-struct PlantField {
-    plant: Plant,
-    directional: Plant<Directional>,
-    law: RudderLaw,
-    /// Reciprocal of the lag of the propeller \[1/s\].
-    lag_rate: f64,
-    /// Yaw moment per surge velocity at a full rudder \[N s\].
-    rudder_gain: f64,
-}
-
-impl PlantField {
-    fn rates(&self, x: &[Directional], c: &[Directional], rates: &mut [Directional]) {
-        let actuation = self.plant.actuation(&Command { pp: c[0].value, rd: c[1].value });
-        let slope = match self.law {
-            RudderLaw::Linear => self.rudder_gain,
-            RudderLaw::Sine => self.rudder_gain * c[1].value.cos(),
-        };
-        let moment = Dual { value: actuation.moment_per_speed, partials: [slope * c[1].partials[0]] };
-        rates[..3].copy_from_slice(&self.directional.acceleration([x[0], x[1], x[2]], x[3], moment));
-        rates[3] = (c[0] - x[3]) * self.lag_rate;
-    }
 }
 
 /// Why a model has no derivatives.
@@ -79,7 +53,6 @@ impl Continuous {
         }
         let outputs = model.description.outputs.len();
         let (field, hidden) = match &model.body {
-            Body::Plant(plant) => of_plant(plant),
             Body::Craft(craft) => of_craft(model, &craft.file.craft)?,
             Body::Equations(equations) => of_equations(model, equations)?,
             Body::Recurrent(_) | Body::Direct(_) | Body::Affine(_) | Body::Committee(_) => {
@@ -98,10 +71,9 @@ impl Continuous {
         self.outputs + self.hidden.len() + if self.motion.is_some() { 3 } else { 0 }
     }
 
-    /// Writes the hidden states of a steady motion with the outputs `y`: the command `c` has been held for a long time.
-    pub fn settle(&self, y: &[f64], c: &[f64], hidden: &mut [f64]) {
+    /// Writes the hidden states of a steady motion: the command `c` has been held for a long time.
+    pub fn settle(&self, c: &[f64], hidden: &mut [f64]) {
         match &self.field {
-            Field::Plant(field) => hidden[0] = field.plant.holding_force(y[0]),
             Field::Craft { servos, .. } => {
                 let moving = servos.iter().filter(|servo| !servo.follows_at_once());
                 hidden.iter_mut().zip(moving).for_each(|(state, servo)| *state = servo.order.value(c));
@@ -136,7 +108,6 @@ impl Continuous {
     pub fn rates(&self, x: &[Directional], c: &[Directional], current: [f64; 2], rates: &mut [Directional]) {
         assert!(x.len() == self.states() && rates.len() == self.states(), "a number for each state");
         match &self.field {
-            Field::Plant(field) => field.rates(x, c, rates),
             Field::Craft { dynamics, servos } => craft_rates(dynamics, servos, x, c, rates),
             Field::Equations { equations, jacobian } => equation_rates(equations, jacobian, x, c, rates),
         }
@@ -158,21 +129,6 @@ impl Continuous {
 
 fn hidden(name: String, unit: &str) -> Hidden {
     Hidden { name, unit: unit.to_owned() }
-}
-
-fn of_plant(of: &PlantModel) -> (Field, Vec<Hidden>) {
-    let form = of.form();
-    let plant = Plant::assemble(form, of.numbers());
-    // The equation of the lag is linear: its rate at a commanded force of 1 N is the reciprocal of the lag.
-    let lag_rate = plant.derivative(&State::REST, &Command { pp: 1.0, rd: 0.0 }).p_f;
-    let full = match form.rudder {
-        RudderLaw::Linear => 1.0,
-        RudderLaw::Sine => std::f64::consts::FRAC_PI_2,
-    };
-    let rudder_gain = plant.actuation(&Command { pp: 0.0, rd: full }).moment_per_speed;
-    let directional = Plant::assemble(form, &of.numbers().map(Directional::constant));
-    let field = PlantField { plant, directional, law: form.rudder, lag_rate, rudder_gain };
-    (Field::Plant(Box::new(field)), vec![hidden(String::from("propeller_force"), "N")])
 }
 
 fn of_craft(

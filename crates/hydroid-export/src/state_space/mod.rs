@@ -17,7 +17,6 @@ mod craft;
 mod direct;
 pub(crate) mod equations;
 pub(crate) mod network;
-mod plant;
 mod rate_limits;
 pub(crate) mod recurrent;
 
@@ -117,7 +116,6 @@ impl StateSpace {
             Body::Direct(direct) => direct::state_space(direct, &channels),
             Body::Affine(affine) => affine::state_space(affine, &channels),
             Body::Committee(committee) => committee::state_space(committee, &channels),
-            Body::Plant(plant) => plant::state_space(plant),
             Body::Craft(craft) => craft::state_space(&craft.model),
         };
         space.behind_limits(model).0

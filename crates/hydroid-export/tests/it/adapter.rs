@@ -213,7 +213,7 @@ fn models_without_an_adapter_in_c_are_refused() {
         let options = adapt::Options::of(model);
         match &model.body {
             Body::Committee(_) => {}
-            Body::Direct(_) | Body::Plant(_) | Body::Craft(_) => {
+            Body::Direct(_) | Body::Craft(_) => {
                 let error = refused(model, &options);
                 assert!(error.contains("without adapter") && error.contains("C library"), "{error}");
             }

@@ -169,7 +169,7 @@ fn a_model_of_each_kind_runs_in_c() {
         "affine",
     ];
     for model in all() {
-        if kinds.contains(&model.description.name.as_str()) || model.plant().is_some() {
+        if kinds.contains(&model.description.name.as_str()) || model.is_vessel() {
             compare(&model, Precision::Double, &UNDEFINED);
         }
     }

@@ -85,7 +85,7 @@ fn a_model_in_continuous_time_has_rates() {
         let mut expected =
             ["start", "step", "observe", "rollout"].map(|end| format!("a_boat_{end}.onnx")).to_vec();
         let limited = model.description.inputs.iter().any(|port| port.rate_limit.is_some());
-        let continuous = ["plant", "craft", "control_affine"].contains(&model.kind())
+        let continuous = ["craft", "control_affine"].contains(&model.kind())
             || model.description.name == "equations"
             || model.description.name == "equations with lags";
         if continuous && !limited {

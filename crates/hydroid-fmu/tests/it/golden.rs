@@ -62,11 +62,7 @@ impl Golden {
         let mut still = model.frozen();
         still.description.current = None;
         let mut session = still.session();
-        let rows = match &model.body {
-            // Its only memory is the force of the propeller, which holds the speed at the start.
-            Body::Plant(_) => 1,
-            _ => session.warm_up().max(2),
-        };
+        let rows = session.warm_up().max(2);
         for row in 0..rows {
             session.observe(&start_outputs);
             if row + 1 < rows {

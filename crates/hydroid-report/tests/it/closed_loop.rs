@@ -6,12 +6,12 @@ use hydroid::closed_loop::{
 };
 use hydroid::plant::Outside;
 use hydroid::progress::silent;
-use hydroid_core::vessel::VesselParams;
+use hydroid_core::craft::Craft;
 use hydroid_report::ClosedLoopReport;
 
 #[test]
 fn the_page_shows_track_errors_commands_and_many_runs() {
-    let vessel = VesselParams::hydrofoil();
+    let vessel = Craft::hydrofoil();
     let course = Track::new(&Task::Circle { radius: 15.0 }, &SpeedOptions::cruise(1.5)).unwrap();
     let mut scene = Scenario::new(vessel.clone(), course);
     scene.duration_s = 20.0;

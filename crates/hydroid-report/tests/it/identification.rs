@@ -12,13 +12,13 @@ use hydroid::log::{Channel, Note, Split, Table, Trajectory};
 use hydroid::model::Reading;
 use hydroid::progress::silent;
 use hydroid::simulate::{Options, simulate};
+use hydroid_core::craft::Craft;
 use hydroid_core::model::sparse::{Equations, Gate, Real, Signal, Term};
-use hydroid_core::vessel::VesselParams;
 use hydroid_report::{Context, ReportError, identification, style};
 
 /// A simulated run with channel names that need escaping.
 fn run(seed: u64) -> Trajectory {
-    let vessel = VesselParams::simple();
+    let vessel = Craft::simple();
     let options = Options { duration_s: 120.0, seed, ..Options::new(vessel, Excitation::Mixed) };
     let mut run = simulate(&options, &mut |_| ControlFlow::Continue(()))
         .unwrap()

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use hydroid_core::control::Status;
-use hydroid_core::vessel::VesselParams;
+use hydroid_core::craft::Craft;
 
 use super::super::StudyError;
 use super::super::outcome::{Cell, Outcome, Sheet};
@@ -16,9 +16,9 @@ use hydroid::closed_loop::{
     self, ClosedLoopError, Conditions, ControlMethod, ControllerOptions, Metrics, Run, Sample, Scenario,
     SpeedOptions, Task, Track,
 };
+use hydroid::craft;
 use hydroid::model::Model;
 use hydroid::progress::silent;
-use hydroid::simulate;
 use hydroid_report::figure::{Dash, Figure, Key, Line, Mark, Panel, Stroke};
 use hydroid_report::style;
 
@@ -93,8 +93,8 @@ impl Circles {
             &["model", "t [s]", "north [m]", "east [m]", "distance from the reference [m]"],
         );
         for (i, circle) in self.circles.iter().enumerate() {
-            let vessel = simulate::built_in(&circle.plant)
-                .ok_or_else(|| StudyError::missing("plant", &circle.plant))?;
+            let vessel =
+                craft::built_in(&circle.plant).ok_or_else(|| StudyError::missing("plant", &circle.plant))?;
             let truth = Model::of_vessel(&vessel, 0.1).map_err(|error| runner.cannot(error))?;
             let mut models = vec![(String::from(TRUTH), None, truth)];
             for name in &circle.models {
@@ -165,7 +165,7 @@ impl Circles {
     fn simulate_circle(
         &self,
         circle: &Circle,
-        vessel: &VesselParams,
+        vessel: &Craft,
         model: &Model,
     ) -> Result<CircleResult, String> {
         let words = |error: ClosedLoopError| error.to_string();

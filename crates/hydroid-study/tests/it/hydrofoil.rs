@@ -12,19 +12,19 @@ use hydroid::model::Reading;
 use hydroid::progress::silent;
 use hydroid::simulate::{self, simulate};
 use hydroid::sindy::{GateSpec, Lag, Structure};
+use hydroid_core::craft::Craft;
 use hydroid_core::model::sparse::Shape;
-use hydroid_core::vessel::VesselParams;
 use hydroid_study::recipe::{self, DIFFERENCES, UNITS, Verdict, recipe};
 
 /// Without the propeller force, which is not logged.
-fn run(vessel: VesselParams, duration_s: f64, seed: u64) -> Trajectory {
+fn run(vessel: Craft, duration_s: f64, seed: u64) -> Trajectory {
     let options = simulate::Options { duration_s, seed, ..simulate::Options::new(vessel, Excitation::Mixed) };
     simulate(&options, &mut silent()).unwrap().to_trajectory(&["u", "v", "r"]).unwrap()
 }
 
 /// Default options: ten minutes of training and five of validation; evaluation on another twenty, from true states
 /// against the truth.
-fn from_ten_minutes(vessel: &VesselParams, seed: u64) -> (IdentifyResult, Evaluation) {
+fn from_ten_minutes(vessel: &Craft, seed: u64) -> (IdentifyResult, Evaluation) {
     let part = |duration_s, seed| vec![run(vessel.clone(), duration_s, seed)];
     let split = Split {
         train: part(600.0, seed),
@@ -69,7 +69,7 @@ fn structure(identified: &IdentifyResult) -> &Structure {
 }
 
 fn the_hydrofoil_is_found(seed: u64, factor: f64) {
-    let (identified, test) = from_ten_minutes(&VesselParams::hydrofoil(), seed);
+    let (identified, test) = from_ten_minutes(&Craft::hydrofoil(), seed);
     let structure = structure(&identified);
     println!("seed {seed}: 20 steps {:.4?}, 100 steps {:.4?}, {structure:?}", test.mae[19], test.mae[99]);
     // The plant: lag of 1 s of the propeller, change of the drag at 2.5 m/s with slope 12.
@@ -108,7 +108,7 @@ fn ten_less_excited_minutes_of_the_hydrofoil() {
 
 #[test]
 fn the_simple_vessel_gets_no_change_of_mode() {
-    let (identified, test) = from_ten_minutes(&VesselParams::simple(), 0);
+    let (identified, test) = from_ten_minutes(&Craft::simple(), 0);
     let structure = structure(&identified);
     println!("20 steps {:.4?}, 100 steps {:.4?}, {structure:?}", test.mae[19], test.mae[99]);
     assert_eq!(structure.gate, None);
@@ -130,7 +130,7 @@ fn the_simple_vessel_gets_no_change_of_mode() {
 #[test]
 #[ignore = "slow tier: .ci/run runs it"]
 fn the_settings_of_the_thesis_have_moderate_accuracy() {
-    let [train, test] = [0, 1].map(|seed| run(VesselParams::hydrofoil(), 600.0, seed));
+    let [train, test] = [0, 1].map(|seed| run(Craft::hydrofoil(), 600.0, seed));
     let rows = recipe(&train, &test, &[2], &[DIFFERENCES[0], DIFFERENCES[2]], &[0.0, 0.05, 0.5]).unwrap();
     let row = |difference: &str, unit: &str, threshold: f64| {
         let same =

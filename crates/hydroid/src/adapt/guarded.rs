@@ -71,12 +71,9 @@ fn constant_weights(model: &Model, options: &Options) -> KalmanOptions {
             noise_factor: 1.0,
             ..filter
         },
-        Body::Equations(_)
-        | Body::Direct(_)
-        | Body::Affine(_)
-        | Body::Committee(_)
-        | Body::Plant(_)
-        | Body::Craft(_) => filter,
+        Body::Equations(_) | Body::Direct(_) | Body::Affine(_) | Body::Committee(_) | Body::Craft(_) => {
+            filter
+        }
     }
 }
 

@@ -38,7 +38,6 @@ pub use least_squares::LeastSquaresOptions;
 pub use metrics::MeteredAdapter;
 pub use metrics::{Counts, Coverage, Times};
 pub use plant::LearnedParameter;
-use plant::Vessel;
 #[doc(hidden)]
 pub use {
     committee::ResolvedCommittee,
@@ -183,9 +182,7 @@ impl Options {
                 (Method::LeastSquares, LeastSquaresOptions::for_last_layer(), KalmanOptions::default())
             }
             Body::Recurrent(_) => (Method::Kalman, LeastSquaresOptions::default(), KalmanOptions::default()),
-            Body::Plant(_) | Body::Craft(_) => {
-                (Method::Kalman, LeastSquaresOptions::default(), KalmanOptions::of_plants())
-            }
+            Body::Craft(_) => (Method::Kalman, LeastSquaresOptions::default(), KalmanOptions::of_plants()),
             Body::Affine(_) | Body::Committee(_) => return Self::default(),
         };
         Self { method, least_squares, kalman, ..Self::default() }
@@ -199,12 +196,9 @@ impl Options {
 pub fn adaptable(model: &Model) -> Result<(), AdaptError> {
     match &model.body {
         Body::Affine(_) => Err(AdaptError::Kind { kind: model.kind() }),
-        Body::Equations(_)
-        | Body::Recurrent(_)
-        | Body::Direct(_)
-        | Body::Committee(_)
-        | Body::Plant(_)
-        | Body::Craft(_) => Ok(()),
+        Body::Equations(_) | Body::Recurrent(_) | Body::Direct(_) | Body::Committee(_) | Body::Craft(_) => {
+            Ok(())
+        }
     }
 }
 
@@ -266,12 +260,8 @@ fn inner_learner(
             let (adapter, used) = last_layer::adapter(model, direct, &options.least_squares)?;
             Ok((Box::new(adapter), ResolvedOptions::LastLayer(used)))
         }
-        Body::Plant(vessel) => {
-            let (adapter, used) = plant::adapter(model, &Vessel::Plant(vessel), &options.kalman, runs)?;
-            Ok((Box::new(adapter), ResolvedOptions::Kalman(used)))
-        }
         Body::Craft(craft) => {
-            let (adapter, used) = plant::adapter(model, &Vessel::Craft(craft), &options.kalman, runs)?;
+            let (adapter, used) = plant::adapter(model, craft, &options.kalman, runs)?;
             Ok((Box::new(adapter), ResolvedOptions::Kalman(used)))
         }
         Body::Committee(committee) => {
@@ -393,7 +383,7 @@ impl Frozen {
         let restarted = evaluate(name, session.as_mut(), &ranges, runs, &options.evaluate, &mut |done| {
             progress(0.5 * done)
         })?;
-        let filtered = match (used, model.equations(), Vessel::of(model)) {
+        let filtered = match (used, model.equations(), &model.body) {
             (
                 ResolvedOptions::LeastSquares(_)
                 | ResolvedOptions::LastLayer(_)
@@ -405,12 +395,12 @@ impl Frozen {
                 let (session, _) = equations::adapter(model, &motion, &options, runs)?;
                 Some(model.whole_session(Box::new(session)))
             }
-            (ResolvedOptions::Kalman(_), _, Some(vessel)) => {
+            (ResolvedOptions::Kalman(_), _, Body::Craft(vessel)) => {
                 let options = options.kalman.with_constant_weights();
-                let (session, _) = plant::adapter(model, &vessel, &options, runs)?;
+                let (session, _) = plant::adapter(model, vessel, &options, runs)?;
                 Some(model.whole_session(Box::new(session)))
             }
-            (ResolvedOptions::Kalman(used), None, None) => kalman::filtered(model, &used.noise)?,
+            (ResolvedOptions::Kalman(used), None, _) => kalman::filtered(model, &used.noise)?,
         };
         let filtered = match filtered {
             Some(mut session) => {
@@ -483,8 +473,7 @@ pub fn learned(
         Body::Direct(direct) => last_layer::learned(model, direct, weights)?,
         Body::Committee(committee) => committee::learned(model, committee, weights)?,
         Body::Affine(_) => return Err(AdaptError::Kind { kind: model.kind() }),
-        Body::Plant(vessel) => plant::learned(model, &Vessel::Plant(vessel), weights)?,
-        Body::Craft(craft) => plant::learned(model, &Vessel::Craft(craft), weights)?,
+        Body::Craft(craft) => plant::learned(model, craft, weights)?,
     };
     let entry = serde_json::json!({ "runs": runs, "hydroid": env!("CARGO_PKG_VERSION"), "settings": used });
     let settings = &mut model.description.provenance.settings;

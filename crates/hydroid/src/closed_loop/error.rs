@@ -2,7 +2,6 @@
 
 use hydroid_core::control::ControlError;
 use hydroid_core::guidance::PathError;
-use hydroid_core::vessel::InvalidParams;
 
 use crate::adapt::AdaptError;
 use crate::boat::Role;
@@ -16,8 +15,6 @@ use crate::plant::PlantError;
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum ClosedLoopError {
-    #[error("the vessel is invalid: {0}")]
-    Vessel(#[from] InvalidParams),
     #[error("the track is invalid: {0}")]
     Path(#[from] PathError),
     #[error("the controller is invalid: {0}")]
@@ -57,8 +54,6 @@ pub enum ClosedLoopError {
         "the adapter has {weights} weights, but the model of the control law has {coefficients}: switch all_terms off, or use cem"
     )]
     WeightCount { weights: usize, coefficients: usize },
-    #[error("the sample time of {dt_s} s is not a whole number of integration steps of {step_s} s")]
-    Substeps { dt_s: f64, step_s: f64 },
     #[error(
         "the plant is a model with samples of {own_s} s, and the controller has samples of {dt_s} s: identify both with the same {}",
         key("dt")
@@ -97,7 +92,6 @@ impl ClosedLoopError {
         match error {
             NotInvertible::NotAffine(why, remedy) => Self::NotAffine { law, why, remedy },
             NotInvertible::Control(error) => Self::Control(error),
-            NotInvertible::Vessel(error) => Self::Vessel(error),
         }
     }
 }

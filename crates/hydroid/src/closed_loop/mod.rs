@@ -11,9 +11,9 @@
 //!     Conditions, ControlMethod, ControllerOptions, Metrics, Scenario, SpeedOptions, Task, Track, run,
 //! };
 //! use hydroid::progress::silent;
-//! use hydroid_core::vessel::VesselParams;
+//! use hydroid_core::craft::Craft;
 //!
-//! let vessel = VesselParams::simple();
+//! let vessel = Craft::simple();
 //! let track = Track::new(&Task::Circle { radius: 10.0 }, &SpeedOptions::cruise(1.5))?;
 //! let scenario = Scenario::new(vessel.clone(), track);
 //! let mut control = ControllerOptions::new(ControlMethod::FeedbackLinearization, &scenario.plant, 0.1);

@@ -4,11 +4,12 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use hydroid_core::actuator::Limits;
-use hydroid_core::vessel::{Command, VesselParams};
+use hydroid_core::control::AffinePlant;
+use hydroid_core::craft::Craft;
 
 use super::disturbance::Conditions;
 use super::error::ClosedLoopError;
-use super::perturbed::PerturbedPlant;
+use super::perturbed::{PerturbedPlant, forces};
 use super::simulated::SimulatedModel;
 use crate::boat::{BoatError, Value};
 use crate::log::Channel;
@@ -19,22 +20,22 @@ use crate::plant::{PlantError, input_values};
 #[derive(Clone, Debug)]
 pub enum TruePlant {
     /// A vessel with given parameters: wind and mass can change.
-    Vessel(Box<VesselParams>),
+    Vessel(Box<Craft>),
     /// An identified model.
     Model(Arc<Model>),
 }
 
-impl From<VesselParams> for TruePlant {
-    fn from(params: VesselParams) -> Self {
-        Self::Vessel(Box::new(params))
+impl From<Craft> for TruePlant {
+    fn from(craft: Craft) -> Self {
+        Self::Vessel(Box::new(craft))
     }
 }
 
 impl From<Arc<Model>> for TruePlant {
     /// A model with given parameters is a vessel.
     fn from(model: Arc<Model>) -> Self {
-        match model.plant() {
-            Some(plant) => plant.params().clone().into(),
+        match model.craft() {
+            Some(craft) => craft.clone().into(),
             None => Self::Model(model),
         }
     }
@@ -44,7 +45,7 @@ impl TruePlant {
     /// Name of the vessel or of the model.
     pub fn name(&self) -> &str {
         match self {
-            Self::Vessel(params) => &params.name,
+            Self::Vessel(craft) => &craft.name,
             Self::Model(model) => &model.description.name,
         }
     }
@@ -55,7 +56,7 @@ impl TruePlant {
     /// If a vessel or the sample time is invalid.
     pub fn model(&self, dt_s: f64) -> Result<Arc<Model>, ClosedLoopError> {
         Ok(match self {
-            Self::Vessel(params) => Arc::new(Model::of_vessel(params, dt_s).map_err(PlantError::from)?),
+            Self::Vessel(craft) => Arc::new(Model::of_vessel(craft, dt_s).map_err(PlantError::from)?),
             Self::Model(model) => Arc::clone(model),
         })
     }
@@ -63,9 +64,9 @@ impl TruePlant {
     /// Names and units of the commands.
     pub fn commands(&self) -> Vec<Channel> {
         match self {
-            Self::Vessel(params) => [&params.commands.propeller, &params.commands.rudder]
-                .map(|c| Channel::new(c.name.as_str(), c.unit.as_str()))
-                .to_vec(),
+            Self::Vessel(craft) => {
+                craft.commands.iter().map(|c| Channel::new(c.name.as_str(), c.unit.as_str())).collect()
+            }
             Self::Model(model) => model.description.inputs.iter().map(|port| port.channel.clone()).collect(),
         }
     }
@@ -73,8 +74,8 @@ impl TruePlant {
     /// Names and units of the measured outputs.
     pub fn measured(&self) -> Vec<Channel> {
         let mut all = self.outputs();
-        if matches!(self, Self::Vessel(params) if !params.propeller.force_measured) {
-            all.truncate(3);
+        if let Self::Vessel(craft) = self {
+            all.truncate(3 + craft.thrusters.iter().filter(|t| t.force_noise.is_some()).count());
         }
         all
     }
@@ -82,9 +83,15 @@ impl TruePlant {
     /// Names and units of all outputs; those that are not measured follow the measured ones.
     pub(super) fn outputs(&self) -> Vec<Channel> {
         match self {
-            Self::Vessel(_) => [("u", "m/s"), ("v", "m/s"), ("r", "rad/s"), ("P_f", "N")]
-                .map(|(name, unit)| Channel::new(name, unit))
-                .to_vec(),
+            Self::Vessel(craft) => {
+                let motion = [("u", "m/s"), ("v", "m/s"), ("r", "rad/s")];
+                let force = |index: usize| match craft.thrusters.as_slice() {
+                    [_] => Channel::new("P_f", "N"),
+                    all => Channel::new(format!("P_f {}", all[index].name), "N"),
+                };
+                let motion = motion.map(|(name, unit)| Channel::new(name, unit));
+                motion.into_iter().chain(forces(craft).into_iter().map(force)).collect()
+            }
             Self::Model(model) => model.description.outputs.iter().map(|port| port.channel.clone()).collect(),
         }
     }
@@ -92,9 +99,9 @@ impl TruePlant {
     /// Standard deviation of the measurement noise of each output.
     pub(super) fn noise(&self) -> Vec<f64> {
         match self {
-            Self::Vessel(params) => {
-                let noise = params.noise;
-                vec![noise.u, noise.v, noise.r, noise.p_f]
+            Self::Vessel(craft) => {
+                let force = |index: usize| craft.thrusters[index].force_noise.unwrap_or(0.0);
+                craft.noise.into_iter().chain(forces(craft).into_iter().map(force)).collect()
             }
             Self::Model(model) => {
                 model.description.outputs.iter().map(|port| port.noise.unwrap_or(0.0)).collect()
@@ -106,7 +113,7 @@ impl TruePlant {
     /// other are not a number: control laws refuse them.
     pub fn limits(&self) -> Vec<Limits> {
         match self {
-            Self::Vessel(params) => hydroid_core::control::AffinePlant::limits(params).to_vec(),
+            Self::Vessel(craft) => AffinePlant::limits(craft),
             Self::Model(model) => {
                 let none = || vec![Limits::held(f64::NAN); model.description.inputs.len()];
                 limits_of(model).unwrap_or_else(|_| none())
@@ -179,8 +186,8 @@ impl PlantInMotion {
     ) -> Result<Self, ClosedLoopError> {
         let delay = DelayLine::new(conditions.delay_s, dt_s, idle)?;
         Ok(match plant {
-            TruePlant::Vessel(params) => {
-                Self::Vessel(Box::new(PerturbedPlant::new(params, conditions, dt_s, delay)?))
+            TruePlant::Vessel(craft) => {
+                Self::Vessel(Box::new(PerturbedPlant::new(craft, conditions, dt_s, idle, delay)?))
             }
             TruePlant::Model(model) => {
                 Self::Model(Box::new(SimulatedModel::new(model, conditions, dt_s, idle, delay)?))
@@ -223,7 +230,7 @@ impl PlantInMotion {
     /// Integrates over one sample. The command acts after the delay.
     pub(super) fn advance(&mut self, command: &[f64]) {
         match self {
-            Self::Vessel(plant) => plant.advance(Command { pp: command[0], rd: command[1] }),
+            Self::Vessel(plant) => plant.advance(command),
             Self::Model(model) => model.advance(command),
         }
     }

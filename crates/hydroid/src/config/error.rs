@@ -1,11 +1,12 @@
 //! Errors of settings.
 
 use crate::boat::BoatError;
+use crate::craft::BUILT_IN;
 use crate::log::LogError;
 use crate::manoeuvre::ManoeuvreError;
 use crate::model::{Mismatch, ModelError};
 use crate::plant::PlantError;
-use crate::simulate::{BUILT_IN, SimulateError, VesselFileError};
+use crate::simulate::SimulateError;
 use crate::toml_file::TomlError;
 
 /// Reason why a configuration cannot be used.
@@ -43,8 +44,6 @@ pub enum SettingError {
     Log(#[from] LogError),
     #[error(transparent)]
     Model(#[from] ModelError),
-    #[error(transparent)]
-    Vessel(#[from] VesselFileError),
     #[error(transparent)]
     Mismatch(#[from] Mismatch),
     #[error(transparent)]

@@ -17,6 +17,11 @@ fn line_text(line: Option<usize>) -> String {
 pub enum CraftFileError {
     #[error(transparent)]
     File(#[from] TomlError),
+    #[error(
+        "{}: this form of vessel files, with the tables [propeller], [rudder] and [commands], is not read any more. Write each command as [[command]] with name, unit and limits, the propeller as [[thruster]] with law = \"linear\", order = {{ COMMAND = 1.0 }}, position = [0.0, 0.0], forward = 1.0 and lag, and the rudder as [[rudder]] with order, law and gain; `hydroid simulate hydrofoil --print-vessel` prints an example. The other tables stay",
+        path.display()
+    )]
+    Former { path: PathBuf },
     /// The numbers describe no vessel.
     #[error("{}{}: {source}", path.display(), line_text(*line))]
     Invalid { path: PathBuf, line: Option<usize>, source: InvalidCraft },

@@ -12,7 +12,7 @@ use super::error::CraftFileError;
 use super::tables::{Command, CoriolisForm, EstimateList, File, Law, RudderKind, RudderTable, ThrusterTable};
 use super::{CommandUnit, CraftFile, Estimate, Tie};
 use crate::log::units::{Quantity, Unit};
-use crate::toml_file::{self, nearest};
+use crate::toml_file::{self, TomlError, nearest};
 
 /// Density of sea water at 15 degrees Celsius \[kg/m^3\].
 const SEA_WATER: f64 = 1025.0;
@@ -23,12 +23,21 @@ const PRIOR: f64 = 0.5;
 /// Share of the additional velocity of a race at the rudder: 0.5 for the KVLCC2 (Yasukawa and Yoshimura 2015, table 3).
 const RACE: f64 = 0.5;
 
-/// Whether a vessel file has actuators of its own: tables `[[command]]`, `[[thruster]]` or `[[rudder]]`.
-pub fn is_craft(text: &str) -> bool {
-    text.lines().any(|line| {
-        let line: String = line.chars().filter(|c| !c.is_whitespace()).collect();
-        ["[[command]]", "[[thruster]]", "[[rudder]]"].iter().any(|header| line.starts_with(header))
-    })
+/// Reads and validates a vessel file. [`CraftFile::text`] writes one.
+///
+/// # Errors
+/// See [`CraftFileError`].
+pub fn load(path: impl AsRef<Path>) -> Result<CraftFile, CraftFileError> {
+    let path = path.as_ref();
+    let text =
+        std::fs::read_to_string(path).map_err(|source| TomlError::Read { path: path.to_owned(), source })?;
+    parse(&text, path)
+}
+
+/// Whether a file has the tables of the form of vessel files that is not read any more: one propeller and one rudder.
+fn is_former(text: &str) -> bool {
+    let Ok(file) = text.parse::<toml::Table>() else { return false };
+    ["propeller", "rudder", "commands"].iter().any(|key| file.get(*key).is_some_and(toml::Value::is_table))
 }
 
 /// Parses and validates a vessel file; `path` is for messages.
@@ -36,6 +45,9 @@ pub fn is_craft(text: &str) -> bool {
 /// # Errors
 /// See [`CraftFileError`].
 pub fn parse(text: &str, path: &Path) -> Result<CraftFile, CraftFileError> {
+    if is_former(text) {
+        return Err(CraftFileError::Former { path: path.to_owned() });
+    }
     let file: File = toml_file::parse(text, path)?;
     let reader = Reader { path, units: units(&file, path)? };
     let (craft, ties) = reader.craft(&file)?;
@@ -248,6 +260,7 @@ impl Reader<'_> {
             speed_loss,
             diameter: table.diameter.or_else(|| base.and_then(|base| base.diameter)),
             steering,
+            force_noise: table.force_noise,
         };
         let thruster_index = before.len();
         Ok((thruster, like.map(|like| Tie { thruster: thruster_index, like, keys })))

@@ -43,8 +43,21 @@ mod text;
 use hydroid_core::craft::Craft;
 
 pub use error::CraftFileError;
-pub use file::{is_craft, parse};
+pub use file::{load, parse};
 pub(crate) use roles::roles;
+
+/// Names of the built-in vessels.
+pub const BUILT_IN: [&str; 3] = ["simple", "hydrofoil", "hydrofoil-low-speed"];
+
+/// A built-in vessel by its name, one of [`BUILT_IN`].
+pub fn built_in(name: &str) -> Option<Craft> {
+    match name {
+        "simple" => Some(Craft::simple()),
+        "hydrofoil" => Some(Craft::hydrofoil()),
+        "hydrofoil-low-speed" => Some(Craft::hydrofoil_low_speed()),
+        _ => None,
+    }
+}
 
 /// Content of a vessel file.
 #[derive(Clone, Debug, PartialEq)]
@@ -94,6 +107,16 @@ pub struct Tie {
     pub like: usize,
     /// Keys of the shared numbers.
     pub keys: Vec<&'static str>,
+}
+
+impl From<Craft> for CraftFile {
+    /// A vessel whose commands have in the file the units in which they are stored.
+    fn from(craft: Craft) -> Self {
+        let unit =
+            |text: &String| CommandUnit { text: text.clone(), stored: text.clone(), factor: 1.0, gain: 1.0 };
+        let units = craft.commands.iter().map(|command| unit(&command.unit)).collect();
+        Self { craft, units, estimate: Vec::new(), ties: Vec::new() }
+    }
 }
 
 impl CraftFile {

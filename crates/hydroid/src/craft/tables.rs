@@ -161,6 +161,7 @@ pub(super) struct ThrusterTable {
     pub(super) reverse: Option<f64>,
     pub(super) speed_loss: Option<f64>,
     pub(super) diameter: Option<f64>,
+    pub(super) force_noise: Option<f64>,
     pub(super) steering: Option<Steering>,
 }
 

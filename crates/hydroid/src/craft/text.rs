@@ -226,6 +226,9 @@ impl Writer<'_> {
         for name in ["forward", "reverse", "speed_loss"] {
             self.next(name, !shared(name));
         }
+        if let Some(noise) = thruster.force_noise {
+            self.line(&format!("force_noise = {} # N", number(noise)));
+        }
         if let Some(diameter) = thruster.diameter {
             self.line(&format!("diameter = {} # m", number(diameter)));
         }

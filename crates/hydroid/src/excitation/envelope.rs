@@ -1,8 +1,7 @@
 //! Top speed and response time from a vessel's parameters.
 
-use hydroid_core::vessel::{Plant, VesselParams};
-
 use super::error::ExcitationError;
+use super::vessel::PropellerRudder;
 
 /// Top speed and response time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,16 +23,17 @@ impl Envelope {
     /// # Errors
     /// [`ExcitationError::NoForwardForce`] where the propeller's upper limit is not positive,
     /// [`ExcitationError::NoDrag`] where nothing would stop the vessel from accelerating.
-    pub fn new(params: &VesselParams, plant: &Plant) -> Result<Self, ExcitationError> {
-        let force = params.commands.propeller.limits[1];
+    pub fn new(vessel: &PropellerRudder) -> Result<Self, ExcitationError> {
+        let [_, limit] = vessel.propeller().limits;
+        let (force, dynamics) = (vessel.force_of(limit), vessel.dynamics());
         if force <= 0.0 {
-            return Err(ExcitationError::NoForwardForce { limit: force });
+            return Err(ExcitationError::NoForwardForce { limit });
         }
         // The holding force of a hydrofoil is not monotone: scan for the last speed that full force holds, then bisect.
         let mut held = 0.0;
         let mut u = FINEST;
         while u <= ABSURD_SPEED {
-            if plant.holding_force(u) <= force {
+            if dynamics.holding_force(u) <= force {
                 held = u;
             } else if u > 4.0 * held.max(FINEST) {
                 break;
@@ -46,9 +46,9 @@ impl Envelope {
         let (mut low, mut high) = (held, held.max(FINEST) * 1.01);
         for _ in 0..60 {
             let middle = 0.5 * (low + high);
-            if plant.holding_force(middle) <= force { low = middle } else { high = middle }
+            if dynamics.holding_force(middle) <= force { low = middle } else { high = middle }
         }
-        let [m11, ..] = plant.mass_matrix();
-        Ok(Self { top_speed: low, time_s: params.propeller.lag + m11 * low / force })
+        let [m11, ..] = vessel.craft().hull.mass_matrix();
+        Ok(Self { top_speed: low, time_s: vessel.lag_s() + m11 * low / force })
     }
 }

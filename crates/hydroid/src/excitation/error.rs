@@ -5,11 +5,19 @@
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum ExcitationError {
+    #[error("an excitation of propeller and rudder: {0}")]
+    Actuators(#[from] hydroid_core::craft::NotAffineCraft),
+    #[error(
+        "an excitation of propeller and rudder needs a vessel with one thruster on the centreline that pushes ahead, and one rudder of the law linear or sine: '{name}' has other actuators"
+    )]
+    NotPropellerRudder { name: String },
     #[error(
         "the vessel has no surge drag (drag.linear[0][0], drag.quadratic[0][0]): its speed would grow without bound"
     )]
     NoDrag,
-    #[error("commands.propeller.limits end at {limit}: the propeller cannot push forward")]
+    #[error(
+        "the command of the propeller ends at {limit}, its neutral value or less: the propeller cannot push forward"
+    )]
     NoForwardForce { limit: f64 },
     #[error("{what} is {value}; it must be a number greater than 0")]
     NotPositive { what: &'static str, value: f64 },

@@ -13,11 +13,13 @@ mod prbs;
 mod record;
 mod segment;
 mod streams;
+mod vessel;
 
 pub use error::ExcitationError;
 pub use kind::{Circle, Excitation, LawnMower, LowSpeed, Turn};
 pub(crate) use record::low_speed_ceiling;
 pub(crate) use streams::{Purpose, stream};
+pub use vessel::PropellerRudder;
 #[doc(hidden)]
 pub use {
     compose::Composer,

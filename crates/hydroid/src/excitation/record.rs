@@ -1,12 +1,14 @@
 //! Both commands of a record.
 
-use hydroid_core::vessel::{Command, Plant, VesselParams};
+use hydroid_core::craft::CommandInput;
+use hydroid_core::vessel::Command;
 
 use super::compose::Composer;
 use super::envelope::Envelope;
 use super::error::ExcitationError;
 use super::kind::LowSpeed;
 use super::streams::{Purpose, stream};
+use super::vessel::PropellerRudder;
 
 /// Time scale of the rudder relative to the propeller.
 const RUDDER_PACE: f64 = 0.8;
@@ -18,14 +20,13 @@ const RUDDER_PACE: f64 = 0.8;
 /// # Errors
 /// As [`Envelope::new`].
 pub fn mixed(
-    params: &VesselParams,
-    plant: &Plant,
+    vessel: &PropellerRudder,
     seed: u64,
     dt: f64,
     n: usize,
 ) -> Result<Vec<Command>, ExcitationError> {
-    let envelope = Envelope::new(params, plant)?;
-    Ok(compose(params, params.commands.propeller.limits, envelope.time_s, seed, dt, n))
+    let envelope = Envelope::new(vessel)?;
+    Ok(compose(vessel, vessel.propeller().limits, envelope.time_s, seed, dt, n))
 }
 
 /// `n` commands at step `dt` \[s\] that keep the vessel below [`LowSpeed::ceiling`]: the propeller within
@@ -34,16 +35,15 @@ pub fn mixed(
 /// # Errors
 /// As [`low_speed_range`].
 pub fn low_speed(
-    params: &VesselParams,
-    plant: &Plant,
+    vessel: &PropellerRudder,
     low: LowSpeed,
     seed: u64,
     dt: f64,
     n: usize,
 ) -> Result<Vec<Command>, ExcitationError> {
-    let envelope = Envelope::new(params, plant)?;
-    let range = low_speed_range(params, plant, low)?;
-    Ok(compose(params, range, envelope.time_s, seed, dt, n))
+    let envelope = Envelope::new(vessel)?;
+    let range = low_speed_range(vessel, low)?;
+    Ok(compose(vessel, range, envelope.time_s, seed, dt, n))
 }
 
 /// Propeller commands that keep the vessel below the ceiling, and below the transition speed of a hydrofoil. The upper
@@ -53,30 +53,30 @@ pub fn low_speed(
 /// # Errors
 /// [`ExcitationError::NotPositive`] for the ceiling, [`ExcitationError::NoDrag`].
 pub fn low_speed_range(
-    params: &VesselParams,
-    plant: &Plant,
+    vessel: &PropellerRudder,
     LowSpeed { ceiling }: LowSpeed,
 ) -> Result<[f64; 2], ExcitationError> {
     if !(ceiling.is_finite() && ceiling > 0.0) {
         return Err(ExcitationError::NotPositive { what: "the ceiling of the speed", value: ceiling });
     }
-    let ceiling = low_speed_ceiling(params, ceiling);
-    let [drag, ..] = plant.drag([0.82 * ceiling, 0.0, 0.0]);
+    let ceiling = low_speed_ceiling(vessel, ceiling);
+    let [drag, ..] = vessel.dynamics().damping([0.82 * ceiling, 0.0, 0.0]);
     if drag <= 0.0 {
         return Err(ExcitationError::NoDrag);
     }
-    let [low, high] = params.commands.propeller.limits;
+    let [low, high] = vessel.propeller().limits;
+    let [astern, ahead] = [-0.5 * drag, drag].map(|force| vessel.command_of(force));
     // If the limits are on one side of the range, the nearest limit is used.
-    Ok([low.max(-0.5 * drag).min(high), high.min(drag).max(low)])
+    Ok([low.max(astern).min(high), high.min(ahead).max(low)])
 }
 
 /// The ceiling, limited by the transition speed.
-pub(crate) fn low_speed_ceiling(params: &VesselParams, ceiling: f64) -> f64 {
-    params.flying.map_or(ceiling, |flying| flying.transition_speed.min(ceiling))
+pub(crate) fn low_speed_ceiling(vessel: &PropellerRudder, ceiling: f64) -> f64 {
+    vessel.craft().flying.map_or(ceiling, |flying| flying.transition_speed.min(ceiling))
 }
 
 fn compose(
-    params: &VesselParams,
+    vessel: &PropellerRudder,
     propeller: [f64; 2],
     pace_s: f64,
     seed: u64,
@@ -85,20 +85,21 @@ fn compose(
 ) -> Vec<Command> {
     let duration_s = dt * n as f64;
     let pace_s = pace_s.max(2.0 * dt);
-    let [low, high] = propeller;
-    let pp = Composer { low, high, forward: 0.88, pace_s }
-        .compose(duration_s, &mut stream(seed, Purpose::Propeller))
-        .sample(dt, n);
-    let [low, high] = params.commands.rudder.limits;
-    let rd = Composer { low, high, forward: 0.5, pace_s: RUDDER_PACE * pace_s }
-        .compose(duration_s, &mut stream(seed, Purpose::Rudder))
-        .sample(dt, n);
-    pp.into_iter()
-        .zip(rd)
-        .map(|(pp, rd)| Command {
-            pp: pp.clamp(propeller[0], propeller[1]),
-            rd: params.commands.rudder.clamp(rd),
-        })
+    // Signals are drawn about the neutral values: their signs are those of the effects.
+    let signal = |input: &CommandInput, [low, high]: [f64; 2], forward, pace_s, purpose| {
+        let neutral = input.neutral;
+        let [low, high] = [low - neutral, high - neutral];
+        Composer { low, high, forward, pace_s }
+            .compose(duration_s, &mut stream(seed, purpose))
+            .sample(dt, n)
+            .into_iter()
+            .map(move |value| value + neutral)
+    };
+    let (pushes, turns) = (vessel.propeller(), vessel.rudder());
+    let pp = signal(pushes, propeller, 0.88, pace_s, Purpose::Propeller);
+    let rd = signal(turns, turns.limits, 0.5, RUDDER_PACE * pace_s, Purpose::Rudder);
+    pp.zip(rd)
+        .map(|(pp, rd)| Command { pp: pp.clamp(propeller[0], propeller[1]), rd: turns.clamp(rd) })
         .collect()
 }
 
@@ -109,12 +110,12 @@ fn compose(
 /// vessel (an excess of a millionth of the range is clipped as rounding). Rows are counted from 1.
 pub fn held(
     rows: &[(f64, Command)],
-    params: &VesselParams,
+    vessel: &PropellerRudder,
     dt: f64,
     n: usize,
 ) -> Result<Vec<Command>, ExcitationError> {
     let Some(&(start, first)) = rows.first() else { return Err(ExcitationError::NoRows) };
-    let channels = [&params.commands.propeller, &params.commands.rudder];
+    let channels = [vessel.propeller(), vessel.rudder()];
     for (k, &(t, command)) in rows.iter().enumerate() {
         let row = k + 1;
         if !t.is_finite() {

@@ -1,6 +1,6 @@
 //! Errors of a grey box.
 
-use hydroid_core::model::PlantModelError;
+use hydroid_core::model::CraftModelError;
 
 use crate::key::key;
 use crate::progress::Cancelled;
@@ -35,7 +35,7 @@ pub enum GreyBoxError {
     )]
     NoStart,
     #[error(transparent)]
-    Vessel(#[from] PlantModelError),
+    Vessel(#[from] CraftModelError),
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }

@@ -1,7 +1,7 @@
 //! A vessel with free numbers as a parametric model.
 
 use hydroid_core::craft::{Craft, Dynamics};
-use hydroid_core::model::{CraftModel, PlantModelError};
+use hydroid_core::model::{CraftModel, CraftModelError};
 use hydroid_core::predict::Workspace;
 use hydroid_core::vessel::Dual;
 
@@ -47,7 +47,7 @@ pub(super) struct FreeNumbers {
 }
 
 impl FreeNumbers {
-    pub(super) fn new(file: &CraftFile, dt: f64) -> Result<Self, PlantModelError> {
+    pub(super) fn new(file: &CraftFile, dt: f64) -> Result<Self, CraftModelError> {
         let parameters = file.craft.parameters();
         let free = file.estimate.iter().map(|estimate| {
             let (parameter, given) = &parameters[estimate.index];

@@ -10,9 +10,9 @@
 //! use hydroid::manoeuvre::{Approach, Options, turning_circle};
 //! use hydroid::model::Model;
 //! use hydroid::plant::{InputMap, Simulation};
-//! use hydroid_core::vessel::VesselParams;
+//! use hydroid_core::craft::Craft;
 //!
-//! let model = Model::of_vessel(&VesselParams::simple(), 0.1)?;
+//! let model = Model::of_vessel(&Craft::simple(), 0.1)?;
 //! let map = InputMap::find(&model)?;
 //! let approach = Approach::new(&model, &map, Simulation::new(&model)?, &Options::default())?;
 //! let (circle, track) = turning_circle(&approach, &map, 0.5, 600.0);

@@ -4,10 +4,9 @@ use std::sync::Arc;
 
 use hydroid_core::actuator::Channel;
 use hydroid_core::control::{Affine, AffineEquations, AffineNetwork, AffinePlant, Motion};
-use hydroid_core::craft::Craft;
-use hydroid_core::model::PlantModel;
 use hydroid_core::model::sparse::Equations;
-use hydroid_core::vessel::{Numbers, PARAMETER, VesselParams};
+
+use crate::craft::CraftFile;
 
 #[derive(Debug)]
 pub(crate) enum InvertibleModel {
@@ -66,8 +65,15 @@ impl Affine for InvertibleModel {
 
 /// Map from the weights of an adapter to the coefficients of an [`InvertibleModel`].
 pub(crate) enum WeightMap {
-    Equations { coefficients: Vec<f64>, places: Vec<usize> },
-    Plant { params: Box<VesselParams>, numbers: Box<Numbers>, places: Vec<usize> },
+    Equations {
+        coefficients: Vec<f64>,
+        places: Vec<usize>,
+    },
+    /// Numbers of a vessel, and the places of each weight.
+    Vessel {
+        numbers: Vec<f64>,
+        places: Vec<Vec<usize>>,
+    },
 }
 
 impl WeightMap {
@@ -77,15 +83,15 @@ impl WeightMap {
         Self::Equations { coefficients, places }
     }
 
-    pub(crate) fn plant(plant: &Arc<PlantModel>) -> Self {
-        let (params, numbers) = (Box::new(plant.params().clone()), Box::new(*plant.numbers()));
-        let places = plant_places(plant.params()).into_iter().map(|(_, place)| place).collect();
-        Self::Plant { params, numbers, places }
+    pub(crate) fn vessel(file: &CraftFile) -> Self {
+        let numbers = file.craft.parameters().into_iter().map(|(_, number)| number).collect();
+        Self::Vessel { numbers, places: file.learned() }
     }
 
     pub(crate) const fn len(&self) -> usize {
         match self {
-            Self::Equations { places, .. } | Self::Plant { places, .. } => places.len(),
+            Self::Equations { places, .. } => places.len(),
+            Self::Vessel { places, .. } => places.len(),
         }
     }
 
@@ -98,34 +104,15 @@ impl WeightMap {
                 }
                 affine.set_coefficients(coefficients);
             }
-            (Self::Plant { params, numbers, places }, InvertibleModel::Plant(affine)) => {
-                for (&place, weight) in places.iter().zip(weights) {
-                    numbers[place] = *weight;
+            (Self::Vessel { numbers, places }, InvertibleModel::Plant(affine)) => {
+                for (group, weight) in places.iter().zip(weights) {
+                    for &place in group {
+                        numbers[place] = *weight;
+                    }
                 }
-                params.set_numbers(numbers);
-                if let Ok(learned) = AffinePlant::new(params) {
-                    **affine = learned;
-                }
+                affine.set_numbers(numbers);
             }
             _ => {}
         }
     }
-}
-
-/// Index in [`Craft::parameters`] and in [`PARAMETER`] of the numbers of a vessel that an adapter learns, in the order of its
-/// weights: those that are not zero.
-pub(crate) fn plant_places(params: &VesselParams) -> Vec<(usize, usize)> {
-    let numbers = params.numbers();
-    let place = |path: &str| {
-        let path = match path {
-            "thruster.propeller.lag" => "propeller.lag",
-            "rudder.rudder.gain" => "rudder.gain",
-            path => path,
-        };
-        PARAMETER.iter().position(|parameter| parameter.path == path)
-    };
-    let all = Craft::from(params).parameters().into_iter().enumerate();
-    all.filter_map(|(index, (parameter, _))| Some((index, place(&parameter.path)?)))
-        .filter(|(_, place)| numbers[*place] != 0.0)
-        .collect()
 }

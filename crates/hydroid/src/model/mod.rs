@@ -19,7 +19,7 @@ use std::sync::Arc;
 use hydroid_core::adapt::Adapter;
 use hydroid_core::adapt::ExpertMixtureOptions;
 use hydroid_core::current::{Inner, ThroughWater};
-use hydroid_core::model::PlantModelError;
+use hydroid_core::model::CraftModelError;
 use hydroid_core::model::recurrent::Scaling;
 use hydroid_core::predict::Predictor;
 use hydroid_core::rate_limit::{RateLimited, RateLimiter};
@@ -33,7 +33,7 @@ use crate::log::{Channel, Note, PrepareOptions, Selection, Trajectory};
 pub(crate) use current::MOTION;
 pub use current::{CurrentError, CurrentEstimate};
 pub use file::{ModelError, decode, encode, read, write};
-pub(crate) use inversion::{InvertibleModel, WeightMap, plant_places};
+pub(crate) use inversion::{InvertibleModel, WeightMap};
 pub(crate) use kinds::NotInvertible;
 pub use kinds::{Body, NamedCraft};
 pub use members::Members;
@@ -454,7 +454,7 @@ pub enum Mismatch {
     },
     /// The sample time is not one of a vessel.
     #[error(transparent)]
-    Vessel(#[from] PlantModelError),
+    Vessel(#[from] CraftModelError),
     /// A model with an estimate of the current, and a run without a heading.
     #[error(
         "{run}: the estimate of the current needs a heading that changes with the yaw rate r: name its column, as in {}",

@@ -1,6 +1,6 @@
 //! Reasons why a model cannot be simulated as a plant.
 
-use hydroid_core::model::PlantModelError;
+use hydroid_core::model::CraftModelError;
 
 use crate::boat::BoatError;
 use crate::key::key;
@@ -42,7 +42,7 @@ pub enum PlantError {
     #[error(transparent)]
     Boat(#[from] BoatError),
     #[error("the vessel is invalid: {0}")]
-    Vessel(#[from] PlantModelError),
+    Vessel(#[from] CraftModelError),
     /// Number out of range.
     #[error("{what} is {value}; {needed}")]
     Option { what: &'static str, value: f64, needed: &'static str },

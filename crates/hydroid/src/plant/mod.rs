@@ -10,9 +10,9 @@
 //! ```
 //! use hydroid::model::Model;
 //! use hydroid::plant::{InputMap, Simulation};
-//! use hydroid_core::vessel::VesselParams;
+//! use hydroid_core::craft::Craft;
 //!
-//! let model = Model::of_vessel(&VesselParams::simple(), 0.1)?;
+//! let model = Model::of_vessel(&Craft::simple(), 0.1)?;
 //! let map = InputMap::find(&model)?;
 //! let mut simulation = Simulation::new(&model)?;
 //! simulation.start([0.0; 3], &[1.0, 0.0, 0.0], &map.command(0.5, 0.0));

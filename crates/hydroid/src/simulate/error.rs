@@ -1,7 +1,5 @@
 //! Errors of a simulation.
 
-use hydroid_core::vessel::InvalidParams;
-
 use crate::excitation::ExcitationError;
 
 /// Wrong input to a simulation, divergence, or cancellation.
@@ -9,8 +7,6 @@ use crate::excitation::ExcitationError;
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the messages say what the variants and fields are")]
 pub enum SimulateError {
-    #[error("the vessel is invalid: {0}")]
-    Vessel(#[from] InvalidParams),
     #[error(transparent)]
     Excitation(#[from] ExcitationError),
     /// Number out of range.

@@ -8,9 +8,9 @@
 //! use std::ops::ControlFlow;
 //! use hydroid::excitation::Excitation;
 //! use hydroid::simulate::{Options, simulate};
-//! use hydroid_core::vessel::VesselParams;
+//! use hydroid_core::craft::Craft;
 //!
-//! let options = Options { duration_s: 60.0, seed: 7, ..Options::new(VesselParams::hydrofoil(), Excitation::Mixed) };
+//! let options = Options { duration_s: 60.0, seed: 7, ..Options::new(Craft::hydrofoil(), Excitation::Mixed) };
 //! let record = simulate(&options, &mut |_| ControlFlow::Continue(()))?;
 //! assert_eq!(record.len(), 600);
 //! let run = record.to_trajectory(&["u", "v", "r"])?;
@@ -25,11 +25,9 @@ mod path_controller;
 mod plan;
 mod record;
 mod run;
-mod vessel_file;
 mod write;
 
 pub use error::SimulateError;
 pub use options::Options;
 pub use record::Simulated;
 pub use run::simulate;
-pub use vessel_file::{BUILT_IN, VesselFileError, built_in, load_vessel, parse_vessel, vessel_toml};

@@ -1,6 +1,6 @@
 //! Options of a simulation.
 
-use hydroid_core::vessel::VesselParams;
+use hydroid_core::craft::Craft;
 
 use super::error::SimulateError;
 use crate::excitation::Excitation;
@@ -8,8 +8,8 @@ use crate::excitation::Excitation;
 /// Options of a simulation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// The vessel.
-    pub vessel: VesselParams,
+    /// The vessel, with [one propeller and one rudder](crate::excitation::PropellerRudder).
+    pub vessel: Craft,
     /// Excitation.
     pub excitation: Excitation,
     /// Duration \[s\]; one sample per `dt_s`. A lawn-mower with given speeds ends after its last leg.
@@ -38,7 +38,7 @@ const MOST_SAMPLES: f64 = 5e7;
 impl Options {
     /// Defaults of the thesis: 7,200 s, samples of 0.1 s, integration step 10 ms, noise of the vessel, seed 0, still
     /// water.
-    pub const fn new(vessel: VesselParams, excitation: Excitation) -> Self {
+    pub const fn new(vessel: Craft, excitation: Excitation) -> Self {
         Self {
             vessel,
             excitation,

@@ -1,11 +1,11 @@
 //! Path-following controller of closed-loop excitations, on the true state and parameters.
 
 use hydroid_core::vessel::kinematics::wrap;
-use hydroid_core::vessel::{Command, Plant, RudderLaw, State, VesselParams};
+use hydroid_core::vessel::{Command, State};
 
 use super::path::Place;
 use super::plan::Stage;
-use crate::excitation::Envelope;
+use crate::excitation::{Envelope, PropellerRudder};
 
 /// Path-following controller.
 ///
@@ -16,8 +16,7 @@ use crate::excitation::Envelope;
 /// - Heading: `N = m33 (w^2 (psi_d - psi) + 2 w (r_d - r)) + drag and Coriolis moment`, `r_d` the curvature
 ///   of the path times the speed; from `N` the rudder command.
 pub(super) struct PathController<'a> {
-    vessel: &'a VesselParams,
-    plant: &'a Plant,
+    vessel: &'a PropellerRudder,
     stages: Vec<Stage>,
     stage: usize,
     integral: f64,
@@ -31,19 +30,18 @@ pub(super) struct PathController<'a> {
 
 impl<'a> PathController<'a> {
     pub(super) fn new(
-        vessel: &'a VesselParams,
-        plant: &'a Plant,
+        vessel: &'a PropellerRudder,
         envelope: &Envelope,
         stages: Vec<Stage>,
         dt_s: f64,
     ) -> Self {
-        let [m11, ..] = plant.mass_matrix();
-        let lag = vessel.propeller.lag;
+        let [m11, ..] = vessel.craft().hull.mass_matrix();
+        // A propeller without a lag still has a sample to follow.
+        let lag = vessel.lag_s().max(dt_s);
         // The closed-loop pole is slower than the propeller lag.
         let speed_gain = 0.4 * m11 / lag;
         Self {
             vessel,
-            plant,
             stages,
             stage: 0,
             integral: 0.0,
@@ -80,17 +78,18 @@ impl<'a> PathController<'a> {
         if from <= to {
             return 0.0;
         }
-        let [m11, ..] = self.plant.mass_matrix();
-        let deceleration = self.plant.holding_force(to) / m11;
-        2.0 * self.vessel.propeller.lag * from + (from * from - to * to) / (2.0 * deceleration)
+        let [m11, ..] = self.vessel.craft().hull.mass_matrix();
+        let deceleration = self.vessel.dynamics().holding_force(to) / m11;
+        2.0 * self.vessel.lag_s() * from + (from * from - to * to) / (2.0 * deceleration)
     }
 
     fn propeller(&mut self, state: &State, speed: f64) -> f64 {
         let error = speed - state.u;
-        let channel = &self.vessel.commands.propeller;
-        let wanted =
-            self.plant.holding_force(speed) + self.speed_gain * error + self.integral_gain * self.integral;
-        let pp = channel.clamp(wanted);
+        let force = self.vessel.dynamics().holding_force(speed)
+            + self.speed_gain * error
+            + self.integral_gain * self.integral;
+        let wanted = self.vessel.command_of(force);
+        let pp = self.vessel.propeller().clamp(wanted);
         // Anti-windup: no integration at a command limit.
         if pp == wanted {
             self.integral += error * self.dt_s;
@@ -105,22 +104,19 @@ impl<'a> PathController<'a> {
         let heading = place.course - (place.cross_track / lookahead).atan() - sideslip;
         let yaw_rate = place.curvature * speed;
 
-        let [_, _, _, m33] = self.plant.mass_matrix();
-        let [.., drag] = self.plant.drag(state.nu());
-        let [.., coriolis] = self.plant.coriolis(state.nu());
-        let flying = self.plant.flying_weight(state.u);
-        let drag_factor = self.vessel.flying.map_or(1.0, |mode| 1.0 + flying * (mode.drag_factor - 1.0));
+        let [_, _, _, m33] = self.vessel.craft().hull.mass_matrix();
+        let [.., drag] = self.vessel.dynamics().damping(state.nu());
+        let [.., coriolis] = self.vessel.dynamics().coriolis(state.nu());
+        let flying = self.vessel.dynamics().flying_weight(state.u);
+        let drag_factor =
+            self.vessel.craft().flying.map_or(1.0, |mode| 1.0 + flying * (mode.drag_factor - 1.0));
         let w = self.bandwidth;
         let moment = m33 * (w * w * wrap(heading - state.psi) + 2.0 * w * (yaw_rate - state.r))
             + drag_factor * drag
             + coriolis;
 
         // At low speed the rudder has little effect, and a division by the speed would amplify noise.
-        let grip = self.vessel.rudder.gain * state.u.max(self.slowest);
-        let wanted = match self.vessel.rudder.law {
-            RudderLaw::Linear => moment / grip,
-            RudderLaw::Sine => (moment / grip).clamp(-1.0, 1.0).asin(),
-        };
-        self.vessel.commands.rudder.clamp(wanted)
+        let wanted = self.vessel.rudder_of(moment, state.u.max(self.slowest));
+        self.vessel.rudder().clamp(wanted)
     }
 }

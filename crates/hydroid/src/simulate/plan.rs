@@ -2,11 +2,12 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use hydroid_core::vessel::{Plant, VesselParams};
 use rand::{Rng, RngExt as _};
 
 use super::path::{Piece, Side};
-use crate::excitation::{Circle, Envelope, ExcitationError, LawnMower, Purpose, Turn, stream};
+use crate::excitation::{
+    Circle, Envelope, ExcitationError, LawnMower, PropellerRudder, Purpose, Turn, stream,
+};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Stage {
@@ -34,8 +35,7 @@ pub(super) fn circle(plan: &Circle, envelope: &Envelope) -> Result<Vec<Stage>, E
 /// Stages of a lawn-mower: legs and connections.
 pub(super) fn lawn_mower(
     plan: &LawnMower,
-    vessel: &VesselParams,
-    plant: &Plant,
+    vessel: &PropellerRudder,
     envelope: &Envelope,
     seed: u64,
     duration_s: f64,
@@ -53,7 +53,7 @@ pub(super) fn lawn_mower(
         Turn::Sharp { speed } => Some(reachable(speed.unwrap_or(SLOWEST * envelope.top_speed), envelope)?),
     };
     let speeds = if plan.speeds.is_empty() {
-        drawn_speeds(vessel, plant, envelope, leg, seed, duration_s)
+        drawn_speeds(vessel, envelope, leg, seed, duration_s)
     } else {
         plan.speeds.iter().map(|&speed| reachable(speed, envelope)).collect::<Result<_, _>>()?
     };
@@ -88,8 +88,7 @@ pub(super) fn lawn_mower(
 
 /// Random speeds for at least the duration, slow and fast in alternation.
 fn drawn_speeds(
-    vessel: &VesselParams,
-    plant: &Plant,
+    vessel: &PropellerRudder,
     envelope: &Envelope,
     leg: f64,
     seed: u64,
@@ -97,11 +96,11 @@ fn drawn_speeds(
 ) -> Vec<f64> {
     let (slowest, fastest) = (SLOWEST * envelope.top_speed, FASTEST * envelope.top_speed);
     // Without a reachable foil-borne mode, slow and fast are separated in the middle.
-    let [slow_end, fast_start] = match &vessel.flying {
+    let [slow_end, fast_start] = match &vessel.craft().flying {
         Some(flying)
             if slowest < UNSTABLE[0] * flying.transition_speed
                 && UNSTABLE[1] * flying.transition_speed < fastest
-                && takes_off(plant, vessel, flying.transition_speed) =>
+                && takes_off(vessel, flying.transition_speed) =>
         {
             UNSTABLE.map(|factor| factor * flying.transition_speed)
         }
@@ -123,9 +122,9 @@ fn drawn_speeds(
 }
 
 /// Whether full force overcomes the drag below the transition.
-fn takes_off(plant: &Plant, vessel: &VesselParams, transition: f64) -> bool {
-    let force = vessel.commands.propeller.limits[1];
-    (0..=100).all(|k| plant.holding_force(transition * f64::from(k) / 100.0) < force)
+fn takes_off(vessel: &PropellerRudder, transition: f64) -> bool {
+    let force = vessel.force_of(vessel.propeller().limits[1]);
+    (0..=100).all(|k| vessel.dynamics().holding_force(transition * f64::from(k) / 100.0) < force)
 }
 
 fn positive(what: &'static str, value: f64) -> Result<f64, ExcitationError> {

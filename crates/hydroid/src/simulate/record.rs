@@ -2,10 +2,12 @@
 
 use std::sync::Arc;
 
-use hydroid_core::vessel::{Command, CommandChannel, State};
+use hydroid_core::craft::CommandInput;
+use hydroid_core::vessel::{Command, State};
 
 use super::error::SimulateError;
 use super::options::Options;
+use crate::excitation::PropellerRudder;
 use crate::log::{Channel, Table, Trajectory};
 use crate::toml_file::nearest;
 
@@ -15,7 +17,7 @@ use crate::toml_file::nearest;
 pub struct Simulated {
     name: String,
     dt_s: f64,
-    channels: [CommandChannel; 2],
+    channels: [CommandInput; 2],
     force_measured: bool,
     commands: Vec<Command>,
     states: Vec<State>,
@@ -45,16 +47,16 @@ const OUTPUTS: [Output; 7] = [
 impl Simulated {
     pub(super) fn new(
         options: &Options,
+        vessel: &PropellerRudder,
         commands: Vec<Command>,
         states: Vec<State>,
         measured: Vec<[f64; 4]>,
     ) -> Self {
-        let channels = &options.vessel.commands;
         Self {
             name: format!("{} (seed {})", options.vessel.name, options.seed),
             dt_s: options.dt_s,
-            channels: [channels.propeller.clone(), channels.rudder.clone()],
-            force_measured: options.vessel.propeller.force_measured,
+            channels: [vessel.propeller().clone(), vessel.rudder().clone()],
+            force_measured: vessel.craft().thrusters[0].force_noise.is_some(),
             commands,
             states,
             measured,
@@ -83,7 +85,7 @@ impl Simulated {
     }
 
     /// Channels of the two commands.
-    pub const fn command_channels(&self) -> &[CommandChannel; 2] {
+    pub const fn command_channels(&self) -> &[CommandInput; 2] {
         &self.channels
     }
 

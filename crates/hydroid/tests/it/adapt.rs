@@ -16,9 +16,9 @@ use hydroid::log::{self, PrepareOptions, Selection, Split, Trajectory};
 use hydroid::model::{Model, Reading};
 use hydroid::progress::silent;
 use hydroid::simulate::{self, Simulated, simulate};
-use hydroid_core::vessel::{Plant, VesselParams};
+use hydroid_core::craft::{Craft, Dynamics};
 
-fn record(vessel: VesselParams, seed: u64, duration_s: f64) -> Simulated {
+fn record(vessel: Craft, seed: u64, duration_s: f64) -> Simulated {
     let options = simulate::Options { seed, duration_s, ..simulate::Options::new(vessel, Excitation::Mixed) };
     simulate(&options, &mut silent()).unwrap()
 }
@@ -46,8 +46,7 @@ fn identified(split: Split, horizon: usize, origin_stride: usize) -> Model {
 
 /// Equations of the simple vessel, identified from half an hour.
 fn simple_vessel() -> Model {
-    let run =
-        |seed, duration_s| record(VesselParams::simple(), seed, duration_s).to_trajectory(&OUTPUTS).unwrap();
+    let run = |seed, duration_s| record(Craft::simple(), seed, duration_s).to_trajectory(&OUTPUTS).unwrap();
     let (train, validation, test) = (vec![run(1, 1800.0)], vec![run(2, 300.0)], vec![run(3, 300.0)]);
     identified(Split { train, validation, test, notes: Vec::new() }, 100, 20)
 }
@@ -55,20 +54,19 @@ fn simple_vessel() -> Model {
 /// A run of the simple vessel whose drag grows by the factor from sample `at` on, with the commands and the noise of a
 /// record with constant drag.
 fn with_growing_drag(seed: u64, duration_s: f64, factor: f64, at: usize) -> Trajectory {
-    let calm = record(VesselParams::simple(), seed, duration_s);
-    let mut fouled = VesselParams::simple();
-    fouled.drag.linear.iter_mut().enumerate().for_each(|(i, row)| row[i] *= factor);
-    let plants = [VesselParams::simple(), fouled].map(|vessel| Plant::new(&vessel).unwrap());
+    let calm = record(Craft::simple(), seed, duration_s);
+    let mut fouled = Craft::simple();
+    fouled.hull.linear.iter_mut().enumerate().for_each(|(i, row)| row[i] *= factor);
+    let plants = [Craft::simple(), fouled].map(|vessel| Dynamics::new(&vessel));
     let mut run = calm.to_trajectory(&OUTPUTS).unwrap();
-    let mut state = calm.states()[0];
+    let (mut nu, mut positions) = (calm.states()[0].nu(), [calm.states()[0].p_f, 0.0]);
     let mut outputs = Vec::new();
     for (k, command) in calm.commands().iter().enumerate() {
         let (was, measured) = (calm.states()[k], calm.measured()[k]);
         let noise = [measured[0] - was.u, measured[1] - was.v, measured[2] - was.r, measured[3] - was.p_f];
-        outputs.extend([state.u, state.v, state.r, state.p_f].iter().zip(noise).map(|(y, e)| y + e));
-        for _ in 0..10 {
-            state = plants[usize::from(k >= at)].advance(&state, command, 0.01);
-        }
+        outputs.extend([nu[0], nu[1], nu[2], positions[0]].iter().zip(noise).map(|(y, e)| y + e));
+        let row = [command.pp, command.rd];
+        plants[usize::from(k >= at)].advance(&mut nu, &mut positions, &row, 0.01, 10);
     }
     run.outputs = log::Table::new(run.outputs.channels().to_vec(), outputs);
     run.truth = None;
@@ -115,7 +113,7 @@ fn a_change_of_drag_is_estimated_and_constant_drag_is_kept() {
     assert_eq!(again.description.provenance.settings["adapted"].as_array().unwrap().len(), 2);
 
     // On an unchanged vessel adaptation costs little accuracy, and the bands are right.
-    let steady = record(VesselParams::simple(), 14, 900.0).to_trajectory(&OUTPUTS).unwrap();
+    let steady = record(Craft::simple(), 14, 900.0).to_trajectory(&OUTPUTS).unwrap();
     let options = Options {
         evaluate: evaluate::Options { origin_stride: 5, ..evaluate::Options::default() },
         ..Options::default()
@@ -163,7 +161,7 @@ fn the_filter_follows_a_vessel_whose_drag_grows_too() {
     assert!(ratios(&judge(&result.model), &judge(&model), 100)[..3].iter().all(|r| *r < 0.5));
 
     // An unchanged vessel.
-    let steady = record(VesselParams::simple(), 14, 900.0).to_trajectory(&OUTPUTS).unwrap();
+    let steady = record(Craft::simple(), 14, 900.0).to_trajectory(&OUTPUTS).unwrap();
     let judged = evaluate::Options { origin_stride: 5, ..evaluate::Options::default() };
     let options = Options { evaluate: judged, ..by_the_filter(KalmanOptions::of_equations()) };
     let report = adapt(&model, &[&steady], &options, &mut silent()).unwrap().report;
@@ -180,7 +178,7 @@ fn by_least_squares(least_squares: LeastSquaresOptions) -> Options {
 
 #[test]
 fn invalid_adaptations_are_refused() {
-    let run = record(VesselParams::simple(), 1, 120.0).to_trajectory(&OUTPUTS).unwrap();
+    let run = record(Craft::simple(), 1, 120.0).to_trajectory(&OUTPUTS).unwrap();
     let part = |from, to| vec![run.slice(from, to)];
     let (train, validation, test) = (part(0, 600), part(600, 900), part(900, 1200));
     let model = identified(Split { train, validation, test, notes: Vec::new() }, 20, 20);

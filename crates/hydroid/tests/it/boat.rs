@@ -14,9 +14,9 @@ use hydroid::plant::{InputMap, Simulation, find_roles};
 use hydroid::progress::silent;
 use hydroid_core::actuator::Limits;
 use hydroid_core::control::cem::{Cost, Planner, PlannerOptions};
+use hydroid_core::craft::Craft;
 use hydroid_core::guidance::Reference;
 use hydroid_core::model::sparse::Term;
-use hydroid_core::vessel::VesselParams;
 
 use crate::manoeuvre::{equations, port};
 
@@ -202,7 +202,7 @@ fn an_angle_that_pushes_is_propulsion() {
 #[test]
 fn roles_of_vessels_follow_from_their_actuators() {
     let role = |model: &Model, name: &str| find_roles(model).role(name);
-    let simple = Model::of_vessel(&VesselParams::simple(), 0.1).unwrap();
+    let simple = Model::of_vessel(&Craft::simple(), 0.1).unwrap();
     assert_eq!(role(&simple, "PP_cmd"), Some(Role::Propulsion));
     assert_eq!(role(&simple, "RD_cmd"), Some(Role::Steering));
     let text = r#"

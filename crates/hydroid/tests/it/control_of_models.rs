@@ -10,8 +10,8 @@ use hydroid::manoeuvre::{Approach, Options, Response};
 use hydroid::model::Model;
 use hydroid::plant::{InputMap, Simulation};
 use hydroid::progress::silent;
+use hydroid_core::craft::Craft;
 use hydroid_core::model::sparse::Term;
-use hydroid_core::vessel::VesselParams;
 
 use crate::manoeuvre::{equations, port};
 
@@ -187,7 +187,7 @@ fn what_a_model_cannot_simulate_is_refused() {
     let coarse = Scenario { dt_s: 0.2, ..scenario.clone() };
     assert!(refused(&coarse, &Conditions::calm(0)).contains("identify both with the same dt"));
     // Another boat.
-    let other: TruePlant = VesselParams::simple().into();
+    let other: TruePlant = Craft::simple().into();
     let mut control = ControllerOptions::new(ControlMethod::CrossEntropy, &other, 0.1);
     control.model = Some(Arc::clone(&model));
     let error = control.controller(0).err().unwrap();

@@ -1,7 +1,7 @@
 //! Use outside the training data: identified from small commands, judged on large ones.
 
 use hydroid::evaluate::{Options, evaluate};
-use hydroid::excitation::{Excitation, mixed};
+use hydroid::excitation::{Excitation, PropellerRudder, mixed};
 use hydroid::identify::{
     GivenRanges, Job, Method, MotionOption, NetworkTrainingOptions, RateLimitOption, SindyOptions, identify,
 };
@@ -9,14 +9,14 @@ use hydroid::log::{Split, Trajectory};
 use hydroid::model::{Model, Reading};
 use hydroid::progress::silent;
 use hydroid::simulate;
-use hydroid_core::vessel::{Command, Plant, VesselParams};
+use hydroid_core::craft::Craft;
+use hydroid_core::vessel::Command;
 
 const DT: f64 = 0.1;
 
 /// Ten minutes of mixed commands, whose deviations from their mean (rudder: from zero) are multiplied by `share`.
-fn run(vessel: &VesselParams, seed: u64, share: f64) -> Trajectory {
-    let plant = Plant::new(vessel).unwrap();
-    let commands = mixed(vessel, &plant, seed, DT, 6_000).unwrap();
+fn run(vessel: &Craft, seed: u64, share: f64) -> Trajectory {
+    let commands = mixed(&PropellerRudder::new(vessel).unwrap(), seed, DT, 6_000).unwrap();
     let mean = commands.iter().map(|c| c.pp).sum::<f64>() / commands.len() as f64;
     let rows = commands.iter().enumerate().map(|(k, c)| {
         let command = Command { pp: mean + share * (c.pp - mean), rd: share * c.rd };
@@ -30,7 +30,7 @@ fn run(vessel: &VesselParams, seed: u64, share: f64) -> Trajectory {
 
 #[test]
 fn from_small_commands_to_large_ones_nothing_diverges_and_persistence_is_beaten() {
-    for vessel in [VesselParams::simple(), VesselParams::hydrofoil_low_speed(), VesselParams::hydrofoil()] {
+    for vessel in [Craft::simple(), Craft::hydrofoil_low_speed(), Craft::hydrofoil()] {
         let name = &vessel.name;
         let small = (0..3).map(|seed| run(&vessel, seed, 0.3)).collect();
         let large = run(&vessel, 9, 1.0);

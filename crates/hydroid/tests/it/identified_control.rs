@@ -18,8 +18,8 @@ use hydroid::sindy::{
 use hydroid_core::control::{
     AffineEquations, AffinePlant, Controller, FeedbackLinearization, FeedbackLinearizationOptions, Status,
 };
+use hydroid_core::craft::Craft;
 use hydroid_core::model::sparse::{Equations, Term};
-use hydroid_core::vessel::VesselParams;
 
 const MOTION: [&str; 3] = ["u", "v", "r"];
 const WITH_FORCE: [&str; 4] = ["u", "v", "r", "P_f"];
@@ -55,7 +55,7 @@ struct Outcome {
 /// An independent implementation of the same task gives 0.0003 m with clean and 0.0045 m with noisy velocities.
 #[test]
 fn equations_from_noisy_data_control_the_simple_vessel() {
-    let vessel = VesselParams::simple();
+    let vessel = Craft::simple();
     let equations = with_measured_force();
     let mut law = on_equations(&vessel, &equations, SIMPLE.lead).unwrap();
     let [clean, noisy] = both(&vessel, SIMPLE, &mut law, true);
@@ -69,7 +69,7 @@ fn equations_from_noisy_data_control_the_simple_vessel() {
 /// are identified, the terms are given.
 #[test]
 fn identified_equations_control_the_hydrofoil_in_all_modes() {
-    let vessel = VesselParams::hydrofoil();
+    let vessel = Craft::hydrofoil();
     let equations = identified(&vessel, 600.0);
     for (task, limit) in HYDROFOIL.into_iter().zip([0.012, 0.020, 0.022]) {
         let mut law = on_equations(&vessel, &equations, task.lead).unwrap();
@@ -83,7 +83,7 @@ fn identified_equations_control_the_hydrofoil_in_all_modes() {
 /// derivatives the controller loses the track and reports it. The errors of the others are ten times as large.
 #[test]
 fn polynomials_are_refused_lost_or_ten_times_as_far_from_the_reference() {
-    let vessel = VesselParams::hydrofoil();
+    let vessel = Craft::hydrofoil();
     let data = log(&vessel, &MOTION, 7_200.0, 0);
     let law = |degree, regression, threshold| {
         let equations = polynomial(&data, degree, regression, Optimizer::Stlsq(threshold));
@@ -106,7 +106,7 @@ fn polynomials_are_refused_lost_or_ten_times_as_far_from_the_reference() {
 /// Simulates a circle of 120 s with noise of a scale and a seed; `measured` passes the propeller's force to the
 /// controller.
 fn circle(
-    vessel: &VesselParams,
+    vessel: &Craft,
     task: Task,
     controller: &mut (dyn Controller + Send + Sync),
     measured: bool,
@@ -127,7 +127,7 @@ fn circle(
 
 /// The result with exact velocities, and the median over the seeds with noisy ones.
 fn both(
-    vessel: &VesselParams,
+    vessel: &Craft,
     task: Task,
     controller: &mut (dyn Controller + Send + Sync),
     measured: bool,
@@ -139,13 +139,13 @@ fn both(
     [clean, noisy.swap_remove(SEEDS.len() / 2)]
 }
 
-fn log(vessel: &VesselParams, outputs: &[&str], duration_s: f64, seed: u64) -> Trajectory {
+fn log(vessel: &Craft, outputs: &[&str], duration_s: f64, seed: u64) -> Trajectory {
     let options =
         simulate::Options { duration_s, seed, ..simulate::Options::new(vessel.clone(), Excitation::Mixed) };
     simulate(&options, &mut silent()).unwrap().to_trajectory(outputs).unwrap()
 }
 
-fn identified(vessel: &VesselParams, train_s: f64) -> Arc<Equations> {
+fn identified(vessel: &Craft, train_s: f64) -> Arc<Equations> {
     let split = Split {
         train: vec![log(vessel, &MOTION, train_s, 0)],
         validation: vec![log(vessel, &MOTION, 600.0, 2)],
@@ -196,18 +196,18 @@ fn polynomial(data: &Trajectory, degree: u8, regression: RegressionForm, optimiz
 /// The simple vessel with measured propeller force, as in an independent implementation: degree 2, weak form over 20
 /// samples.
 fn with_measured_force() -> Equations {
-    let data = log(&VesselParams::simple(), &WITH_FORCE, 7_200.0, 0);
+    let data = log(&Craft::simple(), &WITH_FORCE, 7_200.0, 0);
     polynomial(&data, 2, RegressionForm::Weak { intervals: 20 }, Optimizer::Stepwise(0.01))
 }
 
-fn on_plant(vessel: &VesselParams, lead: f64) -> FeedbackLinearization<AffinePlant> {
+fn on_plant(vessel: &Craft, lead: f64) -> FeedbackLinearization<AffinePlant> {
     let (model, limits) = (AffinePlant::new(vessel).unwrap(), AffinePlant::limits(vessel));
     FeedbackLinearization::new(model, &limits, DT, FeedbackLinearizationOptions::new(lead)).unwrap()
 }
 
 /// The controller with equations, or the reason why they cannot be inverted.
 fn on_equations(
-    vessel: &VesselParams,
+    vessel: &Craft,
     equations: &Equations,
     lead: f64,
 ) -> Result<FeedbackLinearization<AffineEquations>, String> {
@@ -217,8 +217,8 @@ fn on_equations(
         .map_err(|error| error.to_string())
 }
 
-fn affine(vessel: &VesselParams, equations: &Equations) -> Result<AffineEquations, String> {
-    let commands = [&vessel.commands.propeller.name, &vessel.commands.rudder.name];
+fn affine(vessel: &Craft, equations: &Equations) -> Result<AffineEquations, String> {
+    let commands = [&vessel.commands[0].name, &vessel.commands[1].name];
     let mut names: Vec<String> = WITH_FORCE[..equations.outputs()].iter().map(ToString::to_string).collect();
     names.extend(commands.into_iter().cloned());
     let signals: Vec<String> = equations.signals().iter().map(|signal| signal.name(&names, DT)).collect();

@@ -11,7 +11,7 @@ use hydroid::sindy::{
     Constraints, Criterion, Fit, FitOptions, Library, LinearRegression, Optimizer, RegressionForm, Scaling,
     Variables, noise_std, weak_form_from_noise,
 };
-use hydroid_core::vessel::VesselParams;
+use hydroid_core::craft::Craft;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -150,7 +150,7 @@ fn simple_runs() -> Vec<(&'static str, Trajectory)> {
 #[test]
 fn the_simple_plant_is_found_with_the_settings_of_lorenz() {
     for seed in 0..2 {
-        let options = Options { seed, ..Options::new(VesselParams::simple(), Excitation::Mixed) };
+        let options = Options { seed, ..Options::new(Craft::simple(), Excitation::Mixed) };
         let record = simulate(&options, &mut |_| ControlFlow::Continue(())).unwrap();
         let run = record.to_trajectory(&["u", "v", "r", "P_f"]).unwrap();
         let (fit, regression) = fit(&run, &Library::polynomial(2));

@@ -14,9 +14,9 @@ use hydroid::manoeuvre::{
 use hydroid::model::{Body, Description, Members, Model, Port, Provenance, Reading};
 use hydroid::plant::{Commands, InputMap, PlantError, Record, RecordOptions, Simulation, record};
 use hydroid::progress::silent;
+use hydroid_core::craft::Craft;
 use hydroid_core::model::sparse::{Equations, Term};
 use hydroid_core::predict::Workspace;
-use hydroid_core::vessel::VesselParams;
 
 pub(crate) fn port(name: &str, unit: &str, low: f64, high: f64) -> Port {
     Port {
@@ -228,7 +228,7 @@ fn figures(trial: &Trial) -> HashMap<&str, f64> {
 fn trials_of_vessels_agree_with_an_independent_integration() {
     let golden = golden();
     for (vessel, circle, steering, heading_deg) in
-        [(VesselParams::simple(), 1.0, 0.2, 20.0), (VesselParams::hydrofoil(), 1.0, 1.0 / 3.0, 10.0)]
+        [(Craft::simple(), 1.0, 0.2, 20.0), (Craft::hydrofoil(), 1.0, 1.0 / 3.0, 10.0)]
     {
         let model = Model::of_vessel(&vessel, 0.1).unwrap();
         let map = InputMap::find(&model).unwrap();
@@ -335,7 +335,7 @@ fn a_model_without_a_motion_is_no_plant() {
 
 #[test]
 fn a_simulation_predicts_what_a_rollout_predicts() {
-    for model in [twin(), Model::of_vessel(&VesselParams::hydrofoil(), 0.1).unwrap()] {
+    for model in [twin(), Model::of_vessel(&Craft::hydrofoil(), 0.1).unwrap()] {
         let (n, m) = (model.description.outputs.len(), model.description.inputs.len());
         let start: Vec<f64> = (0..n).map(|i| 0.3 + 0.1 * i as f64).collect();
         let commands: Vec<f64> = (0..200 * m)

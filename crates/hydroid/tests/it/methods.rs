@@ -11,12 +11,12 @@ use hydroid::log::{Channel, Split, Table, Trajectory};
 use hydroid::model::{self, Reading};
 use hydroid::progress::silent;
 use hydroid::simulate::{Options, simulate};
+use hydroid_core::craft::Craft;
 use hydroid_core::predict::Workspace;
-use hydroid_core::vessel::VesselParams;
 
 fn run(drag: f64, seed: u64, duration_s: f64) -> Trajectory {
-    let mut vessel = VesselParams::simple();
-    vessel.drag.linear.iter_mut().enumerate().for_each(|(i, row)| row[i] *= drag);
+    let mut vessel = Craft::simple();
+    vessel.hull.linear.iter_mut().enumerate().for_each(|(i, row)| row[i] *= drag);
     let options = Options { seed, duration_s, ..Options::new(vessel, Excitation::Mixed) };
     simulate(&options, &mut silent()).unwrap().to_trajectory(&["u", "v", "r", "P_f"]).unwrap()
 }

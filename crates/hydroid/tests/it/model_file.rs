@@ -212,7 +212,7 @@ fn the_content_of_a_vessel_file_is_read_back() {
         let again = decode(&content, path).unwrap();
         assert_eq!((&again, encode(&again).unwrap()), (&vessel, content), "{}", path.display());
     }
-    assert!(matches!(decoded(b"speed = 3"), Err(ModelError::Vessel(_))));
+    assert!(matches!(decoded(b"speed = 3"), Err(ModelError::Craft(_))));
     assert!(matches!(decoded(b"[[thruster]]\nname = 3"), Err(ModelError::Craft(_))));
     // Text that is no TOML, or has no key, is not a vessel.
     not_a_model(b"t,u\n0,1\n");

@@ -12,7 +12,7 @@ use hydroid::simulate::{Options, simulate};
 use hydroid::sindy::{
     Constraints, FitOptions, Library, LinearRegression, Optimizer, RegressionForm, Scaling, Variables,
 };
-use hydroid_core::vessel::VesselParams;
+use hydroid_core::craft::Craft;
 
 fn python() -> Option<String> {
     let python = std::env::var("HYDROID_PYTHON").unwrap_or_else(|_| String::from("python3"));
@@ -35,7 +35,7 @@ fn python() -> Option<String> {
 fn thresholded_least_squares_equals_pysindy_on_the_hydrofoil() {
     let Some(python) = python() else { return };
     let options =
-        Options { duration_s: 300.0, seed: 11, ..Options::new(VesselParams::hydrofoil(), Excitation::Mixed) };
+        Options { duration_s: 300.0, seed: 11, ..Options::new(Craft::hydrofoil(), Excitation::Mixed) };
     let run = simulate(&options, &mut silent()).unwrap().to_trajectory(&["u", "v", "r"]).unwrap();
     // PySINDy thresholds raw coefficients: the propeller is scaled to 100 N.
     let scales = [1.0, 1.0, 1.0, 100.0, 1.0];

@@ -12,21 +12,15 @@ use hydroid::sindy::{
     RefineOptions, RefineScope, RefinedEquations, Refinement, RegressionForm, RegressionOptions, SearchGrid,
     SearchOptions, SearchResult, Sign, Structure, Variables, noise_excess, refine, search,
 };
+use hydroid_core::craft::Craft;
 use hydroid_core::model::sparse::{Equations, EquationsSession, Shape, Signal, Term};
 use hydroid_core::predict::{Predictor, Workspace};
-use hydroid_core::vessel::VesselParams;
 
 fn quiet(_: f64) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
-fn record(
-    vessel: VesselParams,
-    seed: u64,
-    duration_s: f64,
-    noise_scale: f64,
-    outputs: &[&str],
-) -> Trajectory {
+fn record(vessel: Craft, seed: u64, duration_s: f64, noise_scale: f64, outputs: &[&str]) -> Trajectory {
     let options = Options { seed, noise_scale, duration_s, ..Options::new(vessel, Excitation::Mixed) };
     simulate(&options, &mut quiet).unwrap().to_trajectory(outputs).unwrap()
 }
@@ -98,12 +92,12 @@ fn regressed(run: &Trajectory, structure: &Structure, tolerance: f64) -> Equatio
 
 /// The simple vessel with the propeller force among the outputs, without hidden states.
 fn one_mode(seed: u64, noise: f64) -> Trajectory {
-    record(VesselParams::simple(), seed, 600.0, noise, &["u", "v", "r", "P_f"])
+    record(Craft::simple(), seed, 600.0, noise, &["u", "v", "r", "P_f"])
 }
 
 /// The terms of a long record without noise.
 fn truth() -> Equations {
-    let run = record(VesselParams::simple(), 100, 1_200.0, 0.0, &["u", "v", "r", "P_f"]);
+    let run = record(Craft::simple(), 100, 1_200.0, 0.0, &["u", "v", "r", "P_f"]);
     let exact = regressed(&run, &Structure::from(Library::polynomial(2)), 0.01);
     assert_eq!(exact.active_terms(), 14);
     // Unlike the weak form, multi-step predictions have no discretisation error except that of RK4.
@@ -198,7 +192,7 @@ fn lag_and_gate_are_refined_unless_they_are_given() {
     };
     let mut found = Vec::new();
     for seed in 61..65 {
-        let run = record(VesselParams::hydrofoil(), seed, 600.0, 1.0, &["u", "v", "r"]);
+        let run = record(Craft::hydrofoil(), seed, 600.0, 1.0, &["u", "v", "r"]);
         let start = regressed(&run, &structure, 0.005);
         // The prior at a wrong start is negligible beside the noise.
         let free = Given { strengths: &[1e-3, 1e-7], lags: &[lag], gates: &[gate], ..plain(50) };

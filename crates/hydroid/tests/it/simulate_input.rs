@@ -3,15 +3,15 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
+use hydroid::craft::{CraftFile, CraftFileError, load, parse};
 use hydroid::excitation::held;
 use hydroid::excitation::{
-    Circle, Composer, Envelope, Excitation, ExcitationError, LawnMower, LowSpeed, Turn,
+    Circle, Composer, Envelope, Excitation, ExcitationError, LawnMower, LowSpeed, PropellerRudder, Turn,
 };
-use hydroid::simulate::{
-    Options, SimulateError, Simulated, VesselFileError, load_vessel, parse_vessel, simulate, vessel_toml,
-};
+use hydroid::simulate::{Options, SimulateError, Simulated, simulate};
 use hydroid::toml_file::TomlError;
-use hydroid_core::vessel::{Command, Plant, VesselParams};
+use hydroid_core::craft::Craft;
+use hydroid_core::vessel::Command;
 use proptest::prelude::*;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -21,7 +21,7 @@ fn run(options: &Options) -> Result<Simulated, SimulateError> {
 }
 
 fn hydrofoil() -> Options {
-    Options { duration_s: 60.0, ..Options::new(VesselParams::hydrofoil(), Excitation::Mixed) }
+    Options { duration_s: 60.0, ..Options::new(Craft::hydrofoil(), Excitation::Mixed) }
 }
 
 fn refused(edit: impl FnOnce(&mut Options)) -> SimulateError {
@@ -54,20 +54,20 @@ fn steps_that_divide_but_for_rounding() {
 
 #[test]
 fn vessels_that_cannot_be_excited() {
-    let error = refused(|o| o.vessel.rigid_body.mass = -1.0);
-    assert!(matches!(error, SimulateError::Vessel(_)), "{error}");
+    let error = refused(|o| o.vessel.hull.mass = -1.0);
+    assert!(error.to_string().contains("rigid_body.mass is -1"), "{error}");
     let error = refused(|o| {
-        o.vessel.drag.linear[0][0] = 0.0;
-        o.vessel.drag.quadratic[0][0] = 0.0;
+        o.vessel.hull.linear[0][0] = 0.0;
+        o.vessel.hull.quadratic[0][0] = 0.0;
     });
     assert_eq!(error, SimulateError::Excitation(ExcitationError::NoDrag));
-    let error = refused(|o| o.vessel.commands.propeller.limits = [-10.0, 0.0]);
+    let error = refused(|o| o.vessel.commands[0].limits = [-10.0, 0.0]);
     assert_eq!(error, SimulateError::Excitation(ExcitationError::NoForwardForce { limit: 0.0 }));
 }
 
 #[test]
 fn a_step_too_long_for_the_vessel_is_an_error() {
-    let error = refused(|o| o.vessel.propeller.lag = 1e-4);
+    let error = refused(|o| o.vessel.hull.linear[2][2] = 1e6);
     assert!(matches!(error, SimulateError::Diverged { .. }), "{error}");
 }
 
@@ -95,17 +95,19 @@ fn command(pp: f64, rd: f64) -> Command {
 
 #[test]
 fn given_commands_are_held_until_the_next() {
-    let vessel = VesselParams::hydrofoil();
+    let vessel = Craft::hydrofoil();
     let rows = [(5.0, command(10.0, 0.1)), (5.1 + 0.2, command(20.0, 0.2)), (5.35, command(30.0, 0.3))];
-    let commands = held(&rows, &vessel, 0.1, 6).expect("good rows");
+    let commands = held(&rows, &PropellerRudder::new(&vessel).unwrap(), 0.1, 6).expect("good rows");
     let pp: Vec<f64> = commands.iter().map(|c| c.pp).collect();
     assert_eq!(pp, [10.0, 10.0, 10.0, 20.0, 30.0, 30.0]);
 }
 
 #[test]
 fn given_commands_that_are_wrong_name_their_row() {
-    let vessel = VesselParams::hydrofoil();
-    let refusal = |rows: &[(f64, Command)]| held(rows, &vessel, 0.1, 10).expect_err("should be refused");
+    let vessel = Craft::hydrofoil();
+    let refusal = |rows: &[(f64, Command)]| {
+        held(rows, &PropellerRudder::new(&vessel).unwrap(), 0.1, 10).expect_err("should be refused")
+    };
     let good = (0.0, command(0.0, 0.0));
     assert_eq!(refusal(&[]), ExcitationError::NoRows);
     assert_eq!(
@@ -126,32 +128,34 @@ fn given_commands_that_are_wrong_name_their_row() {
 
 #[test]
 fn a_command_rounded_beyond_its_limit_counts_as_at_its_limit() {
-    let vessel = VesselParams::hydrofoil();
+    let vessel = Craft::hydrofoil();
     let nine_digits = "0.523598776".parse().expect("a number");
-    let commands = held(&[(0.0, command(350.000_1, nine_digits))], &vessel, 0.1, 1).expect("good rows");
-    assert_eq!(commands, [command(350.0, vessel.commands.rudder.limits[1])]);
+    let commands =
+        held(&[(0.0, command(350.000_1, nine_digits))], &PropellerRudder::new(&vessel).unwrap(), 0.1, 1)
+            .expect("good rows");
+    assert_eq!(commands, [command(350.0, vessel.commands[1].limits[1])]);
 }
 
 #[test]
 fn a_vessel_file_reads_back() {
-    for params in [VesselParams::simple(), VesselParams::hydrofoil(), VesselParams::hydrofoil_low_speed()] {
-        let text = vessel_toml(&params).expect("writes");
-        assert_eq!(parse_vessel(&text, Path::new("a.toml")).expect("reads"), params);
+    for params in [Craft::simple(), Craft::hydrofoil(), Craft::hydrofoil_low_speed()] {
+        let text = CraftFile::from(params.clone()).text();
+        assert_eq!(parse(&text, Path::new("a.toml")).expect("reads").craft, params);
     }
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../vessels/hydrofoil.toml");
-    assert_eq!(load_vessel(path).expect("the example in the repository"), VesselParams::hydrofoil());
+    assert_eq!(load(path).expect("the example in the repository").craft, Craft::hydrofoil());
 }
 
 /// The error for the hydrofoil's file with `from` replaced by `to`.
-fn file_error(from: &str, to: &str) -> VesselFileError {
-    let text = vessel_toml(&VesselParams::hydrofoil()).expect("writes");
+fn file_error(from: &str, to: &str) -> CraftFileError {
+    let text = CraftFile::from(Craft::hydrofoil()).text();
     assert!(text.contains(from), "{text}");
-    parse_vessel(&text.replacen(from, to, 1), Path::new("boat.toml")).expect_err("should be refused")
+    parse(&text.replacen(from, to, 1), Path::new("boat.toml")).expect_err("should be refused")
 }
 
 /// Line of the hydrofoil's file on which `text` starts.
 fn line_of(text: &str) -> usize {
-    let file = vessel_toml(&VesselParams::hydrofoil()).expect("writes");
+    let file = CraftFile::from(Craft::hydrofoil()).text();
     file[..file.find(text).expect("it is there")].lines().count() + 1
 }
 
@@ -171,13 +175,13 @@ fn a_misspelt_key_names_file_line_and_the_nearest() {
         "{message}"
     );
 
-    let message = file_error("[rudder]", "[ruder]").to_string();
+    let message = file_error("[[rudder]]", "[[ruder]]").to_string();
     assert!(message.contains("unknown key ruder, did you mean rudder?"), "{message}");
-    assert!(message.contains(&format!("line {}", line_of("[rudder]"))), "{message}");
+    assert!(message.contains(&format!("line {}", line_of("[[rudder]]"))), "{message}");
 
     let message = file_error("law = \"sine\"", "law = \"sinus\"").to_string();
     assert!(
-        message.contains(&format!("line {}", line_of("law = "))) && message.contains("sine"),
+        message.contains(&format!("line {}", line_of("law = \"sine\""))) && message.contains("sine"),
         "{message}"
     );
 }
@@ -186,29 +190,70 @@ fn a_misspelt_key_names_file_line_and_the_nearest() {
 fn other_faults_of_a_vessel_file() {
     let error = file_error("mass = 80.0", "mass = \"heavy\"");
     assert!(
-        matches!(&error, VesselFileError::File(TomlError::Syntax { line, .. }) if *line == line_of("mass = 80.0")),
+        matches!(&error, CraftFileError::File(TomlError::Syntax { line, .. }) if *line == line_of("mass = 80.0")),
         "{error}"
     );
-    let error = file_error("mass = 80.0\n", "");
+    let error = file_error("mass = 80.0 # kg\n", "");
     assert!(error.to_string().contains("mass"), "{error}");
     let error = file_error("mass = 80.0", "mass = ");
-    assert!(matches!(error, VesselFileError::File(TomlError::Syntax { .. })), "{error}");
+    assert!(matches!(error, CraftFileError::File(TomlError::Syntax { .. })), "{error}");
     let error = file_error("mass = 80.0", "mass = -80.0");
     assert!(
-        matches!(&error, VesselFileError::Invalid { line: Some(line), .. } if *line == line_of("mass = 80.0")),
+        matches!(&error, CraftFileError::Invalid { line: Some(line), .. } if *line == line_of("mass = 80.0")),
         "{error}"
     );
-    let error = load_vessel("/nowhere/boat.toml").expect_err("no such file");
+    let error = load("/nowhere/boat.toml").expect_err("no such file");
     assert!(error.to_string().contains("/nowhere/boat.toml"), "{error}");
 }
 
 #[test]
+fn the_former_form_of_vessel_files_is_refused_with_its_remedy() {
+    let text = "name = \"boat\"\n[rigid_body]\nmass = 80.0\n[rudder]\nlaw = \"sine\"\ngain = 70.0\n[propeller]\nlag = 1.0\n";
+    let error = parse(text, Path::new("boat.toml")).expect_err("should be refused");
+    let message = error.to_string();
+    assert!(
+        matches!(error, CraftFileError::Former { .. }) && message.starts_with("boat.toml: "),
+        "{message}"
+    );
+    for key in ["[[command]]", "[[thruster]]", "[[rudder]]", "--print-vessel"] {
+        assert!(message.contains(key), "{message}");
+    }
+}
+
+#[test]
+fn an_excitation_refuses_other_actuators() {
+    let error = refused(|o| o.vessel.thrusters[0].position = [0.0, 0.4]);
+    assert!(error.to_string().contains("one thruster on the centreline"), "{error}");
+    let error = refused(|o| o.vessel.thrusters[0].speed_loss = 1.0);
+    assert!(error.to_string().contains("thruster.propeller has a dead band or a loss"), "{error}");
+}
+
+/// A propeller that is commanded in percent, behind the rudder: the motion is that of a command in newtons.
+#[test]
+fn units_and_order_of_the_commands_do_not_change_the_motion() {
+    let newtons = run(&hydrofoil()).unwrap();
+    let mut options = hydrofoil();
+    let vessel = &mut options.vessel;
+    vessel.commands.swap(0, 1);
+    (vessel.commands[1].limits, vessel.commands[1].neutral) = ([-130.0 / 3.5 + 7.0, 107.0], 7.0);
+    (vessel.thrusters[0].forward, vessel.thrusters[0].reverse) = (7.0, 7.0);
+    vessel.thrusters[0].servo.order.terms = vec![(1, 7.0, 0.5)];
+    vessel.rudders[0].servo.order.terms = vec![(0, 0.0, 1.0)];
+    let percent = run(&options).unwrap();
+    for (one, other) in newtons.states().iter().zip(percent.states()) {
+        let both = [(one.u, other.u), (one.r, other.r), (0.01 * one.p_f, 0.01 * other.p_f)];
+        assert!(both.iter().all(|(a, b)| (a - b).abs() < 1e-9), "{one:?} {other:?}");
+    }
+    assert_eq!(percent.command_channels()[0].name, "PP_cmd");
+}
+
+#[test]
 fn the_envelope_is_where_force_and_drag_balance() {
-    for params in [VesselParams::simple(), VesselParams::hydrofoil(), VesselParams::hydrofoil_low_speed()] {
-        let plant = Plant::new(&params).expect("valid");
-        let envelope = Envelope::new(&params, &plant).expect("it has drag");
-        let force = params.commands.propeller.limits[1];
-        assert!((plant.holding_force(envelope.top_speed) - force).abs() < 1e-9 * force);
+    for params in [Craft::simple(), Craft::hydrofoil(), Craft::hydrofoil_low_speed()] {
+        let vessel = PropellerRudder::new(&params).expect("valid");
+        let envelope = Envelope::new(&vessel).expect("it has drag");
+        let force = params.commands[0].limits[1];
+        assert!((vessel.dynamics().holding_force(envelope.top_speed) - force).abs() < 1e-9 * force);
     }
 }
 
@@ -223,14 +268,14 @@ prop_compose! {
         kind in 0..5,
         dt_s in prop::sample::select(vec![0.05, 0.1, 0.2]),
     ) -> Options {
-        let mut vessel = VesselParams::hydrofoil();
-        for row in &mut vessel.drag.linear {
+        let mut vessel = Craft::hydrofoil();
+        for row in &mut vessel.hull.linear {
             for entry in row {
                 *entry *= scale;
             }
         }
-        vessel.commands.propeller.limits = [low, high];
-        vessel.commands.rudder.limits = [-rudder, 0.7 * rudder];
+        vessel.commands[0].limits = [low, high];
+        vessel.commands[1].limits = [-rudder, 0.7 * rudder];
         let excitation = match kind {
             0 => Excitation::Mixed,
             1 => Excitation::LowSpeed(LowSpeed::default()),

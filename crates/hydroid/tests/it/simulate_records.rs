@@ -5,14 +5,15 @@ use std::ops::ControlFlow;
 use hydroid::excitation::{Circle, Excitation, LawnMower, LowSpeed, Turn};
 use hydroid::log;
 use hydroid::simulate::{Options, SimulateError, Simulated, simulate};
-use hydroid_core::vessel::{Command, State, VesselParams};
+use hydroid_core::craft::Craft;
+use hydroid_core::vessel::{Command, State};
 
 fn run(options: &Options) -> Simulated {
     simulate(options, &mut |_| ControlFlow::Continue(())).unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn hydrofoil(excitation: Excitation) -> Options {
-    Options::new(VesselParams::hydrofoil(), excitation)
+    Options::new(Craft::hydrofoil(), excitation)
 }
 
 fn csv(record: &Simulated) -> Vec<u8> {
@@ -39,7 +40,7 @@ fn share_above(record: &Simulated, level: f64) -> f64 {
 
 #[test]
 fn a_record_is_the_log_that_is_read_from_its_file() {
-    for vessel in [VesselParams::hydrofoil(), VesselParams::simple()] {
+    for vessel in [Craft::hydrofoil(), Craft::simple()] {
         let record = run(&Options { duration_s: 5.0, ..Options::new(vessel, Excitation::Mixed) });
         let log = record.to_log("run.csv");
         assert_eq!(log, log::read_from(&csv(&record)[..], "run.csv").unwrap());
@@ -90,7 +91,7 @@ fn mixed_goes_through_both_modes_over_and_over() {
 
 #[test]
 fn low_speed_stays_below_the_transition() {
-    for vessel in [VesselParams::simple(), VesselParams::hydrofoil(), VesselParams::hydrofoil_low_speed()] {
+    for vessel in [Craft::simple(), Craft::hydrofoil(), Craft::hydrofoil_low_speed()] {
         for seed in 0..5 {
             let options =
                 Options { seed, ..Options::new(vessel.clone(), Excitation::LowSpeed(LowSpeed::default())) };
@@ -182,11 +183,9 @@ fn a_current_moves_the_vessel_over_ground() {
 
 #[test]
 fn a_circle_is_held() {
-    for (vessel, radius, speed) in [
-        (VesselParams::hydrofoil(), 25.0, 4.0),
-        (VesselParams::hydrofoil(), 15.0, 1.5),
-        (VesselParams::simple(), 15.0, 2.0),
-    ] {
+    for (vessel, radius, speed) in
+        [(Craft::hydrofoil(), 25.0, 4.0), (Craft::hydrofoil(), 15.0, 1.5), (Craft::simple(), 15.0, 2.0)]
+    {
         let plan = Circle { radius: Some(radius), speed: Some(speed) };
         let record = run(&Options { duration_s: 300.0, ..Options::new(vessel, Excitation::Circle(plan)) });
         for state in &record.states()[600..] {
@@ -199,10 +198,9 @@ fn a_circle_is_held() {
 
 #[test]
 fn noise_has_the_stated_deviation_and_no_memory() {
-    let record =
-        run(&Options { noise_scale: 2.0, ..Options::new(VesselParams::simple(), Excitation::Mixed) });
-    let noise = VesselParams::simple().noise;
-    for (i, std) in [noise.u, noise.v, noise.r, noise.p_f].into_iter().enumerate() {
+    let record = run(&Options { noise_scale: 2.0, ..Options::new(Craft::simple(), Excitation::Mixed) });
+    let ([u, v, r], force) = (Craft::simple().noise, Craft::simple().thrusters[0].force_noise);
+    for (i, std) in [u, v, r, force.unwrap()].into_iter().enumerate() {
         let error = |k: usize| {
             let state = &record.states()[k];
             record.measured()[k][i] - [state.u, state.v, state.r, state.p_f][i]
@@ -219,9 +217,9 @@ fn noise_has_the_stated_deviation_and_no_memory() {
 #[test]
 fn simulate_reproduces_the_golden_trajectories() {
     for (file, vessel) in [
-        ("simple", VesselParams::simple()),
-        ("hydrofoil", VesselParams::hydrofoil()),
-        ("hydrofoil_low_speed_model", VesselParams::hydrofoil_low_speed()),
+        ("simple", Craft::simple()),
+        ("hydrofoil", Craft::hydrofoil()),
+        ("hydrofoil_low_speed_model", Craft::hydrofoil_low_speed()),
     ] {
         let path = format!("{}/../../tests/golden/golden_{file}.csv", env!("CARGO_MANIFEST_DIR"));
         let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}"));
@@ -265,8 +263,7 @@ fn the_csv_has_the_columns_of_the_contract_and_reads_back() {
     }
     assert!(text.lines().nth(4).expect("a fourth row").starts_with("0.3,"));
 
-    let simple =
-        run(&Options { duration_s: 10.0, ..Options::new(VesselParams::simple(), Excitation::Mixed) });
+    let simple = run(&Options { duration_s: 10.0, ..Options::new(Craft::simple(), Excitation::Mixed) });
     let text = String::from_utf8(csv(&simple)).expect("text");
     let header = text.lines().next().expect("a header");
     assert!(header.contains("RD_cmd [N s],") && header.ends_with(",P_f_true [N],P_f [N]"), "{header}");
@@ -275,7 +272,7 @@ fn the_csv_has_the_columns_of_the_contract_and_reads_back() {
 
 #[test]
 fn a_trajectory_has_outputs_inputs_and_truth() {
-    let options = Options { duration_s: 30.0, ..Options::new(VesselParams::simple(), Excitation::Mixed) };
+    let options = Options { duration_s: 30.0, ..Options::new(Craft::simple(), Excitation::Mixed) };
     let record = run(&options);
     let run = record.to_trajectory(&["r", "P_f", "psi"]).expect("measured columns");
     assert_eq!((run.len(), run.t0, run.dt), (300, 0.0, 0.1));

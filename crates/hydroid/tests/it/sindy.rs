@@ -12,8 +12,8 @@ use hydroid::sindy::{
     RegressionForm, Scaling, SearchError, SearchGrid, SearchOptions, SearchResult, Variables, assemble,
     search,
 };
+use hydroid_core::craft::Craft;
 use hydroid_core::model::sparse::{Program, Term};
-use hydroid_core::vessel::VesselParams;
 use proptest::prelude::*;
 
 const MIDPOINT: RegressionForm = RegressionForm::Midpoint { intervals: 1 };
@@ -458,7 +458,7 @@ fn simple_plant_truth(terms: &[Term]) -> Vec<f64> {
 
 /// Two hours of the simple plant under mixed commands: 72,000 samples.
 fn simple_plant(seed: u64, noise_scale: f64) -> Trajectory {
-    let options = Options { seed, noise_scale, ..Options::new(VesselParams::simple(), Excitation::Mixed) };
+    let options = Options { seed, noise_scale, ..Options::new(Craft::simple(), Excitation::Mixed) };
     let record = simulate(&options, &mut |_| ControlFlow::Continue(())).unwrap();
     assert_eq!(record.len(), 72_000);
     record.to_trajectory(&["u", "v", "r", "P_f"]).unwrap()

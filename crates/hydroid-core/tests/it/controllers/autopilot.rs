@@ -4,10 +4,11 @@ use hydroid_core::actuator::Limits;
 use hydroid_core::control::{
     AffinePlant, Autopilot, AutopilotOptions, Controller, Estimate, HeadingGains, SpeedGains, Status,
 };
+use hydroid_core::craft::Craft;
 use hydroid_core::guidance::{
     LineOfSightOptions, Path, PathReference, Reference, Side, SpeedLimits, SpeedProfile,
 };
-use hydroid_core::vessel::{State, VesselParams};
+use hydroid_core::vessel::State;
 use proptest::prelude::*;
 
 use crate::controllers::helm::{DT, Moment, Mover, Sea, rms, sail};
@@ -31,7 +32,7 @@ fn sailed(
     law: AutopilotOptions,
     start: State,
 ) -> Vec<Moment> {
-    let vessel = VesselParams::simple();
+    let vessel = Craft::simple();
     let profile = SpeedProfile::new(path, &SpeedLimits::cruise(speed)).unwrap();
     let sea = Sea {
         vessel: &vessel,
@@ -43,7 +44,8 @@ fn sailed(
         wind,
         force: false,
     };
-    let mut controller = Autopilot::new(&AffinePlant::limits(&vessel), DT, law).unwrap();
+    let mut controller =
+        Autopilot::new(AffinePlant::limits(&vessel).first_chunk().unwrap(), DT, law).unwrap();
     sail(&sea, &mut controller, Mover::Vessel(PathReference::new(0.0, 6.0)), start, 0.0)
 }
 
@@ -85,8 +87,9 @@ fn integral_action_rejects_the_wind() {
 /// An unreachable speed: the integral does not wind up, and the vessel slows down on demand.
 #[test]
 fn saturation_causes_no_windup() {
-    let vessel = VesselParams::simple();
-    let mut controller = Autopilot::new(&AffinePlant::limits(&vessel), DT, settings(0.1)).unwrap();
+    let vessel = Craft::simple();
+    let mut controller =
+        Autopilot::new(AffinePlant::limits(&vessel).first_chunk().unwrap(), DT, settings(0.1)).unwrap();
     let path = Path::legs(&[[0.0, 0.0], [1_000.0, 0.0]]).unwrap();
     let seen = Estimate { eta: [0.0; 3], nu: [3.0, 0.0, 0.0], current: [0.0; 2], actuators: &[] };
     let mut command = [0.0; 2];
@@ -103,7 +106,7 @@ fn saturation_causes_no_windup() {
     assert_eq!(before, command);
     assert!(
         Autopilot::new(
-            &AffinePlant::limits(&vessel),
+            AffinePlant::limits(&vessel).first_chunk().unwrap(),
             DT,
             AutopilotOptions { steerage: 0.0, ..settings(0.1) }
         )
@@ -111,7 +114,7 @@ fn saturation_causes_no_windup() {
     );
     let blind = LineOfSightOptions { lookahead: -1.0, integral: 0.0 };
     let told = Autopilot::new(
-        &AffinePlant::limits(&vessel),
+        AffinePlant::limits(&vessel).first_chunk().unwrap(),
         DT,
         AutopilotOptions { line_of_sight: blind, ..settings(0.1) },
     );
@@ -126,7 +129,7 @@ proptest! {
         seed in 0u64..1000, speed in 0.2..6.0f64, tight in 0.05..1.0f64, rate in 0.05..5.0f64,
         (x, y, psi) in (-60.0..60.0f64, -60.0..60.0f64, -4.0..4.0f64), u in -1.0..4.0f64,
     ) {
-        let vessel = VesselParams::hydrofoil();
+        let vessel = Craft::hydrofoil();
         let path = Path::lawn_mower([0.0, 0.0], 0.3, 40.0, 20.0, 4, 9.0, Side::Port).unwrap();
         let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(speed)).unwrap();
         let limits = [

@@ -6,23 +6,24 @@ use hydroid_core::control::{
     Affine, AffineEquations, AffinePlant, Backstepping, BacksteppingOptions, Controller, Estimate,
     FeedbackLinearization, FeedbackLinearizationOptions, Status,
 };
+use hydroid_core::craft::Craft;
 use hydroid_core::guidance::{Path, Reference, Side, SpeedLimits, SpeedProfile, TimedReference};
-use hydroid_core::vessel::{State, VesselParams};
+use hydroid_core::vessel::State;
 use proptest::prelude::*;
 
 use crate::controllers::helm::{DT, Moment, Mover, Sea, rms, sail, under_way};
 use crate::controllers::written::{Force, equations};
 
-fn law<M: Affine>(model: M, vessel: &VesselParams, settings: BacksteppingOptions) -> Backstepping<M> {
+fn law<M: Affine>(model: M, vessel: &Craft, settings: BacksteppingOptions) -> Backstepping<M> {
     Backstepping::new(model, &AffinePlant::limits(vessel), DT, settings).unwrap()
 }
 
-fn plant(vessel: &VesselParams) -> AffinePlant {
+fn plant(vessel: &Craft) -> AffinePlant {
     AffinePlant::new(vessel).unwrap()
 }
 
 /// A circle of the simple vessel under a wind, with an initial error of half a metre.
-fn windy(controller: &mut dyn Controller, vessel: &VesselParams, wind: [f64; 2], noise: f64) -> Vec<Moment> {
+fn windy(controller: &mut dyn Controller, vessel: &Craft, wind: [f64; 2], noise: f64) -> Vec<Moment> {
     let path = Path::circle([0.0, 0.0], 10.0, Side::Starboard, 0.0).unwrap();
     let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(1.5)).unwrap();
     let sea =
@@ -54,7 +55,7 @@ proptest! {
         (k_1, k_2, q) in (0.3..2.0f64, 0.3..2.0f64, 0.1..3.0f64),
         (x, y, psi) in (-0.3..0.3f64, -0.3..0.3f64, -0.3..0.3f64), (u, v, r) in (1.0..2.0f64, -0.1..0.1f64, -0.1..0.1f64),
     ) {
-        let vessel = VesselParams::simple();
+        let vessel = Craft::simple();
         let settings = BacksteppingOptions { position: k_1, velocity: k_2, weight: q, closing_speed: 1e3, ..FIXED };
         let same = FeedbackLinearizationOptions {
             proportional: q + k_1 * k_2, derivative: k_1 + k_2, closing_speed: 1e3, ..FeedbackLinearizationOptions::new(1.0)
@@ -77,7 +78,7 @@ proptest! {
         seed in 0u64..1000, speed in 0.2..6.0f64, radius in 3.0..40.0f64, tight in 0.05..1.0f64, rate in 0.05..5.0f64,
         (x, y, psi) in (-60.0..60.0f64, -60.0..60.0f64, -4.0..4.0f64), u in -1.0..4.0f64,
     ) {
-        let vessel = VesselParams::hydrofoil();
+        let vessel = Craft::hydrofoil();
         let path = Path::circle([0.0, 0.0], radius, Side::Port, 0.0).unwrap();
         let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(speed)).unwrap();
         let limits = [
@@ -107,7 +108,7 @@ proptest! {
 /// converges to zero; without adaptation it is `a / k_p`.
 #[test]
 fn wind_on_a_circle_is_compensated() {
-    let vessel = VesselParams::simple();
+    let vessel = Craft::simple();
     let wind = [0.05f64, -0.03];
     let size = wind[0].hypot(wind[1]);
     let without =
@@ -124,12 +125,12 @@ fn wind_on_a_circle_is_compensated() {
 /// 20 % more mass and drag: a disturbance that is constant in the body frame on a circle.
 #[test]
 fn model_error_on_a_circle_is_compensated() {
-    let vessel = VesselParams::simple();
+    let vessel = Craft::simple();
     let mut heavy = vessel.clone();
-    heavy.rigid_body.mass *= 1.2;
-    heavy.rigid_body.i_z *= 1.2;
-    heavy.drag.linear[0][0] *= 1.2;
-    heavy.drag.linear[2][2] *= 1.2;
+    heavy.hull.mass *= 1.2;
+    heavy.hull.i_z *= 1.2;
+    heavy.hull.linear[0][0] *= 1.2;
+    heavy.hull.linear[2][2] *= 1.2;
     let error = |settings: BacksteppingOptions, from: f64| {
         rms(&windy(&mut law(plant(&vessel), &vessel, settings), &heavy, [0.0; 2], 0.0), from, |m| m.error)
     };
@@ -144,10 +145,10 @@ fn model_error_on_a_circle_is_compensated() {
 /// `dV/dt = -q k_1 |z_1|^2 - k_2 |z_2|^2`, up to the effects of sampling and of the lag of the propeller.
 #[test]
 fn the_lyapunov_function_falls() {
-    let mut vessel = VesselParams::simple();
-    vessel.propeller.lag = 0.01;
-    vessel.commands.propeller.limits = [-1e4, 1e4];
-    vessel.commands.rudder.limits = [-1e3, 1e3];
+    let mut vessel = Craft::simple();
+    vessel.thrusters[0].servo.lag = 0.01;
+    vessel.commands[0].limits = [-1e4, 1e4];
+    vessel.commands[1].limits = [-1e3, 1e3];
     let path = Path::circle([0.0, 0.0], 10.0, Side::Starboard, 0.0).unwrap();
     let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(1.5)).unwrap();
     let sea = Sea {
@@ -195,7 +196,7 @@ fn the_lyapunov_function_falls() {
 
 #[test]
 fn the_hydrofoil_tracks_circles_in_all_modes() {
-    let vessel = VesselParams::hydrofoil();
+    let vessel = Craft::hydrofoil();
     for (speed, radius, limit) in [(1.5, 15.0, 0.006), (2.5, 25.0, 0.008), (4.0, 30.0, 0.006)] {
         let path = Path::circle([0.0, 0.0], radius, Side::Starboard, 0.0).unwrap();
         let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(speed)).unwrap();
@@ -222,7 +223,7 @@ fn the_hydrofoil_tracks_circles_in_all_modes() {
 
 #[test]
 fn invalid_tasks_are_refused_and_missing_measurements_hold_the_command() {
-    let vessel = VesselParams::simple();
+    let vessel = Craft::simple();
     let make = |settings| {
         Backstepping::new(plant(&vessel), &AffinePlant::limits(&vessel), DT, settings)
             .map(|_| ())

@@ -7,12 +7,12 @@ use hydroid_core::adapt::kalman::{FilterOptions, KalmanNetwork};
 use hydroid_core::adapt::{
     Adapter, DirectLastLayer, ExpertMixture, ExpertMixtureOptions, InnovationGate, LastLayerOptions, Learning,
 };
+use hydroid_core::craft::Craft;
 use hydroid_core::model::direct::{Direct, DirectSession, Perceptron};
 use hydroid_core::model::recurrent::{BaseModel, Cell, Network, Recurrent, RecurrentSession, Scaling};
 use hydroid_core::model::sparse::{Equations, EquationsSession, Real, Signal, Term};
-use hydroid_core::model::{PlantModel, PlantSession};
+use hydroid_core::model::{CraftModel, CraftSession};
 use hydroid_core::predict::{Predictor, Workspace};
-use hydroid_core::vessel::VesselParams;
 
 use crate::controllers::helm::DT;
 use crate::controllers::written::{Force, equations};
@@ -76,7 +76,7 @@ fn network(cell: Cell, base: BaseModel, feedback: bool) -> Arc<Recurrent> {
 /// With gates, a lag and ten integration steps in a sample, from an advanced session.
 #[test]
 fn batches_of_equations_equal_single_rollouts() {
-    for vessel in [VesselParams::simple(), VesselParams::hydrofoil()] {
+    for vessel in [Craft::simple(), Craft::hydrofoil()] {
         let mut session = EquationsSession::new(Arc::new(equations(&vessel, Force::Hidden)));
         walk(&mut session, 3);
         side_by_side(&session, 15);
@@ -97,7 +97,7 @@ fn batches_of_equations_equal_single_rollouts() {
 /// Every cell with every base, also before all outputs were measured.
 #[test]
 fn batches_of_recurrent_networks_equal_single_rollouts() {
-    let below = Arc::new(equations(&VesselParams::simple(), Force::Hidden));
+    let below = Arc::new(equations(&Craft::simple(), Force::Hidden));
     for cell in [
         Cell::Lstm { hidden: 6, projection: Some(3) },
         Cell::Gru { hidden: 6 },
@@ -122,7 +122,7 @@ fn batches_of_recurrent_networks_equal_single_rollouts() {
 /// Shorter and longer than the horizon.
 #[test]
 fn batches_of_direct_predictors_equal_single_rollouts() {
-    let below = BaseModel::Equations(Arc::new(equations(&VesselParams::hydrofoil(), Force::Hidden)));
+    let below = BaseModel::Equations(Arc::new(equations(&Craft::hydrofoil(), Force::Hidden)));
     for base in [BaseModel::Nothing, BaseModel::Hold, below] {
         let (inputs, outputs) = Direct::lengths(3, 7, 3, 2);
         let network = Perceptron { inputs, hidden: vec![20, 9], outputs };
@@ -140,7 +140,7 @@ fn batches_of_direct_predictors_equal_single_rollouts() {
 /// With the present last layer, and through a guard.
 #[test]
 fn batches_of_adapting_direct_predictors_equal_single_rollouts() {
-    let below = BaseModel::Equations(Arc::new(equations(&VesselParams::hydrofoil(), Force::Hidden)));
+    let below = BaseModel::Equations(Arc::new(equations(&Craft::hydrofoil(), Force::Hidden)));
     for base in [BaseModel::Hold, below] {
         direct_predictors_that_learn(base);
     }
@@ -210,7 +210,7 @@ fn batches_of_adapting_sessions_equal_single_rollouts() {
         horizon: 40,
         gate: InnovationGate::OPEN,
     };
-    let below = equations(&VesselParams::simple(), Force::Hidden);
+    let below = equations(&Craft::simple(), Force::Hidden);
     let mut session = ExpertMixture::new(&below, &ranges, &blend, None).unwrap();
     let mut work = side_by_side(&session, 15);
     walk(&mut session, 60);
@@ -235,7 +235,7 @@ fn batches_of_other_models_equal_single_rollouts() {
         Box::new(EquationsSession::new(below)),
         Box::new(DirectSession::new(Arc::new(direct)).unwrap()),
         Box::new(RecurrentSession::new(on_past).unwrap()),
-        Box::new(PlantSession::new(&PlantModel::new(&VesselParams::simple(), DT).unwrap())),
+        Box::new(CraftSession::new(&CraftModel::new(Craft::simple(), DT).unwrap())),
         Box::new(RecurrentSession::new(plain).unwrap()),
     ];
     let mut others = Workspace::new();

@@ -5,11 +5,14 @@ use std::sync::Arc;
 use hydroid_core::actuator::Limits;
 use hydroid_core::control::cem::{Cost, Planner, PlannerOptions, SoftLimit};
 use hydroid_core::control::{AffinePlant, Status};
+use hydroid_core::craft::Craft;
 use hydroid_core::guidance::{Path, Reference, Side, SpeedLimits, SpeedProfile, TimedReference};
 use hydroid_core::model::sparse::{Equations, EquationsSession, Term};
-use hydroid_core::model::{PlantModel, PlantSession};
+use hydroid_core::model::{CraftModel, CraftSession};
 use hydroid_core::predict::{BATCH, Predictor, Workspace};
-use hydroid_core::vessel::{Command, Plant, State, VesselParams};
+use hydroid_core::vessel::{Command, State};
+
+use crate::plant::Plant;
 use proptest::prelude::*;
 
 use crate::controllers::helm::{DT, under_way};
@@ -341,9 +344,12 @@ fn cem_controls_the_hydrofoil() {
 
 /// Root mean square distance from the reference on a circle \[m\].
 fn circled(speed: f64, radius: f64, gauss_newton_steps: usize) -> f64 {
-    let vessel = VesselParams::hydrofoil();
-    let limits = AffinePlant::limits(&vessel).map(|l| l.with_rate(2.0 * (l.high - l.low)));
-    let model = PlantModel::new(&vessel, DT).unwrap();
+    let vessel = Craft::hydrofoil();
+    let limits = AffinePlant::limits(&vessel)
+        .into_iter()
+        .map(|l| l.with_rate(2.0 * (l.high - l.low)))
+        .collect::<Vec<_>>();
+    let model = CraftModel::new(vessel.clone(), DT).unwrap();
     let path = Path::circle([0.0, 0.0], radius, Side::Starboard, 0.0).unwrap();
     let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(speed)).unwrap();
     let settings = PlannerOptions {
@@ -354,9 +360,9 @@ fn circled(speed: f64, radius: f64, gauss_newton_steps: usize) -> f64 {
         ..PlannerOptions::new(7)
     };
     let mut planner = planner(settings, Cost::tracking(2), &limits);
-    let mut session = PlantSession::new(&model);
+    let mut session = CraftSession::new(&model);
     let mut state = under_way(&vessel, &path, &profile, 0.0, 0.5);
-    let plant = Plant::new(&vessel).unwrap();
+    let plant = Plant::new(&vessel);
     let (mut walker, mut command) = (TimedReference::new(&profile), [0.0; 2]);
     let (mut squares, mut count) = (0.0, 0.0);
     for k in 0..160 {
@@ -377,9 +383,9 @@ fn circled(speed: f64, radius: f64, gauss_newton_steps: usize) -> f64 {
             count += 1.0;
         }
         session.advance(&command);
-        let actuation = plant.actuation(&Command { pp: command[0], rd: command[1] });
+        let held = Command { pp: command[0], rd: command[1] };
         for _ in 0..10 {
-            state = plant.advance_under(&state, &actuation, 0.01);
+            state = plant.advance(&state, &held, 0.01);
         }
         walker.advance(&profile, DT);
     }
@@ -397,7 +403,7 @@ proptest! {
         let limits = [Limits::between([low, low + wide]).with_rate(rate), Limits::between([-0.5, 0.4]).with_rate(rate)];
         let settings = PlannerOptions { candidates: 60, elites: 6, iterations: 2, horizon: 6, ..PlannerOptions::new(seed) };
         let mut planner = planner(settings, Cost::tracking(2), &limits);
-        let mut session = PlantSession::new(&PlantModel::new(&VesselParams::simple(), DT).unwrap());
+        let mut session = CraftSession::new(&CraftModel::new(Craft::simple(), DT).unwrap());
         session.observe(&[1.0, 0.0, 0.0]);
         let mut command = [0.0; 2];
         let mut last = [0.0f64.clamp(low, low + wide), 0.0];
@@ -443,7 +449,7 @@ fn invalid_options_are_refused() {
     assert!(Planner::new(good, quadratic(), &WIDE, 2, DT, 1.0).is_err());
     let upside_down = [WIDE[0], Limits::between([1.0, 0.0])];
     assert!(Planner::new(good, quadratic(), &upside_down, 3, DT, 1.0).is_err());
-    let session = PlantSession::new(&PlantModel::new(&VesselParams::simple(), DT).unwrap());
+    let session = CraftSession::new(&CraftModel::new(Craft::simple(), DT).unwrap());
     let mut command = [9.0; 2];
     let mut planner = planner(good, quadratic(), &WIDE);
     let start = State::REST;

@@ -6,16 +6,16 @@ use hydroid_core::control::{
     Affine, AffineEquations, AffinePlant, Backstepping, BacksteppingOptions, ControlError, Controller,
     Estimate, FeedbackLinearization, FeedbackLinearizationOptions, Motion, NotAffine,
 };
+use hydroid_core::craft::Craft;
 use hydroid_core::guidance::{Path, Reference, Side};
 use hydroid_core::model::sparse::{Equations, Factor, Gate, Jacobian, Real, Shape, Signal, Term};
-use hydroid_core::vessel::VesselParams;
 use proptest::prelude::*;
 
 const NAMES: [&str; 7] = ["u", "v", "r", "P_f", "PP", "RD", "lag(PP)"];
 const HIDDEN: [&str; 6] = ["u", "v", "r", "PP", "RD", "lag(PP)"];
 
-fn vessels() -> [VesselParams; 2] {
-    [VesselParams::simple(), VesselParams::hydrofoil()]
+fn vessels() -> [Craft; 2] {
+    [Craft::simple(), Craft::hydrofoil()]
 }
 
 fn close(a: f64, b: f64) -> bool {
@@ -47,7 +47,7 @@ proptest! {
 
     #[test]
     fn g_is_the_jacobian_by_the_efforts(u in 0.0..6.0f64, v in -1.0..1.0f64, r in -0.6..0.6f64, p in -100.0..300.0f64, d in -0.5..0.5f64) {
-        let equations = equations(&VesselParams::hydrofoil(), Force::Hidden);
+        let equations = equations(&Craft::hydrofoil(), Force::Hidden);
         let mut affine = AffineEquations::new(&equations, [0, 1, 2]).unwrap();
         let mut motion = Motion::new(2);
         affine.evaluate([u, v, r], &mut motion);
@@ -114,9 +114,9 @@ fn commands_do_not_depend_on_how_the_model_is_written() {
 /// An adapted model passes its coefficients on, with the lag of a measured force.
 #[test]
 fn adapted_coefficients_are_used() {
-    let (vessel, mut heavy) = (VesselParams::simple(), VesselParams::simple());
-    heavy.rigid_body.mass *= 1.2;
-    heavy.propeller.lag = 1.7;
+    let (vessel, mut heavy) = (Craft::simple(), Craft::simple());
+    heavy.hull.mass *= 1.2;
+    heavy.thrusters[0].servo.lag = 1.7;
     let (before, after) = (equations(&vessel, Force::Measured), equations(&heavy, Force::Measured));
     let mut affine = AffineEquations::new(&before, [0, 1, 2]).unwrap();
     affine.set_coefficients(after.coefficients());
@@ -139,8 +139,8 @@ fn adapted_coefficients_are_used() {
 
 #[test]
 fn coefficients_that_are_refused_change_nothing() {
-    let (vessel, mut heavy) = (VesselParams::simple(), VesselParams::simple());
-    heavy.rigid_body.mass *= 1.2;
+    let (vessel, mut heavy) = (Craft::simple(), Craft::simple());
+    heavy.hull.mass *= 1.2;
     let (before, after) = (equations(&vessel, Force::Measured), equations(&heavy, Force::Measured));
     let mut unstable = after.coefficients().to_vec();
     // The propeller force would grow.
@@ -235,7 +235,7 @@ fn terms_that_are_not_affine_are_refused_by_name() {
 
 #[test]
 fn outputs_that_are_no_actuators_are_refused() {
-    let vessel = VesselParams::simple();
+    let vessel = Craft::simple();
     let equations = equations(&vessel, Force::Measured);
     let count = equations.terms().len();
     let changed = |place: usize, value: f64| {

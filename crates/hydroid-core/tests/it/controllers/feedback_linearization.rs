@@ -8,27 +8,30 @@ use hydroid_core::control::{
     BacksteppingOptions, ControlError, Controller, Estimate, FeedbackLinearization,
     FeedbackLinearizationOptions, Status,
 };
+use hydroid_core::craft::Craft;
 use hydroid_core::guidance::{
     Path, PathReference, Reference, Side, SpeedLimits, SpeedProfile, TimedReference,
 };
-use hydroid_core::vessel::{Command, Plant, State, VesselParams};
+use hydroid_core::vessel::{Command, State};
+
+use crate::plant::Plant;
 use proptest::prelude::*;
 
 fn law<M: Affine>(
     model: M,
-    vessel: &VesselParams,
+    vessel: &Craft,
     settings: FeedbackLinearizationOptions,
 ) -> FeedbackLinearization<M> {
     FeedbackLinearization::new(model, &AffinePlant::limits(vessel), DT, settings).unwrap()
 }
 
-fn plant(vessel: &VesselParams) -> AffinePlant {
+fn plant(vessel: &Craft) -> AffinePlant {
     AffinePlant::new(vessel).unwrap()
 }
 
 /// A circle, started under way with an error of half a metre.
 fn circle(
-    vessel: &VesselParams,
+    vessel: &Craft,
     controller: &mut dyn Controller,
     (ahead, radius, speed): (f64, f64, f64),
     (noise, seed): (f64, u64),
@@ -57,7 +60,7 @@ fn median(mut values: [f64; 3]) -> f64 {
 /// Independent implementation, with `k_p = 1`, `k_d = 2`: 0 with clean and 0.0042 m with noisy velocities.
 #[test]
 fn the_simple_vessel_tracks_its_circle_as_an_independent_implementation_does() {
-    let vessel = VesselParams::simple();
+    let vessel = Craft::simple();
     let task = (1.0, 10.0, 1.5);
     let error = |settings, noise, seed| {
         let run = circle(&vessel, &mut law(plant(&vessel), &vessel, settings), task, (noise, seed));
@@ -77,7 +80,7 @@ fn the_simple_vessel_tracks_its_circle_as_an_independent_implementation_does() {
 /// Displacement mode, take-off and foiling, with the model as equations.
 #[test]
 fn the_hydrofoil_tracks_circles_in_all_modes() {
-    let vessel = VesselParams::hydrofoil();
+    let vessel = Craft::hydrofoil();
     for (speed, radius, limit) in [(1.5, 15.0, 0.0045), (2.5, 25.0, 0.007), (4.0, 30.0, 0.0045)] {
         let model = AffineEquations::new(&equations(&vessel, Force::Hidden), [0, 1, 2]).unwrap();
         let mut controller = law(model, &vessel, FeedbackLinearizationOptions::new(1.5));
@@ -95,7 +98,7 @@ fn the_hydrofoil_tracks_circles_in_all_modes() {
 /// The documented limit of the bandwidth: during take-off, 3 rad/s are too much for samples of 0.1 s.
 #[test]
 fn too_high_a_bandwidth_diverges_at_take_off() {
-    let vessel = VesselParams::hydrofoil();
+    let vessel = Craft::hydrofoil();
     let error = |omega| {
         let settings = FeedbackLinearizationOptions::new(1.5).with_bandwidth(omega, 0.7);
         let run = circle(&vessel, &mut law(plant(&vessel), &vessel, settings), (1.5, 25.0, 2.5), (0.0, 1));
@@ -113,10 +116,10 @@ proptest! {
         (u, v, r, psi) in (0.8..3.5f64, -0.3..0.3f64, -0.3..0.3f64, -4.0..4.0f64),
         (north, east) in (-0.15..0.15f64, -0.15..0.15f64), ahead in 0.6..2.0f64, foil in any::<bool>(),
     ) {
-        let mut vessel = if foil { VesselParams::hydrofoil() } else { VesselParams::simple() };
+        let mut vessel = if foil { Craft::hydrofoil() } else { Craft::simple() };
         // The force follows the command immediately.
-        vessel.propeller.lag = 1e-3;
-        vessel.commands.propeller.limits = [-3e3, 3e3];
+        vessel.thrusters[0].servo.lag = 1e-3;
+        vessel.commands[0].limits = [-3e3, 3e3];
         let point = |s: &State| [s.x + ahead * s.psi.cos(), s.y + ahead * s.psi.sin()];
         let velocity = |s: &State| {
             let (sin, cos) = s.psi.sin_cos();
@@ -131,7 +134,7 @@ proptest! {
         let mut command = [0.0; 2];
         let status = law(plant(&vessel), &vessel, FeedbackLinearizationOptions::new(ahead)).command(&estimate, &reference, &mut command);
         prop_assume!(status == Status::Tracking);
-        let (h, sea) = (1e-6, Plant::new(&vessel).unwrap());
+        let (h, sea) = (1e-6, Plant::new(&vessel));
         let held = Command { pp: command[0], rd: command[1] };
         let pushed = State { p_f: command[0], ..state };
         let (before, after) = (sea.advance(&pushed, &held, -h), sea.advance(&pushed, &held, h));
@@ -148,7 +151,7 @@ proptest! {
         seed in 0u64..1000, speed in 0.2..6.0f64, radius in 3.0..40.0f64, tight in 0.05..1.0f64, rate in 0.05..5.0f64,
         (x, y, psi) in (-60.0..60.0f64, -60.0..60.0f64, -4.0..4.0f64), u in -1.0..4.0f64, integral in 0.0..0.5f64,
     ) {
-        let vessel = VesselParams::hydrofoil();
+        let vessel = Craft::hydrofoil();
         let path = Path::circle([0.0, 0.0], radius, Side::Port, 0.0).unwrap();
         let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(speed)).unwrap();
         let limits = [
@@ -174,7 +177,7 @@ proptest! {
 
 #[test]
 fn a_lawn_mower_from_rest_is_tracked() {
-    let vessel = VesselParams::hydrofoil();
+    let vessel = Craft::hydrofoil();
     let path = Path::lawn_mower([0.0, 0.0], 0.5, 80.0, 40.0, 3, 18.0, Side::Port).unwrap();
     let limits = SpeedLimits {
         lateral_acceleration: 0.25,
@@ -218,7 +221,7 @@ fn a_lawn_mower_from_rest_is_tracked() {
 /// Without time: the reference is the projection of the point onto the path.
 #[test]
 fn a_path_is_followed_at_the_speeds_that_its_turns_allow() {
-    let vessel = VesselParams::simple();
+    let vessel = Craft::simple();
     let points = [[0.0, 0.0], [60.0, 0.0], [60.0, 50.0], [10.0, 70.0], [-30.0, 20.0]];
     let path = Path::waypoints(&points, 10.0).unwrap();
     let limits = SpeedLimits { yaw_rate: 0.1, ..SpeedLimits::cruise(1.8) };
@@ -253,7 +256,7 @@ fn a_path_is_followed_at_the_speeds_that_its_turns_allow() {
 /// A constant disturbance causes an error of `a / k_p`, and none with the integral.
 #[test]
 fn the_integral_rejects_the_wind() {
-    let vessel = VesselParams::simple();
+    let vessel = Craft::simple();
     let path = Path::legs(&[[0.0, 0.0], [500.0, 0.0]]).unwrap();
     let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(1.5)).unwrap();
     let sea = Sea {
@@ -287,7 +290,7 @@ fn the_integral_rejects_the_wind() {
 
 #[test]
 fn saturation_causes_no_windup() {
-    let vessel = VesselParams::simple();
+    let vessel = Craft::simple();
     let path = Path::legs(&[[0.0, 0.0], [2_000.0, 0.0]]).unwrap();
     let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(2.0)).unwrap();
     let settings = FeedbackLinearizationOptions { integral: 0.3, ..FeedbackLinearizationOptions::new(1.0) };
@@ -312,7 +315,7 @@ fn saturation_causes_no_windup() {
 /// In a known current, the vessel moves as in still water, seen from a frame that drifts with the water.
 #[test]
 fn a_current_moves_vessel_and_reference_alike() {
-    let vessel = VesselParams::hydrofoil();
+    let vessel = Craft::hydrofoil();
     let laws = || -> [Box<dyn Controller>; 3] {
         let base = || law(plant(&vessel), &vessel, FeedbackLinearizationOptions::new(1.5));
         let learned = AdaptiveAugmentation::new(base(), AdaptiveAugmentationOptions::default(), 1).unwrap();
@@ -344,7 +347,7 @@ fn a_current_moves_vessel_and_reference_alike() {
 
 #[test]
 fn measurements_that_are_not_finite_hold_the_last_command() {
-    let vessel = VesselParams::simple();
+    let vessel = Craft::simple();
     let mut controller = law(plant(&vessel), &vessel, FeedbackLinearizationOptions::new(1.0));
     let path = Path::legs(&[[0.0, 0.0], [100.0, 0.0]]).unwrap();
     let reference = Reference::new(1.2, &path.at(1.2), 1.5, 0.0);
@@ -360,7 +363,7 @@ fn measurements_that_are_not_finite_hold_the_last_command() {
 
 #[test]
 fn invalid_options_are_refused() {
-    let vessel = VesselParams::simple();
+    let vessel = Craft::simple();
     let limits = AffinePlant::limits(&vessel);
     let make = |settings| {
         FeedbackLinearization::new(plant(&vessel), &limits, DT, settings).map(|_| ()).unwrap_err().to_string()

@@ -2,8 +2,11 @@
 //! pose.
 
 use hydroid_core::control::{Controller, Estimate, Status};
+use hydroid_core::craft::Craft;
 use hydroid_core::guidance::{Path, PathReference, SpeedProfile, TimedReference};
-use hydroid_core::vessel::{Command, Plant, State, VesselParams};
+use hydroid_core::vessel::{Command, State};
+
+use crate::plant::Plant;
 
 pub(crate) const DT: f64 = 0.1;
 
@@ -31,7 +34,7 @@ pub(crate) enum Mover {
 }
 
 pub(crate) struct Sea<'a> {
-    pub(crate) vessel: &'a VesselParams,
+    pub(crate) vessel: &'a Craft,
     pub(crate) path: &'a Path,
     pub(crate) profile: &'a SpeedProfile,
     pub(crate) duration_s: f64,
@@ -70,7 +73,7 @@ pub(crate) fn sail(
     start: State,
     ahead: f64,
 ) -> Vec<Moment> {
-    let plant = Plant::new(sea.vessel).unwrap();
+    let plant = Plant::new(sea.vessel);
     let mut noise = Noise(sea.seed);
     let sigma = sea.vessel.noise;
     let mut state = start;
@@ -79,11 +82,14 @@ pub(crate) fn sail(
     let mut k = 0_u32;
     while f64::from(k) * DT < sea.duration_s - 0.5 * DT {
         let nu = [
-            state.u + sea.noise * sigma.u * noise.normal(),
-            state.v + sea.noise * sigma.v * noise.normal(),
-            state.r + sea.noise * sigma.r * noise.normal(),
+            state.u + sea.noise * sigma[0] * noise.normal(),
+            state.v + sea.noise * sigma[1] * noise.normal(),
+            state.r + sea.noise * sigma[2] * noise.normal(),
         ];
-        let force = [state.p_f + sea.noise * sigma.p_f * noise.normal(), f64::NAN];
+        let force = [
+            state.p_f + sea.noise * sea.vessel.thrusters[0].force_noise.unwrap_or(0.0) * noise.normal(),
+            f64::NAN,
+        ];
         let actuators = if sea.force { &force[..] } else { &[] };
         let estimate = Estimate { eta: [state.x, state.y, state.psi], nu, current: [0.0; 2], actuators };
         let point = [state.x + ahead * state.psi.cos(), state.y + ahead * state.psi.sin()];
@@ -98,9 +104,9 @@ pub(crate) fn sail(
         let t = f64::from(k) * DT;
         run.push(Moment { t, state, error, cross_track, speed: reference.speed, status, command });
         k += 1;
-        let actuation = plant.actuation(&Command { pp: command[0], rd: command[1] });
+        let held = Command { pp: command[0], rd: command[1] };
         for _ in 0..10 {
-            state = plant.advance_under(&state, &actuation, 0.01);
+            state = plant.advance(&state, &held, 0.01);
             let (sin, cos) = state.psi.sin_cos();
             state.u += 0.01 * (sea.wind[0] * cos + sea.wind[1] * sin);
             state.v += 0.01 * (sea.wind[1] * cos - sea.wind[0] * sin);
@@ -113,22 +119,16 @@ pub(crate) fn sail(
 }
 
 /// A state at the reference speed whose point is `off` metres outside of the start of the path.
-pub(crate) fn under_way(
-    vessel: &VesselParams,
-    path: &Path,
-    profile: &SpeedProfile,
-    ahead: f64,
-    off: f64,
-) -> State {
+pub(crate) fn under_way(vessel: &Craft, path: &Path, profile: &SpeedProfile, ahead: f64, off: f64) -> State {
     let (pose, (speed, _)) = (path.at(0.0), profile.at(0.0));
     let (sin, cos) = pose.course.sin_cos();
-    let plant = Plant::new(vessel).unwrap();
+    let plant = Plant::new(vessel);
     State {
         x: pose.position[0] - ahead * cos - off * sin,
         y: pose.position[1] - ahead * sin + off * cos,
         psi: pose.course,
         u: speed,
-        p_f: plant.holding_force(speed),
+        p_f: plant.dynamics.holding_force(speed),
         ..State::REST
     }
 }

@@ -4,8 +4,11 @@ use hydroid_core::control::{
     AdaptiveAugmentation, AdaptiveAugmentationOptions, AffinePlant, Controller, Estimate,
     FeedbackLinearization, FeedbackLinearizationOptions, Status,
 };
+use hydroid_core::craft::Craft;
 use hydroid_core::guidance::{Path, PathReference, Side, SpeedLimits, SpeedProfile, TimedReference};
-use hydroid_core::vessel::{Command, Plant, State, VesselParams};
+use hydroid_core::vessel::{Command, State};
+
+use crate::plant::Plant;
 
 use crate::controllers::helm::{DT, Noise, under_way};
 
@@ -14,13 +17,13 @@ const AHEAD: f64 = 1.5;
 /// Root mean square of the cross-track error of the point from `from_s` on, and the share of samples with the status
 /// lost or worse, on a lawn-mower path in a current.
 fn mow(
-    vessel: &VesselParams,
+    vessel: &Craft,
     current: [f64; 2],
     controller: &mut dyn Controller,
     seed: u64,
     (from_s, until_s): (f64, f64),
 ) -> (f64, f64) {
-    let plant = Plant::new(vessel).unwrap();
+    let plant = Plant::new(vessel);
     let path = Path::lawn_mower([0.0, 0.0], 0.3, 60.0, 30.0, 6, 15.0, Side::Starboard).unwrap();
     let profile = SpeedProfile::new(&path, &SpeedLimits::cruise(1.5)).unwrap();
     let (mut walker, mut foot) = (TimedReference::new(&profile), PathReference::new(0.0, 5.0));
@@ -31,9 +34,9 @@ fn mow(
     while t < until_s {
         let (sin, cos) = state.psi.sin_cos();
         let nu = [
-            state.u + current[0] * cos + current[1] * sin + vessel.noise.u * noise.normal(),
-            state.v + current[1] * cos - current[0] * sin + vessel.noise.v * noise.normal(),
-            state.r + vessel.noise.r * noise.normal(),
+            state.u + current[0] * cos + current[1] * sin + vessel.noise[0] * noise.normal(),
+            state.v + current[1] * cos - current[0] * sin + vessel.noise[1] * noise.normal(),
+            state.r + vessel.noise[2] * noise.normal(),
         ];
         let estimate = Estimate { eta: [state.x, state.y, state.psi], nu, current: [0.0; 2], actuators: &[] };
         let mut command = [0.0; 2];
@@ -47,9 +50,9 @@ fn mow(
             let point = [state.x + AHEAD * cos, state.y + AHEAD * sin];
             foot.project(&path, point);
         }
-        let actuation = plant.actuation(&Command { pp: command[0], rd: command[1] });
+        let held = Command { pp: command[0], rd: command[1] };
         for _ in 0..10 {
-            state = plant.advance_under(&state, &actuation, 0.01);
+            state = plant.advance(&state, &held, 0.01);
             state = State { x: state.x + 0.01 * current[0], y: state.y + 0.01 * current[1], ..state };
         }
         walker.advance(&profile, DT);
@@ -58,20 +61,20 @@ fn mow(
     (f64::sqrt(squares / count), lost / count)
 }
 
-fn base(vessel: &VesselParams) -> FeedbackLinearization<AffinePlant> {
+fn base(vessel: &Craft) -> FeedbackLinearization<AffinePlant> {
     let model = AffinePlant::new(vessel).unwrap();
     let settings = FeedbackLinearizationOptions::new(AHEAD);
     FeedbackLinearization::new(model, &AffinePlant::limits(vessel), DT, settings).unwrap()
 }
 
-fn learned(vessel: &VesselParams, seed: u64) -> AdaptiveAugmentation<AffinePlant> {
+fn learned(vessel: &Craft, seed: u64) -> AdaptiveAugmentation<AffinePlant> {
     AdaptiveAugmentation::new(base(vessel), AdaptiveAugmentationOptions::default(), seed).unwrap()
 }
 
-fn heavier(vessel: &VesselParams) -> VesselParams {
+fn heavier(vessel: &Craft) -> Craft {
     let mut heavy = vessel.clone();
-    heavy.rigid_body.mass *= 1.2;
-    heavy.rigid_body.i_z *= 1.2;
+    heavy.hull.mass *= 1.2;
+    heavy.hull.i_z *= 1.2;
     heavy
 }
 
@@ -79,7 +82,7 @@ fn heavier(vessel: &VesselParams) -> VesselParams {
 /// median over seeds, and never more than 1.2 times as much.
 #[test]
 fn with_more_mass_and_a_current_it_is_better_than_its_base() {
-    for (name, vessel) in [("simple", VesselParams::simple()), ("hydrofoil", VesselParams::hydrofoil())] {
+    for (name, vessel) in [("simple", Craft::simple()), ("hydrofoil", Craft::hydrofoil())] {
         let heavy = heavier(&vessel);
         let mut ratios: Vec<f64> = (100..120)
             .map(|seed| {
@@ -106,7 +109,7 @@ fn with_more_mass_and_a_current_it_is_better_than_its_base() {
 
 #[test]
 fn with_the_true_model_the_augmentation_costs_little() {
-    let vessel = VesselParams::simple();
+    let vessel = Craft::simple();
     let mut ratios: Vec<f64> = (200..209)
         .map(|seed| {
             let span = (20.0, 200.0);
@@ -123,7 +126,7 @@ fn with_the_true_model_the_augmentation_costs_little() {
 /// The initial law is the base, gaps in the measurements are not learned, and a reset clears the network.
 #[test]
 fn the_initial_augmentation_is_zero_and_reset_restores_it() {
-    let vessel = VesselParams::simple();
+    let vessel = Craft::simple();
     let heavy = heavier(&vessel);
     let mut law = learned(&vessel, 3);
     let early = (0.0, 0.9);
@@ -146,7 +149,7 @@ fn the_initial_augmentation_is_zero_and_reset_restores_it() {
 
 #[test]
 fn invalid_options_are_refused() {
-    let vessel = VesselParams::simple();
+    let vessel = Craft::simple();
     let told =
         |settings| AdaptiveAugmentation::new(base(&vessel), settings, 0).map(|_| ()).unwrap_err().to_string();
     let good = AdaptiveAugmentationOptions::default();

@@ -1,8 +1,8 @@
 //! The built-in vessels as sparse equations with exact coefficients.
 #![allow(unreachable_pub)] // a module of tests and benchmarks has no outside
 
+use hydroid_core::craft::{Craft, RudderLaw};
 use hydroid_core::model::sparse::{Equations, Factor, Gate, Real, Shape, Signal, Term};
-use hydroid_core::vessel::{RudderLaw, VesselParams};
 
 /// Form of the propeller force in the equations.
 #[derive(Clone, Copy, PartialEq)]
@@ -18,14 +18,15 @@ fn f(variable: u16, shape: Shape) -> Factor {
 }
 
 /// `d nu/dt` of a vessel without Munk moment; variables `u, v, r, (P_f,) PP, RD (, lag of PP)`.
-pub fn equations(vessel: &VesselParams, force: Force) -> Equations {
+pub fn equations(vessel: &Craft, force: Force) -> Equations {
     let outputs: u16 = if force == Force::Measured { 4 } else { 3 };
     let (pp, rd) = (outputs, outputs + 1);
     let thrust = if force == Force::Measured { 3 } else { outputs + 2 };
     let one = Shape::Power(1);
-    let rudder = match vessel.rudder.law {
-        RudderLaw::Linear => one,
-        RudderLaw::Sine => Shape::Sin,
+    let (rudder, gain) = match vessel.rudders[0].law {
+        RudderLaw::Linear(gain) => (one, gain),
+        RudderLaw::Sine(gain) => (Shape::Sin, gain),
+        RudderLaw::Normal(_) => panic!("a yaw moment"),
     };
     let mut library = vec![Term::monomial(&[0]), Term::monomial(&[1]), Term::monomial(&[2])];
     library.extend((0..3).map(|w| Term::signed_square(w, w)));
@@ -34,10 +35,10 @@ pub fn equations(vessel: &VesselParams, force: Force) -> Equations {
     library.push(Term::new(vec![f(0, one), f(rd, rudder)]));
 
     // Forces of each term, before the inverse of the mass matrix; `C` is that of displacement mode in both modes.
-    let (body, added) = (&vessel.rigid_body, &vessel.added_mass);
+    let hull = &vessel.hull;
     let mass = |k: f64| {
-        let m23 = body.mass * body.x_g - k * added.y_rdot;
-        [body.mass - k * added.x_udot, body.mass - k * added.y_vdot, m23, body.i_z - k * added.n_rdot]
+        let m23 = hull.mass * hull.x_g - k * hull.y_rdot;
+        [hull.mass - k * hull.x_udot, hull.mass - k * hull.y_vdot, m23, hull.i_z - k * hull.n_rdot]
     };
     let [m11, m22, m23, _] = mass(1.0);
     let rows = |added_factor: f64, drag_factor: f64| -> Vec<[f64; 3]> {
@@ -46,13 +47,13 @@ pub fn equations(vessel: &VesselParams, force: Force) -> Equations {
         let solve =
             |[x, y, n]: [f64; 3]| [x / a, (d * y - c * n) / determinant, (b * n - c * y) / determinant];
         let drag = |table: &[[f64; 3]; 3], j: usize| [0, 1, 2].map(|i| -drag_factor * table[i][j]);
-        let mut forces: Vec<[f64; 3]> = (0..3).map(|j| drag(&vessel.drag.linear, j)).collect();
-        forces.extend((0..3).map(|j| drag(&vessel.drag.quadratic, j)));
+        let mut forces: Vec<[f64; 3]> = (0..3).map(|j| drag(&vessel.hull.linear, j)).collect();
+        forces.extend((0..3).map(|j| drag(&vessel.hull.quadratic, j)));
         forces.push([0.0, -m11, -m23]);
         forces.push([m22, 0.0, 0.0]);
         forces.push([m23, 0.0, 0.0]);
         forces.push([1.0, 0.0, 0.0]);
-        forces.push([0.0, 0.0, vessel.rudder.gain]);
+        forces.push([0.0, 0.0, gain]);
         forces.into_iter().map(solve).collect()
     };
 
@@ -70,7 +71,7 @@ pub fn equations(vessel: &VesselParams, force: Force) -> Equations {
             }
         }
     }
-    let lag = vessel.propeller.lag;
+    let lag = vessel.thrusters[0].servo.lag;
     let mut signals = Vec::new();
     let mut last = Vec::new();
     match force {

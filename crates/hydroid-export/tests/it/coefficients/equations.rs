@@ -257,10 +257,10 @@ fn delays_and_limits_of_rates_are_refused_as_vehicles() {
     let mut limited = model(&MOTION, &["u", "delta"], &rows, Members::default());
     limited.description.inputs[1].rate_limit = Some(0.1);
     let lags = model(&MOTION, &["u", "lag(n, 1.5 s)"], &rows, Members::default());
-    let error = |model| mss(model, &options(), &CoefficientOptions::default()).unwrap_err().to_string();
+    let error = |model| mss(model, &options()).unwrap_err().to_string();
     assert!(error(&delayed).contains("without delays"));
     assert!(error(&limited).contains("'delta' has a limit of the rate"));
-    assert!(mss(&lags, &options(), &CoefficientOptions::default()).is_ok());
+    assert!(mss(&lags, &options()).is_ok());
     let other = model(&[("u", "m/s")], &["u"], &[vec![1.0]], Members::default());
     assert!(error(&other).contains("no output v"));
 }

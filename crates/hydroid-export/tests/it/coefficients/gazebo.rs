@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 
 use hydroid::model::Model;
-use hydroid_core::craft::Dynamics;
-use hydroid_core::vessel::{Plant, VesselParams};
+use hydroid_core::craft::{Craft, Dynamics};
 use hydroid_export::coefficients::{CoefficientOptions, Coefficients, sdf};
 use quick_xml::Reader;
 use quick_xml::events::Event;
@@ -148,19 +147,19 @@ fn the_plugin_of_gazebo_moves_a_hull_as_its_equations_do() {
 
 #[test]
 fn a_vessel_without_the_munk_moment_has_its_negative_in_the_plugin() {
-    let params = VesselParams { flying: None, ..VesselParams::hydrofoil() };
+    let params = Craft { flying: None, ..Craft::hydrofoil() };
     let model = Model::of_vessel(&params, 0.1).unwrap();
     let files = sdf(&model, &options(), &CoefficientOptions::default()).unwrap();
     let plugin = parse(&content(&files, "boat_gz.sdf"));
     let link = Link::of(&content(&files, "boat_inertial.sdf"));
-    let plant = Plant::new(&params).unwrap();
+    let plant = Dynamics::new(&params);
     for nu in motions() {
-        let [du, dv, dr] = plant.acceleration(nu, 0.0, 0.0);
+        let [du, dv, dr] = plant.acceleration(nu, &[0.0, 0.0]);
         let (left, scale) = link.left([nu[0], -nu[1], -nu[2]], [du, -dv, -dr]);
         let force = gazebo(&plugin, [nu[0], -nu[1], -nu[2]]);
         assert!((0..3).all(|i| near(left[i], force[i], 10.0 * scale)), "{nu:?}: {left:?} {force:?}");
     }
-    assert!(plugin.comments.contains("u sin(RD_ang)"));
+    assert!(plugin.comments.contains("u sin(RD)"));
 }
 
 /// `SimpleHydrodynamics.cc` of VRX: the diagonal in pure surge, sway and yaw.

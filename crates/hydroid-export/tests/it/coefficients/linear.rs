@@ -3,8 +3,7 @@
 use hydroid::boat::{Input, Role};
 use hydroid::evaluate::DesignRange;
 use hydroid::model::{Members, Model};
-use hydroid_core::craft::Dynamics;
-use hydroid_core::vessel::{Plant, VesselParams};
+use hydroid_core::craft::{Craft, Dynamics};
 use hydroid_export::coefficients::{CoefficientOptions, Coefficients, Inertia, latex, straight_course};
 
 use super::equations::{MOTION, with_inputs};
@@ -314,17 +313,15 @@ fn a_positive_rudder_turns_to_starboard_and_the_sign_convention_is_stated() {
 
 #[test]
 fn linear_derivatives_of_built_in_vessels_are_differences_of_their_accelerations() {
-    for params in [VesselParams::simple(), VesselParams::hydrofoil()] {
-        let params = VesselParams { flying: None, ..params };
+    for params in [Craft::simple(), Craft::hydrofoil()] {
+        let params = Craft { flying: None, ..params };
         let model = Model::of_vessel(&params, 0.1).unwrap();
         let rows = found(&model, 1.7);
-        let plant = Plant::new(&params).unwrap();
+        let plant = Dynamics::new(&params);
         let body = Coefficients::of(&model, &with(None), "latex").unwrap().inertia.mass_matrix();
-        let command = |pp: f64, rd: f64| plant.actuation(&hydroid_core::vessel::Command { pp, rd });
         let nu = [1.7, 0.0, 0.0];
-        let by_propeller = slope(|h| forces(body, plant.acceleration(nu, h, 0.0)), 1e-3);
-        let by_rudder =
-            slope(|h| forces(body, plant.acceleration(nu, 0.0, command(0.0, h).moment_per_speed)), 1e-4);
+        let by_propeller = slope(|h| forces(body, plant.acceleration(nu, &[h, 0.0])), 1e-3);
+        let by_rudder = slope(|h| forces(body, plant.acceleration(nu, &[0.0, h])), 1e-4);
         let [pp, rd] = [0, 1].map(|k| model.description.inputs[k].channel.name.clone());
         let symbol =
             |force: &str, name: &str| format!("{force}_{{{}}}(U)", hydroid::model::latex_symbol(name));

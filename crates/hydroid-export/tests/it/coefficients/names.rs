@@ -59,8 +59,8 @@ proptest! {
             prop_assert_eq!(&plugin.elements["link_name"], &safe);
         }
         for (files, expected, extension, meaning) in [
-            (mss(&model, &options(), &with_link), mss(&benign, &options(), &with_link), "py", "\"'\\{}"),
-            (mss(&model, &options(), &with_link), mss(&benign, &options(), &with_link), "m", "\"'{}"),
+            (mss(&model, &options()), mss(&benign, &options()), "py", "\"'\\{}"),
+            (mss(&model, &options()), mss(&benign, &options()), "m", "\"'{}"),
             (latex(&model, &options(), &with_link), latex(&benign, &options(), &with_link), "tex", "$"),
         ] {
             let name = format!("boat.{extension}");
@@ -75,7 +75,7 @@ proptest! {
                 prop_assert_eq!(skeleton(&text, meaning), skeleton(&expected, meaning));
             }
         }
-        for file in mss(&model, &hydroid_export::Options { name: own }, &with_link).unwrap() {
+        for file in mss(&model, &hydroid_export::Options { name: own }).unwrap() {
             let (stem, _) = file.name.rsplit_once('.').unwrap();
             prop_assert!(stem.starts_with(|c: char| c.is_ascii_alphabetic()));
             prop_assert!(stem.chars().all(|c| c.is_ascii_alphanumeric() || c == '_'));
@@ -90,7 +90,7 @@ fn a_vessel_with_the_name_of_a_function_has_another_class() {
         [("sin", "sin_vessel.m"), ("np", "np_vessel.py"), ("None", "None_vessel.py"), ("End", "End_vessel.m")]
     {
         let options = hydroid_export::Options { name: String::from(name) };
-        let files = mss(&model, &options, &CoefficientOptions::default()).unwrap();
+        let files = mss(&model, &options).unwrap();
         content(&files, file);
     }
 }
@@ -127,7 +127,7 @@ fn names_of_the_templates_are_taken() {
     let model = model(&vessel("vessels/otter"));
     for name in names {
         let options = hydroid_export::Options { name: name.clone() };
-        let files = mss(&model, &options, &CoefficientOptions::default()).unwrap();
+        let files = mss(&model, &options).unwrap();
         assert!(files.iter().all(|file| file.name.starts_with(&format!("{name}_vessel."))), "{name}");
     }
 }

@@ -1,7 +1,7 @@
 //! Tables in LaTeX.
 
 use hydroid::model::Model;
-use hydroid_core::vessel::VesselParams;
+use hydroid_core::craft::Craft;
 use hydroid_export::coefficients::{CoefficientOptions, latex};
 
 use super::{content, model, options, vessel};
@@ -108,7 +108,7 @@ fn estimates_have_their_standard_deviations() {
 
 #[test]
 fn a_built_in_vessel_has_a_table_that_names_what_it_lacks() {
-    let model = Model::of_vessel(&VesselParams::hydrofoil(), 0.1).unwrap();
+    let model = Model::of_vessel(&Craft::hydrofoil(), 0.1).unwrap();
     let text = content(&latex(&model, &options(), &with_speed(2.0)).unwrap(), "boat.tex");
     assert!(text.contains("without the Munk moment") && text.contains("% Not in the tables: flying mode"));
     assert_eq!(number(&cell(&text, "N_{\\lvert r\\rvert r}", 1)), -414.4);

@@ -1,7 +1,7 @@
 //! Errors of the setup.
 
 use hydroid_core::guidance::PathError;
-use hydroid_core::model::PlantModelError;
+use hydroid_core::model::CraftModelError;
 
 use crate::adapt::AdaptError;
 use crate::boat::BoatError;
@@ -27,7 +27,7 @@ pub enum SetupError {
     #[error(transparent)]
     Model(#[from] ModelError),
     #[error(transparent)]
-    Vessel(#[from] PlantModelError),
+    Vessel(#[from] CraftModelError),
     #[error(transparent)]
     Current(#[from] CurrentError),
     #[error(transparent)]

@@ -14,6 +14,7 @@ use crate::closed_loop::{
     ClosedLoopError, Conditions, ControlMethod, ControllerOptions, Pilot, Scale, Scenario, SpeedOptions,
     Task, Track, TunedAutopilot, limits_of, tune_autopilot,
 };
+use crate::excitation::PropellerRudder;
 use crate::key::key;
 use crate::manoeuvre::{Approach, Options, Response};
 use crate::model::{self, Model};
@@ -264,14 +265,14 @@ fn sample_time(given: &ClosedLoopOptions, model: Option<&Model>, plant: &Model) 
     Ok(own)
 }
 
-/// The response of an identified model, from simulated tests at the speed of the task. A plant with given parameters has
-/// the size of the boat for which the defaults were chosen.
+/// The response of a model, from simulated tests at the speed of the task. The defaults were chosen for vessels with one
+/// propeller and one rudder.
 fn response(
     given: &ClosedLoopOptions,
     plant: &Model,
     model: Option<&Model>,
 ) -> Result<Option<Response>, SetupError> {
-    if plant.plant().is_some() {
+    if plant.craft().is_some_and(|craft| PropellerRudder::new(craft).is_ok()) {
         return Ok(None);
     }
     let model = model.unwrap_or(plant);

@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
-use hydroid_core::vessel::{Command, VesselParams};
+use hydroid_core::vessel::Command;
 
 use super::plan::GivenCommands;
 use super::{Simulate, wrong};
 use crate::config::SettingError;
+use crate::excitation::PropellerRudder;
 use crate::key::key;
 use crate::log::{self, ChannelSpec, Note, RawLog, Selection, Trajectory};
 use crate::model::Model;
@@ -141,8 +142,11 @@ fn samples(duration_s: f64, dt: f64) -> Result<usize, SettingError> {
 }
 
 /// Commands from a log with time and the two commands of a vessel.
-pub(super) fn commands_of(log: &RawLog, vessel: &VesselParams) -> Result<Vec<(f64, Command)>, SettingError> {
-    let [propeller, rudder] = [&vessel.commands.propeller, &vessel.commands.rudder];
+pub(super) fn commands_of(
+    log: &RawLog,
+    vessel: &PropellerRudder,
+) -> Result<Vec<(f64, Command)>, SettingError> {
+    let [propeller, rudder] = [vessel.propeller(), vessel.rudder()];
     let spec = |name: &str| vec![ChannelSpec::named(name)];
     let selection =
         Selection { outputs: spec(&propeller.name), inputs: spec(&rudder.name), ..Selection::default() };

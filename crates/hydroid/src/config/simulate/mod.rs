@@ -6,18 +6,18 @@ mod drive;
 mod plan;
 mod plant;
 
-use hydroid_core::vessel::VesselParams;
+use hydroid_core::craft::Craft;
 use serde::Deserialize;
 
 #[cfg(feature = "arguments")]
 use super::value::numbers;
 use super::{Duration, SettingError};
 use crate::boat::StatedRoles;
-use crate::excitation::{Circle, Excitation, LawnMower, LowSpeed, Turn};
+use crate::excitation::{Circle, Excitation, LawnMower, LowSpeed, PropellerRudder, Turn};
 use crate::key::key;
 use crate::model::Model;
 use crate::plant::{InputMap, PlantError, current_before};
-use crate::simulate::Options;
+use crate::simulate::{Options, SimulateError};
 use crate::written;
 use drive::commands_of;
 use plan::GivenCommands;
@@ -114,14 +114,14 @@ impl Simulate {
     /// If an option does not fit the plant or the excitation, or the commands of a log cannot be used.
     pub fn plan(&self, plant: &Plant, drive: &Drive) -> Result<Plan, SettingError> {
         match &plant.kind {
-            PlantKind::Vessel(vessel) => self.of_vessel(plant, vessel, drive),
+            PlantKind::Vessel(file) => self.of_vessel(plant, &file.craft, drive),
             PlantKind::Model(model) => {
                 self.of_model(plant, model, drive).map(|plan| Plan::Model(Box::new(plan)))
             }
         }
     }
 
-    fn of_vessel(&self, plant: &Plant, vessel: &VesselParams, drive: &Drive) -> Result<Plan, SettingError> {
+    fn of_vessel(&self, plant: &Plant, vessel: &Craft, drive: &Drive) -> Result<Plan, SettingError> {
         for (option, given) in [
             ("start", self.start.is_some()),
             ("process_noise", self.process_noise.is_some()),
@@ -155,7 +155,7 @@ impl Simulate {
         Ok(Plan::Vessel { options: Box::new(options), label })
     }
 
-    fn excitation(&self, vessel: &VesselParams, drive: &Drive) -> Result<(Excitation, String), SettingError> {
+    fn excitation(&self, vessel: &Craft, drive: &Drive) -> Result<(Excitation, String), SettingError> {
         let kind = drive.name();
         for (option, given, kinds) in [
             ("leg", self.leg.is_some(), &["lawn-mower"][..]),
@@ -176,7 +176,13 @@ impl Simulate {
         }
         let excitation = match drive {
             Drive::Log(log) => {
-                return Ok((Excitation::Given(commands_of(log, vessel)?), String::from("commands")));
+                return Ok((
+                    Excitation::Given(commands_of(
+                        log,
+                        &PropellerRudder::new(vessel).map_err(SimulateError::from)?,
+                    )?),
+                    String::from("commands"),
+                ));
             }
             Drive::Kind(kind) => match kind.as_str() {
                 "mixed" => Excitation::Mixed,

@@ -2,13 +2,11 @@
 
 use std::path::Path;
 
-use hydroid_core::vessel::VesselParams;
-
 use crate::config::SettingError;
-use crate::craft;
+use crate::craft::{self, CraftFile};
+use crate::excitation::PropellerRudder;
 use crate::key::key;
 use crate::model::{self, Model};
-use crate::simulate::{self, built_in};
 
 /// A plant with its name in messages.
 #[derive(Clone, Debug)]
@@ -22,8 +20,8 @@ pub struct Plant {
 /// Kinds of plants, which have different excitations.
 #[derive(Clone, Debug)]
 pub enum PlantKind {
-    /// A vessel with one propeller and one rudder.
-    Vessel(Box<VesselParams>),
+    /// A vessel with [one propeller and one rudder](PropellerRudder).
+    Vessel(Box<CraftFile>),
     /// A vessel with any other set of actuators, or an identified model.
     Model(Box<Model>),
 }
@@ -34,26 +32,22 @@ impl Plant {
     /// # Errors
     /// If there is no plant of this name, or its file cannot be read.
     pub fn read(name: &str) -> Result<Self, SettingError> {
-        let plant = |kind| Ok(Self { name: name.to_owned(), kind });
-        if let Some(vessel) = built_in(name) {
-            return plant(PlantKind::Vessel(Box::new(vessel)));
+        if let Some(vessel) = craft::built_in(name) {
+            return Ok(Self { name: name.to_owned(), kind: PlantKind::Vessel(Box::new(vessel.into())) });
         }
         let path = Path::new(name);
-        let Some(extension) = path.extension() else {
+        if path.extension().is_none() {
             return Err(SettingError::UnknownPlant { name: name.to_owned() });
-        };
-        let has_actuators = || std::fs::read_to_string(path).is_ok_and(|text| craft::is_craft(&text));
-        if extension.eq_ignore_ascii_case("toml") && !has_actuators() {
-            return plant(PlantKind::Vessel(Box::new(simulate::load_vessel(path)?)));
         }
-        plant(PlantKind::Model(Box::new(model::read(path)?)))
+        Ok(Self { name: name.to_owned(), ..Self::of(model::read(path)?) })
     }
 
     /// The plant of a model.
     pub fn of(model: Model) -> Self {
         let name = model.description.name.clone();
-        let kind = match model.plant() {
-            Some(vessel) => PlantKind::Vessel(Box::new(vessel.params().clone())),
+        let vessel = model.craft_file().filter(|file| PropellerRudder::new(&file.craft).is_ok());
+        let kind = match vessel {
+            Some(file) => PlantKind::Vessel(Box::new(file.clone())),
             None => PlantKind::Model(Box::new(model)),
         };
         Self { name, kind }
@@ -64,14 +58,20 @@ impl Plant {
     /// # Errors
     /// If the plant is an identified model.
     pub fn vessel_text(&self) -> Result<String, SettingError> {
-        let text = match &self.kind {
-            PlantKind::Vessel(vessel) => simulate::vessel_toml(vessel).map_err(|error| error.to_string()),
-            PlantKind::Model(model) => match model.craft_file() {
-                Some(file) => Ok(file.text()),
-                None => Err(self.needs_a_vessel("print_vessel")),
-            },
+        let file = match &self.kind {
+            PlantKind::Vessel(file) => Some(&**file),
+            PlantKind::Model(model) => model.craft_file(),
         };
-        text.map_err(SettingError::Option)
+        let needed = || SettingError::Option(self.needs_a_vessel("print_vessel"));
+        file.map(CraftFile::text).ok_or_else(needed)
+    }
+
+    /// The content of the vessel's file as JSON.
+    ///
+    /// # Errors
+    /// If the plant is an identified model.
+    pub fn vessel_json(&self) -> Result<serde_json::Value, SettingError> {
+        toml::from_str(&self.vessel_text()?).map_err(|error| SettingError::Option(error.to_string()))
     }
 
     pub(super) fn needs_a_vessel(&self, option: &str) -> String {

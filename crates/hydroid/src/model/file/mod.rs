@@ -10,7 +10,7 @@ use std::collections::HashMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use hydroid_core::model::PlantModelError;
+use hydroid_core::model::CraftModelError;
 use safetensors::tensor::{SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
@@ -18,7 +18,6 @@ use super::kinds::{Encoded, Structure, parse_vessel, read_vessel};
 use super::{Description, Model};
 use crate::atomic::{self, WriteError};
 use crate::craft::CraftFileError;
-use crate::simulate::VesselFileError;
 
 pub(super) use tensors::{Tensor, network_tensors, numbers, tensor, weights};
 
@@ -58,11 +57,9 @@ pub enum ModelError {
     #[error("the model in {} is inconsistent: {reason}. Identify again with `hydroid identify`", path.display())]
     Inconsistent { path: PathBuf, reason: String },
     #[error(transparent)]
-    Vessel(VesselFileError),
-    #[error(transparent)]
     Craft(#[from] CraftFileError),
     #[error("the vessel {} cannot be used as a model: {source}", path.display())]
-    Plant { path: PathBuf, source: PlantModelError },
+    Plant { path: PathBuf, source: CraftModelError },
 }
 
 #[derive(Serialize, Deserialize)]

@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
+use hydroid_core::control::AffinePlant;
 use hydroid_core::craft::Craft;
 use hydroid_core::model::{CraftModel, CraftSession};
 use hydroid_core::predict::Predictor;
 
 use super::vessel::history_text;
-use super::{Body, Encoded, Kind};
+use super::{Body, Encoded, InvertibleModel, Kind, NotInvertible, WeightMap};
 use crate::craft::CraftFile;
 use crate::model::Model;
 
@@ -33,7 +34,7 @@ impl Model {
 
     /// Whether the model is a vessel with given parameters, and not identified.
     pub fn is_vessel(&self) -> bool {
-        matches!(self.body, Body::Plant(_) | Body::Craft(_))
+        matches!(self.body, Body::Craft(_))
     }
 }
 
@@ -56,5 +57,15 @@ impl Kind for Arc<NamedCraft> {
 
     fn encode(&self, model: &Model) -> Result<Encoded, String> {
         Ok(Encoded::Text(history_text(model) + &self.file.text()))
+    }
+
+    fn invert(&self, _: &Model, _: [usize; 3]) -> Result<InvertibleModel, NotInvertible> {
+        let plant = AffinePlant::new(&self.file.craft)
+            .map_err(|error| NotInvertible::NotAffine(error.to_string(), String::new()))?;
+        Ok(InvertibleModel::Plant(Box::new(plant)))
+    }
+
+    fn weight_map(&self) -> Option<WeightMap> {
+        Some(WeightMap::vessel(&self.file))
     }
 }

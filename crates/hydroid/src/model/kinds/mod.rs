@@ -14,14 +14,12 @@ use std::sync::Arc;
 
 use hydroid_core::adapt::Adapter;
 use hydroid_core::control::ControlError;
-use hydroid_core::model::PlantModel;
 use hydroid_core::model::affine::ControlAffine;
 use hydroid_core::model::committee::Committee;
 use hydroid_core::model::direct::{Direct, Perceptron};
 use hydroid_core::model::recurrent::{Recurrent, Scaling};
 use hydroid_core::model::sparse::Equations;
 use hydroid_core::predict::Predictor;
-use hydroid_core::vessel::InvalidParams;
 use safetensors::tensor::SafeTensors;
 use serde::{Deserialize, Serialize};
 
@@ -48,8 +46,6 @@ pub enum Body {
     Affine(Arc<ControlAffine>),
     /// Committee of difference equations.
     Committee(Arc<Committee>),
-    /// Vessel with given parameters.
-    Plant(Arc<PlantModel>),
     /// Vessel with any set of actuators.
     Craft(Arc<NamedCraft>),
 }
@@ -68,18 +64,11 @@ pub(crate) enum NotInvertible {
     /// The model is not affine in its commands: reason, further remedy.
     NotAffine(String, String),
     Control(ControlError),
-    Vessel(InvalidParams),
 }
 
 impl From<ControlError> for NotInvertible {
     fn from(error: ControlError) -> Self {
         Self::Control(error)
-    }
-}
-
-impl From<InvalidParams> for NotInvertible {
-    fn from(error: InvalidParams) -> Self {
-        Self::Vessel(error)
     }
 }
 
@@ -143,7 +132,6 @@ impl Body {
             Self::Direct(direct) => direct,
             Self::Affine(affine) => affine,
             Self::Committee(committee) => committee,
-            Self::Plant(plant) => plant,
             Self::Craft(craft) => craft,
         }
     }
@@ -197,11 +185,6 @@ impl Model {
     /// The committee, if the model is of that kind.
     pub fn committee(&self) -> Option<&Arc<Committee>> {
         if let Body::Committee(committee) = &self.body { Some(committee) } else { None }
-    }
-
-    /// The vessel with given parameters, if the model is of that kind.
-    pub fn plant(&self) -> Option<&Arc<PlantModel>> {
-        if let Body::Plant(plant) = &self.body { Some(plant) } else { None }
     }
 }
 

@@ -3,19 +3,16 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use hydroid_core::control::AffinePlant;
-use hydroid_core::model::{CraftModel, PlantModel, PlantModelError, PlantSession};
-use hydroid_core::predict::Predictor;
-use hydroid_core::vessel::{PARAMETER, VesselParams};
+use hydroid_core::craft::Craft;
+use hydroid_core::model::{CraftModel, CraftModelError};
 
+use super::Body;
 use super::craft::NamedCraft;
-use super::{Body, Encoded, InvertibleModel, Kind, NotInvertible, WeightMap};
 use crate::boat::{Boat, Evidence, Role};
-use crate::craft::{self, CraftFile, is_craft};
+use crate::craft::{self, CraftFile, CraftFileError};
 use crate::evaluate::DesignRange;
 use crate::log::{Channel, ChannelSpec, PrepareOptions, Selection};
 use crate::model::{Description, Members, Model, ModelError, Port, Provenance, Reading};
-use crate::simulate::{built_in, parse_vessel, vessel_toml};
 use crate::toml_file::TomlError;
 
 /// Default sample time of a vessel \[s\].
@@ -24,32 +21,20 @@ const VESSEL_DT_S: f64 = 0.1;
 const ADAPTED: &str = "# adapted: ";
 
 impl Model {
-    /// A vessel as a model with outputs `u`, `v` \[m/s\], `r` \[rad/s\], two commands, and the ranges within their
+    /// A vessel as a model with outputs `u`, `v` \[m/s\], `r` \[rad/s\], its commands, and the ranges within their
     /// limits.
     ///
     /// # Errors
-    /// If the parameters or the sample time are invalid.
-    pub fn of_vessel(params: &VesselParams, dt_s: f64) -> Result<Self, PlantModelError> {
-        let plant = PlantModel::new(params, dt_s)?;
-        let noise = [params.noise.u, params.noise.v, params.noise.r];
-        let commands = [&params.commands.propeller, &params.commands.rudder];
-        let commands = commands.map(|command| (command.name.as_str(), command.unit.as_str(), command.limits));
-        let [u, v, r, _] = *plant.ranges();
-        let mut description = describe(&params.name, dt_s, [u, v, r], noise, &commands);
-        description.boat = by_actuators(&description, [Some(Role::Propulsion), Some(Role::Steering)]);
-        for (name, _, [low, high]) in commands {
-            state(&mut description.boat, name, 0.0_f64.clamp(low, high), [low, high]);
-        }
-        let body = Body::Plant(Arc::new(plant));
-        Ok(Self { description, body, members: Members::default(), learning: None })
+    /// If the vessel or the sample time is invalid.
+    pub fn of_vessel(craft: &Craft, dt_s: f64) -> Result<Self, CraftModelError> {
+        Self::of_craft(&craft.clone().into(), dt_s)
     }
 
-    /// A vessel with any set of actuators as a model with outputs `u`, `v` \[m/s\], `r` \[rad/s\], its commands, and the
-    /// ranges within their limits.
+    /// The vessel of a file as a model, as [`of_vessel`](Self::of_vessel).
     ///
     /// # Errors
     /// If the vessel or the sample time is invalid.
-    pub fn of_craft(file: &CraftFile, dt_s: f64) -> Result<Self, PlantModelError> {
+    pub fn of_craft(file: &CraftFile, dt_s: f64) -> Result<Self, CraftModelError> {
         let model = CraftModel::new(file.craft.clone(), dt_s)?;
         let craft = &file.craft;
         let commands = craft.commands.iter().map(|c| (c.name.as_str(), c.unit.as_str(), c.limits));
@@ -66,9 +51,8 @@ impl Model {
     ///
     /// # Errors
     /// If the sample time is invalid.
-    pub fn at_step(self, dt_s: f64) -> Result<Self, PlantModelError> {
+    pub fn at_step(self, dt_s: f64) -> Result<Self, CraftModelError> {
         let body = match &self.body {
-            Body::Plant(plant) => Body::Plant(Arc::new(PlantModel::new(plant.params(), dt_s)?)),
             Body::Craft(craft) => Body::Craft(Arc::new(NamedCraft {
                 model: CraftModel::new(craft.file.craft.clone(), dt_s)?,
                 file: craft.file.clone(),
@@ -81,14 +65,9 @@ impl Model {
 
     /// Non-zero parameters of a vessel, line by line; empty for identified models.
     pub fn plant_text(&self) -> Vec<String> {
-        if let Some(craft) = self.craft() {
-            let numbers = craft.parameters().into_iter().filter(|(_, number)| *number != 0.0);
-            return numbers.map(|(p, number)| format!("{:<26} {number:>12.6} {}", p.path, p.unit)).collect();
-        }
-        let Some(plant) = self.plant() else { return Vec::new() };
-        let numbers = PARAMETER.iter().zip(plant.numbers());
-        let there = numbers.filter(|(_, number)| **number != 0.0);
-        there.map(|(p, number)| format!("{:<26} {number:>12.6} {}", p.path, p.unit)).collect()
+        let Some(craft) = self.craft() else { return Vec::new() };
+        let numbers = craft.parameters().into_iter().filter(|(_, number)| *number != 0.0);
+        numbers.map(|(p, number)| format!("{:<26} {number:>12.6} {}", p.path, p.unit)).collect()
     }
 }
 
@@ -173,31 +152,23 @@ pub(in crate::model) fn read(path: &Path) -> Option<Result<Model, ModelError>> {
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
         return Some(read_file(path));
     }
-    let params = path.to_str().and_then(built_in).filter(|_| !path.exists())?;
-    Some(model(&params, path))
+    let craft = path.to_str().and_then(craft::built_in).filter(|_| !path.exists())?;
+    Some(model(&craft.into(), path))
 }
 
-fn model(params: &VesselParams, path: &Path) -> Result<Model, ModelError> {
-    Model::of_vessel(params, VESSEL_DT_S)
-        .map_err(|source| ModelError::Plant { path: path.to_owned(), source })
+fn model(file: &CraftFile, path: &Path) -> Result<Model, ModelError> {
+    Model::of_craft(file, VESSEL_DT_S).map_err(|source| ModelError::Plant { path: path.to_owned(), source })
 }
 
 fn read_file(path: &Path) -> Result<Model, ModelError> {
     let unreadable = |source| TomlError::Read { path: path.to_owned(), source };
-    let text = std::fs::read_to_string(path).map_err(|error| ModelError::Vessel(unreadable(error).into()))?;
+    let text = std::fs::read_to_string(path).map_err(|error| CraftFileError::from(unreadable(error)))?;
     parse(&text, path)
 }
 
 /// Reads a vessel from the text of a file; `path` is for messages.
 pub(in crate::model) fn parse(text: &str, path: &Path) -> Result<Model, ModelError> {
-    if is_craft(text) {
-        let file = craft::parse(text, path)?;
-        let model = Model::of_craft(&file, VESSEL_DT_S)
-            .map_err(|source| ModelError::Plant { path: path.to_owned(), source })?;
-        return Ok(with_history(model, text));
-    }
-    let model = model(&parse_vessel(text, path).map_err(ModelError::Vessel)?, path)?;
-    Ok(with_history(model, text))
+    Ok(with_history(model(&craft::parse(text, path)?, path)?, text))
 }
 
 /// The model with the adaptations that its file states.
@@ -224,35 +195,4 @@ pub(super) fn history_text(model: &Model) -> String {
         }
     }
     text
-}
-
-impl Kind for Arc<PlantModel> {
-    fn name(&self, _: &Model) -> &'static str {
-        "plant"
-    }
-
-    fn title(&self, _: &Model) -> &'static str {
-        "A vessel with given parameters"
-    }
-
-    fn weights(&self) -> usize {
-        self.numbers().iter().filter(|number| **number != 0.0).count()
-    }
-
-    fn session(&self, _: &Model) -> Box<dyn Predictor> {
-        Box::new(PlantSession::new(self))
-    }
-
-    fn encode(&self, model: &Model) -> Result<Encoded, String> {
-        let text = vessel_toml(self.params()).map_err(|error| error.to_string())?;
-        Ok(Encoded::Text(history_text(model) + &text))
-    }
-
-    fn invert(&self, _: &Model, _: [usize; 3]) -> Result<InvertibleModel, NotInvertible> {
-        Ok(InvertibleModel::Plant(Box::new(AffinePlant::new(self.params())?)))
-    }
-
-    fn weight_map(&self) -> Option<WeightMap> {
-        Some(WeightMap::plant(self))
-    }
 }
