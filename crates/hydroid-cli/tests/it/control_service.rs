@@ -395,7 +395,7 @@ fn silence_and_broken_lines_bring_the_commands_to_rest() {
     for (max_age, limit) in [(&[][..], 1.0), (&["--max-age", "0.4"], 0.4)] {
         let args = [&LAWN_MOWER[..], &["fl"], max_age, &["-"]].concat();
         let mut service = Service::start(folder.path(), &args);
-        let mut boat = Boat::new(&VesselParams::hydrofoil(), 0.0, 0.5, 0.0);
+        let mut boat = Boat::new(&Craft::hydrofoil(), 0.0, 0.5, 0.0);
         for _ in 0..20 {
             let answer = service.ask(&boat.line());
             boat.sail(&answer, 0.1);

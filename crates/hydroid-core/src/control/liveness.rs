@@ -8,6 +8,7 @@ use crate::memory::Memory;
 /// that is used states the time since the one before ([`take`](Self::take)); lines that cannot be used, and silence, are time
 /// that passes ([`pass`](Self::pass)). Of both, the longer time counts. A quantity that was never measured is infinitely old.
 #[derive(Clone, Debug, PartialEq)]
+#[expect(clippy::struct_field_names, reason = "the unit is a suffix")]
 pub struct Liveness<const N: usize> {
     limit_s: f64,
     /// Ages at the last sample that was used \[s\].

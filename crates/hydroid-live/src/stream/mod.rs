@@ -234,8 +234,10 @@ impl Stream {
         Some(if liveness.is_alive() {
             // The limit itself is not beyond it.
             liveness.remaining_s() + 1e-3
+        } else if self.said_lost {
+            (SAY_AGAIN_S - self.silent_s).max(0.0)
         } else {
-            if self.said_lost { (SAY_AGAIN_S - self.silent_s).max(0.0) } else { 0.0 }
+            0.0
         })
     }
 

@@ -76,7 +76,8 @@ impl Stream {
         let Some(state_file) = &mut self.state_file else { return };
         // A sample may be half a step off its grid point, and a clock may have been set back.
         let is_due = (t - state_file.tried).abs() + 1.5 * dt > SAVE_INTERVAL_S && t != state_file.tried;
-        if !is_due && !(state_file.tried.is_nan() && !t.is_nan()) {
+        let is_first = state_file.tried.is_nan() && !t.is_nan();
+        if !(is_due || is_first) {
             return;
         }
         state_file.tried = t;

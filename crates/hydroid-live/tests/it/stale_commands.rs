@@ -222,12 +222,11 @@ fn lines_that_cannot_be_used_do_not_keep_a_command() {
 fn silence_is_answered_once_per_second() {
     for (max_age_s, lines) in [(None, 4), (Some(2.5), 3), (Some(0.3), 5)] {
         let own;
-        let setup = match max_age_s {
-            None => setup(),
-            Some(_) => {
-                own = steered(max_age_s);
-                &own
-            }
+        let setup = if max_age_s.is_none() {
+            setup()
+        } else {
+            own = steered(max_age_s);
+            &own
         };
         let mut watch = Watch::new(setup);
         assert_eq!(watch.stream.due_s(), None, "nothing was commanded yet");
@@ -259,7 +258,9 @@ fn each_quantity_has_its_age() {
         sail(&mut watch, 0, 20);
         for k in 20..40 {
             let mut sent = line(0.1 * f64::from(k));
-            keys.iter().for_each(|key| sent[key] = Value::Null);
+            for key in keys {
+                sent[key] = Value::Null;
+            }
             let answer = watch.send(Line::Whole(sent.to_string().as_bytes())).unwrap().unwrap();
             let lost: Vec<&String> = answer["lost"].as_object().map_or(vec![], |lost| lost.keys().collect());
             assert_eq!(lost, if k < 30 { vec![] } else { vec![name] }, "{k}: {answer}");
