@@ -235,8 +235,10 @@ fn simulate_reproduces_the_golden_trajectories() {
         for (k, row) in rows.iter().enumerate() {
             assert!((record.time(k) - row[0]).abs() < 1e-12);
             let state: [f64; State::LEN] = record.states()[k].into();
-            for (ours, theirs) in state.iter().zip(&row[3..]) {
-                assert!((ours - theirs).abs() < 1e-11, "{file}, row {k}: {ours} and {theirs}");
+            // The lag of the propeller is exact here, and integrated by the Runge-Kutta method in the reference.
+            for (column, (ours, theirs)) in state.iter().zip(&row[3..]).enumerate() {
+                let largest = rows.iter().map(|row| row[3 + column].abs()).fold(0.0, f64::max);
+                assert!((ours - theirs).abs() < 1e-8 * largest, "{file}, row {k}: {ours} and {theirs}");
             }
         }
     }
