@@ -43,7 +43,6 @@ impl WithSimd for BatchRollout<'_> {
         for (i, servo) in servos.iter().enumerate() {
             (at[i], decay[i]) = ([positions[i]; LANES], servo.decay(half));
         }
-        let settles = positions.iter().any(|position| position.is_nan());
         for sample in 0..samples {
             for sequence in 0..count {
                 let c = &commands[(sequence * samples + sample) * inputs..][..inputs];
@@ -52,7 +51,7 @@ impl WithSimd for BatchRollout<'_> {
                 }
             }
             for (i, servo) in servos.iter().enumerate() {
-                if servo.follows_at_once() || (settles && sample == 0) {
+                if servo.follows_at_once() || (sample == 0 && positions[i].is_nan()) {
                     at[i] = orders[i];
                 }
             }

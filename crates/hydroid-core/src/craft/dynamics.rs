@@ -408,6 +408,35 @@ impl Dynamics {
         self.motion.holding_force(u)
     }
 
+    /// Sets the unknown position of a propeller at a measured surge velocity to the one that holds it: the lag of a lone linear
+    /// propeller then starts in steady motion.
+    pub(crate) fn hold(&self, u: f64, positions: &mut [f64]) {
+        let [propeller] = &self.thrusters[..] else { return };
+        let is_linear = propeller.law == ThrustLaw::Linear && propeller.speed_loss == 0.0;
+        let is_ahead = propeller.direction.is_some_and(|[x, y, _]| x > 0.0 && y == 0.0);
+        let position = &mut positions[propeller.order];
+        if is_linear && is_ahead && u.is_finite() && position.is_nan() {
+            let force = self.holding_force(u);
+            let gain = if force > 0.0 { propeller.forward } else { propeller.reverse };
+            let band = if force == 0.0 { 0.0 } else { propeller.dead_band };
+            let order = Float::abs(force) / gain + band;
+            let [low, high] = self.servos[propeller.order].order.limits;
+            *position = Float::copysign(order, force).max(low).min(high);
+        }
+    }
+
+    /// Writes the positions that hold a row of commands where they are not known. Returns whether one was not.
+    pub(crate) fn settle_unknown(&self, commands: &[f64], positions: &mut [f64]) -> bool {
+        let mut is_unknown = false;
+        for (position, servo) in positions.iter_mut().zip(&self.servos) {
+            if position.is_nan() {
+                is_unknown = true;
+                *position = servo.order.value(commands);
+            }
+        }
+        is_unknown
+    }
+
     /// Weight of the flying mode at a surge velocity; 0 without a flying mode.
     pub fn flying_weight(&self, u: f64) -> f64 {
         self.motion.flying_weight(u)

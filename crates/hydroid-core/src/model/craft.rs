@@ -222,7 +222,7 @@ fn explore(craft: &Craft, dynamics: &Dynamics) -> Option<([[f64; 2]; 3], f64)> {
 }
 
 /// A session of a [`CraftModel`]: `u`, `v` and `r` are measured or predicted. The actuators follow the commands; at the
-/// start of a run they are at rest under the first one. The snapshot is `[u, v, r, positions]`, NaN where unknown.
+/// start of a run they are at rest under the first one, but a lone linear propeller holds the measured speed. The snapshot is `[u, v, r, positions]`, NaN where unknown.
 #[derive(Clone, Debug)]
 pub struct CraftSession {
     dynamics: Dynamics,
@@ -255,9 +255,7 @@ impl CraftSession {
 
     /// Positions of a run that starts with the command `c`.
     pub(crate) fn start(&self, positions: &mut [f64], c: &[f64]) {
-        if positions.iter().any(|position| position.is_nan()) {
-            self.dynamics.settle(c, positions);
-        }
+        self.dynamics.settle_unknown(c, positions);
     }
 
     /// Velocities, and positions of the actuators; NaN where unknown.
@@ -275,11 +273,7 @@ impl CraftSession {
 
     /// Sets unknown positions to those of the command `c`, held for a long time. Returns whether they were unknown.
     pub(crate) fn settle(&mut self, c: &[f64]) -> bool {
-        let is_unknown = self.positions.iter().any(|position| position.is_nan());
-        if is_unknown {
-            self.dynamics.settle(c, &mut self.positions);
-        }
-        is_unknown
+        self.dynamics.settle_unknown(c, &mut self.positions)
     }
 
     /// Sets the positions of actuators that follow the command at once.
@@ -308,6 +302,7 @@ impl Predictor for CraftSession {
         for (own, y) in self.nu.iter_mut().zip(y) {
             *own = if y.is_finite() { *y } else { *own };
         }
+        self.dynamics.hold(self.nu[0], &mut self.positions);
     }
 
     fn advance(&mut self, c: &[f64]) {
@@ -317,7 +312,7 @@ impl Predictor for CraftSession {
         let mut positions = [f64::NAN; MAX_SERVOS];
         let positions = &mut positions[..self.positions.len()];
         positions.copy_from_slice(&self.positions);
-        self.start(positions, c);
+        self.dynamics.settle_unknown(c, positions);
         if self.is_waiting() {
             // Before the start of a run, measured values are held; the actuators move.
             self.dynamics.move_servos(positions, c, self.h * self.steps as f64);
@@ -341,7 +336,7 @@ impl Predictor for CraftSession {
         let positions = &mut positions[..self.positions.len()];
         positions.copy_from_slice(&self.positions);
         for (c, y) in commands.chunks_exact(self.inputs).zip(y.chunks_exact_mut(3)) {
-            self.start(positions, c);
+            self.dynamics.settle_unknown(c, positions);
             self.dynamics.advance(&mut nu, positions, c, self.h, self.steps);
             y.copy_from_slice(&nu);
         }
