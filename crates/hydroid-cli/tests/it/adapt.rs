@@ -128,7 +128,7 @@ fn wrong_input_is_refused_with_a_remedy() {
     let kalman = |rest: [&'static str; 2]| {
         [["adapt", MODEL, "c.csv", "--learner", "kalman"].as_slice(), &rest].concat()
     };
-    refused(&kalman(["--prior", "5"]), "the options of recursive least squares");
+    refused(&kalman(["--prior", "5"]), "--prior is an option of recursive least squares");
     refused(&kalman(["--huber", "0"]), "Huber's loss");
     refused(&kalman(["--noise", "u=0.1"]), "'v' is missing");
     let empty = command(at, &["adapt", MODEL, "-"]).write_stdin("").output().unwrap();

@@ -62,8 +62,8 @@ fn invalid_input_is_refused() {
     for (options, words) in [
         ("--learner kalman", "by least squares"),
         ("--weight-variance 0.1", "a recurrent network"),
-        ("--window 1", "apply to equations"),
-        ("--all-terms", "apply to equations"),
+        ("--window 1", "is an option of equations"),
+        ("--all-terms", "is an option of equations"),
         ("--prior 0", "weight of the reference model"),
         ("--forgetting 0", "forgetting"),
         ("--forgetting=-1", "forgetting"),

@@ -406,7 +406,6 @@ fn wrong_input_is_refused_with_a_remedy() {
     refused("control hydrofoil --controller fl --task waypoints --points 0,0;1", "NORTH,EAST");
     refused("control hydrofoil --controller fl --leg 30", "lawn-mower");
     refused("control hydrofoil --controller fl --turn-speed 1", "has one speed");
-    refused("control hydrofoil --controller fl --dt 0.015", "integration steps");
     refused("control hydrofoil --controller fl --mass 0", "mass");
     refused("control hydrofoil --controller fl --delay=-1", "delay");
     refused("control hydrofoil --controller fl --delay 0.25", "give 0.2 or 0.3");

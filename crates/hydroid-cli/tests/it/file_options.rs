@@ -71,8 +71,8 @@ fn mistakes_in_the_file_are_reported_with_their_place() {
         ("[control]\nspeed = \"fast\"\n", "invalid value 'fast' for '--speed"),
         ("[control]\nrate-limits = [1, 2]\n", "key rate-limits: write rate_limits"),
         ("[control]\nspeed = \n", "line 2"),
-        ("[controls]\nspeed = 2\n", "'controls'"),
-        ("[boat.inputs.RD_cmd]\nlimit = [-20, 20]\n", "'limit'"),
+        ("[controls]\nspeed = 2\n", "unknown key controls"),
+        ("[boat.inputs.RD_cmd]\nlimit = [-20, 20]\n", "unknown key limit"),
     ] {
         fs::write(at.join("boat.toml"), section).unwrap();
         let output = run(at, "control hydrofoil --controller fl -c boat.toml --json");

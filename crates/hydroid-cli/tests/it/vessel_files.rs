@@ -162,7 +162,10 @@ fn wrong_vessel_files_are_refused_with_place_and_remedy() {
         (&["control", "far.toml", "--controller", "cem"], "outside the hull"),
         (&["simulate", "far.toml"], "correct position, hull.length or hull.beam"),
         (&["simulate", "former.toml"], "former.toml: this form of vessel files"),
-        (&["control", &vessel("otter"), "--controller", "fl"], "cannot invert this model: the command"),
+        (
+            &["control", &vessel("otter"), "--controller", "fl"],
+            "cannot invert this model: thruster.port has the quadratic law",
+        ),
         (&["adapt", &vessel("otter"), "run.csv", "-o", "learned.safetensors"], "a name that ends in .toml"),
         (
             &[

@@ -204,7 +204,7 @@ fn bombs_are_refused() {
     let row = texts(&["u"]);
     // Rows without end, in a part of some kilobytes.
     let rows = row.clone() + "<row><c><v>1</v></c></row>" + &"<row></row>".repeat(4 << 20);
-    refused(&workbook(&rows, "", &[]), "unpacks to far more");
+    refused(&workbook(&rows, "", &[]), "more than the 1048576 rows");
     // A text without end, a tag without end.
     refused(&workbook(&(row.clone() + &"x".repeat(2 << 20)), "", &[]), "unpacks to far more");
     refused(&workbook(&format!("{row}<c r=\"{}\"/>", "x".repeat(2 << 20)), "", &[]), "unpacks to far more");

@@ -252,6 +252,13 @@ impl Follower {
         self.waited_s += seconds;
     }
 
+    /// What arrived was no line: the time in which it was awaited passes.
+    pub(super) fn await_on(&mut self) {
+        let untold = self.waited_s - self.told_s;
+        self.pass(untold);
+        self.told_s = self.waited_s;
+    }
+
     fn pass(&mut self, seconds: f64) {
         self.since_s += seconds;
         self.session.pass(&mut self.commands, seconds);

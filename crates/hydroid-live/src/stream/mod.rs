@@ -261,6 +261,7 @@ impl Stream {
             }),
         };
         if matches!(text, Ok(text) if text.trim().is_empty()) {
+            self.follower.await_on();
             return Ok(false);
         }
         let text = if self.layout.is_some() {

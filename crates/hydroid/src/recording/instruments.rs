@@ -18,7 +18,7 @@ const ECCENTRICITY_2: f64 = 6.694_379_990_14e-3;
 const AVERAGED_S: f64 = 0.05;
 /// Shortest step of a table \[s\], unless it is given.
 const SHORTEST_S: f64 = 0.1;
-/// A sensor is missing after this many of its usual steps, at least [`LONGEST_S`] seconds.
+/// Nothing is measured after this many usual steps of the slowest sensor, at least [`LONGEST_S`] seconds.
 const LONGEST_STEPS: f64 = 10.0;
 const LONGEST_S: f64 = 1.0;
 /// Standard deviation of the components of the current before the first measurement \[m/s\].
@@ -348,8 +348,9 @@ impl Instruments {
         Run { events, prior }
     }
 
-    /// The times in which both the place (position or velocity) and the direction (heading or yaw rate) are measured, with the
-    /// rows of the table: gaps are not bridged, and a measurement whose stamp is far from all others is in none of them.
+    /// The times in which a sensor is measured, with the rows of the table: from the first time at which the place (position or
+    /// velocity) and the direction (heading or yaw rate) are known. Times without any measurement are not bridged, and a
+    /// measurement whose stamp is far from all others is in no part.
     pub(super) fn parts(&self, dt: Option<f64>, notes: &mut Vec<Note>) -> Result<Vec<Part>, LogError> {
         let step = dt.or_else(|| {
             let heading = self.heading.as_ref().and_then(Series::step);
@@ -359,33 +360,28 @@ impl Instruments {
         });
         let step = step.filter(|step| *step > 0.0 && step.is_finite()).unwrap_or(SHORTEST_S);
         let place = self.position.iter().chain(&self.velocity).map(|both| &both[0]);
-        let (place, place_limit) = stretches(place);
-        let (direction, direction_limit) = stretches(self.heading.iter().chain(&self.yaw_rate));
-        let limit = place_limit.max(direction_limit);
+        let (place, direction) = (times(place), times(self.heading.iter().chain(&self.yaw_rate)));
+        let (all, limit) = stretches(&self.series().collect::<Vec<_>>());
         // All sensors have begun at the first row.
         let begun = self.series().filter_map(|s| s.pairs().next()).map(|(t, _)| t).fold(0.0, f64::max);
-        // The first measurement of either of them, the first one of both, and the last one of both and of either.
-        let mut both: Vec<[f64; 4]> = Vec::new();
-        for [a, b] in &place {
-            let with = direction.iter().map(|[c, d]| [a.min(*c), a.max(*c), b.min(*d), b.max(*d)]);
-            both.extend(with.filter(|[_, from, to, _]| from < to));
+        // The first measurement, the first time at which place and direction are known, and the last measurement.
+        let mut both: Vec<[f64; 3]> = Vec::new();
+        for [begin, to] in all {
+            let first = |times: &[f64]| times.iter().copied().find(|t| (begin..=to).contains(t));
+            if let (Some(place), Some(direction)) = (first(&place), first(&direction)) {
+                both.push([begin, place.max(direction), to]);
+            }
         }
-        let longest = both.iter().map(|[_, from, to, _]| to - from).fold(0.0, f64::max);
-        if let Some([_, from, to, _]) = both.first_mut()
+        let longest = both.iter().map(|[_, from, to]| to - from).fold(0.0, f64::max);
+        if let Some([_, from, to]) = both.first_mut()
             && begun < *to
         {
             *from = from.max(begun);
         }
-        if let Some([.., to, end]) = both.last_mut()
-            && *end - *to <= limit
-        {
-            // One of them ends somewhat earlier.
-            *to = *end;
-        }
         let origin = both.first().map_or(0.0, |[_, from, ..]| *from);
         let mut parts: Vec<Part> = Vec::new();
         let mut rows = 0.0;
-        for [begin, from, to, _] in both {
+        for [begin, from, to] in both {
             let [first, last] = [((from - origin) / step).ceil(), ((to - origin) / step).floor()];
             rows += last - first;
             if last - first < 1.0 || rows > MOST_ROWS {
@@ -429,7 +425,7 @@ impl Instruments {
             let Some(first) = outside.next() else { continue };
             notes.push(
                 Note::warning(format!(
-                    "{}: {} of {} {name} are left out, the first at {}: position and heading are not both measured there within {limit:.1} s",
+                    "{}: {} of {} {name} are left out, the first at {}: position and heading are not both known there, and {limit:.1} s or more are without any measurement",
                     self.path,
                     1 + outside.count(),
                     times.len(),
@@ -440,7 +436,7 @@ impl Instruments {
         }
         if let [first, second, more @ ..] = parts {
             notes.push(Note::info(format!(
-                "{}: there are no rows from {} to {}{}: position or heading are missing",
+                "{}: there are no rows from {} to {}{}: nothing is measured",
                 self.path,
                 text(first.to),
                 text(second.from),
@@ -453,7 +449,7 @@ impl Instruments {
 /// Most rows of a table.
 const MOST_ROWS: f64 = 1e8;
 
-/// A time in which place and direction are measured.
+/// A time without a gap of all sensors.
 pub(super) struct Part {
     /// Times of its measurements \[s\].
     from: f64,
@@ -469,14 +465,19 @@ impl Part {
     }
 }
 
-/// The stretches of time in which one of some sensors is measured, and the longest time between measurements in them.
-fn stretches<'a>(sensors: impl Iterator<Item = &'a Series>) -> (Vec<[f64; 2]>, f64) {
-    let (mut times, mut limit) = (Vec::new(), LONGEST_S);
-    for series in sensors {
-        limit = limit.max(LONGEST_STEPS * series.step().unwrap_or(0.0));
-        times.extend(series.pairs().map(|(t, _)| t).filter(|t| t.is_finite()));
-    }
+/// Times of the measurements of some sensors, in order.
+fn times<'a>(sensors: impl Iterator<Item = &'a Series>) -> Vec<f64> {
+    let mut times: Vec<f64> = sensors.flat_map(|series| series.pairs().map(|(t, _)| t)).collect();
+    times.retain(|t| t.is_finite());
     times.sort_by(f64::total_cmp);
+    times
+}
+
+/// The stretches of time in which one of some sensors is measured, and the longest time between measurements in them.
+fn stretches(sensors: &[&Series]) -> (Vec<[f64; 2]>, f64) {
+    let steps = sensors.iter().filter_map(|series| series.step());
+    let limit = steps.map(|step| LONGEST_STEPS * step).fold(LONGEST_S, f64::max);
+    let times = times(sensors.iter().copied());
     let mut all: Vec<[f64; 2]> = Vec::new();
     for t in times {
         match all.last_mut() {

@@ -237,6 +237,35 @@ fn trajectory(vessel: &CraftFile, seed: u64, duration_s: f64, dt: f64) -> Trajec
     }
 }
 
+/// Sequences that are rolled out side by side are those that are rolled out alone, from known and unknown positions.
+#[test]
+fn sequences_side_by_side_are_those_alone() {
+    for name in ["otter", "tug", "mariner", "hydrofoil"] {
+        let vessel = file(name).craft;
+        let (inputs, steps, count) = (vessel.commands.len(), 12, 21);
+        let mut session = CraftSession::new(&CraftModel::new(vessel.clone(), 0.5).unwrap());
+        session.observe(&[0.8, 0.05, -0.02]);
+        let command = |k: usize, i: usize| {
+            let ([low, high], share) = (vessel.commands[i].limits, (0.7 * (k * inputs + i) as f64).sin());
+            0.5 * (low + high) + 0.4 * share * (high - low)
+        };
+        let commands: Vec<f64> =
+            (0..count * steps).flat_map(|k| (0..inputs).map(|i| command(k, i)).collect::<Vec<_>>()).collect();
+        for _ in 0..3 {
+            let (mut alone, mut both) = (vec![0.0; count * steps * 3], vec![0.0; count * steps * 3]);
+            let mut work = hydroid_core::predict::Workspace::new();
+            for (c, y) in commands.chunks(steps * inputs).zip(alone.chunks_mut(steps * 3)) {
+                session.rollout(c, &mut work, y);
+            }
+            session.rollout_batch(count, &commands, &mut work, &mut both);
+            for (k, (a, b)) in alone.iter().zip(&both).enumerate() {
+                assert!((a - b).abs() < 1e-9 * (1.0 + a.abs()), "{name}, {k}: {a} and {b}");
+            }
+            session.advance(&commands[..inputs]);
+        }
+    }
+}
+
 fn job(runs: Vec<Trajectory>, vessel: CraftFile, horizon: usize) -> Job {
     Job {
         methods: vec![Method::GreyBox],
