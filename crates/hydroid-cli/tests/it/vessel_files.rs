@@ -95,7 +95,9 @@ fn a_station_is_kept_where_the_actuators_suffice() {
     let folder = TempDir::new().unwrap();
     let at = folder.path();
     let [tug, mariner] = ["tug", "mariner"].map(vessel);
-    let station = ["--task", "station", "--points", "20,-5", "--heading", "30", "--dt", "0.5"];
+    // The azimuths begin at rest, and turn for some seconds.
+    let station =
+        ["--task", "station", "--points", "20,-5", "--heading", "30", "--dt", "0.5", "--evaluate-from", "40"];
     let held = [&["control", &tug][..], &station, &["--current", "0.2,0.1", "-o", "out", "--json"]].concat();
     let result = json(at, &held);
     let error = result["rms_position"].as_f64().unwrap();
