@@ -181,8 +181,12 @@ fn a_session_equals_the_simulation() {
         let plant = Plant::new(&params);
         let mut session = CraftSession::new(&model);
         let settled = command(&params, 0);
-        let mut state = State { u: 1.9, v: 0.1, r: -0.1, p_f: settled[0], ..State::REST };
+        // The propeller holds the first measured speed, and follows its order from then on.
+        let held = model.dynamics().holding_force(1.9);
+        let p_f = settled[0] + (held - settled[0]) * (-0.1 / params.thrusters[0].servo.lag).exp();
+        let mut state = State { u: 1.9, v: 0.1, r: -0.1, p_f, ..State::REST };
         session.observe(&[state.u, state.v, f64::NAN]);
+        close(&session.motion().1[..1], &[held], 1e-12, &params.name);
         session.advance(&settled);
         assert!(session.is_waiting());
         session.observe(&[f64::NAN, f64::INFINITY, state.r]);
@@ -501,8 +505,9 @@ fn bands_agree_with_differences_of_rollouts() {
         let mut work = Workspace::new();
         let mut snapshot = vec![0.0; session.snapshot_len()];
         session.snapshot(&mut snapshot);
-        // The positions of a run that starts with the first command.
-        snapshot[3..5].copy_from_slice(&commands[..2]);
+        // The propeller holds the speed, and the rudder is at the first command of a run.
+        assert!(snapshot[3].is_finite() && snapshot[4].is_nan());
+        snapshot[4] = commands[1];
         let mut variances = vec![0.0; 3 * horizons.len()];
         let mut fork = session.fork();
         let mut add = |fork: &mut dyn Predictor, place: usize, unit: f64, variance: f64| {
