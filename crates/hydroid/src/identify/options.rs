@@ -1,4 +1,6 @@
 //! Options of the search for equations.
+// Help texts come from the comments of the options; brackets are units.
+#![expect(rustdoc::broken_intra_doc_links, reason = "the comments are help texts, too")]
 
 use std::collections::BTreeMap;
 

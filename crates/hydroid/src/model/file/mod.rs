@@ -98,7 +98,7 @@ pub fn encode(model: &Model) -> io::Result<Vec<u8>> {
     safetensors::serialize(views, Some(metadata)).map_err(io::Error::other)
 }
 
-/// Reads a model file, a vessel file (`.toml`), or a vessel by name ([`built_in`](crate::simulate::built_in)).
+/// Reads a model file, a vessel file (`.toml`), or a vessel by name ([`built_in`](crate::craft::built_in)).
 ///
 /// # Errors
 /// If the file cannot be read, is not a model, or is inconsistent.
