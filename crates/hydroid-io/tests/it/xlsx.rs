@@ -223,15 +223,10 @@ fn bombs_are_refused() {
 #[test]
 #[ignore = "slow tier: .ci/run runs it"]
 fn more_rows_than_a_workbook_has_are_refused() {
-    let most = 1_048_576;
-    let rows = |count: usize| -> String {
-        let value = |k: usize| format!("<row><c><v>{}</v></c></row>", k * 7919 % 99_991);
-        texts(&["u"]) + &(1..count).map(value).collect::<String>()
-    };
-    let whole = rows(most);
-    assert_eq!(one(&workbook(&whole, "", &[])).topics[0].rows.len(), most - 1);
-    for more in ["<row><c><v>1</v></c></row>", "<row/>"] {
-        refused(&workbook(&(whole.clone() + more), "", &[]), "more than the 1048576 rows of a workbook");
+    let first = texts(&["u"]) + "<row><c><v>1</v></c></row>";
+    for more in ["<row/>", "<row></row>", "<row spans=\"1:1\"></row>"] {
+        let rows = first.clone() + &more.repeat(1_048_576);
+        refused(&workbook(&rows, "", &[]), "more than the 1048576 rows of a workbook");
     }
 }
 

@@ -280,6 +280,11 @@ impl Follower {
         self.pass_line_of(if is_set { f64::INFINITY } else { self.clock.interval() });
     }
 
+    /// A line that was answered before a restart: its time is in the resumed state, and only the time of waiting passes.
+    pub(super) fn pass_repeated(&mut self) {
+        self.pass_line_of(0.0);
+    }
+
     /// A line that stands for a time \[s\], or for the time in which it was awaited if that is longer.
     fn pass_line_of(&mut self, seconds: f64) {
         self.pass((seconds.max(self.waited_s) - self.told_s).max(0.0));

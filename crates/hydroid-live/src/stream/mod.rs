@@ -303,7 +303,7 @@ impl Stream {
         };
         if self.is_repeated(row, text, self.sample.t) {
             say(&mut self.follower.note, format_args!("answered before the restart"));
-            self.follower.pass_line();
+            self.follower.pass_repeated();
             self.answer_unused(number, Some(self.sample.t), Status::Repeated);
             return Ok(true);
         }
