@@ -440,7 +440,6 @@ def identify(
     train: Any,
     validate: Any,
     test: Any,
-    methods: list[str],
     options: dict[str, Any],
     config: str | os.PathLike[str] | None = None,
     vessel: str | os.PathLike[str] | None = None,
