@@ -213,4 +213,4 @@ def test_an_adapter_learns_and_its_state_is_kept(model, files):
         hydroid.Adapter(model, spin=1)
     with pytest.raises(ValueError, match="weight_variance is an option of the extended Kalman filter"):
         hydroid.Adapter(model, weight_variance=1e-3)
-    hydroid.Adapter(model, learner="kalman", weight_variance=1e-3, noise="u=0.1,v=0.1,r=0.1")
+    hydroid.Adapter(model, learner="kalman", weight_variance=1e-3, noise="u=0.1,r=0.1")
