@@ -418,6 +418,10 @@ impl Dynamics {
         if is_linear && is_ahead && u.is_finite() && position.is_nan() {
             let force = self.holding_force(u);
             let gain = if force > 0.0 { propeller.forward } else { propeller.reverse };
+            // A propeller without thrust in this direction holds nothing: its first order counts.
+            if gain <= 0.0 {
+                return;
+            }
             let band = if force == 0.0 { 0.0 } else { propeller.dead_band };
             let order = Float::abs(force) / gain + band;
             let [low, high] = self.servos[propeller.order].order.limits;

@@ -222,7 +222,8 @@ fn explore(craft: &Craft, dynamics: &Dynamics) -> Option<([[f64; 2]; 3], f64)> {
 }
 
 /// A session of a [`CraftModel`]: `u`, `v` and `r` are measured or predicted. The actuators follow the commands; at the
-/// start of a run they are at rest under the first one, but a lone linear propeller holds the measured speed. The snapshot is `[u, v, r, positions]`, NaN where unknown.
+/// start of a run they are at rest under the first one, but a lone linear propeller holds the measured speed. The snapshot is
+/// `[u, v, r, positions]`, NaN where unknown.
 #[derive(Clone, Debug)]
 pub struct CraftSession {
     dynamics: Dynamics,

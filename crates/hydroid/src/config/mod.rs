@@ -1,8 +1,8 @@
 //! Settings as data, for the command line, its file `hydroid.toml` and other front ends.
 //!
-//! [`Config`] has the sections of the file, all optional. [`Config::with`] reads it with options over it. [`Config::job`] prepares logs and makes the
-//! [`Job`](crate::identify::Job) of [`identify`](crate::identify::identify). [`Simulate`] has the settings of a simulated
-//! log, [`Manoeuvre`] those of manoeuvring trials, and [`control`] those of a closed loop.
+//! [`Config`] has the sections of the file, all optional. [`Config::with`] reads it with options over it, and [`Config::job`]
+//! prepares logs and makes the [`Job`](crate::identify::Job) of [`identify`](crate::identify::identify). [`Simulate`] has the
+//! settings of a simulated log, [`Manoeuvre`] those of manoeuvring trials, and [`control`] those of a closed loop.
 
 mod adapt;
 pub mod control;
