@@ -212,6 +212,18 @@ fn a_session_equals_the_simulation() {
     }
 }
 
+/// A propeller that only pushes ahead holds no speed astern: its first order counts.
+#[test]
+fn a_propeller_without_thrust_astern_starts_at_its_order() {
+    let mut craft = Craft::simple();
+    craft.thrusters[0].reverse = 0.0;
+    let mut session = CraftSession::new(&CraftModel::new(craft, 0.1).unwrap());
+    session.observe(&[-0.5, 0.0, 0.0]);
+    assert!(session.motion().1[0].is_nan());
+    session.advance(&[40.0, 0.0]);
+    close(&session.motion().1[..1], &[40.0], 1e-12, "order");
+}
+
 /// The textbook filter, dense, with Jacobians by central differences.
 struct Naive {
     model: LearnablePlant,
