@@ -367,7 +367,10 @@ impl Instruments {
         // The first measurement, the first time at which place and direction are known, and the last measurement.
         let mut both: Vec<[f64; 3]> = Vec::new();
         for [begin, to] in all {
-            let first = |times: &[f64]| times.iter().copied().find(|t| (begin..=to).contains(t));
+            let first = |times: &[f64]| {
+                let at = times.partition_point(|t| *t < begin);
+                times.get(at).copied().filter(|t| *t <= to)
+            };
             if let (Some(place), Some(direction)) = (first(&place), first(&direction)) {
                 both.push([begin, place.max(direction), to]);
             }
@@ -421,7 +424,11 @@ impl Instruments {
             pair("accelerations", &self.force),
         ];
         for (name, times) in all.into_iter().flatten() {
-            let mut outside = times.iter().filter(|t| !parts.iter().any(|part| part.has(**t)));
+            let is_outside = |t: &&f64| {
+                let next = parts.partition_point(|part| part.to < **t);
+                parts.get(next).is_none_or(|part| !part.has(**t))
+            };
+            let mut outside = times.iter().filter(is_outside);
             let Some(first) = outside.next() else { continue };
             notes.push(
                 Note::warning(format!(
