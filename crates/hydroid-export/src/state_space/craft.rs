@@ -2,7 +2,9 @@
 
 use std::f64::consts::FRAC_PI_4;
 
-use hydroid_core::craft::{Coriolis, Craft, Hull, NormalForce, Order, RudderLaw, Servo, ThrustLaw, Thruster};
+use hydroid_core::craft::{
+    Coriolis, Craft, Flying, Hull, NormalForce, Order, RudderLaw, Servo, ThrustLaw, Thruster,
+};
 use hydroid_core::model::CraftModel;
 use hydroid_core::vessel::Number as _;
 
@@ -34,9 +36,13 @@ fn order<'a>(order: &Order, command: Vector<'a>) -> Scalar<'a> {
         .terms
         .iter()
         .fold(ZERO, |sum: Scalar<'a>, &(c, neutral, gain)| sum + (command.at(c) - neutral) * gain);
+    limited(order, sum)
+}
+
+fn limited<'a>(order: &Order, value: Scalar<'a>) -> Scalar<'a> {
     let [low, high] = order.limits;
-    let sum = if low == f64::NEG_INFINITY { sum } else { sum.max(Scalar::constant(low)) };
-    if high == f64::INFINITY { sum } else { sum.min(Scalar::constant(high)) }
+    let value = if low == f64::NEG_INFINITY { value } else { value.max(Scalar::constant(low)) };
+    if high == f64::INFINITY { value } else { value.min(Scalar::constant(high)) }
 }
 
 /// The position of a servo `h` seconds later, with the order held ([`Servo::step`]).
@@ -232,9 +238,44 @@ fn acceleration<'a>(craft: &Craft, nu: Three<'a>, positions: &[Scalar<'a>]) -> T
     let normal = accelerated(mass, damped(1.0));
     let Some(flying) = &craft.flying else { return normal };
     let fly = accelerated(craft.hull.mass_matrix_with(flying.added_mass_factor), damped(flying.drag_factor));
-    let weight = ((u - flying.transition_speed) * flying.slope).logistic();
+    let weight = flying_weight(flying, u);
     let rest = ONE - weight;
     std::array::from_fn(|i| weight * fly[i] + rest * normal[i])
+}
+
+/// The order of a lone linear propeller that holds a measured surge velocity; none for other vessels. A
+/// propeller without thrust in a direction holds nothing there: the first order counts. The equations are those of
+/// [`hydroid_core::craft::Dynamics::holding_force`] and of the start of a session.
+fn held_order<'a>(craft: &Craft, u: Scalar<'a>, first: Scalar<'a>) -> Option<Scalar<'a>> {
+    let [propeller] = &craft.thrusters[..] else { return None };
+    let is_ahead = propeller.steering.is_none() && propeller.angle == 0.0 && propeller.position[1] == 0.0;
+    if propeller.law != ThrustLaw::Linear || propeller.speed_loss != 0.0 || !is_ahead {
+        return None;
+    }
+    let [drag, ..] = damping(&craft.hull, 0.5 * craft.water_density, [u, ZERO, ZERO]);
+    let force = match &craft.flying {
+        None => drag,
+        Some(flying) => {
+            let inverse = |factor: f64| 1.0 / craft.hull.mass_matrix_with(factor)[0];
+            let weight = flying_weight(flying, u);
+            let (fly, normal) = (weight * inverse(flying.added_mass_factor), (ONE - weight) * inverse(1.0));
+            drag * (fly * flying.drag_factor + normal) / (fly + normal)
+        }
+    };
+    let limits = &propeller.servo.order;
+    let order = |sign: f64, gain: f64| {
+        if gain > 0.0 {
+            limited(limits, force / gain + Scalar::constant(sign * propeller.dead_band))
+        } else {
+            first
+        }
+    };
+    let astern = force.select(Test::Less, ZERO, order(-1.0, propeller.reverse), limited(limits, ZERO));
+    Some(ZERO.select(Test::Less, force, order(1.0, propeller.forward), astern))
+}
+
+fn flying_weight<'a>(flying: &Flying, u: Scalar<'a>) -> Scalar<'a> {
+    ((u - flying.transition_speed) * flying.slope).logistic()
 }
 
 pub(super) fn state_space(model: &CraftModel) -> StateSpace {
@@ -292,7 +333,11 @@ pub(super) fn state_space(model: &CraftModel) -> StateSpace {
 
     let b = Builder::new();
     let (y, c) = (b.argument("outputs", 3), b.argument("command", inputs));
-    let state = b.concat(&[y, b.call(orders, count, &[c])]);
+    let mut positions = b.call(orders, count, &[c]).elements();
+    if let Some(held) = held_order(craft, y.at(0), positions[0]) {
+        positions[0] = held;
+    }
+    let state = b.concat(&[y, b.gather(&positions)]);
     let start = module.add(b.finish("start", "State of a steady motion", state));
 
     let [observe, output] = outputs_first(&mut module, 3, states);

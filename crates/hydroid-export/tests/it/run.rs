@@ -29,16 +29,24 @@ pub(crate) struct Run {
     pub(crate) stepped: Vec<f64>,
 }
 
-/// A session in a steady motion.
+/// A session in a steady motion. The actuators of a vessel that the motion does not place are at the order of the command.
 pub(crate) fn steady(model: &Model, y: &[f64], c: &[f64]) -> Box<dyn Predictor> {
     let mut session = model.frozen().session();
-    // The actuators of a vessel take their positions at its first command.
-    let least = if model.craft().is_some() { 2 } else { 1 };
-    for _ in 1..session.warm_up().max(least) {
+    for _ in 1..session.warm_up() {
         session.observe(y);
         session.advance(c);
     }
     session.observe(y);
+    if model.craft().is_some() {
+        let [mut placed, mut settled] = [(); 2].map(|()| vec![0.0; session.snapshot_len()]);
+        session.snapshot(&mut placed);
+        session.advance(c);
+        session.snapshot(&mut settled);
+        for (placed, settled) in placed.iter_mut().zip(settled) {
+            *placed = if placed.is_nan() { settled } else { *placed };
+        }
+        session.restore(&placed);
+    }
     session
 }
 
