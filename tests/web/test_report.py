@@ -91,7 +91,8 @@ def test_a_vessel_moves_on_the_page_as_in_the_command(opened, tmp_path, vessel):
 
 @pytest.mark.parametrize("plant", ["simple", "hydrofoil"])
 def test_a_built_in_vessel_turns_on_the_page_as_in_the_command(opened, tmp_path, plant):
-    """The velocities of a turning circle. `hydroid manoeuvre` samples it every 0.01 s, the page every 0.1 s."""
+    """The velocities of a turning circle. `hydroid manoeuvre` samples it every 0.01 s, the page every 0.1 s; a step of the
+    integration has an error of about 3e-6 of the change of the motion (`CraftModel`)."""
     hydroid("manoeuvre", plant, "--trials", "turning-circle", "-o", tmp_path)
     hydroid("report", plant, "--interactive", "-o", tmp_path / "boat.html")
     with open(tmp_path / "tracks.csv", encoding="utf-8") as file:
@@ -101,7 +102,7 @@ def test_a_built_in_vessel_turns_on_the_page_as_in_the_command(opened, tmp_path,
     assert [round(row[0], 9) for row in truth[:3]] == [0, 0.1, 0.2]
     found = opened(tmp_path / "boat.html").evaluate(TURN, [row[1:3] for row in truth])
     largest = [max(abs(row[c]) for row in truth) for c in (6, 7, 8)]
-    assert max(abs(a[i] - b[6 + i]) / largest[i] for a, b in zip(found, truth) for i in range(3)) < 1e-6
+    assert max(abs(a[i] - b[6 + i]) / largest[i] for a, b in zip(found, truth) for i in range(3)) < 3e-6
 
 
 @pytest.mark.skipif(not DATA, reason="no HYDROID_DATA")
