@@ -129,12 +129,14 @@ def test_what_is_no_log_is_an_error_and_the_page_goes_on(tab):
         ("empty.csv", b"", "empty"),
         ("picture.png", bytes(range(256)) * 40, "picture.png"),
         ("cut.mcap", b"\x89MCAP0\r\n" + bytes(50), "cut.mcap"),
-        ("broken.toml", b"mass = [", "broken.toml"),
+        ("broken.toml", b"mass = [", "unclosed array"),
         ("model.safetensors", bytes(64), "model.safetensors"),
-        ("numbers.csv", b"t,u\n0,1e999\n0.1,NaN\n0.2,-1e308\n", "numbers.csv"),
     ]:
         choose(page, (name, content))
-        expect(page.locator("#files")).to_contain_text(words, timeout=20_000)
+        error = page.locator("#files-message[data-level=error]")
+        expect(error.filter(has_text=words)).to_be_visible(timeout=60_000)
+    choose(page, ("numbers.csv", b"t,u\n0,1e999\n0.1,NaN\n0.2,-1e308\n"))
+    expect(page.locator("#file-list")).to_contain_text("numbers.csv", timeout=60_000)
     choose(page, ("good.csv", table(["u", "r", "n_cmd"])))
     expect(page.get_by_role("rowheader", name="n_cmd", exact=True)).to_be_visible(timeout=20_000)
     shot(page, "errors")

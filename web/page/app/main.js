@@ -46,8 +46,15 @@ function tellAge() {
   say("report-stale", state.stale ? TEXT.stale : "", "warning");
 }
 
-/** Files that were dropped or chosen. */
-async function take(list) {
+/** Files that were dropped or chosen, after those before them: their messages and lists do not mix. */
+function take(list) {
+  taken = taken.then(() => takeFiles(list)).catch(failed);
+  return taken;
+}
+
+let taken = Promise.resolve();
+
+async function takeFiles(list) {
   const messages = [];
   for (const file of list) {
     if (file.size > LARGEST) {

@@ -122,14 +122,16 @@ pub fn read(path: &Path) -> Result<Model, ModelError> {
     decode(&std::fs::read(path).map_err(unreadable)?, path)
 }
 
-/// The text of a vessel file: TOML with at least one key. The first eight bytes of a safetensors file are the length of its
+/// The text of a vessel file: by its name, or TOML with at least one key. The first eight bytes of a safetensors file are the length of its
 /// header, at most 100 MB, and contain zeros, which no text does.
-fn vessel_text(bytes: &[u8]) -> Option<&str> {
+fn vessel_text<'a>(bytes: &'a [u8], path: &Path) -> Option<&'a str> {
     if bytes.iter().take(8).any(|byte| *byte == 0) {
         return None;
     }
     let text = std::str::from_utf8(bytes).ok()?;
-    toml::from_str::<toml::Table>(text).is_ok_and(|table| !table.is_empty()).then_some(text)
+    let is_named = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
+    let is_text = || toml::from_str::<toml::Table>(text).is_ok_and(|table| !table.is_empty());
+    (is_named || is_text()).then_some(text)
 }
 
 /// Reads a model from the bytes of a file, or a vessel from the text of its file; `path` is for messages only.
@@ -137,7 +139,7 @@ fn vessel_text(bytes: &[u8]) -> Option<&str> {
 /// # Errors
 /// If the bytes are not a model, or are inconsistent.
 pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
-    if let Some(text) = vessel_text(bytes) {
+    if let Some(text) = vessel_text(bytes, path) {
         return parse_vessel(text, path);
     }
     let not_a_model = |reason: String| ModelError::NotAModel { path: path.to_owned(), reason };
