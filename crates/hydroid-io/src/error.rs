@@ -19,6 +19,8 @@ pub enum IoError {
         "{path} has none of the known formats (MCAP, ROS 1 bag, SQLite bag of ROS 2, ArduPilot DataFlash, PX4 ULog, NMEA 0183, Parquet, XLSX); convert it to one of them or to CSV"
     )]
     Unknown { path: String },
+    #[error("{path} is {what}, which hydroid does not read; {remedy}")]
+    NotRead { path: String, what: &'static str, remedy: &'static str },
     /// The file has the format, but nothing of it can be read.
     #[error("{path}, byte {offset}: {reason}; {remedy}")]
     Damaged {

@@ -75,6 +75,8 @@ fn recognise(input: &mut Input) -> Result<Option<Format>, IoError> {
         Some(Format::DataFlash)
     } else if formats::nmea::begins(head) {
         Some(Format::Nmea)
+    } else if let Some((what, remedy)) = formats::foreign::named(head) {
+        return Err(IoError::NotRead { path, what, remedy });
     } else {
         None
     })

@@ -2,6 +2,7 @@
 
 mod columns;
 pub(crate) mod dataflash;
+pub(crate) mod foreign;
 pub(crate) mod mcap;
 pub(crate) mod message;
 pub(crate) mod nmea;

@@ -313,8 +313,32 @@ fn without_date_stamps_are_from_midnight() {
         (log.stamps("GLL"), log.stamps("HDT")),
         (vec![day - SECOND, day + SECOND], vec![day - SECOND / 2])
     );
-    assert_eq!(log.topic("GLL").clock, Clock::None);
+    assert_eq!(log.topic("GLL").clock, Clock::Boot);
     assert!(log.summary.notes[0].contains("midnight"));
+}
+
+#[test]
+fn sentences_that_are_faster_than_the_time_are_stated() {
+    let fast = |first: &str| {
+        let seconds = (0..3).flat_map(|k| {
+            let time = first.replace("SS", &format!("0{k}"));
+            std::iter::once(time).chain((0..10).map(move |i| format!("HEHDT,{}.{i},T", 10 * k)))
+        });
+        let sentences: Vec<String> = seconds.collect();
+        let sentences: Vec<&str> = sentences.iter().map(String::as_str).collect();
+        file(&sentences).summary.notes.join("; ")
+    };
+    for first in ["GPRMC,1200SS.0,V,,,,,,,010180,,,N", "GPGLL,0111.5,N,10354.0,E,1200SS,A"] {
+        let notes = fast(first);
+        assert!(notes.contains("27 of 30 sentences HDT") && notes.contains("time of arrival"), "{notes}");
+    }
+    let notes = file(&[
+        "GPGLL,0111.5,N,10354.0,E,120000,A",
+        "HEHDT,1,T",
+        "GPGLL,0111.5,N,10354.0,E,120001,A",
+        "HEHDT,1,T",
+    ]);
+    assert!(!notes.summary.notes.join("; ").contains("time of the one before"));
 }
 
 #[test]

@@ -95,6 +95,30 @@ fn one(bytes: &[u8]) -> Recorder {
 }
 
 #[test]
+fn a_remark_does_not_replace_the_header() {
+    let numbers = |k: u32| format!("<row>{}</row>", format!("<c><v>{k}</v></c>").repeat(3));
+    let rows = |before: &str, after: &str| {
+        workbook(
+            &[before, &texts(&["t [s]", "u [m/s]", "n [rpm]"]), after, &numbers(1), &numbers(2)].concat(),
+            "",
+            &[],
+        )
+    };
+    let remark = "<row><c t=\"inlineStr\"><is><t>target:</t></is></c><c><v>3.6</v></c></row>";
+    for (before, after) in [
+        ("", ""),
+        ("", &*texts(&["target:"])),
+        ("", &*texts(&["gusts", "from W"])),
+        (&*texts(&["trial 7", "calm"]), ""),
+    ] {
+        let book = one(&rows(before, after));
+        assert_eq!(book.topics[0].unit("n"), Some("rpm"), "{before} {after}");
+        assert_eq!(book.topics[0].table().len(), 2, "{before} {after}");
+    }
+    assert_eq!(one(&rows(remark, "")).topics[0].unit("u"), Some("m/s"));
+}
+
+#[test]
 fn cells_without_a_place_count_on_and_entities_are_letters() {
     let rows = texts(&["a &lt;b&#62; [m/s]", "c"])
         + "<row><c><v>1</v></c><c><f>A1+1</f><v>2</v></c></row><row/>"

@@ -47,6 +47,10 @@ pub enum LogError {
         "{path}: the first row holds numbers ({first_row}), not column names; add a first line that names the columns, such as `t [s],u [m/s],v [m/s],r [rad/s]`"
     )]
     NoHeader { path: String, first_row: String },
+    #[error(
+        "{path}, line {line}: no cell of the file is a number (`{text}`), so it is no table of numbers; give a table with a header, one row for each sample, or a recording in one of the formats of `hydroid inspect`"
+    )]
+    NoNumbers { path: String, line: u64, text: String },
     #[error("{path}, line {line}: not UTF-8 text; {remedy}")]
     NotUtf8 {
         path: String,

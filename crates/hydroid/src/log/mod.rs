@@ -37,7 +37,7 @@ pub mod units;
 
 pub use align::{CommandTiming, InputDelay};
 pub(crate) use columns::checked;
-pub use csv::{RawColumn, RawLog, read, read_from};
+pub use csv::{RawColumn, RawLog, ShortRows, read, read_from};
 pub(crate) use csv::{Rows, Shortest, bytes};
 pub use error::LogError;
 pub use inspect::{Inspection, inspect, inspect_file, inspect_owned};

@@ -257,6 +257,15 @@ pub(crate) fn time(
     dt: Option<f64>,
     notes: &mut Vec<Note>,
 ) -> Result<Time, LogError> {
+    if log.short.count > 0 {
+        notes.push(
+            Note::warning(format!(
+                "{}: {} rows end before the last column, the first in line {}; the cells that they lack are missing",
+                log.path, log.short.count, log.short.first
+            ))
+            .with_remedy("if a line is damaged, delete it"),
+        );
+    }
     let spec = if let Some(text) = &selection.time {
         text.parse::<ChannelSpec>()?
     } else {

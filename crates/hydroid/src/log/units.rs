@@ -130,6 +130,7 @@ const TABLE: &[Known] = &[
     known(Quantity::Time, "s", 1e-9, &["ns"]),
     known(Quantity::Time, "s", 60.0, &["min"]),
     known(Quantity::Time, "s", 3600.0, &["h"]),
+    known(Quantity::Time, "s", 86_400.0, &["d"]),
     known(Quantity::Voltage, "V", 1.0, &["V"]),
     known(Quantity::Voltage, "V", 1e-3, &["mV"]),
     known(Quantity::Number, "1", 1.0, &["1", "-"]),

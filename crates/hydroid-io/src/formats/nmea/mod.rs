@@ -6,7 +6,8 @@
 //!
 //! Stamps are the times of arrival in front of the sentences (ISO 8601, Unix time, or the tag `c`); then `utc_s`
 //! alone has the time in a sentence. Without, a sentence has the time of the last one that states a time, with the
-//! date of RMC or ZDA, or from midnight if the first MB has no date. Without any time the sentences are numbered.
+//! date of RMC or ZDA, or from midnight if the first MB has no date. Without any time the sentences are numbered. A sentence
+//! that comes several times between two times has one stamp, and a note says how often.
 
 mod arrival;
 mod line;
@@ -67,6 +68,14 @@ pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, Io
             .summary
             .note(format!("sentences that are not read, with their numbers: {}", others.join(", ")));
     }
+    for known in reader.topics.iter().filter(|known| known.repeated > 0 && reader.times.are_stated()) {
+        reader.summary.note(format!(
+            "{} of {} sentences {} have the time of the one before, because none between them states a time; they cannot be placed in time: record the time of arrival in front of each sentence",
+            known.repeated,
+            known.count,
+            String::from_utf8_lossy(&known.formatter),
+        ));
+    }
     reader.times.notes(&mut reader.summary);
     Ok(reader.summary)
 }
@@ -82,6 +91,10 @@ struct Known {
     topic: usize,
     wanted: bool,
     checksum: bool,
+    /// Stamp of the last sentence, the number of sentences, and of those with the stamp of the one before.
+    stamp: Option<i64>,
+    count: u64,
+    repeated: u64,
 }
 
 struct Reader {
@@ -171,12 +184,17 @@ impl Reader {
                     topic,
                     wanted,
                     checksum: false,
+                    stamp: None,
+                    count: 0,
+                    repeated: 0,
                 });
                 let last = self.topics.len() - 1;
                 &mut self.topics[last]
             }
         };
         known.checksum |= line.checksum;
+        known.count += 1;
+        known.repeated += u64::from(known.stamp.replace(stamp) == Some(stamp));
         if known.wanted {
             known.sentence.read(fields, &mut self.values);
             sink.row(known.topic, stamp, None, &self.values);

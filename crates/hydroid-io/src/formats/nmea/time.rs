@@ -73,10 +73,16 @@ impl Times {
         }
     }
 
+    /// Whether the stamps are times in sentences.
+    pub(super) fn are_stated(&self) -> bool {
+        matches!(self.source, Source::Dated | Source::Midnight)
+    }
+
     pub(super) fn clock(&self) -> Clock {
         match self.source {
             Source::Arrival | Source::Dated => Clock::Utc,
-            Source::Midnight | Source::Number => Clock::None,
+            Source::Midnight => Clock::Boot,
+            Source::Number => Clock::None,
         }
     }
 

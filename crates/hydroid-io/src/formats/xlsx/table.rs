@@ -105,7 +105,7 @@ impl<'a> Table<'a> {
         self.names.iter().zip(&row.cells).any(|(name, cell)| name.is_some() && number(cell))
     }
 
-    /// A row of texts has names, or the units of the names above.
+    /// A row of texts has names, or the units of the names above. A row with fewer texts than there are names is a remark.
     fn name_columns(&mut self, row: &Row) {
         let filled = row.cells.iter().filter(|cell| **cell != Cell::Empty).count();
         let texts: Vec<Option<&str>> = (0..row.cells.len()).map(|column| row.text(column)).collect();
@@ -118,7 +118,7 @@ impl<'a> Table<'a> {
                     *known = known.take().or_else(|| (!matches!(unit, "-" | "")).then(|| unit.to_owned()));
                 }
             }
-        } else if 2 * count > filled {
+        } else if 2 * count > filled && count >= named {
             self.names = texts.iter().map(|text| text.map(split_unit)).collect();
         }
     }

@@ -8,7 +8,7 @@ use super::super::error::LogError;
 use super::super::summary::{PairSummary, Summary};
 use super::cell::text;
 use super::chunks::{Chunk, Chunks};
-use super::header::{delimiter, has_decimal_comma, header_columns, name_the_nameless};
+use super::header::{delimiter, has_decimal_comma, header_columns, name_the_nameless, title};
 use super::rows::{self, Defect, Format, Kind, Part, Rows};
 use super::{Plan, RawColumn, RawLog};
 
@@ -53,6 +53,12 @@ pub(super) fn read(
     if log.lines.is_empty() {
         return Err(LogError::HeaderOnly { path: path.to_owned() });
     }
+    if log.columns.iter().all(|column| !column.has_values())
+        && let Some(bad) = log.columns.iter().find_map(|column| column.bad.as_ref())
+    {
+        let (path, line, text) = (path.to_owned(), bad.line, bad.text.clone());
+        return Err(LogError::NoNumbers { path, line, text });
+    }
     // A column without a name comes from a trailing separator or is an index written by a program.
     let kept: Vec<bool> = log.columns.iter().map(|c| !c.name.is_empty() || c.has_values()).collect();
     let place = |column: usize| kept[..column].iter().filter(|kept| **kept).count();
@@ -94,8 +100,9 @@ fn header(chunks: &mut Chunks<impl Read>, path: &str) -> Result<Header, LogError
         let bytes = &chunk.bytes;
         let end_of_line = end_of_line(bytes);
         rows::utf8(bytes, end_of_line).map_err(|defect| defect.error(path, before, 0))?;
-        let delimiter = delimiter(bytes);
-        let mut reader = rows::records(bytes, delimiter);
+        let title = title(bytes);
+        let delimiter = delimiter(&bytes[title..]);
+        let mut reader = rows::records(&bytes[title..], delimiter);
         let mut record = csv::ByteRecord::new();
         while reader.read_byte_record(&mut record).is_ok_and(|found| found) {
             if record.iter().all(|cell| text(cell).is_empty()) {
@@ -110,7 +117,8 @@ fn header(chunks: &mut Chunks<impl Read>, path: &str) -> Result<Header, LogError
                 width: columns.len(),
                 needed: header.iter().rposition(|cell| !cell.is_empty()).map_or(0, |at| at + 1),
             };
-            let end = usize::try_from(reader.position().byte()).unwrap_or(bytes.len()).min(bytes.len());
+            let read = usize::try_from(reader.position().byte()).unwrap_or(bytes.len());
+            let end = title.saturating_add(read).min(bytes.len());
             let before = before + rows::count(&bytes[..end], end_of_line);
             chunk.bytes.drain(..end);
             return Ok(Header { format, columns, begin: chunk, before });
@@ -158,6 +166,7 @@ impl Table<'_> {
         }
         for (rows, &before) in parts.iter().zip(&before) {
             self.log.lines.append(&rows.lines, before);
+            self.log.short.add(rows.short, before);
             self.compare(&rows.columns);
         }
         self.log.columns.par_iter_mut().enumerate().for_each(|(c, column)| {

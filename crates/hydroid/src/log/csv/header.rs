@@ -20,6 +20,20 @@ pub fn delimiter(bytes: &[u8]) -> u8 {
     counts.iter().rev().max_by_key(|c| c.1).map_or(b',', |c| c.0)
 }
 
+/// Length of the title lines above the header, which have no separator where one of the next lines has some.
+pub(super) fn title(bytes: &[u8]) -> usize {
+    let mut begin = 0;
+    for line in bytes.split_inclusive(|&b| b == b'\n').take(50) {
+        if line.iter().any(|b| matches!(b, b',' | b';' | b'\t')) {
+            // A first column of names would have numbers below it.
+            let lone = bytes[..begin].split(|&b| b == b'\n').any(|line| text(line).parse::<f64>().is_ok());
+            return if lone { 0 } else { begin };
+        }
+        begin += line.len();
+    }
+    0
+}
+
 /// Whether numbers have a decimal comma: the first rows contain cells like `1,5` and none like `1.5`.
 pub(super) fn has_decimal_comma(bytes: &[u8], delimiter: u8, end_of_line: u8) -> bool {
     let rows = bytes.split(|&b| b == end_of_line).skip(1).take(200);

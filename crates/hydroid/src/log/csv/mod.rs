@@ -31,7 +31,7 @@ pub use header::{delimiter, header_columns, name_the_nameless};
 pub(crate) use write::{Rows, Shortest};
 
 /// The columns of a log file before selection.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct RawLog {
     /// Path of the file as given.
     pub path: String,
@@ -39,8 +39,29 @@ pub struct RawLog {
     pub columns: Vec<RawColumn>,
     /// Line of each row in the file, from 1, header and skipped lines included.
     pub lines: Lines,
+    /// Rows that end before the last named column; the cells that they lack are missing.
+    pub short: ShortRows,
     /// What is known of columns whose values were left out.
     pub(super) rest: Rest,
+}
+
+/// Rows that end before the last named column.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ShortRows {
+    /// Line of the first one in the file, from 1; 0 without one.
+    pub first: u64,
+    /// Number of these rows.
+    pub count: u64,
+}
+
+impl ShortRows {
+    /// Adds those of a part behind `before` lines.
+    fn add(&mut self, part: Self, before: u64) {
+        if self.count == 0 && part.count > 0 {
+            self.first = before + part.first;
+        }
+        self.count += part.count;
+    }
 }
 
 /// One column of a log file.
@@ -105,7 +126,7 @@ impl RawLog {
     /// A log without rows.
     #[doc(hidden)]
     pub fn without_rows(path: &str, columns: Vec<RawColumn>) -> Self {
-        Self { path: path.to_owned(), columns, lines: Lines::default(), rest: Rest::default() }
+        Self { path: path.to_owned(), columns, ..Self::default() }
     }
 
     /// A log of columns in memory, all with the same number of values. Rows count as lines from 1. Infinite values become
@@ -136,7 +157,7 @@ impl RawLog {
             }
         }
         let lines = (1..=rows as u64).collect();
-        Ok(Self { path: name.to_owned(), columns, lines, rest: Rest::default() })
+        Ok(Self { path: name.to_owned(), columns, lines, ..Self::default() })
     }
 
     /// Number of rows.

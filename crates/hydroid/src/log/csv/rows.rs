@@ -6,7 +6,7 @@ use super::super::error::LogError;
 use super::super::lines::Lines;
 use super::cell::{Cell, number, text};
 use super::chunks::{Chunk, Endless, LONGEST_LINE};
-use super::{BadCell, FirstStamp};
+use super::{BadCell, FirstStamp, ShortRows};
 
 /// What the beginning of a log shows of its rows.
 #[derive(Clone, Copy, Debug)]
@@ -126,6 +126,8 @@ pub(super) struct Rows {
     pub(super) lines: Lines,
     /// Ends of lines in the part.
     pub(super) ends: u64,
+    /// Rows with fewer cells than the header names.
+    pub(super) short: ShortRows,
     pub(super) defect: Option<Defect>,
 }
 
@@ -133,7 +135,8 @@ impl Rows {
     /// Reads a part whose columns hold these kinds of cells up to here.
     pub(super) fn of(chunk: &Chunk, format: &Format, kinds: &[Kind]) -> Self {
         let columns = kinds.iter().map(|kind| Part { kind: *kind, ..Part::default() }).collect();
-        let mut rows = Self { columns, lines: Lines::default(), ends: 0, defect: None };
+        let mut rows =
+            Self { columns, lines: Lines::default(), ends: 0, short: ShortRows::default(), defect: None };
         if let Some(endless) = chunk.endless {
             rows.defect = Some(Defect::Endless(endless));
             return rows;
@@ -160,7 +163,7 @@ impl Rows {
             } else {
                 if at > begin {
                     row.cell(trim(&all[start..at]));
-                    row.end(|| last && all[at..].bytes().all(|byte| matches!(byte, b'\n' | b'\r')), all)?;
+                    row.end(|| last && is_blank(&all.as_bytes()[at..]), all)?;
                 }
                 row.line += u64::from(byte == format.end_of_line);
                 begin = at + 1;
@@ -185,9 +188,8 @@ impl Rows {
         while reader.read_byte_record(&mut record).is_ok_and(|found| found) {
             row.line = counter.line_of(&record);
             record.iter().for_each(|cell| row.cell(text(cell)));
-            let at_end =
-                || last && !reader.read_byte_record(&mut csv::ByteRecord::new()).is_ok_and(|found| found);
-            row.end(at_end, all)?;
+            let at = usize::try_from(reader.position().byte()).unwrap_or(bytes.len()).min(bytes.len());
+            row.end(|| last && is_blank(&bytes[at..]), all)?;
         }
         Ok(())
     }
@@ -214,9 +216,12 @@ impl Row<'_> {
     /// Ends the row; `at_end` is whether it is the last one of the file.
     fn end(&mut self, at_end: impl FnOnce() -> bool, all: &str) -> Result<(), Defect> {
         let (found, short) = (self.found, self.found < self.format.needed);
-        if short || self.extra {
-            let truncated = short && !all.ends_with('\n') && at_end();
+        let truncated = short && !all.ends_with('\n') && at_end();
+        if self.extra || truncated {
             return Err(Defect::Row { line: self.line, found, truncated });
+        }
+        if short {
+            self.rows.short.add(ShortRows { first: self.line, count: 1 }, 0);
         }
         for column in self.rows.columns.iter_mut().skip(found) {
             column.values.push(f64::NAN);
@@ -235,6 +240,11 @@ pub(super) fn records(bytes: &[u8], delimiter: u8) -> csv::Reader<&[u8]> {
         .flexible(true)
         .trim(csv::Trim::None)
         .from_reader(bytes)
+}
+
+/// Whether only ends of lines follow.
+fn is_blank(rest: &[u8]) -> bool {
+    rest.iter().all(|byte| matches!(byte, b'\n' | b'\r'))
 }
 
 fn trim(cell: &str) -> &str {

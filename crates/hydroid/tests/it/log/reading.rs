@@ -38,6 +38,41 @@ fn every_way_of_writing_a_table_is_the_same_table() {
 }
 
 #[test]
+fn rows_may_omit_their_last_cells() {
+    let log = log("t,u,rudder\n0,1\n1,2,3\n2,3\n");
+    assert_eq!((log.short.first, log.short.count), (2, 2));
+    assert_eq!(log.columns[2].values[1], 3.0);
+    assert!(log.columns[2].values[0].is_nan() && log.columns[2].values[2].is_nan());
+    let log = super::log("t;u;rudder\n0;1;2\n1;\n");
+    assert_eq!((log.short.first, log.short.count), (3, 1));
+    assert!(read_error(b"t,u\n0,1,2\n").contains("3 cells where the header names 2 columns"));
+    assert!(read_error(b"t,u,n\n0,1,2\n1,2").contains("in the middle of a line"));
+}
+
+#[test]
+fn title_lines_stand_above_the_header() {
+    for text in ["---- log 1 ----\nt,u\n0,1\n", "Trial 7\n\ncalm\nt;u\n0;1,5\n", "a run\r\nt\tu\r\n0\t1\r\n"]
+    {
+        let log = log(text);
+        assert_eq!(log.columns[1].name, "u", "{text:?}");
+        assert_eq!(log.lines.iter().next(), Some(text.matches('\n').count() as u64), "{text:?}");
+    }
+    assert_eq!(log("u\n1\n2\n").columns[0].name, "u");
+    assert!(read_error(b"u\n1\n2,5\n").contains("2 cells where the header names 1"));
+}
+
+#[test]
+fn a_text_without_numbers_is_no_table() {
+    for text in
+        ["a letter\nof two lines\n", "Dear all,\nwe sailed, and\nit was, well, fine\n", "x,y\nleft,right\n"]
+    {
+        let error = read_error(text.as_bytes());
+        assert!(error.contains("log.csv, line"), "{error}");
+    }
+    assert!(read_error(b"x,y\nleft,right\n").contains("no cell of the file is a number (`left`)"));
+}
+
+#[test]
 fn lines_are_counted_as_an_editor_counts_them() {
     assert_eq!(log("\nt,u\n0,1\n\n1,2\n").lines.iter().collect::<Vec<_>>(), [3, 5]);
 }
@@ -68,7 +103,6 @@ fn an_index_column_without_a_name_gets_one() {
 #[test]
 fn each_broken_table_has_its_own_message() {
     for (text, parts) in [
-        ("t,u\n0,1\n1\n2,3\n", &["line 3", "1 cells", "2 columns"][..]),
         ("t,u\n0,1\n1,2,3\n2,3\n", &["line 3", "3 cells", "quotes"]),
         ("t,u\n0,1\n1", &["line 3", "middle of a line", "delete this last line"]),
         ("t,u,u\n0,1,2\n", &["columns 2 and 3", "`u`", "rename"]),
