@@ -17,8 +17,7 @@ const EXPERTS: usize = Expert::ALL.len();
 pub(super) struct Tested {
     /// Mean error of each model over the measured outputs; NaN without measurements.
     pub(super) errors: [f64; EXPERTS],
-    /// Error of the answer beyond `factor` times the error of the reference model. An output that was not measured counts
-    /// with the distance between answer and reference model.
+    /// Error of the answer beyond `factor` times the error of the reference model; outputs that were not measured count 0.
     pub(super) cost: f64,
 }
 
@@ -142,12 +141,8 @@ impl ShadowTest {
     fn cost(&self) -> f64 {
         let both = self.compared(Expert::Adapted).zip(self.compared(Expert::Reference));
         let cost = |((output, y, answer), (_, _, reference)): ((usize, f64, f64), (usize, f64, f64))| {
-            let error = |p: f64, y: f64| self.metric.error(output, p, y);
-            if y.is_nan() {
-                error(answer, reference)
-            } else {
-                error(answer, y) - self.factor * error(reference, y)
-            }
+            let error = |p: f64| self.metric.error(output, p, y);
+            if y.is_nan() { 0.0 } else { error(answer) - self.factor * error(reference) }
         };
         both.map(cost).sum::<f64>() / (self.metric.stride * self.outputs) as f64
     }
