@@ -61,7 +61,6 @@ pub(super) fn along(
                 match event.action {
                     Action::Spike { output, .. } => alarms.push((k, output, Kind::Spikes)),
                     Action::Stuck { output, .. } => alarms.push((k, output, Kind::Stuck)),
-                    Action::Offset { output, .. } => alarms.push((k, output, Kind::Jump)),
                     _ => {}
                 }
             }

@@ -39,18 +39,15 @@ impl fmt::Display for EventText<'_> {
             Action::Stuck { output, repeats } => {
                 write!(f, "{} has repeated its value {repeats} times: not used from now on", name(output))
             }
-            Action::Offset { output, offset } => {
-                write!(f, "{} has jumped: an offset of {offset:.4} is subtracted from now on", name(output))
-            }
             Action::Back { output, missing } => {
                 write!(f, "{} is used again after {missing} samples", name(output))
             }
-            Action::Switched { to, errors: [adapted, reference] } => write!(
+            Action::Switched { to, errors: [adapted, reference, unguarded] } => write!(
                 f,
-                "the {} model predicts from now on (error of the adapted model {adapted:.4}, of the reference model {reference:.4})",
+                "the {} model predicts from now on (error of the adapted model {adapted:.4}, of the reference model {reference:.4}, of the unguarded model {unguarded:.4})",
                 to.name()
             ),
-            Action::RolledBack { errors: [adapted, reference] } => write!(
+            Action::RolledBack { errors: [adapted, reference, _] } => write!(
                 f,
                 "the adapted model starts again from the reference model (error {adapted:.4}, of the reference model {reference:.4})"
             ),

@@ -8,11 +8,13 @@ pub enum Expert {
     Adapted,
     /// The reference model: the delivered weights with a state filter.
     Reference,
+    /// The unguarded learner: the adapted model as it would be without a guard.
+    Unguarded,
 }
 
 impl Expert {
     /// All experts.
-    pub const ALL: [Self; 2] = [Self::Adapted, Self::Reference];
+    pub const ALL: [Self; 3] = [Self::Adapted, Self::Reference, Self::Unguarded];
 
     /// Index in [`ALL`](Self::ALL).
     pub fn index(self) -> usize {
@@ -24,6 +26,7 @@ impl Expert {
         match self {
             Self::Adapted => "adapted",
             Self::Reference => "reference",
+            Self::Unguarded => "unguarded",
         }
     }
 }
@@ -38,7 +41,8 @@ pub struct Event {
 }
 
 /// Errors are means over the outputs of the absolute prediction error, each in half the width of its design
-/// range, over [`horizon`](super::GuardOptions::horizon) samples.
+/// range, over [`horizon`](super::GuardOptions::horizon) samples: those of the unguarded learner against all measurements, the
+/// others against the used ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Action {
     /// An outlier: the measurement was not used.
@@ -55,13 +59,6 @@ pub enum Action {
         /// Number of repetitions.
         repeats: usize,
     },
-    /// A sensor has a constant offset. It is subtracted from now on.
-    Offset {
-        /// The output.
-        output: usize,
-        /// Total offset \[unit of the output\].
-        offset: f64,
-    },
     /// Measurements of an output are used again.
     Back {
         /// The output.
@@ -73,13 +70,13 @@ pub enum Action {
     Switched {
         /// The active model.
         to: Expert,
-        /// Errors of the adapted and the reference model in the last test.
-        errors: [f64; 2],
+        /// Errors in the last test, in the order of [`Expert::ALL`].
+        errors: [f64; 3],
     },
     /// The adapted model starts again from the weights of the reference model.
     RolledBack {
-        /// Errors of the adapted and the reference model in the last test.
-        errors: [f64; 2],
+        /// Errors in the last test, in the order of [`Expert::ALL`].
+        errors: [f64; 3],
     },
     /// The memory of the adapted model was not sound and has been reset.
     Restarted,
@@ -91,7 +88,6 @@ impl Action {
         match self {
             Self::Spike { .. } => "spike",
             Self::Stuck { .. } => "stuck",
-            Self::Offset { .. } => "offset",
             Self::Back { .. } => "back",
             Self::Switched { .. } => "switched",
             Self::RolledBack { .. } => "rolled_back",

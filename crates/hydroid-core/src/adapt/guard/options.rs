@@ -12,16 +12,14 @@ pub struct GuardOptions {
     pub horizon: usize,
     /// Interval of the tests \[samples\].
     pub stride: usize,
-    /// Time constant of the guarantee \[samples\]: errors are weighted by `exp(-age / window)`.
+    /// Time constant of the guarantees \[samples\]: errors are weighted by `exp(-age / window)`.
     pub window: usize,
-    /// Factor of the guarantee on the error of the reference model.
+    /// Factor of the guarantees on the errors of the reference model and of the unguarded learner.
     pub factor: f64,
-    /// Constant of the guarantee, relative to the noise of the sensors.
+    /// Constant of the guarantees, relative to the noise of the sensors.
     pub floors: f64,
     /// Deviation of a measurement, relative to the usual one, above which it is a spike.
     pub spike: f64,
-    /// Step in the measurements, relative to the usual one, above which it is a sensor offset.
-    pub offset: f64,
     /// Minimum number of repetitions of a stuck sensor, for a sensor that has repeated values before.
     pub repeats: usize,
     /// Whether sensor faults are detected.
@@ -39,17 +37,7 @@ impl GuardOptions {
         // Origins coincide with tests.
         let horizon = horizon - horizon % stride;
         let window = samples(60.0, horizon.saturating_mul(4));
-        Self {
-            horizon,
-            stride,
-            window,
-            factor: 1.2,
-            floors: 0.5,
-            spike: 4.0,
-            offset: 6.0,
-            repeats: 5,
-            sensors: true,
-        }
+        Self { horizon, stride, window, factor: 1.2, floors: 0.5, spike: 4.0, repeats: 5, sensors: true }
     }
 
     pub(super) fn is_sound(&self) -> bool {
@@ -63,6 +51,5 @@ impl GuardOptions {
             && self.floors > 0.0
             && self.floors.is_finite()
             && self.spike > 0.0
-            && self.offset > 0.0
     }
 }

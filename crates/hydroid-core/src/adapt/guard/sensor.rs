@@ -1,4 +1,4 @@
-//! Sensor check of one output: spikes, offsets, stuck values.
+//! Sensor check of one output: spikes, stuck values.
 //!
 //! Two series are judged. One has the measurements `y`, the other the measurements less the motion that the active
 //! model predicts:
@@ -17,22 +17,17 @@
 //!   probability of 6e-5. The change at the measurement after a spike, relative to the change at the spike, decides what the
 //!   spike was: near 0, the fault goes on (for at most `SIDE - 1` measurements); near 1, the vessel accelerates, and the
 //!   measurement is used; near -1, it is judged by the line again.
-//! - *Offset* (generalised likelihood ratio): `c` is the step in a line with [`SIDE`] values on each side (analysis of
-//!   covariance with a common slope). An offset has `|c| > offset s` in both series, where `s` is the largest of the
-//!   standard deviation of `c` from the residuals, that from the noise, and the root mean square of earlier `c`. It is found
-//!   [`SIDE`] samples after it began, and its estimate is the step in `w`. A step against the sign of the present offset is
-//!   its end: the offset becomes zero, because a fault that was no constant offset would leave the rest of one behind.
 //! - *Stuck*: a value is repeated to the last bit.
 
 use super::options::GuardOptions;
 use crate::adapt::are_variances;
 use crate::memory::{MOST_COUNTED, Memory};
 
-/// Number of values in a line, and on each side of a step.
+/// Number of values in a line.
 pub(super) const SIDE: usize = 8;
 
-/// Values of a series: the sides of a step, and of a step before it.
-const LEN: usize = 3 * SIDE;
+/// Values of a series: a line and the last value.
+const LEN: usize = SIDE + 1;
 
 /// Deviations before a sensor is judged.
 const WARM_UP: usize = 100;
@@ -47,8 +42,6 @@ pub(super) enum Verdict {
     Spike { deviations: f64 },
     /// Do not use a repeated value.
     Stuck { repeats: usize },
-    /// Use the measurement without an offset of this total size.
-    Offset { offset: f64 },
 }
 
 /// Points `(t, x)`: their number, means, and sums of squares and products about the means.
@@ -59,7 +52,6 @@ struct Moments {
     x: f64,
     tt: f64,
     tx: f64,
-    xx: f64,
 }
 
 impl Moments {
@@ -75,7 +67,6 @@ impl Moments {
             (m.n, m.t, m.x) = (n, m.t + dt / n, m.x + dx / n);
             m.tt += dt * (t - m.t);
             m.tx += dt * (x - m.x);
-            m.xx += dx * (x - m.x);
         }
         (m.n >= least as f64).then_some(m)
     }
@@ -110,7 +101,6 @@ impl MeanSquare {
 struct Series {
     values: [f64; LEN],
     deviations: MeanSquare,
-    steps: MeanSquare,
 }
 
 impl Series {
@@ -123,26 +113,11 @@ impl Series {
 
     /// Deviation of the last value from the line before; NaN if either is unknown.
     fn deviation(&self, excluded: u32) -> f64 {
-        let Some(m) = Moments::of(&self.values[LEN - 1 - SIDE..LEN - 1], -1.0, excluded >> 1, 2) else {
+        let Some(m) = Moments::of(&self.values[..SIDE], -1.0, excluded >> 1, 2) else {
             return f64::NAN;
         };
         let line = m.x - m.t * m.tx / m.tt;
         (self.values[LEN - 1] - line) / num_traits::Float::sqrt(1.0 + 1.0 / m.n + m.t * m.t / m.tt)
-    }
-
-    /// The step `ago + SIDE` samples ago, its standard deviation from the residuals, and the factor from the noise to this
-    /// deviation; `None` if they are unknown.
-    fn step(&self, ago: usize) -> Option<[f64; 3]> {
-        let end = LEN - ago;
-        let after = Moments::of(&self.values[end - SIDE..end], 0.0, 0, SIDE / 2)?;
-        let before = Moments::of(&self.values[end - 2 * SIDE..end - SIDE], -(SIDE as f64), 0, SIDE / 2)?;
-        let (tt, tx, apart) = (after.tt + before.tt, after.tx + before.tx, after.t - before.t);
-        let step = after.x - before.x - apart * tx / tt;
-        // Rounding may leave less than nothing; squares of absurd values overflow.
-        let residuals = (after.xx + before.xx - tx * tx / tt).clamp(0.0, f64::INFINITY);
-        let factor = 1.0 / after.n + 1.0 / before.n + apart * apart / tt;
-        let deviation = num_traits::Float::sqrt(factor * residuals / (after.n + before.n - 3.0));
-        deviation.is_finite().then_some([step, deviation, num_traits::Float::sqrt(factor)])
     }
 }
 
@@ -162,19 +137,18 @@ pub(super) struct Sensor {
     repeats: usize,
     longest: usize,
     pub(super) missing: usize,
-    pub(super) offset: f64,
 }
 
 impl Sensor {
     pub(super) fn new(noise: f64) -> Self {
         let usual = MeanSquare { count: 0, value: noise * noise };
-        let series = Series { values: [f64::NAN; LEN], deviations: usual, steps: usual };
+        let series = Series { values: [f64::NAN; LEN], deviations: usual };
         let (first, last) = (f64::NAN, f64::NAN);
-        let (excluded, repeats, longest, missing, offset) = (0, 0, 0, 0, 0.0);
-        Self { noise, series: [series; 2], excluded, first, last, repeats, longest, missing, offset }
+        let (excluded, repeats, longest, missing) = (0, 0, 0, 0);
+        Self { noise, series: [series; 2], excluded, first, last, repeats, longest, missing }
     }
 
-    /// Starts a run. Usual deviations and the offset stay.
+    /// Starts a run. Usual deviations stay.
     pub(super) fn reset(&mut self) {
         self.series.iter_mut().for_each(|series| series.values.fill(f64::NAN));
         (self.excluded, self.first, self.last) = (0, f64::NAN, f64::NAN);
@@ -184,14 +158,13 @@ impl Sensor {
     /// Judges a measurement after a predicted `motion` since the last one.
     pub(super) fn judge(&mut self, value: f64, motion: f64, options: &GuardOptions) -> Verdict {
         let verdict = self.judged(value, motion, options);
-        let used = matches!(verdict, Verdict::Sound | Verdict::Offset { .. });
-        self.missing = if used { 0 } else { self.missing.saturating_add(1) };
+        self.missing = if verdict == Verdict::Sound { 0 } else { self.missing.saturating_add(1) };
         verdict
     }
 
     fn judged(&mut self, value: f64, motion: f64, options: &GuardOptions) -> Verdict {
         let stuck = value.is_finite() && self.is_stuck(value, options);
-        let used = if value.is_finite() && !stuck { value - self.offset } else { f64::NAN };
+        let used = if value.is_finite() && !stuck { value } else { f64::NAN };
         self.series[0].push(used, 0.0);
         self.series[1].push(used, motion);
         self.excluded <<= 1;
@@ -200,16 +173,6 @@ impl Sensor {
         }
         if used.is_nan() {
             return Verdict::Missing;
-        }
-        if let Some(mut step) = self.step(options) {
-            if step * self.offset < 0.0 {
-                // A fault that began has ended.
-                step = -self.offset;
-            }
-            self.offset += step;
-            let after = self.series.iter_mut().flat_map(|series| &mut series.values[LEN - SIDE..]);
-            after.for_each(|x| *x -= step);
-            return Verdict::Offset { offset: self.offset };
         }
         let stays = self.stays();
         let (mut least, mut known) = (f64::INFINITY, true);
@@ -246,29 +209,10 @@ impl Sensor {
     }
 
     /// Whether a measurement after a spike is nearer to the spike than to the value before it and to the continuation of
-    /// the change: it belongs to the same fault, for at most as long as the test for an offset takes.
+    /// the change: it belongs to the same fault, for at most as many measurements as a line has.
     fn stays(&self) -> bool {
         let row = (self.excluded >> 1).trailing_ones() as usize;
         (1..SIDE - 1).contains(&row) && 2.0 * self.change().abs() < self.first.abs()
-    }
-
-    /// The step in `w`, if it is an offset.
-    fn step(&mut self, options: &GuardOptions) -> Option<f64> {
-        let noise = self.noise;
-        let mut found = [None; 2];
-        for (series, found) in self.series.iter_mut().zip(&mut found) {
-            let earlier = series.step(SIDE).map(|[earlier, ..]| earlier);
-            if let Some([step, deviation, factor]) = series.step(0) {
-                let usual = deviation.max(factor * noise).max(series.steps.root());
-                let known = series.steps.is_known(options.window);
-                *found = Some(step).filter(|step| known && step.abs() > options.offset * usual);
-            }
-            if let Some(earlier) = earlier {
-                series.steps.add(earlier, options.offset, options.window);
-            }
-        }
-        let [y, w] = found;
-        w.filter(|w| y.is_some_and(|y| y * w > 0.0))
     }
 
     fn is_stuck(&mut self, value: f64, options: &GuardOptions) -> bool {
@@ -290,12 +234,10 @@ impl Sensor {
     pub(super) fn visit_state(&mut self, memory: &mut Memory<'_>) {
         for series in &mut self.series {
             memory.numbers(&mut series.values);
-            for usual in [&mut series.deviations, &mut series.steps] {
-                memory.count(&mut usual.count, MOST_COUNTED);
-                memory.number(&mut usual.value);
-            }
+            memory.count(&mut series.deviations.count, MOST_COUNTED);
+            memory.number(&mut series.deviations.value);
         }
-        for number in [&mut self.first, &mut self.last, &mut self.offset] {
+        for number in [&mut self.first, &mut self.last] {
             memory.number(number);
         }
         let mut excluded = self.excluded as usize;
@@ -309,10 +251,9 @@ impl Sensor {
     /// Whether the numbers can be those of a sensor.
     pub(super) fn is_sound(&self) -> bool {
         let sound = |series: &Series| {
-            are_variances(&[series.deviations.value, series.steps.value])
-                && series.values.iter().all(|x| !x.is_infinite())
+            are_variances(&[series.deviations.value]) && series.values.iter().all(|x| !x.is_infinite())
         };
-        self.offset.is_finite() && self.series.iter().all(sound)
+        self.series.iter().all(sound)
     }
 }
 
