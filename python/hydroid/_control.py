@@ -43,10 +43,14 @@ class Guard:
         Factor of the guarantees on the errors of the reference and of the adapter without guard, at least 1. Default: 1.2.
     floors : float, optional
         Constant of the guarantee, in standard deviations of the noise of the sensors. Default: 0.5.
-    spike : float, optional
-        Deviation of a measurement, relative to the usual one, above which it is a spike. Default: 4.
+    gate : float, optional
+        Deviation of a measurement, relative to the usual one, above which it is not used. Default: 4.
     repeats : int, optional
         Least number of repetitions of a stuck sensor, for a sensor that has repeated values before. Default: 5.
+    hold : int, optional
+        Longest stretch of predictions against a measurement [samples], at least `horizon`. Default: 120 s.
+    share : float, optional
+        Part of this stretch that every other sample gives back. Default: 0.1.
     sensors : bool, optional
         Whether faults of the sensors are detected. Default: True.
     """
@@ -56,8 +60,10 @@ class Guard:
     window: int | None = None
     factor: float | None = None
     floors: float | None = None
-    spike: float | None = None
+    gate: float | None = None
     repeats: int | None = None
+    hold: int | None = None
+    share: float | None = None
     sensors: bool | None = None
 
 

@@ -1,5 +1,5 @@
-//! The unguarded learner of a guard, and the bound of the answers relative to it, against an adapter without guard that runs
-//! beside.
+//! The unguarded learner of a guard, the bound of the answers relative to it and the bound of the held samples, against an
+//! adapter without guard that runs beside.
 
 use hydroid_core::adapt::guard::{Guard, GuardOptions};
 use hydroid_core::adapt::{Adapter, SaveState};
@@ -174,7 +174,7 @@ fn is_the_adapter_without_guard(kind: Kind) {
 /// Largest use of the constant of the bound against all measurements: at most 1.
 fn used_constant(kind: Kind, len: usize, seed: f64, faults: &[Fault], resets: &[usize]) -> f64 {
     let (mut guard, mut plain) = (guard(kind), adapter(kind));
-    let GuardOptions { horizon, stride, window, factor, floors, .. } = GuardOptions::new(0.1);
+    let GuardOptions { horizon, stride, window, factor, floors, hold, share, .. } = GuardOptions::new(0.1);
     let n = plain.outputs();
     let past = (-(stride as f64) / window as f64).exp();
     let constant = floors * (NOISE / SCALE) / (1.0 - past);
@@ -190,6 +190,7 @@ fn used_constant(kind: Kind, len: usize, seed: f64, faults: &[Fault], resets: &[
         }
     };
     let (mut begin, mut sum, mut most) = (0, 0.0, f64::NEG_INFINITY);
+    let mut budget = hold as f64;
     // Origin, predictions of guard and adapter over the last stride before the horizon.
     let mut pending: Vec<(usize, bool, [Vec<f64>; 2])> = Vec::new();
     for k in 0..len {
@@ -203,6 +204,8 @@ fn used_constant(kind: Kind, len: usize, seed: f64, faults: &[Fault], resets: &[
         if !plain.is_sound() {
             break;
         }
+        budget = if guard.is_held() { budget - 1.0 } else { (budget + share).min(hold as f64) };
+        assert!(budget >= 0.0, "{kind:?} {k}: more held samples than the budget has");
         if (k - begin).is_multiple_of(stride) {
             if let Some(at) = pending.iter().position(|(origin, ..)| origin + horizon == k) {
                 let (origin, held, [own, other]) = pending.remove(at);

@@ -11,6 +11,7 @@ mod damped;
 mod dense;
 mod direct;
 mod guard;
+mod guard_stories;
 mod guard_theorem;
 mod guidance;
 mod jacobians;

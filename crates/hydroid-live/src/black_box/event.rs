@@ -1,6 +1,6 @@
 //! Encoding of guard events as numbers.
 
-use hydroid_core::adapt::guard::{Action, Expert};
+use hydroid_core::adapt::guard::{Action, Cause, Expert};
 
 /// Numbers of an event: its code, then its values.
 pub const WORDS: usize = 5;
@@ -10,6 +10,8 @@ pub fn encode(action: &Action) -> [f64; WORDS] {
     match *action {
         Action::Spike { output, deviations } => [0.0, output as f64, deviations, 0.0, 0.0],
         Action::Stuck { output, repeats } => [1.0, output as f64, repeats as f64, 0.0, 0.0],
+        Action::Trusted { output, cause: Cause::Evidence } => [2.0, output as f64, 0.0, 0.0, 0.0],
+        Action::Trusted { output, cause: Cause::Budget } => [2.0, output as f64, 1.0, 0.0, 0.0],
         Action::Back { output, missing } => [3.0, output as f64, missing as f64, 0.0, 0.0],
         Action::Switched { to, errors: [a, b, c] } => [4.0, expert(to), a, b, c],
         Action::RolledBack { errors: [a, b, c] } => [5.0, a, b, c, 0.0],
@@ -28,6 +30,7 @@ pub fn decode(words: &[f64]) -> Option<Action> {
     Some(match count(code) {
         0 => Action::Spike { output, deviations: b },
         1 => Action::Stuck { output, repeats: count(b) },
+        2 => Action::Trusted { output, cause: if b == 0.0 { Cause::Evidence } else { Cause::Budget } },
         3 => Action::Back { output, missing: count(b) },
         4 => Action::Switched { to: expert(a)?, errors: [b, c, d] },
         5 => Action::RolledBack { errors: [a, b, c] },

@@ -17,8 +17,8 @@ pub(super) const OBSERVE: u8 = 4;
 /// The row contains predictions.
 pub(super) const PREDICTED: u8 = 8;
 
-/// Capacity for events in addition to one for each output.
-const EXTRA_EVENTS: usize = 6;
+/// Capacity for events in addition to two for each output.
+const EXTRA_EVENTS: usize = 3;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct RowLayout {
@@ -92,7 +92,7 @@ impl RowLayout {
     }
 
     fn max_events(self) -> usize {
-        self.outputs + EXTRA_EVENTS
+        2 * self.outputs + EXTRA_EVENTS
     }
 
     pub(super) fn len(self) -> usize {

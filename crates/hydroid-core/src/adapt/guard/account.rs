@@ -11,20 +11,14 @@
 //! Then `B - W_j = sum_{i <= j} b^(j-i) c_i`, so that `W_j >= 0` is the guarantee at test `j`.
 //!
 //! A cost is known `n = horizon / stride` tests after its answer. Until then it is at most the limit `l` of the distance
-//! between answer and companion, by the triangle inequality and because `factor >= 1`. The limit at test `j` is
+//! between answer and companion. The limit at test `j` is
 //!
 //! ```text
 //! l_j = max(0, min(A_j / n, A_j - sum of l_i over the answers that are not judged yet))
 //! A_j = min(W_j, B + b^n (W_j - B))
 //! ```
 //!
-//! An exempt answer has the cost and the limit 0.
-//!
-//! **Theorem.** `W_j >= 0` for all `j`. *Proof.* Let `l_i` be the last positive limit before test `j`; if there is none,
-//! all costs are at most zero, and `W_j >= B`. Between test `i` and test `j`, `m <= n` limits are judged, and later ones are
-//! zero. Thus `W_j >= B + b^(j-i) (W_i - B) - sum of the pending l`. For `j - i <= n` the first two terms are at least
-//! `A_i`, which is at least the sum of all pending limits at `i`, because `l_i > 0`. For `j - i > n` all limits are judged at
-//! test `i + n`, where `W >= 0`, and with costs of at most zero `W` does not fall below zero afterwards.
+//! An exempt answer has the cost and the limit 0. **Theorem.** `W_j >= 0` for all `j`; `docs/guard-theory.md` has the proof.
 
 use alloc::vec;
 use alloc::vec::Vec;

@@ -18,7 +18,7 @@ impl Guard {
         Bounded {
             metric: &self.metric,
             limits: self.limits(),
-            held: self.held,
+            held: self.is_held(),
             model,
             reference: self.reference.as_ref(),
             unguarded: (self.apart || model.is_none()).then_some(unguarded),
@@ -44,7 +44,8 @@ impl Predictor for Guard {
         self.sensors.iter_mut().for_each(Sensor::reset);
         self.shadow_test.reset();
         self.accounts.iter_mut().for_each(Account::reset);
-        self.held = false;
+        self.held = 0;
+        self.evidence.reset();
         self.estimated.fill(f64::NAN);
         self.events.clear();
         self.outcome = Outcome::Waiting;
@@ -64,11 +65,17 @@ impl Predictor for Guard {
 
     fn observe(&mut self, y: &[f64]) {
         self.events.clear();
-        self.screen(y);
+        self.shadow_test.begin();
+        let trusted = self.screen(y);
         if self.apart {
             self.unguarded.observe(y);
         }
-        self.learner.observe(&self.measured);
+        self.learner.freeze(self.frozen || self.is_held());
+        if trusted && self.apart && self.unguarded.is_sound() {
+            self.join();
+        } else {
+            self.learner.observe(&self.measured);
+        }
         self.reference.observe(&self.measured);
         self.outcome = self.learner.outcome();
         self.shadow_test.push_measurement(y, &self.measured);
@@ -103,7 +110,7 @@ impl Predictor for Guard {
     fn snapshot(&self, into: &mut [f64]) {
         let models = [self.active(), Expert::Reference, Expert::Unguarded];
         let models = models.map(|expert| self.expert(expert) as &dyn Predictor);
-        write_snapshot(models, self.limits(), self.held, into);
+        write_snapshot(models, self.limits(), self.is_held(), into);
     }
 
     /// The learner takes state and weights of the snapshot's active model and is selected.
@@ -115,7 +122,7 @@ impl Predictor for Guard {
             model.restore(from);
         }
         let (limits, held) = read_limits(from, len);
-        self.held = held;
+        self.held = usize::from(held);
         self.shadow_test.reset();
         for (account, limit) in self.accounts.iter_mut().zip(limits) {
             account.restore_limit(limit);
@@ -128,7 +135,7 @@ impl Predictor for Guard {
         Box::new(GuardFork {
             metric: self.metric.clone(),
             limits: self.limits(),
-            held: self.held,
+            held: self.is_held(),
             model: self.expert(self.active()).fork(),
             reference: self.reference.fork(),
             unguarded: self.expert(Expert::Unguarded).fork(),
@@ -147,7 +154,8 @@ impl Learning for Guard {
     delegate!(learner: innovations weights health);
 
     fn freeze(&mut self, frozen: bool) {
-        self.learner.freeze(frozen);
+        self.frozen = frozen;
+        self.learner.freeze(frozen || self.is_held());
         self.unguarded.freeze(frozen);
     }
 
@@ -192,7 +200,13 @@ impl SaveState for Guard {
         self.reference.visit_state(memory);
         memory.flag(&mut self.apart);
         memory.count(&mut self.agreeing, MOST_COUNTED);
-        memory.flag(&mut self.held);
+        memory.count(&mut self.held, MOST_COUNTED);
+        memory.flag(&mut self.frozen);
+        let mut announced = self.announced.index();
+        memory.count(&mut announced, Expert::ALL.len() - 1);
+        self.announced = Expert::ALL[announced];
+        self.budget.visit_state(memory);
+        self.evidence.visit_state(memory);
         self.sensors.iter_mut().for_each(|sensor| sensor.visit_state(memory));
         self.shadow_test.visit_state(memory);
         self.accounts.iter_mut().for_each(|account| account.visit_state(memory));
@@ -214,6 +228,7 @@ impl SaveState for Guard {
             && self.sensors.iter().all(Sensor::is_sound)
             && self.accounts.iter().all(Account::is_sound)
             && self.own.value.is_finite()
+            && self.budget.is_sound(&self.options)
     }
 }
 

@@ -40,30 +40,46 @@ pub struct Event {
     pub action: Action,
 }
 
+/// Why a measurement is trusted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// The unguarded learner predicts what is measured.
+    Evidence,
+    /// The budget of dead reckoning is spent.
+    Budget,
+}
+
 /// Errors are means over the outputs of the absolute prediction error, each in half the width of its design
 /// range, over [`horizon`](super::GuardOptions::horizon) samples: those of the unguarded learner against all measurements, the
 /// others against the used ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Action {
-    /// An outlier: the measurement was not used.
+    /// A hold begins with a jump: the measurement is not used until it agrees with the adapted model, or is trusted.
     Spike {
         /// The output.
         output: usize,
         /// Deviation, relative to the usual one.
         deviations: f64,
     },
-    /// A sensor repeats its value to the last bit. Its measurements are rejected from now on.
+    /// A hold begins with a value that the sensor repeats to the last bit.
     Stuck {
         /// The output.
         output: usize,
         /// Number of repetitions.
         repeats: usize,
     },
-    /// Measurements of an output are used again.
+    /// A hold ends against the check: the measurement is used again.
+    Trusted {
+        /// The output.
+        output: usize,
+        /// Why.
+        cause: Cause,
+    },
+    /// A hold ends: the measurement agrees with the adapted model again.
     Back {
         /// The output.
         output: usize,
-        /// Number of missing samples.
+        /// Number of samples that were not used.
         missing: usize,
     },
     /// Another model predicts.
@@ -88,6 +104,7 @@ impl Action {
         match self {
             Self::Spike { .. } => "spike",
             Self::Stuck { .. } => "stuck",
+            Self::Trusted { .. } => "trusted",
             Self::Back { .. } => "back",
             Self::Switched { .. } => "switched",
             Self::RolledBack { .. } => "rolled_back",

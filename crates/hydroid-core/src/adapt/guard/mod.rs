@@ -19,7 +19,7 @@
 //!
 //! for any measurements, commands and weights; `q` is 1 for an answer that was given while a measurement was held back, and 0
 //! otherwise. Against the used measurements, the prediction that is limited by the reference model alone has the same bound
-//! relative to the reference model, without `q`. *Proof*: `account`. The errors are those of the answers at the tests;
+//! relative to the reference model, without `q`. *Proof*: `docs/guard-theory.md`. The errors are those of the answers at the tests;
 //! answers between two tests have the limits of the test before.
 //!
 //! A balance has the costs of the learner by itself. In deficit the reference model predicts; a learner that is overdrawn by
@@ -29,7 +29,9 @@ mod account;
 mod adapter;
 mod bounded;
 mod event;
+mod hold;
 mod options;
+mod screen;
 mod sensor;
 mod shadow_test;
 
@@ -40,10 +42,11 @@ use alloc::vec::Vec;
 use super::{Adapter, Health, Outcome, Rejection};
 use account::{Account, Balance};
 use bounded::Metric;
-use sensor::{Sensor, Verdict};
+use hold::{Budget, Evidence};
+use sensor::Sensor;
 use shadow_test::{Origin, ShadowTest};
 
-pub use event::{Action, Event, Expert};
+pub use event::{Action, Cause, Event, Expert};
 pub use options::GuardOptions;
 
 /// Reasons why a guard cannot be built.
@@ -73,8 +76,12 @@ pub struct Guard {
     apart: bool,
     /// Consecutive tests in which both had the same predictions up to the noise floor.
     agreeing: usize,
-    /// Whether a measurement is held back.
-    held: bool,
+    /// Samples since a hold began; 0 without one.
+    held: usize,
+    budget: Budget,
+    evidence: Evidence,
+    /// Whether the user has frozen the learner.
+    frozen: bool,
     options: GuardOptions,
     sensors: Vec<Sensor>,
     floor: f64,
@@ -84,12 +91,14 @@ pub struct Guard {
     accounts: [Account; 2],
     /// Balance of the learner, as if all answers had been its predictions.
     own: Balance,
+    /// The active model at the last test.
+    announced: Expert,
     events: Vec<Event>,
     outcome: Outcome,
     /// Samples observed.
     sample: u64,
     measured: Vec<f64>,
-    /// Estimate of the active model after the last measurement, and its prediction of the next one.
+    /// Estimate of the learner after the last measurement, and its prediction of the next one.
     estimated: Vec<f64>,
     expected: Vec<f64>,
     buffer: Vec<f64>,
@@ -147,6 +156,7 @@ impl Guard {
             floor,
             metric,
             sensors: noise.iter().map(|&noise| Sensor::new(noise)).collect(),
+            announced: Expert::Adapted,
             events: Vec::with_capacity(2 * n + 3),
             outcome: Outcome::Waiting,
             sample: 0,
@@ -156,7 +166,10 @@ impl Guard {
             buffer: vec![0.0; len.max(memory)],
             apart: false,
             agreeing: 0,
-            held: false,
+            held: 0,
+            budget: Budget::new(&options),
+            evidence: Evidence::default(),
+            frozen: false,
             learner,
             unguarded,
             reference,
@@ -172,7 +185,7 @@ impl Guard {
     /// The active model, which predicts within the limits. While a measurement is held back, or the second limit is not 0,
     /// it is the adapted model if that fulfils the guarantee by itself, and the reference model otherwise.
     pub fn active(&self) -> Expert {
-        if !self.held && self.accounts[1].limit() == 0.0 { Expert::Unguarded } else { self.guarded() }
+        if self.held == 0 && self.accounts[1].limit() == 0.0 { Expert::Unguarded } else { self.guarded() }
     }
 
     /// The better one of the adapted model and the reference model.
@@ -199,9 +212,9 @@ impl Guard {
         [reference, self.own.value, unguarded]
     }
 
-    /// Whether a measurement was held back at the last sample.
+    /// Whether a measurement is held back, or was until it has agreed with the learner often enough.
     pub fn is_held(&self) -> bool {
-        self.held
+        self.held > 0
     }
 
     /// The measurements that were used at the last sample; NaN for rejected and missing ones.
@@ -230,7 +243,7 @@ impl Guard {
 
     /// The model of the estimate: the unguarded learner unless a measurement is held back.
     fn present(&self) -> &dyn Adapter {
-        self.expert(if self.held { self.active() } else { Expert::Unguarded })
+        self.expert(if self.is_held() { self.active() } else { Expert::Unguarded })
     }
 
     fn record_event(&mut self, action: Action) {
@@ -241,9 +254,7 @@ impl Guard {
 
     /// Stores the estimate from which the prediction of the motion begins.
     fn estimate(&mut self) {
-        let mut estimated = core::mem::take(&mut self.estimated);
-        self.expert(self.guarded()).output(&mut estimated);
-        self.estimated = estimated;
+        self.learner.output(&mut self.estimated);
     }
 
     /// Begins to run the unguarded learner, before the learner receives something else.
@@ -252,6 +263,7 @@ impl Guard {
             let len = self.learner.memory_len();
             self.learner.save(&mut self.buffer[..len]);
             self.unguarded.load(&self.buffer[..len]);
+            self.unguarded.freeze(self.frozen);
             (self.apart, self.agreeing) = (true, 0);
         }
     }
@@ -260,42 +272,6 @@ impl Guard {
     fn join(&mut self) {
         core::mem::swap(&mut self.learner, &mut self.unguarded);
         self.apart = false;
-    }
-
-    /// Screens a measurement into `measured`.
-    fn screen(&mut self, y: &[f64]) {
-        self.measured.copy_from_slice(y);
-        self.held = false;
-        if !self.options.sensors {
-            return;
-        }
-        let mut expected = core::mem::take(&mut self.expected);
-        self.expert(self.guarded()).output(&mut expected);
-        self.expected = expected;
-        for (output, &value) in y.iter().enumerate() {
-            let sensor = &mut self.sensors[output];
-            let missing = sensor.missing;
-            let motion = self.expected[output] - self.estimated[output];
-            let verdict = sensor.judge(value, motion, &self.options);
-            let action = match verdict {
-                Verdict::Sound => {
-                    (missing >= self.options.repeats).then_some(Action::Back { output, missing })
-                }
-                Verdict::Missing => None,
-                Verdict::Spike { deviations } => Some(Action::Spike { output, deviations }),
-                Verdict::Stuck { repeats } => (missing == 0).then_some(Action::Stuck { output, repeats }),
-            };
-            if verdict != Verdict::Sound {
-                self.measured[output] = f64::NAN;
-                self.held |= !value.is_nan();
-            }
-            if let Some(action) = action {
-                self.record_event(action);
-            }
-        }
-        if self.held {
-            self.separate();
-        }
     }
 
     /// The learner starts again from the weights of the reference model.
@@ -328,7 +304,7 @@ impl Guard {
     /// Judges the answers of a horizon ago, and opens the accounts for the next ones.
     fn judge(&mut self) {
         let tested = self.shadow_test.test(self.accounts.each_ref().map(Account::oldest));
-        let before = self.active();
+        let tests = self.options.window / self.options.stride;
         if let Some(tested) = tested {
             for (account, cost) in self.accounts.iter_mut().zip(tested.costs) {
                 account.settle(cost);
@@ -340,17 +316,26 @@ impl Guard {
             if self.own.is_overdrawn() {
                 self.start_again(Action::RolledBack { errors });
             }
-            let agrees = self.apart && !self.held && tested.apart <= self.floor;
+            let agrees = self.apart && !self.is_held() && tested.apart <= self.floor;
             self.agreeing = if agrees { self.agreeing + 1 } else { 0 };
-            if self.agreeing >= self.options.window / self.options.stride {
+            if self.agreeing >= tests {
                 self.join();
+            }
+            if !self.is_held() {
+                for (sensor, square) in self.sensors.iter_mut().zip(&self.shadow_test.squares) {
+                    if !square.is_nan() {
+                        let error = num_traits::Float::sqrt(*square);
+                        sensor.horizon_error.add(error, self.options.gate, tests);
+                    }
+                }
             }
         }
         let [to_reference, to_unguarded] = &mut self.accounts;
         to_reference.open(false);
-        to_unguarded.open(self.held);
+        to_unguarded.open(self.held > 0);
         let to = self.active();
-        if let Some(tested) = tested.filter(|_| to != before) {
+        if let Some(tested) = tested.filter(|_| to != self.announced) {
+            self.announced = to;
             self.record_event(Action::Switched { to, errors: tested.errors });
         }
     }
@@ -359,8 +344,8 @@ impl Guard {
     fn test(&mut self) {
         self.check_health();
         self.judge();
-        let origin =
-            Origin { adapted: self.guarded() == Expert::Adapted, apart: self.apart, held: self.held };
+        let adapted = self.guarded() == Expert::Adapted;
+        let origin = Origin { adapted, apart: self.apart, held: self.is_held() };
         let Self { learner, unguarded, reference, .. } = self;
         let unguarded = if self.apart { unguarded } else { &*learner };
         self.shadow_test.store([learner.as_ref(), reference.as_ref(), unguarded.as_ref()], origin);

@@ -18,11 +18,16 @@ pub struct GuardOptions {
     pub factor: f64,
     /// Constant of the guarantees, relative to the noise of the sensors.
     pub floors: f64,
-    /// Deviation of a measurement, relative to the usual one, above which it is a spike.
-    pub spike: f64,
+    /// Deviation of a measurement, relative to the usual one, above which it is held back.
+    pub gate: f64,
     /// Minimum number of repetitions of a stuck sensor, for a sensor that has repeated values before.
     pub repeats: usize,
-    /// Whether sensor faults are detected.
+    /// Longest stretch of dead reckoning against a measurement \[samples\]; see [`share`](Self::share).
+    pub hold: usize,
+    /// Part of this stretch that every sample without a hold gives back: at most `share / (1 + share)` of the samples are
+    /// held in the long run.
+    pub share: f64,
+    /// Whether measurements are held back at all.
     pub sensors: bool,
 }
 
@@ -37,7 +42,18 @@ impl GuardOptions {
         // Origins coincide with tests.
         let horizon = horizon - horizon % stride;
         let window = samples(60.0, horizon.saturating_mul(4));
-        Self { horizon, stride, window, factor: 1.2, floors: 0.5, spike: 4.0, repeats: 5, sensors: true }
+        Self {
+            horizon,
+            stride,
+            window,
+            factor: 1.2,
+            floors: 0.5,
+            gate: 4.0,
+            repeats: 5,
+            hold: window.saturating_mul(2),
+            share: 0.1,
+            sensors: true,
+        }
     }
 
     pub(super) fn is_sound(&self) -> bool {
@@ -50,6 +66,9 @@ impl GuardOptions {
             && self.factor.is_finite()
             && self.floors > 0.0
             && self.floors.is_finite()
-            && self.spike > 0.0
+            && self.gate > 0.0
+            && self.hold >= self.horizon
+            && self.share > 0.0
+            && self.share.is_finite()
     }
 }

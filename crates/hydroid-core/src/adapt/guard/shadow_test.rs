@@ -55,6 +55,8 @@ pub(super) struct ShadowTest {
     shadow: Box<dyn Predictor>,
     work: Workspace,
     predicted: [Vec<f64>; EXPERTS],
+    /// Mean square error of the learner in each output at the last test; NaN if it was not measured.
+    pub(super) squares: Vec<f64>,
 }
 
 impl ShadowTest {
@@ -78,6 +80,7 @@ impl ShadowTest {
             shadow: learner.fork(),
             work: Workspace::new(),
             predicted: core::array::from_fn(|_| vec![0.0; horizon * outputs]),
+            squares: vec![f64::NAN; outputs],
         }
     }
 
@@ -90,10 +93,15 @@ impl ShadowTest {
         self.held += 1;
     }
 
-    pub(super) fn push_measurement(&mut self, y: &[f64], used: &[f64]) {
-        push(&mut self.measured, self.samples % self.metric.horizon, y);
-        push(&mut self.used, self.samples % self.metric.horizon, used);
+    /// Begins a sample.
+    pub(super) fn begin(&mut self) {
         self.samples += 1;
+    }
+
+    pub(super) fn push_measurement(&mut self, y: &[f64], used: &[f64]) {
+        let at = self.index() % self.metric.horizon;
+        push(&mut self.measured, at, y);
+        push(&mut self.used, at, used);
     }
 
     pub(super) fn is_due(&self) -> bool {
@@ -138,6 +146,12 @@ impl ShadowTest {
         }
         let apart = self.metric.distance(answer, unguarded);
         let errors = Expert::ALL.map(|expert| self.error(expert));
+        let mut squares = core::mem::take(&mut self.squares);
+        squares.fill(0.0);
+        for (output, y, p) in self.compared(Expert::Adapted, Expert::Adapted) {
+            squares[output] += (p - y) * (p - y) / self.metric.stride as f64;
+        }
+        self.squares = squares;
         let [answer, reference, _] = &mut self.predicted;
         if adapted {
             self.metric.limit(answer, reference, limits[0]);
@@ -151,6 +165,18 @@ impl ShadowTest {
         let [answer, _, unguarded] = &mut self.predicted;
         self.metric.limit(answer, unguarded, limits[1]);
         Some(Tested { errors, costs: [to_reference, self.cost(Expert::Unguarded)], apart })
+    }
+
+    /// What the unguarded learner predicted for this sample a number of tests ago.
+    pub(super) fn unguarded(&mut self, tests: usize) -> Option<&[f64]> {
+        let steps = tests * self.metric.stride;
+        let expert = Expert::Unguarded.index();
+        let at = (self.slot(self.index().checked_sub(steps)?) * EXPERTS + expert) * self.len;
+        let predicted = &mut self.predicted[expert][..steps * self.outputs];
+        self.shadow.restore(&self.snapshots[at..at + self.len]);
+        let commands = &self.commands[last(self.metric.horizon, steps, self.held, self.inputs)];
+        self.shadow.rollout(commands, &mut self.work, predicted);
+        Some(&predicted[(steps - 1) * self.outputs..])
     }
 
     /// The measurements by which a model is judged, and its prediction, in the last stride.
