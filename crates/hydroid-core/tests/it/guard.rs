@@ -120,9 +120,10 @@ fn the_deviation_bound_holds_with_faults() {
     for kind in ["spike", "stuck", "back"] {
         assert!(events.contains(&kind), "no {kind} was seen");
     }
-    // The adapted model is used.
-    assert!(mean(&own) < 0.55 * mean(&frozen), "{} beside {}", mean(&own), mean(&frozen));
-    assert!(mean(&own) < mean(&alone), "{} beside {}", mean(&own), mean(&alone));
+    // The adapted model is used; after the offset the errors are those of the offset.
+    let [own, frozen, alone] = [&own, &frozen, &alone].map(|errors| mean(&errors[..2250]));
+    assert!(own < 0.55 * frozen, "{own} beside {frozen}");
+    assert!(own < alone, "{own} beside {alone}");
 }
 
 /// A stuck speed sensor while foiling, with a nearly correct value. The reference model diverges within seconds without
