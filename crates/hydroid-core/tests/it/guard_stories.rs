@@ -92,9 +92,9 @@ struct Log {
 
 fn log(vessel: Vessel, len: usize, seed: u64) -> Log {
     let mut random = Random(seed.wrapping_mul(7919) + 1);
-    (0..10).for_each(|_| {
+    for _ in 0..10 {
         let _ = random.next();
-    });
+    }
     let mut commands = Vec::new();
     while commands.len() < len {
         let (shortest, longest) = match vessel {
@@ -103,7 +103,9 @@ fn log(vessel: Vessel, len: usize, seed: u64) -> Log {
         };
         let steps = shortest + random.next() * (longest - shortest);
         let command = [0.4 + 1.4 * random.next(), random.next() - 0.5];
-        commands.extend(std::iter::repeat_n(command, steps as usize));
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // between 50 and 500
+        let steps = steps as usize;
+        commands.extend(std::iter::repeat_n(command, steps));
     }
     let mut session = EquationsSession::new(Arc::new(equations(vessel, false)));
     session.observe(&[1.0, 0.0, 0.0]);

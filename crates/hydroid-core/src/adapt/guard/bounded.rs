@@ -203,7 +203,7 @@ impl Predictor for GuardFork {
     }
 
     fn snapshot(&self, into: &mut [f64]) {
-        let models = [&self.model, &self.reference, &self.unguarded].map(|model| model.as_ref());
+        let models = [self.model.as_ref(), self.reference.as_ref(), self.unguarded.as_ref()];
         write_snapshot(models, self.limits, self.held, into);
     }
 

@@ -54,12 +54,12 @@ impl Budget {
     }
 
     /// Whether a hold may begin: there is budget for a horizon.
-    pub(super) fn permits(&self, options: &GuardOptions) -> bool {
+    pub(super) fn permits(self, options: &GuardOptions) -> bool {
         self.left >= options.horizon as f64
     }
 
     /// Whether there is budget for a held sample.
-    pub(super) fn is_empty(&self) -> bool {
+    pub(super) fn is_empty(self) -> bool {
         self.left < 1.0
     }
 
@@ -72,7 +72,7 @@ impl Budget {
         memory.number(&mut self.left);
     }
 
-    pub(super) fn is_sound(&self, options: &GuardOptions) -> bool {
+    pub(super) fn is_sound(self, options: &GuardOptions) -> bool {
         (0.0..=options.hold as f64).contains(&self.left)
     }
 }

@@ -211,7 +211,9 @@ impl ShadowTest {
             memory.numbers(numbers);
         }
         for Origin { adapted, apart, held } in &mut self.origins {
-            [adapted, apart, held].into_iter().for_each(|flag| memory.flag(flag));
+            for flag in [adapted, apart, held] {
+                memory.flag(flag);
+            }
         }
         memory.count(&mut self.samples, MOST_COUNTED);
         memory.count(&mut self.held, MOST_COUNTED);
