@@ -61,7 +61,7 @@ proptest! {
 /// The worst learner spends the constant, and no more.
 #[test]
 fn the_worst_learner_uses_most_of_the_constant() {
-    let most = largest(&GuardOptions::new(0.1), &[Some(1.0); 2000]);
+    let most = largest(&GuardOptions::new(0.1), &vec![Some(1.0); 2000]);
     assert!((0.8..=1.0).contains(&most), "{most}");
 }
 
