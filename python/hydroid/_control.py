@@ -26,8 +26,9 @@ class Guard:
 
     The guard tests the adapted model beside the unchanged one (the reference) and predicts with the reference until the
     tests support the adapted model. Over the time constant `window`, the error of its predictions is at most `factor`
-    times that of the reference plus `floors` times the noise. It also detects faults of the sensors. A field that is
-    None has its default.
+    times that of the adapter without guard plus `floors` times the noise, and so it is relative to the reference unless
+    the measurements have favoured the adapter without guard. Faulty measurements are not used. A field that is None has
+    its default.
 
     Parameters
     ----------
@@ -39,15 +40,17 @@ class Guard:
         Time constant of the guarantee [samples], at least `horizon`: errors have the weight ``exp(-age / window)``.
         Default: 60 s.
     factor : float, optional
-        Factor of the guarantee on the error of the reference, at least 1. Default: 1.2.
+        Factor of the guarantees on the errors of the reference and of the adapter without guard, at least 1. Default: 1.2.
     floors : float, optional
         Constant of the guarantee, in standard deviations of the noise of the sensors. Default: 0.5.
-    spike : float, optional
-        Deviation of a measurement, relative to the usual one, above which it is a spike. Default: 4.
-    offset : float, optional
-        Step of the measurements, relative to the usual one, above which it is an offset of the sensor. Default: 6.
+    gate : float, optional
+        Deviation of a measurement, relative to the usual one, above which it is not used. Default: 4.
     repeats : int, optional
         Least number of repetitions of a stuck sensor, for a sensor that has repeated values before. Default: 5.
+    hold : int, optional
+        Longest stretch of predictions against a measurement [samples], at least `horizon`. Default: 120 s.
+    share : float, optional
+        Part of this stretch that every other sample gives back. Default: 0.1.
     sensors : bool, optional
         Whether faults of the sensors are detected. Default: True.
     """
@@ -57,9 +60,10 @@ class Guard:
     window: int | None = None
     factor: float | None = None
     floors: float | None = None
-    spike: float | None = None
-    offset: float | None = None
+    gate: float | None = None
     repeats: int | None = None
+    hold: int | None = None
+    share: float | None = None
     sensors: bool | None = None
 
 

@@ -322,7 +322,7 @@ class Step:
     def innovation_std(self) -> Array: ...
     @property
     def predicted_by(self) -> str | None:
-        """``adapted`` or ``reference``; None without a guard."""
+        """``adapted``, ``reference`` or ``unguarded``; None without a guard."""
 
 @final
 class ClosedLoop:

@@ -246,7 +246,7 @@ def test_progress_is_reported_and_the_lock_is_released():
 
 def test_a_guard_has_options(model, files):
     guard = hydroid.Guard(horizon=20, stride=5, window=200, factor=1.5)
-    assert guard == pickle.loads(pickle.dumps(guard)) and guard.spike is None
+    assert guard == pickle.loads(pickle.dumps(guard)) and guard.gate is None
     [run] = hydroid.prepare(files[3], **CHANNELS)
     states = []
     for given in (True, hydroid.Guard(), guard, False):

@@ -145,6 +145,10 @@ typedef enum {
      * The reference model: the weights of the file with a filter on the state.
      */
     HYDROID_EXPERT_REFERENCE = 1,
+    /**
+     * The adapted model as it would be without a guard.
+     */
+    HYDROID_EXPERT_UNGUARDED = 2,
 } hydroid_expert;
 
 /**

@@ -57,6 +57,8 @@ pub enum Expert {
     Adapted = 0,
     /// The reference model: the weights of the file with a filter on the state.
     Reference = 1,
+    /// The adapted model as it would be without a guard.
+    Unguarded = 2,
 }
 
 impl From<hydroid_core::adapt::Outcome> for SampleOutcome {
@@ -138,6 +140,7 @@ impl Session {
         self.learner(|learner, _| {
             Ok(match learner.adapter.guard().map(guard::Guard::active) {
                 Some(guard::Expert::Reference) => Expert::Reference,
+                Some(guard::Expert::Unguarded) => Expert::Unguarded,
                 Some(guard::Expert::Adapted) | None => Expert::Adapted,
             })
         })

@@ -95,7 +95,7 @@ fn guarded(equations: &Equations, options: &RecursiveOptions) -> Guard {
         Box::new(RecursiveEquations::new(equations, &[(-1.0, 1.0); 5], options).unwrap())
     };
     let options = GuardOptions { horizon: 4, stride: 1, ..GuardOptions::new(0.1) };
-    Guard::new(learner(), learner(), &[(-1.0, 1.0); 3], &[0.01; 3], options).unwrap()
+    Guard::new(learner(), learner(), learner(), &[(-1.0, 1.0); 3], &[0.01; 3], options).unwrap()
 }
 
 fn a_step_allocates_nothing(equations: &Equations) {

@@ -88,11 +88,22 @@ fn quoted(text: &str) -> String {
 
 fn table(campaign: &Campaign) -> String {
     let mut text = String::from(
-        "seed,case,kind,log,faults,reference,unguarded,guarded,excess_unguarded,excess_guarded,false_alarms,sound,spikes,spikes_found,jumps,jumps_found,stuck,stuck_found\n",
+        "seed,case,kind,log,faults,reference,unguarded,guarded,excess_unguarded,excess_guarded,false_alarms,sound,spikes,spikes_found,jumps,jumps_held,stuck,stuck_found,longest_hold,trusts,during_unguarded,during_guarded,soon_unguarded,soon_guarded,later_unguarded,later_guarded\n",
     );
     for day in campaign.bad.iter().chain(&campaign.clean) {
         let DayResult {
-            errors: [reference, alone, guarded], excess, false_alarms, spikes, jumps, stuck, ..
+            errors: [reference, alone, guarded],
+            excess,
+            false_alarms,
+            spikes,
+            jumps_held,
+            stuck,
+            longest_hold,
+            trusts,
+            during,
+            soon,
+            later,
+            ..
         } = day;
         let seed = day.seed.map(|seed| seed.to_string()).unwrap_or_default();
         // Writing to a string cannot fail.
@@ -106,10 +117,23 @@ fn table(campaign: &Campaign) -> String {
             excess[0],
             excess[1],
         );
-        let counts =
-            [false_alarms[1], false_alarms[0], spikes[0], spikes[1], jumps[0], jumps[1], stuck[0], stuck[1]];
+        let counts = [
+            false_alarms[1],
+            false_alarms[0],
+            spikes[0],
+            spikes[1],
+            jumps_held[0],
+            jumps_held[1],
+            stuck[0],
+            stuck[1],
+            *longest_hold,
+            *trusts,
+        ];
         let counts: Vec<String> = counts.iter().map(ToString::to_string).collect();
         text.push_str(&counts.join(","));
+        for error in [during, soon, later].into_iter().flatten() {
+            let _ = write!(text, ",{error}");
+        }
         text.push('\n');
     }
     text

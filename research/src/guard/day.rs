@@ -17,6 +17,10 @@
 //! | gain | an actuator has 0.6 to 1.6 times its effect from then on (the log has the commands) |
 //! | current | a current of 2 to 10 % of the range of `u` from then on |
 //!
+//! With a probability of 0.3, a fault that ends is added, from a stream of random numbers of its own: for 0.5 to 60 s
+//! (log-uniform), two outputs are exchanged, an output has the wrong sign, is doubled, is rounded to a tenth of its largest
+//! value, or has an offset of 5 to 100 deviations.
+//!
 //! A gain is exact for a log, because the response to a command that was multiplied is recorded; a current is exact for a
 //! vessel whose forces depend on the motion through the water, with the heading from the integral of the true `r`.
 
@@ -43,9 +47,16 @@ pub(super) enum Kind {
     Clock,
     Gain,
     Current,
+    Exchange,
+    Sign,
+    Double,
+    Rounding,
 }
 
 impl Kind {
+    /// Faults that end.
+    const TRANSIENT: [Self; 5] = [Self::Exchange, Self::Sign, Self::Double, Self::Rounding, Self::Jump];
+
     const ALL: [Self; 13] = [
         Self::None,
         Self::Spikes,
@@ -138,6 +149,11 @@ impl Day {
         kinds.sort_by_key(|kind| !matches!(kind, Kind::Gain | Kind::Current));
         for kind in kinds {
             draft.add(kind, range_u, rng);
+        }
+        let mut second = rng.clone();
+        second.set_stream(1);
+        if second.random::<f64>() < 0.3 {
+            draft.add_transient(&mut second);
         }
         let Draft { outputs, inputs, truth, faults, resets, text, .. } = draft;
         let table = |like: &Table, values| Table::new(like.channels().to_vec(), values);
@@ -284,6 +300,7 @@ impl Draft<'_> {
                 (from..self.len).for_each(|k| self.inputs[k * m + input] /= gain);
                 on = None;
             }
+            Kind::Exchange | Kind::Sign | Kind::Double | Kind::Rounding => on = None,
             Kind::Current => {
                 let speed = range_u * log_uniform(rng, 0.02, 0.1);
                 let direction = TAU * rng.random::<f64>();
@@ -294,6 +311,33 @@ impl Draft<'_> {
         }
         if let Some(output) = on {
             self.faults.push(SensorFault { kind, output, from, to });
+        }
+    }
+
+    /// Adds a fault that ends.
+    fn add_transient(&mut self, rng: &mut ChaCha8Rng) {
+        let n = self.n;
+        let kind = Kind::TRANSIENT[rng.random_range(0..Kind::TRANSIENT.len())];
+        let output = rng.random_range(0..n);
+        let other = (output + 1) % n;
+        let (from, to) = self.span(rng, 0.5, 60.0);
+        let offset = sign(rng) * log_uniform(rng, 5.0, 100.0) * self.noise[output];
+        let values = self.outputs.iter().skip(output).step_by(n).filter(|y| y.is_finite());
+        let step = 0.1 * values.fold(0.0, |most, y| f64::max(most, y.abs())).max(f64::MIN_POSITIVE);
+        for row in self.outputs[from * n..to * n].chunks_exact_mut(n) {
+            match kind {
+                Kind::Exchange => row.swap(output, other),
+                Kind::Sign => row[output] = -row[output],
+                Kind::Double => row[output] *= 2.0,
+                Kind::Rounding => row[output] = (row[output] / step).round() * step,
+                _ => row[output] += offset,
+            }
+        }
+        // Writing to a string cannot fail.
+        let _ = write!(self.text, ", {kind:?}={}:{from}..{to}", self.names[output]);
+        self.faults.push(SensorFault { kind, output, from, to });
+        if kind == Kind::Exchange && other != output {
+            self.faults.push(SensorFault { kind, output: other, from, to });
         }
     }
 

@@ -77,10 +77,21 @@ pub struct DayResult {
     pub false_alarms: [usize; 2],
     /// Spikes and detected ones.
     pub spikes: [usize; 2],
-    /// Jumps and those detected within 2 s.
-    pub jumps: [usize; 2],
+    /// Jumps and those held back within 2 s.
+    pub jumps_held: [usize; 2],
     /// Stuck outputs and detected ones.
     pub stuck: [usize; 2],
+    /// Longest stretch of samples with a held output.
+    pub longest_hold: usize,
+    /// Outputs that were trusted against the gate.
+    pub trusts: usize,
+    /// Mean errors of the unguarded and the guarded model during the faults of sensors, from 2 to 5 s after the last one has
+    /// ended, and from 20 to 40 s after; NaN (`null`) if the day has no such time.
+    pub during: [f64; 2],
+    /// See [`during`](Self::during).
+    pub soon: [f64; 2],
+    /// See [`during`](Self::during).
+    pub later: [f64; 2],
 }
 
 /// Result of a campaign.
@@ -266,7 +277,12 @@ fn judge(
         each.fold(f64::NEG_INFINITY, f64::max) / constant - 1.0
     };
     let mean = |own: &Along| own.errors.iter().sum::<f64>() / own.errors.len().max(1) as f64;
-    let Detections { sound, false_alarms, spikes, jumps, stuck } = guarded.detections;
+    let begin = day.faults.iter().map(|fault| fault.from).min().unwrap_or(usize::MAX);
+    let end = day.faults.iter().map(|fault| fault.to).max().unwrap_or(0);
+    // A horizon is 2 s.
+    let horizon = settings.horizon;
+    let errors = |samples: Range<usize>| [&alone, &guarded].map(|own| own.mean(samples.clone()));
+    let Detections { sound, false_alarms, spikes, jumps, stuck, longest_hold, trusts } = guarded.detections;
     Ok(DayResult {
         seed,
         case: case.name.clone(),
@@ -279,7 +295,12 @@ fn judge(
         excess: [excess(&alone), excess(&guarded)],
         false_alarms: [sound, false_alarms],
         spikes,
-        jumps,
+        jumps_held: jumps,
         stuck,
+        longest_hold,
+        trusts,
+        during: errors(begin..end),
+        soon: errors(end + horizon..end + 5 * horizon / 2),
+        later: errors(end + 10 * horizon..end + 20 * horizon),
     })
 }

@@ -29,10 +29,15 @@ pub struct Summary {
     pub false_alarms: [f64; 2],
     /// Spikes, jumps and stuck outputs: number and those detected.
     pub spikes: [usize; 2],
-    /// Jumps; detected within 2 s.
-    pub jumps: [usize; 2],
+    /// Jumps; held back within 2 s.
+    pub jumps_held: [usize; 2],
     /// Stuck outputs.
     pub stuck: [usize; 2],
+    /// Bad days with a time from 20 to 40 s after the last fault of a sensor has ended: their number, those on which the
+    /// guarded error is then at most 1.5 times the unguarded one, and the largest ratio.
+    pub later: (usize, usize, f64),
+    /// Longest stretch of samples with a held output.
+    pub longest_hold: usize,
 }
 
 fn geometric(values: impl Iterator<Item = f64>) -> f64 {
@@ -65,6 +70,10 @@ pub fn summary(campaign: &Campaign) -> Summary {
         days.iter().map(of).fold([0, 0], |[a, b], [c, d]| [a + c, b + d])
     };
     let share = |[all, some]: [usize; 2]| some as f64 / all.max(1) as f64;
+    let later = bad.iter().map(|day| day.later[1] / day.later[0]).filter(|ratio| ratio.is_finite());
+    let later = later.fold((0, 0, 0.0), |(all, near, largest), ratio| {
+        (all + 1, near + usize::from(ratio <= 1.5), f64::max(largest, ratio))
+    });
     let alarms_clean = total(|day| day.false_alarms, clean);
     let alarms_bad = total(|day| day.false_alarms, bad);
     Summary {
@@ -83,8 +92,10 @@ pub fn summary(campaign: &Campaign) -> Summary {
             share(alarms_clean),
         ],
         spikes: total(|day| day.spikes, bad),
-        jumps: total(|day| day.jumps, bad),
+        jumps_held: total(|day| day.jumps_held, bad),
         stuck: total(|day| day.stuck, bad),
+        later,
+        longest_hold: bad.iter().chain(clean).map(|day| day.longest_hold).max().unwrap_or(0),
     }
 }
 
@@ -116,11 +127,17 @@ impl fmt::Display for Summary {
         let of_clean = if clean > 0 { format!(", {of_clean:.3} % on clean days") } else { String::new() };
         writeln!(f, "false alarms: {all:.3} % of the sound samples{of_clean}")?;
         let share = |[all, some]: [usize; 2]| format!("{some} of {all}");
+        let (all, near, largest) = self.later;
+        writeln!(
+            f,
+            "20 to 40 s after the last fault has ended: at most 1.5 times the unguarded error on {near} of {all} days (largest {largest:.2}); longest hold {} samples",
+            self.longest_hold
+        )?;
         write!(
             f,
-            "detected: {} spikes, {} jumps within 2 s, {} stuck outputs",
+            "not used: {} spikes, {} jumps within 2 s, {} stuck outputs",
             share(self.spikes),
-            share(self.jumps),
+            share(self.jumps_held),
             share(self.stuck)
         )
     }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use hydroid::adapt::{self, Options, ResolvedOptions};
 use hydroid::model::Model;
-use hydroid_core::adapt::guard::{Expert, Guard};
+use hydroid_core::adapt::guard::Guard;
 use hydroid_core::adapt::{Adapter, Innovation, Outcome, Rejection};
 use hydroid_core::predict::{Predictor, Workspace};
 
@@ -128,7 +128,7 @@ impl Session {
         extend(|innovation| innovation.value);
         extend(|innovation| innovation.deviation);
         let active = adapter.guard().map(Guard::active);
-        into.push(f64::from(active == Some(Expert::Reference)));
+        into.push(active.map_or(0.0, |active| active.index() as f64));
         into.push(f64::from(adapter.is_sound()));
     }
 

@@ -170,9 +170,9 @@ fn print_report(report: &Report, written: Option<&Path>) {
     );
     if guard.predicted_by.iter().any(|&n| n > 0) {
         let all = guard.predicted_by.iter().sum::<usize>() as f64;
-        let [adapted, frozen] = guard.predicted_by.map(|n| 100.0 * n as f64 / all);
+        let [adapted, frozen, unguarded] = guard.predicted_by.map(|n| 100.0 * n as f64 / all);
         outln!(
-            "guard: predictions by the adapted model {adapted:.1} %, reference model {frozen:.1} %; {} samples modified",
+            "guard: predictions by the adapted model {adapted:.1} %, reference model {frozen:.1} %, unguarded model {unguarded:.1} %; a measurement held back at {} samples",
             guard.touched
         );
         for event in report.events.iter().take(EVENTS_SHOWN) {

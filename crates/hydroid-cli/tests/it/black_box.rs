@@ -170,7 +170,7 @@ fn unusable_files_are_refused_with_a_remedy() {
     let bytes = fs::read(at.join("kept.box")).unwrap();
     for (name, place, words) in [
         ("head.box", 30, "the header is damaged"),
-        ("version.box", 8, "reads format 3"),
+        ("version.box", 8, "reads format 4"),
         ("middle.box", bytes.len() - 120_000, "damaged; copy the file again"),
     ] {
         let mut damaged = bytes.clone();

@@ -540,9 +540,7 @@ impl SaveState for ThroughWater<dyn Adapter> {
         memory.count(&mut self.since, MOST_COUNTED);
         memory.count(&mut self.blind, MOST_COUNTED);
         memory.flag(&mut self.frozen);
-        if memory.is_loading() {
-            self.next_heading = f64::NAN;
-        }
+        memory.number(&mut self.next_heading);
         self.inner.visit_state(memory);
     }
 

@@ -48,7 +48,7 @@ pub(crate) fn recursive() -> RecursiveEquations {
     RecursiveEquations::new(&equations(), &RANGES, &options).unwrap()
 }
 
-fn mixture() -> ExpertMixture {
+pub(crate) fn mixture() -> ExpertMixture {
     let options = ExpertMixtureOptions {
         priors_s: vec![100.0, 1.0],
         forgetting_s: 20.0,
@@ -64,7 +64,7 @@ fn rate_limited() -> RateLimited<dyn Adapter> {
 }
 
 /// Two members that learn with different clock steps, and a constant one.
-fn committee() -> CommitteeSession {
+pub(crate) fn committee() -> CommitteeSession {
     let terms = [Term::constant(), Term::signed_square(0, 0), Term::monomial(&[1]), Term::monomial(&[6])];
     let member = |clock, averaging: Option<usize>| {
         let shape = committee::Shape { outputs: 2, inputs: 2, lags: 1, clock, dt: 0.1 };

@@ -459,10 +459,10 @@ fn a_guard_takes_a_frozen_companion() {
         Box::new(companion)
     };
     let guard = || {
-        let learner = Box::new(DirectLastLayer::new(Arc::clone(&model), &OPTIONS).unwrap());
+        let learner = || Box::new(DirectLastLayer::new(Arc::clone(&model), &OPTIONS).unwrap());
         let ranges = [(-1.0, 3.0), (-1.5, 0.5)];
         let options = GuardOptions { horizon: 4, stride: 1, ..GuardOptions::new(0.1) };
-        Guard::new(learner, companion(), &ranges, &[0.02, 0.02], options).unwrap()
+        Guard::new(learner(), learner(), companion(), &ranges, &[0.02, 0.02], options).unwrap()
     };
     let (mut first, mut second) = (guard(), guard());
     let before = first.weights().to_vec();

@@ -11,6 +11,8 @@ mod damped;
 mod dense;
 mod direct;
 mod guard;
+mod guard_stories;
+mod guard_theorem;
 mod guidance;
 mod jacobians;
 mod kalman;

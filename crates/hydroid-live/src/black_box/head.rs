@@ -9,7 +9,7 @@ use hydroid::fingerprint::Fingerprint;
 use hydroid::log::Channel;
 
 pub(super) const MAGIC: &[u8; 8] = b"HYDROBOX";
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 const BEFORE: usize = 24;
 const MAX_HORIZONS: usize = 64;
 const MAX_SIZE: usize = 10_000;

@@ -17,8 +17,8 @@ pub(super) const OBSERVE: u8 = 4;
 /// The row contains predictions.
 pub(super) const PREDICTED: u8 = 8;
 
-/// Capacity for events in addition to one for each output.
-const EXTRA_EVENTS: usize = 6;
+/// Capacity for events in addition to two for each output.
+const EXTRA_EVENTS: usize = 3;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct RowLayout {
@@ -46,7 +46,7 @@ pub(super) enum Part {
     Innovations,
     /// Values of [`Health`](hydroid_core::adapt::Health).
     Health,
-    /// Active model, and test errors of all three.
+    /// Active model, two limits, three balances.
     Guard,
     /// Number of events, then the events.
     Events,
@@ -86,13 +86,13 @@ impl RowLayout {
             Part::Outcome => 3,
             Part::Innovations => 1 + 2 * n,
             Part::Health => 2,
-            Part::Guard => 4,
+            Part::Guard => 6,
             Part::Events => 1 + self.max_events() * event::WORDS,
         }
     }
 
     fn max_events(self) -> usize {
-        self.outputs + EXTRA_EVENTS
+        2 * self.outputs + EXTRA_EVENTS
     }
 
     pub(super) fn len(self) -> usize {
@@ -129,8 +129,15 @@ impl RowLayout {
         } else if let Some(i) = of(Part::Health) {
             ["the least variance of a weight", "the smallest S/R of the filter"][i].to_owned()
         } else if let Some(i) = of(Part::Guard) {
-            let names = ["the model that predicts", "the adapted model", "the snapshot", "the frozen model"];
-            if i == 0 { names[0].to_owned() } else { format!("the test error of {}", names[i]) }
+            let names = [
+                "the model that predicts",
+                "the limit relative to the reference model",
+                "the limit relative to the unguarded model",
+                "the balance relative to the reference model",
+                "the balance of the adapted model",
+                "the balance relative to the unguarded model",
+            ];
+            names[i].to_owned()
         } else if of(Part::Events).is_some() {
             "the events of the guard".to_owned()
         } else {
@@ -190,9 +197,10 @@ impl RowBuilder {
     }
 
     fn guarded(&self, guard: &Guard, row: &mut [f64]) {
-        let [answers, adapted] = guard.balances();
+        let ([to_reference, to_unguarded], [answers, adapted, raw]) = (guard.limits(), guard.balances());
         let active = guard.active().index() as f64;
-        row[self.layout.range(Part::Guard)].copy_from_slice(&[active, guard.limit(), answers, adapted]);
+        let row_of_guard = [active, to_reference, to_unguarded, answers, adapted, raw];
+        row[self.layout.range(Part::Guard)].copy_from_slice(&row_of_guard);
         let into = &mut row[self.layout.range(Part::Events)];
         let events = &guard.events()[..guard.events().len().min(self.layout.max_events())];
         into[0] = events.len() as f64;

@@ -163,8 +163,8 @@ impl<'a> Step<'a> {
         put("health", json!({ "least_variance": least_variance, "min_s_over_r": min_s_over_r }));
         if let Some(active) = self.active() {
             put("active", json!(active.name()));
-            let [limit, balances @ ..] = &self.part(Part::Guard)[1..] else { return Value::Object(all) };
-            put("limit", json!(limit));
+            let (limits, balances) = self.part(Part::Guard)[1..].split_at(2);
+            put("limits", json!(limits));
             put("balances", json!(balances));
         }
         let names = head.names();

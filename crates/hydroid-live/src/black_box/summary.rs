@@ -29,8 +29,8 @@ pub struct Summary {
     pub sessions: usize,
     /// Number of samples with each status.
     pub outcomes: Outcomes,
-    /// Samples at which the adapted and the reference model predicted; zeros without a guard.
-    pub predicted_by: [usize; 2],
+    /// Samples at which the adapted model, the reference model and the unguarded learner predicted; zeros without a guard.
+    pub predicted_by: [usize; 3],
     /// Smallest variance of a weight; NaN if unknown.
     pub least_variance: f64,
     /// Smallest `min_s_over_r` of [`Health`](hydroid_core::adapt::Health); NaN if unknown.
@@ -54,7 +54,7 @@ impl BlackBox {
             samples: 0,
             sessions: self.sessions(),
             outcomes: Outcomes::default(),
-            predicted_by: [0; 2],
+            predicted_by: [0; 3],
             least_variance: f64::NAN,
             min_s_over_r: f64::NAN,
             largest_nis: [f64::NAN; 2],

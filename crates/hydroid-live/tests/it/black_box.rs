@@ -165,7 +165,7 @@ fn a_killed_recording_loses_one_second_and_a_restart_appends() {
 
 /// Numbers of a step with its sum, for two outputs, inputs and horizons: calls, run, time, command, measured, held,
 /// estimate, predictions, outcome, innovations, health, guard, events.
-const ROW: usize = 3 + 2 + 2 + 1 + 2 + 2 + 4 + 3 + 5 + 2 + 4 + (1 + 8 * 5) + 1;
+const ROW: usize = 3 + 2 + 2 + 1 + 2 + 2 + 4 + 3 + 5 + 2 + 6 + (1 + 7 * 5) + 1;
 
 #[test]
 fn invalid_recordings_are_refused_with_a_reason() {

@@ -206,8 +206,10 @@ fn limited(inner: Box<dyn Adapter>) -> Box<dyn Adapter> {
     Box::new(RateLimited::new(inner, RateLimiter::new([Some(1e9)], 0.1).expect("a limit")))
 }
 
-fn guarded(inner: Box<dyn Adapter>, reference: Box<dyn Adapter>) -> Box<dyn Adapter> {
-    let guard = Guard::new(inner, reference, &[(-5.0, 5.0); 3], &[0.1; 3], GuardOptions::new(0.1));
+fn guarded(inner: [Box<dyn Adapter>; 3]) -> Box<dyn Adapter> {
+    let [learner, unguarded, reference] = inner;
+    let guard =
+        Guard::new(learner, unguarded, reference, &[(-5.0, 5.0); 3], &[0.1; 3], GuardOptions::new(0.1));
     Box::new(guard.expect("a guard"))
 }
 
@@ -226,13 +228,13 @@ fn through_water(inner: Box<dyn Adapter>) -> Box<dyn Adapter> {
 
 /// Sessions around `inner` that change none of its predictions, and whether they take its rollouts from snapshots.
 fn neutral(inner: &Inner) -> Vec<(&'static str, Box<dyn Adapter>, bool)> {
-    let inner = || Box::new(inner.clone());
+    let inner = || -> Box<dyn Adapter> { Box::new(inner.clone()) };
     vec![
         ("rate limit", limited(inner()), true),
         ("recording", Box::new(RecordingAdapter::new(inner(), None)), true),
         // Rollouts from snapshots are limited one by one.
-        ("guard", guarded(inner(), inner()), false),
-        ("guard around a rate limit", guarded(limited(inner()), limited(inner())), false),
+        ("guard", guarded([inner(), inner(), inner()]), false),
+        ("guard around a rate limit", guarded([limited(inner()), limited(inner()), limited(inner())]), false),
     ]
 }
 
@@ -350,7 +352,7 @@ fn an_unsound_session_makes_all_around_it_unsound() {
 
 #[test]
 fn a_guard_is_found_behind_what_is_around_it() {
-    let guard = || guarded(Box::new(Inner::new()), Box::new(Inner::new()));
+    let guard = || guarded([(); 3].map(|()| Box::new(Inner::new()) as Box<dyn Adapter>));
     let recording = Box::new(RecordingAdapter::new(guard(), None));
     for session in [limited(guard()), through_water(guard()), recording] {
         assert!(session.guard().is_some());
@@ -361,14 +363,14 @@ fn a_guard_is_found_behind_what_is_around_it() {
 #[test]
 fn a_fork_of_a_guard_hears_the_heading() {
     let inner = || through_water(Box::new(Inner::new()));
-    let mut guard = guarded(inner(), inner());
+    let mut guard = guarded([inner(), inner(), inner()]);
     guard.observe(&[1.0, 0.0, 0.0]);
     let mut fork = guard.fork();
-    // Both sessions of the guard begin with the current, here a metre per second to the north.
+    // The sessions of the guard begin with the current, here a metre per second to the north.
     let mut snapshot = vec![0.0; fork.snapshot_len()];
     fork.snapshot(&mut snapshot);
-    let len = (snapshot.len() - 1) / 2;
-    snapshot[..2 * len].chunks_exact_mut(len).for_each(|of_session| of_session[0] = 1.0);
+    let len = (snapshot.len() - 3) / 3;
+    snapshot[..3 * len].chunks_exact_mut(len).for_each(|of_session| of_session[0] = 1.0);
     for (heading, over_ground) in [(0.0, 2.0), (std::f64::consts::PI, 0.0)] {
         fork.restore(&snapshot);
         fork.observe_heading(heading);

@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Write as _};
 
-use hydroid_core::adapt::guard::{Action, Event};
+use hydroid_core::adapt::guard::{Action, Cause, Event};
 use serde::Serialize;
 
 use crate::log::Trajectory;
@@ -34,23 +34,35 @@ impl fmt::Display for EventText<'_> {
         let name = |channel: usize| self.names.get(channel).map_or("?", String::as_str);
         match *self.action {
             Action::Spike { output, deviations } => {
-                write!(f, "{} deviates by {deviations:.1} times its usual deviation: rejected", name(output))
+                write!(
+                    f,
+                    "{} deviates by {deviations:.1} times its usual deviation: rejected until it agrees with the model",
+                    name(output)
+                )
             }
             Action::Stuck { output, repeats } => {
                 write!(f, "{} has repeated its value {repeats} times: not used from now on", name(output))
             }
-            Action::Offset { output, offset } => {
-                write!(f, "{} has jumped: an offset of {offset:.4} is subtracted from now on", name(output))
+            Action::Trusted { output, cause } => {
+                let cause = match cause {
+                    Cause::Evidence => "the model that learns from it without the guard predicts it",
+                    Cause::Budget => "the guard has no time left to predict without it",
+                };
+                write!(f, "{} is trusted from now on: {cause}", name(output))
             }
             Action::Back { output, missing } => {
-                write!(f, "{} is used again after {missing} samples", name(output))
+                write!(
+                    f,
+                    "{} agrees with the model again and is used, after {missing} samples without it",
+                    name(output)
+                )
             }
-            Action::Switched { to, errors: [adapted, reference] } => write!(
+            Action::Switched { to, errors: [adapted, reference, unguarded] } => write!(
                 f,
-                "the {} model predicts from now on (error of the adapted model {adapted:.4}, of the reference model {reference:.4})",
+                "the {} model predicts from now on (error of the adapted model {adapted:.4}, of the reference model {reference:.4}, of the unguarded model {unguarded:.4})",
                 to.name()
             ),
-            Action::RolledBack { errors: [adapted, reference] } => write!(
+            Action::RolledBack { errors: [adapted, reference, _] } => write!(
                 f,
                 "the adapted model starts again from the reference model (error {adapted:.4}, of the reference model {reference:.4})"
             ),

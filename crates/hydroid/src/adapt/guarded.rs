@@ -22,6 +22,7 @@ pub(super) fn guard(
     runs: &[&Trajectory],
 ) -> Result<(Box<dyn Adapter>, ResolvedOptions), AdaptError> {
     let (adapter, used) = learner(model, options, runs)?;
+    let (unguarded, _) = learner(model, options, runs)?;
     let reference = reference(model, options, runs)?;
     let noise = match &used {
         ResolvedOptions::Kalman(used) => used.noise.clone(),
@@ -30,8 +31,8 @@ pub(super) fn guard(
         }
     };
     let ranges = &model.description.ranges()[..model.description.outputs.len()];
-    let guard =
-        Guard::new(adapter, reference, ranges, &noise, settings.clone()).map_err(AdaptError::Guard)?;
+    let guard = Guard::new(adapter, unguarded, reference, ranges, &noise, settings.clone())
+        .map_err(AdaptError::Guard)?;
     Ok((Box::new(guard), used))
 }
 

@@ -1,6 +1,6 @@
 //! Metrics of an adapter along a log: outcomes of samples, coverage of its bands, computing time.
 
-use hydroid_core::adapt::guard::{Action, Event};
+use hydroid_core::adapt::guard::Event;
 use hydroid_core::adapt::{Adapter, Outcome};
 use hydroid_core::predict::{Predictor, delegate, plain};
 use serde::Serialize;
@@ -17,10 +17,10 @@ pub struct Counts {
     pub rejected: usize,
     /// Rolled back.
     pub rolled_back: usize,
-    /// Samples with measurements that the guard rejected or changed.
+    /// Samples at which the guard held back a measurement.
     pub touched: usize,
-    /// Samples predicted by the adapted and by the reference model.
-    pub predicted_by: [usize; 2],
+    /// Samples predicted by the adapted model, by the reference model and by the unguarded learner.
+    pub predicted_by: [usize; 3],
 }
 
 /// Time for one sample, observed and advanced \[microseconds\].
@@ -104,8 +104,7 @@ impl<'a> MeteredAdapter<'a> {
 
     fn record(&mut self) {
         if let Some(guard) = self.adapter.guard() {
-            let touches = |action: &Action| matches!(action, Action::Spike { .. } | Action::Stuck { .. });
-            self.counts.touched += usize::from(guard.events().iter().any(|event| touches(&event.action)));
+            self.counts.touched += usize::from(guard.is_held());
             self.counts.predicted_by[guard.active().index()] += 1;
             self.events.extend(guard.events());
         }

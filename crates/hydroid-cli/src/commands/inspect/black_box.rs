@@ -55,9 +55,11 @@ pub fn show(file: &Path, summary: &Summary, global: Global) {
         o.rolled_back,
         o.waiting
     );
-    let [adapted, reference] = summary.predicted_by;
-    if adapted + reference > 0 {
-        outln!("predictions: {adapted} by the adapted model, {reference} by the reference model");
+    let [adapted, reference, unguarded] = summary.predicted_by;
+    if adapted + reference + unguarded > 0 {
+        outln!(
+            "predictions: {adapted} by the adapted model, {reference} by the reference model, {unguarded} by the unguarded model"
+        );
     }
     let known = |x: f64| if x.is_nan() { "unknown".to_owned() } else { format!("{x:.4e}") };
     let [nis, t] = summary.largest_nis;

@@ -357,6 +357,7 @@ impl SaveState for CommitteeSession {
         memory.count(&mut self.measured, MOST_COUNTED);
         memory.flag(&mut self.observed);
         memory.flag(&mut self.frozen);
+        memory.number(&mut self.inflation);
         self.learners.iter_mut().for_each(|learner| learner.visit_state(memory));
         if memory.is_loading() {
             self.outcome = Outcome::Waiting;

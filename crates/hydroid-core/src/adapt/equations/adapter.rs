@@ -91,6 +91,7 @@ impl SaveState for RecursiveEquations {
         memory.flag(&mut self.library.held);
         memory.count(&mut self.library.seen, MOST_COUNTED);
         memory.flag(&mut self.frozen);
+        memory.number(&mut self.inflation);
         memory.numbers(&mut self.expected);
         if let Some(prediction_variance) = &mut self.prediction_variance {
             prediction_variance.visit_state(memory);

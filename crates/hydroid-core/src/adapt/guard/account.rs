@@ -1,6 +1,7 @@
-//! The account of the guarantee: it limits the deviation of answers from the reference model.
+//! The account of a guarantee: it limits the deviation of answers from a companion, which is the reference model or the
+//! unguarded learner.
 //!
-//! The cost of an answer at test `j` is `c_j = e_answer - factor e_reference`. With the weight `b = exp(-stride / window)`
+//! The cost of an answer at test `j` is `c_j = e_answer - factor e_companion`. With the weight `b = exp(-stride / window)`
 //! of the past per test, the balance is
 //!
 //! ```text
@@ -10,18 +11,14 @@
 //! Then `B - W_j = sum_{i <= j} b^(j-i) c_i`, so that `W_j >= 0` is the guarantee at test `j`.
 //!
 //! A cost is known `n = horizon / stride` tests after its answer. Until then it is at most the limit `l` of the distance
-//! between answer and reference, by the triangle inequality and because `factor >= 1`. The limit at test `j` is
+//! between answer and companion. The limit at test `j` is
 //!
 //! ```text
 //! l_j = max(0, min(A_j / n, A_j - sum of l_i over the answers that are not judged yet))
 //! A_j = min(W_j, B + b^n (W_j - B))
 //! ```
 //!
-//! **Theorem.** `W_j >= 0` for all `j`. *Proof.* Let `l_i` be the last positive limit before test `j`; if there is none,
-//! all costs are at most zero, and `W_j >= B`. Between test `i` and test `j`, `m <= n` limits are judged, and later ones are
-//! zero. Thus `W_j >= B + b^(j-i) (W_i - B) - sum of the pending l`. For `j - i <= n` the first two terms are at least
-//! `A_i`, which is at least the sum of all pending limits at `i`, because `l_i > 0`. For `j - i > n` all limits are judged at
-//! test `i + n`, where `W >= 0`, and with costs of at most zero `W` does not fall below zero afterwards.
+//! An exempt answer has the cost and the limit 0. **Theorem.** `W_j >= 0` for all `j`; `docs/guard-theory.md` has the proof.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -70,7 +67,7 @@ pub(super) struct Account {
 impl Account {
     pub(super) fn new(options: &GuardOptions, balance: Balance) -> Self {
         let mut own = Self { balance, limits: vec![0.0; options.horizon / options.stride] };
-        own.open();
+        own.open(false);
         own
     }
 
@@ -91,7 +88,7 @@ impl Account {
     /// Starts a run: answers that are not judged yet never will be.
     pub(super) fn reset(&mut self) {
         self.limits.fill(0.0);
-        self.open();
+        self.open(false);
     }
 
     /// Continues from a snapshot with this limit.
@@ -104,14 +101,15 @@ impl Account {
         self.balance.settle(cost.min(self.limits[0]));
     }
 
-    /// Sets the limit of the next answers, and forgets the oldest.
-    pub(super) fn open(&mut self) {
+    /// Sets the limit of the next answers, and forgets the oldest. Answers that are `exempt` have no cost and the limit 0.
+    pub(super) fn open(&mut self, exempt: bool) {
         let n = self.limits.len();
         let Balance { opening, past, value } = self.balance;
         let available = value.min(opening + num_traits::pow(past, n) * (value - opening));
         self.limits.rotate_left(1);
         let pending: f64 = self.limits[..n - 1].iter().sum();
-        self.limits[n - 1] = (available - pending).min(available / n as f64).max(0.0);
+        let limit = (available - pending).min(available / n as f64).max(0.0);
+        self.limits[n - 1] = if exempt { 0.0 } else { limit };
     }
 
     pub(super) fn visit_state(&mut self, memory: &mut Memory<'_>) {

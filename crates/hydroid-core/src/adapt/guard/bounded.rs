@@ -1,17 +1,19 @@
-//! Predictions with a limited deviation from the reference model.
+//! Predictions with a limited deviation from the reference model, and from the unguarded learner.
 //!
-//! For the predictions `p` of the adapted model and `f` of the reference model, and half the design range `w`:
+//! For a prediction `p`, that of a companion `f`, and half the design range `w`:
 //!
 //! ```text
-//! d      = max over the last stride of steps within the horizon of mean over outputs of |p - f| / w
-//! answer = f + a (p - f)      a = min(1, limit / d) for all steps
+//! d          = max over the last stride of steps within the horizon of mean over outputs of |p - f| / w
+//! near(p, f) = f + a (p - f)      a = min(1, limit / d) for all steps
 //! ```
 //!
-//! The error of the answer exceeds the error of `f` by at most `a d <= limit`, for any measurement (triangle inequality).
+//! Its error exceeds the error of `f` by at most `a d <= limit`, for any measurement (triangle inequality). With the
+//! predictions `s` of the learner, `f` of the reference model and `p` of the unguarded learner, the answer is `near(s, f)`
+//! while a measurement is held back, and `near(near(s, f), p)` otherwise.
 
 use alloc::boxed::Box;
 
-use crate::predict::{Predictor, Workspace, delegate, plain};
+use crate::predict::{Current, Predictor, Workspace, delegate, plain};
 
 /// Error, in half design ranges, at which a prediction counts as diverged: ten times the range.
 const DIVERGED: f64 = 20.0;
@@ -35,8 +37,8 @@ impl Metric {
     }
 
     /// `d`; infinite if a value is not finite.
-    fn distance(&self, predicted: &[f64], reference: &[f64]) -> f64 {
-        let rows = self.compared(predicted).zip(self.compared(reference));
+    pub(super) fn distance(&self, predicted: &[f64], companion: &[f64]) -> f64 {
+        let rows = self.compared(predicted).zip(self.compared(companion));
         let distance = |(p, f): (&[f64], &[f64])| {
             let off = p.iter().zip(f).zip(&self.scale).map(|((p, f), scale)| (p - f).abs() / scale);
             off.sum::<f64>() / self.scale.len() as f64
@@ -50,15 +52,15 @@ impl Metric {
         if error < DIVERGED { error } else { DIVERGED }
     }
 
-    /// Replaces a prediction by the answer.
-    pub(super) fn limit(&self, predicted: &mut [f64], reference: &[f64], limit: f64) {
-        let distance = self.distance(predicted, reference);
+    /// Replaces a prediction by one within the limit of its companion.
+    pub(super) fn limit(&self, predicted: &mut [f64], companion: &[f64], limit: f64) {
+        let distance = self.distance(predicted, companion);
         let share = if distance <= limit { 1.0 } else { limit / distance };
-        for (p, &f) in predicted.iter_mut().zip(reference) {
-            let answer = if share < 1.0 { f + share * (*p - f) } else { *p };
-            // A diverged reference model is not a reference.
-            if answer.is_finite() {
-                *p = answer;
+        for (p, &f) in predicted.iter_mut().zip(companion) {
+            let near = if share < 1.0 { f + share * (*p - f) } else { *p };
+            // A companion that has diverged limits nothing.
+            if near.is_finite() {
+                *p = near;
             } else if f.is_finite() {
                 *p = f;
             }
@@ -66,33 +68,58 @@ impl Metric {
     }
 }
 
-/// The adapted model, limited by the reference model; without the former the reference model alone.
+/// The models behind an answer.
 pub(super) struct Bounded<'a> {
     pub(super) metric: &'a Metric,
-    pub(super) limit: f64,
+    /// Limits of the distance to the reference model and to the unguarded learner.
+    pub(super) limits: [f64; 2],
+    /// Whether a measurement is held back: the second limit does not apply.
+    pub(super) held: bool,
+    /// `None`: the reference model.
     pub(super) model: Option<&'a dyn Predictor>,
     pub(super) reference: &'a dyn Predictor,
+    /// `None`: its predictions are those of `model`.
+    pub(super) unguarded: Option<&'a dyn Predictor>,
 }
 
 impl Bounded<'_> {
     pub(super) fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
-        let (beside, [of_model, of_reference]) = work.take_pair(y.len());
-        let Some(model) = self.model else { return self.reference.rollout(commands, of_reference, y) };
-        self.reference.rollout(commands, of_reference, beside);
-        model.rollout(commands, of_model, y);
-        self.metric.limit(y, beside, self.limit);
+        self.answer(1, work, y, |model, work, y| model.rollout(commands, work, y));
     }
 
     pub(super) fn rollout_batch(&self, count: usize, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
-        let (beside, [of_model, of_reference]) = work.take_pair(y.len());
-        let Some(model) = self.model else {
-            return self.reference.rollout_batch(count, commands, of_reference, y);
-        };
-        self.reference.rollout_batch(count, commands, of_reference, beside);
-        model.rollout_batch(count, commands, of_model, y);
-        let len = y.len() / count;
-        for (y, beside) in y.chunks_exact_mut(len).zip(beside.chunks_exact(len)) {
-            self.metric.limit(y, beside, self.limit);
+        self.answer(count, work, y, |model, work, y| model.rollout_batch(count, commands, work, y));
+    }
+
+    fn answer(
+        &self,
+        count: usize,
+        work: &mut Workspace,
+        y: &mut [f64],
+        roll_out: impl Fn(&dyn Predictor, &mut Workspace, &mut [f64]),
+    ) {
+        let [to_reference, to_unguarded] = self.limits;
+        let (beside, [of_model, of_reference]) = work.take_pair(2 * y.len());
+        let (reference, unguarded) = beside.split_at_mut(y.len());
+        if let (false, 0.0, Some(alone)) = (self.held, to_unguarded, self.unguarded.or(self.model)) {
+            return roll_out(alone, of_model, y);
+        }
+        roll_out(self.reference, of_reference, reference);
+        match self.model {
+            Some(model) => roll_out(model, of_model, y),
+            None => y.copy_from_slice(reference),
+        }
+        match self.unguarded {
+            Some(model) if !self.held => roll_out(model, of_model, unguarded),
+            _ => unguarded.copy_from_slice(y),
+        }
+        let len = y.len() / count.max(1);
+        let besides = reference.chunks_exact(len.max(1)).zip(unguarded.chunks_exact(len.max(1)));
+        for (y, (reference, unguarded)) in y.chunks_exact_mut(len.max(1)).zip(besides) {
+            self.metric.limit(y, reference, to_reference);
+            if !self.held {
+                self.metric.limit(y, unguarded, to_unguarded);
+            }
         }
     }
 }
@@ -100,40 +127,67 @@ impl Bounded<'_> {
 /// A fork of a guard without learning.
 pub(super) struct GuardFork {
     pub(super) metric: Metric,
-    pub(super) limit: f64,
+    pub(super) limits: [f64; 2],
+    pub(super) held: bool,
+    /// The active model.
     pub(super) model: Box<dyn Predictor>,
     pub(super) reference: Box<dyn Predictor>,
+    pub(super) unguarded: Box<dyn Predictor>,
+    /// Whether the unguarded learner differs from the active model.
+    pub(super) apart: bool,
 }
 
 impl GuardFork {
     fn bounded(&self) -> Bounded<'_> {
-        let Self { metric, limit, model, reference } = self;
-        Bounded { metric, limit: *limit, model: Some(model.as_ref()), reference: reference.as_ref() }
+        Bounded {
+            metric: &self.metric,
+            limits: self.limits,
+            held: self.held,
+            model: Some(self.model.as_ref()),
+            reference: self.reference.as_ref(),
+            unguarded: self.apart.then_some(self.unguarded.as_ref()),
+        }
+    }
+
+    fn models(&mut self) -> [&mut Box<dyn Predictor>; 3] {
+        [&mut self.model, &mut self.reference, &mut self.unguarded]
+    }
+
+    fn present(&self) -> &dyn Predictor {
+        if self.held { self.model.as_ref() } else { self.unguarded.as_ref() }
     }
 }
 
 impl Predictor for GuardFork {
     plain!(advance_observe rollout_snapshots);
-    delegate!(model: outputs inputs warm_up current output output_through_water);
+    delegate!(model: outputs inputs warm_up);
+
+    fn current(&self) -> Option<&Current> {
+        self.present().current()
+    }
+
+    fn output(&self, y: &mut [f64]) {
+        self.present().output(y);
+    }
+
+    fn output_through_water(&self, y: &mut [f64]) {
+        self.present().output_through_water(y);
+    }
 
     fn reset(&mut self) {
-        self.model.reset();
-        self.reference.reset();
+        self.models().into_iter().for_each(|model| model.reset());
     }
 
     fn observe_heading(&mut self, heading: f64) {
-        self.model.observe_heading(heading);
-        self.reference.observe_heading(heading);
+        self.models().into_iter().for_each(|model| model.observe_heading(heading));
     }
 
     fn observe(&mut self, y: &[f64]) {
-        self.model.observe(y);
-        self.reference.observe(y);
+        self.models().into_iter().for_each(|model| model.observe(y));
     }
 
     fn advance(&mut self, c: &[f64]) {
-        self.model.advance(c);
-        self.reference.advance(c);
+        self.models().into_iter().for_each(|model| model.advance(c));
     }
 
     fn rollout(&self, commands: &[f64], work: &mut Workspace, y: &mut [f64]) {
@@ -145,29 +199,56 @@ impl Predictor for GuardFork {
     }
 
     fn snapshot_len(&self) -> usize {
-        2 * self.model.snapshot_len() + 1
+        snapshot_len(self.model.as_ref())
     }
 
     fn snapshot(&self, into: &mut [f64]) {
-        let len = self.model.snapshot_len();
-        self.model.snapshot(&mut into[..len]);
-        self.reference.snapshot(&mut into[len..2 * len]);
-        into[2 * len] = self.limit;
+        let models = [self.model.as_ref(), self.reference.as_ref(), self.unguarded.as_ref()];
+        write_snapshot(models, self.limits, self.held, into);
     }
 
     fn restore(&mut self, from: &[f64]) {
         let len = self.model.snapshot_len();
-        self.model.restore(&from[..len]);
-        self.reference.restore(&from[len..2 * len]);
-        self.limit = from[2 * len];
+        for (model, from) in self.models().into_iter().zip(from.chunks_exact(len)) {
+            model.restore(from);
+        }
+        (self.limits, self.held) = read_limits(from, len);
+        self.apart = from[..len] != from[2 * len..3 * len];
     }
 
     fn fork(&self) -> Box<dyn Predictor> {
         Box::new(Self {
             metric: self.metric.clone(),
-            limit: self.limit,
+            limits: self.limits,
+            held: self.held,
             model: self.model.fork(),
             reference: self.reference.fork(),
+            unguarded: self.unguarded.fork(),
+            apart: self.apart,
         })
     }
+}
+
+pub(super) fn snapshot_len(model: &dyn Predictor) -> usize {
+    3 * model.snapshot_len() + 3
+}
+
+/// Snapshots of the active model, the reference model and the unguarded learner, the limits, and 1 if a measurement is held
+/// back.
+pub(super) fn write_snapshot(
+    models: [&dyn Predictor; 3],
+    [to_reference, to_unguarded]: [f64; 2],
+    held: bool,
+    into: &mut [f64],
+) {
+    let (snapshots, rest) = into.split_at_mut(into.len() - 3);
+    for (model, into) in models.iter().zip(snapshots.chunks_exact_mut(snapshots.len() / 3)) {
+        model.snapshot(into);
+    }
+    rest.copy_from_slice(&[to_reference, to_unguarded, f64::from(u8::from(held))]);
+}
+
+/// Limits of a snapshot, and whether a measurement is held back.
+pub(super) fn read_limits(from: &[f64], len: usize) -> ([f64; 2], bool) {
+    ([from[3 * len], from[3 * len + 1]], from[3 * len + 2] != 0.0)
 }

@@ -8,11 +8,13 @@ pub enum Expert {
     Adapted,
     /// The reference model: the delivered weights with a state filter.
     Reference,
+    /// The unguarded learner: the adapted model as it would be without a guard.
+    Unguarded,
 }
 
 impl Expert {
     /// All experts.
-    pub const ALL: [Self; 2] = [Self::Adapted, Self::Reference];
+    pub const ALL: [Self; 3] = [Self::Adapted, Self::Reference, Self::Unguarded];
 
     /// Index in [`ALL`](Self::ALL).
     pub fn index(self) -> usize {
@@ -24,6 +26,7 @@ impl Expert {
         match self {
             Self::Adapted => "adapted",
             Self::Reference => "reference",
+            Self::Unguarded => "unguarded",
         }
     }
 }
@@ -37,49 +40,59 @@ pub struct Event {
     pub action: Action,
 }
 
+/// Why a measurement is trusted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// The unguarded learner predicts what is measured.
+    Evidence,
+    /// The budget of dead reckoning is spent.
+    Budget,
+}
+
 /// Errors are means over the outputs of the absolute prediction error, each in half the width of its design
-/// range, over [`horizon`](super::GuardOptions::horizon) samples.
+/// range, over [`horizon`](super::GuardOptions::horizon) samples: those of the unguarded learner against all measurements, the
+/// others against the used ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Action {
-    /// An outlier: the measurement was not used.
+    /// A hold begins with a jump: the measurement is not used until it agrees with the adapted model, or is trusted.
     Spike {
         /// The output.
         output: usize,
         /// Deviation, relative to the usual one.
         deviations: f64,
     },
-    /// A sensor repeats its value to the last bit. Its measurements are rejected from now on.
+    /// A hold begins with a value that the sensor repeats to the last bit.
     Stuck {
         /// The output.
         output: usize,
         /// Number of repetitions.
         repeats: usize,
     },
-    /// A sensor has a constant offset. It is subtracted from now on.
-    Offset {
+    /// A hold ends against the check: the measurement is used again.
+    Trusted {
         /// The output.
         output: usize,
-        /// Total offset \[unit of the output\].
-        offset: f64,
+        /// Why.
+        cause: Cause,
     },
-    /// Measurements of an output are used again.
+    /// A hold ends: the measurement agrees with the adapted model again.
     Back {
         /// The output.
         output: usize,
-        /// Number of missing samples.
+        /// Number of samples that were not used.
         missing: usize,
     },
     /// Another model predicts.
     Switched {
         /// The active model.
         to: Expert,
-        /// Errors of the adapted and the reference model in the last test.
-        errors: [f64; 2],
+        /// Errors in the last test, in the order of [`Expert::ALL`].
+        errors: [f64; 3],
     },
     /// The adapted model starts again from the weights of the reference model.
     RolledBack {
-        /// Errors of the adapted and the reference model in the last test.
-        errors: [f64; 2],
+        /// Errors in the last test, in the order of [`Expert::ALL`].
+        errors: [f64; 3],
     },
     /// The memory of the adapted model was not sound and has been reset.
     Restarted,
@@ -91,7 +104,7 @@ impl Action {
         match self {
             Self::Spike { .. } => "spike",
             Self::Stuck { .. } => "stuck",
-            Self::Offset { .. } => "offset",
+            Self::Trusted { .. } => "trusted",
             Self::Back { .. } => "back",
             Self::Switched { .. } => "switched",
             Self::RolledBack { .. } => "rolled_back",

@@ -12,19 +12,22 @@ pub struct GuardOptions {
     pub horizon: usize,
     /// Interval of the tests \[samples\].
     pub stride: usize,
-    /// Time constant of the guarantee \[samples\]: errors are weighted by `exp(-age / window)`.
+    /// Time constant of the guarantees \[samples\]: errors are weighted by `exp(-age / window)`.
     pub window: usize,
-    /// Factor of the guarantee on the error of the reference model.
+    /// Factor of the guarantees on the errors of the reference model and of the unguarded learner.
     pub factor: f64,
-    /// Constant of the guarantee, relative to the noise of the sensors.
+    /// Constant of the guarantees, relative to the noise of the sensors.
     pub floors: f64,
-    /// Deviation of a measurement, relative to the usual one, above which it is a spike.
-    pub spike: f64,
-    /// Step in the measurements, relative to the usual one, above which it is a sensor offset.
-    pub offset: f64,
+    /// Deviation of a measurement, relative to the usual one, above which it is held back.
+    pub gate: f64,
     /// Minimum number of repetitions of a stuck sensor, for a sensor that has repeated values before.
     pub repeats: usize,
-    /// Whether sensor faults are detected.
+    /// Longest stretch of dead reckoning against a measurement \[samples\]; see [`share`](Self::share).
+    pub hold: usize,
+    /// Part of this stretch that every sample without a hold gives back: at most `share / (1 + share)` of the samples are
+    /// held in the long run.
+    pub share: f64,
+    /// Whether measurements are held back at all.
     pub sensors: bool,
 }
 
@@ -45,9 +48,10 @@ impl GuardOptions {
             window,
             factor: 1.2,
             floors: 0.5,
-            spike: 4.0,
-            offset: 6.0,
+            gate: 4.0,
             repeats: 5,
+            hold: window.saturating_mul(2),
+            share: 0.1,
             sensors: true,
         }
     }
@@ -62,7 +66,9 @@ impl GuardOptions {
             && self.factor.is_finite()
             && self.floors > 0.0
             && self.floors.is_finite()
-            && self.spike > 0.0
-            && self.offset > 0.0
+            && self.gate > 0.0
+            && self.hold >= self.horizon
+            && self.share > 0.0
+            && self.share.is_finite()
     }
 }

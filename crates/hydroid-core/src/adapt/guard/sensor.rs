@@ -1,96 +1,58 @@
-//! Sensor check of one output: spikes, offsets, stuck values.
+//! The gate of one output: a measurement is used, or it is held back.
 //!
-//! Two series are judged. One has the measurements `y`, the other the measurements less the motion that the active
-//! model predicts:
+//! Two series are judged. One has the measurements `y`, the other the measurements less the motion that the learner
+//! predicts:
 //!
 //! ```text
 //! w_k = y_k - sum_{i <= k} (y_{i|i-1} - y_{i-1|i-1})
 //! ```
 //!
-//! with its predictions `y_{i|i-1}` and estimates `y_{i|i}`. Motion that the model predicts is absent in `w`; motion that
-//! it does not predict is smooth in `y`; a fault is a jump in both. A test therefore needs both series.
+//! with its predictions `y_{i|i-1}` and estimates `y_{i|i}`. Motion that the learner predicts is absent in `w`; motion that
+//! it does not predict is smooth in `y`; a fault is a jump in both. `e` is the deviation from the line through the used ones
+//! of the [`SIDE`] values before, divided by `sqrt(1 + 1/n + (t - mean t)^2 / S_tt)`, and the usual deviation is its root mean
+//! square over the [`window`](GuardOptions::window), at least the standard deviation of the noise.
 //!
-//! - *Spike* (chi-squared gate): `e` is the deviation from the line through the [`SIDE`] values before, divided by
-//!   `sqrt(1 + 1/n + (t - mean t)^2 / S_tt)`. A measurement with `|e| > spike d` in both series is not used, where `d` is
-//!   the root mean square of `e` over the [`window`](GuardOptions::window), at least the standard deviation of the noise.
-//!   Unused measurements do not belong to the line, which needs two values. White noise exceeds four deviations with a
-//!   probability of 6e-5. The change at the measurement after a spike, relative to the change at the spike, decides what the
-//!   spike was: near 0, the fault goes on (for at most `SIDE - 1` measurements); near 1, the vessel accelerates, and the
-//!   measurement is used; near -1, it is judged by the line again.
-//! - *Offset* (generalised likelihood ratio): `c` is the step in a line with [`SIDE`] values on each side (analysis of
-//!   covariance with a common slope). An offset has `|c| > offset s` in both series, where `s` is the largest of the
-//!   standard deviation of `c` from the residuals, that from the noise, and the root mean square of earlier `c`. It is found
-//!   [`SIDE`] samples after it began, and its estimate is the step in `w`. A step against the sign of the present offset is
-//!   its end: the offset becomes zero, because a fault that was no constant offset would leave the rest of one behind.
-//! - *Stuck*: a value is repeated to the last bit.
+//! - *Sound*: a value with `|e|` above `gate` usual deviations in both series, or one that is repeated to the last bit, is
+//!   not used and begins a hold. White noise exceeds four deviations with a probability of 6e-5.
+//! - *Held*: a value is used if it agrees with the prediction of the learner (innovation gate),
+//!
+//!   ```text
+//!   |y - y_S| <= gate sqrt(s1^2 + sH^2 t / H)
+//!   ```
+//!
+//!   with the usual deviation `s1` of `w`, the root mean square `sH` of the errors of the learner over the horizon `H` at the
+//!   tests, and the samples `t` since the last used value: a random walk of the intensity that the tests measure. As many used
+//!   values in a row as there were unused ones, at most [`SIDE`], end the hold. A change at its second value with more than
+//!   half of the first change and its sign is motion and ends it too.
 
 use super::options::GuardOptions;
 use crate::adapt::are_variances;
 use crate::memory::{MOST_COUNTED, Memory};
 
-/// Number of values in a line, and on each side of a step.
+/// Number of values in a line.
 pub(super) const SIDE: usize = 8;
-
-/// Values of a series: the sides of a step, and of a step before it.
-const LEN: usize = 3 * SIDE;
 
 /// Deviations before a sensor is judged.
 const WARM_UP: usize = 100;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Verdict {
-    /// Use the measurement.
-    Sound,
-    /// There is no measurement.
+    Used,
     Missing,
-    /// Do not use the measurement.
-    Spike { deviations: f64 },
-    /// Do not use a repeated value.
+    Unused { deviations: f64 },
     Stuck { repeats: usize },
-    /// Use the measurement without an offset of this total size.
-    Offset { offset: f64 },
-}
-
-/// Points `(t, x)`: their number, means, and sums of squares and products about the means.
-#[derive(Clone, Copy, Default)]
-struct Moments {
-    n: f64,
-    t: f64,
-    x: f64,
-    tt: f64,
-    tx: f64,
-    xx: f64,
-}
-
-impl Moments {
-    /// Moments of values, the last one at time `last`; `None` if less than `least` are known.
-    fn of(values: &[f64], last: f64, excluded: u32, least: usize) -> Option<Self> {
-        let mut m = Self::default();
-        for (ago, x) in values.iter().rev().enumerate() {
-            if x.is_nan() || excluded >> ago & 1 == 1 {
-                continue;
-            }
-            let (t, n) = (last - ago as f64, m.n + 1.0);
-            let (dt, dx) = (t - m.t, x - m.x);
-            (m.n, m.t, m.x) = (n, m.t + dt / n, m.x + dx / n);
-            m.tt += dt * (t - m.t);
-            m.tx += dt * (x - m.x);
-            m.xx += dx * (x - m.x);
-        }
-        (m.n >= least as f64).then_some(m)
-    }
 }
 
 /// A mean square with exponential forgetting.
-#[derive(Clone, Copy, Debug, Default)]
-struct MeanSquare {
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MeanSquare {
     count: usize,
     value: f64,
 }
 
 impl MeanSquare {
     /// Adds a deviation, limited to `most` times the root mean square.
-    fn add(&mut self, deviation: f64, most: f64, window: usize) {
+    pub(super) fn add(&mut self, deviation: f64, most: f64, window: usize) {
         self.count = self.count.saturating_add(1).min(window);
         let square = (deviation * deviation).min(most * most * self.value);
         self.value += (square - self.value) / (self.count + 1) as f64;
@@ -100,50 +62,49 @@ impl MeanSquare {
         self.count >= WARM_UP.min(window)
     }
 
-    fn root(&self) -> f64 {
-        num_traits::Float::sqrt(self.value)
+    fn visit_state(&mut self, memory: &mut Memory<'_>) {
+        memory.count(&mut self.count, MOST_COUNTED);
+        memory.number(&mut self.value);
     }
 }
 
-/// The last values of `y` or `w`, relative to the last one, and their usual deviations.
+/// The last values of `y` or `w`, relative to the last one and NaN if unused, and their usual deviations.
 #[derive(Clone, Copy, Debug)]
 struct Series {
-    values: [f64; LEN],
+    values: [f64; SIDE],
     deviations: MeanSquare,
-    steps: MeanSquare,
 }
 
 impl Series {
-    /// Appends a value after a predicted `motion`, by which earlier values are moved.
-    fn push(&mut self, value: f64, motion: f64) {
+    fn push(&mut self, value: f64) {
         self.values.rotate_left(1);
-        self.values.iter_mut().for_each(|x| *x += motion);
-        self.values[LEN - 1] = value;
+        self.values[SIDE - 1] = value;
     }
 
-    /// Deviation of the last value from the line before; NaN if either is unknown.
-    fn deviation(&self, excluded: u32) -> f64 {
-        let Some(m) = Moments::of(&self.values[LEN - 1 - SIDE..LEN - 1], -1.0, excluded >> 1, 2) else {
-            return f64::NAN;
-        };
-        let line = m.x - m.t * m.tx / m.tt;
-        (self.values[LEN - 1] - line) / num_traits::Float::sqrt(1.0 + 1.0 / m.n + m.t * m.t / m.tt)
+    /// Deviation of the next value from the line; NaN if less than two values are known.
+    fn deviation(&self, value: f64) -> f64 {
+        let (mut n, mut t_mean, mut x_mean, mut tt, mut tx) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for (ago, x) in self.values.iter().rev().enumerate().filter(|(_, x)| !x.is_nan()) {
+            let (t, before) = (-1.0 - ago as f64, t_mean);
+            n += 1.0;
+            t_mean += (t - before) / n;
+            x_mean += (x - x_mean) / n;
+            tt += (t - before) * (t - t_mean);
+            tx += (t - before) * (x - x_mean);
+        }
+        let line = x_mean - t_mean * tx / tt;
+        (value - line) / num_traits::Float::sqrt(1.0 + 1.0 / n + t_mean * t_mean / tt)
     }
+}
 
-    /// The step `ago + SIDE` samples ago, its standard deviation from the residuals, and the factor from the noise to this
-    /// deviation; `None` if they are unknown.
-    fn step(&self, ago: usize) -> Option<[f64; 3]> {
-        let end = LEN - ago;
-        let after = Moments::of(&self.values[end - SIDE..end], 0.0, 0, SIDE / 2)?;
-        let before = Moments::of(&self.values[end - 2 * SIDE..end - SIDE], -(SIDE as f64), 0, SIDE / 2)?;
-        let (tt, tx, apart) = (after.tt + before.tt, after.tx + before.tx, after.t - before.t);
-        let step = after.x - before.x - apart * tx / tt;
-        // Rounding may leave less than nothing; squares of absurd values overflow.
-        let residuals = (after.xx + before.xx - tx * tx / tt).clamp(0.0, f64::INFINITY);
-        let factor = 1.0 / after.n + 1.0 / before.n + apart * apart / tt;
-        let deviation = num_traits::Float::sqrt(factor * residuals / (after.n + before.n - 3.0));
-        deviation.is_finite().then_some([step, deviation, num_traits::Float::sqrt(factor)])
-    }
+/// A stretch in which values are compared with the prediction of the learner.
+#[derive(Clone, Copy, Debug, Default)]
+struct Hold {
+    unused: usize,
+    /// Used values since the last unused one.
+    used: usize,
+    /// Change of the measurement at the first value.
+    first: f64,
 }
 
 /// The sensor of one output.
@@ -153,122 +114,115 @@ pub(super) struct Sensor {
     noise: f64,
     /// `y` and `w`.
     series: [Series; 2],
-    /// Bit `i`: the measurement `i` samples ago was a spike.
-    excluded: u32,
-    /// Change at the first of the deviating measurements in a row, in `y`; NaN if the last one did not deviate.
-    first: f64,
+    hold: Option<Hold>,
+    /// Samples since the last used value.
+    since: usize,
     /// The last value, the number of its repetitions, and the longest such sequence of the sound sensor.
     last: f64,
     repeats: usize,
     longest: usize,
-    pub(super) missing: usize,
-    pub(super) offset: f64,
+    /// Errors of the learner over the horizon.
+    pub(super) horizon_error: MeanSquare,
 }
 
 impl Sensor {
     pub(super) fn new(noise: f64) -> Self {
         let usual = MeanSquare { count: 0, value: noise * noise };
-        let series = Series { values: [f64::NAN; LEN], deviations: usual, steps: usual };
-        let (first, last) = (f64::NAN, f64::NAN);
-        let (excluded, repeats, longest, missing, offset) = (0, 0, 0, 0, 0.0);
-        Self { noise, series: [series; 2], excluded, first, last, repeats, longest, missing, offset }
+        let series = [Series { values: [f64::NAN; SIDE], deviations: usual }; 2];
+        let (since, last, repeats, longest) = (0, f64::NAN, 0, 0);
+        Self { noise, series, hold: None, since, last, repeats, longest, horizon_error: usual }
     }
 
-    /// Starts a run. Usual deviations and the offset stay.
+    /// Starts a run. Usual deviations stay.
     pub(super) fn reset(&mut self) {
-        self.series.iter_mut().for_each(|series| series.values.fill(f64::NAN));
-        (self.excluded, self.first, self.last) = (0, f64::NAN, f64::NAN);
-        (self.repeats, self.missing) = (0, 0);
+        self.release();
+        (self.last, self.repeats) = (f64::NAN, 0);
     }
 
-    /// Judges a measurement after a predicted `motion` since the last one.
-    pub(super) fn judge(&mut self, value: f64, motion: f64, options: &GuardOptions) -> Verdict {
-        let verdict = self.judged(value, motion, options);
-        let used = matches!(verdict, Verdict::Sound | Verdict::Offset { .. });
-        self.missing = if used { 0 } else { self.missing.saturating_add(1) };
+    /// Ends a hold: what comes next is judged by what comes next.
+    pub(super) fn release(&mut self) {
+        self.series.iter_mut().for_each(|series| series.values.fill(f64::NAN));
+        (self.hold, self.since) = (None, 0);
+    }
+
+    /// Number of values that were not used in the present hold; `None` without one.
+    pub(super) fn unused(&self) -> Option<usize> {
+        self.hold.map(|hold| hold.unused)
+    }
+
+    /// `sqrt(s1^2 + sH^2 share)`: deviation of a measurement from the prediction over this share of the horizon.
+    pub(super) fn spread(&self, share: f64) -> f64 {
+        let now = self.series[1].deviations.value.max(self.noise * self.noise);
+        num_traits::Float::sqrt(now + self.horizon_error.value * share)
+    }
+
+    /// Judges a measurement that the learner has `predicted`, with this `motion` since the last one. A hold begins only if it
+    /// is permitted.
+    pub(super) fn judge(
+        &mut self,
+        value: f64,
+        predicted: f64,
+        motion: f64,
+        permitted: bool,
+        options: &GuardOptions,
+    ) -> Verdict {
+        self.series[1].values.iter_mut().for_each(|x| *x += motion);
+        self.since = self.since.saturating_add(1);
+        let (verdict, fits) = self.judged(value, predicted, permitted, options);
+        let of_line = if verdict == Verdict::Used && fits { value } else { f64::NAN };
+        self.series.iter_mut().for_each(|series| series.push(of_line));
+        if verdict == Verdict::Used {
+            self.since = 0;
+        }
         verdict
     }
 
-    fn judged(&mut self, value: f64, motion: f64, options: &GuardOptions) -> Verdict {
-        let stuck = value.is_finite() && self.is_stuck(value, options);
-        let used = if value.is_finite() && !stuck { value - self.offset } else { f64::NAN };
-        self.series[0].push(used, 0.0);
-        self.series[1].push(used, motion);
-        self.excluded <<= 1;
-        if stuck {
-            return Verdict::Stuck { repeats: self.repeats };
+    /// The verdict, and whether the value may belong to a line.
+    fn judged(
+        &mut self,
+        value: f64,
+        predicted: f64,
+        permitted: bool,
+        options: &GuardOptions,
+    ) -> (Verdict, bool) {
+        if !value.is_finite() {
+            return (Verdict::Missing, false);
         }
-        if used.is_nan() {
-            return Verdict::Missing;
-        }
-        if let Some(mut step) = self.step(options) {
-            if step * self.offset < 0.0 {
-                // A fault that began has ended.
-                step = -self.offset;
-            }
-            self.offset += step;
-            let after = self.series.iter_mut().flat_map(|series| &mut series.values[LEN - SIDE..]);
-            after.for_each(|x| *x -= step);
-            return Verdict::Offset { offset: self.offset };
-        }
-        let stays = self.stays();
-        let (mut least, mut known) = (f64::INFINITY, true);
+        let change = value - self.last;
+        let stuck = self.is_stuck(value, options);
+        let begins = self.hold.is_none();
+        let (mut deviations, mut known) = (f64::INFINITY, true);
         for series in &mut self.series {
-            let deviation = series.deviation(self.excluded);
-            let usual = series.deviations.root().max(self.noise);
+            let deviation = series.deviation(value);
+            let usual = num_traits::Float::sqrt(series.deviations.value).max(self.noise);
             known &= series.deviations.is_known(options.window) && !deviation.is_nan();
-            least = least.min(deviation.abs() / usual);
-            if !deviation.is_nan() {
-                series.deviations.add(deviation, options.spike, options.window);
+            deviations = deviations.min(deviation.abs() / usual);
+            if begins && !deviation.is_nan() {
+                series.deviations.add(deviation, options.gate, options.window);
             }
         }
-        if stays {
-            self.excluded |= 1;
-            // The line may have lost its points.
-            return Verdict::Spike { deviations: if known { least } else { options.spike } };
+        let jumps = deviations > options.gate;
+        let tolerance = options.gate * self.spread(self.since as f64 / options.horizon as f64);
+        let hold = self.hold.get_or_insert(Hold { first: change, ..Hold::default() });
+        let moves =
+            hold.unused == 1 && self.since == 2 && 2.0 * change * hold.first > hold.first * hold.first;
+        let agrees = if begins {
+            !(known && jumps && permitted)
+        } else {
+            moves || (value - predicted).abs() <= tolerance
+        };
+        if !agrees || (stuck && (permitted || !begins)) {
+            (hold.unused, hold.used) = (hold.unused.saturating_add(1), 0);
+            let verdict =
+                if stuck { Verdict::Stuck { repeats: self.repeats } } else { Verdict::Unused { deviations } };
+            return (verdict, false);
         }
-        if !known || least <= options.spike {
-            self.excluded |= u32::from(least.is_finite() && least > options.spike);
-            self.first = f64::NAN;
-            return Verdict::Sound;
+        hold.used += 1;
+        if moves || hold.used >= hold.unused.min(SIDE) {
+            self.hold = None;
         }
-        let change = self.change();
-        if 2.0 * change * self.first > self.first * self.first {
-            return Verdict::Sound;
-        }
-        self.first = change;
-        self.excluded |= 1;
-        Verdict::Spike { deviations: least }
-    }
-
-    fn change(&self) -> f64 {
-        self.series[0].values[LEN - 1] - self.series[0].values[LEN - 2]
-    }
-
-    /// Whether a measurement after a spike is nearer to the spike than to the value before it and to the continuation of
-    /// the change: it belongs to the same fault, for at most as long as the test for an offset takes.
-    fn stays(&self) -> bool {
-        let row = (self.excluded >> 1).trailing_ones() as usize;
-        (1..SIDE - 1).contains(&row) && 2.0 * self.change().abs() < self.first.abs()
-    }
-
-    /// The step in `w`, if it is an offset.
-    fn step(&mut self, options: &GuardOptions) -> Option<f64> {
-        let noise = self.noise;
-        let mut found = [None; 2];
-        for (series, found) in self.series.iter_mut().zip(&mut found) {
-            let earlier = series.step(SIDE).map(|[earlier, ..]| earlier);
-            if let Some([step, deviation, factor]) = series.step(0) {
-                let usual = deviation.max(factor * noise).max(series.steps.root());
-                let known = series.steps.is_known(options.window);
-                *found = Some(step).filter(|step| known && step.abs() > options.offset * usual);
-            }
-            if let Some(earlier) = earlier {
-                series.steps.add(earlier, options.offset, options.window);
-            }
-        }
-        let [y, w] = found;
-        w.filter(|w| y.is_some_and(|y| y * w > 0.0))
+        // Values far beyond any range leave no trace in what is usual, before it is known.
+        (Verdict::Used, !begins || !jumps || deviations.is_infinite())
     }
 
     fn is_stuck(&mut self, value: f64, options: &GuardOptions) -> bool {
@@ -290,29 +244,26 @@ impl Sensor {
     pub(super) fn visit_state(&mut self, memory: &mut Memory<'_>) {
         for series in &mut self.series {
             memory.numbers(&mut series.values);
-            for usual in [&mut series.deviations, &mut series.steps] {
-                memory.count(&mut usual.count, MOST_COUNTED);
-                memory.number(&mut usual.value);
-            }
+            series.deviations.visit_state(memory);
         }
-        for number in [&mut self.first, &mut self.last, &mut self.offset] {
-            memory.number(number);
-        }
-        let mut excluded = self.excluded as usize;
-        memory.count(&mut excluded, u32::MAX as usize);
-        self.excluded = u32::try_from(excluded).unwrap_or_default();
-        for count in [&mut self.repeats, &mut self.longest, &mut self.missing] {
+        self.horizon_error.visit_state(memory);
+        let mut is_held = self.hold.is_some();
+        let mut hold = self.hold.unwrap_or_default();
+        memory.flag(&mut is_held);
+        memory.number(&mut hold.first);
+        memory.number(&mut self.last);
+        let Self { since, repeats, longest, .. } = self;
+        for count in [&mut hold.unused, &mut hold.used, since, repeats, longest] {
             memory.count(count, MOST_COUNTED);
         }
+        self.hold = is_held.then_some(hold);
     }
 
     /// Whether the numbers can be those of a sensor.
     pub(super) fn is_sound(&self) -> bool {
-        let sound = |series: &Series| {
-            are_variances(&[series.deviations.value, series.steps.value])
-                && series.values.iter().all(|x| !x.is_infinite())
-        };
-        self.offset.is_finite() && self.series.iter().all(sound)
+        let [y, w] = &self.series;
+        are_variances(&[y.deviations.value, w.deviations.value, self.horizon_error.value])
+            && y.values.iter().chain(&w.values).all(|x| !x.is_infinite())
     }
 }
 

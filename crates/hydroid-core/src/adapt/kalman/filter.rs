@@ -315,6 +315,7 @@ impl<M: Learnable> Filter<M> {
         memory.flag(self.covariance.pending().unwrap_or(&mut false));
         memory.flag(&mut self.stepped);
         memory.flag(&mut self.learns);
+        memory.number(&mut self.noise_scale);
         memory.numbers(&mut self.state);
         memory.numbers(&mut self.weights);
         self.covariance.parts().into_iter().for_each(|numbers| memory.numbers(numbers));

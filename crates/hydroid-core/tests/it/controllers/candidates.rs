@@ -168,7 +168,8 @@ fn direct_predictors_that_learn(base: BaseModel) {
     };
     let guarded = GuardOptions { horizon: 4, stride: 1, ..GuardOptions::new(0.1) };
     let ranges = [(0.0, 6.0), (-1.5, 1.5), (-1.0, 1.0)];
-    let mut guard = Guard::new(Box::new(learner()), companion(), &ranges, &[0.01; 3], guarded).unwrap();
+    let [first, second] = [learner(), learner()].map(Box::new);
+    let mut guard = Guard::new(first, second, companion(), &ranges, &[0.01; 3], guarded).unwrap();
     let mut work = side_by_side(&guard, 7);
     for _ in 0..6 {
         walk(&mut guard, 10);
@@ -195,7 +196,8 @@ fn batches_of_adapting_sessions_equal_single_rollouts() {
 
     let options = GuardOptions { horizon: 4, stride: 1, ..GuardOptions::new(0.1) };
     let ranges = [(0.0, 6.0), (-1.5, 1.5), (-1.0, 1.0), (-130.0, 350.0), (-0.524, 0.524)];
-    let mut guard = Guard::new(learner(true), learner(false), &ranges[..3], &[0.01; 3], options).unwrap();
+    let mut guard =
+        Guard::new(learner(true), learner(true), learner(false), &ranges[..3], &[0.01; 3], options).unwrap();
     let mut work = side_by_side(&guard, 15);
     for _ in 0..6 {
         walk(&mut guard, 10);

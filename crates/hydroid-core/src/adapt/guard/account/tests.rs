@@ -12,9 +12,9 @@ fn account(options: &GuardOptions) -> Account {
     Account::new(options, Balance::new(options, FLOOR))
 }
 
-/// Runs tests whose costs are this share of the limit of their answers. Returns the largest discounted sum of the costs,
-/// relative to the constant of the guarantee.
-fn largest(options: &GuardOptions, shares: &[f64]) -> f64 {
+/// Runs tests whose costs are this share of the limit of their answers; answers without a share are exempt. Returns the
+/// largest discounted sum of the costs, relative to the constant of the guarantee.
+fn largest(options: &GuardOptions, shares: &[Option<f64>]) -> f64 {
     let mut account = account(options);
     let n = options.horizon / options.stride;
     let past = (-(options.stride as f64) / options.window as f64).exp();
@@ -23,13 +23,18 @@ fn largest(options: &GuardOptions, shares: &[f64]) -> f64 {
     for (j, share) in shares.iter().enumerate() {
         if j >= n {
             // A gain can be large without a limit.
-            let cost = if *share > 0.0 { share * account.oldest() } else { *share };
+            let cost = match shares[j - n] {
+                Some(share) if share > 0.0 => share * account.oldest(),
+                Some(gain) => gain,
+                None => 0.0,
+            };
+            assert!(shares[j - n].is_some() || account.oldest() == 0.0);
             account.settle(cost);
             sum = past * sum + cost;
             most = f64::max(most, sum);
             assert!((constant - sum - account.balance()).abs() < 1e-9 * (1.0 + sum.abs()), "{sum}");
         }
-        account.open();
+        account.open(share.is_none());
         assert!(account.limit() >= 0.0);
     }
     most / constant
@@ -39,7 +44,10 @@ proptest! {
     /// Whatever the costs are, up to the limits of their answers, the guarantee holds.
     #[test]
     fn the_guarantee_holds_for_any_costs(
-        shares in prop::collection::vec(prop_oneof![Just(1.0), -0.5_f64..1.0], 0..600),
+        shares in prop::collection::vec(
+            prop_oneof![4 => Just(Some(1.0)), 4 => (-0.5_f64..1.0).prop_map(Some), 1 => Just(None)],
+            0..600,
+        ),
         stride in 1_usize..5,
         tests in 1_usize..8,
         windows in 1_usize..200,
@@ -53,7 +61,7 @@ proptest! {
 /// The worst learner spends the constant, and no more.
 #[test]
 fn the_worst_learner_uses_most_of_the_constant() {
-    let most = largest(&GuardOptions::new(0.1), &[1.0; 2000]);
+    let most = largest(&GuardOptions::new(0.1), &vec![Some(1.0); 2000]);
     assert!((0.8..=1.0).contains(&most), "{most}");
 }
 
@@ -64,13 +72,13 @@ fn gains_permit_larger_deviations() {
     let before = account.limit();
     for _ in 0..50 {
         account.settle(-0.2);
-        account.open();
+        account.open(false);
     }
     assert!(account.limit() > 3.0 * before, "{} {before}", account.limit());
     let losses: Vec<f64> = (0..20)
         .map(|_| {
             account.settle(account.oldest());
-            account.open();
+            account.open(false);
             account.limit()
         })
         .collect();
