@@ -103,7 +103,7 @@ fn an_index_column_without_a_name_gets_one() {
 #[test]
 fn each_broken_table_has_its_own_message() {
     for (text, parts) in [
-        ("t,u\n0,1\n1,2,3\n2,3\n", &["line 3", "3 cells", "quotes"]),
+        ("t,u\n0,1\n1,2,3\n2,3\n", &["line 3", "3 cells", "quotes"][..]),
         ("t,u\n0,1\n1", &["line 3", "middle of a line", "delete this last line"]),
         ("t,u,u\n0,1,2\n", &["columns 2 and 3", "`u`", "rename"]),
         ("t,u\n", &["header", "no samples"]),
