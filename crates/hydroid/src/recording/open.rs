@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use hydroid_io::{Clock, Field, IoError, LogFile, Sink, Summary, Topic};
 
+use super::table::{STEPS, time_text};
 use crate::log::line::Time;
 use crate::log::{self, ChannelSpec, LogError, Note, RawColumn, RawLog, Selection};
 use crate::progress::{self, Progress};
@@ -62,7 +63,7 @@ pub(super) fn scan(
     sink: &mut dyn Sink,
     notes: &mut Vec<Note>,
 ) -> Result<Summary, LogError> {
-    let files = if source.is_folder() { files(source.path())? } else { vec![source.clone()] };
+    let files = if source.is_folder() { files(source.path(), notes)? } else { vec![source.clone()] };
     let mut summary = Summary::default();
     let mut joined = Joined { sink, names: Vec::new(), ids: Vec::new() };
     for file in files {
@@ -78,12 +79,20 @@ pub(super) fn scan(
 }
 
 /// Files of a folder that are read together: those of a ROS 2 bag, else all CSV files.
-fn files(folder: &Path) -> Result<Vec<LogFile>, LogError> {
+fn files(folder: &Path, notes: &mut Vec<Note>) -> Result<Vec<LogFile>, LogError> {
     let failed = |source| LogError::Read { path: folder.display().to_string(), source };
     let mut all = std::fs::read_dir(folder)
         .and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect::<Result<Vec<_>, _>>())
         .map_err(failed)?;
     all.sort();
+    let inner = all.iter().filter(|path| path.is_dir()).filter_map(|path| path.file_name());
+    let inner: Vec<String> = inner.map(|name| name.to_string_lossy().into_owned()).collect();
+    if !inner.is_empty() {
+        notes.push(
+            Note::warning(format!("{}: folders in it are not read: {}", folder.display(), inner.join(", ")))
+                .with_remedy("move their files into the folder of the recording, with a name for each topic"),
+        );
+    }
     for extensions in [&["db3", "mcap", "bag"][..], &["csv", "parquet"]] {
         let of_kind = |path: &&PathBuf| {
             path.extension().is_some_and(|e| extensions.iter().any(|of| e.eq_ignore_ascii_case(of)))
@@ -157,6 +166,9 @@ fn csv(file: &LogFile, sink: &mut dyn Sink, notes: &mut Vec<Note>) -> Result<(),
         Ok(Time::Column { source, .. }) => Some(source),
         _ => None,
     };
+    if let Some(source) = source {
+        check_time(&log, &log.columns[source.column], notes)?;
+    }
     let clock = match source {
         Some(source) if log.columns[source.column].stamps.is_some() => Clock::Utc,
         Some(_) => Clock::Boot,
@@ -195,6 +207,35 @@ fn csv(file: &LogFile, sink: &mut dyn Sink, notes: &mut Vec<Note>) -> Result<(),
         sink.row(0, stamp_ns, None, &values);
     }
     Ok(())
+}
+
+/// Rows without a time are left out. If no row has one, it is an error.
+fn check_time(log: &RawLog, column: &RawColumn, notes: &mut Vec<Note>) -> Result<(), LogError> {
+    let missing = column.values.iter().filter(|t| t.is_nan()).count();
+    if missing == 0 {
+        return Ok(());
+    }
+    let (path, name) = (log.path.clone(), column.name.clone());
+    match &column.bad {
+        Some(bad) if missing == log.rows() => Err(LogError::TextInNumbers {
+            path,
+            line: bad.line,
+            column: name,
+            text: bad.text.clone(),
+            remedy: "write the time as 2020-08-03T11:04:37.125Z, or as a number with its unit in the header",
+        }),
+        None if missing == log.rows() => Err(LogError::AllMissing { path, column: name }),
+        bad => {
+            let first = bad.as_ref().map_or(String::new(), |bad| {
+                format!("; the first cell that is not a time is `{}` in line {}", bad.text, bad.line)
+            });
+            notes.push(Note::warning(format!(
+                "{path}: {missing} of {} rows have no time in `{name}`, and are left out{first}",
+                log.rows()
+            )));
+            Ok(())
+        }
+    }
 }
 
 /// Name of a column.
@@ -361,6 +402,22 @@ impl Recording {
                 topic.name
             )));
         }
+        let sorted: Vec<f64> = order.iter().map(|&k| t[k]).collect();
+        let longest = STEPS * log::Clock::usual_step(&sorted).unwrap_or(0.0);
+        let mut back = t.windows(2).filter(|pair| pair[0] - pair[1] > longest);
+        if let Some(pair) = back.next() {
+            notes.push(
+                Note::warning(format!(
+                    "{}: the clock of `{}` goes back {} times, first from {} to {}: its rows are sorted by time",
+                    self.header.path,
+                    topic.name,
+                    1 + back.count(),
+                    time_text(pair[0]),
+                    time_text(pair[1])
+                ))
+                .with_remedy("if these are several recordings, write each to a file of its own"),
+            );
+        }
         let index = self.topics.len();
         for (i, field) in topic.fields.iter().enumerate() {
             let name = if single { field.name.clone() } else { qualified(&topic.name, &field.name) };
@@ -372,8 +429,7 @@ impl Recording {
             self.header.columns.push(RawColumn::of(&name, field.unit.as_deref(), Vec::new()));
             self.topic_of.push(index);
         }
-        let t = order.iter().map(|&k| t[k]).collect();
-        self.topics.push(Times { clock: topic.clock, t });
+        self.topics.push(Times { clock: topic.clock, t: sorted });
     }
 
     /// Adds the yaw angle of a quaternion as a column.

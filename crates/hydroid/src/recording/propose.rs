@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::survey::{FieldSurvey, Survey, TopicSurvey};
+use super::survey::{FieldSurvey, Survey, TopicSurvey, is_output};
 use crate::boat::{Boat, FUNCTIONS, Output, Range};
 use crate::log::{ChannelSpec, Selection, Sensors};
 
@@ -88,6 +88,41 @@ const NO_COMMANDS: &[&str] = &[
     "deviation",
 ];
 
+/// Words of topics that contain measurements, estimates of them, or the items of a mission.
+const MEASUREMENTS: &[&str] = &[
+    "imu",
+    "gyro",
+    "accel",
+    "accelerometer",
+    "mag",
+    "magnetometer",
+    "baro",
+    "gps",
+    "gnss",
+    "gpa",
+    "fix",
+    "navsatfix",
+    "compass",
+    "att",
+    "attitude",
+    "estimator",
+    "ekf",
+    "innovations",
+    "odom",
+    "odometry",
+    "pose",
+    "battery",
+    "mission",
+    "waypoint",
+    "waypoints",
+    "mavc",
+];
+/// Words of topics of the stages of a controller before its outputs, and of reports on it.
+const CONTROLLERS: &[&str] =
+    &["setpoint", "sp", "controls", "control", "status", "twist", "twiststamped", "vel"];
+/// Names of channels that a table from sensors, or one with velocities, already contains.
+const TAKEN: &[&str] = &["t", "x", "y", "psi", "u", "v", "r", "wind_x", "wind_y"];
+
 /// Columns of a recording that look like sensors, motion and commands.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Proposal {
@@ -140,6 +175,24 @@ impl TopicSurvey {
     /// Whether its messages are of ROS: axes are forward, port, up, and east, north, up (REP 103).
     fn is_ros(&self) -> bool {
         self.type_name.contains("_msgs/")
+    }
+
+    /// Rank of the topic among those of commands, 0 for the best; none for a topic of measurements.
+    fn rank(&self) -> Option<u32> {
+        let name = self.name.split('[').next().unwrap_or_default();
+        // Outputs of PX4 to each actuator, then pulse widths of autopilots.
+        if ["actuator_motors", "actuator_servos"].contains(&name) {
+            return Some(0);
+        }
+        if is_output(&self.name) || self.name.starts_with("RCO") {
+            return Some(1);
+        }
+        let is_mission = name == "CMD" && self.find(&["CNum"]).is_some();
+        let is_of = |words: &[&str]| has_word(&self.name, words) || has_word(self.kind(), words);
+        if is_mission || name.starts_with("vehicle_command") || is_of(MEASUREMENTS) {
+            return None;
+        }
+        Some(if is_of(CONTROLLERS) { 3 } else { 2 })
     }
 
     fn kind(&self) -> &str {
@@ -226,7 +279,8 @@ impl Survey {
                 }
             }
         }
-        let commands = self.commands(&proposal.selection);
+        let mut others = Vec::new();
+        let commands = self.commands(&proposal.selection, &mut others);
         proposal.selection.inputs = commands.iter().map(|(spec, _, _)| spec.clone()).collect();
         if proposal.selection.inputs.is_empty() {
             proposal.remarks.push("nothing looks like a command: name the inputs".to_owned());
@@ -234,6 +288,7 @@ impl Survey {
         for input in &proposal.selection.inputs {
             proposal.remarks.push(format!("command {}: {}", input.name, input.column));
         }
+        proposal.remarks.extend(others);
         for (spec, topic, field) in commands {
             let seen = Range {
                 low: field.low.unwrap_or(f64::NAN),
@@ -363,27 +418,44 @@ impl Survey {
         false
     }
 
-    /// Fields that look like commands. If topics of actuators exist, others are none.
-    fn commands(&self, selection: &Selection) -> Vec<(ChannelSpec, &TopicSurvey, &FieldSurvey)> {
+    /// Fields that look like commands, of the topics of the best rank that contains one. The others are named in a remark.
+    fn commands(
+        &self,
+        selection: &Selection,
+        remarks: &mut Vec<String>,
+    ) -> Vec<(ChannelSpec, &TopicSurvey, &FieldSurvey)> {
         let sensors =
             selection.sensors.iter().flat_map(|sensors| sensors.columns().map(|(_, spec)| &spec.column));
         let used: Vec<&String> = sensors.chain(selection.outputs.iter().map(|spec| &spec.column)).collect();
-        let mut found: Vec<(String, &TopicSurvey, &FieldSurvey)> = Vec::new();
+        let mut found: Vec<(u32, String, &TopicSurvey, &FieldSurvey)> = Vec::new();
         for topic in &self.topics {
+            // The name of a single table is that of the whole recording.
+            let is_named = self.topics.len() > 1 || !topic.type_name.is_empty();
+            let Some(rank) = (if is_named { topic.rank() } else { Some(0) }) else { continue };
             for field in &topic.fields {
                 let local = topic.local(field);
-                let is_command =
-                    (topic.is(COMMANDS) || has_word(local, COMMANDS)) && !has_word(local, NO_COMMANDS);
-                if !is_command || !field.varies() || used.contains(&&field.column) {
-                    continue;
+                let is_command = ((is_named && (rank < 2 || topic.is(COMMANDS)))
+                    || has_word(local, COMMANDS))
+                    && !has_word(local, NO_COMMANDS);
+                if is_command && field.varies() && !used.contains(&&field.column) {
+                    found.push((rank, self.name(topic, local), topic, field));
                 }
-                found.push((self.name(topic, local), topic, field));
             }
         }
-        let repeated = |name: &str| found.iter().filter(|f| f.0 == name).count() > 1;
+        let best = found.iter().map(|found| found.0).min();
+        let (found, others): (Vec<_>, Vec<_>) = found.into_iter().partition(|found| Some(found.0) == best);
+        let mut others: Vec<&str> = others.iter().map(|(_, _, topic, _)| topic.name.as_str()).collect();
+        others.dedup();
+        if !others.is_empty() {
+            remarks.push(format!("not proposed beside these commands: fields of {}", others.join(", ")));
+        }
+        let repeated = |name: &str| found.iter().filter(|f| f.1 == name).count() > 1;
+        let is_taken = |name: &str| TAKEN.contains(&name) || name.starts_with("deviation_");
         let mut commands = Vec::new();
-        for (name, topic, field) in &found {
-            let name = if repeated(name) { words_of(&field.column) } else { name.clone() };
+        for (_, name, topic, field) in &found {
+            let is_free = !repeated(name) && !is_taken(name);
+            let name = if is_free { name.clone() } else { words_of(&field.column) };
+            let name = if is_taken(&name) { format!("command_{name}") } else { name };
             commands.extend(spec(&format!("{name}={}", field.column)).map(|spec| (spec, *topic, *field)));
         }
         commands
@@ -451,8 +523,13 @@ impl Proposal {
         if !selection.outputs.is_empty() {
             let _ = writeln!(text, "outputs = {}", list(&selection.outputs));
         }
-        let _ = writeln!(text, "# Commands, with the columns of their raw values.");
-        let _ = writeln!(text, "inputs = {}", list(&selection.inputs));
+        if selection.inputs.is_empty() {
+            let _ =
+                writeln!(text, "# No command was found. Name them as \"NAME=COLUMN\".\ninputs = [\"none\"]");
+        } else {
+            let _ = writeln!(text, "# Commands, with the columns of their raw values.");
+            let _ = writeln!(text, "inputs = {}", list(&selection.inputs));
+        }
         if let Some(sensors) = &selection.sensors {
             text.push_str(
                 "\n# Sensors from which pose and velocities are computed. Axes forward, starboard, down: for an inertial unit\n# with axes forward, port, up, yaw_rate and acceleration_starboard have the factor -1.\n[log.sensors]\n",

@@ -212,7 +212,7 @@ pub fn survey(source: impl Into<LogFile>) -> Result<Survey, LogError> {
 }
 
 /// Whether a topic contains the outputs of an autopilot.
-fn is_output(topic: &str) -> bool {
+pub(super) fn is_output(topic: &str) -> bool {
     let name = topic.to_ascii_lowercase();
     ["rcou", "servo_output_raw", "actuator_outputs"].iter().any(|of| name.starts_with(of))
         || name.ends_with("rc/out")

@@ -11,7 +11,7 @@ use crate::log::{
 };
 
 /// Longest time \[s\] over which a measurement of another topic is interpolated, in its usual steps.
-const STEPS: f64 = 5.0;
+pub(super) const STEPS: f64 = 5.0;
 
 impl Recording {
     /// The column that a specification names.

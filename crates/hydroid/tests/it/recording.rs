@@ -774,3 +774,98 @@ fn a_pause_is_not_filled_by_dead_reckoning() {
         assert!(notes.iter().any(|note| note.message.contains("there are no rows from")), "{notes:?}");
     }
 }
+
+/// Cases of logs beside the data; without `HYDROID_DATA` none.
+fn wild(case: &str) -> Option<PathBuf> {
+    let path = fleet()?.join("../../reference/wild").join(case);
+    path.exists().then_some(path)
+}
+
+fn inputs_of(path: &Path) -> Vec<String> {
+    proposed(path).inputs.iter().map(ToString::to_string).collect()
+}
+
+/// Increments of an inertial unit, mission items and set-points were written as commands beside the outputs.
+#[test]
+fn measurements_and_mission_items_are_no_commands_beside_outputs() {
+    let motors: &[&str] = &["control_0=actuator_motors.control[0]", "control_1=actuator_motors.control[1]"];
+    for (case, expected) in [
+        ("01-px4-imu-increments-proposed-as-commands/usv.ulg", motors),
+        ("02-dataflash-mission-items-proposed-as-commands/auto.BIN", &["C1=RCOU.C1", "C3=RCOU.C3"]),
+    ] {
+        if let Some(path) = wild(case) {
+            assert_eq!(inputs_of(&path), expected, "{case}");
+        }
+    }
+    // The same as a folder of topics; words of actuators are of one rank.
+    let folder = boat(2);
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    let rows = "2026-05-01T10:00:00Z,1,2\n2026-05-01T10:00:01Z,3,4\n";
+    write("imu_increments.csv", &format!("time,delta_angle_z,delta_velocity_x\n{rows}"));
+    write("heading_setpoint.csv", &format!("time,rudder,psi\n{rows}"));
+    write("engine.csv", &format!("time,rpm,temperature\n{rows}"));
+    std::fs::write(
+        folder.path().join("servo.csv"),
+        "time,rudder [deg]\n2026-05-01T10:00:00Z,1\n2026-05-01T10:00:01Z,2\n",
+    )
+    .unwrap();
+    let proposal = survey(folder.path()).unwrap().proposal();
+    let inputs: Vec<String> = proposal.selection.inputs.iter().map(ToString::to_string).collect();
+    assert_eq!(inputs, ["rpm=engine.rpm", "rudder=servo.rudder"]);
+    assert!(proposal.remarks.iter().any(|text| text.ends_with("fields of heading_setpoint")), "{proposal:?}");
+}
+
+/// A proposal with the names of computed columns, or without commands, was refused by `hydroid convert`.
+#[test]
+fn a_proposed_configuration_is_accepted() {
+    if let Some(path) = wild("03-proposal-with-clashing-name/sticks.ulg") {
+        let names = proposed(&path).inputs;
+        assert!(names.iter().all(|spec| !["x", "r"].contains(&spec.name.as_str())), "{names:?}");
+    }
+    let folder = boat(20);
+    std::fs::remove_file(folder.path().join("servo.csv")).unwrap();
+    for text in ["", "time,r,x\n2026-05-01T10:00:00Z,1,2\n2026-05-01T10:00:10Z,2,3\n"] {
+        if !text.is_empty() {
+            std::fs::write(folder.path().join("thruster.csv"), text).unwrap();
+        }
+        let config = TempDir::new().unwrap();
+        let file = config.path().join("hydroid.toml");
+        std::fs::write(&file, survey(folder.path()).unwrap().proposal().to_toml("boat")).unwrap();
+        let selection = hydroid::config::read(&file).unwrap().reading().unwrap().selection;
+        let (log, _) = one(folder.path(), &selection).unwrap();
+        let run = converted(&log, &selection, &mut Vec::new()).unwrap();
+        assert_eq!(run.position("thruster_r").is_some(), !text.is_empty(), "{selection:?}");
+    }
+}
+
+/// Rows whose time cannot be read were dropped silently, and inner folders were not mentioned.
+#[test]
+fn rows_without_a_readable_time_are_counted_and_inner_folders_are_named() {
+    let slashes = "time,throttle\n2026/04/11 11:15:00.0,1\n2026/04/11 11:15:00.5,2\n";
+    let folder = boat(2);
+    std::fs::create_dir(folder.path().join("nav")).unwrap();
+    std::fs::write(folder.path().join("thruster.csv"), slashes).unwrap();
+    let error = survey(folder.path()).unwrap_err().to_string();
+    for text in ["thruster.csv, line 2, column `time`: `2026/04/11 11:15:00.0`", "2020-08-03T11:04:37.125Z"] {
+        assert!(error.contains(text), "{error}");
+    }
+    std::fs::write(folder.path().join("thruster.csv"), "t [s],throttle\n0,1\nn/a,2\n1,3\n,4\n").unwrap();
+    let found = survey(folder.path()).unwrap();
+    for text in ["2 of 4 rows have no time in `t`, and are left out", "folders in it are not read: nav"] {
+        assert!(found.notes.iter().any(|note| note.message.contains(text)), "{text}: {:?}", found.notes);
+    }
+}
+
+/// Two sessions in one file were interleaved by the time of day without a warning.
+#[test]
+fn a_clock_that_goes_back_is_warned_of() {
+    let folder = TempDir::new().unwrap();
+    let rows = |from: f64, value: u32| -> String {
+        (0..20).fold(String::new(), |text, k| text + &format!("{},{value}\n", from + f64::from(k)))
+    };
+    let motion = format!("t [s],u [m/s]\n{}{}", rows(0.0, 1), rows(0.5, 2));
+    std::fs::write(folder.path().join("motion.csv"), motion).unwrap();
+    std::fs::write(folder.path().join("cmd.csv"), "t [s],n_cmd\n0,7\n").unwrap();
+    let (_, notes) = one(folder.path(), &Selection::of("u=motion.u", "n=cmd.n_cmd").unwrap()).unwrap();
+    assert!(notes.iter().any(|note| note.message.contains("`motion` goes back 1 times")), "{notes:?}");
+}
