@@ -141,7 +141,7 @@ impl Instance {
         self.present[..n].copy_from_slice(&self.start_outputs);
         let hidden = self.hidden();
         if let Ok(continuous) = self.resource.variables.continuous() {
-            continuous.settle(&self.start_inputs, &mut self.present[n..n + hidden]);
+            continuous.settle(&self.start_outputs, &self.start_inputs, &mut self.present[n..n + hidden]);
         }
         self.present[n + hidden..].iter_mut().zip(self.start_pose).for_each(|(x, start)| *x = start);
     }

@@ -408,6 +408,14 @@ impl Dynamics {
         self.motion.holding_force(u)
     }
 
+    /// Writes the positions at the start of a run with a measured surge velocity and a first row of commands: those that hold
+    /// the commands, but a lone linear propeller holds the velocity.
+    pub fn start(&self, u: f64, commands: &[f64], positions: &mut [f64]) {
+        positions.fill(f64::NAN);
+        self.hold(u, positions);
+        self.settle_unknown(commands, positions);
+    }
+
     /// Sets the unknown position of a propeller at a measured surge velocity to the one that holds it: the lag of a lone linear
     /// propeller then starts in steady motion.
     pub(crate) fn hold(&self, u: f64, positions: &mut [f64]) {

@@ -35,7 +35,7 @@ pub struct Continuous {
 
 #[derive(Debug)]
 enum Field {
-    Craft { dynamics: Box<Dynamics<Directional>>, servos: Vec<Servo> },
+    Craft { dynamics: Box<Dynamics<Directional>>, plain: Box<Dynamics>, servos: Vec<Servo> },
     Equations { equations: Arc<Equations>, jacobian: Box<Jacobian> },
 }
 
@@ -71,12 +71,16 @@ impl Continuous {
         self.outputs + self.hidden.len() + if self.motion.is_some() { 3 } else { 0 }
     }
 
-    /// Writes the hidden states of a steady motion: the command `c` has been held for a long time.
-    pub fn settle(&self, c: &[f64], hidden: &mut [f64]) {
+    /// Writes the hidden states at the start of a run with the outputs `y`, before which the command `c` has been held for a
+    /// long time.
+    pub fn settle(&self, y: &[f64], c: &[f64], hidden: &mut [f64]) {
         match &self.field {
-            Field::Craft { servos, .. } => {
-                let moving = servos.iter().filter(|servo| !servo.follows_at_once());
-                hidden.iter_mut().zip(moving).for_each(|(state, servo)| *state = servo.order.value(c));
+            Field::Craft { plain, servos, .. } => {
+                let mut positions = vec![0.0; servos.len()];
+                plain.start(y[0], c, &mut positions);
+                let positions = positions.into_iter().zip(servos);
+                let moving = positions.filter(|(_, servo)| !servo.follows_at_once());
+                hidden.iter_mut().zip(moving).for_each(|(state, (position, _))| *state = position);
             }
             Field::Equations { equations, .. } => {
                 for (state, signal) in hidden.iter_mut().zip(equations.signals()) {
@@ -166,7 +170,7 @@ fn of_craft(
     let dynamics = Box::new(Dynamics::new(&craft.with_numbers(&numbers)));
     let moving = names.into_iter().zip(&servos).filter(|(_, servo)| !servo.follows_at_once());
     let names = moving.map(|(name, _)| name).collect();
-    Ok((Field::Craft { dynamics, servos }, names))
+    Ok((Field::Craft { dynamics, plain: Box::new(Dynamics::new(craft)), servos }, names))
 }
 
 fn of_equations(model: &Model, equations: &Arc<Equations>) -> Result<(Field, Vec<Hidden>), NoDerivatives> {

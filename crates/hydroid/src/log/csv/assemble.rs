@@ -110,14 +110,18 @@ fn header(chunks: &mut Chunks<impl Read>, path: &str) -> Result<Header, LogError
             }
             let header: Vec<String> = record.iter().map(|cell| text(cell).to_owned()).collect();
             let columns = header_columns(&header, path)?;
+            let needed = header.iter().rposition(|cell| !cell.is_empty()).map_or(0, |at| at + 1);
+            let read = usize::try_from(reader.position().byte()).unwrap_or(bytes.len());
+            let mut rows =
+                std::iter::from_fn(|| reader.read_byte_record(&mut record).ok()?.then_some(record.len()));
             let format = Format {
+                omits: rows.next().is_some_and(|first| first < needed),
                 delimiter,
                 decimal_comma: delimiter != b',' && has_decimal_comma(bytes, delimiter, end_of_line),
                 end_of_line,
                 width: columns.len(),
-                needed: header.iter().rposition(|cell| !cell.is_empty()).map_or(0, |at| at + 1),
+                needed,
             };
-            let read = usize::try_from(reader.position().byte()).unwrap_or(bytes.len());
             let end = title.saturating_add(read).min(bytes.len());
             let before = before + rows::count(&bytes[..end], end_of_line);
             chunk.bytes.drain(..end);

@@ -18,6 +18,9 @@ pub(super) struct Format {
     /// Number of columns, and of those up to the last one with a name: a row may end after it.
     pub(super) width: usize,
     pub(super) needed: usize,
+    /// Whether the first row ends before: the program that wrote the log omits the last cells where they are empty. A single short
+    /// row among whole ones is damaged.
+    pub(super) omits: bool,
 }
 
 /// What a column holds, known from its first cell that is not missing. A column does not mix stamps and numbers.
@@ -217,7 +220,7 @@ impl Row<'_> {
     fn end(&mut self, at_end: impl FnOnce() -> bool, all: &str) -> Result<(), Defect> {
         let (found, short) = (self.found, self.found < self.format.needed);
         let truncated = short && !all.ends_with('\n') && at_end();
-        if self.extra || truncated {
+        if self.extra || short && (truncated || !self.format.omits) {
             return Err(Defect::Row { line: self.line, found, truncated });
         }
         if short {
@@ -299,9 +302,10 @@ mod tests {
         fn rows_without_quotation_marks_are_those_of_the_parser_of_quoted_ones(
             text in "[tu,; \n\r0-9.\\-x]{0,80}",
             last in any::<bool>(),
+            omits in any::<bool>(),
         ) {
             for delimiter in [b',', b';'] {
-                let format = Format { delimiter, decimal_comma: false, end_of_line: b'\n', width: 3, needed: 2 };
+                let format = Format { delimiter, decimal_comma: false, end_of_line: b'\n', width: 3, needed: 2, omits };
                 let rows = |quoted: bool| {
                     let chunk = Chunk { bytes: Vec::new(), last, endless: None };
                     let mut rows = Rows::of(&chunk, &format, &[Kind::Unknown; 3]);

@@ -43,8 +43,9 @@ fn rows_may_omit_their_last_cells() {
     assert_eq!((log.short.first, log.short.count), (2, 2));
     assert_eq!(log.columns[2].values[1], 3.0);
     assert!(log.columns[2].values[0].is_nan() && log.columns[2].values[2].is_nan());
-    let log = super::log("t;u;rudder\n0;1;2\n1;\n");
-    assert_eq!((log.short.first, log.short.count), (3, 1));
+    let log = super::log("t;u;rudder\n0;1\n\n1;2\n3;4;5\n");
+    assert_eq!((log.short.first, log.short.count), (2, 2));
+    assert!(read_error(b"t;u;rudder\n0;1;2\n1;2\n").contains("line 3: 2 cells"));
     assert!(read_error(b"t,u\n0,1,2\n").contains("3 cells where the header names 2 columns"));
     assert!(read_error(b"t,u,n\n0,1,2\n1,2").contains("in the middle of a line"));
 }
@@ -103,7 +104,8 @@ fn an_index_column_without_a_name_gets_one() {
 #[test]
 fn each_broken_table_has_its_own_message() {
     for (text, parts) in [
-        ("t,u\n0,1\n1,2,3\n2,3\n", &["line 3", "3 cells", "quotes"][..]),
+        ("t,u\n0,1\n1\n2,3\n", &["line 3", "1 cells", "2 columns"][..]),
+        ("t,u\n0,1\n1,2,3\n2,3\n", &["line 3", "3 cells", "quotes"]),
         ("t,u\n0,1\n1", &["line 3", "middle of a line", "delete this last line"]),
         ("t,u,u\n0,1,2\n", &["columns 2 and 3", "`u`", "rename"]),
         ("t,u\n", &["header", "no samples"]),
