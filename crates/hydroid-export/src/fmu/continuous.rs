@@ -112,7 +112,7 @@ impl Continuous {
     pub fn rates(&self, x: &[Directional], c: &[Directional], current: [f64; 2], rates: &mut [Directional]) {
         assert!(x.len() == self.states() && rates.len() == self.states(), "a number for each state");
         match &self.field {
-            Field::Craft { dynamics, servos } => craft_rates(dynamics, servos, x, c, rates),
+            Field::Craft { dynamics, servos, .. } => craft_rates(dynamics, servos, x, c, rates),
             Field::Equations { equations, jacobian } => equation_rates(equations, jacobian, x, c, rates),
         }
         if let Some(motion) = &self.motion {
