@@ -16,7 +16,7 @@ mod stream;
 mod stream_parts;
 mod through_water;
 
-/// Number of drawn streams in the slow tier: 10,000, or that of `HYDROID_STREAMS`.
-fn streams() -> u32 {
-    std::env::var("HYDROID_STREAMS").map_or(10_000, |text| text.parse().unwrap())
+/// Number of drawn streams in the slow tier, or that of `HYDROID_STREAMS`.
+fn streams(usual: u32) -> u32 {
+    std::env::var("HYDROID_STREAMS").map_or(usual, |text| text.parse().unwrap())
 }

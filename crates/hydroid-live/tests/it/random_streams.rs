@@ -402,5 +402,5 @@ fn no_stream_disables_the_service() {
 #[test]
 #[ignore = "slow tier: .ci/run runs it"]
 fn many_streams_do_not_disable_the_service() {
-    run(crate::streams());
+    run(crate::streams(2000));
 }

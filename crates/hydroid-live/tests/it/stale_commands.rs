@@ -415,5 +415,5 @@ fn no_stream_leaves_a_command_older_than_its_limit() {
 #[test]
 #[ignore = "slow tier: .ci/run runs it"]
 fn many_streams_leave_no_command_older_than_its_limit() {
-    run(crate::streams());
+    run(crate::streams(10_000));
 }
