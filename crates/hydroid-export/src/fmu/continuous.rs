@@ -35,7 +35,7 @@ pub struct Continuous {
 
 #[derive(Debug)]
 enum Field {
-    Craft { dynamics: Box<Dynamics<Directional>>, plain: Box<Dynamics>, servos: Vec<Servo> },
+    Craft { dynamics: Box<Dynamics<Directional>>, plain: Box<Dynamics>, servos: Vec<Servo>, dt: f64 },
     Equations { equations: Arc<Equations>, jacobian: Box<Jacobian> },
 }
 
@@ -71,13 +71,14 @@ impl Continuous {
         self.outputs + self.hidden.len() + if self.motion.is_some() { 3 } else { 0 }
     }
 
-    /// Writes the hidden states at the start of a run with the outputs `y`, before which the command `c` has been held for a
-    /// long time.
+    /// Writes the hidden states at the start of a run with the outputs `y`, after a sample with the command `c` as in
+    /// co-simulation: an actuator whose position is not known has held the command.
     pub fn settle(&self, y: &[f64], c: &[f64], hidden: &mut [f64]) {
         match &self.field {
-            Field::Craft { plain, servos, .. } => {
+            Field::Craft { plain, servos, dt, .. } => {
                 let mut positions = vec![0.0; servos.len()];
                 plain.start(y[0], c, &mut positions);
+                plain.move_servos(&mut positions, c, *dt);
                 let positions = positions.into_iter().zip(servos);
                 let moving = positions.filter(|(_, servo)| !servo.follows_at_once());
                 hidden.iter_mut().zip(moving).for_each(|(state, (position, _))| *state = position);
@@ -170,7 +171,8 @@ fn of_craft(
     let dynamics = Box::new(Dynamics::new(&craft.with_numbers(&numbers)));
     let moving = names.into_iter().zip(&servos).filter(|(_, servo)| !servo.follows_at_once());
     let names = moving.map(|(name, _)| name).collect();
-    Ok((Field::Craft { dynamics, plain: Box::new(Dynamics::new(craft)), servos }, names))
+    let (plain, dt) = (Box::new(Dynamics::new(craft)), model.description.dt);
+    Ok((Field::Craft { dynamics, plain, servos, dt }, names))
 }
 
 fn of_equations(model: &Model, equations: &Arc<Equations>) -> Result<(Field, Vec<Hidden>), NoDerivatives> {

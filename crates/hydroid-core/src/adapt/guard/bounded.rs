@@ -7,7 +7,8 @@
 //! near(p, f) = f + a (p - f)      a = min(1, limit / d) for all steps
 //! ```
 //!
-//! Its error exceeds the error of `f` by at most `a d <= limit`, for any measurement (triangle inequality). With the
+//! Its error exceeds the error of `f` by at most `a d <= limit`, for any measurement (triangle inequality). Errors are limited
+//! to 20, so that a limit of 20 permits any prediction, also beside a companion that has diverged. With the
 //! predictions `s` of the learner, `f` of the reference model and `p` of the unguarded learner, the answer is `near(s, f)`
 //! while a measurement is held back, and `near(near(s, f), p)` otherwise.
 
@@ -55,7 +56,8 @@ impl Metric {
     /// Replaces a prediction by one within the limit of its companion.
     pub(super) fn limit(&self, predicted: &mut [f64], companion: &[f64], limit: f64) {
         let distance = self.distance(predicted, companion);
-        let share = if distance <= limit { 1.0 } else { limit / distance };
+        // Errors are at most those of a diverged prediction.
+        let share = if distance.min(DIVERGED) <= limit { 1.0 } else { limit / distance };
         for (p, &f) in predicted.iter_mut().zip(companion) {
             let near = if share < 1.0 { f + share * (*p - f) } else { *p };
             // A companion that has diverged limits nothing.
