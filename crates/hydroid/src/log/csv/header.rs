@@ -25,7 +25,7 @@ pub(super) fn title(bytes: &[u8]) -> usize {
     let mut begin = 0;
     for line in bytes.split_inclusive(|&b| b == b'\n').take(50) {
         if line.iter().any(|b| matches!(b, b',' | b';' | b'\t')) {
-            // A first column of names would have numbers below it.
+            // Lines with a number are rows of a table with one column, and not a title.
             let lone = bytes[..begin].split(|&b| b == b'\n').any(|line| text(line).parse::<f64>().is_ok());
             return if lone { 0 } else { begin };
         }

@@ -4,7 +4,8 @@
 //!
 //! The reader accepts commas, semicolons and tabs as separators (detected in the header), quotes, a byte order
 //! mark, line ends of every system, spaces around cells, a decimal comma if the separator is not a comma,
-//! a `#` before the header, and ISO 8601 time stamps. Blank, `NaN`, `NA`, `null` and `-` are missing.
+//! a `#` before the header, title lines without a separator above it, and ISO 8601 time stamps. If the first row ends before the
+//! last named column, rows may omit their last cells. Blank, `NaN`, `NA`, `null` and `-` are missing.
 //!
 //! The file is read in parts of whole records ([`chunks`]). The parts are parsed on all cores ([`rows`]) while the next
 //! ones are read, and appended in order ([`assemble`]). The text is never in memory as a whole, and the result does not
