@@ -27,6 +27,9 @@ struct Args {
     /// Only bad days
     #[arg(long)]
     no_clean: bool,
+    /// Search for the worst faults of sensors, with so many generations for each seed
+    #[arg(long, value_name = "GENERATIONS", conflicts_with = "no_clean")]
+    adversary: Option<usize>,
     /// Short trainings of the built-in models
     #[arg(long, conflicts_with = "model")]
     quick: bool,
@@ -54,7 +57,10 @@ fn main() -> anyhow::Result<()> {
     } else {
         args.model.iter().map(|path| case(path, &args.logs)).collect::<anyhow::Result<_>>()?
     };
-    let campaign = guard::campaign(&cases, args.seeds, !args.no_clean)?;
+    let campaign = match args.adversary {
+        Some(generations) => guard::adversary(&cases, args.seeds, generations)?,
+        None => guard::campaign(&cases, args.seeds, !args.no_clean)?,
+    };
     let path = args.output.join("days.csv");
     atomic::write(&path, |out| out.write_all(table(&campaign).as_bytes()))?;
     let summary = guard::summary(&campaign);

@@ -26,6 +26,7 @@
 
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
+use std::ops::Range;
 
 use hydroid::log::{Table, Trajectory};
 use rand::RngExt as _;
@@ -127,21 +128,7 @@ impl Day {
     /// Draws the faults of a day on a log. `noise` are standard deviations of the outputs, `range_u` the width of the range
     /// of the first output.
     pub(super) fn draw(run: &Trajectory, noise: &[f64], range_u: f64, rng: &mut ChaCha8Rng) -> Self {
-        let truth = run.truth.as_ref().unwrap_or(&run.outputs);
-        let mut draft = Draft {
-            n: run.outputs.width(),
-            m: run.inputs.width(),
-            len: run.len(),
-            dt: run.dt,
-            names: run.outputs.channels().iter().map(|channel| channel.name.as_str()).collect(),
-            noise,
-            outputs: run.outputs.rows(0, run.len()).to_vec(),
-            inputs: run.inputs.rows(0, run.len()).to_vec(),
-            truth: truth.rows(0, run.len()).to_vec(),
-            faults: Vec::new(),
-            resets: Vec::new(),
-            text: String::new(),
-        };
+        let mut draft = Draft::new(run, noise);
         let count = if rng.random::<f64>() < 0.3 { 2 } else { 1 };
         // The vessel changes before its sensors fail.
         let mut kinds: Vec<Kind> =
@@ -155,9 +142,112 @@ impl Day {
         if second.random::<f64>() < 0.3 {
             draft.add_transient(&mut second);
         }
-        let Draft { outputs, inputs, truth, faults, resets, text, .. } = draft;
-        let table = |like: &Table, values| Table::new(like.channels().to_vec(), values);
+        draft.day(run)
+    }
+
+    /// A day with given faults of sensors.
+    pub(super) fn with(run: &Trajectory, noise: &[f64], genes: &[Gene]) -> Self {
+        let mut draft = Draft::new(run, noise);
+        for &Gene { kind, output, from, samples, size } in genes {
+            let to = (from + samples).min(draft.len);
+            if !draft.text.is_empty() {
+                draft.text.push_str(", ");
+            }
+            // Writing to a string cannot fail.
+            let _ = write!(draft.text, "{kind:?}={}:{size:.1}@{from}..{to}", draft.names[output]);
+            draft.fail(kind, output, from..to, size);
+            draft.faults.push(SensorFault { kind, output, from, to });
+        }
+        draft.day(run)
+    }
+}
+
+/// A fault of a sensor, as a search for the worst ones varies it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Gene {
+    kind: Kind,
+    output: usize,
+    from: usize,
+    samples: usize,
+    size: f64,
+}
+
+impl Gene {
+    const KINDS: [Kind; 11] = [
+        Kind::Spikes,
+        Kind::Dropout,
+        Kind::Stuck,
+        Kind::Jump,
+        Kind::Creep,
+        Kind::Delay,
+        Kind::Units,
+        Kind::Exchange,
+        Kind::Sign,
+        Kind::Double,
+        Kind::Rounding,
+    ];
+
+    /// A fault of 0.5 to 60 s that begins within the samples. A delay has at most 7 samples.
+    pub(super) fn draw(run: &Trajectory, begins: &Range<usize>, rng: &mut ChaCha8Rng) -> Self {
+        let kind = Self::KINDS[rng.random_range(0..Self::KINDS.len())];
+        let size = match kind {
+            Kind::Delay => log_uniform(rng, 1.0, 8.0),
+            _ => sign(rng) * log_uniform(rng, 2.0, 200.0),
+        };
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // durations are positive and short
+        let samples = (log_uniform(rng, 0.5, 60.0) / run.dt).ceil() as usize;
+        let output = rng.random_range(0..run.outputs.width());
+        Self { kind, output, from: rng.random_range(begins.clone()), samples, size }
+    }
+
+    /// With one property of another fault.
+    pub(super) fn with_part_of(self, other: Self, rng: &mut ChaCha8Rng) -> Self {
+        match rng.random_range(0..4) {
+            0 => Self { kind: other.kind, size: other.size, ..self },
+            1 => Self { output: other.output, ..self },
+            2 => Self { from: other.from, ..self },
+            _ => Self { samples: other.samples, ..self },
+        }
+    }
+}
+
+fn log_uniform(rng: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
+    low * (high / low).powf(rng.random())
+}
+
+/// Factor between the unit of an output and one that it may have by mistake: degrees per second, knots.
+fn other_unit(name: &str) -> f64 {
+    if name == "r" { 360.0 / TAU } else { 3600.0 / 1852.0 }
+}
+
+fn sign(rng: &mut ChaCha8Rng) -> f64 {
+    if rng.random() { 1.0 } else { -1.0 }
+}
+
+impl<'a> Draft<'a> {
+    fn new(run: &'a Trajectory, noise: &'a [f64]) -> Self {
+        let truth = run.truth.as_ref().unwrap_or(&run.outputs);
         Self {
+            n: run.outputs.width(),
+            m: run.inputs.width(),
+            len: run.len(),
+            dt: run.dt,
+            names: run.outputs.channels().iter().map(|channel| channel.name.as_str()).collect(),
+            noise,
+            outputs: run.outputs.rows(0, run.len()).to_vec(),
+            inputs: run.inputs.rows(0, run.len()).to_vec(),
+            truth: truth.rows(0, run.len()).to_vec(),
+            faults: Vec::new(),
+            resets: Vec::new(),
+            text: String::new(),
+        }
+    }
+
+    /// The day of the log.
+    fn day(self, run: &Trajectory) -> Day {
+        let Draft { outputs, inputs, truth, faults, resets, text, .. } = self;
+        let table = |like: &Table, values| Table::new(like.channels().to_vec(), values);
+        Day {
             run: Trajectory {
                 outputs: table(&run.outputs, outputs),
                 inputs: table(&run.inputs, inputs),
@@ -170,17 +260,7 @@ impl Day {
             text,
         }
     }
-}
 
-fn log_uniform(rng: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
-    low * (high / low).powf(rng.random())
-}
-
-fn sign(rng: &mut ChaCha8Rng) -> f64 {
-    if rng.random() { 1.0 } else { -1.0 }
-}
-
-impl Draft<'_> {
     fn samples(&self, time_s: f64) -> usize {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         // durations are positive and short
@@ -229,18 +309,17 @@ impl Draft<'_> {
             }
             Kind::Dropout => {
                 let _ = write!(text, "dropout={name}:{from}..{to}");
-                (from..to).for_each(|k| self.outputs[k * n + output] = f64::NAN);
+                self.fail(kind, output, from..to, 0.0);
             }
             Kind::Stuck => {
                 let _ = write!(text, "stuck={name}:{from}..{to}");
-                let held = self.outputs[from * n + output];
-                (from..to).for_each(|k| self.outputs[k * n + output] = held);
+                self.fail(kind, output, from..to, 0.0);
             }
             Kind::Jump => {
                 let size = sign(rng) * log_uniform(rng, 5.0, 100.0);
                 to = self.len;
                 let _ = write!(text, "jump={name}:{size:.1}@{from}");
-                (from..to).for_each(|k| self.outputs[k * n + output] += size * self.noise[output]);
+                self.fail(kind, output, from..to, size);
             }
             Kind::Creep => {
                 let size = sign(rng) * log_uniform(rng, 2.0, 20.0);
@@ -255,10 +334,9 @@ impl Draft<'_> {
             }
             Kind::Delay => {
                 (from, to) = self.span(rng, 10.0, 60.0);
-                let late = rng.random_range(1..=5);
+                let late: u32 = rng.random_range(1..=5);
                 let _ = write!(self.text, "delay={late}:{from}..{to}");
-                let before = self.outputs.clone();
-                self.outputs[from * n..to * n].copy_from_slice(&before[(from - late) * n..(to - late) * n]);
+                self.fail(kind, output, from..to, f64::from(late));
                 for output in 0..n {
                     self.faults.push(SensorFault { kind, output, from, to });
                 }
@@ -277,10 +355,9 @@ impl Draft<'_> {
                 on = None;
             }
             Kind::Units => {
-                let factor = if name == "r" { 360.0 / TAU } else { 3600.0 / 1852.0 };
                 to = (from + self.samples(60.0)).min(self.len);
-                let _ = write!(self.text, "units={name}:{factor:.2}@{from}..{to}");
-                (from..to).for_each(|k| self.outputs[k * n + output] *= factor);
+                let _ = write!(self.text, "units={name}:{:.2}@{from}..{to}", other_unit(name));
+                self.fail(kind, output, from..to, 0.0);
             }
             Kind::Command => {
                 (from, to) = self.span(rng, 5.0, 60.0);
@@ -321,23 +398,46 @@ impl Draft<'_> {
         let output = rng.random_range(0..n);
         let other = (output + 1) % n;
         let (from, to) = self.span(rng, 0.5, 60.0);
-        let offset = sign(rng) * log_uniform(rng, 5.0, 100.0) * self.noise[output];
-        let values = self.outputs.iter().skip(output).step_by(n).filter(|y| y.is_finite());
-        let step = 0.1 * values.fold(0.0, |most, y| f64::max(most, y.abs())).max(f64::MIN_POSITIVE);
-        for row in self.outputs[from * n..to * n].chunks_exact_mut(n) {
-            match kind {
-                Kind::Exchange => row.swap(output, other),
-                Kind::Sign => row[output] = -row[output],
-                Kind::Double => row[output] *= 2.0,
-                Kind::Rounding => row[output] = (row[output] / step).round() * step,
-                _ => row[output] += offset,
-            }
-        }
+        let size = sign(rng) * log_uniform(rng, 5.0, 100.0);
+        self.fail(kind, output, from..to, size);
         // Writing to a string cannot fail.
         let _ = write!(self.text, ", {kind:?}={}:{from}..{to}", self.names[output]);
         self.faults.push(SensorFault { kind, output, from, to });
         if kind == Kind::Exchange && other != output {
             self.faults.push(SensorFault { kind, output: other, from, to });
+        }
+    }
+
+    /// A sensor fails in some samples; `size` is that of an offset in deviations of the noise, or of a delay in samples.
+    fn fail(&mut self, kind: Kind, output: usize, samples: Range<usize>, size: f64) {
+        let Self { n, noise, .. } = *self;
+        let offset = size * noise[output];
+        let factor = other_unit(self.names[output]);
+        let values = self.outputs.iter().skip(output).step_by(n).filter(|y| y.is_finite());
+        let step = 0.1 * values.fold(0.0, |most, y| f64::max(most, y.abs())).max(f64::MIN_POSITIVE);
+        let held = self.outputs[samples.start * n + output];
+        let len = samples.len();
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a few samples
+        let late = (size.abs() as usize).min(samples.start);
+        let rows = samples.start * n..samples.end * n;
+        if kind == Kind::Delay {
+            let before = self.outputs[rows.start - late * n..rows.end - late * n].to_vec();
+            self.outputs[rows].copy_from_slice(&before);
+            return;
+        }
+        for (k, row) in self.outputs[rows].chunks_exact_mut(n).enumerate() {
+            match kind {
+                Kind::Dropout => row[output] = f64::NAN,
+                Kind::Stuck => row[output] = held,
+                Kind::Units => row[output] *= factor,
+                Kind::Exchange => row.swap(output, (output + 1) % n),
+                Kind::Sign => row[output] = -row[output],
+                Kind::Double => row[output] *= 2.0,
+                Kind::Rounding => row[output] = (row[output] / step).round() * step,
+                Kind::Creep => row[output] += offset * k as f64 / len as f64,
+                Kind::Spikes if !k.is_multiple_of(9) => {}
+                _ => row[output] += offset,
+            }
         }
     }
 

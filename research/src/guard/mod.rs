@@ -13,6 +13,7 @@
 //! is positive where the guarantee is exceeded. It holds by its proof for errors against the measurements that were used at
 //! the tests; the excess also contains what faulty measurements, noise and the samples between two tests add.
 
+mod adversary;
 mod along;
 mod day;
 mod summary;
@@ -187,6 +188,14 @@ pub fn campaign(cases: &[Case], seeds: Range<u64>, clean: bool) -> anyhow::Resul
     };
     let clean = clean_days.into_par_iter().map(clean_day).collect::<anyhow::Result<_>>()?;
     Ok(Campaign { bad, clean })
+}
+
+/// The worst days that an adversary finds with each seed, after a number of generations; see `adversary.rs`.
+pub fn adversary(cases: &[Case], seeds: Range<u64>, generations: usize) -> anyhow::Result<Campaign> {
+    cases.iter().try_for_each(Case::check)?;
+    let found: Vec<Vec<DayResult>> =
+        seeds.map(|seed| adversary::search(cases, seed, generations)).collect::<anyhow::Result<_>>()?;
+    Ok(Campaign { bad: found.into_iter().flatten().collect(), clean: Vec::new() })
 }
 
 fn bad_day(cases: &[Case], seed: u64) -> anyhow::Result<DayResult> {

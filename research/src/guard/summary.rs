@@ -36,6 +36,10 @@ pub struct Summary {
     /// Bad days with a time from 20 to 40 s after the last fault of a sensor has ended: their number, those on which the
     /// guarded error is then at most 1.5 times the unguarded one, and the largest ratio.
     pub later: (usize, usize, f64),
+    /// The same during the faults, with 1.2.
+    pub during: (usize, usize, f64),
+    /// Bad days on which the guarded error is at most 1.2 times the unguarded one, and the largest ratio.
+    pub whole: (usize, f64),
     /// Longest stretch of samples with a held output.
     pub longest_hold: usize,
 }
@@ -70,10 +74,14 @@ pub fn summary(campaign: &Campaign) -> Summary {
         days.iter().map(of).fold([0, 0], |[a, b], [c, d]| [a + c, b + d])
     };
     let share = |[all, some]: [usize; 2]| some as f64 / all.max(1) as f64;
-    let later = bad.iter().map(|day| day.later[1] / day.later[0]).filter(|ratio| ratio.is_finite());
-    let later = later.fold((0, 0, 0.0), |(all, near, largest), ratio| {
-        (all + 1, near + usize::from(ratio <= 1.5), f64::max(largest, ratio))
-    });
+    let ratios = |of: fn(&DayResult) -> [f64; 2], most: f64| {
+        let ratios = bad.iter().map(|day| of(day)[1] / of(day)[0]).filter(|ratio| ratio.is_finite());
+        ratios.fold((0, 0, 0.0), |(all, near, largest), ratio| {
+            (all + 1, near + usize::from(ratio <= most), f64::max(largest, ratio))
+        })
+    };
+    let (_, near, whole) = ratios(|day| [day.errors[1], day.errors[2]], 1.2);
+    let (later, during) = (ratios(|day| day.later, 1.5), ratios(|day| day.during, 1.2));
     let alarms_clean = total(|day| day.false_alarms, clean);
     let alarms_bad = total(|day| day.false_alarms, bad);
     Summary {
@@ -95,6 +103,8 @@ pub fn summary(campaign: &Campaign) -> Summary {
         jumps_held: total(|day| day.jumps_held, bad),
         stuck: total(|day| day.stuck, bad),
         later,
+        during,
+        whole: (near, whole),
         longest_hold: bad.iter().chain(clean).map(|day| day.longest_hold).max().unwrap_or(0),
     }
 }
@@ -127,6 +137,14 @@ impl fmt::Display for Summary {
         let of_clean = if clean > 0 { format!(", {of_clean:.3} % on clean days") } else { String::new() };
         writeln!(f, "false alarms: {all:.3} % of the sound samples{of_clean}")?;
         let share = |[all, some]: [usize; 2]| format!("{some} of {all}");
+        let (near, largest) = self.whole;
+        writeln!(
+            f,
+            "at most 1.2 times the unguarded error on {near} of {} bad days (largest {largest:.2})",
+            self.bad_days
+        )?;
+        let (all, near, largest) = self.during;
+        writeln!(f, "during the faults, the same on {near} of {all} days (largest {largest:.2})")?;
         let (all, near, largest) = self.later;
         writeln!(
             f,

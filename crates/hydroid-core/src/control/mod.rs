@@ -26,6 +26,7 @@ mod lookahead_point;
 mod network;
 mod noise;
 mod status;
+mod supervisor;
 
 pub use actuators::{Actuators, Applied};
 pub use adaptive_augmentation::{AdaptiveAugmentation, AdaptiveAugmentationOptions};
@@ -39,6 +40,7 @@ pub use feedback_linearization::{FeedbackLinearization, FeedbackLinearizationOpt
 pub use liveness::{Liveness, longest_age_s};
 pub use network::AffineNetwork;
 pub use status::Status;
+pub use supervisor::{Mode, Place, Supervisor, SupervisorLimits};
 
 use crate::current::in_body;
 use crate::guidance::Reference;

@@ -2,6 +2,7 @@
 //!
 //! - [`Path`]: straight legs and arcs in the north-east frame, by arc length: circles, legs with corners, way-points
 //!   with turning circles, lawn-mowers.
+//! - [`dubins`]: the shortest way from a pose to a pose with a turning radius.
 //! - [`SpeedProfile`]: the speed along a path within the limits of a vessel ([`SpeedLimits`]).
 //! - [`Reference`]: the reference point of a controller, with velocity and acceleration. A [`TimedReference`] moves
 //!   with time, a [`PathReference`] with the vessel.
@@ -27,6 +28,7 @@
 //! # Ok::<(), hydroid_core::guidance::PathError>(())
 //! ```
 
+mod dubins;
 mod error;
 mod line_of_sight;
 mod path;
@@ -35,6 +37,7 @@ mod reference;
 mod shapes;
 mod speed;
 
+pub use dubins::dubins;
 pub use error::PathError;
 pub use line_of_sight::{HeadingReference, LineOfSight, LineOfSightOptions};
 pub use path::{Path, Projection};

@@ -105,6 +105,27 @@ impl Path {
         beyond.at(d - d.clamp(0.0, piece.length))
     }
 
+    /// The pieces from arc length `s` to the end, or of the lap that begins there on a closed path.
+    pub fn pieces_from(&self, s: f64) -> Vec<Piece> {
+        let (s, _) = self.within(s);
+        let s = s.clamp(0.0, self.length);
+        let index = self.piece_at(s);
+        let cut = |piece: &Piece, from: f64, to: f64| {
+            let Pose { position, course, .. } = piece.at(from);
+            Piece { start: position, course, length: to - from, ..*piece }
+        };
+        let (piece, into) = (&self.pieces[index], s - self.starts[index]);
+        let mut rest = Vec::with_capacity(self.pieces.len() + 1);
+        rest.push(cut(piece, into, piece.length));
+        rest.extend_from_slice(&self.pieces[index + 1..]);
+        if self.closed {
+            rest.extend_from_slice(&self.pieces[..index]);
+            rest.push(cut(piece, 0.0, into));
+        }
+        rest.retain(|piece| piece.length > 0.0);
+        rest
+    }
+
     /// Projects a point onto the path within `reach` metres of arc length `near`. The search is local, because a path
     /// may pass a point more than once.
     pub fn project(&self, point: [f64; 2], near: f64, reach: f64) -> Projection {

@@ -3,8 +3,8 @@
 use core::f64::consts::{FRAC_PI_2, PI};
 
 use hydroid_core::guidance::{
-    LineOfSight, LineOfSightOptions, Path, PathError, PathReference, Piece, Reference, Side, SpeedLimits,
-    SpeedProfile, TimedReference,
+    LineOfSight, LineOfSightOptions, Path, PathError, PathReference, Piece, Pose, Reference, Side,
+    SpeedLimits, SpeedProfile, TimedReference, dubins,
 };
 use hydroid_core::vessel::kinematics::wrap;
 use proptest::prelude::*;
@@ -371,4 +371,77 @@ fn a_timed_reference_passes_any_number_of_laps_at_once() {
     let mut walker = TimedReference::new(&profile);
     walker.advance(&profile, 0.5);
     assert!(!walker.reference(&path, &profile).is_finite());
+}
+
+fn pose(x: f64, y: f64, course: f64) -> Pose {
+    Pose { position: [x, y], course, curvature: 0.0 }
+}
+
+fn length(pieces: &[Piece]) -> f64 {
+    pieces.iter().map(|piece| piece.length).sum()
+}
+
+/// Lengths that follow from the geometry.
+#[test]
+fn shortest_ways_of_known_length() {
+    let way = |x, y, course| dubins(&pose(0.0, 0.0, 0.0), &pose(x, y, course), 2.0);
+    assert!(way(0.0, 0.0, 0.0).is_empty() && way(0.0, 0.0, 4.0 * PI).is_empty());
+    // Straight on; half a circle; a circle back to the own place; a quarter and a line.
+    for (pieces, expected) in [
+        (way(7.0, 0.0, 0.0), 7.0),
+        (way(0.0, 4.0, PI), 2.0 * PI),
+        (way(0.0, -4.0, -PI), 2.0 * PI),
+        (way(2.0, 7.0, FRAC_PI_2), PI + 5.0),
+        (way(-7.0, 0.0, 0.0), 4.0 * PI + 7.0),
+        // Two quarters to different sides.
+        (way(4.0, 4.0, 0.0), 2.0 * PI),
+        // Three arcs: a place abeam with the same course, closer than two diameters.
+        (way(0.0, 0.0, PI), 2.0 * (PI + 2.0 * PI / 3.0 + 2.0 * PI / 3.0)),
+    ] {
+        assert!((length(&pieces) - expected).abs() < 1e-9, "{} for {expected}: {pieces:?}", length(&pieces));
+    }
+}
+
+proptest! {
+    /// A way begins and ends at its poses without a corner, has the radius, and is no longer than another one: by a place on the
+    /// straight line between both, or back in the other direction.
+    #[test]
+    fn a_shortest_way_joins_its_poses(
+        from in (-30.0..30.0f64, -30.0..30.0f64, -9.0..9.0f64), to in (-30.0..30.0f64, -30.0..30.0f64, -9.0..9.0f64),
+        radius in 0.5..12.0f64, share in 0.0..1.0f64, course in -3.2..3.2f64,
+    ) {
+        let (from, to) = (pose(from.0, from.1, from.2), pose(to.0, to.1, to.2));
+        let pieces = dubins(&from, &to, radius);
+        prop_assert!((1..=3).contains(&pieces.len()));
+        let mut at = from;
+        for piece in &pieces {
+            prop_assert!(distance(piece.start, at.position) < 1e-9 && wrap(piece.course - at.course).abs() < 1e-9);
+            prop_assert!(piece.curvature == 0.0 || (piece.curvature.abs() * radius - 1.0).abs() < 1e-12);
+            at = piece.at(piece.length);
+        }
+        prop_assert!(distance(at.position, to.position) < 1e-6 && wrap(at.course - to.course).abs() < 1e-6);
+        let middle = pose(
+            from.position[0] + share * (to.position[0] - from.position[0]),
+            from.position[1] + share * (to.position[1] - from.position[1]),
+            course,
+        );
+        let detour = length(&dubins(&from, &middle, radius)) + length(&dubins(&middle, &to, radius));
+        prop_assert!(length(&pieces) <= detour + 1e-6, "{} {detour}", length(&pieces));
+        let back = |pose: Pose| Pose { course: pose.course + PI, ..pose };
+        let reverse = length(&dubins(&back(to), &back(from), radius));
+        prop_assert!((length(&pieces) - reverse).abs() < 1e-6, "{} {reverse}", length(&pieces));
+    }
+
+    /// What is left of a path from a place has its poses.
+    #[test]
+    fn the_rest_of_a_path_is_on_it(path in paths(), share in 0.0..1.0f64, later in 0.0..1.0f64) {
+        let s = share * path.length();
+        let rest = Path::new(path.pieces_from(s), false).unwrap();
+        let expected = if path.is_closed() { path.length() } else { path.length() - s };
+        prop_assert!((rest.length() - expected).abs() < 1e-9);
+        let (here, there) = (rest.at(later * rest.length()), path.at(s + later * rest.length()));
+        prop_assert!(distance(here.position, there.position) < 1e-6);
+        // At joints the course of waypoints may jump by rounding.
+        prop_assert!(wrap(here.course - there.course).abs() < 1e-6);
+    }
 }

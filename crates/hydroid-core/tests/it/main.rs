@@ -46,3 +46,4 @@ mod rehearsal;
 mod sparse;
 mod sparse_sensitivity;
 mod sparse_signals;
+mod supervisor;

@@ -469,6 +469,8 @@ impl<L: Link> Boat<L> {
                     u.hypot(v)
                 ),
             );
+        } else if status == "stopped" {
+            self.hands_off(now_ns, Level::Warning, "the boat does not come to its path");
         } else if status == "arrived" {
             self.hands_off(now_ns, Level::Info, "the end of the path is reached");
         } else {

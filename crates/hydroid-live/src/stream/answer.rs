@@ -3,6 +3,7 @@
 use std::io::Write as _;
 
 use hydroid_core::adapt::Outcome;
+use hydroid_core::control::Mode;
 use hydroid_core::predict::Current;
 
 use super::session::Session;
@@ -111,6 +112,11 @@ impl Writer {
             }
         }
         let _ = write!(line, "}},\"control\":\"{}\"", pilot.status());
+        if pilot.mode() == Mode::Approach && pilot.approach_m() > 0.0 {
+            line.extend_from_slice(b",\"approach\":");
+            // To a centimetre.
+            number(line, (pilot.approach_m() * 1e2).round() / 1e2);
+        }
         for (i, (name, age)) in pilot.lost().enumerate() {
             let _ = write!(line, "{}\"{name}\":", if i == 0 { ",\"lost\":{" } else { "," });
             // To a millisecond.

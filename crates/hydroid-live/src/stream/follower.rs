@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use hydroid_core::adapt::{Adapter, Outcome, Rejection};
+use hydroid_core::control::Mode;
 
 use super::answer::{Status, Writer};
 use super::clock::{Arrival, Clock};
@@ -292,9 +293,17 @@ impl Follower {
         self.explain_lost();
     }
 
-    /// Says which measurements are too old for a command.
+    /// Says why the commands rest.
     pub(super) fn explain_lost(&mut self) {
         let Some(pilot) = self.session.pilot() else { return };
+        if pilot.mode() == Mode::Stopped {
+            say(
+                &mut self.note,
+                format_args!(
+                    "the vessel does not come to its path: the commands rest until the service is started anew"
+                ),
+            );
+        }
         let Some(oldest) = pilot.lost().map(|(_, age)| age).reduce(f64::max) else { return };
         let names: Vec<&str> = pilot.lost().map(|(name, _)| name).collect();
         let (names, limit) = (names.join(", "), pilot.liveness().limit_s());

@@ -1,7 +1,7 @@
 //! One sample of path control: reference and preview at the measured pose, and the command of a controller.
 
 use hydroid_core::control::Status;
-use hydroid_core::guidance::Reference;
+use hydroid_core::guidance::{Pose, Reference};
 use hydroid_core::memory::Memory;
 
 use super::controller::{ClosedLoopController, ModelSession, Observation};
@@ -80,6 +80,25 @@ impl Guidance {
         let status = controller.command(&observation, command);
         let distance = (point[0] - reference.position[0]).hypot(point[1] - reference.position[1]);
         Guided { reference, distance, cross_track, status }
+    }
+
+    /// Plans a way from the pose of the vessel to its task, with turns of a radius \[m\]. Returns its length without the part
+    /// of the task that is done \[m\], and its time \[s\].
+    pub fn plan(&mut self, eta: [f64; 3], nu: [f64; 3], radius: f64) -> [f64; 2] {
+        let [x, y, psi] = eta;
+        let (sin, cos) = psi.sin_cos();
+        let position = [x + self.lead * cos, y + self.lead * sin];
+        self.generator.plan(Pose { position, course: psi, curvature: 0.0 }, nu[0], radius)
+    }
+
+    /// The reference stands and waits for the vessel, or moves on.
+    pub fn wait(&mut self, waits: bool) {
+        self.generator.wait(waits);
+    }
+
+    /// What is left of the way to the task \[m\]; 0 on the task.
+    pub fn approach_m(&self) -> f64 {
+        self.generator.approach_m()
     }
 
     /// Moves the reference to the next sample.

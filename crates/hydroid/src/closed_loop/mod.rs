@@ -48,6 +48,7 @@ mod session_model;
 mod simulated;
 mod track;
 mod tuning;
+mod way;
 mod waypoints;
 
 pub use autopilot::AutopilotGains;

@@ -19,7 +19,7 @@ use super::inversion::{InvertingController, InvertingLaw};
 use super::plant::TruePlant;
 use super::predictive::PredictiveController;
 use super::reference::Timing;
-use super::scale::Scale;
+use super::scale::{RADIUS_M, Scale};
 use super::session_model::{SessionModel, WithSession};
 use crate::adapt;
 use crate::key::key;
@@ -33,6 +33,9 @@ const COMMAND_S: f64 = 0.025;
 
 /// Natural frequency \[rad/s\] and damping ratio of the feedback linearization.
 const BANDWIDTH: [f64; 2] = [1.5, 0.7];
+
+/// Turns on the way to a task, relative to those with the steering hard over: half of the steering is left to the controller.
+const TURNING: f64 = 2.0;
 
 /// Rate of the backstepping \[1/s\].
 const RATE_PER_S: f64 = 1.0;
@@ -132,6 +135,8 @@ pub struct ControllerOptions {
     pub dt_s: f64,
     /// Distance from the reference beyond which the vessel is lost \[m\].
     pub tolerance: f64,
+    /// On board: radius of the turns on the way to the task \[m\], if those of the task are no smaller.
+    pub turning_radius: f64,
     /// On board: age of position, heading and velocities beyond which the commands have their neutral values \[s\].
     pub max_age_s: f64,
 }
@@ -162,6 +167,7 @@ impl ControllerOptions {
             limits,
             dt_s,
             tolerance: 2.0,
+            turning_radius: TURNING * RADIUS_M,
             max_age_s: longest_age_s(dt_s),
         }
     }
@@ -182,6 +188,7 @@ impl ControllerOptions {
             closing_speed: self.closing_speed * length / time,
             min_control_authority: self.min_control_authority * length / time.powi(2),
             tolerance: self.tolerance * radius,
+            turning_radius: self.turning_radius * radius,
             planner: PlannerOptions {
                 hold,
                 horizon: COMMANDS,

@@ -1,7 +1,7 @@
 //! Steering on board: from each sample to a command.
 
 use hydroid_core::actuator::Limits;
-use hydroid_core::control::{Liveness, Status};
+use hydroid_core::control::{Liveness, Mode, Place, Status, Supervisor, SupervisorLimits};
 use hydroid_core::memory::Memory;
 
 use super::controller::{ClosedLoopController, ModelSession};
@@ -14,8 +14,9 @@ use crate::key::key;
 /// What a command depends on: position, heading and the body velocities over ground.
 pub const QUANTITIES: [&str; 5] = ["position", "heading", "u", "v", "r"];
 
-/// A controller on its track. It keeps the pose: a missing position or heading is predicted from the velocities. While a
-/// [quantity](QUANTITIES) is older than the limit, the commands have their neutral values, and the controller is blind.
+/// A controller on its way to a task and along it, under a [`Supervisor`]. It keeps the pose: a missing position or heading is
+/// predicted from the velocities. While a [quantity](QUANTITIES) is older than the limit, the commands have their neutral
+/// values, and the controller is blind.
 pub struct Pilot {
     law: Box<dyn ClosedLoopController>,
     guidance: Guidance,
@@ -29,12 +30,13 @@ pub struct Pilot {
     eta: [f64; 3],
     nu: [f64; 3],
     liveness: Liveness<5>,
+    supervisor: Supervisor,
+    /// Radius of the turns on the way to the task \[m\].
+    turning_radius: f64,
+    /// Distance from a station at which the vessel set out for it \[m\].
+    set_out: f64,
     /// The command in force.
     command: Vec<f64>,
-    /// Whether the end of the path has been reached.
-    arrived: bool,
-    /// Whether the vessel was within the tolerance at the last sample.
-    on_track: bool,
     guided: Option<Guided>,
 }
 
@@ -80,6 +82,10 @@ impl Pilot {
         weights: Option<usize>,
     ) -> Result<Self, ClosedLoopError> {
         let law = options.law(seed, weights)?;
+        // What the task asks for, the vessel can sail.
+        let sharpest = track.path.pieces().iter().map(|piece| piece.curvature.abs()).fold(0.0, f64::max);
+        let turning_radius = options.turning_radius.min(1.0 / sharpest);
+        let limits = SupervisorLimits::new(options.max_age_s, options.tolerance, track.cruise);
         let guidance = Guidance::new(track, law.as_ref(), options.dt_s);
         let measured = &options.instruments.measured;
         let place = |name: &str| measured.iter().position(|channel| channel.name == name);
@@ -102,8 +108,9 @@ impl Pilot {
             eta: [f64::NAN; 3],
             nu: [0.0; 3],
             liveness: Liveness::new(options.max_age_s),
-            arrived: false,
-            on_track: false,
+            supervisor: Supervisor::new(limits),
+            turning_radius,
+            set_out: 0.0,
             guided: None,
         })
     }
@@ -159,16 +166,26 @@ impl Pilot {
 
     /// Status of the command.
     pub fn status(&self) -> &'static str {
-        if self.arrived {
-            "arrived"
-        } else {
-            self.guided.map_or(Status::Blind, |guided| guided.status).name()
+        match self.supervisor.mode() {
+            Mode::Arrived => "arrived",
+            Mode::Stopped => "stopped",
+            _ => self.guided.map_or(Status::Blind, |guided| guided.status).name(),
         }
+    }
+
+    /// What the vessel does with its task.
+    pub const fn mode(&self) -> Mode {
+        self.supervisor.mode()
+    }
+
+    /// What is left of the way to the task \[m\]; 0 on the task.
+    pub fn approach_m(&self) -> f64 {
+        self.guidance.approach_m()
     }
 
     /// The planned command of a later sample; the command in force without a plan.
     pub fn planned(&self, later: usize) -> &[f64] {
-        if self.arrived { &self.rest } else { self.law.planned(later).unwrap_or(&self.command) }
+        if self.mode().steers() { self.law.planned(later).unwrap_or(&self.command) } else { &self.rest }
     }
 
     /// Computes the command of a sample.
@@ -190,14 +207,21 @@ impl Pilot {
             Elapsed::Gap(gap_s) => {
                 self.law.reset();
                 self.guidance.resume(gap_s, [self.eta[0], self.eta[1]]);
+                self.supervisor.lose();
             }
-            // The reference waits for a vessel that is lost or not seen.
-            Elapsed::Steps(steps) if self.on_track => {
+            // The reference waits for a vessel that is off its way or not seen.
+            Elapsed::Steps(steps) if self.supervisor.moves_on() => {
                 (0..steps).for_each(|_| self.guidance.advance());
             }
             Elapsed::Start | Elapsed::Steps(_) => {}
         }
-        if !self.liveness.is_alive() {
+        if self.supervisor.begin(self.liveness.is_alive(), elapsed_s) {
+            let [left_m, duration_s] = self.guidance.plan(self.eta, self.nu, self.turning_radius);
+            self.set_out = left_m;
+            self.supervisor.planned(left_m, duration_s);
+        }
+        self.guidance.wait(!self.supervisor.moves_on());
+        if !self.mode().steers() {
             self.rest();
             return;
         }
@@ -210,14 +234,22 @@ impl Pilot {
         let measured =
             Measured { eta: self.eta, nu: self.nu, outputs: &outputs, session: Some(seen.session) };
         let guided = self.guidance.command(self.law.as_mut(), &measured, &mut self.command);
-        self.on_track = guided.distance <= self.tolerance;
         self.guided = Some(guided);
-        self.arrived |= self.guidance.is_done();
+        let near = guided.distance <= self.tolerance;
+        let done = self.guidance.is_done();
+        let place = if self.guidance.track().is_station {
+            let is_coming = self.mode() == Mode::Approach && guided.distance <= self.set_out + self.tolerance;
+            Place { within: near || is_coming, joined: near, done, along_m: f64::INFINITY }
+        } else {
+            let joined = self.guidance.approach_m() == 0.0;
+            Place { within: near, joined, done, along_m: guided.reference.s }
+        };
+        self.supervisor.judge(&place);
         let finite = self.command.iter().all(|c| c.is_finite());
         if !finite {
             self.law.reset();
         }
-        if self.arrived || !finite {
+        if !self.mode().steers() || !finite {
             self.command.copy_from_slice(&self.rest);
         }
     }
@@ -226,7 +258,10 @@ impl Pilot {
     fn rest(&mut self) {
         self.command.copy_from_slice(&self.rest);
         self.law.reset();
-        (self.guided, self.on_track) = (None, false);
+        self.guided = None;
+        if !self.liveness.is_alive() {
+            self.supervisor.lose();
+        }
     }
 
     /// Takes the measured pose, or predicts missing parts with the last velocities.
@@ -257,8 +292,7 @@ impl Pilot {
         memory.numbers(&mut self.nu);
         self.liveness.visit_state(memory);
         memory.numbers(&mut self.command);
-        for flag in [&mut self.arrived, &mut self.on_track] {
-            memory.flag(flag);
-        }
+        self.supervisor.visit_state(memory);
+        memory.number(&mut self.set_out);
     }
 }

@@ -1,10 +1,11 @@
 //! Generation of the reference and of its preview.
 
-use hydroid_core::guidance::{PathReference, Reference, TimedReference};
+use hydroid_core::guidance::{Path, PathReference, Pose, Reference, SpeedProfile, TimedReference};
 use hydroid_core::memory::Memory;
 use serde::{Deserialize, Serialize};
 
 use super::track::Track;
+use super::way::{Start, Way};
 
 /// Parameter that moves the reference along its path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -28,50 +29,66 @@ const RANGE: f64 = 4.0;
 pub(super) struct ReferenceGenerator {
     track: Track,
     timing: Timing,
+    /// The way to the task, as long as the vessel follows it.
+    way: Option<Way>,
     walker: TimedReference,
     follower: PathReference,
     /// Search range of the projection \[m\].
     range: f64,
-    /// Arc length of the vessel's projection on the path \[m\].
+    /// Arc length of the vessel's projection on the way, or on the path of the task \[m\].
     s: f64,
+    /// Whether the reference stands and waits for the vessel.
+    waits: bool,
 }
 
 impl ReferenceGenerator {
     pub(super) fn new(track: Track, timing: Timing, dt_s: f64) -> Self {
         let range = (RANGE * dt_s * track.cruise).max(LEAST_RANGE_M);
         let (walker, follower) = (TimedReference::new(&track.profile), PathReference::new(0.0, range));
-        Self { track, timing, walker, follower, range, s: 0.0 }
+        Self { track, timing, way: None, walker, follower, range, s: 0.0, waits: false }
     }
 
     /// Reference for a controlled point at `point`, and the cross-track error \[m\], positive to starboard.
     pub(super) fn update(&mut self, point: [f64; 2]) -> (Reference, f64) {
-        let Track { path, profile, .. } = &self.track;
         if self.track.is_station {
+            let Track { path, .. } = &self.track;
             let reference = Reference::new(0.0, &path.at(0.0), 0.0, 0.0);
             let [north, east] = [point[0] - reference.position[0], point[1] - reference.position[1]];
             let (sin, cos) = reference.course.sin_cos();
             return (reference, east * cos - north * sin);
         }
+        let (path, profile) = along(&self.way, &self.track);
         let foot = self.follower.project(path, point);
         self.s = foot.s;
         let reference = match self.timing {
+            Timing::Clock if self.waits => {
+                let s = self.walker.s(profile);
+                Reference::new(s, &path.at(s), 0.0, 0.0)
+            }
             Timing::Clock => self.walker.reference(path, profile),
             Timing::Path => {
-                let (speed, rate) = profile.at(foot.s);
-                Reference::new(foot.s, &foot.pose, speed, rate)
+                // Who drifts back from the start of an open path leaves it.
+                let (s, pose) =
+                    if foot.s < 0.0 && !path.is_closed() { (0.0, path.at(0.0)) } else { (foot.s, foot.pose) };
+                let (speed, rate) = profile.at(s);
+                Reference::new(s, &pose, speed, rate)
             }
         };
-        (reference, foot.cross_track)
+        (Reference { s: self.of_task(reference.s), ..reference }, foot.cross_track)
     }
 
     /// References `step`, `2 step`, .. samples after the last update.
     pub(super) fn preview(&self, dt_s: f64, step: usize, into: &mut [Reference]) {
-        let Track { path, profile, .. } = &self.track;
+        let (path, profile) = along(&self.way, &self.track);
         if self.track.is_station {
             into.fill(Reference::new(0.0, &path.at(0.0), 0.0, 0.0));
             return;
         }
         match self.timing {
+            Timing::Clock if self.waits => {
+                let s = self.walker.s(profile);
+                into.fill(Reference::new(s, &path.at(s), 0.0, 0.0));
+            }
             Timing::Clock => {
                 let mut walker = self.walker;
                 for reference in into {
@@ -94,9 +111,80 @@ impl ReferenceGenerator {
     }
 
     pub(super) fn advance(&mut self, dt_s: f64) {
-        if !self.track.is_station {
-            self.walker.advance(&self.track.profile, dt_s);
+        if self.track.is_station {
+            return;
         }
+        let (_, profile) = along(&self.way, &self.track);
+        self.walker.advance(profile, dt_s);
+        // The first lap of a closed path belongs to the way.
+        let ended = |way: &Way| self.track.path.is_closed() && self.place(&way.profile) >= way.path.length();
+        if self.way.as_ref().is_some_and(ended) {
+            let s = self.of_task(self.place(along(&self.way, &self.track).1));
+            self.way = None;
+            self.begin_at(s);
+        }
+    }
+
+    /// The reference waits for the vessel, or moves on.
+    pub(super) const fn wait(&mut self, waits: bool) {
+        self.waits = waits;
+    }
+
+    /// Plans a way from a pose to the task, with turns of a radius \[m\]; the reference begins there with the speed \[m/s\] of
+    /// the vessel. Returns the length of the way without the part of the task that is done \[m\], and its time \[s\]. The vessel
+    /// joins the task where it left it, or up to four radii later.
+    pub(super) fn plan(&mut self, from: Pose, speed: f64, radius: f64) -> [f64; 2] {
+        let Track { path, cruise, is_station, .. } = &self.track;
+        if *is_station {
+            let [north, east] = path.at(0.0).position;
+            let distance = (north - from.position[0]).hypot(east - from.position[1]);
+            return [distance, 2.0 * distance / cruise];
+        }
+        let s = self.of_task(self.place(along(&self.way, &self.track).1).min(self.s));
+        let from_m = match &self.way {
+            Some(way) if s < way.join_m => way.start.from_m,
+            _ => s,
+        };
+        // Path following needs a speed to begin with.
+        let speed_m_s = match self.timing {
+            Timing::Clock => speed.max(0.0),
+            Timing::Path => f64::INFINITY,
+        };
+        let start = Start { from, speed_m_s, radius, from_m };
+        let Some(way) = Way::plan(&self.track, start) else {
+            self.way = None;
+            self.begin_at(from_m);
+            return [-from_m, 0.0];
+        };
+        let planned = [way.approach_m - way.join_m, way.duration_s];
+        self.way = Some(way);
+        self.begin_at(0.0);
+        planned
+    }
+
+    /// What is left of the way to the task \[m\]; 0 on the task.
+    pub(super) fn approach_m(&self) -> f64 {
+        self.way.as_ref().map_or(0.0, |way| (way.approach_m - self.place(&way.profile)).max(0.0))
+    }
+
+    /// The reference begins at an arc length of the way, or of the path of the task.
+    fn begin_at(&mut self, s: f64) {
+        let (_, profile) = along(&self.way, &self.track);
+        (self.walker, self.s) = (TimedReference::at(profile, s), s);
+        self.follower = PathReference::new(s, self.range);
+    }
+
+    /// Arc length of the reference on the way, or on the path of the task.
+    fn place(&self, profile: &SpeedProfile) -> f64 {
+        match self.timing {
+            Timing::Clock => self.walker.s(profile),
+            Timing::Path => self.s,
+        }
+    }
+
+    /// An arc length of the way as one of the task; negative in the approach.
+    fn of_task(&self, s: f64) -> f64 {
+        self.way.as_ref().map_or(s, |way| s - way.approach_m + way.join_m)
     }
 
     pub(super) const fn track(&self) -> &Track {
@@ -107,24 +195,37 @@ impl ReferenceGenerator {
         if self.track.is_station {
             return;
         }
-        let Track { path, profile, cruise, .. } = &self.track;
-        let mut wide = PathReference::new(self.s, (RANGE * gap_s * cruise).max(LEAST_RANGE_M));
-        self.s = wide.project(path, position).s;
-        self.follower = PathReference::new(self.s, self.range);
-        self.walker = TimedReference::at(profile, self.s);
+        let (path, _) = along(&self.way, &self.track);
+        let mut wide = PathReference::new(self.s, (RANGE * gap_s * self.track.cruise).max(LEAST_RANGE_M));
+        let s = wide.project(path, position).s;
+        self.begin_at(s);
     }
 
     pub(super) fn visit_state(&mut self, memory: &mut Memory<'_>) {
-        self.walker.visit_state(&self.track.profile, memory);
+        let mut is_under_way = self.way.is_some();
+        memory.flag(&mut is_under_way);
+        let mut start = self.way.as_ref().map_or(Start::NONE, |way| way.start);
+        start.visit_state(memory);
+        if memory.is_loading() {
+            self.way = is_under_way.then(|| Way::plan(&self.track, start)).flatten();
+        }
+        memory.flag(&mut self.waits);
+        self.walker.visit_state(along(&self.way, &self.track).1, memory);
         memory.number(&mut self.s);
         self.follower = PathReference::new(self.s, self.range);
     }
 
     pub(super) fn is_done(&self) -> bool {
         let open = !self.track.path.is_closed() && !self.track.is_station;
+        let (path, profile) = along(&self.way, &self.track);
         open && match self.timing {
-            Timing::Clock => self.walker.is_done(&self.track.profile),
-            Timing::Path => self.s >= self.track.path.length(),
+            Timing::Clock => self.walker.is_done(profile),
+            Timing::Path => self.s >= path.length(),
         }
     }
+}
+
+/// What the reference moves along: the way to the task and the task, or the task alone.
+fn along<'a>(way: &'a Option<Way>, track: &'a Track) -> (&'a Path, &'a SpeedProfile) {
+    way.as_ref().map_or((&track.path, &track.profile), |way| (&way.path, &way.profile))
 }

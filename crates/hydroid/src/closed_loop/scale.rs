@@ -35,7 +35,7 @@ const SPEED_M_S: f64 = 4.0;
 const TIME_S: f64 = 0.4;
 
 /// Turning radius of the boat \[m\].
-const RADIUS_M: f64 = 5.5;
+pub(super) const RADIUS_M: f64 = 5.5;
 
 impl Scale {
     /// The boat itself.

@@ -88,6 +88,8 @@ pub struct Track {
     pub path: Path,
     /// Speed profile.
     pub profile: SpeedProfile,
+    /// Limits of the speed.
+    pub limits: SpeedLimits,
     /// Speed on straights \[m/s\].
     pub cruise: f64,
     /// Whether the reference stays at the start of the path, at rest.
@@ -114,7 +116,7 @@ impl Track {
         }
         let profile = SpeedProfile::new(&path, &limits)?;
         let is_station = matches!(task, Task::Station { .. });
-        Ok(Self { path, profile, cruise: speed.cruise, is_station })
+        Ok(Self { path, profile, limits, cruise: speed.cruise, is_station })
     }
 
     /// Duration at the profile's speed \[s\]; `None` for a closed path and for a station.

@@ -46,6 +46,7 @@ mod simulate_input;
 mod simulate_records;
 mod sindy;
 mod sindy_golden;
+mod steering;
 mod texts;
 mod through_water;
 mod train;

@@ -1,0 +1,200 @@
+//! Vessels that are steered from where they are: from rest, from any heading, beside the path, in a current; and vessels that
+//! cannot come to their path.
+
+use hydroid::closed_loop::{ControlMethod, Elapsed, ModelSession, Pilot, Seen};
+use hydroid::config::control::{ClosedLoopOptions, NamedModel, Setup, TaskKind};
+use hydroid_core::control::Mode;
+
+fn setup(vessel: &str, controller: ControlMethod, task: TaskKind) -> Setup {
+    let options = ClosedLoopOptions { controller, task, legs: Some(2), ..ClosedLoopOptions::default() };
+    let model = NamedModel::read(vessel.as_ref()).unwrap();
+    let mut setup = Setup::new(options, Some(model), None).unwrap();
+    setup.tune(&mut hydroid::progress::silent()).unwrap();
+    setup
+}
+
+/// What the vessel does of what it is told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Vessel {
+    Sound,
+    /// Its first actuator acts the other way.
+    Reversed,
+    /// It does not move.
+    Moored,
+}
+
+/// A sample of a voyage.
+#[derive(Clone, Debug)]
+struct Row {
+    t_s: f64,
+    eta: [f64; 3],
+    mode: Mode,
+    status: &'static str,
+    command: Vec<f64>,
+    cross_track: f64,
+}
+
+/// Steers a vessel from a pose, at rest, in a current, until its task has ended.
+fn sail(setup: &Setup, start: [f64; 3], current: [f64; 2], of: Vessel, most_s: f64) -> Vec<Row> {
+    let dt = setup.scenario.dt_s;
+    let (mut adapter, _) = setup.adapter().unwrap();
+    let mut pilot: Pilot = setup.pilot(adapter.as_ref()).unwrap();
+    let mut vessel = setup.model.session();
+    let outputs = vessel.outputs();
+    let mut y = vec![0.0; outputs];
+    vessel.observe(&y);
+    let (mut eta, mut rows) = (start, Vec::new());
+    let mut t_s = 0.0;
+    while t_s < most_s {
+        vessel.output(&mut y);
+        if of == Vessel::Moored {
+            y.fill(0.0);
+        }
+        let (sin, cos) = eta[2].sin_cos();
+        let mut measured = vec![f64::NAN; outputs];
+        measured[..3].copy_from_slice(&y[..3]);
+        if of != Vessel::Moored {
+            measured[0] += current[0] * cos + current[1] * sin;
+            measured[1] += current[1] * cos - current[0] * sin;
+        }
+        adapter.observe(&measured);
+        let mut estimate = vec![0.0; outputs];
+        adapter.output(&mut estimate);
+        let session = ModelSession { predictor: &*adapter, weights: None };
+        let elapsed = if rows.is_empty() { Elapsed::Start } else { Elapsed::Steps(1) };
+        pilot.steer(elapsed, &Seen { pose: eta, outputs: &measured, estimate: &estimate, session });
+        rows.push(Row {
+            t_s,
+            eta,
+            mode: pilot.mode(),
+            status: pilot.status(),
+            command: pilot.command().to_vec(),
+            cross_track: pilot.guided().map_or(f64::NAN, |guided| guided.cross_track),
+        });
+        if pilot.mode().is_final()
+            && rows.iter().rev().take(20).all(|row| row.mode.is_final())
+            && rows.len() > 20
+        {
+            break;
+        }
+        let mut acting = pilot.command().to_vec();
+        adapter.advance(&acting);
+        if of == Vessel::Reversed {
+            acting[0] = -acting[0];
+        }
+        vessel.advance(&acting);
+        let [u, v, r] = [measured[0], measured[1], measured[2]];
+        let (sin, cos) = (eta[2] + 0.5 * dt * r).sin_cos();
+        eta = [eta[0] + dt * (u * cos - v * sin), eta[1] + dt * (u * sin + v * cos), eta[2] + dt * r];
+        t_s += dt;
+    }
+    rows
+}
+
+/// Commands are within their limits and rates, from the neutral ones, unless they return to these at once.
+fn check_commands(setup: &Setup, rows: &[Row]) {
+    let limits = &setup.controller.limits;
+    let mut last: Vec<f64> = limits.iter().map(|limits| limits.rest).collect();
+    for row in rows {
+        for ((limits, command), last) in limits.iter().zip(&row.command).zip(&last) {
+            assert!((limits.low..=limits.high).contains(command), "{row:?}");
+            let most = limits.rate * setup.scenario.dt_s * (1.0 + 1e-9) + 1e-9;
+            assert!((command - last).abs() <= most || *command == limits.rest, "{row:?} after {last}");
+            assert!(row.mode.steers() || *command == limits.rest, "{row:?}");
+        }
+        last.clone_from(&row.command);
+    }
+}
+
+const METHODS: [ControlMethod; 4] = [
+    ControlMethod::FeedbackLinearization,
+    ControlMethod::Backstepping,
+    ControlMethod::Autopilot,
+    ControlMethod::CrossEntropy,
+];
+
+/// Starts in lengths of the vessel's tolerance: ahead of the start of the path, to starboard, heading.
+const STARTS: [[f64; 3]; 7] = [
+    [0.0, 0.0, 0.0],
+    [0.0, 0.0, 3.1],
+    [0.0, 15.0, 1.57],
+    [0.0, -15.0, -1.57],
+    [100.0, 30.0, 0.5],
+    [-100.0, 0.0, 1.57],
+    [1.5, 0.7, 0.4],
+];
+
+fn reaches_its_path(vessel: &str, method: ControlMethod, starts: &[[f64; 3]]) {
+    let setup = setup(vessel, method, TaskKind::LawnMower);
+    let tolerance = setup.controller.tolerance;
+    let cruise = setup.scenario.track.cruise;
+    let task_s = setup.scenario.track.duration_s().unwrap();
+    for start in starts {
+        let eta = [tolerance * start[0], tolerance * start[1], start[2]];
+        let away_m = eta[0].hypot(eta[1]) + 8.0 * setup.controller.turning_radius;
+        let most_s = 2.0 * (task_s + 2.0 * away_m / cruise) + 60.0;
+        for current in [[0.0; 2], [0.0, 0.2 * cruise]] {
+            let rows = sail(&setup, eta, current, Vessel::Sound, most_s);
+            let last = rows.last().unwrap();
+            let story = format!(
+                "{vessel}, {method:?} from {start:?} in {current:?}: {last:?} of {most_s:.0} s, modes {:?}",
+                rows.iter().map(|row| row.mode).fold(Vec::new(), |mut modes, mode| {
+                    if modes.last() != Some(&mode) {
+                        modes.push(mode);
+                    }
+                    modes
+                })
+            );
+            check_commands(&setup, &rows);
+            assert_eq!(last.mode, Mode::Arrived, "{story}");
+            let off = rows.iter().filter(|row| row.mode == Mode::OnTask && row.cross_track.abs() > tolerance);
+            assert!(off.count() * 20 < rows.len(), "{story}");
+        }
+    }
+}
+
+#[test]
+fn a_control_law_reaches_its_path_from_rest_and_any_heading() {
+    for vessel in ["hydrofoil", "simple"] {
+        reaches_its_path(vessel, ControlMethod::FeedbackLinearization, &STARTS);
+        reaches_its_path(vessel, ControlMethod::Backstepping, &STARTS);
+    }
+}
+
+#[test]
+fn an_autopilot_reaches_its_path_from_rest_and_any_heading() {
+    reaches_its_path("hydrofoil", ControlMethod::Autopilot, &STARTS);
+    reaches_its_path("../../vessels/otter.toml", ControlMethod::Autopilot, &STARTS[..5]);
+}
+
+#[test]
+fn a_planner_reaches_its_path_from_rest() {
+    reaches_its_path("hydrofoil", ControlMethod::CrossEntropy, &[STARTS[0], STARTS[2]]);
+}
+
+/// A vessel that does not do what its model says is stopped near where it was, and its commands are neutral then.
+#[test]
+fn a_vessel_that_cannot_reach_its_path_is_stopped() {
+    for method in METHODS {
+        let setup = setup("hydrofoil", method, TaskKind::LawnMower);
+        for of in [Vessel::Reversed, Vessel::Moored] {
+            let rows = sail(&setup, [0.0, 0.0, 0.0], [0.0; 2], of, 600.0);
+            check_commands(&setup, &rows);
+            let last = rows.last().unwrap();
+            assert_eq!((last.mode, last.status), (Mode::Stopped, "stopped"), "{method:?}, {of:?}: {last:?}");
+            let at = rows.iter().position(|row| row.mode == Mode::Stopped).unwrap();
+            let far = rows[at].eta[0].hypot(rows[at].eta[1]);
+            assert!(rows[at].t_s < 90.0 && far < 100.0, "{method:?}, {of:?}: {:?}", rows[at]);
+        }
+    }
+}
+
+/// A current that is stronger than the vessel carries it away: it is stopped.
+#[test]
+fn a_vessel_in_a_current_that_is_too_strong_is_stopped() {
+    let setup = setup("hydrofoil", ControlMethod::FeedbackLinearization, TaskKind::LawnMower);
+    let rows = sail(&setup, [0.0; 3], [-20.0, 0.0], Vessel::Sound, 600.0);
+    check_commands(&setup, &rows);
+    assert_eq!(rows.last().unwrap().mode, Mode::Stopped);
+    assert!(rows.len() < 600, "{}", rows.len());
+}
