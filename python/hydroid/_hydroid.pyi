@@ -358,8 +358,8 @@ class ControlStep:
         """The command until the next sample, shape (inputs,)."""
     @property
     def status(self) -> str:
-        """``tracking``, ``rate_limited``, ``saturated``, ``lost``, ``singular``, ``blind``, or ``arrived`` at the end of
-        the path, where the commands are at rest."""
+        """``tracking``, ``rate_limited``, ``saturated``, ``lost``, ``singular``, ``blind``; ``arrived`` at the end of
+        the path and ``stopped`` where the vessel does not come to it, with the commands at rest."""
     @property
     def arrived(self) -> bool: ...
     @property

@@ -82,10 +82,11 @@ pub struct SupervisorLimits {
 }
 
 impl SupervisorLimits {
-    /// For a patience \[s\] and a tolerance \[m\] at a speed \[m/s\]: the reference has ten times the patience, and four times
-    /// the time of the tolerance, to move on by the tolerance.
-    pub fn new(patience_s: f64, tolerance_m: f64, speed_m_s: f64) -> Self {
-        let stall_s = RESERVE * patience_s + 4.0 * tolerance_m / speed_m_s;
+    /// For the age up to which measurements count \[s\], and a tolerance \[m\] at a speed \[m/s\]: the patience is this age and
+    /// the time of two tolerances, and the reference has ten ages and the time of four tolerances to move on by one.
+    pub fn new(age_s: f64, tolerance_m: f64, speed_m_s: f64) -> Self {
+        let time_s = tolerance_m / speed_m_s;
+        let [patience_s, stall_s] = [age_s + 2.0 * time_s, RESERVE * age_s + 4.0 * time_s];
         Self { patience_s, progress_m: tolerance_m, stall_s }
     }
 }
@@ -129,11 +130,6 @@ impl Supervisor {
     /// The present mode.
     pub const fn mode(&self) -> Mode {
         self.mode
-    }
-
-    /// Whether the reference moves on: the vessel is steered, and was on its way at the last sample.
-    pub const fn moves_on(&self) -> bool {
-        self.mode.steers() && self.within
     }
 
     /// The pose is not known, or has jumped: the way ends.

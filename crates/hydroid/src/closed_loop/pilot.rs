@@ -209,8 +209,7 @@ impl Pilot {
                 self.guidance.resume(gap_s, [self.eta[0], self.eta[1]]);
                 self.supervisor.lose();
             }
-            // The reference waits for a vessel that is off its way or not seen.
-            Elapsed::Steps(steps) if self.supervisor.moves_on() => {
+            Elapsed::Steps(steps) if self.mode().steers() => {
                 (0..steps).for_each(|_| self.guidance.advance());
             }
             Elapsed::Start | Elapsed::Steps(_) => {}
@@ -219,8 +218,8 @@ impl Pilot {
             let [left_m, duration_s] = self.guidance.plan(self.eta, self.nu, self.turning_radius);
             self.set_out = left_m;
             self.supervisor.planned(left_m, duration_s);
+            self.guidance.wait(false);
         }
-        self.guidance.wait(!self.supervisor.moves_on());
         if !self.mode().steers() {
             self.rest();
             return;
@@ -236,6 +235,8 @@ impl Pilot {
         let guided = self.guidance.command(self.law.as_mut(), &measured, &mut self.command);
         self.guided = Some(guided);
         let near = guided.distance <= self.tolerance;
+        // The reference waits for a vessel that is off its way.
+        self.guidance.wait(!near);
         let done = self.guidance.is_done();
         let place = if self.guidance.track().is_station {
             let is_coming = self.mode() == Mode::Approach && guided.distance <= self.set_out + self.tolerance;

@@ -111,7 +111,7 @@ impl ReferenceGenerator {
     }
 
     pub(super) fn advance(&mut self, dt_s: f64) {
-        if self.track.is_station {
+        if self.track.is_station || self.waits {
             return;
         }
         let (_, profile) = along(&self.way, &self.track);

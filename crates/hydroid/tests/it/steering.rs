@@ -198,3 +198,58 @@ fn a_vessel_in_a_current_that_is_too_strong_is_stopped() {
     assert_eq!(rows.last().unwrap().mode, Mode::Stopped);
     assert!(rows.len() < 600, "{}", rows.len());
 }
+
+/// Random vessels, controllers, starts up to 200 tolerances away and currents of up to 40 % of the speed, from rest. Without a fault at least
+/// 95 % arrive; whatever happens, commands are within limits and rates, and every loop ends. `HYDROID_LOOPS` sets their
+/// number.
+#[test]
+#[ignore = "slow tier: .ci/run runs it"]
+fn random_closed_loops_arrive_or_are_stopped() {
+    let count = std::env::var("HYDROID_LOOPS").ok().and_then(|count| count.parse().ok()).unwrap_or(200);
+    let setups = [
+        setup("hydrofoil", ControlMethod::FeedbackLinearization, TaskKind::LawnMower),
+        setup("hydrofoil", ControlMethod::Backstepping, TaskKind::LawnMower),
+        setup("hydrofoil", ControlMethod::Autopilot, TaskKind::LawnMower),
+        setup("simple", ControlMethod::FeedbackLinearization, TaskKind::LawnMower),
+        setup("simple", ControlMethod::Backstepping, TaskKind::LawnMower),
+        setup("simple", ControlMethod::Autopilot, TaskKind::LawnMower),
+        setup("../../vessels/otter.toml", ControlMethod::Autopilot, TaskKind::LawnMower),
+    ];
+    let mut random = 1_u64;
+    let mut uniform = move |low: f64, high: f64| {
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        low + (high - low) * (random >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    let (mut sound, mut failures) = (0, Vec::new());
+    for k in 0..count {
+        let setup = &setups[k % setups.len()];
+        let (tolerance, cruise) = (setup.controller.tolerance, setup.scenario.track.cruise);
+        let [away, bearing] = [tolerance * uniform(0.0, 200.0), uniform(-3.2, 3.2)];
+        let start = [away * bearing.cos(), away * bearing.sin(), uniform(-3.2, 3.2)];
+        let [speed, towards] = [cruise * uniform(0.0, 0.4), uniform(-3.2, 3.2)];
+        let current = [speed * towards.cos(), speed * towards.sin()];
+        let of = match uniform(0.0, 1.0) {
+            x if x < 0.1 => Vessel::Reversed,
+            x if x < 0.2 => Vessel::Moored,
+            _ => Vessel::Sound,
+        };
+        let task_s = setup.scenario.track.duration_s().unwrap();
+        let most_s = 8.0 * (task_s + (away + 8.0 * setup.controller.turning_radius) / cruise) + 600.0;
+        let rows = sail(setup, start, current, of, most_s);
+        check_commands(setup, &rows);
+        let last = rows.last().unwrap();
+        let story = format!(
+            "{k}: {:?} of {}, {start:?}, {current:?}, {of:?}: {last:?}",
+            setup.controller.method, setup.plant_name
+        );
+        assert!(last.mode.is_final(), "{story}");
+        if of == Vessel::Sound {
+            sound += 1;
+            if last.mode != Mode::Arrived {
+                println!("{story}");
+                failures.push(story);
+            }
+        }
+    }
+    assert!(20 * failures.len() <= sound, "{} of {sound} did not arrive", failures.len());
+}

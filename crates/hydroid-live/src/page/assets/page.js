@@ -465,6 +465,7 @@ function excitation(s) {
 const STATUSES = {
   tracking: "the command is within its limits", rate_limited: "a command is at its rate limit", saturated: "a command is at its limit", lost: "far from the path",
   singular: "too little control authority", blind: "motion or reference are not known", arrived: "the end is reached",
+  stopped: "the boat does not come to its path",
 };
 
 function helm(s) {
