@@ -76,7 +76,7 @@ impl Files {
         let mut document = json!({ "name": name });
         let mut seen = || -> Result<(), log::LogError> {
             let recording = is_recording(file)?;
-            let survey = survey(file)?;
+            let survey = survey(file, selection.time.as_deref())?;
             document["proposal"] = json!(survey.proposal());
             if recording {
                 document["survey"] = json!(survey);

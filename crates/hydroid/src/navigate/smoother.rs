@@ -38,6 +38,8 @@ pub struct Smoothed {
     pub nis: Vec<f64>,
     /// Share of outliers of each sensor.
     pub outliers: Vec<f64>,
+    /// Number of measurements of each sensor.
+    pub counts: Vec<f64>,
 }
 
 /// Pose and velocities of an estimate of the filter, which knows nothing of later measurements.
@@ -109,6 +111,7 @@ pub fn smooth(
             end: [(0.0, 0.0); STATES],
             nis: counts.iter().map(|c| c[1] / (c[0] - c[2]).max(1.0)).collect(),
             outliers: counts.iter().map(|c| c[2] / c[0].max(1.0)).collect(),
+            counts: counts.iter().map(|c| c[0]).collect(),
         })
         .collect();
     let mut adjoint = Adjoint { vector: [0.0; STATES], matrix: [[0.0; STATES]; STATES] };

@@ -268,33 +268,25 @@ impl Instruments {
         }
     }
 
-    /// Warns of velocities of the GNSS that contradict the changes of its positions.
-    pub(super) fn check_gnss(&self, notes: &mut Vec<Note>) {
-        let (Some(position), Some(velocity)) = (&self.position, &self.velocity) else { return };
+    /// States how velocities of the GNSS contradict the changes of its positions.
+    pub(super) fn check_gnss(&self) -> Option<String> {
+        let (position, velocity) = (self.position.as_ref()?, self.velocity.as_ref()?);
         let parts = displacements(position, velocity);
         let exchanged: Vec<_> = parts.iter().map(|&([a, b], v)| ([b, a], v)).collect();
         let (direct, swapped) = (gain(&parts), gain(&exchanged));
         let unexplained = direct.map_or(1.0, |gain| gain.unexplained);
-        let warning = if swapped.is_some_and(|swapped| swapped.unexplained < 0.5 * unexplained) {
-            format!(
-                "{}: positions move to the north as the velocity of the GNSS does to the east: latitude and longitude, or north and east, seem to be exchanged",
-                self.path
-            )
-        } else if let Some(gain) =
-            direct.filter(|gain| (gain.factor - 1.0).abs() > 0.2 || gain.angle.abs() > 0.2)
-        {
-            format!(
-                "{}: positions of the GNSS move {:.2} times as fast as its velocity states, in a direction {:.0} deg to starboard of it",
-                self.path,
-                gain.factor,
-                180.0 / PI * gain.angle
-            )
-        } else {
-            return;
-        };
-        notes.push(Note::warning(warning).with_remedy(
-            "check columns and units of position, speed and course in the section [log.sensors]",
-        ));
+        if swapped.is_some_and(|swapped| swapped.unexplained < 0.5 * unexplained) {
+            return Some(
+                "positions move to the north as the velocity of the GNSS does to the east: latitude and longitude, or north and east, seem to be exchanged"
+                    .to_owned(),
+            );
+        }
+        let gain = direct.filter(|gain| (gain.factor - 1.0).abs() > 0.2 || gain.angle.abs() > 0.2)?;
+        Some(format!(
+            "positions of the GNSS move {:.2} times as fast as its velocity states, in a direction {:.0} deg to starboard of it",
+            gain.factor,
+            180.0 / PI * gain.angle
+        ))
     }
 
     /// Measurements of a part in the order of time, and the prior. Kinds of position fixes come first among the sensors.

@@ -10,6 +10,7 @@
 //! recording has one topic. The yaw angle of a quaternion `Q` (fields `Q.x` to `Q.w`, or `Q[0]` to `Q[3]` with the scalar
 //! first) is the column `Q.yaw`.
 
+mod clock;
 mod instruments;
 mod known;
 mod live;

@@ -66,9 +66,13 @@ pub(super) fn tables(
         .iter()
         .map(|recording| Instruments::new(recording, sensors, notes))
         .collect::<Result<Vec<_>, _>>()?;
+    let mut contradictions = Vec::with_capacity(instruments.len());
     for one in &mut instruments {
         one.turn_axes(notes);
-        one.check_gnss(notes);
+        let found = one.check_gnss();
+        let note = |text: &String| Note::warning(format!("{}: {text}", one.path)).with_remedy(CHECK_GNSS);
+        notes.extend(found.iter().map(note));
+        contradictions.push(found);
     }
     let qualities = qualities(&instruments);
     let mut placed = known::placed(sensors, &qualities);
@@ -101,7 +105,10 @@ pub(super) fn tables(
     };
     let smoothed =
         navigate::smooth(&runs, &statistics, &times, &mut |done| progress(FIT + (1.0 - FIT) * done))?;
-    let smoothed = joined(&runs, smoothed, &counts);
+    let smoothed = joined(smoothed, &counts);
+    for ((one, smoothed), contradiction) in instruments.iter().zip(&smoothed).zip(contradictions) {
+        check_outliers(&one.path, &runs.sensors, smoothed, contradiction)?;
+    }
     let mut tables = Vec::with_capacity(recordings.len());
     for (i, one) in instruments.iter().enumerate() {
         tables.push(one.table(&recordings[i], &others[i], &smoothed[i], notes)?);
@@ -122,20 +129,16 @@ pub(super) fn tables(
 }
 
 /// The parts of each recording as one: `counts` are their numbers.
-fn joined(runs: &Runs, parts: Vec<Smoothed>, counts: &[usize]) -> Vec<Smoothed> {
-    let mut parts = runs.runs.iter().zip(parts);
-    let of =
-        |run: &Run, sensor: usize| run.events.iter().filter(|event| event.sensor == sensor).count() as f64;
+fn joined(parts: Vec<Smoothed>, counts: &[usize]) -> Vec<Smoothed> {
+    let mut parts = parts.into_iter();
     let mut all = Vec::with_capacity(counts.len());
     for count in counts {
         let mut own = parts.by_ref().take(*count);
-        let Some((run, mut whole)) = own.next() else { continue };
-        let mut weights: Vec<f64> = (0..whole.outliers.len()).map(|sensor| of(run, sensor)).collect();
-        for (run, part) in own {
-            for (sensor, weight) in weights.iter_mut().enumerate() {
-                let more = of(run, sensor);
-                let share = more / (*weight + more).max(1.0);
-                *weight += more;
+        let Some(mut whole) = own.next() else { continue };
+        for part in own {
+            for (sensor, more) in part.counts.into_iter().enumerate() {
+                whole.counts[sensor] += more;
+                let share = more / whole.counts[sensor].max(1.0);
                 whole.outliers[sensor] += share * (part.outliers[sensor] - whole.outliers[sensor]);
                 whole.nis[sensor] += share * (part.nis[sensor] - whole.nis[sensor]);
             }
@@ -338,6 +341,35 @@ fn current(path: &str, smoothed: &Smoothed, notes: &mut Vec<Note>) {
             north.0, east.0
         )));
     }
+}
+
+/// Remedy of measurements of the GNSS that contradict the others.
+const CHECK_GNSS: &str = "check columns and units of position, speed and course in the section [log.sensors]";
+
+/// Refuses a motion from a GNSS most of whose measurements contradict it.
+fn check_outliers(
+    path: &str,
+    sensors: &[Sensor],
+    smoothed: &Smoothed,
+    contradiction: Option<String>,
+) -> Result<(), LogError> {
+    for (kind, name) in [(Kind::Position, "positions"), (Kind::Velocity, "GNSS velocities")] {
+        let own = || (0..sensors.len()).filter(|sensor| sensors[*sensor].kind == kind);
+        let all: f64 = own().map(|sensor| smoothed.counts[sensor]).sum();
+        let outliers: f64 = own().map(|sensor| smoothed.counts[sensor] * smoothed.outliers[sensor]).sum();
+        if outliers > 0.5 * all {
+            return Err(LogError::Unusable {
+                path: path.to_owned(),
+                reason: format!(
+                    "{:.1} % of the {name} are outliers: they contradict each other, or the other sensors{}",
+                    100.0 * outliers / all,
+                    contradiction.map_or_else(String::new, |text| format!("; {text}"))
+                ),
+                remedy: CHECK_GNSS.to_owned(),
+            });
+        }
+    }
+    Ok(())
 }
 
 /// A note on outliers.

@@ -123,7 +123,7 @@ fn error_of(path: &Path, selection: &Selection) -> String {
 #[test]
 fn the_computation_of_velocities_reports_its_progress() {
     let folder = boat(20);
-    let selection = survey(folder.path()).unwrap().proposal().selection;
+    let selection = survey(folder.path(), None).unwrap().proposal().selection;
     let mut fractions = Vec::new();
     let mut note = |fraction| {
         fractions.push(fraction);
@@ -145,7 +145,7 @@ fn the_computation_of_velocities_reports_its_progress() {
 fn a_folder_of_topics_gives_velocities() {
     let folder = boat(40);
     assert!(is_recording(folder.path()).unwrap());
-    let proposal = survey(folder.path()).unwrap().proposal();
+    let proposal = survey(folder.path(), None).unwrap().proposal();
     let sensors = proposal.selection.sensors.clone().unwrap();
     let named: Vec<String> =
         sensors.columns().map(|(name, spec)| format!("{name}={}", spec.column)).collect();
@@ -452,7 +452,7 @@ fn proposals_for_the_formats_of_the_trade() {
         ("otter_ros2_sqlite", odometry, "left=/actuators.pwm_us[0],right=/actuators.pwm_us[1]"),
         ("tanker.nmea", "heading=HDT.heading", "rudder=RSA.starboard,shaft_speed=RPM.speed"),
     ] {
-        let proposal = survey(&fleet.join("formats").join(file)).unwrap().proposal();
+        let proposal = survey(&fleet.join("formats").join(file), None).unwrap().proposal();
         let found = proposal.selection.sensors.unwrap_or_default();
         let named: Vec<String> =
             found.columns().map(|(name, spec)| format!("{name}={}", spec.column)).collect();
@@ -493,7 +493,7 @@ fn velocities_of_an_estimator_on_board() {
 }
 
 fn proposed(path: &Path) -> Selection {
-    survey(path).unwrap().proposal().selection
+    survey(path, None).unwrap().proposal().selection
 }
 
 /// Places from the file of the vessel.
@@ -528,7 +528,7 @@ fn beginning(folder: &Path) -> TempDir {
 #[test]
 fn sensors_that_are_known_are_not_estimated_again() {
     let folder = boat(60);
-    let mut selection = survey(folder.path()).unwrap().proposal().selection;
+    let mut selection = survey(folder.path(), None).unwrap().proposal().selection;
     let (first, _) = read_logs(&[folder.path()], &mut selection, None, &mut silent()).unwrap();
     let known = selection.sensors.as_ref().unwrap().known.clone().unwrap();
     assert_eq!((known.position.len(), known.constants.len()), (1, 6));
@@ -660,17 +660,17 @@ fn a_file_in_memory_is_read_as_one_on_disk() {
     };
     let (disk, memory) = (read(&mut selection, true).unwrap(), read(&mut selection, false).unwrap());
     assert_eq!(disk.0, memory.0);
-    assert_eq!(survey(&path).unwrap().topics.len(), survey(&file).unwrap().topics.len());
+    assert_eq!(survey(&path, None).unwrap().topics.len(), survey(&file, None).unwrap().topics.len());
     if let Some(fleet) = fleet() {
         for file in ["otter.BIN", "otter.ulg", "otter_zstd.mcap", "otter_ros1.bag", "tanker.nmea"] {
             let path = fleet.join("formats").join(file);
             let in_memory = hydroid_io::LogFile::in_memory(&path, std::fs::read(&path).unwrap());
             let text = |survey: hydroid::recording::Survey| format!("{survey:?}");
-            assert_eq!(text(survey(&path).unwrap()), text(survey(&in_memory).unwrap()), "{file}");
+            assert_eq!(text(survey(&path, None).unwrap()), text(survey(&in_memory, None).unwrap()), "{file}");
         }
     }
     let empty = hydroid_io::LogFile::in_memory("empty.csv", Vec::new());
-    assert!(matches!(survey(&empty), Err(LogError::Empty { .. })), "{:?}", survey(&empty).err());
+    assert!(matches!(survey(&empty, None), Err(LogError::Empty { .. })), "{:?}", survey(&empty, None).err());
 }
 
 /// The boat of 40 s after its rows were changed: file by file, the number of each row and its cells.
@@ -809,7 +809,7 @@ fn measurements_and_mission_items_are_no_commands_beside_outputs() {
         "time,rudder [deg]\n2026-05-01T10:00:00Z,1\n2026-05-01T10:00:01Z,2\n",
     )
     .unwrap();
-    let proposal = survey(folder.path()).unwrap().proposal();
+    let proposal = survey(folder.path(), None).unwrap().proposal();
     let inputs: Vec<String> = proposal.selection.inputs.iter().map(ToString::to_string).collect();
     assert_eq!(inputs, ["rpm=engine.rpm", "rudder=servo.rudder"]);
     assert!(proposal.remarks.iter().any(|text| text.ends_with("fields of heading_setpoint")), "{proposal:?}");
@@ -830,7 +830,7 @@ fn a_proposed_configuration_is_accepted() {
         }
         let config = TempDir::new().unwrap();
         let file = config.path().join("hydroid.toml");
-        std::fs::write(&file, survey(folder.path()).unwrap().proposal().to_toml("boat")).unwrap();
+        std::fs::write(&file, survey(folder.path(), None).unwrap().proposal().to_toml("boat")).unwrap();
         let selection = hydroid::config::read(&file).unwrap().reading().unwrap().selection;
         let (log, _) = one(folder.path(), &selection).unwrap();
         let run = converted(&log, &selection, &mut Vec::new()).unwrap();
@@ -845,27 +845,13 @@ fn rows_without_a_readable_time_are_counted_and_inner_folders_are_named() {
     let folder = boat(2);
     std::fs::create_dir(folder.path().join("nav")).unwrap();
     std::fs::write(folder.path().join("thruster.csv"), slashes).unwrap();
-    let error = survey(folder.path()).unwrap_err().to_string();
+    let error = survey(folder.path(), None).unwrap_err().to_string();
     for text in ["thruster.csv, line 2, column `time`: `2026/04/11 11:15:00.0`", "2020-08-03T11:04:37.125Z"] {
         assert!(error.contains(text), "{error}");
     }
     std::fs::write(folder.path().join("thruster.csv"), "t [s],throttle\n0,1\nn/a,2\n1,3\n,4\n").unwrap();
-    let found = survey(folder.path()).unwrap();
+    let found = survey(folder.path(), None).unwrap();
     for text in ["2 of 4 rows have no time in `t`, and are left out", "folders in it are not read: nav"] {
         assert!(found.notes.iter().any(|note| note.message.contains(text)), "{text}: {:?}", found.notes);
     }
-}
-
-/// Two sessions in one file were interleaved by the time of day without a warning.
-#[test]
-fn a_clock_that_goes_back_is_warned_of() {
-    let folder = TempDir::new().unwrap();
-    let rows = |from: f64, value: u32| -> String {
-        (0..20).fold(String::new(), |text, k| text + &format!("{},{value}\n", from + f64::from(k)))
-    };
-    let motion = format!("t [s],u [m/s]\n{}{}", rows(0.0, 1), rows(0.5, 2));
-    std::fs::write(folder.path().join("motion.csv"), motion).unwrap();
-    std::fs::write(folder.path().join("cmd.csv"), "t [s],n_cmd\n0,7\n").unwrap();
-    let (_, notes) = one(folder.path(), &Selection::of("u=motion.u", "n=cmd.n_cmd").unwrap()).unwrap();
-    assert!(notes.iter().any(|note| note.message.contains("`motion` goes back 1 times")), "{notes:?}");
 }
