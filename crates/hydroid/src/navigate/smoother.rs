@@ -153,6 +153,19 @@ pub fn smooth(
     Ok(smoothed)
 }
 
+/// Standard deviations of the constants after all runs.
+pub(super) fn constant_deviations(runs: &Runs, statistics: &Statistics) -> [f64; CONSTANTS.len()] {
+    let Some(first) = runs.runs.first() else { return [f64::INFINITY; CONSTANTS.len()] };
+    let outputs = vec![Vec::new(); runs.runs.len()];
+    let filter = Filter::new(statistics.noise, &first.prior, Filter::OUTLIER);
+    let mut forward = Forward { runs, statistics, outputs: &outputs, filter, t: 0.0 };
+    for item in sequence(runs, &outputs) {
+        forward.step(item, |_| {});
+    }
+    let end = forward.filter.estimate();
+    CONSTANTS.map(|state| end.variance(state).max(0.0).sqrt())
+}
+
 /// All measurements and outputs in the order of time.
 fn sequence(runs: &Runs, outputs: &[Vec<f64>]) -> Vec<Item> {
     let mut items = Vec::new();

@@ -178,27 +178,28 @@ impl Clocks {
             orders.push(ranges.iter().map(own).collect());
         }
         let is_utc = self.topics.iter().all(|topic| topic.clock == Clock::Utc);
-        // First and last time of a topic in a session.
-        let ends = |times: &[Vec<f64>], topic: usize, session: usize| {
-            let order: &Vec<usize> = orders[topic].get(session)?;
-            Some([times[topic][*order.first()?], times[topic][*order.last()?]])
-        };
+        // First and last times of each topic in each session.
+        let mut ends: Vec<Vec<Option<[f64; 2]>>> = Vec::with_capacity(times.len());
+        for (t, orders) in times.iter().zip(&orders) {
+            let of = |order: &Vec<usize>| Some([t[*order.first()?], t[*order.last()?]]);
+            ends.push(orders.iter().map(of).collect());
+        }
         for session in 1..sessions.iter().map(Vec::len).max().unwrap_or(0) {
-            let earlier = |topic: usize| (0..session).filter_map(move |of| ends(times, topic, of));
-            let all = 0..times.len();
-            let own = || all.clone().filter_map(|topic| Some((topic, ends(times, topic, session)?)));
-            let is_free = |(topic, [from, to]): (usize, [f64; 2])| {
-                earlier(topic).all(|other| is_utc && (to < other[0] || from > other[1]))
+            let is_free = |of: &Vec<Option<[f64; 2]>>| {
+                let Some(Some([from, to])) = of.get(session) else { return true };
+                of[..session].iter().flatten().all(|other| is_utc && (*to < other[0] || *from > other[1]))
             };
-            if own().all(is_free) {
+            if ends.iter().all(is_free) {
                 continue;
             }
-            let last = all.clone().flat_map(earlier).map(|[_, to]| to).fold(f64::NEG_INFINITY, f64::max);
-            let first = own().map(|(_, [from, _])| from).fold(f64::INFINITY, f64::min);
-            let shift = last + APART_S - first;
-            for (t, ranges) in times.iter_mut().zip(&sessions) {
+            let earlier = ends.iter().flat_map(|of| of.iter().take(session).flatten());
+            let last = earlier.map(|[_, to]| *to).fold(f64::NEG_INFINITY, f64::max);
+            let own = ends.iter().filter_map(|of| *of.get(session)?);
+            let shift = last + APART_S - own.map(|[from, _]| from).fold(f64::INFINITY, f64::min);
+            for ((t, ranges), ends) in times.iter_mut().zip(&sessions).zip(&mut ends) {
                 let range = ranges.get(session).cloned().unwrap_or_default();
                 t[range].iter_mut().for_each(|t| *t += shift);
+                ends.iter_mut().skip(session).take(1).flatten().flatten().for_each(|t| *t += shift);
             }
         }
         let merged = orders.into_iter().zip(times).map(|(orders, t)| {

@@ -1,9 +1,12 @@
 //! Logs as people keep them: several sessions in a file, clocks of any name, pauses. No motion is invented.
 
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times are positive, and few")]
+
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
-use hydroid::log::{ChannelSpec, LogError, Note, RawLog, Selection, Sensors};
+use hydroid::log::{ChannelSpec, LogError, Note, PrepareOptions, RawLog, Selection, Sensors, prepare};
 use hydroid::progress::silent;
 use hydroid::recording::{converted, read_logs, survey};
 use tempfile::TempDir;
@@ -98,7 +101,8 @@ fn written(folder: &TempDir, name: &str, text: &str) -> PathBuf {
 
 fn tables(path: &Path, selection: &Selection) -> Result<(RawLog, Vec<Note>), LogError> {
     let mut selection = selection.clone();
-    let (mut logs, mut notes) = read_logs(&[path], &mut selection, None, &mut silent())?;
+    let (mut logs, mut notes) =
+        read_logs(&[path], &mut selection, &PrepareOptions::default(), &mut silent())?;
     // Every command reads the table in this way.
     let table = converted(&logs.remove(0), &selection, &mut notes)?;
     Ok((table, notes))
@@ -213,7 +217,7 @@ fn a_gnss_that_is_mostly_outliers_gives_no_motion() {
     let rows = boat(60, 3);
     let path = written(&folder, "boat.csv", &csv(&rows, "t [ms]", 1000.0));
     let mut known = sensors("");
-    read_logs(&[&path], &mut known, None, &mut silent()).unwrap();
+    read_logs(&[&path], &mut known, &PrepareOptions::default(), &mut silent()).unwrap();
     let far: Vec<Sample> = rows
         .iter()
         .enumerate()
@@ -264,4 +268,119 @@ fn the_named_time_is_that_of_the_sensors() {
     let (_, notes) = tables(topics.path(), &wrong).unwrap();
     assert!(said(&notes, "no CSV file in it has the column `stamp`").is_some(), "{notes:?}");
     assert!(tables(&path, &Selection { time: Some("stamp".to_owned()), ..sensors("") }).is_err());
+}
+
+/// A boat of 240 s, what is known of its sensors, and its table.
+fn long_boat() -> &'static (Vec<Sample>, Selection, RawLog) {
+    static BOAT: OnceLock<(Vec<Sample>, Selection, RawLog)> = OnceLock::new();
+    BOAT.get_or_init(|| {
+        let rows = boat(240, 5);
+        let folder = TempDir::new().unwrap();
+        let part = written(&folder, "part.csv", &csv(&rows[..400], "t [ms]", 1000.0));
+        let mut known = sensors("");
+        read_logs(&[part], &mut known, &PrepareOptions::default(), &mut silent()).unwrap();
+        let path = written(&folder, "boat.csv", &csv(&rows, "t [ms]", 1000.0));
+        let table = tables(&path, &known).unwrap().0;
+        (rows, known, table)
+    })
+}
+
+/// The boat without the cells of some columns from one second to another.
+fn with_hole(columns: &[usize], [from, to]: [f64; 2]) -> TempDir {
+    let (rows, ..) = long_boat();
+    let folder = TempDir::new().unwrap();
+    let text = csv(rows, "t [ms]", 1000.0);
+    let lines = text.lines().enumerate().map(|(k, line)| {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        if k > 0 && (from..to).contains(&rows[k - 1][0]) {
+            columns.iter().for_each(|column| cells[*column] = "");
+        }
+        cells.join(",") + "\n"
+    });
+    written(&folder, "boat.csv", &lines.collect::<String>());
+    folder
+}
+
+/// While the GNSS or the compass was silent for two minutes, a smooth track was invented.
+#[test]
+fn a_hole_of_a_sensor_ends_a_run() {
+    let (_, known, whole) = long_boat();
+    for (columns, name) in
+        [(&[1, 2][..], "no position or velocity"), (&[3], "no heading or yaw rate"), (&[1, 2, 3], "nothing")]
+    {
+        let folder = with_hole(columns, [80.0, 200.0]);
+        // Without a limit, a hole is bridged as long as the velocities are known.
+        let options = PrepareOptions { max_gap_s: Some(60.0), ..PrepareOptions::default() };
+        let path = folder.path().join("boat.csv");
+        let (logs, mut notes) = read_logs(&[path], &mut known.clone(), &options, &mut silent()).unwrap();
+        let log = converted(&logs[0], known, &mut notes).unwrap();
+        assert!(
+            said(&notes, name).is_some_and(|note| note.message.contains("there are no rows from")),
+            "{notes:?}"
+        );
+        let runs = runs(&log);
+        assert_eq!(runs.len(), 2, "{name}: {runs:?}");
+        let t = column(&log, "t");
+        let [from, to] = [t[runs[0].end - 1], t[runs[1].start]];
+        assert!((79.0..90.0).contains(&from) && (190.0..201.0).contains(&to), "{name}: {from} to {to}");
+        // What remains is right, also at the edges.
+        for (velocity, bound) in [("u", 0.3), ("r", 0.1)] {
+            let errors = t.iter().zip(column(&log, velocity)).map(|(t, x)| {
+                let k = (t / 0.2).round() as usize;
+                (x - column(whole, velocity)[k]).abs()
+            });
+            let largest = errors.skip(20).fold(0.0, f64::max);
+            assert!(largest < bound, "{name}: {velocity} {largest}");
+        }
+        let prepared =
+            prepare([&log], &Selection::of("u,v,r", "rudder").unwrap(), &PrepareOptions::default());
+        assert_eq!(prepared.unwrap().runs.len(), 2, "{name}");
+    }
+}
+
+/// `--max-gap` had no effect on logs of sensors.
+#[test]
+fn the_longest_gap_is_that_of_the_sensors() {
+    let (_, known, whole) = long_boat();
+    let folder = with_hole(&[1, 2], [80.0, 81.6]);
+    let path = folder.path().join("boat.csv");
+    let with = |max_gap_s: Option<f64>| {
+        let options = PrepareOptions { max_gap_s, ..PrepareOptions::default() };
+        read_logs(&[&path], &mut known.clone(), &options, &mut silent()).unwrap().0.remove(0)
+    };
+    for (max_gap_s, missing) in [(None, 0), (Some(60.0), 0), (Some(1.9), 0), (Some(1.0), 8)] {
+        assert_eq!(whole.rows() - with(max_gap_s).rows(), missing, "{max_gap_s:?}");
+    }
+}
+
+/// A compass that was turned in the middle of a log, and a wrong delay, were reported with a small standard deviation.
+#[test]
+#[ignore = "slow tier: .ci/run runs it"]
+fn what_the_halves_of_a_log_contradict_is_not_calibrated() {
+    let (rows, ..) = long_boat();
+    let calibrated = |name: &str, turn_deg: fn(usize) -> f64| {
+        let folder = TempDir::new().unwrap();
+        let change = |(k, row): (usize, &Sample)| {
+            let mut row = *row;
+            row[3] += turn_deg(k).to_radians();
+            row
+        };
+        let rows: Vec<Sample> = rows.iter().enumerate().map(change).collect();
+        let path = written(&folder, name, &csv(&rows, "t [ms]", 1000.0));
+        let mut selection = sensors("");
+        let (_, notes) =
+            read_logs(&[path], &mut selection, &PrepareOptions::default(), &mut silent()).unwrap();
+        (selection.sensors.unwrap().known.unwrap().constants[1], notes)
+    };
+    let (steady, notes) = calibrated("steady.csv", |_| 4.0);
+    let error = (steady.0.to_degrees() - 4.0).abs();
+    assert!(error < 1.0 && error < 3.0 * steady.1.to_degrees(), "{steady:?}: {notes:?}");
+    assert!(
+        said(&notes, "the compass shows").is_some_and(|note| note.message.contains("this is corrected")),
+        "{notes:?}"
+    );
+    let (turned, notes) = calibrated("turned.csv", |k| if k < 600 { 6.0 } else { -6.0 });
+    assert_eq!(turned.0, 0.0, "{notes:?}");
+    let warning = said(&notes, "the compass shows").unwrap();
+    assert!(warning.is_warning() && warning.message.contains("zero is assumed"), "{warning:?}");
 }
