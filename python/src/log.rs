@@ -12,7 +12,7 @@ use hydroid::atomic;
 use hydroid::boat::Boat;
 use hydroid::config;
 use hydroid::log::line::{Cell, header_columns, number};
-use hydroid::log::{self, BadCell, LogError, Note, RawColumn, RawLog, Selection, Trajectory};
+use hydroid::log::{self, BadCell, LogError, Note, PrepareOptions, RawColumn, RawLog, Selection, Trajectory};
 use hydroid::model::{Model, Reading};
 use hydroid::recording;
 use numpy::{PyArray1, PyArray2};
@@ -341,9 +341,14 @@ pub(crate) fn read_logs(
     let read = move |control: &Control| -> Result<_, LogError> {
         let report = &mut |done| control.report(done);
         let Some(Reading { mut selection, options }) = reading else {
-            return recording::read_logs(&paths, &mut Selection::default(), None, report);
+            return recording::read_logs(
+                &paths,
+                &mut Selection::default(),
+                &PrepareOptions::default(),
+                report,
+            );
         };
-        let (raw, mut notes) = recording::read_logs(&paths, &mut selection, options.dt, report)?;
+        let (raw, mut notes) = recording::read_logs(&paths, &mut selection, &options, report)?;
         let convert = |log: &RawLog| recording::converted(log, &selection, &mut notes);
         Ok((raw.iter().map(convert).collect::<Result<Vec<_>, _>>()?, notes))
     };
@@ -408,7 +413,7 @@ pub(crate) fn tables(
     }
     let Reading { mut selection, options } = reading.clone();
     let read = move |control: &Control| {
-        recording::read_logs(&paths, &mut selection, options.dt, &mut |done| report(control, done))
+        recording::read_logs(&paths, &mut selection, &options, &mut |done| report(control, done))
             .map(|read| (read, selection))
     };
     let ((read, notes), selection) = work::run(py, None, progress, read)?.map_err(of_log)?;

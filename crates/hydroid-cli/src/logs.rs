@@ -44,7 +44,7 @@ pub fn read<P: AsRef<Path>>(
     global: Global,
 ) -> Result<(Vec<RawLog>, Vec<Note>), LogError> {
     let bar = ui::Bar::new("reading", global);
-    recording::read_logs(files, &mut reading.selection, reading.options.dt, &mut bar.callback())
+    recording::read_logs(files, &mut reading.selection, &reading.options, &mut bar.callback())
 }
 
 pub fn prepare(

@@ -76,7 +76,7 @@ impl Files {
         let mut document = json!({ "name": name });
         let mut seen = || -> Result<(), log::LogError> {
             let recording = is_recording(file)?;
-            let survey = survey(file)?;
+            let survey = survey(file, selection.time.as_deref())?;
             document["proposal"] = json!(survey.proposal());
             if recording {
                 document["survey"] = json!(survey);
@@ -87,7 +87,7 @@ impl Files {
             let (inspection, runs) = if recording {
                 let mut selection = selection.clone();
                 let (files, mut tell) = (std::slice::from_ref(file), |done| tell(told, "reading", done));
-                let (mut logs, notes) = self.readings.read(files, &mut selection, options.dt, &mut tell)?;
+                let (mut logs, notes) = self.readings.read(files, &mut selection, &options, &mut tell)?;
                 document["reading"] = json!(notes);
                 log::inspect_owned(logs.remove(0), &selection, &options)?
             } else {
@@ -115,9 +115,11 @@ impl Files {
         let names = Logs { train: request.train, validate: request.validate, test: request.test };
         let files =
             names.all().map(|name| self.file(name).cloned()).collect::<Result<Vec<LogFile>, JsError>>()?;
-        let (dt, mut progress) = (reading.options.dt, |done| tell("reading", done));
-        let (raw, read) =
-            self.readings.read(&files, &mut reading.selection, dt, &mut progress).map_err(failed)?;
+        let mut progress = |done| tell("reading", done);
+        let (raw, read) = self
+            .readings
+            .read(&files, &mut reading.selection, &reading.options, &mut progress)
+            .map_err(failed)?;
         let mut raw = raw.into_iter();
         let raw = names.map(|_| raw.next().unwrap_or_else(|| RawLog::without_rows("", Vec::new())));
         let horizon = request.config.identify.horizon;
@@ -151,7 +153,7 @@ impl Files {
         let Reading { mut selection, options } = from_json::<Config>(config)?.reading().map_err(failed)?;
         let file = std::slice::from_ref(self.file(name)?);
         let (raw, mut notes) =
-            self.readings.read(file, &mut selection, options.dt, &mut quiet).map_err(failed)?;
+            self.readings.read(file, &mut selection, &options, &mut quiet).map_err(failed)?;
         let mut text = Vec::new();
         for table in &raw {
             let table = recording::converted(table, &selection, &mut notes).map_err(failed)?;
@@ -169,7 +171,7 @@ impl Files {
         let files =
             names.iter().map(|name| self.file(name).cloned()).collect::<Result<Vec<LogFile>, JsError>>()?;
         let (raw, _) =
-            read_logs(&files, &mut reading.selection, reading.options.dt, &mut quiet).map_err(failed)?;
+            read_logs(&files, &mut reading.selection, &reading.options, &mut quiet).map_err(failed)?;
         let runs = log::prepare(&raw, &reading.selection, &reading.options).map_err(failed)?.runs;
         let model = vessel.0.clone().for_runs(&runs).map_err(failed)?;
         let found = compare(&model, &runs, &mut quiet).map_err(failed)?;

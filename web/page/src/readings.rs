@@ -4,7 +4,7 @@
 
 use std::cell::RefCell;
 
-use hydroid::log::{LogError, Note, RawLog, Selection};
+use hydroid::log::{LogError, Note, PrepareOptions, RawLog, Selection};
 use hydroid::progress::Progress;
 use hydroid::recording::read_logs;
 use hydroid_io::LogFile;
@@ -16,7 +16,7 @@ pub(crate) struct Readings(RefCell<Vec<Reading>>);
 struct Reading {
     names: Vec<String>,
     asked: Selection,
-    dt: Option<f64>,
+    options: PrepareOptions,
     selection: Selection,
     tables: Vec<RawLog>,
     notes: Vec<Note>,
@@ -28,28 +28,29 @@ impl Readings {
         &self,
         files: &[LogFile],
         selection: &mut Selection,
-        dt: Option<f64>,
+        options: &PrepareOptions,
         progress: Progress<'_>,
     ) -> Result<(Vec<RawLog>, Vec<Note>), LogError> {
         if selection.sensors.is_none() {
-            return read_logs(files, selection, dt, progress);
+            return read_logs(files, selection, options, progress);
         }
         let names: Vec<String> = files.iter().map(LogFile::name).collect();
         let kept = self.0.borrow();
-        let same = kept.iter().find(|own| own.names == names && own.asked == *selection && own.dt == dt);
+        let same =
+            kept.iter().find(|own| own.names == names && own.asked == *selection && own.options == *options);
         if let Some(same) = same {
             selection.clone_from(&same.selection);
             return Ok((same.tables.clone(), same.notes.clone()));
         }
         drop(kept);
         let asked = selection.clone();
-        let (tables, notes) = read_logs(files, selection, dt, progress)?;
+        let (tables, notes) = read_logs(files, selection, options, progress)?;
         let mut kept = self.0.borrow_mut();
         kept.retain(|own| own.names != names);
         kept.push(Reading {
             names,
             asked,
-            dt,
+            options: *options,
             selection: selection.clone(),
             tables: tables.clone(),
             notes: notes.clone(),

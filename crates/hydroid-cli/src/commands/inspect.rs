@@ -65,7 +65,7 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
             }
             let is_recording = is_recording(file)?;
             if is_recording || args.write_config.is_some() {
-                let survey = survey(file)?;
+                let survey = survey(file, reading.selection.time.as_deref())?;
                 let proposal = survey.proposal();
                 let written = write_config.take();
                 if let Some(path) = written {

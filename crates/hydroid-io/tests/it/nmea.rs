@@ -290,7 +290,7 @@ fn midnight_is_passed() {
         "GPGLL,0111.5,N,10354.0,E,235959.5,A",
         "GPZDA,000002,16,04,2026,00,00",
     ]);
-    assert_eq!(log.stamps("HDT"), [last, last, MIDNIGHT_NS + SECOND / 2]);
+    assert_eq!(log.stamps("HDT"), [last, last + 3 * SECOND / 4, MIDNIGHT_NS + SECOND / 2]);
     assert_eq!(log.stamps("GGA"), [last]);
     assert_eq!(log.stamps("GLL"), [MIDNIGHT_NS + SECOND / 2, MIDNIGHT_NS - SECOND / 2], "one comes late");
     assert_eq!(
@@ -317,8 +317,9 @@ fn without_date_stamps_are_from_midnight() {
     assert!(log.summary.notes[0].contains("midnight"));
 }
 
+/// Nine of ten headings between two times had the stamp of another one, and were left out.
 #[test]
-fn sentences_that_are_faster_than_the_time_are_stated() {
+fn sentences_that_are_faster_than_the_time_are_spread() {
     let fast = |first: &str| {
         let seconds = (0..3).flat_map(|k| {
             let time = first.replace("SS", &format!("0{k}"));
@@ -326,7 +327,10 @@ fn sentences_that_are_faster_than_the_time_are_stated() {
         });
         let sentences: Vec<String> = seconds.collect();
         let sentences: Vec<&str> = sentences.iter().map(String::as_str).collect();
-        file(&sentences).summary.notes.join("; ")
+        let log = file(&sentences);
+        let steps = log.stamps("HDT").windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>();
+        assert_eq!(steps, [SECOND / 10; 29], "{first}");
+        log.summary.notes.join("; ")
     };
     for first in ["GPRMC,1200SS.0,V,,,,,,,010180,,,N", "GPGLL,0111.5,N,10354.0,E,1200SS,A"] {
         let notes = fast(first);
@@ -338,7 +342,21 @@ fn sentences_that_are_faster_than_the_time_are_stated() {
         "GPGLL,0111.5,N,10354.0,E,120001,A",
         "HEHDT,1,T",
     ]);
-    assert!(!notes.summary.notes.join("; ").contains("time of the one before"));
+    assert!(!notes.summary.notes.join("; ").contains("spread"));
+    // Over a pause, and behind the last time, the step is that of before.
+    let pause = file(&[
+        "GPGLL,0111.5,N,10354.0,E,120000,A",
+        "HEHDT,1,T",
+        "HEHDT,2,T",
+        "GPGLL,0111.5,N,10354.0,E,120001,A",
+        "HEHDT,3,T",
+        "HEHDT,4,T",
+        "GPGLL,0111.5,N,10354.0,E,130000,A",
+        "HEHDT,5,T",
+        "HEHDT,6,T",
+    ]);
+    let steps = pause.stamps("HDT").windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>();
+    assert_eq!(steps, [SECOND / 2, SECOND / 2, SECOND, 3598 * SECOND, SECOND]);
 }
 
 #[test]

@@ -69,13 +69,14 @@ impl Log {
         let Reading { selection, options } = base;
         let or =
             |given: Vec<ChannelSpec>, base: Vec<ChannelSpec>| if given.is_empty() { base } else { given };
-        // Velocities of the log replace those that would be computed, and so does its heading.
+        // Velocities of the log replace those that would be computed, and so do its heading and its time.
         let replaced = selection.sensors.is_some() && !self.outputs.is_empty();
         let sensors = selection.sensors.filter(|_| !replaced);
         let heading = selection.heading.filter(|_| !replaced);
+        let time = selection.time.filter(|_| !replaced);
         Ok(Reading {
             selection: Selection {
-                time: self.time.or(selection.time),
+                time: self.time.or(time),
                 outputs: or(self.outputs, selection.outputs),
                 inputs: or(self.inputs, selection.inputs),
                 wind: self.wind.or(selection.wind),

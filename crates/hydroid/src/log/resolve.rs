@@ -266,7 +266,9 @@ pub(crate) fn time(
             .with_remedy("if a line is damaged, delete it"),
         );
     }
-    let spec = if let Some(text) = &selection.time {
+    // Tables that are computed from sensors have times of their own; the named column is that of the sensors.
+    let named = selection.time.as_ref().filter(|_| selection.sensors.is_none());
+    let spec = if let Some(text) = named {
         text.parse::<ChannelSpec>()?
     } else {
         let guessed =

@@ -218,7 +218,7 @@ impl FromStr for Wind {
 #[serde(deny_unknown_fields, default)]
 pub struct Selection {
     /// Time column, with a unit (`timestamp [ms]`) unless in seconds or ISO 8601 stamps. Default: the first of `t`,
-    /// `time`, `t_s`, `timestamp`, `time_s`.
+    /// `time`, `t_s`, `timestamp`, `time_s`. With [`sensors`](Self::sensors), that of the CSV files of the sensors.
     pub time: Option<String>,
     /// Outputs. If empty: `u`, `v` and `r`, as far as they exist.
     pub outputs: Vec<ChannelSpec>,

@@ -29,7 +29,7 @@ const COARSE: usize = 40;
 /// Steps at most.
 const STEPS: usize = 200;
 /// Evaluations of the likelihood of all measurements in a usual search, for the progress.
-const USUAL: usize = 100;
+const USUAL: usize = 200;
 /// Gain of the log-likelihood in a step; three smaller ones end the search.
 const ENOUGH: f64 = 0.1;
 /// Standard deviation of the logarithm of a statistic about its first guess: a factor of five.
@@ -49,7 +49,8 @@ impl Fitted {
 
 /// Maximizes the product of the likelihood of the innovations and the prior over the logarithms of the statistics and the
 /// constants. The likelihood has several maxima: the search begins from each of the first guesses with the beginnings of the
-/// runs, and continues with all measurements from what explains them best.
+/// runs, and continues with all measurements from what explains them best. With several guesses, the constants are searched a
+/// second time, with the statistics that were found.
 ///
 /// # Errors
 /// If the callback cancels.
@@ -77,12 +78,21 @@ pub fn fit(runs: &Runs, guesses: &[Statistics], progress: Progress<'_>) -> Resul
     let best = starts.into_iter().max_by(|a, b| a.value.total_cmp(&b.value));
     let mut search = best.expect("a first guess");
     search.run(STEPS, &mut work)?;
+    if guesses.len() > 1 {
+        // First steps with a wrong guess may have led the constants to another maximum: they begin again with the statistics
+        // that were found.
+        let mut again = search.again(&mut work)?;
+        again.run(STEPS, &mut work)?;
+        if again.value > search.value {
+            search = again;
+        }
+    }
     let (statistics, constants) = search.read(&search.at);
     Ok(Fitted { statistics, constants, log_likelihood: search.value, steps: search.steps })
 }
 
 /// Number of measurements.
-fn count(runs: &Runs) -> usize {
+pub(super) fn count(runs: &Runs) -> usize {
     runs.runs.iter().map(|run| run.events.len()).sum()
 }
 
@@ -113,6 +123,7 @@ impl Work<'_> {
 }
 
 /// Method of Broyden, Fletcher, Goldfarb and Shanno (Nocedal and Wright, *Numerical Optimization*, 2nd ed., section 6.1).
+#[derive(Clone)]
 struct Search<'a> {
     runs: &'a Runs,
     start: Statistics,
@@ -152,6 +163,16 @@ impl<'a> Search<'a> {
             slope: Vec::new(),
             steps: 0,
         };
+        (search.value, search.slope) = search.evaluate(&search.at, work)?;
+        search.inverse = Inverse::of_diagonal(&search.curvatures(work)?);
+        Ok(search)
+    }
+
+    /// The search with the constants at their first values.
+    fn again(&self, work: &mut Work<'_>) -> Result<Self, Cancelled> {
+        let mut at = self.at.clone();
+        at[self.statistics..].clone_from_slice(&self.from[self.statistics..]);
+        let mut search = Self { at, inverse: Inverse { rows: Vec::new() }, ..self.clone() };
         (search.value, search.slope) = search.evaluate(&search.at, work)?;
         search.inverse = Inverse::of_diagonal(&search.curvatures(work)?);
         Ok(search)
@@ -254,6 +275,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// Estimate of the inverse of the negative Hessian.
+#[derive(Clone)]
 struct Inverse {
     rows: Vec<Vec<f64>>,
 }

@@ -38,6 +38,8 @@ pub struct Smoothed {
     pub nis: Vec<f64>,
     /// Share of outliers of each sensor.
     pub outliers: Vec<f64>,
+    /// Number of measurements of each sensor.
+    pub counts: Vec<f64>,
 }
 
 /// Pose and velocities of an estimate of the filter, which knows nothing of later measurements.
@@ -109,6 +111,7 @@ pub fn smooth(
             end: [(0.0, 0.0); STATES],
             nis: counts.iter().map(|c| c[1] / (c[0] - c[2]).max(1.0)).collect(),
             outliers: counts.iter().map(|c| c[2] / c[0].max(1.0)).collect(),
+            counts: counts.iter().map(|c| c[0]).collect(),
         })
         .collect();
     let mut adjoint = Adjoint { vector: [0.0; STATES], matrix: [[0.0; STATES]; STATES] };
@@ -148,6 +151,19 @@ pub fn smooth(
         run.rows.reverse();
     }
     Ok(smoothed)
+}
+
+/// Standard deviations of the constants after all runs.
+pub(super) fn constant_deviations(runs: &Runs, statistics: &Statistics) -> [f64; CONSTANTS.len()] {
+    let Some(first) = runs.runs.first() else { return [f64::INFINITY; CONSTANTS.len()] };
+    let outputs = vec![Vec::new(); runs.runs.len()];
+    let filter = Filter::new(statistics.noise, &first.prior, Filter::OUTLIER);
+    let mut forward = Forward { runs, statistics, outputs: &outputs, filter, t: 0.0 };
+    for item in sequence(runs, &outputs) {
+        forward.step(item, |_| {});
+    }
+    let end = forward.filter.estimate();
+    CONSTANTS.map(|state| end.variance(state).max(0.0).sqrt())
 }
 
 /// All measurements and outputs in the order of time.

@@ -1,13 +1,14 @@
 //! The sensors of a recording as measurements in SI units.
 
 use std::f64::consts::{PI, TAU};
+use std::ops::Range;
 
-use hydroid_core::navigation::{Prior, State};
+use hydroid_core::navigation::{Mounting, Prior, State};
 use hydroid_io::Clock;
 
 use super::open::Recording;
 use crate::log::{self, ChannelSpec, LogError, Note, Sensors};
-use crate::navigate::{Event, Run};
+use crate::navigate::{Event, Kind, Row, Run, Sensor};
 
 /// Mean earth axes of WGS 84: semi-major axis \[m\] and squared eccentricity.
 const SEMI_MAJOR_M: f64 = 6_378_137.0;
@@ -268,37 +269,29 @@ impl Instruments {
         }
     }
 
-    /// Warns of velocities of the GNSS that contradict the changes of its positions.
-    pub(super) fn check_gnss(&self, notes: &mut Vec<Note>) {
-        let (Some(position), Some(velocity)) = (&self.position, &self.velocity) else { return };
+    /// States how velocities of the GNSS contradict the changes of its positions.
+    pub(super) fn check_gnss(&self) -> Option<String> {
+        let (position, velocity) = (self.position.as_ref()?, self.velocity.as_ref()?);
         let parts = displacements(position, velocity);
         let exchanged: Vec<_> = parts.iter().map(|&([a, b], v)| ([b, a], v)).collect();
         let (direct, swapped) = (gain(&parts), gain(&exchanged));
         let unexplained = direct.map_or(1.0, |gain| gain.unexplained);
-        let warning = if swapped.is_some_and(|swapped| swapped.unexplained < 0.5 * unexplained) {
-            format!(
-                "{}: positions move to the north as the velocity of the GNSS does to the east: latitude and longitude, or north and east, seem to be exchanged",
-                self.path
-            )
-        } else if let Some(gain) =
-            direct.filter(|gain| (gain.factor - 1.0).abs() > 0.2 || gain.angle.abs() > 0.2)
-        {
-            format!(
-                "{}: positions of the GNSS move {:.2} times as fast as its velocity states, in a direction {:.0} deg to starboard of it",
-                self.path,
-                gain.factor,
-                180.0 / PI * gain.angle
-            )
-        } else {
-            return;
-        };
-        notes.push(Note::warning(warning).with_remedy(
-            "check columns and units of position, speed and course in the section [log.sensors]",
-        ));
+        if swapped.is_some_and(|swapped| swapped.unexplained < 0.5 * unexplained) {
+            return Some(
+                "positions move to the north as the velocity of the GNSS does to the east: latitude and longitude, or north and east, seem to be exchanged"
+                    .to_owned(),
+            );
+        }
+        let gain = direct.filter(|gain| (gain.factor - 1.0).abs() > 0.2 || gain.angle.abs() > 0.2)?;
+        Some(format!(
+            "positions of the GNSS move {:.2} times as fast as its velocity states, in a direction {:.0} deg to starboard of it",
+            gain.factor,
+            180.0 / PI * gain.angle
+        ))
     }
 
     /// Measurements of a part in the order of time, and the prior. Kinds of position fixes come first among the sensors.
-    pub(super) fn run(&self, part: &Part, sensors: &Sensors, qualities: &[f64]) -> Run {
+    pub(super) fn run(&self, part: &Part, all: &[Sensor], qualities: &[f64]) -> Run {
         let mut events = Vec::new();
         let places = qualities.len().max(1);
         if let Some([north, east]) = &self.position {
@@ -328,24 +321,7 @@ impl Instruments {
         }
         events.retain(|event| event.value.iter().all(|x| x.is_finite()) && part.has(event.t));
         events.sort_by(|a, b| a.t.total_cmp(&b.t));
-        let first = |sensor: std::ops::Range<usize>| events.iter().find(|e| sensor.contains(&e.sensor));
-        let velocities = || events.iter().filter(|e| e.sensor == places).take(5);
-        let speed = velocities().map(|e| e.value[0].hypot(e.value[1])).sum::<f64>()
-            / velocities().count().max(1) as f64;
-        let course = velocities().next().map_or(0.0, |e| e.value[1].atan2(e.value[0]));
-        let (heading, deviation) =
-            first(places + 1..places + 2).map_or((course, 0.5), |event| (event.value[0], 0.1));
-        let (sine, cosine) = heading.sin_cos();
-        let [forward, starboard, _] = sensors.antenna_m;
-        let [north, east] = first(0..places).map_or([0.0; 2], |event| event.value);
-        let prior = Prior::default()
-            .with(State::Heading, heading, deviation)
-            .with(State::Surge, speed, 2.0)
-            .with(State::North, north - (cosine * forward - sine * starboard), 10.0)
-            .with(State::East, east - (sine * forward + cosine * starboard), 10.0)
-            .with(State::CurrentNorth, 0.0, CURRENT_M_S)
-            .with(State::CurrentEast, 0.0, CURRENT_M_S);
-        Run { events, prior }
+        Run { prior: start(&events, all), events }
     }
 
     /// The times in which a sensor is measured, with the rows of the table: from the first time at which the place (position or
@@ -407,6 +383,71 @@ impl Instruments {
         Ok(parts)
     }
 
+    /// Removes the rows of outages of the sensors of place or direction from the first to the last one in which a velocity is
+    /// not known any more: its standard deviation exceeds a third of its spread, and its usual one. An
+    /// outage beyond the given limit has no rows.
+    pub(super) fn cut_outages(&self, rows: &mut Vec<Row>, max_gap_s: Option<f64>, notes: &mut Vec<Note>) {
+        let (Some(first), Some(end)) = (rows.first(), rows.last()) else { return };
+        let ends = [first.t, end.t];
+        let place = self.position.iter().chain(&self.velocity).map(|both| &both[0]);
+        let direction = self.heading.iter().chain(&self.yaw_rate);
+        let mut all: Vec<(&str, [f64; 2], Range<usize>)> = Vec::new();
+        for (name, times) in
+            [("position or velocity", times(place)), ("heading or yaw rate", times(direction))]
+        {
+            for [from, to] in outages(times, ends, max_gap_s) {
+                let before = rows.partition_point(|row| row.t <= from + ROUNDING_S);
+                let after = rows.partition_point(|row| row.t < to - ROUNDING_S || to == ends[1]);
+                all.push((name, [from, to], before..after.max(before)));
+            }
+        }
+        let mut is_known = vec![true; rows.len()];
+        for (.., range) in &all {
+            is_known[range.clone()].fill(false);
+        }
+        let known: Vec<&Row> =
+            rows.iter().zip(&is_known).filter(|(_, known)| **known).map(|(row, _)| row).collect();
+        if known.is_empty() {
+            return;
+        }
+        let limits: [f64; 3] = std::array::from_fn(|i| {
+            let n = known.len() as f64;
+            let mean = known.iter().map(|row| row.ground[i]).sum::<f64>() / n;
+            let square = known.iter().map(|row| (row.ground[i] - mean).powi(2)).sum::<f64>() / n;
+            let mut usual: Vec<f64> = known.iter().map(|row| row.ground_deviation[i]).collect();
+            usual.sort_by(f64::total_cmp);
+            // That of nineteen of twenty rows: the beginning of a run is less certain.
+            usual[(usual.len() - 1) * 19 / 20].max(KNOWN * square.sqrt())
+        });
+        let mut is_kept = vec![true; rows.len()];
+        let mut cuts: Vec<(&str, [f64; 2])> = Vec::new();
+        for (name, [from, to], range) in all {
+            let is_open = |row: &Row| {
+                max_gap_s.is_some_and(|longest| to - from > longest)
+                    || (0..3).any(|i| row.ground_deviation[i] > limits[i])
+            };
+            let own = &rows[range.clone()];
+            if let (Some(a), Some(b)) = (own.iter().position(is_open), own.iter().rposition(is_open)) {
+                cuts.push((name, [own[a].t, own[b].t]));
+                is_kept[range.start + a..=range.start + b].fill(false);
+            }
+        }
+        let mut kept = is_kept.into_iter();
+        rows.retain(|_| kept.next() == Some(true));
+        cuts.sort_by(|a, b| a.1[0].total_cmp(&b.1[0]));
+        if let Some((name, [from, to])) = cuts.first() {
+            let text = |t: f64| super::table::time_text(t + self.origin);
+            let more = match cuts.len() {
+                1 => String::new(),
+                n => format!(", and in {} more gaps", n - 1),
+            };
+            notes.push(Note::warning(format!(
+                "{}: there are no rows from {} to {}{more}: no {name} is measured; the gap is longer than the limit, or u, v and r are not known within {:.2} m/s, {:.2} m/s and {:.3} rad/s",
+                self.path, text(*from), text(*to), limits[0], limits[1], limits[2]
+            )));
+        }
+    }
+
     /// Says where measurements are missing, and which ones are left out.
     fn tell_gaps(&self, parts: &[Part], limit: f64, notes: &mut Vec<Note>) {
         let text = |t: f64| super::table::time_text(t + self.origin);
@@ -451,6 +492,47 @@ impl Instruments {
             )));
         }
     }
+}
+
+/// A stamp that differs from that of a row by less \[s\] is at the row.
+const ROUNDING_S: f64 = 1e-6;
+/// Share of the usual spread of a velocity that its standard deviation may have in an outage.
+const KNOWN: f64 = 1.0 / 3.0;
+
+/// Times \[s\] between two without measurements of some sensors that are longer than their limit. The limit is that of a gap of all sensors, or the given one; a single missing measurement is no gap.
+fn outages(mut times: Vec<f64>, [begin, end]: [f64; 2], max_gap_s: Option<f64>) -> Vec<[f64; 2]> {
+    times.dedup();
+    let Some(step) = log::Clock::usual_step(&times) else { return Vec::new() };
+    let limit = LONGEST_S.max(LONGEST_STEPS * step);
+    let limit = max_gap_s.map_or(limit, |given| given.max(2.0 * step).min(limit));
+    // A stamp far from all others is no end of an outage.
+    times.retain(|t| (begin..=end).contains(t));
+    let ends = times.iter().copied().chain([end]);
+    let starts = std::iter::once(begin).chain(times.iter().copied());
+    starts.zip(ends).filter(|(from, to)| to - from > limit).map(|(from, to)| [from, to]).collect()
+}
+
+/// The prior of measurements in the order of time: place, course and speed of the first ones.
+pub(super) fn start(events: &[Event], sensors: &[Sensor]) -> Prior {
+    let of = |kind: Kind| events.iter().filter(move |event| sensors[event.sensor].kind == kind);
+    let velocities = || of(Kind::Velocity).take(5);
+    let speed =
+        velocities().map(|e| e.value[0].hypot(e.value[1])).sum::<f64>() / velocities().count().max(1) as f64;
+    let course = velocities().next().map_or(0.0, |e| e.value[1].atan2(e.value[0]));
+    let (heading, deviation) = of(Kind::Heading).next().map_or((course, 0.5), |event| (event.value[0], 0.1));
+    let (sine, cosine) = heading.sin_cos();
+    let [north, east] = of(Kind::Position).next().map_or([0.0; 2], |event| {
+        let Mounting { forward, starboard } = sensors[event.sensor].mounting;
+        let [north, east] = event.value;
+        [north - (cosine * forward - sine * starboard), east - (sine * forward + cosine * starboard)]
+    });
+    Prior::default()
+        .with(State::Heading, heading, deviation)
+        .with(State::Surge, speed, 2.0)
+        .with(State::North, north, 10.0)
+        .with(State::East, east, 10.0)
+        .with(State::CurrentNorth, 0.0, CURRENT_M_S)
+        .with(State::CurrentEast, 0.0, CURRENT_M_S)
 }
 
 /// Most rows of a table.

@@ -2,10 +2,10 @@
 
 use std::f64::consts::PI;
 
-use hydroid_core::navigation::{Mounting, Noise, Prior};
+use hydroid_core::navigation::{Mounting, Noise, Prior, State};
 
 use crate::log::{KnownSensors, LogError, Sensors};
-use crate::navigate::{CONSTANTS, Kind, Sensor, Smoothed, Statistics};
+use crate::navigate::{self, CALIBRATED, CONSTANTS, Calibration, Kind, Sensor, Smoothed, Statistics};
 
 /// A sensor of the runs.
 pub(super) struct Placed {
@@ -86,12 +86,23 @@ pub(super) fn check(known: &KnownSensors, path: &str) -> Result<(), LogError> {
     })
 }
 
-/// The prior of a run, with the constants of earlier ones.
+/// The prior of a run, with the constants of earlier ones. Those of the sensors are fixed.
 pub(super) fn prior(known: &KnownSensors, prior: &Prior) -> Prior {
     let constants = CONSTANTS.iter().zip(&known.constants);
     constants.fold(prior.clone(), |prior, (&state, &(value, deviation))| {
+        let deviation = if CALIBRATED.contains(&state) { 0.0 } else { deviation };
         prior.with(state, value, deviation).linearized_at(state, value)
     })
+}
+
+/// What is known of the constants of some sensors.
+pub(super) fn calibrations(known: &KnownSensors, sensors: &[Sensor]) -> Vec<Calibration> {
+    let of = |state: State| {
+        let at = CONSTANTS.iter().position(|of| *of == state)?;
+        let whole = *known.constants.get(at)?;
+        Some(Calibration { state, whole, halves: [whole; 2], is_determined: whole.0 != 0.0 })
+    };
+    navigate::calibrated(sensors).filter_map(of).collect()
 }
 
 /// Statistics with the standard deviations of [`placed`] sensors, and without those of the motion.

@@ -10,6 +10,7 @@
 //! recording has one topic. The yaw angle of a quaternion `Q` (fields `Q.x` to `Q.w`, or `Q[0]` to `Q[3]` with the scalar
 //! first) is the column `Q.yaw`.
 
+mod clock;
 mod instruments;
 mod known;
 mod live;
@@ -21,7 +22,7 @@ mod table;
 
 use hydroid_io::LogFile;
 
-use crate::log::{self, LogError, Note, RawLog, Selection};
+use crate::log::{self, LogError, Note, PrepareOptions, RawLog, Selection};
 use crate::progress::{self, Progress};
 
 pub use live::{LiveColumn, LiveInputs, LiveMotion, LiveTopics, SensorHealth};
@@ -33,9 +34,10 @@ pub use table::{converted, time_text};
 /// Share of the files in the time of a computation from sensors, for the progress.
 const FILES: f64 = 0.05;
 
-/// Reads logs of any format as tables. The time of a table from a recording is in seconds from its first row. `dt` is the
-/// step of tables that are computed from sensors; default: that of the heading, else of the position. What is estimated of
-/// the sensors is filled in the selection ([`Sensors::known`](crate::log::Sensors::known)), so that further recordings of
+/// Reads logs of any format as tables. The time of a table from a recording is in seconds from its first row. The
+/// step of tables that are computed from sensors is that of the options; default: that of the heading, else of the position.
+/// Their rows end where measurements are missing for longer than the gap limit of the options, or than the smoother can
+/// bridge. What is estimated of the sensors is filled in the selection ([`Sensors::known`](crate::log::Sensors::known)), so that further recordings of
 /// the vessel are read in the same way, and faster.
 ///
 /// # Errors
@@ -43,7 +45,7 @@ const FILES: f64 = 0.05;
 pub fn read_logs<'a, S>(
     logs: &'a [S],
     selection: &mut Selection,
-    dt: Option<f64>,
+    options: &PrepareOptions,
     progress: Progress<'_>,
 ) -> Result<(Vec<RawLog>, Vec<Note>), LogError>
 where
@@ -58,7 +60,7 @@ where
             recordings.push(open::read(source, selection, &mut notes, &mut part)?);
         }
         let mut rest = |done| progress(FILES + (1.0 - FILES) * done);
-        return Ok((motion::tables(&recordings, selection, dt, &mut notes, &mut rest)?, notes));
+        return Ok((motion::tables(&recordings, selection, options, &mut notes, &mut rest)?, notes));
     }
     let mut tables = Vec::with_capacity(sources.len());
     for (i, source) in sources.iter().enumerate() {

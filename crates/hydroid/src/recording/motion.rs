@@ -2,15 +2,15 @@
 
 use std::f64::consts::PI;
 
-use hydroid_core::navigation::{Noise, Prior, State};
+use hydroid_core::navigation::{Noise, State};
 
-use super::instruments::{CURRENT_M_S, Instruments};
+use super::instruments::{CURRENT_M_S, Instruments, start};
 use super::known::{self, Placed};
 use super::open::Recording;
-use super::table::{self, start};
+use super::table;
 use crate::log::line::Resolved;
-use crate::log::{LogError, Note, RawColumn, RawLog, Selection};
-use crate::navigate::{self, Kind, Run, Runs, Sensor, Smoothed, Statistics};
+use crate::log::{LogError, Note, PrepareOptions, RawColumn, RawLog, Selection};
+use crate::navigate::{self, Calibration, Kind, Run, Runs, Sensor, Smoothed, Statistics};
 use crate::progress::Progress;
 
 /// Kinds of position fixes with a noise of their own.
@@ -57,7 +57,7 @@ pub(super) fn usual(frequency: f64) -> Noise {
 pub(super) fn tables(
     recordings: &[Recording],
     selection: &mut Selection,
-    dt: Option<f64>,
+    options: &PrepareOptions,
     notes: &mut Vec<Note>,
     progress: Progress<'_>,
 ) -> Result<Vec<RawLog>, LogError> {
@@ -66,9 +66,13 @@ pub(super) fn tables(
         .iter()
         .map(|recording| Instruments::new(recording, sensors, notes))
         .collect::<Result<Vec<_>, _>>()?;
+    let mut contradictions = Vec::with_capacity(instruments.len());
     for one in &mut instruments {
         one.turn_axes(notes);
-        one.check_gnss(notes);
+        let found = one.check_gnss();
+        let note = |text: &String| Note::warning(format!("{}: {text}", one.path)).with_remedy(CHECK_GNSS);
+        notes.extend(found.iter().map(note));
+        contradictions.push(found);
     }
     let qualities = qualities(&instruments);
     let mut placed = known::placed(sensors, &qualities);
@@ -76,8 +80,8 @@ pub(super) fn tables(
         Runs { sensors: placed.iter().map(|placed| placed.sensor.clone()).collect(), runs: Vec::new() };
     let (mut times, mut counts) = (Vec::new(), Vec::new());
     for one in &instruments {
-        let parts = one.parts(dt, notes)?;
-        runs.runs.extend(parts.iter().map(|part| one.run(part, sensors, &qualities)));
+        let parts = one.parts(options.dt, notes)?;
+        runs.runs.extend(parts.iter().map(|part| one.run(part, &runs.sensors, &qualities)));
         counts.push(parts.len());
         times.extend(parts.into_iter().map(|part| part.times));
     }
@@ -85,23 +89,44 @@ pub(super) fn tables(
     // What is wrong with the other columns is found before the long computation.
     let others =
         recordings.iter().map(|recording| others(recording, selection)).collect::<Result<Vec<_>, _>>()?;
+    let calibrations;
     let statistics = if let Some(known) = &sensors.known {
         known::check(known, &instruments.first().map_or(String::new(), |one| one.path.clone()))?;
         for run in &mut runs.runs {
             run.prior = known::prior(known, &run.prior);
         }
+        calibrations = known::calibrations(known, &runs.sensors);
         Statistics { noise: known.noise, ..known::usual(&runs.sensors) }
     } else {
         let guesses = guesses(&runs.sensors);
-        let fitted = navigate::fit(&sample(&runs), &guesses, &mut |done| progress(FIT * done))?;
+        let sample = sample(&runs);
+        let halves = halves(&sample);
+        let (fitted, found) =
+            navigate::calibrate(&sample, &halves, &guesses, &mut |done| progress(FIT * done))?;
+        calibrations = found;
         for run in &mut runs.runs {
             run.prior = fitted.prior(&run.prior);
+            for of in &calibrations {
+                let (value, _) = of.used();
+                run.prior = run.prior.clone().with(of.state, value, 0.0).linearized_at(of.state, value);
+            }
         }
         fitted.statistics
     };
     let smoothed =
         navigate::smooth(&runs, &statistics, &times, &mut |done| progress(FIT + (1.0 - FIT) * done))?;
-    let smoothed = joined(&runs, smoothed, &counts);
+    let mut smoothed = joined(smoothed, &counts);
+    for smoothed in &mut smoothed {
+        for calibration in &calibrations {
+            widen(smoothed, calibration);
+        }
+    }
+    for (one, smoothed) in instruments.iter().zip(&mut smoothed) {
+        one.cut_outages(&mut smoothed.rows, options.max_gap_s, notes);
+    }
+    for ((one, smoothed), contradiction) in instruments.iter().zip(&smoothed).zip(contradictions) {
+        check_outliers(&one.path, &runs.sensors, smoothed, contradiction)?;
+    }
     let mut tables = Vec::with_capacity(recordings.len());
     for (i, one) in instruments.iter().enumerate() {
         tables.push(one.table(&recordings[i], &others[i], &smoothed[i], notes)?);
@@ -109,7 +134,7 @@ pub(super) fn tables(
     if let (Some(one), Some(last)) = (instruments.first(), smoothed.last()) {
         let path =
             if instruments.len() == 1 { one.path.clone() } else { format!("the {} logs", instruments.len()) };
-        states(&path, one, last, notes);
+        states(&path, one, last, &calibrations, notes);
     }
     for (one, smoothed) in instruments.iter().zip(&smoothed) {
         outliers(&one.path, &runs.sensors, smoothed, notes);
@@ -122,20 +147,16 @@ pub(super) fn tables(
 }
 
 /// The parts of each recording as one: `counts` are their numbers.
-fn joined(runs: &Runs, parts: Vec<Smoothed>, counts: &[usize]) -> Vec<Smoothed> {
-    let mut parts = runs.runs.iter().zip(parts);
-    let of =
-        |run: &Run, sensor: usize| run.events.iter().filter(|event| event.sensor == sensor).count() as f64;
+fn joined(parts: Vec<Smoothed>, counts: &[usize]) -> Vec<Smoothed> {
+    let mut parts = parts.into_iter();
     let mut all = Vec::with_capacity(counts.len());
     for count in counts {
         let mut own = parts.by_ref().take(*count);
-        let Some((run, mut whole)) = own.next() else { continue };
-        let mut weights: Vec<f64> = (0..whole.outliers.len()).map(|sensor| of(run, sensor)).collect();
-        for (run, part) in own {
-            for (sensor, weight) in weights.iter_mut().enumerate() {
-                let more = of(run, sensor);
-                let share = more / (*weight + more).max(1.0);
-                *weight += more;
+        let Some(mut whole) = own.next() else { continue };
+        for part in own {
+            for (sensor, more) in part.counts.into_iter().enumerate() {
+                whole.counts[sensor] += more;
+                let share = more / whole.counts[sensor].max(1.0);
                 whole.outliers[sensor] += share * (part.outliers[sensor] - whole.outliers[sensor]);
                 whole.nis[sensor] += share * (part.nis[sensor] - whole.nis[sensor]);
             }
@@ -194,6 +215,37 @@ fn sample(runs: &Runs) -> Runs {
         }
     }
     sample
+}
+
+/// The halves of the measurements of runs, by runs if there are several.
+fn halves(runs: &Runs) -> [Runs; 2] {
+    let of = |runs_: Vec<Run>| Runs { sensors: runs.sensors.clone(), runs: runs_ };
+    if let [run] = &runs.runs[..] {
+        let (first, second) = run.events.split_at(run.events.len() / 2);
+        let second = Run { events: second.to_vec(), prior: start(second, &runs.sensors) };
+        return [of(vec![Run { events: first.to_vec(), prior: run.prior.clone() }]), of(vec![second])];
+    }
+    let all: usize = runs.runs.iter().map(|run| run.events.len()).sum();
+    let mut before = 0;
+    let in_first = |run: &&Run| {
+        before += run.events.len();
+        2 * before <= all
+    };
+    let count = runs.runs.iter().take_while(in_first).count().clamp(1, runs.runs.len().max(2) - 1);
+    [of(runs.runs[..count].to_vec()), of(runs.runs[count..].to_vec())]
+}
+
+/// Adds the standard deviation of a constant of the sensors, which is fixed in the smoother, to those of its results.
+fn widen(smoothed: &mut Smoothed, calibration: &Calibration) {
+    let (value, deviation) = calibration.used();
+    smoothed.end[calibration.state as usize] = (value, deviation);
+    if calibration.state == State::Misalignment {
+        for row in &mut smoothed.rows {
+            let [u, v, _] = row.ground;
+            let [of_u, of_v, _] = &mut row.ground_deviation;
+            (*of_u, *of_v) = (of_u.hypot(deviation * v), of_v.hypot(deviation * u));
+        }
+    }
 }
 
 /// Columns that are computed from sensors, with their units.
@@ -267,49 +319,54 @@ impl Instruments {
             };
             columns.push(recording.column(*column, values));
         }
-        notes.push(start(&self.path, absolute[0]));
+        notes.push(table::start(&self.path, absolute[0]));
         RawLog::from_columns(&self.path, columns)
     }
 }
 
 /// Notes on delay, misalignment and bias.
-fn states(path: &str, one: &Instruments, smoothed: &Smoothed, notes: &mut Vec<Note>) {
-    let degree = PI / 180.0;
-    let prior = Prior::default();
+fn states(
+    path: &str,
+    one: &Instruments,
+    smoothed: &Smoothed,
+    calibrations: &[Calibration],
+    notes: &mut Vec<Note>,
+) {
     let of = |state: State| smoothed.end[state as usize];
-    let open = |state: State| of(state).1 > 0.5 * prior.deviation[state as usize];
-    let mut found = Vec::new();
-    if one.position.is_some() || one.velocity.is_some() {
-        let (delay, deviation) = of(State::Delay);
-        if open(State::Delay) {
+    let (mut found, mut small) = (Vec::new(), Vec::new());
+    for calibration in calibrations {
+        let (value, deviation) = (calibration.whole.0, calibration.deviation());
+        let is_delay = calibration.state == State::Delay;
+        let text = if is_delay {
+            format!("the GNSS is {value:.3} ± {deviation:.3} s late")
+        } else {
+            let degree = 180.0 / PI;
+            format!("the compass shows {:.2} ± {:.2} deg too much", degree * value, degree * deviation)
+        };
+        if calibration.is_open() {
+            let assumed = if calibration.is_determined { "this" } else { "zero" };
+            let (effect, remedy) = if is_delay {
+                ("", "record changes of speed or course")
+            } else {
+                (
+                    ", and v has a constant error in proportion to u",
+                    "record straight courses in several directions",
+                )
+            };
             notes.push(
                 Note::warning(format!(
-                    "{path}: the delay of the GNSS cannot be observed; {delay:.2} ± {deviation:.2} s is assumed"
+                    "{path}: the measurements do not determine whether {text}: {assumed} is assumed{effect}"
                 ))
-                .with_remedy("record changes of speed or course"),
+                .with_remedy(remedy),
             );
+        } else if calibration.is_determined {
+            found.push(text);
         } else {
-            found.push(format!("the GNSS is {delay:.3} ± {deviation:.3} s late"));
+            small.push(text);
         }
     }
-    if one.heading.is_some() {
-        let (angle, deviation) = of(State::Misalignment);
-        if open(State::Misalignment) {
-            notes.push(
-                Note::warning(format!(
-                    "{path}: the misalignment of the compass cannot be told from a drift to the side: {:.1} ± {:.1} deg; v has a constant error in proportion to u",
-                    angle / degree,
-                    deviation / degree
-                ))
-                .with_remedy("record straight courses in several directions"),
-            );
-        } else {
-            found.push(format!(
-                "the compass shows {:.2} ± {:.2} deg too much",
-                angle / degree,
-                deviation / degree
-            ));
-        }
+    if !small.is_empty() {
+        notes.push(Note::info(format!("{path}: {}; this is not corrected", small.join(", "))));
     }
     if one.heading.is_none() {
         notes.push(
@@ -338,6 +395,35 @@ fn current(path: &str, smoothed: &Smoothed, notes: &mut Vec<Note>) {
             north.0, east.0
         )));
     }
+}
+
+/// Remedy of measurements of the GNSS that contradict the others.
+const CHECK_GNSS: &str = "check columns and units of position, speed and course in the section [log.sensors]";
+
+/// Refuses a motion from a GNSS most of whose measurements contradict it.
+fn check_outliers(
+    path: &str,
+    sensors: &[Sensor],
+    smoothed: &Smoothed,
+    contradiction: Option<String>,
+) -> Result<(), LogError> {
+    for (kind, name) in [(Kind::Position, "positions"), (Kind::Velocity, "GNSS velocities")] {
+        let own = || (0..sensors.len()).filter(|sensor| sensors[*sensor].kind == kind);
+        let all: f64 = own().map(|sensor| smoothed.counts[sensor]).sum();
+        let outliers: f64 = own().map(|sensor| smoothed.counts[sensor] * smoothed.outliers[sensor]).sum();
+        if outliers > 0.5 * all {
+            return Err(LogError::Unusable {
+                path: path.to_owned(),
+                reason: format!(
+                    "{:.1} % of the {name} are outliers: they contradict each other, or the other sensors{}",
+                    100.0 * outliers / all,
+                    contradiction.map_or_else(String::new, |text| format!("; {text}"))
+                ),
+                remedy: CHECK_GNSS.to_owned(),
+            });
+        }
+    }
+    Ok(())
 }
 
 /// A note on outliers.

@@ -3,17 +3,16 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use hydroid_io::{Clock, Field, IoError, LogFile, Sink, Summary, Topic};
+use hydroid_io::{Clock, Field, Format, IoError, LogFile, Sink, Summary, Topic};
 
-use super::table::{STEPS, time_text};
+use super::clock::Clocks;
+use crate::key::key;
 use crate::log::line::Time;
 use crate::log::{self, ChannelSpec, LogError, Note, RawColumn, RawLog, Selection};
 use crate::progress::{self, Progress};
 
 /// Seconds since 1970 before which a stamp of the sender is none: 2001-09-09.
 const PLAUSIBLE_S: f64 = 1e9;
-/// Rows that are further apart than this \[s\] belong to different days: stamps from before the clock was set.
-const DAY_S: f64 = 86_400.0;
 
 /// The chosen columns of a recording.
 #[derive(Clone, Debug)]
@@ -57,25 +56,40 @@ pub fn is_recording(source: impl Into<LogFile>) -> Result<bool, LogError> {
     }
 }
 
-/// Gives the rows of a recording, of a CSV file or of all files of a folder to a sink. A CSV file is a topic.
+/// Gives the rows of a recording, of a CSV file or of all files of a folder to a sink. A CSV file is a topic; its time is
+/// the column `time`, if it has that.
 pub(super) fn scan(
     source: &LogFile,
+    time: Option<&str>,
     sink: &mut dyn Sink,
     notes: &mut Vec<Note>,
-) -> Result<Summary, LogError> {
+) -> Result<(Summary, Clocks), LogError> {
     let files = if source.is_folder() { files(source.path(), notes)? } else { vec![source.clone()] };
     let mut summary = Summary::default();
-    let mut joined = Joined { sink, names: Vec::new(), ids: Vec::new() };
-    for file in files {
+    let mut joined = Joined { sink, names: Vec::new(), ids: Vec::new(), file: 0, clocks: Clocks::default() };
+    let mut timed = time.is_none();
+    for (i, file) in files.iter().enumerate() {
         joined.ids.clear();
-        if is_recording(&file)? {
-            let part = hydroid_io::scan(&file, &mut joined)?;
-            merge(&mut summary, part);
+        if is_recording(file)? {
+            // The files of a bag continue each other.
+            let is_table = hydroid_io::detect(file)? == Some(Format::Parquet);
+            joined.file = if is_table { i } else { 0 };
+            merge(&mut summary, hydroid_io::scan(file, &mut joined)?);
         } else {
-            csv(&file, &mut joined, notes)?;
+            joined.file = i;
+            timed |= csv(file, time, files.len() == 1, &mut joined, notes)?;
         }
     }
-    Ok(summary)
+    if let Some(time) = time.filter(|_| !timed) {
+        notes.push(
+            Note::warning(format!(
+                "{}: no CSV file in it has the column `{time}` of the time; the times are those of the recording",
+                source.name()
+            ))
+            .with_remedy(format!("leave {} out", key("time"))),
+        );
+    }
+    Ok((summary, joined.clocks))
 }
 
 /// Files of a folder that are read together: those of a ROS 2 bag, else all CSV files.
@@ -128,6 +142,9 @@ struct Joined<'a> {
     names: Vec<String>,
     /// Topic of each topic of the file at hand.
     ids: Vec<usize>,
+    /// The file at hand, or the first one of those that continue each other.
+    file: usize,
+    clocks: Clocks,
 }
 
 impl Sink for Joined<'_> {
@@ -142,10 +159,13 @@ impl Sink for Joined<'_> {
             }
             self.ids.push(at);
         }
+        self.clocks.topic(self.ids[id], topic, self.file);
         self.sink.topic(self.ids[id], topic)
     }
 
     fn row(&mut self, id: usize, stamp_ns: i64, received_ns: Option<i64>, values: &[f64]) {
+        let received = received_ns.filter(|_| (stamp_ns as f64) < PLAUSIBLE_S * 1e9);
+        self.clocks.row(self.ids[id], received.unwrap_or(stamp_ns));
         self.sink.row(self.ids[id], stamp_ns, received_ns, values);
     }
 
@@ -154,14 +174,27 @@ impl Sink for Joined<'_> {
     }
 }
 
-/// A CSV file as a topic with its name.
-fn csv(file: &LogFile, sink: &mut dyn Sink, notes: &mut Vec<Note>) -> Result<(), LogError> {
+/// A CSV file as a topic with its name, and whether its time is the column `time`. Without that column, another one is the
+/// time, unless the file is `alone`.
+fn csv(
+    file: &LogFile,
+    time: Option<&str>,
+    alone: bool,
+    sink: &mut dyn Sink,
+    notes: &mut Vec<Note>,
+) -> Result<bool, LogError> {
     let log = match log::read(file) {
         // A topic without messages.
-        Err(LogError::HeaderOnly { .. }) => return Ok(()),
+        Err(LogError::HeaderOnly { .. }) => return Ok(false),
         log => log?,
     };
-    let time = log::time(&log, &Selection::default(), None, notes);
+    let named = match time {
+        Some(text) => alone || log::line::locate(&log, &text.parse()?).is_some(),
+        None => false,
+    };
+    let selection = Selection { time: time.filter(|_| named).map(str::to_owned), ..Selection::default() };
+    let time = log::time(&log, &selection, None, notes);
+    let time = if named { Ok(time?) } else { time };
     let source = match &time {
         Ok(Time::Column { source, .. }) => Some(source),
         _ => None,
@@ -191,7 +224,7 @@ fn csv(file: &LogFile, sink: &mut dyn Sink, notes: &mut Vec<Note>) -> Result<(),
     let name = file.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let topic = Topic { name, type_name: String::new(), clock, fields, texts: Vec::new() };
     if !sink.topic(0, &topic) {
-        return Ok(());
+        return Ok(named);
     }
     let mut values = vec![0.0; kept.len()];
     for k in 0..log.rows() {
@@ -206,7 +239,7 @@ fn csv(file: &LogFile, sink: &mut dyn Sink, notes: &mut Vec<Note>) -> Result<(),
         let stamp_ns = (t * 1e9).round() as i64;
         sink.row(0, stamp_ns, None, &values);
     }
-    Ok(())
+    Ok(named)
 }
 
 /// Rows without a time are left out. If no row has one, it is an error.
@@ -337,9 +370,9 @@ pub(super) fn read(
     wanted.extend(components);
     let all = selection.sensors.is_none() && (selection.outputs.is_empty() || selection.inputs.is_empty());
     let mut collector = Collector { names: wanted.clone(), all, topics: Vec::new(), progress, fraction: 0.0 };
-    let summary = scan(source, &mut collector, notes)?;
+    let (summary, clocks) = scan(source, selection.time.as_deref(), &mut collector, notes)?;
     let shown = source.name();
-    note_losses(&shown, &summary, notes);
+    note_losses(&shown, &summary, &clocks, notes);
     let single = collector.topics.len() == 1;
     let mut recording = Recording {
         header: RawLog::without_rows(&shown, Vec::new()),
@@ -347,8 +380,11 @@ pub(super) fn read(
         values: BTreeMap::new(),
         topics: Vec::new(),
     };
-    for collected in collector.topics {
-        recording.add(collected, &summary, single, notes);
+    let mut times: Vec<Vec<f64>> =
+        collector.topics.iter().map(|collected| times(collected, &summary, &shown, notes)).collect();
+    let orders = clocks.order(&mut times);
+    for (collected, (t, order)) in collector.topics.into_iter().zip(times.into_iter().zip(orders)) {
+        recording.add(collected, &t, &order, single, notes);
     }
     for name in &wanted {
         recording.add_yaw(name);
@@ -356,8 +392,9 @@ pub(super) fn read(
     Ok(recording)
 }
 
-/// A note on parts of a file that could not be read, and those of its reader.
-pub(super) fn note_losses(path: &str, summary: &Summary, notes: &mut Vec<Note>) {
+/// Notes on parts of a file that could not be read, those of its reader, and on its clock.
+pub(super) fn note_losses(path: &str, summary: &Summary, clocks: &Clocks, notes: &mut Vec<Note>) {
+    notes.extend(clocks.note(path, summary));
     notes.extend(summary.notes.iter().map(|note| Note::info(format!("{path}: {note}"))));
     let Some(first) = summary.losses.first() else { return };
     let others = match summary.lost_parts {
@@ -371,28 +408,31 @@ pub(super) fn note_losses(path: &str, summary: &Summary, notes: &mut Vec<Note>) 
     )));
 }
 
+/// Times of the rows of a topic \[s\], in the order of the file.
+fn times(collected: &Collected, summary: &Summary, path: &str, notes: &mut Vec<Note>) -> Vec<f64> {
+    let Collected { topic, stamps, received, .. } = collected;
+    let seconds = |ns: &i64| *ns as f64 / 1e9;
+    let t: Vec<f64> = match (topic.clock, summary.utc_offset_ns) {
+        (Clock::Boot, Some(offset)) => stamps.iter().map(|ns| seconds(&ns.saturating_add(offset))).collect(),
+        _ => stamps.iter().map(seconds).collect(),
+    };
+    // Some senders leave their stamp zero.
+    if received.len() == t.len()
+        && t.iter().all(|t| *t < PLAUSIBLE_S)
+        && received.iter().any(|ns| seconds(ns) >= PLAUSIBLE_S)
+    {
+        notes.push(Note::info(format!(
+            "{path}: the messages of `{}` have no stamp of their sender: the time of reception is used",
+            topic.name
+        )));
+        return received.iter().map(seconds).collect();
+    }
+    t
+}
+
 impl Recording {
-    fn add(&mut self, collected: Collected, summary: &Summary, single: bool, notes: &mut Vec<Note>) {
-        let Collected { topic, stamps, received, columns } = collected;
-        let seconds = |ns: &i64| *ns as f64 / 1e9;
-        let mut t: Vec<f64> = match (topic.clock, summary.utc_offset_ns) {
-            (Clock::Boot, Some(offset)) => {
-                stamps.iter().map(|ns| seconds(&ns.saturating_add(offset))).collect()
-            }
-            _ => stamps.iter().map(seconds).collect(),
-        };
-        // Some senders leave their stamp zero.
-        if received.len() == t.len()
-            && t.iter().all(|t| *t < PLAUSIBLE_S)
-            && received.iter().any(|ns| seconds(ns) >= PLAUSIBLE_S)
-        {
-            t = received.iter().map(seconds).collect();
-            notes.push(Note::info(format!(
-                "{}: the messages of `{}` have no stamp of their sender: the time of reception is used",
-                self.header.path, topic.name
-            )));
-        }
-        let order = ordered(&t);
+    fn add(&mut self, collected: Collected, t: &[f64], order: &[usize], single: bool, notes: &mut Vec<Note>) {
+        let Collected { topic, columns, .. } = collected;
         let left_out = t.len() - order.len();
         if left_out > 0 {
             notes.push(Note::warning(format!(
@@ -403,21 +443,6 @@ impl Recording {
             )));
         }
         let sorted: Vec<f64> = order.iter().map(|&k| t[k]).collect();
-        let longest = STEPS * log::Clock::usual_step(&sorted).unwrap_or(0.0);
-        let mut back = t.windows(2).filter(|pair| pair[0] - pair[1] > longest);
-        if let Some(pair) = back.next() {
-            notes.push(
-                Note::warning(format!(
-                    "{}: the clock of `{}` goes back {} times, first from {} to {}: its rows are sorted by time",
-                    self.header.path,
-                    topic.name,
-                    1 + back.count(),
-                    time_text(pair[0]),
-                    time_text(pair[1])
-                ))
-                .with_remedy("if these are several recordings, write each to a file of its own"),
-            );
-        }
         let index = self.topics.len();
         for (i, field) in topic.fields.iter().enumerate() {
             let name = if single { field.name.clone() } else { qualified(&topic.name, &field.name) };
@@ -453,22 +478,4 @@ impl Recording {
             return;
         }
     }
-}
-
-/// Rows in the order of their stamps, without repeated stamps; those of the day with the most rows.
-fn ordered(t: &[f64]) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..t.len()).collect();
-    order.sort_by(|&a, &b| t[a].total_cmp(&t[b]));
-    order.dedup_by(|a, b| t[*a] == t[*b]);
-    let mut longest = 0..0;
-    let mut from = 0;
-    for k in 1..=order.len() {
-        if k == order.len() || t[order[k]] - t[order[k - 1]] > DAY_S {
-            if k - from > longest.len() {
-                longest = from..k;
-            }
-            from = k;
-        }
-    }
-    order[longest].to_vec()
 }

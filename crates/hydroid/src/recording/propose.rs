@@ -281,6 +281,7 @@ impl Survey {
         }
         let mut others = Vec::new();
         let commands = self.commands(&proposal.selection, &mut others);
+        proposal.selection.time.clone_from(&self.time);
         proposal.selection.inputs = commands.iter().map(|(spec, _, _)| spec.clone()).collect();
         if proposal.selection.inputs.is_empty() {
             proposal.remarks.push("nothing looks like a command: name the inputs".to_owned());
@@ -520,6 +521,9 @@ impl Proposal {
             "# Proposal from the names of the fields in {source}.\n# Check columns, units ([deg], [kn], [us]), signs and places.\n[log]\n"
         );
         let selection = &self.selection;
+        if let Some(time) = &selection.time {
+            let _ = writeln!(text, "time = {}", toml::Value::from(time.as_str()));
+        }
         if !selection.outputs.is_empty() {
             let _ = writeln!(text, "outputs = {}", list(&selection.outputs));
         }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use hydroid_io::{Clock, Format, LogFile, Sink, Summary, Topic};
 
+use super::clock::Steps;
 use super::open::{self, qualified};
 use crate::log::pulses::{self, Pulses};
 use crate::log::{LogError, Neutral, Note};
@@ -17,6 +18,9 @@ pub struct Survey {
     pub format: String,
     /// Topics with rows, in the order of the file.
     pub topics: Vec<TopicSurvey>,
+    /// The column of the time of CSV files, if it was named.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time: Option<String>,
     /// Parameters of the device.
     pub parameters: BTreeMap<String, f64>,
     /// Losses, and notes of the reader.
@@ -73,54 +77,11 @@ impl FieldSurvey {
     }
 }
 
-/// Steps between rows: number and sum in classes of 5 % width. The usual step is the mean of those up to twice the median:
-/// stamps may jitter, and longer steps are gaps.
-#[derive(Clone, Debug, Default)]
-struct Steps {
-    classes: BTreeMap<i32, (u64, f64)>,
-    longest_ns: i64,
-}
-
-impl Steps {
-    const WIDTH: f64 = 1.05;
-
-    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-    fn class(ratio: f64) -> i32 {
-        ratio.log(Self::WIDTH).round() as i32
-    }
-
-    fn add(&mut self, step_ns: i64) {
-        if step_ns > 0 {
-            let class = Self::class(step_ns as f64);
-            let (count, sum) = self.classes.entry(class).or_default();
-            *count += 1;
-            *sum += step_ns as f64;
-            self.longest_ns = self.longest_ns.max(step_ns);
-        }
-    }
-
-    fn usual_s(&self) -> Option<f64> {
-        let all: u64 = self.classes.values().map(|class| class.0).sum();
-        let mut below = 0;
-        let (median, _) = self.classes.iter().find(|(_, class)| {
-            below += class.0;
-            2 * below >= all
-        })?;
-        let longest = median + Self::class(2.0);
-        let usual = self.classes.range(..=longest).map(|(_, class)| *class);
-        let (count, sum) = usual.fold((0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
-        Some(sum / count as f64 / 1e9)
-    }
-}
-
 struct Statistics {
     topic: Topic,
     rows: u64,
-    first_ns: i64,
-    last_ns: i64,
     highest_ns: i64,
     lowest_ns: i64,
-    steps: Steps,
     fields: Vec<FieldStatistics>,
 }
 
@@ -144,11 +105,8 @@ impl Sink for Surveyor {
             self.topics.push(Statistics {
                 topic: topic.clone(),
                 rows: 0,
-                first_ns: 0,
-                last_ns: 0,
                 highest_ns: i64::MIN,
                 lowest_ns: i64::MAX,
-                steps: Steps::default(),
                 fields: Vec::new(),
             });
         }
@@ -167,13 +125,7 @@ impl Sink for Surveyor {
 
     fn row(&mut self, id: usize, stamp_ns: i64, _received_ns: Option<i64>, values: &[f64]) {
         let topic = &mut self.topics[id];
-        if topic.rows == 0 {
-            topic.first_ns = stamp_ns;
-        } else {
-            topic.steps.add(stamp_ns.saturating_sub(topic.last_ns));
-        }
         topic.rows += 1;
-        topic.last_ns = stamp_ns;
         topic.lowest_ns = topic.lowest_ns.min(stamp_ns);
         topic.highest_ns = topic.highest_ns.max(stamp_ns);
         for (field, &x) in topic.fields.iter_mut().zip(values) {
@@ -188,27 +140,30 @@ impl Sink for Surveyor {
     }
 }
 
-/// Reads a recording once and states its content, in memory that does not grow with the file.
+/// Reads a recording once and states its content, in memory that does not grow with the file. The time of CSV files is the
+/// column `time`, which the proposal then names; default: that of a usual name.
 ///
 /// # Errors
 /// If nothing of it can be read.
-pub fn survey(source: impl Into<LogFile>) -> Result<Survey, LogError> {
+pub fn survey(source: impl Into<LogFile>, time: Option<&str>) -> Result<Survey, LogError> {
     let source = source.into();
     let shown = source.name();
     let mut notes = Vec::new();
     let mut surveyor = Surveyor::default();
-    let summary = open::scan(&source, &mut surveyor, &mut notes)?;
-    open::note_losses(&shown, &summary, &mut notes);
+    let (summary, clocks) = open::scan(&source, time, &mut surveyor, &mut notes)?;
+    open::note_losses(&shown, &summary, &clocks, &mut notes);
     let format = if source.is_folder() {
         "folder".to_owned()
     } else {
         hydroid_io::detect(&source)?.map_or("CSV", Format::name).to_owned()
     };
-    let with_rows = surveyor.topics.into_iter().filter(|topic| topic.rows > 0);
-    let topics: Vec<Statistics> = with_rows.collect();
+    let with_rows = surveyor.topics.into_iter().enumerate().filter(|(_, topic)| topic.rows > 0);
+    let topics: Vec<(usize, Statistics)> = with_rows.collect();
     let single = topics.len() == 1;
-    let topics = topics.into_iter().map(|topic| topic.survey(&summary, single)).collect();
-    Ok(Survey { path: shown, format, topics, parameters: summary.parameters, notes })
+    let of = |(id, topic): (usize, Statistics)| topic.survey(&summary, clocks.steps(id), single);
+    let topics = topics.into_iter().map(of).collect();
+    let time = time.map(str::to_owned);
+    Ok(Survey { path: shown, format, topics, time, parameters: summary.parameters, notes })
 }
 
 /// Whether a topic contains the outputs of an autopilot.
@@ -219,7 +174,7 @@ pub(super) fn is_output(topic: &str) -> bool {
 }
 
 impl Statistics {
-    fn survey(self, summary: &Summary, single: bool) -> TopicSurvey {
+    fn survey(self, summary: &Summary, steps: &Steps, single: bool) -> TopicSurvey {
         let timed = self.topic.clock != Clock::None;
         let offset = if self.topic.clock == Clock::Boot { summary.utc_offset_ns.unwrap_or(0) } else { 0 };
         let seconds = |ns: i64| ns as f64 / 1e9;
@@ -241,8 +196,8 @@ impl Statistics {
             rows,
             start_s: timed.then(|| seconds(self.lowest_ns.saturating_add(offset))),
             duration_s: timed.then(|| seconds(self.highest_ns.saturating_sub(self.lowest_ns))),
-            step_s: self.steps.usual_s().filter(|_| timed),
-            longest_s: timed.then(|| seconds(self.steps.longest_ns)),
+            step_s: steps.usual_s().filter(|_| timed),
+            longest_s: timed.then(|| seconds(steps.longest_ns)),
             fields: self.topic.fields.iter().zip(&self.fields).map(field).collect(),
             texts: self.topic.texts.clone(),
             name: self.topic.name.clone(),

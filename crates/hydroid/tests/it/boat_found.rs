@@ -18,7 +18,7 @@ fn shared(path: &str) -> Option<PathBuf> {
 }
 
 fn proposal(path: &Path) -> Proposal {
-    survey(path).unwrap().proposal()
+    survey(path, None).unwrap().proposal()
 }
 
 fn found(output: Output, parameters: &[(&str, f64)], seen: &Range) -> (Input, Vec<String>) {

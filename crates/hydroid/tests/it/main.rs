@@ -23,6 +23,7 @@ mod identified_control;
 mod identify_networks;
 mod invariance;
 mod judged;
+mod kept_logs;
 mod library;
 mod live_motion;
 mod log;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use hydroid::boat::Boat;
-use hydroid::log::{ChannelSpec, LogError, Note, RawLog, Selection, Sensors, Wind, read};
+use hydroid::log::{ChannelSpec, LogError, Note, PrepareOptions, RawLog, Selection, Sensors, Wind, read};
 use hydroid::progress::silent;
 use hydroid::recording::{converted, is_recording, read_logs, survey};
 use tempfile::TempDir;
@@ -110,33 +110,38 @@ fn with_sensors(sensors: Sensors, inputs: &str) -> Selection {
 }
 
 fn one(path: &Path, selection: &Selection) -> Result<(RawLog, Vec<Note>), LogError> {
-    let (mut logs, notes) = read_logs(&[path], &mut selection.clone(), None, &mut silent())?;
+    let (mut logs, notes) =
+        read_logs(&[path], &mut selection.clone(), &PrepareOptions::default(), &mut silent())?;
     assert_eq!(logs.len(), 1);
     Ok((logs.remove(0), notes))
 }
 
 fn error_of(path: &Path, selection: &Selection) -> String {
-    read_logs(&[path], &mut selection.clone(), None, &mut silent()).unwrap_err().to_string()
+    read_logs(&[path], &mut selection.clone(), &PrepareOptions::default(), &mut silent())
+        .unwrap_err()
+        .to_string()
 }
 
 /// The fraction grows up to the end, and a callback that cancels ends the computation at any place.
 #[test]
 fn the_computation_of_velocities_reports_its_progress() {
     let folder = boat(20);
-    let selection = survey(folder.path()).unwrap().proposal().selection;
+    let selection = survey(folder.path(), None).unwrap().proposal().selection;
     let mut fractions = Vec::new();
     let mut note = |fraction| {
         fractions.push(fraction);
         ControlFlow::Continue(())
     };
-    read_logs(&[folder.path()], &mut selection.clone(), None, &mut note).unwrap();
+    read_logs(&[folder.path()], &mut selection.clone(), &PrepareOptions::default(), &mut note).unwrap();
     assert!(fractions.is_sorted() && fractions.len() > 100, "{fractions:?}");
     assert!(fractions[0] < 0.1 && (0.85..=1.0).contains(&fractions[fractions.len() - 1]), "{fractions:?}");
     for last in [0.0, 0.3, 0.86] {
         let mut stop = |fraction| {
             if fraction < last { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         };
-        let error = read_logs(&[folder.path()], &mut selection.clone(), None, &mut stop).unwrap_err();
+        let error =
+            read_logs(&[folder.path()], &mut selection.clone(), &PrepareOptions::default(), &mut stop)
+                .unwrap_err();
         assert!(matches!(error, LogError::Cancelled(_)), "at {last}: {error}");
     }
 }
@@ -145,7 +150,7 @@ fn the_computation_of_velocities_reports_its_progress() {
 fn a_folder_of_topics_gives_velocities() {
     let folder = boat(40);
     assert!(is_recording(folder.path()).unwrap());
-    let proposal = survey(folder.path()).unwrap().proposal();
+    let proposal = survey(folder.path(), None).unwrap().proposal();
     let sensors = proposal.selection.sensors.clone().unwrap();
     let named: Vec<String> =
         sensors.columns().map(|(name, spec)| format!("{name}={}", spec.column)).collect();
@@ -281,7 +286,9 @@ fn wrong_columns_are_found_before_velocities_are_computed() {
             ControlFlow::Continue(())
         };
         let error =
-            read_logs(&[folder.path()], &mut selection.clone(), None, &mut note).unwrap_err().to_string();
+            read_logs(&[folder.path()], &mut selection.clone(), &PrepareOptions::default(), &mut note)
+                .unwrap_err()
+                .to_string();
         assert!(error.contains(expected), "{error}");
         assert!(last < 0.1, "{error}: after {last}");
     }
@@ -341,11 +348,14 @@ fn exchanged_axes_of_the_positions_are_named() {
     let folder = TempDir::new().unwrap();
     let mut gnss = "t [s],north [m],east [m],vn [m/s],ve [m/s]\n".to_owned();
     let mut compass = "t [s],heading [rad]\n".to_owned();
+    let mut noise = Noise(8);
     for k in 0..400 {
         let t = 0.5 * f64::from(k);
         let (sine, cosine) = (0.05 * t).sin_cos();
-        let _ = writeln!(gnss, "{t},{},{},{},{}", 40.0 * sine, -40.0 * cosine, 2.0 * cosine, 2.0 * sine);
-        let _ = writeln!(compass, "{t},{}", 0.05 * t);
+        let place = [40.0 * sine, -40.0 * cosine].map(|x| x + 0.1 * noise.draw());
+        let speed = [2.0 * cosine, 2.0 * sine].map(|x| x + 0.05 * noise.draw());
+        let _ = writeln!(gnss, "{t},{},{},{},{}", place[0], place[1], speed[0], speed[1]);
+        let _ = writeln!(compass, "{t},{}", 0.05 * t + 0.01 * noise.draw());
     }
     std::fs::write(folder.path().join("gnss.csv"), gnss).unwrap();
     std::fs::write(folder.path().join("compass.csv"), compass).unwrap();
@@ -358,9 +368,13 @@ fn exchanged_axes_of_the_positions_are_named() {
             heading: Some(spec("compass.heading")),
             ..Sensors::default()
         };
-        let (_, notes) = one(folder.path(), &with_sensors(sensors, "none")).unwrap();
-        let said = notes.iter().any(|note| note.message.contains("seem to be exchanged"));
-        assert_eq!(said, expected, "{notes:?}");
+        // Most of the measurements may be outliers then, which is an error with the same text.
+        let said = match one(folder.path(), &with_sensors(sensors, "none")) {
+            Ok((_, notes)) => notes.iter().map(|note| note.message.as_str()).collect::<Vec<_>>().join("\n"),
+            Err(error) => error.to_string(),
+        };
+        assert_eq!(said.contains("seem to be exchanged"), expected, "{said}");
+        assert!(expected || !said.contains("are outliers"), "{said}");
     }
 }
 
@@ -452,7 +466,7 @@ fn proposals_for_the_formats_of_the_trade() {
         ("otter_ros2_sqlite", odometry, "left=/actuators.pwm_us[0],right=/actuators.pwm_us[1]"),
         ("tanker.nmea", "heading=HDT.heading", "rudder=RSA.starboard,shaft_speed=RPM.speed"),
     ] {
-        let proposal = survey(&fleet.join("formats").join(file)).unwrap().proposal();
+        let proposal = survey(&fleet.join("formats").join(file), None).unwrap().proposal();
         let found = proposal.selection.sensors.unwrap_or_default();
         let named: Vec<String> =
             found.columns().map(|(name, spec)| format!("{name}={}", spec.column)).collect();
@@ -493,7 +507,7 @@ fn velocities_of_an_estimator_on_board() {
 }
 
 fn proposed(path: &Path) -> Selection {
-    survey(path).unwrap().proposal().selection
+    survey(path, None).unwrap().proposal().selection
 }
 
 /// Places from the file of the vessel.
@@ -528,8 +542,9 @@ fn beginning(folder: &Path) -> TempDir {
 #[test]
 fn sensors_that_are_known_are_not_estimated_again() {
     let folder = boat(60);
-    let mut selection = survey(folder.path()).unwrap().proposal().selection;
-    let (first, _) = read_logs(&[folder.path()], &mut selection, None, &mut silent()).unwrap();
+    let mut selection = survey(folder.path(), None).unwrap().proposal().selection;
+    let (first, _) =
+        read_logs(&[folder.path()], &mut selection, &PrepareOptions::default(), &mut silent()).unwrap();
     let known = selection.sensors.as_ref().unwrap().known.clone().unwrap();
     assert_eq!((known.position.len(), known.constants.len()), (1, 6));
     assert!(known.velocity.is_some() && known.acceleration.is_some());
@@ -544,7 +559,8 @@ fn sensors_that_are_known_are_not_estimated_again() {
         calls += 1;
         ControlFlow::Continue(())
     };
-    let (alone, notes) = read_logs(&[short.path()], &mut selection, None, &mut count).unwrap();
+    let (alone, notes) =
+        read_logs(&[short.path()], &mut selection, &PrepareOptions::default(), &mut count).unwrap();
     assert!(calls < 20, "{calls} reports of progress");
     assert_eq!(selection, read, "what is known stays");
     let delay = notes.iter().find(|note| note.message.contains("s late")).unwrap();
@@ -571,7 +587,15 @@ fn the_same_run_from_all_formats() {
     }
     let at_step = |path: &Path| {
         let selection = placed(proposed(path), &vessel);
-        read_logs(&[path], &mut selection.clone(), Some(0.1), &mut silent()).unwrap().0.remove(0)
+        read_logs(
+            &[path],
+            &mut selection.clone(),
+            &PrepareOptions { dt: Some(0.1), ..PrepareOptions::default() },
+            &mut silent(),
+        )
+        .unwrap()
+        .0
+        .remove(0)
     };
     let reference = at_step(csv.path());
     // The search for the statistics ends within a tenth of a unit of the likelihood, from sums in another order. In the
@@ -607,7 +631,8 @@ fn the_field_runs_give_the_velocities() {
         let folder = fleet.join(name);
         let runs: Vec<PathBuf> = (1..=6).map(|run| folder.join(format!("field/run{run}"))).collect();
         let selection = placed(proposed(&runs[0]), &folder.join("vessel.toml"));
-        let (logs, notes) = read_logs(&runs, &mut selection.clone(), None, &mut silent()).unwrap();
+        let (logs, notes) =
+            read_logs(&runs, &mut selection.clone(), &PrepareOptions::default(), &mut silent()).unwrap();
         for note in &notes {
             println!("{}", note.message);
         }
@@ -653,24 +678,24 @@ fn a_file_in_memory_is_read_as_one_on_disk() {
     let mut selection = Selection::default();
     let read = |selection: &mut Selection, on_disk: bool| {
         if on_disk {
-            read_logs(std::slice::from_ref(&path), selection, None, &mut silent())
+            read_logs(std::slice::from_ref(&path), selection, &PrepareOptions::default(), &mut silent())
         } else {
-            read_logs(std::slice::from_ref(&file), selection, None, &mut silent())
+            read_logs(std::slice::from_ref(&file), selection, &PrepareOptions::default(), &mut silent())
         }
     };
     let (disk, memory) = (read(&mut selection, true).unwrap(), read(&mut selection, false).unwrap());
     assert_eq!(disk.0, memory.0);
-    assert_eq!(survey(&path).unwrap().topics.len(), survey(&file).unwrap().topics.len());
+    assert_eq!(survey(&path, None).unwrap().topics.len(), survey(&file, None).unwrap().topics.len());
     if let Some(fleet) = fleet() {
         for file in ["otter.BIN", "otter.ulg", "otter_zstd.mcap", "otter_ros1.bag", "tanker.nmea"] {
             let path = fleet.join("formats").join(file);
             let in_memory = hydroid_io::LogFile::in_memory(&path, std::fs::read(&path).unwrap());
             let text = |survey: hydroid::recording::Survey| format!("{survey:?}");
-            assert_eq!(text(survey(&path).unwrap()), text(survey(&in_memory).unwrap()), "{file}");
+            assert_eq!(text(survey(&path, None).unwrap()), text(survey(&in_memory, None).unwrap()), "{file}");
         }
     }
     let empty = hydroid_io::LogFile::in_memory("empty.csv", Vec::new());
-    assert!(matches!(survey(&empty), Err(LogError::Empty { .. })), "{:?}", survey(&empty).err());
+    assert!(matches!(survey(&empty, None), Err(LogError::Empty { .. })), "{:?}", survey(&empty, None).err());
 }
 
 /// The boat of 40 s after its rows were changed: file by file, the number of each row and its cells.
@@ -693,7 +718,8 @@ fn changed(
         std::fs::write(&path, lines.join("\n") + "\n").unwrap();
     }
     let mut selection = selection.cloned().unwrap_or_else(|| proposed(folder.path()));
-    let (mut logs, notes) = read_logs(&[folder.path()], &mut selection, None, &mut silent()).unwrap();
+    let (mut logs, notes) =
+        read_logs(&[folder.path()], &mut selection, &PrepareOptions::default(), &mut silent()).unwrap();
     (selection, logs.remove(0), notes)
 }
 
@@ -809,7 +835,7 @@ fn measurements_and_mission_items_are_no_commands_beside_outputs() {
         "time,rudder [deg]\n2026-05-01T10:00:00Z,1\n2026-05-01T10:00:01Z,2\n",
     )
     .unwrap();
-    let proposal = survey(folder.path()).unwrap().proposal();
+    let proposal = survey(folder.path(), None).unwrap().proposal();
     let inputs: Vec<String> = proposal.selection.inputs.iter().map(ToString::to_string).collect();
     assert_eq!(inputs, ["rpm=engine.rpm", "rudder=servo.rudder"]);
     assert!(proposal.remarks.iter().any(|text| text.ends_with("fields of heading_setpoint")), "{proposal:?}");
@@ -830,7 +856,7 @@ fn a_proposed_configuration_is_accepted() {
         }
         let config = TempDir::new().unwrap();
         let file = config.path().join("hydroid.toml");
-        std::fs::write(&file, survey(folder.path()).unwrap().proposal().to_toml("boat")).unwrap();
+        std::fs::write(&file, survey(folder.path(), None).unwrap().proposal().to_toml("boat")).unwrap();
         let selection = hydroid::config::read(&file).unwrap().reading().unwrap().selection;
         let (log, _) = one(folder.path(), &selection).unwrap();
         let run = converted(&log, &selection, &mut Vec::new()).unwrap();
@@ -845,27 +871,13 @@ fn rows_without_a_readable_time_are_counted_and_inner_folders_are_named() {
     let folder = boat(2);
     std::fs::create_dir(folder.path().join("nav")).unwrap();
     std::fs::write(folder.path().join("thruster.csv"), slashes).unwrap();
-    let error = survey(folder.path()).unwrap_err().to_string();
+    let error = survey(folder.path(), None).unwrap_err().to_string();
     for text in ["thruster.csv, line 2, column `time`: `2026/04/11 11:15:00.0`", "2020-08-03T11:04:37.125Z"] {
         assert!(error.contains(text), "{error}");
     }
     std::fs::write(folder.path().join("thruster.csv"), "t [s],throttle\n0,1\nn/a,2\n1,3\n,4\n").unwrap();
-    let found = survey(folder.path()).unwrap();
+    let found = survey(folder.path(), None).unwrap();
     for text in ["2 of 4 rows have no time in `t`, and are left out", "folders in it are not read: nav"] {
         assert!(found.notes.iter().any(|note| note.message.contains(text)), "{text}: {:?}", found.notes);
     }
-}
-
-/// Two sessions in one file were interleaved by the time of day without a warning.
-#[test]
-fn a_clock_that_goes_back_is_warned_of() {
-    let folder = TempDir::new().unwrap();
-    let rows = |from: f64, value: u32| -> String {
-        (0..20).fold(String::new(), |text, k| text + &format!("{},{value}\n", from + f64::from(k)))
-    };
-    let motion = format!("t [s],u [m/s]\n{}{}", rows(0.0, 1), rows(0.5, 2));
-    std::fs::write(folder.path().join("motion.csv"), motion).unwrap();
-    std::fs::write(folder.path().join("cmd.csv"), "t [s],n_cmd\n0,7\n").unwrap();
-    let (_, notes) = one(folder.path(), &Selection::of("u=motion.u", "n=cmd.n_cmd").unwrap()).unwrap();
-    assert!(notes.iter().any(|note| note.message.contains("`motion` goes back 1 times")), "{notes:?}");
 }

@@ -7,17 +7,19 @@
 //! Stamps are the times of arrival in front of the sentences (ISO 8601, Unix time, or the tag `c`); then `utc_s`
 //! alone has the time in a sentence. Without, a sentence has the time of the last one that states a time, with the
 //! date of RMC or ZDA, or from midnight if the first MB has no date. Without any time the sentences are numbered. A sentence
-//! that comes several times between two times has one stamp, and a note says how often.
+//! that comes several times between two times is spread evenly over the time between, and a note says how often.
 
 mod arrival;
 mod line;
 mod sentence;
+mod spread;
 mod time;
 
 use std::collections::BTreeMap;
 
 use self::line::{Line, has_sentence};
 use self::sentence::Sentence;
+use self::spread::Spread;
 use self::time::Times;
 use super::stream::{BLOCK, Block, blocks};
 use crate::error::IoError;
@@ -53,10 +55,12 @@ pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, Io
         long: None,
         sentences: 0,
         others: BTreeMap::new(),
+        spread: Spread::default(),
         values: Vec::new(),
         summary: Summary::default(),
     };
     blocks(input, sink, |block, sink| reader.block(block, sink))?;
+    reader.spread.flush(None, sink);
     if reader.sentences == 0 {
         input.seek(0)?;
         return Err(input.damaged("no NMEA 0183 sentence is whole", "check how the file was transferred"));
@@ -68,13 +72,15 @@ pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, Io
             .summary
             .note(format!("sentences that are not read, with their numbers: {}", others.join(", ")));
     }
-    for known in reader.topics.iter().filter(|known| known.repeated > 0 && reader.times.are_stated()) {
-        reader.summary.note(format!(
-            "{} of {} sentences {} have the time of the one before, because none between them states a time; they cannot be placed in time: record the time of arrival in front of each sentence",
-            known.repeated,
-            known.count,
-            String::from_utf8_lossy(&known.formatter),
-        ));
+    for known in &reader.topics {
+        let spread = reader.spread.spread(known.topic);
+        if spread > 0 {
+            reader.summary.note(format!(
+                "{spread} of {} sentences {} come behind another one without a time between them, and are spread evenly up to the next time: record the time of arrival in front of each sentence",
+                known.count,
+                String::from_utf8_lossy(&known.formatter),
+            ));
+        }
     }
     reader.times.notes(&mut reader.summary);
     Ok(reader.summary)
@@ -91,10 +97,8 @@ struct Known {
     topic: usize,
     wanted: bool,
     checksum: bool,
-    /// Stamp of the last sentence, the number of sentences, and of those with the stamp of the one before.
-    stamp: Option<i64>,
+    /// Number of sentences.
     count: u64,
-    repeated: u64,
 }
 
 struct Reader {
@@ -105,6 +109,7 @@ struct Reader {
     sentences: u64,
     /// Numbers of the sentences that are not read.
     others: BTreeMap<String, u64>,
+    spread: Spread,
     values: Vec<f64>,
     summary: Summary,
 }
@@ -184,9 +189,7 @@ impl Reader {
                     topic,
                     wanted,
                     checksum: false,
-                    stamp: None,
                     count: 0,
-                    repeated: 0,
                 });
                 let last = self.topics.len() - 1;
                 &mut self.topics[last]
@@ -194,10 +197,13 @@ impl Reader {
         };
         known.checksum |= line.checksum;
         known.count += 1;
-        known.repeated += u64::from(known.stamp.replace(stamp) == Some(stamp));
         if known.wanted {
             known.sentence.read(fields, &mut self.values);
-            sink.row(known.topic, stamp, None, &self.values);
+            if self.times.are_stated() {
+                self.spread.row(known.topic, stamp, &self.values, sink);
+            } else {
+                sink.row(known.topic, stamp, None, &self.values);
+            }
         }
         Ok(())
     }
