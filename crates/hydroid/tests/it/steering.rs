@@ -206,15 +206,19 @@ fn a_vessel_in_a_current_that_is_too_strong_is_stopped() {
 #[ignore = "slow tier: .ci/run runs it"]
 fn random_closed_loops_arrive_or_are_stopped() {
     let count = std::env::var("HYDROID_LOOPS").ok().and_then(|count| count.parse().ok()).unwrap_or(200);
-    let setups = [
-        setup("hydrofoil", ControlMethod::FeedbackLinearization, TaskKind::LawnMower),
-        setup("hydrofoil", ControlMethod::Backstepping, TaskKind::LawnMower),
-        setup("hydrofoil", ControlMethod::Autopilot, TaskKind::LawnMower),
-        setup("simple", ControlMethod::FeedbackLinearization, TaskKind::LawnMower),
-        setup("simple", ControlMethod::Backstepping, TaskKind::LawnMower),
-        setup("simple", ControlMethod::Autopilot, TaskKind::LawnMower),
-        setup("../../vessels/otter.toml", ControlMethod::Autopilot, TaskKind::LawnMower),
+    let otter = "../../vessels/otter.toml";
+    let [fl, backstepping, pid, _] = METHODS;
+    let kinds = [
+        ("hydrofoil", fl),
+        ("hydrofoil", backstepping),
+        ("hydrofoil", pid),
+        ("simple", fl),
+        ("simple", backstepping),
+        ("simple", pid),
+        (otter, pid),
     ];
+    let setups: Vec<Setup> =
+        kinds.into_iter().map(|(vessel, method)| setup(vessel, method, TaskKind::LawnMower)).collect();
     let mut random = 1_u64;
     let mut uniform = move |low: f64, high: f64| {
         random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
