@@ -140,7 +140,7 @@ fn a_short_campaign_of_faults_breaks_no_promise() {
 fn a_campaign_of_faults_breaks_no_promise() {
     let number = |name: &str| std::env::var(name).ok().map(|text| text.parse::<u64>().unwrap());
     let days = number("HYDROID_CAMPAIGN_DAYS").unwrap_or(2);
-    let all = campaign(number("HYDROID_CAMPAIGN_SEED").unwrap_or(100), days, DAY_S);
+    let all = campaign(number("HYDROID_CAMPAIGN_SEED").unwrap_or(200), days, DAY_S);
     check(&all);
     if days >= 2 {
         let metres = all.steered_m * 3600.0 / all.seconds as f64;
