@@ -27,7 +27,7 @@ struct Args {
     /// Only bad days
     #[arg(long)]
     no_clean: bool,
-    /// Search for the worst faults of sensors, with so many generations for each seed
+    /// Search for the worst faults of sensors: number of generations of each search
     #[arg(long, value_name = "GENERATIONS", conflicts_with = "no_clean")]
     adversary: Option<usize>,
     /// Short trainings of the built-in models

@@ -83,7 +83,7 @@ pub fn calibrate(
         scope.spawn(|_| other = Some(of(second, &mut silent())));
         of(first, &mut |share| progress(WHOLE + (1.0 - WHOLE) * share))
     })?;
-    let (all, other) = (constants(runs, &whole), other.expect("the scope has waited for it")?);
+    let (all, other) = (constants(runs, &whole), other.expect("the scope waits for its tasks")?);
     let of = |state: State| {
         let i = CONSTANTS.iter().position(|of| *of == state)?;
         let found = Calibration { state, whole: all[i], halves: [one[i], other[i]], is_determined: false };

@@ -140,9 +140,9 @@ fn merge(all: &mut Summary, part: Summary) {
 struct Joined<'a> {
     sink: &'a mut dyn Sink,
     names: Vec<String>,
-    /// Topic of each topic of the file at hand.
+    /// Topic of each topic of the present file.
     ids: Vec<usize>,
-    /// The file at hand, or the first one of those that continue each other.
+    /// The present file, or the first one of those that continue each other.
     file: usize,
     clocks: Clocks,
 }

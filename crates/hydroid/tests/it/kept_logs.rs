@@ -11,6 +11,8 @@ use hydroid::progress::silent;
 use hydroid::recording::{converted, read_logs, survey};
 use tempfile::TempDir;
 
+use crate::recording::Noise;
+
 /// A sample of a boat with a rudder: time \[s\], place north and east \[m\], heading \[rad\], surge \[m/s\], rudder \[deg\].
 type Sample = [f64; 6];
 
@@ -35,20 +37,6 @@ fn boat(seconds: u32, seed: u64) -> Vec<Sample> {
         r += 0.02 * (0.02 * rudder - r) / 1.5;
     }
     rows
-}
-
-/// Deterministic numbers with mean 0 and standard deviation 1.
-struct Noise(u64);
-
-impl Noise {
-    fn draw(&mut self) -> f64 {
-        let mut sum = 0.0;
-        for _ in 0..12 {
-            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            sum += (self.0 >> 11) as f64 / (1_u64 << 53) as f64;
-        }
-        sum - 6.0
-    }
 }
 
 /// Samples as a CSV file with the time in a column of a name and unit.

@@ -36,10 +36,10 @@ fn rms(errors: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// Deterministic numbers with mean 0 and standard deviation 1.
-struct Noise(u64);
+pub(crate) struct Noise(pub(crate) u64);
 
 impl Noise {
-    fn draw(&mut self) -> f64 {
+    pub(crate) fn draw(&mut self) -> f64 {
         let mut sum = 0.0;
         for _ in 0..12 {
             self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

@@ -13,7 +13,7 @@ fn setup(vessel: &str, controller: ControlMethod, task: TaskKind) -> Setup {
     setup
 }
 
-/// What the vessel does of what it is told.
+/// How the vessel follows its commands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Vessel {
     Sound,
@@ -199,8 +199,8 @@ fn a_vessel_in_a_current_that_is_too_strong_is_stopped() {
     assert!(rows.len() < 600, "{}", rows.len());
 }
 
-/// Random vessels, controllers, starts up to 200 tolerances away and currents of up to 40 % of the speed, from rest. Without a fault at least
-/// 95 % arrive; whatever happens, commands are within limits and rates, and every loop ends. `HYDROID_LOOPS` sets their
+/// Random vessels, controllers, starts up to 200 tolerances away and currents of up to 40 % of the speed, from rest. Without a
+/// fault at least 95 % arrive. Commands are always within limits and rates, and every loop ends. `HYDROID_LOOPS` sets their
 /// number.
 #[test]
 #[ignore = "slow tier: .ci/run runs it"]
