@@ -116,6 +116,8 @@ class _Figures:
     document: dict[str, Any]
     figures: list[dict[str, Any]]
     _columns: tuple[str, ...]
+    #: The column of the model.
+    _predicted: str
 
     def __init__(self, inner: _hydroid.Trials | _hydroid.Comparisons) -> None:
         self._inner = inner
@@ -144,8 +146,10 @@ class _Figures:
         trials: dict[int, tuple[str, list[tuple[str, ...]]]] = {}
         for figure in self.figures:
             title, rows = trials.setdefault(figure["trial"], (self._title(figure), []))
-            cells = (figure[column] for column in self._columns)
-            rows.append((figure["figure"], *("-" if cell is None else f"{cell:.4g}" for cell in cells), figure["unit"]))
+            cells = ["-" if figure[column] is None else f"{figure[column]:.4g}" for column in self._columns]
+            if figure["not_valid"]:
+                cells[self._columns.index(self._predicted)] = "not valid"
+            rows.append((figure["figure"], *cells, figure["unit"]))
         return list(trials.values())
 
     def __repr__(self) -> str:
@@ -178,12 +182,13 @@ class Trials(_Figures):
         All results without the tracks, as in ``trials.json``.
     figures : list of dict
         One record for each figure: ``trial`` (number), ``title``, ``figure``, ``unit``, ``value`` (None if it was not
-        reached), ``low`` and ``high`` (5 % and 95 % quantile over the members of the model), ``extrapolated``, and
-        ``limit`` and ``passed`` of a criterion of the IMO.
+        reached), ``low`` and ``high`` (5 % and 95 % quantile over the members of the model), ``extrapolated``,
+        ``not_valid`` (a reason, or None), and ``limit`` and ``passed`` of a criterion of the IMO.
     """
 
     _inner: _hydroid.Trials
     _columns = ("value", "low", "high", "limit")
+    _predicted = "value"
 
     @property
     def input_names(self) -> list[str]:
@@ -192,7 +197,7 @@ class Trials(_Figures):
 
     @property
     def passed(self) -> bool:
-        """Whether no criterion was missed."""
+        """Whether all trials are valid, and no criterion was missed."""
         return self._inner.passed()
 
     @cached_property
@@ -210,12 +215,13 @@ class Comparisons(_Figures):
         All results without the tracks, as in ``comparisons.json``.
     figures : list of dict
         One record for each figure: ``trial`` (number), ``run``, ``at_s`` (time in the run), ``title``, ``in_training``,
-        ``figure``, ``unit``, ``measured``, ``predicted``, and ``low`` and ``high`` of the prediction (5 % and 95 % quantile
-        over the members of the model).
+        ``figure``, ``unit``, ``measured``, ``predicted``, ``not_valid`` (why there is no prediction, or None), and
+        ``low`` and ``high`` of the prediction (5 % and 95 % quantile over the members of the model).
     """
 
     _inner: _hydroid.Comparisons
     _columns = ("measured", "predicted", "low", "high")
+    _predicted = "predicted"
 
     def _title(self, figure: dict[str, Any]) -> str:
         fitted = " (the model was fitted to this run)" if figure["in_training"] else ""

@@ -141,7 +141,7 @@ impl Controller {
                 let replayed = beginnings(&rehearsed, training_time);
                 TrainingRuns { replayed, rehearsed: rehearsed.concat() }.remember(adapter.as_mut());
             }
-            let pilot = setup.pilot(adapter.as_ref())?;
+            let pilot = setup.pilot(adapter.as_ref(), None)?;
             Ok((setup, adapter, pilot))
         })?;
         let (setup, mut adapter, pilot) =

@@ -214,6 +214,7 @@ struct TrialFigure<'a> {
     low: Option<f64>,
     high: Option<f64>,
     extrapolated: bool,
+    not_valid: Option<&'a str>,
     limit: Option<f64>,
     passed: Option<bool>,
 }
@@ -252,6 +253,7 @@ impl Trials {
                     low,
                     high,
                     extrapolated: figure.extrapolated,
+                    not_valid: figure.not_valid.as_deref(),
                     limit: figure.criterion.map(|criterion| criterion.limit),
                     passed: figure.criterion.map(|criterion| criterion.passed),
                 });
@@ -314,7 +316,9 @@ pub(crate) fn manoeuvres(
     let trials = trials.ok_or_else(|| internal("the trials were cancelled"))?;
     let outside = trials.trials.iter().flat_map(|trial| {
         let title = trial.kind.title(&trials.inputs);
-        trial.outside.iter().map(move |outside| format!("{title}: {outside}"))
+        let not_valid = trial.not_valid.iter().map(|reason| format!("not valid {reason}"));
+        let outside = trial.outside.iter().map(ToString::to_string);
+        not_valid.chain(outside).map(move |text| format!("{title}: {text}"))
     });
     let notes: Vec<Note> = trials.notes.iter().cloned().chain(outside).map(Note::warning).collect();
     warn(py, &notes)?;
@@ -342,6 +346,7 @@ struct ComparedFigure<'a> {
     unit: &'static str,
     measured: Option<f64>,
     predicted: Option<f64>,
+    not_valid: Option<&'a str>,
     low: Option<f64>,
     high: Option<f64>,
 }
@@ -368,6 +373,7 @@ impl Comparisons {
                     unit: measured.name_and_unit().1,
                     measured: measured.value,
                     predicted: predicted.value,
+                    not_valid: predicted.not_valid.as_deref(),
                     low,
                     high,
                 });

@@ -73,9 +73,9 @@ def test_a_recording_becomes_the_model_of_the_command(tab, tmp_path):
     shutil.copy(LOGS["ardupilot"], tmp_path)
     subprocess.run([COMMAND, "identify", "--methods", "sindy", "-o", "out", "-q"], cwd=tmp_path, check=True, capture_output=True)
     truth = json.loads((tmp_path / "out/identify.json").read_text(encoding="utf-8"))
-    # Delay, misalignment and bias are estimated by iteration: other roundings of WebAssembly end at other digits of them. The
-    # velocities are those of the command.
-    assert kept == pytest.approx(errors(truth, "persistence"), rel=1e-3)
+    # Delay, misalignment and bias are estimated by iteration, where the likelihood is flat: other roundings of WebAssembly end at
+    # other digits of them, which the velocities follow.
+    assert kept == pytest.approx(errors(truth, "persistence"), rel=1e-2)
     # Terms that are as good as others are chosen by these digits: moving the antenna by 1e-6 m changes 43 of them to 50.
     assert own == pytest.approx(errors(truth), rel=0.1, abs=0.05)
 

@@ -114,7 +114,7 @@ fn values(comparison: &Comparison) -> Markup {
     let [north, east] = comparison.current;
     html! {
         (table(&heads, &rows, 1))
-        @if comparison.tracks[1].diverged { p.warning { "The predicted motion diverges." } }
+        @if let Some(reason) = &comparison.tracks[1].not_valid { p.warning { "The prediction is not valid: " (reason) "." } }
         @if comparison.in_training { p.warning { "The model was fitted to this run." } }
         @if [north, east] != [0.0; 2] {
             p.small { "In an estimated current of " (text(north, 2)) " m/s north and " (text(east, 2)) " m/s east." }

@@ -52,7 +52,7 @@ pub fn trial(trial: &Trial, of: &Trials) -> Option<Value> {
         "title": trial.kind.title(&of.inputs),
         "approach_m_s": of.approach_speed_m_s,
         "approach_percent": of.propulsion.map(|propulsion| 100.0 * propulsion),
-        "diverged_s": trial.diverged_s,
+        "not_valid": trial.not_valid,
         "figures": trial.figures.iter().map(figure).collect::<Vec<Value>>(),
         "track": track(trial.tracks.first()?),
     }))
@@ -71,8 +71,8 @@ pub fn comparison(comparison: &Comparison) -> Value {
     if *in_training {
         notes.push(String::from("The model was fitted to this run."));
     }
-    if comparison.tracks[1].diverged {
-        notes.push(String::from("The predicted motion diverges."));
+    if let Some(reason) = &comparison.tracks[1].not_valid {
+        notes.push(format!("The prediction is not valid: {reason}."));
     }
     if [*north, *east] != [0.0; 2] {
         let (north, east) = (text(*north, 2), text(*east, 2));
@@ -92,6 +92,7 @@ fn figure(figure: &Figure) -> Value {
         "label": label,
         "unit": unit,
         "value": figure.value,
+        "missing": figure.missing(),
         "interval": figure.interval,
         "extrapolated": figure.extrapolated && figure.value.is_some(),
     })

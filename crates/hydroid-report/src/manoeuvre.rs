@@ -224,7 +224,7 @@ fn values(subject: &ManoeuvreReport<'_>, trials: &[&Trial]) -> Markup {
                 let figure = &trial.figures[i];
                 let missed = figure.criterion.is_some_and(|criterion| !criterion.passed);
                 html! {
-                    span class=[missed.then_some("warning")] { (figure.value.map_or_else(|| String::from("–"), |value| text(value, 3))) @if figure.extrapolated && figure.value.is_some() { " *" } }
+                    span class=[missed.then_some("warning")] { (figure.value.map_or_else(|| figure.missing().to_owned(), |value| text(value, 3))) @if figure.extrapolated && figure.value.is_some() { " *" } }
                     @if let Some([low, high]) = figure.interval { br; span.small { (text(low, 3)) " to " (text(high, 3)) } }
                 }
             }));
@@ -243,7 +243,7 @@ fn values(subject: &ManoeuvreReport<'_>, trials: &[&Trial]) -> Markup {
     html! {
         (table(&heads, &rows, 1))
         @for trial in trials {
-            @if let Some(t_s) = trial.diverged_s { p.warning { "The motion diverges after " (text(t_s, 3)) " s." } }
+            @if let Some(reason) = &trial.not_valid { p.warning { "Not valid " (reason) "." } }
         }
         @for outside in &outside(trials) {
             p.small { "* " (outside) "." }

@@ -399,10 +399,10 @@ function trialsShown(trials, vessel) {
   const { approach_m_s, approach_percent } = trials[0];
   const notes = [approach_percent === null ? DRIVE_TEXT.ownSpeed(figure(approach_m_s, 3)) : DRIVE_TEXT.approach(figure(approach_m_s, 3), figure(approach_percent, 3))];
   if (judged_s && lasts > judged_s) notes.push(DRIVE_TEXT.beyond(figure(lasts, 2), figure(judged_s, 2)));
-  for (const { title, diverged_s } of trials) if (diverged_s) notes.push(DRIVE_TEXT.divergedTrial(title, figure(diverged_s, 3)));
+  for (const { title, not_valid } of trials) if (not_valid) notes.push(DRIVE_TEXT.notValid(title, not_valid));
   if (trials.some(({ figures }) => figures.some((one) => one.interval))) notes.push(DRIVE_TEXT.members);
   if (trials.some(({ figures }) => figures.some((one) => one.extrapolated))) notes.push(DRIVE_TEXT.outside);
-  const value = (one) => (one ? `${quantity(one.value, one.unit)}${one.extrapolated ? " *" : ""}${one.interval ? ` (${one.interval.map((x) => figure(x, 3)).join(" – ")})` : ""}` : "");
+  const value = (one) => (one ? one.value === null ? one.missing : `${quantity(one.value, one.unit)}${one.extrapolated ? " *" : ""}${one.interval ? ` (${one.interval.map((x) => figure(x, 3)).join(" – ")})` : ""}` : "");
   const labels = [...new Set(trials.flatMap(({ figures }) => figures.map((one) => one.label)))];
   const rows = labels.map((label) => [label, ...trials.map(({ figures }) => value(figures.find((one) => one.label === label)))]);
   return { tracks, heads: ["", ...trials.map(({ title }) => title)], rows, note: notes.join(" ") };

@@ -10,7 +10,7 @@ const DRIVE_TEXT = {
   measured: "measured", predicted: "predicted", interval: "5 % to 95 %",
   outside: "* The model extrapolates here: the trial leaves the speeds and commands of its logs.",
   beyond: (lasts, judged) => `The trial lasts ${lasts} s; the model was judged on predictions ${judged} s ahead.`,
-  divergedTrial: (title, s) => `${title}: the motion diverges after ${s} s.`,
+  notValid: (title, reason) => `${title}: not valid ${reason}.`,
   ownSpeed: (speed) => `Approach at ${speed} m/s, the speed of the vessel: no input pushes it.`,
   approach: (speed, percent) => `Approach at ${speed} m/s, ${percent} % of the propulsion.`,
   inLogs: "Trials in the logs",

@@ -1,11 +1,13 @@
 //! Way-points.
 
-use hydroid::closed_loop::{SpeedOptions, Task, Track, Waypoints};
+use hydroid::closed_loop::{Purpose, SpeedOptions, Task, Track, Waypoints};
 use hydroid_core::guidance::{PathReference, TimedReference};
 
 /// Way-points are finite, and a reference moves along the tracks through them.
 pub fn waypoints(bytes: &[u8]) {
-    let Ok(Waypoints { points, .. }) = Waypoints::parse(bytes, "fuzz.gpx") else { return };
+    let Ok(Waypoints { points, .. }) = Waypoints::parse(bytes, "fuzz.gpx", None, Purpose::Route) else {
+        return;
+    };
     assert!(points.iter().flatten().all(|number| number.is_finite()));
     for radius in [None, Some(2.0)] {
         for turn in [None, Some(0.5)] {

@@ -102,7 +102,8 @@ fn print_comparison(comparison: &Comparison) {
     for (measured, predicted) in comparison.measured.iter().zip(&comparison.predicted) {
         if let Some(value) = measured.value {
             let (name, unit) = measured.name_and_unit();
-            let other = predicted.value.map_or_else(|| String::from("-"), |value| format!("{value:.2}"));
+            let other =
+                predicted.value.map_or_else(|| predicted.missing().to_owned(), |value| format!("{value:.2}"));
             let interval =
                 predicted.interval.map(|[low, high]| format!("   {low:.2} to {high:.2}")).unwrap_or_default();
             let line = format!("  {name:<28} {value:>11.2} {other:>11} {unit:<6}{interval}");
@@ -122,7 +123,7 @@ fn print(model: &Model, trials: &Trials) {
         for figure in &trial.figures {
             let (name, unit) = figure.name_and_unit();
             let value =
-                figure.value.map_or_else(|| String::from("not reached"), |value| format!("{value:.2}"));
+                figure.value.map_or_else(|| figure.missing().to_owned(), |value| format!("{value:.2}"));
             let interval =
                 figure.interval.map(|[low, high]| format!("   {low:.2} to {high:.2}")).unwrap_or_default();
             let criterion = figure
@@ -144,8 +145,8 @@ fn print(model: &Model, trials: &Trials) {
 }
 
 fn print_limits(trial: &Trial) {
-    if let Some(t_s) = trial.diverged_s {
-        outln!("  the motion diverges after {t_s:.1} s");
+    if let Some(reason) = &trial.not_valid {
+        outln!("  not valid {reason}");
     }
     for outside in &trial.outside {
         outln!("  * {outside}");

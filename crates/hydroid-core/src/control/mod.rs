@@ -40,7 +40,7 @@ pub use feedback_linearization::{FeedbackLinearization, FeedbackLinearizationOpt
 pub use liveness::{Liveness, longest_age_s};
 pub use network::AffineNetwork;
 pub use status::Status;
-pub use supervisor::{Mode, Place, Supervisor, SupervisorLimits};
+pub use supervisor::{Mode, Place, Stop, Supervisor, SupervisorLimits};
 
 use crate::current::in_body;
 use crate::guidance::Reference;

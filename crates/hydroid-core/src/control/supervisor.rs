@@ -14,8 +14,33 @@ pub enum Mode {
     OnTask,
     /// The task is done: the commands are neutral.
     Arrived,
-    /// The task cannot be reached: the commands are neutral until the vessel is steered anew.
+    /// The task cannot be reached, or the vessel is outside its fence: the commands are neutral until it is steered anew.
     Stopped,
+}
+
+/// Why a vessel was stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Stop {
+    /// It did not come to its task.
+    Task,
+    /// All ways to its task leave the fence.
+    NoWay,
+    /// It was outside its fence.
+    Outside,
+}
+
+impl Stop {
+    /// All causes.
+    pub const ALL: [Self; 3] = [Self::Task, Self::NoWay, Self::Outside];
+
+    /// The cause in words.
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::Task => "the vessel does not come to its task",
+            Self::NoWay => "there is no way to the task within the fence",
+            Self::Outside => "the vessel is outside the fence",
+        }
+    }
 }
 
 impl Mode {
@@ -45,11 +70,12 @@ impl Mode {
 /// | approach | the time of the way is over | stopped |
 /// | approach, on task | a new way is the fourth one in a row that is no shorter than the best one | stopped |
 /// | on task | the end of the task | arrived |
+/// | blind, approach, on task | the vessel is outside its fence, or no way stays within it | stopped |
 ///
 /// *Off its way* is a distance from the reference above the tolerance. A way has twice its planned time and ten times the
 /// patience. Ways count as shorter by the progress at least, so that the number of ways, and with it the time in which the
 /// vessel is steered without being on its task, has a limit: every way is either shorter than the best one by that length, or
-/// one of three.
+/// one of three. At a station, where there is no progress, this count begins anew whenever the vessel is there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Supervisor {
     mode: Mode,
@@ -68,6 +94,7 @@ pub struct Supervisor {
     attempts: usize,
     /// Whether the vessel was on its way at the last sample.
     within: bool,
+    cause: Stop,
 }
 
 /// Limits of a [`Supervisor`].
@@ -124,6 +151,7 @@ impl Supervisor {
             shortest_m: f64::INFINITY,
             attempts: 0,
             within: false,
+            cause: Stop::Task,
         }
     }
 
@@ -138,6 +166,19 @@ impl Supervisor {
             self.mode = Mode::Blind;
         }
         self.within = false;
+    }
+
+    /// Why the vessel was stopped; `None` if it was not.
+    pub const fn cause(&self) -> Option<Stop> {
+        if matches!(self.mode, Mode::Stopped) { Some(self.cause) } else { None }
+    }
+
+    /// Stops the vessel, unless the task has ended.
+    pub const fn stop(&mut self, cause: Stop) {
+        if !self.mode.is_final() {
+            (self.mode, self.cause) = (Mode::Stopped, cause);
+            self.within = false;
+        }
     }
 
     /// Begins a sample, `elapsed_s` seconds after the last one. `alive` is whether the measurements are there. Returns whether a
@@ -160,7 +201,7 @@ impl Supervisor {
         if self.mode == Mode::Approach {
             self.approach_s += elapsed_s;
             if self.approach_s > self.limit_s {
-                self.mode = Mode::Stopped;
+                self.stop(Stop::Task);
                 return false;
             }
         }
@@ -181,8 +222,11 @@ impl Supervisor {
         self.farthest_m = f64::NEG_INFINITY;
         self.limit_s = 2.0 * duration_s + RESERVE * patience_s;
         let sound = left_m.is_finite() && self.limit_s.is_finite();
-        self.mode = if sound && self.attempts <= MOST_ATTEMPTS { Mode::Approach } else { Mode::Stopped };
-        self.within = self.mode.steers();
+        if sound && self.attempts <= MOST_ATTEMPTS {
+            (self.mode, self.within) = (Mode::Approach, true);
+        } else {
+            self.stop(Stop::Task);
+        }
     }
 
     /// Judges a sample in which the law has computed commands.
@@ -199,6 +243,9 @@ impl Supervisor {
             self.mode = Mode::Arrived;
         } else if within && joined {
             self.mode = Mode::OnTask;
+            if along_m == f64::INFINITY {
+                (self.attempts, self.shortest_m) = (0, f64::INFINITY);
+            }
         }
     }
 
@@ -213,5 +260,8 @@ impl Supervisor {
         }
         memory.count(&mut self.attempts, MOST_COUNTED);
         memory.flag(&mut self.within);
+        let mut cause = self.cause as usize;
+        memory.count(&mut cause, Stop::ALL.len() - 1);
+        self.cause = Stop::ALL[cause];
     }
 }

@@ -1,4 +1,4 @@
-//! The shortest way from a pose to a pose with a turning radius.
+//! The shortest ways from a pose to a pose with a turning radius.
 
 use alloc::vec::Vec;
 use core::f64::consts::{FRAC_PI_2, TAU};
@@ -10,18 +10,19 @@ use super::piece::{Piece, Pose};
 /// Angle that counts as none \[rad\]: rounding makes a full circle of it.
 const NO_TURN: f64 = 1e-9;
 
-/// The shortest path from `from` to `to` (positions and courses) with turns of one radius \[m\]: at most three arcs and lines;
-/// empty if the poses are equal.
+/// The paths from `from` to `to` (positions and courses) with turns of one radius \[m\], the shortest one first: at most three
+/// arcs and lines each, none if the poses are equal.
 ///
-/// It consists of two arcs with a tangent, or of three arcs (L. E. Dubins, *On curves of minimal length with a constraint on
-/// average curvature*, 1957). `radius` is positive, and the poses are finite; otherwise the path is not.
-pub fn dubins(from: &Pose, to: &Pose, radius: f64) -> Vec<Piece> {
-    let mut best: Option<(f64, [(f64, f64); 3])> = None;
+/// The shortest one consists of two arcs with a tangent, or of three arcs (L. E. Dubins, *On curves of minimal length with a
+/// constraint on average curvature*, 1957). There are at most eight. `radius` is positive, and the poses are finite; otherwise
+/// there is none.
+pub fn dubins(from: &Pose, to: &Pose, radius: f64) -> Vec<Vec<Piece>> {
+    let mut all: Vec<(f64, [(f64, f64); 3])> = Vec::with_capacity(8);
     // Turn, curvature (sign) and length of each part, with the turns in radians and the line in radii.
     let mut consider = |parts: [(f64, f64); 3]| {
         let length = parts.iter().map(|(_, length)| length).sum::<f64>();
-        if length.is_finite() && best.is_none_or(|(least, _)| length < least) {
-            best = Some((length, parts));
+        if length.is_finite() {
+            all.push((length, parts));
         }
     };
     for side in [1.0, -1.0] {
@@ -61,21 +62,25 @@ pub fn dubins(from: &Pose, to: &Pose, radius: f64) -> Vec<Piece> {
             ]);
         }
     }
-    let mut pieces: Vec<Piece> = Vec::with_capacity(3);
-    let mut at = Pose { curvature: 0.0, ..*from };
-    for (side, length) in best.map_or([(0.0, 0.0); 3], |(_, parts)| parts) {
-        if length > NO_TURN {
-            let piece = Piece {
-                start: at.position,
-                course: at.course,
-                curvature: side / radius,
-                length: length * radius,
-            };
-            at = piece.at(piece.length);
-            pieces.push(piece);
+    all.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+    let path = |(_, parts): (f64, [(f64, f64); 3])| {
+        let mut pieces: Vec<Piece> = Vec::with_capacity(3);
+        let mut at = Pose { curvature: 0.0, ..*from };
+        for (side, length) in parts {
+            if length > NO_TURN {
+                let piece = Piece {
+                    start: at.position,
+                    course: at.course,
+                    curvature: side / radius,
+                    length: length * radius,
+                };
+                at = piece.at(piece.length);
+                pieces.push(piece);
+            }
         }
-    }
-    pieces
+        pieces
+    };
+    all.into_iter().map(path).collect()
 }
 
 /// Centre of the circle through a pose with a radius, positive to starboard.

@@ -2,7 +2,8 @@
 //!
 //! - [`Path`]: straight legs and arcs in the north-east frame, by arc length: circles, legs with corners, way-points
 //!   with turning circles, lawn-mowers.
-//! - [`dubins`]: the shortest way from a pose to a pose with a turning radius.
+//! - [`dubins`]: the shortest ways from a pose to a pose with a turning radius.
+//! - [`Fence`]: areas within which a vessel may move.
 //! - [`SpeedProfile`]: the speed along a path within the limits of a vessel ([`SpeedLimits`]).
 //! - [`Reference`]: the reference point of a controller, with velocity and acceleration. A [`TimedReference`] moves
 //!   with time, a [`PathReference`] with the vessel.
@@ -30,6 +31,7 @@
 
 mod dubins;
 mod error;
+mod fence;
 mod line_of_sight;
 mod path;
 mod piece;
@@ -39,6 +41,7 @@ mod speed;
 
 pub use dubins::dubins;
 pub use error::PathError;
+pub use fence::{Border, Fence, NoArea};
 pub use line_of_sight::{HeadingReference, LineOfSight, LineOfSightOptions};
 pub use path::{Path, Projection};
 pub use piece::{Piece, Pose};

@@ -3,8 +3,8 @@
 use core::f64::consts::{FRAC_PI_2, PI};
 
 use hydroid_core::guidance::{
-    LineOfSight, LineOfSightOptions, Path, PathError, PathReference, Piece, Pose, Reference, Side,
-    SpeedLimits, SpeedProfile, TimedReference, dubins,
+    Border, Fence, LineOfSight, LineOfSightOptions, NoArea, Path, PathError, PathReference, Piece, Pose,
+    Reference, Side, SpeedLimits, SpeedProfile, TimedReference, dubins,
 };
 use hydroid_core::vessel::kinematics::wrap;
 use proptest::prelude::*;
@@ -377,6 +377,11 @@ fn pose(x: f64, y: f64, course: f64) -> Pose {
     Pose { position: [x, y], course, curvature: 0.0 }
 }
 
+/// The shortest way; empty if the poses are equal.
+fn shortest(from: &Pose, to: &Pose, radius: f64) -> Vec<Piece> {
+    dubins(from, to, radius).swap_remove(0)
+}
+
 fn length(pieces: &[Piece]) -> f64 {
     pieces.iter().map(|piece| piece.length).sum()
 }
@@ -384,7 +389,7 @@ fn length(pieces: &[Piece]) -> f64 {
 /// Lengths that follow from the geometry.
 #[test]
 fn shortest_ways_of_known_length() {
-    let way = |x, y, course| dubins(&pose(0.0, 0.0, 0.0), &pose(x, y, course), 2.0);
+    let way = |x, y, course| shortest(&pose(0.0, 0.0, 0.0), &pose(x, y, course), 2.0);
     assert!(way(0.0, 0.0, 0.0).is_empty() && way(0.0, 0.0, 4.0 * PI).is_empty());
     // Straight on; half a circle; a circle back to the own place; a quarter and a line.
     for (pieces, expected) in [
@@ -411,7 +416,7 @@ proptest! {
         radius in 0.5..12.0f64, share in 0.0..1.0f64, course in -3.2..3.2f64,
     ) {
         let (from, to) = (pose(from.0, from.1, from.2), pose(to.0, to.1, to.2));
-        let pieces = dubins(&from, &to, radius);
+        let pieces = shortest(&from, &to, radius);
         prop_assert!((1..=3).contains(&pieces.len()));
         let mut at = from;
         for piece in &pieces {
@@ -425,10 +430,17 @@ proptest! {
             from.position[1] + share * (to.position[1] - from.position[1]),
             course,
         );
-        let detour = length(&dubins(&from, &middle, radius)) + length(&dubins(&middle, &to, radius));
+        let detour = length(&shortest(&from, &middle, radius)) + length(&shortest(&middle, &to, radius));
         prop_assert!(length(&pieces) <= detour + 1e-6, "{} {detour}", length(&pieces));
+        let all = dubins(&from, &to, radius);
+        prop_assert!(all.len() <= 8 && all.windows(2).all(|pair| length(&pair[0]) <= length(&pair[1])));
+        for way in &all {
+            let last = way.last().unwrap();
+            let end = last.at(last.length);
+            prop_assert!(distance(end.position, to.position) < 1e-6 && wrap(end.course - to.course).abs() < 1e-6);
+        }
         let back = |pose: Pose| Pose { course: pose.course + PI, ..pose };
-        let reverse = length(&dubins(&back(to), &back(from), radius));
+        let reverse = length(&shortest(&back(to), &back(from), radius));
         prop_assert!((length(&pieces) - reverse).abs() < 1e-6, "{} {reverse}", length(&pieces));
     }
 
@@ -443,5 +455,46 @@ proptest! {
         prop_assert!(distance(here.position, there.position) < 1e-6);
         // At joints the course of waypoints may jump by rounding.
         prop_assert!(wrap(here.course - there.course).abs() < 1e-6);
+    }
+}
+
+/// An L-shaped area: distances to its nearest side or corner, and from outside.
+#[test]
+fn a_fence_has_the_distances_of_its_borders() {
+    let corners = vec![[0.0, 0.0], [10.0, 0.0], [10.0, 4.0], [4.0, 4.0], [4.0, 10.0], [0.0, 10.0]];
+    let reversed = corners.iter().rev().copied().collect();
+    for corners in [corners, reversed] {
+        let mut fence = Fence::default();
+        assert_eq!(fence.margin([1e9, 0.0]), f64::INFINITY);
+        fence.keep_in(Border::Polygon(corners)).unwrap();
+        for (point, expected) in [
+            ([2.0, 2.0], 2.0),
+            ([9.5, 2.0], 0.5),
+            // The inner corner is nearest.
+            ([3.0, 3.0], 2.0_f64.sqrt()),
+            ([7.0, 7.0], -3.0),
+            ([5.0, 5.0], -1.0),
+            ([-3.0, -4.0], -5.0),
+            ([12.0, 2.0], -2.0),
+        ] {
+            assert!((fence.margin(point) - expected).abs() < 1e-12, "{point:?}: {}", fence.margin(point));
+        }
+        assert!(fence.margin([f64::NAN, 0.0]).is_nan());
+        fence.keep_out(Border::Circle { centre: [2.0, 8.0], radius: 1.0 }).unwrap();
+        assert!((fence.margin([2.0, 6.0]) - 1.0).abs() < 1e-12 && fence.margin([2.0, 8.5]) == -0.5);
+        let line = |course: f64, length| Piece { start: [2.0, 2.0], course, curvature: 0.0, length };
+        assert_eq!(fence.leaves(&[line(0.0, 7.9)]), None);
+        assert_eq!(fence.leaves(&[line(FRAC_PI_2, 4.9)]), None);
+        let at = fence.leaves(&[line(FRAC_PI_2, 20.0)]).unwrap();
+        assert!((at[1] - 7.0).abs() < 0.011, "{at:?}");
+        assert!(fence.leaves(&[line(f64::NAN, 1.0)]).is_some());
+    }
+    for (border, expected) in [
+        (Border::Polygon(vec![]), NoArea::Corners),
+        (Border::Polygon(vec![[0.0, 0.0], [1.0, 1.0], [3.0, 3.0]]), NoArea::Corners),
+        (Border::Polygon(vec![[0.0, 0.0], [1.0, 0.0], [f64::NAN, 3.0]]), NoArea::Number),
+        (Border::Circle { centre: [0.0; 2], radius: 0.0 }, NoArea::Number),
+    ] {
+        assert_eq!(Fence::default().keep_in(border), Err(expected));
     }
 }

@@ -158,3 +158,25 @@ fn what_is_no_number_is_no_reason_to_steer() {
         assert_eq!(supervisor.mode(), Mode::Stopped, "{left_m} {duration_s}");
     }
 }
+
+/// A station is regained however often the measurements are lost; a vessel that does not come back to it is stopped.
+#[test]
+fn a_station_is_regained_after_any_number_of_losses() {
+    let mut supervisor = Supervisor::new(LIMITS);
+    let place = |near: bool| Place { within: near, joined: near, done: false, along_m: f64::INFINITY };
+    for _ in 0..20 {
+        assert!(supervisor.begin(true, STEP_S));
+        supervisor.planned(WAY_M, WAY_S);
+        supervisor.judge(&place(true));
+        assert_eq!(supervisor.mode(), Mode::OnTask);
+        assert!(!supervisor.begin(false, STEP_S));
+        assert_eq!(supervisor.mode(), Mode::Blind);
+    }
+    for _ in 0..20 {
+        if supervisor.begin(true, STEP_S) {
+            supervisor.planned(WAY_M, WAY_S);
+        }
+        supervisor.judge(&place(false));
+    }
+    assert_eq!(supervisor.mode(), Mode::Stopped);
+}

@@ -427,15 +427,9 @@ impl<L: Link> Boat<L> {
             [north - middle[0], east - middle[1]]
         };
         let path: Vec<[f64; 2]> = path.iter().map(|[n, e]| [n + origin[0], e + origin[1]]).collect();
-        let outside = path.iter().map(|[n, e]| -fence.margin(*n, *e)).fold(f64::NEG_INFINITY, f64::max);
-        if outside > 0.0 {
-            return Err(format!(
-                "the path leads {outside:.0} m out of the geofence: make the {} larger, or the path smaller (section [control])",
-                key("fence")
-            ));
-        }
         let active = self.active.as_mut().ok_or("there is no model on board")?;
-        let pilot = setup.pilot(active.follower().adapter()).map_err(|error| chain(&error))?;
+        let border = fence.border(origin);
+        let pilot = setup.pilot(active.follower().adapter(), Some(border)).map_err(|error| chain(&error))?;
         self.check_fence()?;
         self.begin_commands(now_ns)?;
         let active = self.active.as_mut().ok_or("there is no model on board")?;
@@ -450,7 +444,7 @@ impl<L: Link> Boat<L> {
         let Steering::Path(_) = self.steering else { return };
         let Some(active) = &self.active else { return };
         let Some(pilot) = active.pilot() else { return };
-        let (status, command) = (pilot.status(), pilot.command().to_vec());
+        let (status, command, stop) = (pilot.status(), pilot.command().to_vec(), pilot.stop());
         let [n, e, _] = active.sample().pose;
         let at = [n + active.path_origin[0], e + active.path_origin[1]];
         let [u, v, r] = pilot.motion().map(|place| active.sample().outputs[place]);
@@ -469,8 +463,8 @@ impl<L: Link> Boat<L> {
                     u.hypot(v)
                 ),
             );
-        } else if status == "stopped" {
-            self.hands_off(now_ns, Level::Warning, "the boat does not come to its path");
+        } else if let Some(stop) = stop {
+            self.hands_off(now_ns, Level::Warning, stop.text());
         } else if status == "arrived" {
             self.hands_off(now_ns, Level::Info, "the end of the path is reached");
         } else {

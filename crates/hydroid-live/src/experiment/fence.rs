@@ -1,5 +1,7 @@
 //! The geofence.
 
+use hydroid_core::guidance::Border;
+
 /// Area that the boat must not leave.
 ///
 /// All rules of an experiment use three properties, which any star-shaped area has: the signed distance to the border, an
@@ -22,6 +24,15 @@ impl Fence {
     pub fn margin(&self, north: f64, east: f64) -> f64 {
         match self {
             Self::Circle { north: n, east: e, radius } => radius - (north - n).hypot(east - e),
+        }
+    }
+
+    /// The border in a frame with another origin, north and east \[m\].
+    pub fn border(&self, [north, east]: [f64; 2]) -> Border {
+        match self {
+            Self::Circle { north: n, east: e, radius } => {
+                Border::Circle { centre: [n - north, e - east], radius: *radius }
+            }
         }
     }
 

@@ -3,7 +3,6 @@
 use std::fmt::Write as _;
 
 use hydroid_core::adapt::{Adapter, Outcome, Rejection};
-use hydroid_core::control::Mode;
 
 use super::answer::{Status, Writer};
 use super::clock::{Arrival, Clock};
@@ -296,13 +295,9 @@ impl Follower {
     /// Says why the commands rest.
     pub(super) fn explain_lost(&mut self) {
         let Some(pilot) = self.session.pilot() else { return };
-        if pilot.mode() == Mode::Stopped {
-            say(
-                &mut self.note,
-                format_args!(
-                    "the vessel does not come to its path: the commands rest until the service is started anew"
-                ),
-            );
+        if let Some(stop) = pilot.stop() {
+            let why = stop.text();
+            say(&mut self.note, format_args!("{why}: the commands rest until the service is started anew"));
         }
         let Some(oldest) = pilot.lost().map(|(_, age)| age).reduce(f64::max) else { return };
         let names: Vec<&str> = pilot.lost().map(|(name, _)| name).collect();

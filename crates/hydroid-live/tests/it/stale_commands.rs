@@ -47,7 +47,7 @@ struct Watch {
 impl Watch {
     fn new(setup: &Setup) -> Self {
         let (adapter, _) = setup.adapter().unwrap();
-        let pilot = setup.pilot(adapter.as_ref()).unwrap();
+        let pilot = setup.pilot(adapter.as_ref(), None).unwrap();
         let reading = setup.model.description.reading.clone();
         let options = Options { name: "test".to_owned(), reading, horizons: vec![1], timing: false };
         let mut stream = Stream::new(&setup.model, adapter, options).unwrap();

@@ -17,6 +17,11 @@ use crate::plant::PlantError;
 pub enum ClosedLoopError {
     #[error("the track is invalid: {0}")]
     Path(#[from] PathError),
+    #[error(
+        "the path leaves the fence at {north:.1} m north, {east:.1} m east: make the {} larger, or the path smaller",
+        key("fence")
+    )]
+    Fence { north: f64, east: f64 },
     #[error("the controller is invalid: {0}")]
     Control(#[from] ControlError),
     #[error(transparent)]

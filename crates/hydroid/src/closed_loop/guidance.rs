@@ -83,8 +83,8 @@ impl Guidance {
     }
 
     /// Plans a way from the pose of the vessel to its task, with turns of a radius \[m\]. Returns its length without the part
-    /// of the task that is done \[m\], and its time \[s\].
-    pub fn plan(&mut self, eta: [f64; 3], nu: [f64; 3], radius: f64) -> [f64; 2] {
+    /// of the task that is done \[m\], and its time \[s\]; `None` if all ways leave the fence.
+    pub fn plan(&mut self, eta: [f64; 3], nu: [f64; 3], radius: f64) -> Option<[f64; 2]> {
         let [x, y, psi] = eta;
         let (sin, cos) = psi.sin_cos();
         let position = [x + self.lead * cos, y + self.lead * sin];

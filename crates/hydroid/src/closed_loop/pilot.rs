@@ -1,7 +1,7 @@
 //! Steering on board: from each sample to a command.
 
 use hydroid_core::actuator::Limits;
-use hydroid_core::control::{Liveness, Mode, Place, Status, Supervisor, SupervisorLimits};
+use hydroid_core::control::{Liveness, Mode, Place, Status, Stop, Supervisor, SupervisorLimits};
 use hydroid_core::memory::Memory;
 
 use super::controller::{ClosedLoopController, ModelSession};
@@ -178,6 +178,11 @@ impl Pilot {
         self.supervisor.mode()
     }
 
+    /// Why the vessel was stopped.
+    pub const fn stop(&self) -> Option<Stop> {
+        self.supervisor.cause()
+    }
+
     /// What is left of the way to the task \[m\]; 0 on the task.
     pub fn approach_m(&self) -> f64 {
         self.guidance.approach_m()
@@ -214,11 +219,17 @@ impl Pilot {
             }
             Elapsed::Start | Elapsed::Steps(_) => {}
         }
+        if self.guidance.track().fence.margin([self.eta[0], self.eta[1]]) < 0.0 {
+            self.supervisor.stop(Stop::Outside);
+        }
         if self.supervisor.begin(self.liveness.is_alive(), elapsed_s) {
-            let [left_m, duration_s] = self.guidance.plan(self.eta, self.nu, self.turning_radius);
-            self.set_out = left_m;
-            self.supervisor.planned(left_m, duration_s);
-            self.guidance.wait(false);
+            if let Some([left_m, duration_s]) = self.guidance.plan(self.eta, self.nu, self.turning_radius) {
+                self.set_out = left_m;
+                self.supervisor.planned(left_m, duration_s);
+                self.guidance.wait(false);
+            } else {
+                self.supervisor.stop(Stop::NoWay);
+            }
         }
         if !self.mode().steers() {
             self.rest();

@@ -1,11 +1,11 @@
 //! Generation of the reference and of its preview.
 
-use hydroid_core::guidance::{Path, PathReference, Pose, Reference, SpeedProfile, TimedReference};
+use hydroid_core::guidance::{Path, PathReference, Piece, Pose, Reference, SpeedProfile, TimedReference};
 use hydroid_core::memory::Memory;
 use serde::{Deserialize, Serialize};
 
 use super::track::Track;
-use super::way::{Start, Way};
+use super::way::{NoWay, Start, Way};
 
 /// Parameter that moves the reference along its path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -132,13 +132,15 @@ impl ReferenceGenerator {
 
     /// Plans a way from a pose to the task, with turns of a radius \[m\]; the reference begins there with the speed \[m/s\] of
     /// the vessel. Returns the length of the way without the part of the task that is done \[m\], and its time \[s\]. The vessel
-    /// joins the task where it left it, or up to four radii later.
-    pub(super) fn plan(&mut self, from: Pose, speed: f64, radius: f64) -> [f64; 2] {
-        let Track { path, cruise, is_station, .. } = &self.track;
+    /// joins the task where it left it, or up to four radii later. `None` if all ways leave the fence.
+    pub(super) fn plan(&mut self, from: Pose, speed: f64, radius: f64) -> Option<[f64; 2]> {
+        let Track { path, cruise, is_station, fence, .. } = &self.track;
         if *is_station {
-            let [north, east] = path.at(0.0).position;
-            let distance = (north - from.position[0]).hypot(east - from.position[1]);
-            return [distance, 2.0 * distance / cruise];
+            let [north, east] = [0, 1].map(|axis| path.at(0.0).position[axis] - from.position[axis]);
+            let distance = north.hypot(east);
+            let straight =
+                Piece { start: from.position, course: east.atan2(north), curvature: 0.0, length: distance };
+            return fence.leaves(&[straight]).is_none().then(|| [distance, 2.0 * distance / cruise]);
         }
         let s = self.of_task(self.place(along(self.way.as_ref(), &self.track).1).min(self.s));
         let from_m = match &self.way {
@@ -151,15 +153,19 @@ impl ReferenceGenerator {
             Timing::Path => f64::INFINITY,
         };
         let start = Start { from, speed_m_s, radius, from_m };
-        let Some(way) = Way::plan(&self.track, start) else {
-            self.way = None;
-            self.begin_at(from_m);
-            return [-from_m, 0.0];
+        let way = match Way::plan(&self.track, start) {
+            Ok(way) => way,
+            Err(NoWay::End) => {
+                self.way = None;
+                self.begin_at(from_m);
+                return Some([-from_m, 0.0]);
+            }
+            Err(NoWay::Fence) => return None,
         };
         let planned = [way.approach_m - way.join_m, way.duration_s];
         self.way = Some(way);
         self.begin_at(0.0);
-        planned
+        Some(planned)
     }
 
     /// What is left of the way to the task \[m\]; 0 on the task.
@@ -207,7 +213,7 @@ impl ReferenceGenerator {
         let mut start = self.way.as_ref().map_or(Start::NONE, |way| way.start);
         start.visit_state(memory);
         if memory.is_loading() {
-            self.way = is_under_way.then(|| Way::plan(&self.track, start)).flatten();
+            self.way = is_under_way.then(|| Way::plan(&self.track, start).ok()).flatten();
         }
         memory.flag(&mut self.waits);
         self.walker.visit_state(along(self.way.as_ref(), &self.track).1, memory);

@@ -1,7 +1,9 @@
 //! Reference tracks: a path and the speed along it.
 
-use hydroid_core::guidance::{Path, PathError, Side, SpeedLimits, SpeedProfile};
+use hydroid_core::guidance::{Fence, Path, PathError, Piece, Side, SpeedLimits, SpeedProfile};
 use serde::Serialize;
+
+use super::error::ClosedLoopError;
 
 /// Geometry of a reference path.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -94,6 +96,8 @@ pub struct Track {
     pub cruise: f64,
     /// Whether the reference stays at the start of the path, at rest.
     pub is_station: bool,
+    /// On board: where the vessel may be.
+    pub fence: Fence,
 }
 
 impl Track {
@@ -116,7 +120,21 @@ impl Track {
         }
         let profile = SpeedProfile::new(&path, &limits)?;
         let is_station = matches!(task, Task::Station { .. });
-        Ok(Self { path, profile, limits, cruise: speed.cruise, is_station })
+        Ok(Self { path, profile, limits, cruise: speed.cruise, is_station, fence: Fence::default() })
+    }
+
+    /// The track in a fence.
+    ///
+    /// # Errors
+    /// The first point of the path that is outside.
+    pub fn within(self, fence: Fence) -> Result<Self, ClosedLoopError> {
+        let pieces = self.path.pieces();
+        // A station is the first point of its path.
+        let pieces = if self.is_station { &[Piece { length: 0.0, ..pieces[0] }] } else { pieces };
+        match fence.leaves(pieces) {
+            Some([north, east]) => Err(ClosedLoopError::Fence { north, east }),
+            None => Ok(Self { fence, ..self }),
+        }
     }
 
     /// Duration at the profile's speed \[s\]; `None` for a closed path and for a station.

@@ -1,6 +1,6 @@
 //! The way of a vessel to its task, and the task from there on.
 
-use hydroid_core::guidance::{Path, Pose, SpeedLimits, SpeedProfile, dubins};
+use hydroid_core::guidance::{Path, Piece, Pose, SpeedLimits, SpeedProfile, dubins};
 use hydroid_core::memory::Memory;
 
 use super::track::Track;
@@ -51,20 +51,48 @@ pub(super) struct Way {
     pub(super) join_m: f64,
 }
 
+/// Why there is no way to the task.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum NoWay {
+    /// The task is done, or the pose is not finite.
+    End,
+    /// All ways leave the fence.
+    Fence,
+}
+
 impl Way {
-    /// The shortest way with turns of the radius ([`dubins`]). It joins the task within four radii; the part of the task that is
-    /// left out counts as way. `None` at the end of the task, and for a pose that is not finite.
-    pub(super) fn plan(track: &Track, start: Start) -> Option<Self> {
-        let Track { path, limits, .. } = track;
-        let Start { from, speed_m_s, radius, from_m } = start;
+    /// The shortest way with turns of the radius ([`dubins`]) in the fence. It joins the task within four radii; the part of
+    /// the task that is left out counts as way.
+    pub(super) fn plan(track: &Track, start: Start) -> Result<Self, NoWay> {
+        let Track { path, fence, .. } = track;
+        let Start { from, radius, from_m, .. } = start;
         let most = if path.is_closed() { f64::INFINITY } else { path.length() };
         let places = (0..PLACES).map(|place| from_m + SPACING * f64::from(place) * radius);
-        let ways = places.filter(|s| *s <= most.max(from_m)).map(|join_m| {
-            let pieces = dubins(&from, &path.at(join_m), radius);
-            let approach_m: f64 = pieces.iter().map(|piece| piece.length).sum();
-            (approach_m + join_m - from_m, approach_m, join_m, pieces)
+        let ways = places.filter(|s| *s <= most.max(from_m)).flat_map(|join_m| {
+            let of = move |pieces: Vec<Piece>| {
+                let approach_m: f64 = pieces.iter().map(|piece| piece.length).sum();
+                (approach_m + join_m - from_m, approach_m, join_m, pieces)
+            };
+            dubins(&from, &path.at(join_m), radius).into_iter().map(of)
         });
-        let (_, approach_m, join_m, mut pieces) = ways.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let mut ways: Vec<_> = ways.collect();
+        if ways.is_empty() {
+            return Err(NoWay::End);
+        }
+        ways.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let inside = ways.into_iter().find(|(.., pieces)| fence.leaves(pieces).is_none());
+        let (_, approach_m, join_m, pieces) = inside.ok_or(NoWay::Fence)?;
+        Self::along(track, start, pieces, [approach_m, join_m]).ok_or(NoWay::End)
+    }
+
+    /// A way along pieces, and the task.
+    fn along(
+        Track { path, limits, .. }: &Track,
+        start: Start,
+        mut pieces: Vec<Piece>,
+        [approach_m, join_m]: [f64; 2],
+    ) -> Option<Self> {
+        let Start { speed_m_s, .. } = start;
         let limits = SpeedLimits { start: speed_m_s, ..*limits };
         let profile = |path: &Path| SpeedProfile::new(path, &limits).ok();
         let duration_s = match Path::new(pieces.clone(), false) {

@@ -7,6 +7,7 @@ use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 use thiserror::Error;
 
+use super::missions::{Positions, Purpose, json, wpl};
 use crate::log::units::{Unit, UnitError};
 use crate::log::{LogError, RawColumn, RawLog, bytes, read_from};
 
@@ -56,8 +57,14 @@ pub enum WaypointsError {
         position: u64,
         source: quick_xml::Error,
     },
-    #[error("{path}: no way-points: a GPX file needs a route (rtept), a track (trkpt) or way-points (wpt)")]
-    Empty { path: String },
+    #[error(
+        "{path}: no {what}: a GPX file needs a route (rtept), a track (trkpt) or way-points (wpt), GeoJSON a line, a polygon or points, a mission items with latitude and longitude"
+    )]
+    Empty { path: String, what: &'static str },
+    #[error("{path}: {source}: export the plan or GeoJSON again")]
+    Json { path: String, source: serde_json::Error },
+    #[error("{path}: more than one {what}: keep one in each file")]
+    Polygons { path: String, what: &'static str },
 }
 
 /// Names of a column, without case.
@@ -70,10 +77,11 @@ const LONGITUDE: [&str; 6] = ["lon", "long", "longitude", "lng", "lon_deg", "lng
 const ELEMENTS: [&str; 3] = ["rtept", "trkpt", "wpt"];
 
 impl Waypoints {
-    /// Way-points of a CSV or GPX file.
+    /// Way-points of a CSV, GPX or GeoJSON file, or of the mission of an autopilot (`.plan` of QGroundControl, `.waypoints`).
     ///
     /// A CSV file has the columns `north [m]` and `east [m]` (or `x`, `y`), or `lat [deg]` and `lon [deg]`. Of a GPX file
-    /// the points of its routes are taken; without routes those of its tracks; without tracks its way-points.
+    /// the points of its routes are taken; without routes those of its tracks; without tracks its way-points. Of GeoJSON the
+    /// first line or polygon is taken, or else its points; of a mission the way-points.
     ///
     /// Latitudes and longitudes (WGS 84) become distance and azimuth from the first way-point, along the geodesic: the
     /// azimuthal equidistant projection. Distances elsewhere are too long by `(d / R)^2 / 6` at most, 4e-5 at
@@ -82,17 +90,42 @@ impl Waypoints {
     /// # Errors
     /// If the file cannot be read, has no positions, or a position that is not valid.
     pub fn read(path: &Path) -> Result<Self, WaypointsError> {
-        Self::parse(&bytes(path)?, &path.display().to_string())
+        Self::read_about(path, None, Purpose::Route)
+    }
+
+    /// The same with distance and azimuth from an origin, latitude and longitude \[deg\]; without one from the first way-point.
+    /// The geofence of a mission is one inclusion or exclusion polygon.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn read_about(
+        path: &Path,
+        origin_deg: Option<[f64; 2]>,
+        purpose: Purpose,
+    ) -> Result<Self, WaypointsError> {
+        Self::parse(&bytes(path)?, &path.display().to_string(), origin_deg, purpose)
     }
 
     /// Way-points of the bytes of a file; `name` is its name in messages.
     ///
     /// # Errors
     /// As [`read`](Self::read).
-    pub fn parse(bytes: &[u8], name: &str) -> Result<Self, WaypointsError> {
+    pub fn parse(
+        bytes: &[u8],
+        name: &str,
+        origin_deg: Option<[f64; 2]>,
+        purpose: Purpose,
+    ) -> Result<Self, WaypointsError> {
         let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
-        if text.starts_with(b"<") {
-            return Self::of_positions(&gpx(&String::from_utf8_lossy(text), name)?, name);
+        let reader = match text {
+            [b'<', ..] => Some(gpx as fn(&str, &str, Purpose) -> Result<Positions, WaypointsError>),
+            [b'{', ..] => Some(json as _),
+            text if text.starts_with(b"QGC WPL") => Some(wpl as _),
+            _ => None,
+        };
+        if let Some(reader) = reader {
+            let positions = reader(&String::from_utf8_lossy(text), name, purpose)?;
+            return Self::of_positions(&positions, name, origin_deg, purpose);
         }
         let table = read_from(bytes, name)?;
         let find = |names: &[&str]| {
@@ -101,7 +134,7 @@ impl Waypoints {
         };
         let points = |first, second, unit| columns(&table, [first, second], unit);
         if let (Some(latitude), Some(longitude)) = (find(&LATITUDE), find(&LONGITUDE)) {
-            return Self::of_positions(&points(latitude, longitude, "deg")?, name);
+            return Self::of_positions(&points(latitude, longitude, "deg")?, name, origin_deg, purpose);
         }
         let (Some(north), Some(east)) = (find(&NORTH), find(&EAST)) else {
             let columns: Vec<_> = table.columns.iter().map(|column| column.name.as_str()).collect();
@@ -111,11 +144,17 @@ impl Waypoints {
         Ok(Self { points, origin_deg: None })
     }
 
-    fn of_positions(positions: &[(String, [f64; 2])], name: &str) -> Result<Self, WaypointsError> {
+    fn of_positions(
+        positions: &[(String, [f64; 2])],
+        name: &str,
+        origin_deg: Option<[f64; 2]>,
+        purpose: Purpose,
+    ) -> Result<Self, WaypointsError> {
         let path = || name.to_owned();
-        let Some(&(_, origin)) = positions.first() else {
-            return Err(WaypointsError::Empty { path: path() });
+        let Some(&(_, first)) = positions.first() else {
+            return Err(WaypointsError::Empty { path: path(), what: purpose.name() });
         };
+        let origin = origin_deg.unwrap_or(first);
         let project = |(place, position): &(String, [f64; 2])| {
             let [latitude, longitude] = *position;
             local_position(origin, *position).ok_or_else(|| WaypointsError::Range {
@@ -169,8 +208,8 @@ fn columns(
 }
 
 /// Latitudes and longitudes of a GPX file, with their places.
-fn gpx(text: &str, path: &str) -> Result<Vec<(String, [f64; 2])>, WaypointsError> {
-    let mut found: [Vec<(String, [f64; 2])>; 3] = Default::default();
+fn gpx(text: &str, path: &str, _: Purpose) -> Result<Positions, WaypointsError> {
+    let mut found: [Positions; 3] = Default::default();
     let mut reader = Reader::from_str(text);
     loop {
         let event = reader.read_event().map_err(|source| WaypointsError::Xml {

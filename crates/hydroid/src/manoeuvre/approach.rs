@@ -135,7 +135,10 @@ impl Search<'_> {
                 if u <= 0.0 {
                     return Err(ManoeuvreError::NotAhead { speed_m_s: u });
                 }
-                let mut simulation = self.simulation.clone();
+                if let Some(reason) = self.simulation.not_valid() {
+                    return Err(ManoeuvreError::NotValid { reason });
+                }
+                let mut simulation = self.simulation.clone().from_approach();
                 simulation.place([0.0; 3]);
                 return Ok(Approach { simulation, propulsion: p, steering, speed_m_s: u.hypot(v) });
             }

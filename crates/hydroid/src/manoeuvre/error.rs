@@ -21,6 +21,13 @@ pub enum ManoeuvreError {
     )]
     Unsteady { t_s: f64, speed_m_s: f64, yaw_deg_s: f64 },
     #[error(
+        "the approach is not valid: {reason}. Approach at another {}, or identify from logs at this one",
+        key("speed")
+    )]
+    NotValid { reason: String },
+    #[error("the turn with the steering hard over is not valid: {reason}")]
+    TurnNotValid { reason: String },
+    #[error(
         "with the steering hard over, the vessel turns by {turned_deg:.0} deg in {t_s:.0} s, and not by 180: name the inputs that turn it with {}",
         key("turn")
     )]

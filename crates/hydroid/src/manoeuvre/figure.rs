@@ -13,8 +13,11 @@ use super::zigzag::Zigzag;
 pub struct Figure {
     /// Name with its unit: `advance_m`.
     pub name: String,
-    /// Value predicted by the model; `None` if the trial does not reach it.
+    /// Value predicted by the model; `None` if the trial does not reach it, or is not valid before.
     pub value: Option<f64>,
+    /// Why the figure is not valid.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub not_valid: Option<String>,
     /// Whether the model extrapolates before the trial reaches the figure: an output has left its training range.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub extrapolated: bool,
@@ -41,11 +44,33 @@ pub struct Criterion {
 impl Figure {
     fn new(name: impl Into<String>, value: impl Into<Option<f64>>) -> Self {
         let (name, value) = (name.into(), value.into());
-        Self { name, value, extrapolated: false, at_s: None, interval: None, criterion: None }
+        Self {
+            name,
+            value,
+            not_valid: None,
+            extrapolated: false,
+            at_s: None,
+            interval: None,
+            criterion: None,
+        }
     }
 
     fn at(self, at_s: Option<f64>) -> Self {
         Self { at_s, ..self }
+    }
+
+    /// The figure of a trial that is not valid for a reason: what it had not reached before has no value.
+    pub(super) fn unless(self, reason: Option<&str>) -> Self {
+        let Some(reason) = reason else { return self };
+        match self.value.and(self.at_s) {
+            Some(_) => self,
+            None => Self { value: None, not_valid: Some(reason.to_owned()), ..self },
+        }
+    }
+
+    /// What stands in place of a value.
+    pub const fn missing(&self) -> &'static str {
+        if self.not_valid.is_some() { "not valid" } else { "not reached" }
     }
 
     /// The figure with an upper limit.

@@ -318,10 +318,14 @@ fn comparison(
     };
     let prediction = |simulation: Simulation| {
         let (track, executes) = predict(simulation.with_current(current), run, &trial, &measured);
-        (figures(&track, &executes), track)
+        let reason = track.not_valid.as_ref();
+        let reason = reason.map(|reason| format!("from {:.1} s on: {reason}", track.time_s(track.len())));
+        let figures = figures(&track, &executes).into_iter().map(|f| f.unless(reason.as_deref())).collect();
+        (figures, track)
     };
-    let (mut predicted, track) = prediction(Simulation::new(model)?);
-    let members: Vec<_> = Simulation::of_members(model)?.into_par_iter().map(prediction).collect();
+    let (mut predicted, track): (Vec<Figure>, Track) = prediction(Simulation::new(model)?);
+    let members: Vec<(Vec<Figure>, Track)> =
+        Simulation::of_members(model)?.into_par_iter().map(prediction).collect();
     let of_members: Vec<&[Figure]> = members.iter().map(|(figures, _)| &figures[..]).collect();
     let count = set_intervals(&mut predicted, &of_members);
     let executes: Vec<usize> = trial.executes.iter().map(|sample| sample - start).collect();
@@ -367,8 +371,8 @@ fn predict(
     while predicted.len() <= longest.min(last) {
         let held = run.inputs.row(trial.executes[reversals.len() - 1]);
         simulation.advance(held);
-        if simulation.check().is_err() {
-            predicted.diverged = true;
+        predicted.not_valid = simulation.not_valid();
+        if predicted.not_valid.is_some() {
             break;
         }
         predicted.eta.push(simulation.eta());

@@ -13,13 +13,16 @@ pub struct Spiral {
     /// Steady turns, in the order of the trial: from starboard to port and back.
     pub points: Vec<SpiralPoint>,
     /// Whether the vessel is directionally stable: the yaw rate depends on the steering alone, and grows with it. `None` if
-    /// the motion diverges.
+    /// the motion is not valid.
     pub stable: Option<bool>,
     /// Width of the loop: range of the steering within which the yaw rate depends on the side from which it is reached
     /// (1 is half of all steering); 0 for a stable vessel. Its resolution is a step of the trial.
     pub loop_width: Option<f64>,
     /// Height of the loop: largest difference of the yaw rates at the same steering \[deg/s\].
     pub loop_height_deg_s: Option<f64>,
+    /// Why the motion after the last point is not valid.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub not_valid: Option<String>,
 }
 
 /// A steady turn.
@@ -69,8 +72,14 @@ pub fn spiral(
             for _ in 0..BLOCK {
                 simulation.advance(&command);
             }
-            if simulation.check().is_err() {
-                return Ok(Spiral { points, stable: None, loop_width: None, loop_height_deg_s: None });
+            if let Some(reason) = simulation.not_valid() {
+                return Ok(Spiral {
+                    points,
+                    stable: None,
+                    loop_width: None,
+                    loop_height_deg_s: None,
+                    not_valid: Some(reason),
+                });
             }
             elapsed += BLOCK as f64 * simulation.dt();
             let [u, v, r] = simulation.nu();
@@ -111,6 +120,7 @@ impl Spiral {
             points,
             loop_width: Some(loop_width),
             loop_height_deg_s: Some(loop_height_deg_s),
+            not_valid: None,
         }
     }
 }

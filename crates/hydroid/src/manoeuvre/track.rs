@@ -18,8 +18,8 @@ pub struct Track {
     pub steering: Vec<f64>,
     /// Propulsion: 1 is full ahead.
     pub propulsion: f64,
-    /// Whether the motion was not finite after the last sample.
-    pub diverged: bool,
+    /// Why the motion after the last sample is not valid.
+    pub not_valid: Option<String>,
     /// Sample at which the trial begins, after the approach.
     pub execute: usize,
 }
@@ -129,7 +129,7 @@ impl<'a> Run<'a> {
             nu: vec![simulation.nu_over_ground()],
             steering: vec![s],
             propulsion: p,
-            diverged: false,
+            not_valid: None,
             execute: 0,
         };
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
@@ -145,14 +145,14 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// The next sample; false at the end of the time, or if the motion is not finite.
+    /// The next sample; false at the end of the time, or if the motion is not valid.
     pub(super) fn advance(&mut self) -> bool {
         if self.track.len() > self.track.execute + self.longest {
             return false;
         }
         self.simulation.advance(&self.command);
-        if self.simulation.check().is_err() {
-            self.track.diverged = true;
+        self.track.not_valid = self.simulation.not_valid();
+        if self.track.not_valid.is_some() {
             return false;
         }
         self.track.eta.push(self.simulation.eta());

@@ -69,9 +69,9 @@ pub struct Trial {
     /// The curve of a spiral.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub points: Vec<super::SpiralPoint>,
-    /// Time since the order after which the motion is not finite \[s\]; figures that are reached before are stated.
+    /// Why the motion is not valid from some time on; only figures that are reached before have a value.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub diverged_s: Option<f64>,
+    pub not_valid: Option<String>,
     /// Outputs and inputs that leave the training range.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub outside: Vec<Outside>,
@@ -145,6 +145,7 @@ struct Outcome {
     stable: Option<bool>,
     points: Vec<super::SpiralPoint>,
     tracks: Vec<Track>,
+    not_valid: Option<String>,
 }
 
 /// Sample time of vessels with given parameters \[s\]; that of an identified model is its own.
@@ -219,11 +220,10 @@ fn trial(
     for figure in &mut figures {
         figure.extrapolated = figure.at_s.unwrap_or(f64::MAX) > from_s;
     }
-    let diverged = outcome.tracks.iter().find(|track| track.diverged);
     Trial {
         kind,
         figures,
-        diverged_s: diverged.map(|track| (track.len() - track.execute) as f64 * track.dt),
+        not_valid: outcome.not_valid,
         outside,
         directionally_stable: outcome.stable,
         points: outcome.points,
@@ -300,10 +300,10 @@ impl Trials {
         document
     }
 
-    /// Whether no criterion was missed.
+    /// Whether all trials are valid, and no criterion was missed.
     pub fn passed(&self) -> bool {
         let passed = |figure: &Figure| figure.criterion.is_none_or(|criterion| criterion.passed);
-        self.trials.iter().flat_map(|trial| &trial.figures).all(passed)
+        self.trials.iter().all(|trial| trial.not_valid.is_none() && trial.figures.iter().all(passed))
     }
 
     /// Writes the tracks as CSV: number and name of the trial, time since the order, commands, pose and velocities over
@@ -338,7 +338,14 @@ impl Trials {
 
 impl TrialKind {
     fn run(&self, approach: &Approach, map: &InputMap, longest_s: f64) -> Result<Outcome, ManoeuvreError> {
-        let outcome = |figures, stable, tracks| Ok(Outcome { figures, stable, points: Vec::new(), tracks });
+        let outcome = |figures: Vec<Figure>, stable, tracks: Vec<Track>| {
+            let not_valid = tracks.iter().find_map(|track| {
+                let reason = track.not_valid.as_ref()?;
+                Some(format!("from {:.1} s on: {reason}", track.time_s(track.len()).max(0.0)))
+            });
+            let figures = figures.into_iter().map(|figure| figure.unless(not_valid.as_deref())).collect();
+            Ok(Outcome { figures, stable, points: Vec::new(), tracks, not_valid })
+        };
         match *self {
             Self::TurningCircle { steering } => {
                 let (circle, track) = turning_circle(approach, map, steering, longest_s);
@@ -354,8 +361,13 @@ impl TrialKind {
             }
             Self::Spiral { steering, steps } => {
                 let result = spiral(approach, map, steering, steps, longest_s)?;
-                let (figures, stable) = (result.figures(), result.stable);
-                Ok(Outcome { figures, stable, points: result.points, tracks: Vec::new() })
+                let not_valid = result.not_valid.as_ref().map(|reason| {
+                    let last = result.points.last().map_or(0.0, |point| point.steering);
+                    format!("after {:.0} % of the steering: {reason}", 100.0 * last)
+                });
+                let figures = result.figures().into_iter().map(|f| f.unless(not_valid.as_deref())).collect();
+                let (stable, points) = (result.stable, result.points);
+                Ok(Outcome { figures, stable, points, tracks: Vec::new(), not_valid })
             }
             Self::Acceleration => {
                 let (result, track) = acceleration(approach, map, longest_s);

@@ -4,7 +4,73 @@ use std::fmt::{Display, Formatter, Result};
 
 use serde::Serialize;
 
-use crate::model::Port;
+use crate::model::{MOTION, Model, Port};
+
+/// Room beyond a training range, relative to its width, within which a model is not said to extrapolate.
+const ROOM: f64 = 0.1;
+
+/// Room beyond a training range, relative to its width, within which a motion is believed: the range is twice as wide. There,
+/// polynomials of degree 1, 2 and 3 can have 2, 7 and 26 times the error that they have in the range (Chebyshev; T. J. Rivlin,
+/// The Chebyshev Polynomials, 1974, theorem 1.10).
+const BELIEVED: f64 = 0.5;
+
+/// The training range of a port with some room beyond it; `None` if the port belongs to a vessel with given parameters.
+fn seen(port: &Port, room: f64) -> Option<[f64; 2]> {
+    let range = port.training_range?;
+    let room = room * (range.high - range.low);
+    Some([range.low - room, range.high + room])
+}
+
+/// Whether a motion can be believed.
+///
+/// A model that was identified is believed as long as no velocity leaves its training range by more than half of its width. A
+/// trial adds nothing to the propulsion of its approach, so that the vessel cannot gain kinetic energy: its speed through the
+/// water stays below that of the approach.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Belief {
+    /// Training range of each velocity, and the range within which it is believed.
+    ranges: [Option<[[f64; 2]; 2]>; 3],
+    /// Speed of the approach \[m/s\].
+    speed_m_s: f64,
+}
+
+impl Belief {
+    pub(super) fn of(model: &Model) -> Self {
+        let range = |name: &str| {
+            let port = model.description.outputs.iter().find(|port| port.channel.name == name)?;
+            Some([seen(port, 0.0)?, seen(port, BELIEVED)?])
+        };
+        Self { ranges: MOTION.map(range), speed_m_s: f64::INFINITY }
+    }
+
+    /// The same for a motion that begins with an approach at a speed \[m/s\].
+    pub(super) const fn from_speed(self, speed_m_s: f64) -> Self {
+        Self { speed_m_s, ..self }
+    }
+
+    /// Why a motion through the water is not believed; `None` if it is.
+    pub(super) fn breach(&self, nu: [f64; 3]) -> Option<String> {
+        if !nu.iter().all(|x| x.is_finite()) {
+            return Some(String::from("the motion diverges"));
+        }
+        for (i, (x, range)) in nu.into_iter().zip(&self.ranges).enumerate() {
+            if let Some([[least, most], [low, high]]) = range
+                && !(*low..=*high).contains(&x)
+            {
+                let (name, (factor, unit)) = (MOTION[i], scale(["m/s", "m/s", "rad/s"][i]));
+                let [x, least, most] = [x, *least, *most].map(|value| rounded(factor * value));
+                return Some(format!(
+                    "{name} is {x}{unit}, and {least} to {most}{unit} in the logs of the model"
+                ));
+            }
+        }
+        let speed = nu[0].hypot(nu[1]);
+        (speed > (1.0 + ROOM) * self.speed_m_s).then(|| {
+            let [speed, before] = [speed, self.speed_m_s].map(rounded);
+            format!("the speed through the water is {speed} m/s, {before} m/s at the order, and no order pushes more")
+        })
+    }
+}
 
 /// An output or input that leaves its training range by more than a tenth of its width: the model extrapolates from there on.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -25,7 +91,7 @@ impl Outside {
     /// The channel of a port along times and values; `None` if it stays within its range.
     pub fn of(port: &Port, series: impl Iterator<Item = (f64, f64)>) -> Option<Self> {
         let range = port.training_range.unwrap_or(port.range);
-        let room = 0.1 * (range.high - range.low);
+        let room = ROOM * (range.high - range.low);
         let (mut from_s, mut low, mut high) = (f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY);
         for (t, value) in series {
             (low, high) = (low.min(value), high.max(value));
@@ -43,23 +109,41 @@ impl Outside {
     }
 }
 
+impl Outside {
+    /// Whether a motion can be believed up to the values that are reached.
+    pub fn is_believed(&self) -> bool {
+        let Self { reached: [low, high], range: [least, most], .. } = *self;
+        let room = BELIEVED * (most - least);
+        low >= least - room && high <= most + room
+    }
+}
+
 impl Display for Outside {
     /// What is reached and what was seen; angles in degrees.
     fn fmt(&self, out: &mut Formatter<'_>) -> Result {
         let Self { name, unit, from_s, reached, range } = self;
-        let (factor, unit) = match unit.as_str() {
-            "rad" => (1.0_f64.to_degrees(), " deg"),
-            "rad/s" => (1.0_f64.to_degrees(), " deg/s"),
-            "" | "1" => (1.0, ""),
-            unit => (1.0, &*format!(" {unit}")),
-        };
-        let number = |value: f64| (1e3 * factor * value).round() / 1e3 + 0.0;
-        let [[low, high], [least, most]] = [*reached, *range].map(|range| range.map(number));
+        let (factor, unit) = scale(unit);
+        let [[low, high], [least, most]] =
+            [*reached, *range].map(|range| range.map(|value| rounded(factor * value)));
         write!(
             out,
             "the model extrapolates from {from_s:.1} s on: {name} goes from {low} to {high}{unit}, and from {least} to {most}{unit} in its logs"
         )
     }
+}
+
+/// Factor and unit, with a blank before it, in which a quantity is shown.
+fn scale(unit: &str) -> (f64, String) {
+    match unit {
+        "rad" => (1.0_f64.to_degrees(), String::from(" deg")),
+        "rad/s" => (1.0_f64.to_degrees(), String::from(" deg/s")),
+        "" | "1" => (1.0, String::new()),
+        unit => (1.0, format!(" {unit}")),
+    }
+}
+
+fn rounded(value: f64) -> f64 {
+    (1e3 * value).round() / 1e3 + 0.0
 }
 
 #[cfg(test)]

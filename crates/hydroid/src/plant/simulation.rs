@@ -4,6 +4,7 @@ use hydroid_core::current::in_body;
 
 use super::error::PlantError;
 use super::free_run::FreeRun;
+use super::outside::Belief;
 use crate::log::Trajectory;
 use crate::model::{MOTION, Model};
 
@@ -22,6 +23,7 @@ pub struct Simulation {
     current: [f64; 2],
     eta: [f64; 3],
     samples: usize,
+    belief: Belief,
 }
 
 /// Pose after a sample of `dt` seconds: the vessel moves on an arc with the means of the body velocities `nu` at its ends.
@@ -92,7 +94,7 @@ impl Simulation {
     /// # Errors
     /// If the model has no output `u` or `r`, or one with another unit.
     pub fn new(model: &Model) -> Result<Self, PlantError> {
-        Ok(Self::with(FreeRun::new(model), Motion::of(model)?))
+        Ok(Self::with(FreeRun::new(model), Motion::of(model)?, Belief::of(model)))
     }
 
     /// A simulation for each member of the model's ensemble or committee. Their spread reflects the uncertainty of the model.
@@ -100,12 +102,19 @@ impl Simulation {
     /// # Errors
     /// As [`new`](Self::new).
     pub fn of_members(model: &Model) -> Result<Vec<Self>, PlantError> {
-        let motion = Motion::of(model)?;
-        Ok(FreeRun::of_members(model).into_iter().map(|run| Self::with(run, motion)).collect())
+        let (motion, belief) = (Motion::of(model)?, Belief::of(model));
+        Ok(FreeRun::of_members(model).into_iter().map(|run| Self::with(run, motion, belief)).collect())
     }
 
-    fn with(run: FreeRun, motion: Motion) -> Self {
-        Self { run, motion, current: [0.0; 2], eta: [0.0; 3], samples: 0 }
+    fn with(run: FreeRun, motion: Motion, belief: Belief) -> Self {
+        Self { run, motion, current: [0.0; 2], eta: [0.0; 3], samples: 0, belief }
+    }
+
+    /// The simulation of a trial that begins with the present motion: no order of it pushes the vessel more.
+    #[must_use]
+    pub(crate) fn from_approach(self) -> Self {
+        let [u, v, _] = self.nu();
+        Self { belief: self.belief.from_speed(u.hypot(v)), ..self }
     }
 
     /// The simulation in water that moves with a constant velocity, north and east \[m/s\].
@@ -275,6 +284,11 @@ impl Simulation {
             return Ok(());
         }
         Err(PlantError::Diverged { t_s: self.samples as f64 * self.dt() })
+    }
+
+    /// Why the present motion is not to be believed; `None` if it is.
+    pub fn not_valid(&self) -> Option<String> {
+        self.belief.breach(self.nu())
     }
 }
 

@@ -279,6 +279,80 @@ fn criteria_depend_on_length_and_speed() {
     assert_eq!(limit(&at(1_000.0).trials[1], "second_overshoot_deg"), Some(40.0));
 }
 
+/// Within the logs of the model, `u` is 0 to 5 m/s and `r` up to 0.04 rad/s to either side.
+fn seen(mut model: Model) -> Model {
+    for (port, high) in model.description.outputs.iter_mut().zip([5.0, 0.04]) {
+        port.training_range = Some(DesignRange { low: if high > 1.0 { 0.0 } else { -high }, high });
+    }
+    model
+}
+
+#[test]
+fn a_circle_that_diverges_has_no_figures_and_meets_no_criterion() {
+    let kinds = [
+        TrialKind::TurningCircle { steering: 1.0 },
+        TrialKind::Spiral { steering: 1.0, steps: 8 },
+        TrialKind::PullOut { steering: 1.0 },
+        TrialKind::TurningCircle { steering: 0.1 },
+    ];
+    // The damping of the yaw rate ends at 0.06 rad/s.
+    let model = seen(nomoto(K, T, 1.0, -1.0 / 0.06_f64.powi(2)));
+    let map = InputMap::find(&model).unwrap();
+    let options = TrialOptions { length_m: Some(1_000.0), ..TrialOptions::default() };
+    let result = trials(&model, &map, &kinds, &options, &mut silent()).unwrap().unwrap();
+    assert!(!result.passed());
+    for trial in &result.trials[..3] {
+        let reason = trial.not_valid.as_ref().unwrap();
+        assert!(reason.contains("r is 4.58") || reason.contains("r is -4.58"), "{reason}");
+        assert!(reason.ends_with("and -2.292 to 2.292 deg/s in the logs of the model"), "{reason}");
+        for figure in &trial.figures {
+            assert_eq!((figure.value, figure.criterion, figure.missing()), (None, None, "not valid"));
+            assert_eq!(figure.not_valid.as_ref(), Some(reason));
+        }
+        assert_eq!(trial.directionally_stable, None);
+        assert!(trial.tracks.iter().flat_map(|track| &track.nu).all(|[_, _, r]| r.abs() <= 0.08));
+    }
+    let gentle = &result.trials[3];
+    assert_eq!(gentle.not_valid, None);
+    assert!(gentle.figures.iter().all(|figure| figure.value.is_some()), "{gentle:?}");
+    let document = result.document("ship", &model, &options);
+    assert_eq!(document["trials"][0]["figures"][0]["value"], serde_json::Value::Null);
+    assert!(document["trials"][0]["figures"][0]["not_valid"].is_string());
+}
+
+#[test]
+fn a_trial_that_gains_energy_is_not_valid() {
+    // `du/dt` gains 30 r^2: 5 m/s and more are added in a hard turn.
+    let mut model = nomoto(K, T, 1.0, 0.0);
+    let Body::Equations(own) = &model.body else { panic!() };
+    let (mut terms, mut coefficients) = (own.terms().to_vec(), own.coefficients().to_vec());
+    terms.push(Term::monomial(&[1, 1]));
+    coefficients.insert(5, 50.0);
+    coefficients.push(0.0);
+    model.body = Body::Equations(Arc::new(Equations::new(terms, coefficients, 2, 2, NOMOTO_DT, 4).unwrap()));
+    let map = InputMap::find(&model).unwrap();
+    let kinds = [1.0, 0.2].map(|steering| TrialKind::TurningCircle { steering });
+    let result = trials(&model, &map, &kinds, &TrialOptions::default(), &mut silent()).unwrap().unwrap();
+    let reason = result.trials[0].not_valid.as_ref().unwrap();
+    assert!(reason.contains("the speed through the water is 4.67"), "{reason}");
+    assert!(reason.contains("4.25 m/s at the order, and no order pushes more"), "{reason}");
+    assert_eq!(result.trials[1].not_valid, None);
+}
+
+#[test]
+fn an_approach_far_from_the_logs_is_refused() {
+    let mut model = seen(nomoto(K, T, 1.0, 0.0));
+    model.description.outputs[0].training_range = Some(DesignRange { low: 1.0, high: 2.0 });
+    let map = InputMap::find(&model).unwrap();
+    let at = |speed| {
+        let options = Options { speed_m_s: Some(speed), ..Options::default() };
+        Approach::new(&model, &map, Simulation::new(&model).unwrap(), &options)
+    };
+    assert!(at(2.4).is_ok());
+    let error = at(2.6).unwrap_err().to_string();
+    assert!(error.contains("u is 2.6 m/s, and 1 to 2 m/s in the logs of the model"), "{error}");
+}
+
 /// Two thrusters: `du/dt = a (L + R) - b u`, `dr/dt = c (L - R) - d r`.
 fn twin() -> Model {
     let outputs = vec![port("r", "rad/s", -1.0, 1.0), port("u", "m/s", -1.0, 3.0)];

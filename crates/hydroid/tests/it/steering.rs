@@ -4,6 +4,7 @@
 use hydroid::closed_loop::{ControlMethod, Elapsed, ModelSession, Pilot, Seen};
 use hydroid::config::control::{ClosedLoopOptions, NamedModel, Setup, TaskKind};
 use hydroid_core::control::Mode;
+use hydroid_core::guidance::{Border, Fence};
 
 fn setup(vessel: &str, controller: ControlMethod, task: TaskKind) -> Setup {
     let options = ClosedLoopOptions { controller, task, legs: Some(2), ..ClosedLoopOptions::default() };
@@ -38,7 +39,7 @@ struct Row {
 fn sail(setup: &Setup, start: [f64; 3], current: [f64; 2], of: Vessel, most_s: f64) -> Vec<Row> {
     let dt = setup.scenario.dt_s;
     let (mut adapter, _) = setup.adapter().unwrap();
-    let mut pilot: Pilot = setup.pilot(adapter.as_ref()).unwrap();
+    let mut pilot: Pilot = setup.pilot(adapter.as_ref(), None).unwrap();
     let mut vessel = setup.model.session();
     let outputs = vessel.outputs();
     let mut y = vec![0.0; outputs];
@@ -187,6 +188,73 @@ fn a_vessel_that_cannot_reach_its_path_is_stopped() {
             assert!(rows[at].t_s < 90.0 && far < 100.0, "{method:?}, {of:?}: {:?}", rows[at]);
         }
     }
+}
+
+/// A rectangle in the frame of the task, from south-west to north-east.
+fn rectangle([south, west]: [f64; 2], [north, east]: [f64; 2]) -> Border {
+    Border::Polygon(vec![[south, west], [north, west], [north, east], [south, east]])
+}
+
+fn fenced(mut setup: Setup, keep_in: Border, keep_out: Option<Border>) -> Setup {
+    let mut fence = Fence::default();
+    fence.keep_in(keep_in).unwrap();
+    keep_out.into_iter().for_each(|border| fence.keep_out(border).unwrap());
+    setup.scenario.track = setup.scenario.track.within(fence).unwrap();
+    setup
+}
+
+/// Of the ways to a task, one that stays within the fence is taken; without one the vessel is not steered. A vessel outside is
+/// stopped at once, and so is one that a current carries out.
+#[test]
+fn a_vessel_stays_within_its_fence() {
+    let start = [0.0, -4.0, 3.1];
+    for method in [ControlMethod::FeedbackLinearization, ControlMethod::Autopilot] {
+        let open = setup("hydrofoil", method, TaskKind::LawnMower);
+        let radius = open.controller.turning_radius;
+        let rows = sail(&open, start, [0.0; 2], Vessel::Sound, 900.0);
+        assert_eq!(rows.last().unwrap().mode, Mode::Arrived);
+        let corners = |border: f64| [[-border, -border], [400.0, 400.0]];
+        // Where the open way goes is closed, on the side to which it turns.
+        let far = rows.iter().map(|row| row.eta).min_by(|a, b| a[0].total_cmp(&b[0])).unwrap();
+        let side = far[1] - start[1];
+        let closed = [start[1] + 0.3 * side, start[1] + 100.0 * side];
+        let keep_out = rectangle(
+            [-100.0, closed[0].min(closed[1])],
+            [start[0] - 0.5 * radius, closed[0].max(closed[1])],
+        );
+        let [low, high] = corners(12.0 * radius);
+        let setup = fenced(open.clone(), rectangle(low, high), Some(keep_out));
+        let fence = setup.scenario.track.fence.clone();
+        assert!(rows.iter().any(|row| fence.margin([row.eta[0], row.eta[1]]) < 0.0), "{method:?}: {far:?}");
+        let rows = sail(&setup, start, [0.0; 2], Vessel::Sound, 900.0);
+        check_commands(&setup, &rows);
+        let nearest =
+            rows.iter().map(|row| fence.margin([row.eta[0], row.eta[1]])).fold(f64::INFINITY, f64::min);
+        let last = rows.last().unwrap();
+        assert_eq!(last.mode, Mode::Arrived, "{method:?}: {last:?}, {nearest}");
+        assert!(nearest >= 0.0, "{method:?}: {nearest}");
+
+        // No room to turn.
+        let [low, high] = [[-0.5 * radius, -0.5 * radius], [400.0, 400.0]];
+        let narrow = fenced(open.clone(), rectangle(low, high), None);
+        let rows = sail(&narrow, [0.0, 0.0, 3.1], [0.0; 2], Vessel::Sound, 60.0);
+        assert!(rows.iter().all(|row| row.mode == Mode::Stopped), "{method:?}: {:?}", rows.last());
+        check_commands(&narrow, &rows);
+        // Outside.
+        let rows = sail(&narrow, [-0.6 * radius, 0.0, 0.0], [0.0; 2], Vessel::Sound, 60.0);
+        assert!(rows.iter().all(|row| row.mode == Mode::Stopped), "{method:?}: {:?}", rows.last());
+        check_commands(&narrow, &rows);
+        // Carried out.
+        let rows = sail(&setup, start, [0.0, -20.0], Vessel::Sound, 60.0);
+        let out = rows.iter().position(|row| fence.margin([row.eta[0], row.eta[1]]) < 0.0).unwrap();
+        assert!(rows[out..].iter().all(|row| row.mode == Mode::Stopped), "{method:?}: {:?}", rows[out]);
+        check_commands(&setup, &rows);
+    }
+    let open = setup("hydrofoil", ControlMethod::Autopilot, TaskKind::LawnMower);
+    let mut fence = Fence::default();
+    fence.keep_in(rectangle([-10.0, -10.0], [30.0, 10.0])).unwrap();
+    let error = open.scenario.track.within(fence).unwrap_err().to_string();
+    assert!(error.starts_with("the path leaves the fence at 30.0 m north, 0.0 m east"), "{error}");
 }
 
 /// A current that is stronger than the vessel carries it away: it is stopped.

@@ -1,10 +1,10 @@
 //! Way-points of CSV and GPX files.
 
-use hydroid::closed_loop::{Waypoints, WaypointsError};
+use hydroid::closed_loop::{Purpose, Waypoints, WaypointsError};
 use proptest::prelude::*;
 
 fn parse(text: &str) -> Result<Waypoints, WaypointsError> {
-    Waypoints::parse(text.as_bytes(), "route")
+    Waypoints::parse(text.as_bytes(), "route", None, Purpose::Route)
 }
 
 fn near(points: &[[f64; 2]], expected: &[[f64; 2]], tolerance: f64) {
@@ -75,8 +75,57 @@ proptest! {
     #[test]
     fn any_bytes_are_read_or_refused(start in 0_usize..4, bytes in prop::collection::vec(any::<u8>(), 0..200)) {
         let start: &[u8] = [&b"<gpx><rtept lat='"[..], b"lat,lon\n1,", b"north,east\n", b""][start];
-        if let Ok(route) = Waypoints::parse(&[start, &bytes].concat(), "route") {
+        if let Ok(route) = Waypoints::parse(&[start, &bytes].concat(), "route", None, Purpose::Route) {
             prop_assert!(route.points.iter().flatten().all(|number| number.is_finite()));
         }
     }
+}
+
+/// A mission and its geofence, as Mission Planner and QGroundControl keep them, and GeoJSON: the same points.
+#[test]
+fn missions_of_autopilots_are_routes_and_fences() {
+    let wpl = "QGC WPL 110\n\
+        0\t1\t0\t16\t0\t0\t0\t0\t50.0\t9.0\t3.0\t1\n\
+        1\t0\t3\t16\t0\t0\t0\t0\t50.001\t9.0\t0\t1\n\
+        2\t0\t3\t178\t0\t2\t0\t0\t0\t0\t0\t1\n\
+        3\t0\t3\t16\t0\t0\t0\t0\t50.001\t9.002\t0\t1\n";
+    let plan = r#"{"fileType": "Plan", "mission": {"plannedHomePosition": [50.0, 9.0, 3.0], "items": [
+        {"type": "SimpleItem", "command": 16, "frame": 3, "params": [0, 0, 0, null, 50.001, 9.0, 0]},
+        {"type": "SimpleItem", "command": 178, "frame": 2, "params": [0, 2, 0, 0, 0, 0, 0]},
+        {"type": "ComplexItem", "complexItemType": "survey", "TransectStyleComplexItem": {"Items": [
+            {"type": "SimpleItem", "command": 16, "frame": 3, "params": [0, 0, 0, null, 50.001, 9.002, 0]}]}}]},
+        "geoFence": {"circles": [], "polygons": [
+            {"inclusion": true, "polygon": [[49.99, 8.99], [49.99, 9.01], [50.01, 9.0]], "version": 1},
+            {"inclusion": false, "polygon": [[50.0, 9.0], [50.0, 9.001], [50.0005, 9.0]], "version": 1}]}}"#;
+    let line = r#"{"type": "FeatureCollection", "features": [{"type": "Feature", "properties": {}, "geometry":
+        {"type": "LineString", "coordinates": [[9.0, 50.001], [9.002, 50.001, 4.0]]}}]}"#;
+    let points = r#"{"type": "FeatureCollection", "features": [
+        {"type": "Feature", "geometry": {"type": "Point", "coordinates": [9.0, 50.001]}},
+        {"type": "Feature", "geometry": {"type": "Point", "coordinates": [9.002, 50.001]}}]}"#;
+    let expected = parse("lat,lon\n50.001,9.0\n50.001,9.002\n").unwrap();
+    assert!(expected.points[1][1] > 100.0);
+    for text in [wpl, plan, line, points] {
+        assert_eq!(parse(text).unwrap(), expected, "{text}");
+    }
+    let about = |text: &str, purpose| {
+        let origin = Some([50.0, 9.0]);
+        Waypoints::parse(text.as_bytes(), "route", origin, purpose).map_err(|error| error.to_string())
+    };
+    let corners = "lat,lon\n49.99,8.99\n49.99,9.01\n50.01,9.0\n";
+    let ring = r#"{"type": "Polygon", "coordinates": [[[8.99, 49.99], [9.01, 49.99], [9.0, 50.01], [8.99, 49.99]]]}"#;
+    let fence = "QGC WPL 110\n\
+        0 0 0 5001 3 0 0 0 49.99 8.99 0 1\n1 0 0 5001 3 0 0 0 49.99 9.01 0 1\n2 0 0 5001 3 0 0 0 50.01 9.0 0 1\n";
+    let expected = about(corners, Purpose::KeepIn).unwrap();
+    assert_eq!(expected.origin_deg, Some([50.0, 9.0]));
+    for text in [plan, ring, fence] {
+        assert_eq!(about(text, Purpose::KeepIn).as_ref(), Ok(&expected), "{text}");
+    }
+    assert_eq!(about(plan, Purpose::KeepOut).unwrap().points[0], [0.0, 0.0]);
+    assert!(about(fence, Purpose::KeepOut).unwrap_err().contains("no exclusion polygon"));
+    assert!(about(wpl, Purpose::KeepIn).unwrap_err().contains("no inclusion polygon"));
+    assert!(about("{\"type\": 3", Purpose::Route).unwrap_err().contains("route: EOF"));
+    assert!(about("{\"type\": 3}", Purpose::Route).unwrap_err().contains("no way-points"));
+    assert!(about("QGC WPL 110\n0 1 0 16 0 0\n", Purpose::Route).unwrap_err().contains("line 2"));
+    let two = plan.replace("\"inclusion\": false", "\"inclusion\": true");
+    assert!(about(&two, Purpose::KeepIn).unwrap_err().contains("more than one inclusion polygon"));
 }

@@ -59,7 +59,8 @@ pub(super) fn run(args: &Control, global: Global, steered: &Steered<'_>) -> anyh
         let of = (steered.file, model);
         logs::training_logs(files, args.training_time.0, of, reading, global)?.remember(adapter.as_mut());
     }
-    let pilot = setup.pilot(adapter.as_ref()).context("this controller cannot be used with this model")?;
+    let pilot =
+        setup.pilot(adapter.as_ref(), None).context("this controller cannot be used with this model")?;
     let given = &args.service;
     let recorder = match &given.black_box {
         Some(path) => {

@@ -29,11 +29,22 @@ pub struct Simulated {
 impl Simulated {
     /// Where the model of the plant extrapolates, in words.
     pub fn extrapolations(&self) -> impl Iterator<Item = String> {
-        self.outside.iter().map(|outside| format!("not validated: {outside}"))
+        self.outside.iter().map(|outside| {
+            let why = if self.is_believed(outside) { "not validated" } else { "not valid" };
+            format!("{why}: {outside}")
+        })
     }
 
-    /// Whether the vessel stayed on track and no command was beyond a limit, in all trials.
+    /// Commands may go to the limits of the actuators; velocities may not go where the model is not believed.
+    fn is_believed(&self, outside: &Outside) -> bool {
+        outside.is_believed() || !MOTION.contains(&outside.name.as_str())
+    }
+
+    /// Whether the motion is valid, the vessel stayed on track and no command was beyond a limit, in all trials.
     pub fn is_sound(&self) -> bool {
+        if !self.outside.iter().all(|outside| self.is_believed(outside)) {
+            return false;
+        }
         match &self.trials {
             Some(trials) => trials.held == trials.runs && trials.violations == 0,
             None => self.metrics.held && self.metrics.violations == 0,

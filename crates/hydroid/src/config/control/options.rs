@@ -91,7 +91,8 @@ pub struct ClosedLoopOptions {
     #[cfg_attr(feature = "arguments", arg(long, value_name = "N,E;N,E;..", allow_hyphen_values = true, value_parser = points, help_heading = TASK))]
     #[serde(deserialize_with = "crate::config::value::read_points")]
     pub points: Option<Points>,
-    /// Waypoints and legs: the points of a CSV file (north [m] and east [m], or lat [deg] and lon [deg]) or a GPX file
+    /// Waypoints and legs: the points of a CSV file (north [m] and east [m], or lat [deg] and lon [deg]), a GPX or GeoJSON file,
+    /// or a mission of an autopilot (.plan of QGroundControl, .waypoints)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "FILE", help_heading = TASK))]
     pub waypoints: Option<PathBuf>,
     /// Station: heading to hold, clockwise from north [deg] (default: 0)
@@ -167,6 +168,13 @@ pub struct ClosedLoopOptions {
     /// (default: 1 s, at least 5 samples)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "TIME", help_heading = CONTROLLER))]
     pub max_age: Option<Duration>,
+    /// On board: polygon that the vessel must not leave, a file of way-points as of --waypoints: outside it, and where no way to
+    /// the task stays inside, the commands have their neutral values
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "FILE", help_heading = CONTROLLER))]
+    pub fence: Option<PathBuf>,
+    /// On board: polygon that the vessel must keep out of. May be repeated
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "FILE", help_heading = CONTROLLER))]
+    pub keep_out: Vec<PathBuf>,
     /// Sample time of the controller [s] (default: that of the model; 0.1 for vessels and pid)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "S", allow_negative_numbers = true, help_heading = CONTROLLER))]
     pub dt: Option<f64>,

@@ -1,8 +1,10 @@
 //! Reference path and speed of a task.
 
+use hydroid_core::guidance::{Border, Fence};
+
 use super::error::{SetupError, ensure};
 use super::options::{ClosedLoopOptions, TaskKind};
-use crate::closed_loop::{Scale, SpeedOptions, Task, Waypoints};
+use crate::closed_loop::{Purpose, Scale, SpeedOptions, Task, Waypoints};
 use crate::key::key;
 use crate::manoeuvre::Response;
 
@@ -45,7 +47,7 @@ impl Route {
                 Ok(waypoints.points)
             }
             (None, None) => Err(SetupError::option(format!(
-                "waypoints are missing: give them as {} (north,east in metres), or as a CSV or GPX file with {}",
+                "waypoints are missing: give them as {} (north,east in metres), or as a file with {}",
                 key("points").is("0,0;60,0;60,40"),
                 key("waypoints")
             ))),
@@ -78,6 +80,31 @@ impl Route {
         })?;
         let pace = SpeedOptions { cruise, turn: given.turn_speed, acceleration };
         Ok(Self { task, pace, origin_deg })
+    }
+}
+
+impl ClosedLoopOptions {
+    /// The fence, in the frame of the path; `origin_deg` is that of its way-points.
+    pub(super) fn fence(&self, origin_deg: Option<[f64; 2]>) -> Result<Fence, SetupError> {
+        let mut fence = Fence::default();
+        let keep_in = self.fence.iter().map(|file| ("fence", file, Purpose::KeepIn));
+        let keep_out = self.keep_out.iter().map(|file| ("keep_out", file, Purpose::KeepOut));
+        for (option, file, purpose) in keep_in.chain(keep_out) {
+            let corners = Waypoints::read_about(file, origin_deg, purpose)?;
+            let stated = || key(option).is(file.display());
+            ensure(origin_deg.is_some() || corners.origin_deg.is_none(), || {
+                format!(
+                    "{} has latitudes and longitudes, and the path is in metres: give the path by {} with latitudes and longitudes, or the polygon in metres",
+                    stated(),
+                    key("waypoints")
+                )
+            })?;
+            let border = Border::Polygon(corners.points);
+            let added =
+                if purpose == Purpose::KeepIn { fence.keep_in(border) } else { fence.keep_out(border) };
+            added.map_err(|error| SetupError::option(format!("{}: {error}", stated())))?;
+        }
+        Ok(fence)
     }
 }
 

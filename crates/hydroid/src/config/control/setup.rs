@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use hydroid_core::adapt::Adapter;
+use hydroid_core::guidance::Border;
 
 use super::error::{SetupError, ensure};
 use super::options::ClosedLoopOptions;
@@ -116,7 +117,8 @@ impl Setup {
         let response = response(&options, &plant, model.as_ref())?;
         let scale = response.as_ref().map_or(Scale::BOAT, Scale::of);
         let Route { task, pace, origin_deg } = Route::of(&options, scale, response.as_ref())?;
-        let scenario = scenario(&options, &plant, Track::new(&task, &pace)?, scale, dt_s)?;
+        let track = Track::new(&task, &pace)?.within(options.fence(origin_deg)?)?;
+        let scenario = scenario(&options, &plant, track, scale, dt_s)?;
         if scenario.track.is_station {
             check_station(&plant, &scenario.limits)?;
         }
@@ -207,13 +209,22 @@ impl Setup {
         Ok((adapter, used))
     }
 
-    /// The controller on board at the start of its track, for the session of [`adapter`](Self::adapter).
+    /// The controller on board at the start of its track, for the session of [`adapter`](Self::adapter). `border` is one that
+    /// the vessel must not leave, beside those of the options.
     ///
     /// # Errors
-    /// If the controller does not fit the model.
-    pub fn pilot(&self, adapter: &dyn Adapter) -> Result<Pilot, SetupError> {
+    /// If the controller does not fit the model, or the track is not within the border.
+    pub fn pilot(&self, adapter: &dyn Adapter, border: Option<Border>) -> Result<Pilot, SetupError> {
         let weights = self.controller.adapt.is_some().then(|| active_weights(adapter).len());
-        Ok(Pilot::new(&self.controller, self.scenario.track.clone(), self.conditions.seed, weights)?)
+        let mut track = self.scenario.track.clone();
+        if let Some(border) = border {
+            let mut fence = track.fence.clone();
+            fence
+                .keep_in(border)
+                .map_err(|error| SetupError::option(format!("{}: {error}", key("fence"))))?;
+            track = track.within(fence)?;
+        }
+        Ok(Pilot::new(&self.controller, track, self.conditions.seed, weights)?)
     }
 
     /// Tunes the autopilot on the model, and sets its gains; `None` for other controllers.

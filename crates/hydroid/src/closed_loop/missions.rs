@@ -1,0 +1,155 @@
+//! Positions in missions of autopilots and in GeoJSON.
+
+use serde_json::Value;
+
+use super::waypoints::WaypointsError;
+
+/// What the positions of a file are for. Missions tell them apart; other files hold one kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// A path.
+    Route,
+    /// Corners of an area in which the vessel must stay.
+    KeepIn,
+    /// Corners of an area that the vessel must keep out of.
+    KeepOut,
+}
+
+impl Purpose {
+    /// The command of MAVLink: way-point, and corner of an inclusion or exclusion polygon.
+    const fn command(self) -> u64 {
+        match self {
+            Self::Route => 16,
+            Self::KeepIn => 5001,
+            Self::KeepOut => 5002,
+        }
+    }
+
+    /// Name in messages.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::Route => "way-points",
+            Self::KeepIn => "inclusion polygon",
+            Self::KeepOut => "exclusion polygon",
+        }
+    }
+}
+
+/// Frames of MAVLink with latitudes and longitudes.
+const GLOBAL: [u64; 6] = [0, 3, 5, 6, 10, 11];
+
+/// Latitudes and longitudes with their places.
+pub(super) type Positions = Vec<(String, [f64; 2])>;
+
+/// Way-points or corners of a text of way-points of an autopilot (`QGC WPL`). Its first item is the home position.
+pub(super) fn wpl(text: &str, path: &str, purpose: Purpose) -> Result<Positions, WaypointsError> {
+    let mut found = Vec::new();
+    for (number, line) in text.lines().enumerate().skip(1) {
+        let cells: Vec<&str> = line.split_whitespace().collect();
+        if cells.is_empty() {
+            continue;
+        }
+        let place = format!("line {}", number + 1);
+        let integer = |i: usize| cells.get(i).and_then(|cell| cell.parse::<u64>().ok());
+        let number = |i: usize| cells.get(i).and_then(|cell| cell.parse::<f64>().ok());
+        let item = integer(0).zip(integer(2)).zip(integer(3)).zip(number(8)).zip(number(9));
+        let Some(((((index, frame), command), latitude), longitude)) = item else {
+            return Err(WaypointsError::NotANumber { path: path.to_owned(), place });
+        };
+        let is_home = index == 0 && purpose == Purpose::Route;
+        if command == purpose.command() && GLOBAL.contains(&frame) && !is_home {
+            found.push((place, [latitude, longitude]));
+        }
+    }
+    Ok(found)
+}
+
+/// Way-points or corners of a plan of QGroundControl, or the positions of a GeoJSON document.
+pub(super) fn json(text: &str, path: &str, purpose: Purpose) -> Result<Positions, WaypointsError> {
+    let document: Value = serde_json::from_str(text)
+        .map_err(|source| WaypointsError::Json { path: path.to_owned(), source })?;
+    if document["fileType"] != "Plan" {
+        return Ok(geometry(&document).unwrap_or_default());
+    }
+    let mut found = Vec::new();
+    if purpose == Purpose::Route {
+        items(&document["mission"]["items"], &mut found);
+        return Ok(found);
+    }
+    let polygons = document["geoFence"]["polygons"].as_array().map_or(&[][..], Vec::as_slice);
+    let mut polygons = polygons
+        .iter()
+        .filter(|polygon| polygon["inclusion"].as_bool() == Some(purpose == Purpose::KeepIn))
+        .map(|polygon| &polygon["polygon"]);
+    let Some(polygon) = polygons.next() else { return Ok(found) };
+    if polygons.next().is_some() {
+        return Err(WaypointsError::Polygons { path: path.to_owned(), what: purpose.name() });
+    }
+    for corner in polygon.as_array().into_iter().flatten() {
+        found.push((format!("corner {}", found.len() + 1), pair(corner)));
+    }
+    Ok(found)
+}
+
+/// Two numbers; not a number where there is none.
+fn pair(of: &Value) -> [f64; 2] {
+    [0, 1].map(|i| of[i].as_f64().unwrap_or(f64::NAN))
+}
+
+/// Way-points among the items of a mission, those of surveys included.
+fn items(of: &Value, found: &mut Positions) {
+    match of {
+        Value::Array(all) => all.iter().for_each(|one| items(one, found)),
+        Value::Object(item) => {
+            let is_global = item.get("frame").and_then(Value::as_u64).is_some_and(|f| GLOBAL.contains(&f));
+            if item.get("command").and_then(Value::as_u64) == Some(Purpose::Route.command()) && is_global {
+                let place = format!("item {}", found.len() + 1);
+                let parameter = |i: usize| of["params"][i].as_f64().unwrap_or(f64::NAN);
+                found.push((place, [parameter(4), parameter(5)]));
+            }
+            for name in ["TransectStyleComplexItem", "Items"] {
+                if let Some(inner) = item.get(name) {
+                    items(inner, found);
+                }
+            }
+        }
+        _ => {}
+    }
+}
+
+/// Positions of the first line or polygon of a GeoJSON document; without one those of its points. Its positions are longitude
+/// and latitude (RFC 7946, section 3.1.1), and the last corner of a polygon is the first one.
+fn geometry(document: &Value) -> Option<Positions> {
+    let of = |positions: &[Value]| -> Positions {
+        let swapped = |(i, position): (usize, &Value)| {
+            let [longitude, latitude] = pair(position);
+            (format!("position {}", i + 1), [latitude, longitude])
+        };
+        positions.iter().enumerate().map(swapped).collect()
+    };
+    let coordinates = &document["coordinates"];
+    match document["type"].as_str()? {
+        "LineString" | "MultiPoint" => Some(of(coordinates.as_array()?)),
+        "Polygon" => {
+            let ring = coordinates[0].as_array()?;
+            Some(of(&ring[..ring.len().saturating_sub(1)]))
+        }
+        "Point" => Some(of(std::slice::from_ref(coordinates))),
+        "Feature" => geometry(&document["geometry"]),
+        kind => {
+            let parts = if kind == "FeatureCollection" { "features" } else { "geometries" };
+            let parts: Vec<Positions> = document[parts].as_array()?.iter().filter_map(geometry).collect();
+            match parts.iter().find(|part| part.len() > 1) {
+                Some(part) => Some(part.clone()),
+                None => Some(
+                    parts
+                        .concat()
+                        .into_iter()
+                        .enumerate()
+                        .map(|(i, (_, position))| (format!("point {}", i + 1), position))
+                        .collect(),
+                ),
+            }
+        }
+    }
+}
