@@ -225,6 +225,51 @@ fn geographic_way_points_need_geographic_positions() {
     service.kill();
 }
 
+/// A vessel that leaves its fence has neutral commands from that line on, also where it is inside again.
+#[test]
+fn outside_the_fence_the_commands_are_neutral() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write("route.csv", "lat [deg],lon [deg]\n54.0,10.0\n54.001,10.0\n");
+    // 0.001 degrees of longitude are 65 m.
+    let ring = "[[9.999, 53.999], [10.001, 53.999], [10.001, 54.002], [9.999, 54.002], [9.999, 53.999]]";
+    write("area.geojson", &format!(r#"{{"type": "Polygon", "coordinates": [{ring}]}}"#));
+    write("metres.csv", "north,east\n-10,-10\n-10,10\n120,10\n120,-10\n");
+    write("small.csv", "north,east\n-10,-10\n-10,10\n20,10\n20,-10\n");
+    let base = ["control", "hydrofoil", "--controller", "fl", "--task", "legs"];
+    let route = ["--waypoints", "route.csv", "--keep-out=rock.csv"];
+    write("rock.csv", "lat,lon\n54.0004,10.0004\n54.0004,10.0006\n54.0006,10.0005\n");
+    for fence in ["--fence=area.geojson", "--fence=metres.csv"] {
+        let args = [&base[..], &route, &[fence, "-"]].concat();
+        let mut service = Service::start(folder.path(), &args);
+        let line = |t: f64, lat: f64, lon: f64| {
+            format!(r#"{{"t":{t},"lat":{lat},"lon":{lon},"psi":0,"u":1.5,"v":0,"r":0}}"#)
+        };
+        let inside = service.ask(&line(0.0, 54.0002, 10.0));
+        assert_ne!(inside["command"]["PP_cmd"], 0.0, "{inside}");
+        for (t, lat, lon) in [(0.1, 54.0002, 10.002), (0.2, 54.0002, 10.0)] {
+            let answer = service.ask(&line(t, lat, lon));
+            assert_eq!(answer["control"], "stopped", "{answer}");
+            assert_eq!(answer["command"], json!({ "PP_cmd": 0.0, "RD_ang": 0.0 }));
+            assert!(answer["note"].as_str().unwrap().contains("the vessel is outside the fence"), "{answer}");
+        }
+        service.kill();
+    }
+    let points = ["--points", "0,0;100,0"];
+    for (path, fence, words) in [
+        (&points[..], "--fence=small.csv", "the path leaves the fence at 20.0 m north, 0.0 m east"),
+        (&points[..], "--fence=area.geojson", "has latitudes and longitudes, and the path is in metres"),
+        (&points[..], "--fence=none.csv", "none.csv"),
+        (&["--waypoints", "route.csv"], "--keep-out=route.csv", "at least three corners"),
+    ] {
+        let args = [&base[..], path, &[fence, "-"]].concat();
+        let output = hydroid(folder.path(), &args).stdin(Stdio::null()).output().unwrap();
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{fence}: {said}");
+        assert!(said.contains(words), "{fence}: {said}");
+    }
+}
+
 #[test]
 fn options_of_a_simulated_run_are_refused() {
     let folder = tempfile::TempDir::new().unwrap();

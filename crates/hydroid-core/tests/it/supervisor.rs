@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeSet, HashSet, VecDeque};
 
-use hydroid_core::control::{Mode, Place, Supervisor, SupervisorLimits};
+use hydroid_core::control::{Mode, Place, Stop, Supervisor, SupervisorLimits};
 use hydroid_core::memory::Memory;
 
 const STEP_S: f64 = 0.5;
@@ -25,12 +25,14 @@ struct Sample {
     /// Whether the reference moves on, and a new way is shorter.
     nearer: bool,
     lost: bool,
+    outside: bool,
 }
 
 fn samples() -> impl Iterator<Item = Sample> {
-    (0..64_u32).map(|bits| {
-        let bit = |place: u32| bits >> place & 1 == 1;
-        Sample { alive: bit(0), within: bit(1), joined: bit(2), done: bit(3), nearer: bit(4), lost: bit(5) }
+    (0..128_u32).map(|bits| {
+        let [alive, within, joined, done, nearer, lost, outside] =
+            std::array::from_fn(|place| bits >> place & 1 == 1);
+        Sample { alive, within, joined, done, nearer, lost, outside }
     })
 }
 
@@ -60,6 +62,9 @@ impl State {
         let supervisor = &mut self.supervisor;
         if sample.lost {
             supervisor.lose();
+        }
+        if sample.outside {
+            supervisor.stop(Stop::Outside);
         }
         if supervisor.begin(sample.alive, STEP_S) {
             if sample.nearer && self.left_m > 0.0 {
@@ -91,6 +96,9 @@ fn all_transitions_keep_the_promises() {
             edges.insert((from as usize, to as usize));
             // Commands without measurements are neutral at once.
             assert!(sample.alive || !to.steers(), "{state:?} {sample:?}");
+            // And so are those outside the fence.
+            assert!(!sample.outside || to.is_final(), "{state:?} {sample:?}");
+            assert_eq!(to == Mode::Stopped, next.supervisor.cause().is_some());
             // A task that has ended stays so.
             assert!(!from.is_final() || from == to, "{state:?} {sample:?}");
             // Only a vessel on its way, which has reached the task, is on the task.
@@ -116,7 +124,15 @@ fn all_transitions_keep_the_promises() {
 /// is on its way and never reaches the task, or stands still on it.
 #[test]
 fn steering_without_success_ends() {
-    let base = Sample { alive: true, within: false, joined: false, done: false, nearer: false, lost: false };
+    let base = Sample {
+        alive: true,
+        within: false,
+        joined: false,
+        done: false,
+        nearer: false,
+        lost: false,
+        outside: false,
+    };
     let approach_s = 2.0 * WAY_S + 10.0 * PATIENCE_S;
     for (sample, most_s) in [
         (base, 5.0 * (PATIENCE_S + 2.0 * STEP_S)),

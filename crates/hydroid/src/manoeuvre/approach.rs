@@ -60,8 +60,25 @@ impl Approach {
     /// A vessel that no input pushes, as one whose shaft speed was constant in the logs, has one steady speed.
     ///
     /// # Errors
-    /// If the vessel has no such speed, does not move ahead, cannot hold a straight course, or diverges.
+    /// If the vessel has no such speed, does not move ahead, cannot hold a straight course, or diverges, and if the model is not
+    /// valid at this speed.
     pub fn new(
+        model: &Model,
+        map: &InputMap,
+        simulation: Simulation,
+        options: &Options,
+    ) -> Result<Self, ManoeuvreError> {
+        let found = Self::find(model, map, simulation, options)?;
+        if let Some(reason) = found.simulation.not_valid() {
+            return Err(ManoeuvreError::NotValid { reason });
+        }
+        // An input that pushes and turns, such as a thruster, may add to the push when it turns.
+        let is_apart = map.push.iter().zip(&map.turn).all(|(push, turn)| *push == 0.0 || *turn == 0.0);
+        let simulation = if is_apart { found.simulation.from_approach() } else { found.simulation };
+        Ok(Self { simulation, ..found })
+    }
+
+    fn find(
         model: &Model,
         map: &InputMap,
         simulation: Simulation,
@@ -135,10 +152,7 @@ impl Search<'_> {
                 if u <= 0.0 {
                     return Err(ManoeuvreError::NotAhead { speed_m_s: u });
                 }
-                if let Some(reason) = self.simulation.not_valid() {
-                    return Err(ManoeuvreError::NotValid { reason });
-                }
-                let mut simulation = self.simulation.clone().from_approach();
+                let mut simulation = self.simulation.clone();
                 simulation.place([0.0; 3]);
                 return Ok(Approach { simulation, propulsion: p, steering, speed_m_s: u.hypot(v) });
             }

@@ -362,8 +362,8 @@ impl TrialKind {
             Self::Spiral { steering, steps } => {
                 let result = spiral(approach, map, steering, steps, longest_s)?;
                 let not_valid = result.not_valid.as_ref().map(|reason| {
-                    let last = result.points.last().map_or(0.0, |point| point.steering);
-                    format!("after {:.0} % of the steering: {reason}", 100.0 * last)
+                    let turns = result.points.len();
+                    format!("after {turns} of {} turns: {reason}", 2 * steps + 1)
                 });
                 let figures = result.figures().into_iter().map(|f| f.unless(not_valid.as_deref())).collect();
                 let (stable, points) = (result.stable, result.points);

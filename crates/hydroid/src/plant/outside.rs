@@ -14,18 +14,18 @@ const ROOM: f64 = 0.1;
 /// The Chebyshev Polynomials, 1974, theorem 1.10).
 const BELIEVED: f64 = 0.5;
 
-/// The training range of a port with some room beyond it; `None` if the port belongs to a vessel with given parameters.
-fn seen(port: &Port, room: f64) -> Option<[f64; 2]> {
-    let range = port.training_range?;
+/// The training range of a port with room beyond it, relative to its width.
+fn seen(port: &Port, room: f64) -> [f64; 2] {
+    let range = port.training_range.unwrap_or(port.range);
     let room = room * (range.high - range.low);
-    Some([range.low - room, range.high + room])
+    [range.low - room, range.high + room]
 }
 
 /// Whether a motion can be believed.
 ///
-/// A model that was identified is believed as long as no velocity leaves its training range by more than half of its width. A
-/// trial adds nothing to the propulsion of its approach, so that the vessel cannot gain kinetic energy: its speed through the
-/// water stays below that of the approach.
+/// A model that was identified is believed as long as no velocity leaves its training range by more than half of its width. Where
+/// no input both pushes and turns, a trial adds nothing to the propulsion of its approach, so that the vessel cannot gain kinetic
+/// energy: its speed through the water stays below that of the approach.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Belief {
     /// Training range of each velocity, and the range within which it is believed.
@@ -37,8 +37,10 @@ pub(super) struct Belief {
 impl Belief {
     pub(super) fn of(model: &Model) -> Self {
         let range = |name: &str| {
-            let port = model.description.outputs.iter().find(|port| port.channel.name == name)?;
-            Some([seen(port, 0.0)?, seen(port, BELIEVED)?])
+            // A vessel with given parameters has no training range.
+            let mut ports = model.description.outputs.iter().filter(|_| !model.is_vessel());
+            let port = ports.find(|port| port.channel.name == name)?;
+            Some([seen(port, 0.0), seen(port, BELIEVED)])
         };
         Self { ranges: MOTION.map(range), speed_m_s: f64::INFINITY }
     }
@@ -90,12 +92,11 @@ pub struct Outside {
 impl Outside {
     /// The channel of a port along times and values; `None` if it stays within its range.
     pub fn of(port: &Port, series: impl Iterator<Item = (f64, f64)>) -> Option<Self> {
-        let range = port.training_range.unwrap_or(port.range);
-        let room = ROOM * (range.high - range.low);
+        let [[least, most], [lowest, highest]] = [0.0, ROOM].map(|room| seen(port, room));
         let (mut from_s, mut low, mut high) = (f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY);
         for (t, value) in series {
             (low, high) = (low.min(value), high.max(value));
-            if value < range.low - room || value > range.high + room {
+            if value < lowest || value > highest {
                 from_s = from_s.min(t);
             }
         }
@@ -104,7 +105,7 @@ impl Outside {
             unit: port.channel.unit.clone(),
             from_s,
             reached: [low, high],
-            range: [range.low, range.high],
+            range: [least, most],
         })
     }
 }
