@@ -186,7 +186,7 @@ fn summary(subject: &ManoeuvreReport<'_>) -> Section {
             dt { "Model" } dd { (subject.model.title()) " (" (subject.model.kind()) ")" }
             dt { "Approach" } dd { (approach_text(subject)) }
             @if let Some(length) = subject.length_m { dt { "Length" } dd { (text(length, 4)) " m" } }
-            @for note in &trials.notes { dt { "Limits" } dd { (note) } }
+            @for note in &trials.notes { dt { "Note" } dd { (note) } }
         }
     };
     Section::new("summary", "Summary", body)

@@ -155,6 +155,10 @@ pub struct Manoeuvre {
     /// Length of the ship [m]: adds the criteria of IMO resolution MSC.137(76)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "M", allow_negative_numbers = true))]
     pub length: Option<f64>,
+    /// Scale of the model in the logs, as 45.7 for a model of 1 : 45.7: figures, tracks and criteria are those of the ship, by
+    /// Froude's law; speed and longest trial are those of the model (default: 1)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "LAMBDA", allow_negative_numbers = true))]
+    pub scale: Option<f64>,
     /// Longest trial (default: 1h)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "TIME"))]
     pub longest: Option<Duration>,
@@ -319,6 +323,7 @@ impl Manoeuvre {
             longest_s: self.longest.map_or(default.longest_s, |longest| longest.0),
             current: self.current.unwrap_or_default(),
             length_m: self.length,
+            scale: self.scale.unwrap_or(1.0),
         })
     }
 }

@@ -78,6 +78,19 @@ impl Figure {
         self.criterion = self.value.map(|value| Criterion { limit, passed: value <= limit });
     }
 
+    /// The figure of a ship whose lengths are `scale` times those of the vessel, by Froude's law.
+    pub(super) fn scale(&mut self, scale: f64) {
+        let root = scale.sqrt();
+        let factor = match self.name_and_unit().1 {
+            "m" => scale,
+            "m/s" | "s" | "min" => root,
+            "deg/s" => 1.0 / root,
+            _ => 1.0,
+        };
+        self.value = self.value.map(|value| factor * value);
+        self.at_s = self.at_s.map(|at| root * at);
+    }
+
     /// Name and unit apart: `advance`, `m`.
     pub fn name_and_unit(&self) -> (String, &'static str) {
         const UNITS: [(&str, &str); 7] = [

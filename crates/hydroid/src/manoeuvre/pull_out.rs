@@ -56,7 +56,9 @@ impl Side {
     fn simulate(approach: &Approach, map: &InputMap, s: f64, longest_s: f64) -> Self {
         let mut run = Run::new(approach, map, s, longest_s);
         turn(&mut run, s.signum());
-        run.track.execute = run.track.len() - 1;
+        if run.track.not_valid.is_none() {
+            run.track.execute = run.track.len() - 1;
+        }
         run.steer(approach.steering);
         let initial = run.yaw_rate();
         let (mut residual, mut decay_s, mut settling) = (None, None, Settling::from(initial));

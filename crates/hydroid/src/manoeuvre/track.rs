@@ -147,7 +147,7 @@ impl<'a> Run<'a> {
 
     /// The next sample; false at the end of the time, or if the motion is not valid.
     pub(super) fn advance(&mut self) -> bool {
-        if self.track.len() > self.track.execute + self.longest {
+        if self.track.not_valid.is_some() || self.track.len() > self.track.execute + self.longest {
             return false;
         }
         self.simulation.advance(&self.command);

@@ -15,6 +15,7 @@ use super::spiral::spiral;
 use super::track::Track;
 use super::turning_circle::turning_circle;
 use super::zigzag::zigzag;
+use crate::key::key;
 use crate::log::Shortest;
 use crate::model::Model;
 use crate::plant::{InputMap, Outside, PlantError, Simulation};
@@ -88,7 +89,7 @@ pub struct Trial {
 /// The trials of a plant.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Trials {
-    /// Speed of the approach through the water \[m/s\].
+    /// Speed of the approach through the water \[m/s\], of the ship if a scale is stated.
     pub approach_speed_m_s: f64,
     /// Propulsion of the approach: 1 is full ahead. None for a vessel that no input pushes.
     pub propulsion: Option<f64>,
@@ -131,11 +132,19 @@ pub struct TrialOptions {
     pub current: [f64; 2],
     /// Length of the ship \[m\], for the criteria of the IMO.
     pub length_m: Option<f64>,
+    /// Scale of the vessel in the logs: lengths of the ship relative to those of the model.
+    pub scale: f64,
 }
 
 impl Default for TrialOptions {
     fn default() -> Self {
-        Self { approach: Options::default(), longest_s: 3_600.0, current: [0.0; 2], length_m: None }
+        Self {
+            approach: Options::default(),
+            longest_s: 3_600.0,
+            current: [0.0; 2],
+            length_m: None,
+            scale: 1.0,
+        }
     }
 }
 
@@ -147,6 +156,67 @@ struct Outcome {
     tracks: Vec<Track>,
     not_valid: Option<String>,
 }
+
+impl Outcome {
+    /// The results of a ship whose lengths are `scale` times those of the vessel: by Froude's law, times and speeds are the
+    /// square root of it larger.
+    fn scaled(mut self, scale: f64) -> Self {
+        let root = scale.sqrt();
+        self.figures.iter_mut().for_each(|figure| figure.scale(scale));
+        for point in &mut self.points {
+            point.yaw_rate_deg_s /= root;
+            point.speed_m_s *= root;
+        }
+        for track in &mut self.tracks {
+            track.dt *= root;
+            track.eta.iter_mut().for_each(|[x, y, _]| (*x, *y) = (*x * scale, *y * scale));
+            track.nu.iter_mut().for_each(|[u, v, r]| (*u, *v, *r) = (*u * root, *v * root, *r / root));
+        }
+        self
+    }
+}
+
+impl TrialOptions {
+    /// What is said of the scale and of the criteria.
+    fn notes(&self, speed_m_s: f64) -> impl Iterator<Item = String> {
+        let Self { scale, length_m, .. } = *self;
+        let scaled = (scale != 1.0).then(|| {
+            format!(
+                "figures are those of the ship, by Froude's law: lengths {scale} times, times and speeds {:.4} times those of the model; the larger friction of the model is not corrected. Where the model extrapolates or is not valid, times and speeds are those of the model",
+                scale.sqrt()
+            )
+        });
+        let criteria = length_m.and_then(|length| {
+            let number = froude(speed_m_s, length);
+            if number < LEAST_FROUDE {
+                Some(format!(
+                    "no criterion is judged: {speed_m_s:.3} m/s is no test speed of a ship of {length} m (Froude number {number:.4}). If the logs are those of a model, state its scale with {}",
+                    key("scale")
+                ))
+            } else {
+                (length < LEAST_LENGTH_M).then(|| {
+                    format!("the criteria are those of ships of {LEAST_LENGTH_M} m and more (MSC.137(76), section 1.2)")
+                })
+            }
+        });
+        scaled.into_iter().chain(criteria)
+    }
+}
+
+/// Froude number of a ship.
+fn froude(speed_m_s: f64, length_m: f64) -> f64 {
+    speed_m_s / (STANDARD_GRAVITY * length_m).sqrt()
+}
+
+/// Standard acceleration of free fall \[m/s^2\].
+const STANDARD_GRAVITY: f64 = 9.80665;
+
+/// Froude number below which a speed is no test speed of a ship: that of the slowest tankers is above 0.1, and a model that is
+/// taken for its ship is off by the square root of its scale.
+const LEAST_FROUDE: f64 = 0.05;
+
+/// Shortest ship for which the criteria are made \[m\].
+const LEAST_LENGTH_M: f64 = 100.0;
 
 /// Sample time of vessels with given parameters \[s\]; that of an identified model is its own.
 const STEP_S: f64 = 0.01;
@@ -165,6 +235,10 @@ pub fn trials(
     if !(options.longest_s.is_finite() && options.longest_s > 0.0) {
         let needed = "seconds greater than 0 are needed";
         return Err(ManoeuvreError::Option { what: "the longest trial", value: options.longest_s, needed });
+    }
+    if !(options.scale.is_finite() && options.scale > 0.0) {
+        let needed = "a number greater than 0 is needed, as 45.7 for a model of 1 : 45.7";
+        return Err(ManoeuvreError::Option { what: "the scale", value: options.scale, needed });
     }
     let model = &model.clone().at_step(STEP_S).map_err(PlantError::from)?;
     let approach = |simulation: Simulation| {
@@ -186,15 +260,18 @@ pub fn trials(
     if progress(1.0).is_break() {
         return Ok(None);
     }
+    let approach_speed_m_s = own.speed_m_s * options.scale.sqrt();
+    let mut notes = map.notes();
+    notes.extend(options.notes(approach_speed_m_s));
     Ok(Some(Trials {
-        approach_speed_m_s: own.speed_m_s,
+        approach_speed_m_s,
         propulsion: map.no_propulsion().is_none().then_some(own.propulsion),
         no_propulsion: map.no_propulsion(),
         neutral_steering: own.steering,
         approach_command: map.command(own.propulsion, own.steering),
         inputs: map.clone(),
         trials: results,
-        notes: map.notes(),
+        notes,
         left_out: Vec::new(),
     }))
 }
@@ -207,18 +284,23 @@ fn trial(
     (map, propulsion): (&InputMap, f64),
     options: &TrialOptions,
 ) -> Trial {
+    let mut outside = outside(model, &outcome.tracks);
+    outside.extend(inputs_outside(model, map, kind, propulsion, &outcome.tracks));
+    let from_s = outside.iter().map(|outside| outside.from_s).fold(f64::INFINITY, f64::min);
+    let mut outcome = outcome;
+    for figure in &mut outcome.figures {
+        figure.extrapolated = figure.at_s.unwrap_or(f64::MAX) > from_s;
+    }
+    let (outcome, others) = (outcome.scaled(options.scale), others.into_iter());
+    let others: Vec<Outcome> = others.map(|other| other.scaled(options.scale)).collect();
     let mut figures = outcome.figures;
     let figures_of_members: Vec<&[Figure]> = others.iter().map(|other| &other.figures[..]).collect();
     let members = set_intervals(&mut figures, &figures_of_members);
     if let Some(length) = options.length_m {
         let speed = outcome.tracks.first().map_or(f64::NAN, |track| track.speed(track.execute));
-        kind.judge(&mut figures, map, length, speed);
-    }
-    let mut outside = outside(model, &outcome.tracks);
-    outside.extend(inputs_outside(model, map, kind, propulsion, &outcome.tracks));
-    let from_s = outside.iter().map(|outside| outside.from_s).fold(f64::INFINITY, f64::min);
-    for figure in &mut figures {
-        figure.extrapolated = figure.at_s.unwrap_or(f64::MAX) > from_s;
+        if froude(speed, length) >= LEAST_FROUDE {
+            kind.judge(&mut figures, map, length, speed);
+        }
     }
     Trial {
         kind,
@@ -297,6 +379,7 @@ impl Trials {
         document["steering"] = json!(self.inputs.steering());
         document["length_m"] = json!(options.length_m);
         document["current"] = json!(options.current);
+        document["scale"] = json!(options.scale);
         document
     }
 

@@ -276,7 +276,58 @@ fn criteria_depend_on_length_and_speed() {
     assert_eq!(limit(&ship.trials[1], "third_overshoot_deg"), None);
     assert_eq!(limit(&ship.trials[2], "track_reach_m"), None, "without astern power there is no limit");
     assert_eq!(limit(&at(10.0).trials[1], "first_overshoot_deg"), Some(10.0));
-    assert_eq!(limit(&at(1_000.0).trials[1], "second_overshoot_deg"), Some(40.0));
+    assert_eq!(limit(&at(700.0).trials[1], "second_overshoot_deg"), Some(40.0));
+    assert!(at(85.0).notes.iter().any(|note| note.contains("ships of 100 m and more")));
+    assert!(!at(200.0).notes.iter().any(|note| note.contains("criteri")));
+}
+
+/// A model of 1 : 49: the criteria are those of the ship, and without the scale none is judged.
+#[test]
+fn criteria_are_those_of_the_ship_and_not_of_its_model() {
+    let model = nomoto(K, T, 1.0, 0.0);
+    let map = InputMap::find(&model).unwrap();
+    let kinds = [
+        TrialKind::TurningCircle { steering: 1.0 },
+        TrialKind::Spiral { steering: 1.0, steps: 4 },
+        TrialKind::Zigzag { steering: 10.0_f64.to_radians() / 0.6, heading_deg: 10.0 },
+    ];
+    let at = |scale: f64, length_m: f64| {
+        let options = TrialOptions { length_m: Some(length_m), scale, ..TrialOptions::default() };
+        trials(&model, &map, &kinds, &options, &mut silent()).map(Option::unwrap)
+    };
+    let (own, ship) = (at(1.0, 20.0).unwrap(), at(49.0, 980.0).unwrap());
+    assert!((ship.approach_speed_m_s / own.approach_speed_m_s - 7.0).abs() < 1e-12);
+    for (own, ship) in own.trials.iter().zip(&ship.trials) {
+        for (own, ship) in own.figures.iter().zip(&ship.figures) {
+            let factor = match own.name_and_unit().1 {
+                "m" => 49.0,
+                "s" | "m/s" => 7.0,
+                "deg/s" => 1.0 / 7.0,
+                _ => 1.0,
+            };
+            let [own_value, ship_value] = [own, ship].map(|figure| figure.value.unwrap_or(0.0));
+            assert!((ship_value - factor * own_value).abs() <= 1e-9 * ship_value.abs(), "{ship:?}");
+            // Ratios of lengths and angles are the same, and so are their judgements.
+            let passed = |figure: &hydroid::manoeuvre::Figure| figure.criterion.map(|one| one.passed);
+            if own.name.ends_with("_m") {
+                assert_eq!(passed(own), passed(ship), "{ship:?}");
+            }
+        }
+        for (own, ship) in own.tracks.iter().zip(&ship.tracks) {
+            let last = own.len() - 1;
+            assert!((ship.eta[last][0] - 49.0 * own.eta[last][0]).abs() < 1e-9);
+            assert!((ship.time_s(last) - 7.0 * own.time_s(last)).abs() < 2e-6);
+        }
+        for (own, ship) in own.points.iter().zip(&ship.points) {
+            assert!((7.0 * ship.yaw_rate_deg_s - own.yaw_rate_deg_s).abs() < 1e-12);
+        }
+    }
+    let without = at(1.0, 980.0).unwrap();
+    assert!(without.trials.iter().flat_map(|trial| &trial.figures).all(|figure| figure.criterion.is_none()));
+    assert!(without.notes.iter().any(|note| note.contains("no criterion is judged")), "{:?}", without.notes);
+    for wrong in [0.0, -45.7, f64::NAN] {
+        assert!(at(wrong, 980.0).unwrap_err().to_string().contains("the scale is"));
+    }
 }
 
 /// Within the logs of the model, `u` is 0 to 5 m/s and `r` up to 0.04 rad/s to either side.
