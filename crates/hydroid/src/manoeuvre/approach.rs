@@ -74,7 +74,7 @@ impl Approach {
         }
         // An input that pushes and turns, such as a thruster, may add to the push when it turns.
         let is_apart = map.push.iter().zip(&map.turn).all(|(push, turn)| *push == 0.0 || *turn == 0.0);
-        let simulation = if is_apart { found.simulation.from_approach() } else { found.simulation };
+        let simulation = if is_apart { found.simulation.after_approach() } else { found.simulation };
         Ok(Self { simulation, ..found })
     }
 

@@ -46,7 +46,7 @@ impl Belief {
     }
 
     /// The same for a motion that begins with an approach at a speed \[m/s\].
-    pub(super) const fn from_speed(self, speed_m_s: f64) -> Self {
+    pub(super) const fn below_speed(self, speed_m_s: f64) -> Self {
         Self { speed_m_s, ..self }
     }
 

@@ -112,9 +112,9 @@ impl Simulation {
 
     /// The simulation of a trial that begins with the present motion: no order of it pushes the vessel more.
     #[must_use]
-    pub(crate) fn from_approach(self) -> Self {
+    pub(crate) fn after_approach(self) -> Self {
         let [u, v, _] = self.nu();
-        Self { belief: self.belief.from_speed(u.hypot(v)), ..self }
+        Self { belief: self.belief.below_speed(u.hypot(v)), ..self }
     }
 
     /// The simulation in water that moves with a constant velocity, north and east \[m/s\].

@@ -30,19 +30,19 @@ impl Simulated {
     /// Where the model of the plant extrapolates, in words.
     pub fn extrapolations(&self) -> impl Iterator<Item = String> {
         self.outside.iter().map(|outside| {
-            let why = if self.is_believed(outside) { "not validated" } else { "not valid" };
+            let why = if Self::is_believed(outside) { "not validated" } else { "not valid" };
             format!("{why}: {outside}")
         })
     }
 
     /// Commands may go to the limits of the actuators; velocities may not go where the model is not believed.
-    fn is_believed(&self, outside: &Outside) -> bool {
+    fn is_believed(outside: &Outside) -> bool {
         outside.is_believed() || !MOTION.contains(&outside.name.as_str())
     }
 
     /// Whether the motion is valid, the vessel stayed on track and no command was beyond a limit, in all trials.
     pub fn is_sound(&self) -> bool {
-        if !self.outside.iter().all(|outside| self.is_believed(outside)) {
+        if !self.outside.iter().all(Self::is_believed) {
             return false;
         }
         match &self.trials {
