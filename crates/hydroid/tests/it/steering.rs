@@ -198,7 +198,7 @@ fn rectangle([south, west]: [f64; 2], [north, east]: [f64; 2]) -> Border {
 fn fenced(mut setup: Setup, keep_in: Border, keep_out: Option<Border>) -> Setup {
     let mut fence = Fence::default();
     fence.keep_in(keep_in).unwrap();
-    for border in keep_out {
+    if let Some(border) = keep_out {
         fence.keep_out(border).unwrap();
     }
     setup.scenario.track = setup.scenario.track.within(fence).unwrap();
