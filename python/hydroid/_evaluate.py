@@ -15,6 +15,11 @@ from ._options import Bar, log_section
 Predictor = Callable[[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], Any]
 
 
+def _text(value: float, form: str) -> str:
+    """A number, or a dash where it is undefined."""
+    return "-" if np.isnan(value) else format(value, form)
+
+
 class Evaluation:
     """Errors of predictions by horizon and output, beside those of persistence on the same windows.
 
@@ -30,7 +35,7 @@ class Evaluation:
     windows, diverged : int
         Number of origins, and of rollouts that diverged. Their limited predictions are part of all errors.
     mae, rmse, max, nrmse, r2 : ndarray, shape (horizons, outputs)
-        In the units of the outputs; `nrmse` is the root mean square error over the standard deviation of the output.
+        In the units of the outputs, NaN where they are undefined; `nrmse` is the root mean square error over the standard deviation of the output.
     persistence : dict of str to ndarray
         `mae`, `rmse` and `nrmse` of persistence.
     document : dict
@@ -57,11 +62,16 @@ class Evaluation:
 
     @property
     def score(self) -> float:
-        """Mean of the defined NRMSE over horizons and outputs; infinite after a divergence."""
-        return float("inf") if self.diverged else float(np.nanmean(self.nrmse))
+        """Mean of the defined NRMSE over horizons and outputs; infinite after a divergence, or if none is defined."""
+        defined = self.nrmse[np.isfinite(self.nrmse)]
+        return float("inf") if self.diverged or not defined.size else float(np.mean(defined))
 
     def records(self) -> list[dict[str, Any]]:
-        """One record for each horizon and output."""
+        """One record for each horizon and output; None where an error is undefined."""
+
+        def defined(value: np.float64) -> np.float64 | None:
+            return None if np.isnan(value) else value
+
         rows = []
         for h, horizon in enumerate(self.horizons):
             for c, (output, unit) in enumerate(zip(self.outputs, self.units)):
@@ -72,12 +82,12 @@ class Evaluation:
                         "unit": unit,
                         "horizon": int(horizon),
                         "horizon_s": float(horizon * self.dt),
-                        "mae": self.mae[h, c],
-                        "rmse": self.rmse[h, c],
-                        "max": self.max[h, c],
-                        "nrmse": self.nrmse[h, c],
-                        "r2": self.r2[h, c],
-                        "persistence_nrmse": self.persistence["nrmse"][h, c],
+                        "mae": defined(self.mae[h, c]),
+                        "rmse": defined(self.rmse[h, c]),
+                        "max": defined(self.max[h, c]),
+                        "nrmse": defined(self.nrmse[h, c]),
+                        "r2": defined(self.r2[h, c]),
+                        "persistence_nrmse": defined(self.persistence["nrmse"][h, c]),
                     }
                 )
         return rows
@@ -96,7 +106,8 @@ class Evaluation:
         for h in places:
             persistence = self.persistence["nrmse"]
             cells = (
-                f"{self.rmse[h, c]:.4g} (NRMSE {self.nrmse[h, c]:.3f}, persistence {persistence[h, c]:.3f})"
+                f"{_text(self.rmse[h, c], '.4g')} (NRMSE {_text(self.nrmse[h, c], '.3f')}, "
+                f"persistence {_text(persistence[h, c], '.3f')})"
                 for c in range(len(self.outputs))
             )
             rows.append((f"{self.horizons[h] * self.dt:.4g} s", *cells))

@@ -36,7 +36,9 @@ class Identification:
     models : dict of str to Model
         By the names of the methods. A method that failed is missing; a warning states the reason.
     best : Model or None
-        The best model on runs that were left out; None if every model diverged.
+        The best model on runs that were left out; None if every model diverged, or there are too few data.
+    not_enough_data : dict or None
+        What is missing for a judgement: ``windows``, ``needed``, ``horizon_s``, ``missing_s``, ``message``.
     judgement : dict of str to Judgement
     verdicts : list of dict
         Grade of each output.
@@ -51,6 +53,7 @@ class Identification:
         self.models: dict[str, Model] = {model.name: model for model in inner.models()}
         best = inner.best()
         self.best: Model | None = None if best is None else inner.models()[best]
+        self.not_enough_data: dict[str, Any] | None = self.summary.get("not_enough_data")
         self.judgement = {
             model["name"]: Judgement(
                 Evaluation(model["validation"]), None if model["test"] is None else Evaluation(model["test"])
@@ -87,7 +90,8 @@ class Identification:
         best = "none" if self.best is None else self.best.name
         grades = ", ".join(f"{verdict['channel']}: {verdict['grade']}" for verdict in self.verdicts)
         models = ", ".join(f"{name} (mean NRMSE {of.judged.score:.3f})" for name, of in self.judgement.items())
-        return f"Identification(models {models}; best {best}; its grades {grades})"
+        missing = "" if self.not_enough_data is None else f"; {self.not_enough_data['message']}"
+        return f"Identification(models {models}; best {best}; its grades {grades}{missing})"
 
     def _repr_html_(self) -> str:
         from html import escape

@@ -133,6 +133,7 @@ impl Set {
             ranges: std::collections::BTreeMap::default(),
             motion,
             rate_limits: RateLimitOption::default(),
+            allow_feedback: Vec::new(),
             sindy: SindyOptions::default(),
             networks: NetworkTrainingOptions { budget_s, ..NetworkTrainingOptions::default() },
             vessel: None,

@@ -62,6 +62,7 @@ pub const fn grade(grade: Grade) -> (&'static str, &'static str, &'static str) {
         Grade::Good => ("Good", "✓", "good"),
         Grade::Usable => ("Usable", "○", "usable"),
         Grade::NotIdentified => ("Not identified", "✕", "bad"),
+        Grade::NotJudged => ("Not judged", "–", "bad"),
     }
 }
 

@@ -71,9 +71,12 @@ fn headline(subject: &Subject<'_>) -> Markup {
     let of = |grade: Grade| -> Vec<&str> {
         verdicts.iter().filter(|v| v.grade == grade).map(|v| v.channel.as_str()).collect()
     };
-    let (good, usable, bad) = (of(Grade::Good), of(Grade::Usable), of(Grade::NotIdentified));
-    let sound: Vec<&str> =
-        verdicts.iter().filter(|v| v.grade != Grade::NotIdentified).map(|v| v.channel.as_str()).collect();
+    let (good, usable) = (of(Grade::Good), of(Grade::Usable));
+    let bad = [of(Grade::NotIdentified), of(Grade::NotJudged)].concat();
+    let sound: Vec<&str> = [&good[..], &usable[..]].concat();
+    if let Some(missing) = &subject.result.missing {
+        return banner("bad", "Not enough data.", &html! { (missing.describe()) "." });
+    }
     let Some(candidate) = subject.candidate else {
         return banner(
             "bad",
@@ -187,6 +190,7 @@ pub(super) fn tile(verdict: &Verdict, outputs: &[Port]) -> Markup {
         div class={ "tile " (class) } {
             p.name { (verdict.channel) @if let Some(port) = unit { @if !port.channel.unit.is_empty() { span.unit { " " (number::unit(&port.channel.unit)) } } } }
             p.grade { span.symbol aria-hidden="true" { (symbol) } " " (word) }
+            @if let Some(reason) = &verdict.reason { p.small { (reason) } }
             div.bars {
                 span { "model" } span.bar { span.model style=(share(verdict.nrmse)) {} } span.n { (ratio(verdict.nrmse)) }
                 span { "last value" } span.bar { span.kept style=(share(verdict.persistence)) {} } span.n { (ratio(verdict.persistence)) }

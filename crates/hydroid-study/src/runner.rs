@@ -182,6 +182,7 @@ impl<'a> Runner<'a> {
                 vessel: None,
                 motion: MotionOption::OverGround,
                 rate_limits: RateLimitOption::Keyword(Keyword::None),
+                allow_feedback: Vec::new(),
                 sindy: plan.sindy.clone(),
             };
             let what = format!("training {name}, seed {seed}");

@@ -39,6 +39,7 @@ fn identified() -> &'static [Model] {
             ranges: GivenRanges::default(),
             motion: MotionOption::default(),
             rate_limits: RateLimitOption::default(),
+            allow_feedback: Vec::new(),
             sindy: SindyOptions { members: Some(50), ..SindyOptions::default() },
             networks: NetworkTrainingOptions::default(),
             vessel: None,

@@ -87,6 +87,7 @@ pub fn config(bytes: &[u8]) {
         ranges: config.ranges,
         motion: config.identify.motion.unwrap_or_default(),
         rate_limits: config.identify.rate_limit.unwrap_or_default(),
+        allow_feedback: Vec::new(),
         sindy: config.sindy,
         networks,
         vessel: None,

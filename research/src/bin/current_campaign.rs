@@ -130,6 +130,7 @@ fn model(kind: &str, vessel: &Craft) -> anyhow::Result<Model> {
         ranges: std::collections::BTreeMap::default(),
         motion: MotionOption::OverGround,
         rate_limits: RateLimitOption::default(),
+        allow_feedback: Vec::new(),
         sindy: SindyOptions::default(),
         networks: NetworkTrainingOptions::default(),
         vessel: None,

@@ -86,6 +86,7 @@ fn components(vessel: &Craft, seed: u64) -> anyhow::Result<Vec<Component>> {
         ranges: std::collections::BTreeMap::default(),
         motion: MotionOption::ThroughWater,
         rate_limits: RateLimitOption::default(),
+        allow_feedback: Vec::new(),
         sindy: SindyOptions { members: Some(0), ..SindyOptions::default() },
         networks: NetworkTrainingOptions::default(),
         vessel: None,

@@ -36,7 +36,7 @@ async function showResult() {
   if (best) await open(`${best.name}.safetensors`, state.result.files.find((file) => file.name === best.name).bytes, state.tries.find((one) => one.best)?.learnt);
 }
 
-function tile({ channel, grade, nrmse, persistence }, judged) {
+function tile({ channel, grade, nrmse, persistence, reason }, judged) {
   const place = judged ? judged.channels.indexOf(channel) : -1;
   const [factor, unit] = shown(place < 0 ? "" : judged.units[place] ?? "");
   const rmse = place < 0 ? null : judged.rmse[judged.rmse.length - 1]?.[place];
@@ -46,7 +46,7 @@ function tile({ channel, grade, nrmse, persistence }, judged) {
     return make("div", { className: "bar" }, make("span", {}, ...explained(name)), make("span", { className: "track" }, fill), make("b", { text: figure(value, 2) }));
   };
   return make("li", { className: `tile ${grade}` }, make("p", {}, make("b", { text: channel }), ` ${TEXT.grades[grade] ?? grade}`),
-    bar(TEXT.modelError, nrmse), bar(TEXT.lastValue, persistence), make("p", { className: "caption", text: rmse ? `± ${figure(rmse * factor, 2)} ${unit}` : "" }));
+    bar(TEXT.modelError, nrmse), bar(TEXT.lastValue, persistence), ...(reason ? [make("p", { className: "caption", text: reason })] : []), make("p", { className: "caption", text: rmse ? `± ${figure(rmse * factor, 2)} ${unit}` : "" }));
 }
 
 function listTries() {

@@ -29,7 +29,7 @@ const TEXT = {
   remaining: (s) => (s < 90 ? `about ${Math.max(1, Math.round(s))} s left` : `about ${Math.round(s / 60)} min left`),
   stale: "This belongs to earlier logs or settings. Identify again to bring it up to date.",
   reportTitle: "How good is it?",
-  grades: { good: "✓ good", usable: "○ usable", not_identified: "✕ not identified" },
+  grades: { good: "✓ good", usable: "○ usable", not_identified: "✕ not identified", not_judged: "– not judged" },
   ahead: (s) => `Error of predictions ${s} s ahead, in logs that the model was not fitted to. It is relative to how much the quantity varies (NRMSE): 0 is perfect, 1 is no better than its mean.`,
   modelError: "model", lastValue: "last value",
   triesTitle: "Models so far",

@@ -61,7 +61,7 @@ pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
         outln!("");
         table::show_verdicts(&verdicts);
     }
-    let sound = verdicts.iter().all(|v| v.grade != Grade::NotIdentified);
+    let sound = verdicts.iter().all(|v| matches!(v.grade, Grade::Good | Grade::Usable));
     Ok(if sound && evaluation.diverged == 0 { Outcome::Done } else { Outcome::Missed })
 }
 

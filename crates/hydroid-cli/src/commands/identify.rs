@@ -306,14 +306,21 @@ fn show(folder: &Path, identified: &IdentifyResult) {
     }
     show_ranges(identified);
     outln!("");
-    super::inspect::show_roles(&identified.candidates[identified.best.unwrap_or(0)].model);
-    let shown = identified.best.unwrap_or(0);
-    let on = judged_on(&identified.candidates[shown]);
+    let shown = identified.candidates.get(identified.best.unwrap_or(0));
+    if let Some(candidate) = shown {
+        super::inspect::show_roles(&candidate.model);
+    }
+    let on = shown.map_or("the logs", judged_on);
     let best = identified.best.map(|best| identified.candidates[best].model.description.name.as_str());
-    match (best, &identified.cross_validation) {
-        (Some(name), None) => outln!("\nbest model on the validation runs: {name}; its grades on {on}:"),
-        (Some(name), Some(_)) => outln!("\nbest model in the cross-validation: {name}; its grades on {on}:"),
-        (None, _) => outln!("\nno best model; grades of the first model on {on}:"),
+    match (best, &identified.cross_validation, &identified.missing) {
+        (_, _, Some(missing)) => outln!("\n{}", missing.describe()),
+        (Some(name), None, None) => {
+            outln!("\nbest model on the validation runs: {name}; its grades on {on}:")
+        }
+        (Some(name), Some(_), None) => {
+            outln!("\nbest model in the cross-validation: {name}; its grades on {on}:")
+        }
+        (None, _, None) => outln!("\nno best model; grades of the first model on {on}:"),
     }
     table::show_verdicts(&identified.verdicts);
     outln!("\nwritten to {}: models, report.html, identify.json", folder.display());

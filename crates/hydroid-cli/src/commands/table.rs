@@ -50,20 +50,24 @@ pub fn errors(evaluation: &Evaluation) -> String {
                 &figure(evaluation.mae[h][c]),
                 &figure(evaluation.rmse[h][c]),
                 &figure(evaluation.max[h][c]),
-                &format!("{:.3}", evaluation.nrmse[h][c]),
-                &format!("{:.3}", evaluation.r2[h][c]),
-                &format!("{:.3}", evaluation.persistence.nrmse[h][c]),
+                &ratio(evaluation.nrmse[h][c]),
+                &ratio(evaluation.r2[h][c]),
+                &ratio(evaluation.persistence.nrmse[h][c]),
             ]);
         }
     }
     let _ = writeln!(
         text,
-        "{} windows, {} diverged; origin {}, against {}; last column: NRMSE of persistence",
+        "{} windows, {} of them without overlap, {} diverged; origin {}, against {}; last column: NRMSE of persistence",
         evaluation.windows,
+        evaluation.independent,
         evaluation.diverged,
         word(&evaluation.origin),
         word(&evaluation.against)
     );
+    if evaluation.nrmse.iter().flatten().any(|nrmse| nrmse.is_nan()) {
+        let _ = writeln!(text, "-: undefined, because the output does not vary over the windows");
+    }
     if evaluation.runs.unused > 0 {
         let _ = writeln!(
             text,
@@ -96,8 +100,9 @@ fn runs(evaluation: &Evaluation) -> String {
     );
     for run in all.iter().take(MOST_RUNS) {
         let cells = evaluation.channels.iter().zip(run.nrmse.iter().zip(&run.persistence));
-        let cells: Vec<String> =
-            cells.map(|(channel, (nrmse, kept))| format!("{channel} {nrmse:.3} ({kept:.3})")).collect();
+        let cells: Vec<String> = cells
+            .map(|(channel, (nrmse, kept))| format!("{channel} {} ({})", ratio(*nrmse), ratio(*kept)))
+            .collect();
         let diverged = if run.diverged > 0 { format!(", {} diverged", run.diverged) } else { String::new() };
         let _ = writeln!(text, "  {}: {}; {} windows{diverged}", run.run, cells.join(", "), run.windows);
     }
@@ -180,8 +185,8 @@ pub fn side_by_side(frozen: &Evaluation, filtered: Option<&Evaluation>, adapted:
             let name = if unit.is_empty() { channel.clone() } else { format!("{channel} [{unit}]") };
             let time = if c == 0 { format!("{:.4} s", horizon as f64 * frozen.dt) } else { String::new() };
             let rmse = all.iter().map(|(_, evaluation)| figure(evaluation.rmse[h][c]));
-            let nrmse = all.iter().map(|(_, evaluation)| format!("{:.3}", evaluation.nrmse[h][c]));
-            let persistence = format!("{:.3}", frozen.persistence.nrmse[h][c]);
+            let nrmse = all.iter().map(|(_, evaluation)| ratio(evaluation.nrmse[h][c]));
+            let persistence = ratio(frozen.persistence.nrmse[h][c]);
             line(&trim(&time), &name, &rmse.chain(nrmse).chain([persistence]).collect::<Vec<_>>());
         }
     }
@@ -203,18 +208,26 @@ pub fn show_verdicts(verdicts: &[Verdict]) {
             Grade::Good => "good",
             Grade::Usable => "usable",
             Grade::NotIdentified => "NOT IDENTIFIED",
+            Grade::NotJudged => "NOT JUDGED",
         };
         outln!(
-            "{}: {grade} (NRMSE {:.3} at the longest horizon; persistence {:.3})",
+            "{}: {grade} (NRMSE {} at the longest horizon; persistence {}{})",
             verdict.channel,
-            verdict.nrmse,
-            verdict.persistence
+            ratio(verdict.nrmse),
+            ratio(verdict.persistence),
+            verdict.reason.as_ref().map(|reason| format!("; {reason}")).unwrap_or_default()
         );
     }
 }
 
+/// A ratio; a dash if it is undefined.
+fn ratio(x: f64) -> String {
+    if x.is_nan() { String::from("-") } else { format!("{x:.3}") }
+}
+
 fn figure(x: f64) -> String {
     match x.abs() {
+        a if a.is_nan() => String::from("-"),
         a if a == 0.0 || (1e-3..1e4).contains(&a) => {
             format!(
                 "{x:.*}",

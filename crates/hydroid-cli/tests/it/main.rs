@@ -31,4 +31,5 @@ mod packages;
 mod recordings;
 mod report;
 mod thesis;
+mod too_little_data;
 mod vessel_files;

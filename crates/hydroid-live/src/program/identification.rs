@@ -21,6 +21,12 @@ struct Summary {
     models: Vec<Candidate>,
     #[serde(default)]
     verdicts: Vec<Verdict>,
+    not_enough_data: Option<NotEnough>,
+}
+
+#[derive(Debug, Deserialize)]
+struct NotEnough {
+    message: String,
 }
 
 #[derive(Debug, Deserialize)]
@@ -39,8 +45,7 @@ struct Verdict {
 
 impl Summary {
     fn best(&self) -> Option<&Candidate> {
-        let best = self.models.iter().find(|model| self.best.as_ref() == Some(&model.name));
-        best.or(self.models.first())
+        self.models.iter().find(|model| self.best.as_ref() == Some(&model.name))
     }
 
     /// Grades and errors of the outputs.
@@ -114,7 +119,12 @@ fn identify(
     }
     let text = std::fs::read_to_string(output.join("identify.json"))?;
     let summary: Summary = serde_json::from_str(&text)?;
-    let best = summary.best().context("the identification has no model")?;
+    if let Some(missing) = &summary.not_enough_data {
+        bail!("{}", missing.message);
+    }
+    let best = summary.best().context(
+        "no model is the best one, because rollouts of all models diverge: log more experiments, and read report.html",
+    )?;
     let name = best.file.as_deref().context("the model has no file")?;
     let path = output.join(name.file_name().unwrap_or_default());
     let model = model::read(&path)?;

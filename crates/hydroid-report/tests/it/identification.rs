@@ -60,6 +60,7 @@ fn job() -> Job {
         vessel: None,
         motion: MotionOption::default(),
         rate_limits: RateLimitOption::default(),
+        allow_feedback: Vec::new(),
         sindy: SindyOptions { degree: Some(2), window: Some(0.5), ..SindyOptions::default() },
     }
 }
@@ -198,6 +199,7 @@ fn without_candidates_there_is_a_page_that_says_so() {
         ranges: vec![],
         cross_validation: None,
         currents: None,
+        missing: None,
     };
     assert!(page(&nothing, &job.split).contains("Nothing was identified."));
     let empty = Split { train: vec![], validation: vec![], test: vec![], notes: vec![] };

@@ -45,6 +45,7 @@ fn from_ten_minutes(vessel: &Craft, seed: u64) -> (IdentifyResult, Evaluation) {
         vessel: None,
         motion: MotionOption::OverGround,
         rate_limits: RateLimitOption::Keyword(Keyword::None),
+        allow_feedback: Vec::new(),
         sindy: SindyOptions::default(),
     };
     let identified = identify(&job, &mut silent()).unwrap();

@@ -48,7 +48,12 @@ pub struct Identify {
     #[cfg_attr(feature = "arguments", arg(long, value_name = "NAME=VALUE", value_delimiter = ',', value_parser = named::<f64>))]
     #[serde(with = "written::by_name", skip_serializing_if = "Vec::is_empty")]
     pub neutral: Vec<(String, f64)>,
-    /// Longest prediction horizon: samples (100) or seconds (10s) (default: 100 samples, or half of a block of a short log)
+    /// Inputs that may follow the motion. Without it, an input is refused that is a scaled, delayed, noisy or rounded copy of an
+    /// output, of its rate of change or of its integral
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "INPUT", value_delimiter = ','))]
+    #[serde(deserialize_with = "written::list", skip_serializing_if = "Vec::is_empty")]
+    pub allow_feedback: Vec<String>,
+    /// Longest prediction horizon: samples (100) or seconds (10s) (default: 100 samples, fewer in a short log)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "N|Ns"))]
     pub horizon: Option<Horizon>,
     /// Distance between the origins of the final evaluation [samples] (default: 1; about 10,000 origins in a cross-validation)

@@ -3,7 +3,7 @@
 use super::Config;
 use crate::boat::{Boat, BoatError};
 use crate::craft::CraftFile;
-use crate::identify::{CrossValidation, Job, Method, NetworkTrainingOptions, input_ranges};
+use crate::identify::{HORIZON, Job, Method, NetworkTrainingOptions, default_horizon, input_ranges};
 use crate::key::key;
 use crate::log::line::locate;
 use crate::log::units::Unit;
@@ -12,9 +12,6 @@ use crate::log::{
     Trajectory, split_named,
 };
 use crate::model::Reading;
-
-/// Default longest horizon \[samples\].
-const HORIZON: usize = 100;
 
 /// Origins of a cross-validation: more of them change the errors in the third digit only.
 const CROSS_VALIDATION_ORIGINS: usize = 10_000;
@@ -86,7 +83,7 @@ impl Config {
         }
         let cross_validated =
             logs.validate.is_empty() && methods.iter().all(|method| method.is_cross_validated());
-        let (split, reading, notes) = split(logs, &reading, cross_validated)?;
+        let (split, reading, mut notes) = split(logs, &reading, cross_validated)?;
         let Self { mut boat, identify, sindy, network, lstm, gru, rnn, direct, affine, ranges, .. } = self;
         identify.state(&mut boat).map_err(|error| of_boat(error, "correct the option"))?;
         if let Some(first) = split.train.first() {
@@ -115,6 +112,12 @@ impl Config {
             Some(horizon) => horizon.samples(dt),
             None => default_horizon(&split, cross_validated),
         };
+        if identify.horizon.is_none() && horizon < HORIZON {
+            notes.push(Note::info(format!(
+                "the logs are short: blocks and horizon are shorter, and models are judged {:.4} s ahead ({horizon} samples in place of {HORIZON})",
+                horizon as f64 * dt
+            )).with_remedy(format!("log for longer, or set {}", key("horizon"))));
+        }
         let job = Job {
             methods,
             origin_stride: identify
@@ -128,6 +131,7 @@ impl Config {
             ranges,
             motion: identify.motion.unwrap_or_default(),
             rate_limits: identify.rate_limit.unwrap_or_default(),
+            allow_feedback: identify.allow_feedback,
             sindy,
             networks: NetworkTrainingOptions {
                 all: network,
@@ -173,17 +177,6 @@ fn select(vessel: &CraftFile, reading: &mut Reading) {
     if selection.inputs.is_empty() {
         selection.inputs = vessel.craft.commands.iter().map(|c| ChannelSpec::named(&c.name)).collect();
     }
-}
-
-/// Default longest horizon \[samples\]: 100, or half of a block where the folds of a cross-validation are blocks of a log that is too
-/// short for that.
-pub fn default_horizon(split: &Split, cross_validated: bool) -> usize {
-    if !cross_validated {
-        return HORIZON;
-    }
-    let folds = CrossValidation::new(&split.train);
-    let longest = folds.runs(&split.train).into_iter().map(|(_, run)| run.len()).max().unwrap_or(0);
-    if longest > HORIZON || !folds.has_blocks() { HORIZON } else { (longest / 2).max(1) }
 }
 
 /// Default samples between two origins: every sample is one on test runs; in a cross-validation, the origins are spread over all runs.

@@ -30,10 +30,11 @@ use crate::model::{Model, Reading};
 use crate::toml_file::{self, TomlError};
 use crate::written;
 
+pub use crate::identify::default_horizon;
 pub use adapt::Adapt;
 pub use error::{ConfigError, SettingError};
 pub use identify::Identify;
-pub use job::{Logs, default_horizon, default_origin_stride};
+pub use job::{Logs, default_origin_stride};
 pub use log::Log;
 pub use manoeuvre::{Manoeuvre, TrialName, TrialPlan, ZigzagAngles};
 pub use quantity::{Duration, Horizon};

@@ -169,6 +169,9 @@ pub struct Evaluation {
     pub horizons: Vec<usize>,
     /// Windows, diverged ones included.
     pub windows: usize,
+    /// Windows of which no two overlap; see [`MIN_WINDOWS`].
+    #[serde(default)]
+    pub independent: usize,
     /// Evaluated runs.
     pub runs: RunCount,
     /// Diverged windows; their limited predictions are part of all errors.
@@ -228,6 +231,12 @@ pub struct RunErrors {
     #[serde(deserialize_with = "null_row_is_nan")]
     pub persistence: Vec<f64>,
 }
+
+/// Fewest windows without overlap that judge a model. The relative standard error of an RMSE over n independent Gaussian errors
+/// is `1 / sqrt(2 n)` (Ahn and Fessler, Standard errors of mean, variance, and standard deviation estimators, University of
+/// Michigan, 2003): a quarter for 8, so that a model as good as persistence is graded good, at half of its error, only by a
+/// deviation of two standard errors.
+pub const MIN_WINDOWS: usize = 8;
 
 /// Largest number of blocks in [`Evaluation::blocks`].
 #[doc(hidden)]

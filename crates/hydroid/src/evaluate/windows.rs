@@ -220,6 +220,7 @@ struct Tally {
     /// Loss and number of windows of each task, in order.
     losses: Vec<(f64, usize)>,
     windows: usize,
+    independent: usize,
     diverged: usize,
     divergences: Vec<Divergence>,
     runs: RunCount,
@@ -233,6 +234,7 @@ impl Tally {
             sums: Sums::new(cells),
             losses: Vec::new(),
             windows: 0,
+            independent: 0,
             diverged: 0,
             divergences: Vec::new(),
             runs: RunCount::default(),
@@ -245,6 +247,7 @@ impl Tally {
         self.losses.extend(run.losses);
         self.errors.iter_mut().zip(run.errors).for_each(|(all, errors)| all.extend(errors));
         self.windows += run.windows;
+        self.independent += run.independent;
         self.diverged += run.diverged;
         let room = MOST_LISTED.saturating_sub(self.divergences.len());
         self.divergences.extend(run.divergences.into_iter().take(room));
@@ -308,6 +311,8 @@ impl RunEvaluation<'_> {
         let mut snapshots: Vec<f64> = Vec::new();
         let mut kept = vec![f64::NAN; seen.width()];
         let mut first_origin = None;
+        // The end of the last window that overlaps none of those before it.
+        let mut free_from = 0;
         for k in 0..self.run.len() {
             session.observe_heading(self.run.heading_at(k));
             if k == 0 {
@@ -326,6 +331,10 @@ impl RunEvaluation<'_> {
             }
             let due = |first: usize| (k - first).is_multiple_of(self.options.origin_stride);
             if k < end && first_origin.is_some_and(due) {
+                if k >= free_from {
+                    tally.independent += 1;
+                    free_from = k + self.options.horizon;
+                }
                 pending.push(Pending { origin: k, kept: kept.clone() });
                 let at = snapshots.len();
                 snapshots.resize(at + size, 0.0);
@@ -454,6 +463,7 @@ fn tabulate(name: &str, run: &Trajectory, options: &Options, tally: &Tally) -> E
         units,
         horizons: (1..=options.horizon).collect(),
         windows: tally.windows,
+        independent: tally.independent,
         runs: tally.runs,
         diverged: tally.diverged,
         divergences: tally.divergences.clone(),

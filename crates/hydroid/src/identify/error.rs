@@ -76,6 +76,20 @@ pub enum IdentifyError {
         "'{first}' and '{second}' share measurements: training, validation and test must be disjoint for a valid evaluation. Name each log once"
     )]
     DataLeakage { first: String, second: String },
+    #[error(
+        "input '{input}' is {form}output '{output}' in disguise: {form}'{output}', {delay_s:.4} s before, explains {percent:.1} % of it, and {leads_percent:.1} % where the input leads. A model would read its predictions from such an input. Leave it out of {}, or allow it, if it is a command that follows the motion, by {}",
+        key("inputs"),
+        key("allow_feedback").is(input)
+    )]
+    Disguise {
+        input: String,
+        /// What of the output it is: empty for the output itself.
+        form: &'static str,
+        output: String,
+        percent: f64,
+        delay_s: f64,
+        leads_percent: f64,
+    },
     #[error("the {what} of {value} cannot be used: it must be {needed}")]
     InvalidOption { what: &'static str, value: String, needed: &'static str },
     #[error(

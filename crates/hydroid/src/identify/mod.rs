@@ -6,6 +6,8 @@ mod control_affine;
 mod cross_validation;
 mod data_summary;
 mod design_range;
+mod disguise;
+mod enough;
 mod equations;
 mod error;
 mod evaluation;
@@ -41,6 +43,8 @@ pub use cross_validation::CrossValidation;
 pub(crate) use data_summary::input_ranges;
 pub use data_summary::{ChannelSummary, data_summary, output_ranges};
 pub use design_range::{ChannelRange, GivenRange, GivenRanges};
+pub(crate) use enough::HORIZON;
+pub use enough::{MissingData, default_horizon};
 pub use error::IdentifyError;
 pub use method::Method;
 pub use networks::{NetworkOptions, NetworkTrainingOptions};
@@ -78,6 +82,8 @@ pub struct Job {
     pub motion: MotionOption,
     /// Limits of the rates at which actuators follow their commands.
     pub rate_limits: RateLimitOption,
+    /// Inputs that may be [outputs in disguise](IdentifyError::Disguise).
+    pub allow_feedback: Vec<String>,
     /// Options of the search for equations.
     pub sindy: SindyOptions,
     /// Options of networks.
@@ -95,6 +101,7 @@ impl Job {
             boat: self.boat.clone(),
             ranges: self.ranges.clone(),
             rate_limits: self.rate_limits.clone(),
+            allow_feedback: self.allow_feedback.clone(),
             sindy: self.sindy.clone(),
             networks: self.networks.clone(),
             vessel: self.vessel.clone(),
@@ -145,9 +152,11 @@ impl Candidate {
 /// Result of an identification.
 #[derive(Clone, Debug)]
 pub struct IdentifyResult {
-    /// The models in the order of the methods. A method that failed is missing; a warning states the reason.
+    /// The models in the order of the methods. A method that failed is missing; a warning states the reason. None if the runs
+    /// are too short for all methods.
     pub candidates: Vec<Candidate>,
-    /// Index of the best model; none if every model diverged on validation or test runs.
+    /// Index of the best model; none if every model diverged on validation or test runs, or [`missing`](Self::missing) says that
+    /// the data do not suffice to judge one.
     pub best: Option<usize>,
     /// Grade of each output of the best model (of the first one if there is no best) on the test runs.
     pub verdicts: Vec<Verdict>,
@@ -159,6 +168,8 @@ pub struct IdentifyResult {
     pub cross_validation: Option<CrossValidation>,
     /// Currents of the training runs, if models of the motion through the water were tried.
     pub currents: Option<CurrentsFound>,
+    /// The data that are missing for a judgement, if there are too few.
+    pub missing: Option<MissingData>,
 }
 
 /// Validation windows per run in the search.
@@ -177,6 +188,10 @@ pub fn identify(job: &Job, progress: Progress<'_>) -> Result<IdentifyResult, Ide
 /// # Errors
 /// As [`identify`]. The failure of one method is an error only if no other method gives a model.
 pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyResult, IdentifyError> {
+    try_identify(job, watch).or_else(|error| IdentifyResult::without_model(job, error))
+}
+
+fn try_identify(job: &Job, watch: OnStage<'_>) -> Result<IdentifyResult, IdentifyError> {
     let [train, validation, test] = parts_of(&job.split);
     let cross = is_cross_validated(job);
     check(job)?;
@@ -187,13 +202,9 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
     let validation = judged.map_or(validation, |judged| judged.into_iter().map(|(_, run)| run).collect());
     let parts = Parts { folds: folds.as_ref(), ..Parts::new([train, validation, test], &ranges) };
     check_horizon(job, &parts)?;
+    disguise::check(&job.split.train, job.horizon, &job.allow_feedback)?;
     let mut warnings = job.split.notes.clone();
-    if folds.as_ref().is_some_and(CrossValidation::has_blocks) {
-        let message =
-            "one or two logs: the cross-validation leaves out contiguous blocks of them, one after another";
-        let remedy = "three separate runs or more are a stricter test, because wind, load and sensors are the same within one run";
-        warnings.push(Note::warning(message).with_remedy(remedy));
-    }
+    warnings.extend(folds.as_ref().filter(|folds| folds.has_blocks()).map(|_| note_of_blocks()));
     let mut tell = |fraction: f64| watch(&Stage { fraction: 0.05 * fraction, method: None, training: None });
     let found = through_water::estimate(job, &parts, &mut warnings, &mut tell)?;
     let in_water = found.as_ref().filter(|found| through_water::is_promising(job, found));
@@ -261,15 +272,11 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
         candidates = through_water::choose(candidates, found);
     }
     for candidate in &mut candidates {
-        let d = &mut candidate.model.description;
-        for (c, port) in d.inputs.iter().enumerate() {
-            if is_constant(parts.train.iter().map(|run| &run.inputs), c) {
-                d.boat.found_role(&port.channel.name, Role::Setting, Evidence::Constant);
-            }
-        }
-        candidate.model.description.boat = find_roles(&candidate.model);
+        describe_boat(candidate, &parts.train);
     }
-    let best = select_best(&candidates);
+    let missing = MissingData::for_judgement(job, &candidates);
+    let best = select_best(&candidates).filter(|_| missing.is_none());
+    warnings.extend(missing.as_ref().map(MissingData::note));
     warnings
         .extend(currents.as_ref().and_then(|found| through_water::note(found, best.map(|i| &candidates[i]))));
     let shown: &Candidate = &candidates[best.unwrap_or(0)];
@@ -278,7 +285,33 @@ pub fn identify_with_stages(job: &Job, watch: OnStage<'_>) -> Result<IdentifyRes
     let data = data_summary(&job.split);
     warnings.extend(verdict::warnings(shown, &verdicts, &data, &job.split.test));
     warnings.extend(collinearity::warnings(shown, &data, &job.split.train));
-    Ok(IdentifyResult { candidates, best, verdicts, warnings, ranges, cross_validation: folds, currents })
+    Ok(IdentifyResult {
+        candidates,
+        best,
+        verdicts,
+        warnings,
+        ranges,
+        cross_validation: folds,
+        currents,
+        missing,
+    })
+}
+
+/// Completes the boat of a model by what its inputs do; a constant input is a setting.
+fn describe_boat(candidate: &mut Candidate, train: &[&Trajectory]) {
+    let d = &mut candidate.model.description;
+    for (c, port) in d.inputs.iter().enumerate() {
+        if is_constant(train.iter().map(|run| &run.inputs), c) {
+            d.boat.found_role(&port.channel.name, Role::Setting, Evidence::Constant);
+        }
+    }
+    candidate.model.description.boat = find_roles(&candidate.model);
+}
+
+fn note_of_blocks() -> Note {
+    let message =
+        "one or two logs: the cross-validation leaves out contiguous blocks of them, one after another";
+    Note::warning(message).with_remedy("three separate runs or more are a stricter test, because wind, load and sensors are the same within one run")
 }
 
 /// Whether the models are judged by a cross-validation.
@@ -409,6 +442,6 @@ impl<'a> Parts<'a> {
 impl IdentifyResult {
     /// Whether every output is predicted better than by the trivial predictions, and nothing diverged.
     pub fn is_usable(&self) -> bool {
-        self.best.is_some() && self.verdicts.iter().all(|v| v.grade != Grade::NotIdentified)
+        self.best.is_some() && self.verdicts.iter().all(|v| matches!(v.grade, Grade::Good | Grade::Usable))
     }
 }

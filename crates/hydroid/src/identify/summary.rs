@@ -30,14 +30,22 @@ impl IdentifyResult {
                 "test": candidate.test,
             })
         };
-        json!({
+        let mut document = json!({
             "models": self.candidates.iter().map(model).collect::<Vec<_>>(),
             "cross_validated": self.cross_validation.is_some(),
-            "best": self.best.map(|i| &self.candidates[i].model.description.name),
             "verdicts": self.verdicts,
             "ranges": self.ranges,
             "currents": self.currents,
             "warnings": notes.iter().chain(&self.warnings).collect::<Vec<_>>(),
-        })
+        });
+        // Without a best model there is no such key.
+        if let Some(best) = self.best {
+            document["best"] = json!(self.candidates[best].model.description.name);
+        }
+        if let Some(missing) = &self.missing {
+            document["not_enough_data"] = json!(missing);
+            document["not_enough_data"]["message"] = json!(missing.describe());
+        }
+        document
     }
 }

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::data_summary::ChannelSummary;
 use super::{Candidate, SindyOptions};
-use crate::evaluate::Evaluation;
+use crate::evaluate::{Evaluation, MIN_WINDOWS};
 use crate::key::key;
 use crate::log::{Note, Trajectory};
 use crate::sindy;
@@ -18,8 +18,10 @@ pub enum Grade {
     Good,
     /// The error is at least a tenth below that of the best trivial prediction.
     Usable,
-    /// No better than the trivial predictions: this equation must not be used.
+    /// No better than the trivial predictions, or most rollouts diverge: this equation must not be used.
     NotIdentified,
+    /// There is no valid comparison, for the [reason](Verdict::reason).
+    NotJudged,
 }
 
 /// Grade of one output.
@@ -33,9 +35,13 @@ pub struct Verdict {
     pub nrmse: f64,
     /// NRMSE of persistence at the same horizon.
     pub persistence: f64,
+    /// Why the errors give no grade, or only this one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
 }
 
-/// Grades each output at the longest horizon against the better of persistence and the mean (NRMSE 1).
+/// Grades each output at the longest horizon against the better of persistence and the mean (NRMSE 1). There is no grade from
+/// fewer than [`MIN_WINDOWS`] windows without overlap.
 pub fn verdicts(test: &Evaluation) -> Vec<Verdict> {
     let (Some(errors), Some(kept)) = (test.nrmse.last(), test.persistence.nrmse.last()) else {
         return Vec::new();
@@ -45,15 +51,24 @@ pub fn verdicts(test: &Evaluation) -> Vec<Verdict> {
         .zip(errors.iter().zip(kept))
         .map(|(channel, (&nrmse, &persistence))| {
             let trivial = if persistence.is_finite() { persistence.min(1.0) } else { 1.0 };
-            let grade = if nrmse <= 0.5 * trivial {
-                Grade::Good
+            let (grade, reason) = if test.independent < MIN_WINDOWS {
+                let found = test.independent;
+                let reason =
+                    format!("windows without overlap: {found} of the {MIN_WINDOWS} that a grade needs");
+                (Grade::NotJudged, Some(reason))
+            } else if nrmse.is_nan() {
+                (Grade::NotJudged, Some(String::from("the output does not vary over the judged windows")))
+            } else if 2 * test.diverged > test.windows {
+                let reason = format!("{} of {} rollouts diverge", test.diverged, test.windows);
+                (Grade::NotIdentified, Some(reason))
+            } else if nrmse <= 0.5 * trivial {
+                (Grade::Good, None)
             } else if nrmse <= 0.9 * trivial {
-                Grade::Usable
+                (Grade::Usable, None)
             } else {
-                // NaN as well: without comparison the output is not identified.
-                Grade::NotIdentified
+                (Grade::NotIdentified, None)
             };
-            Verdict { channel: channel.clone(), grade, nrmse, persistence }
+            Verdict { channel: channel.clone(), grade, nrmse, persistence, reason }
         })
         .collect()
 }
@@ -94,12 +109,24 @@ pub(super) fn warnings(
     for verdict in verdicts.iter().filter(|v| v.grade == Grade::NotIdentified) {
         notes.push(
             Note::warning(format!(
-                "'{}' is not identified: over {horizon_s} s its NRMSE is {:.2}, of persistence {:.2}, of the mean 1",
-                verdict.channel, verdict.nrmse, verdict.persistence
+                "'{}' is not identified: over {horizon_s} s its NRMSE is {:.2}, of persistence {:.2}, of the mean 1{}",
+                verdict.channel,
+                verdict.nrmse,
+                verdict.persistence,
+                verdict.reason.as_ref().map(|reason| format!("; {reason}")).unwrap_or_default()
             ))
             .with_remedy(
                 "do not use predictions of this output; check the sensor (hydroid inspect), and log runs in which the commands excite this output",
             ),
+        );
+    }
+    // Too few windows are a note of their own.
+    let is_constant = |v: &&Verdict| v.grade == Grade::NotJudged && test.independent >= MIN_WINDOWS;
+    for verdict in verdicts.iter().filter(is_constant) {
+        let reason = verdict.reason.as_deref().unwrap_or_default();
+        notes.push(
+            Note::warning(format!("'{}' is not judged: {reason}", verdict.channel))
+                .with_remedy("leave it out of the outputs, or log runs in which it varies"),
         );
     }
     let of_test = candidate.test.as_ref().map(|test| (test, "test"));

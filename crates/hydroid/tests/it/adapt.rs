@@ -39,6 +39,7 @@ fn identified(split: Split, horizon: usize, origin_stride: usize) -> Model {
         vessel: None,
         motion: MotionOption::default(),
         rate_limits: RateLimitOption::default(),
+        allow_feedback: Vec::new(),
         sindy: SindyOptions::default(),
     };
     identify(&job, &mut silent()).unwrap().candidates.remove(0).model

@@ -278,6 +278,7 @@ fn job(runs: Vec<Trajectory>, vessel: CraftFile, horizon: usize) -> Job {
         ranges: hydroid::identify::GivenRanges::default(),
         motion: MotionOption::OverGround,
         rate_limits: RateLimitOption::default(),
+        allow_feedback: Vec::new(),
         sindy: SindyOptions::default(),
         networks: NetworkTrainingOptions::default(),
         vessel: Some(vessel),

@@ -139,6 +139,7 @@ fn job(methods: Vec<Method>) -> Identification {
         ranges: GivenRanges::new(),
         motion: MotionOption::default(),
         rate_limits: RateLimitOption::default(),
+        allow_feedback: Vec::new(),
         sindy: SindyOptions { degree: Some(1), members: Some(0), ..SindyOptions::default() },
         networks: NetworkTrainingOptions { direct, ..NetworkTrainingOptions::default() },
         vessel: None,

@@ -47,6 +47,7 @@ fn from_small_commands_to_large_ones_nothing_diverges_and_persistence_is_beaten(
             vessel: None,
             motion: MotionOption::default(),
             rate_limits: RateLimitOption::default(),
+            allow_feedback: Vec::new(),
             sindy: SindyOptions::default(),
         };
         let found = identify(&job, &mut silent()).unwrap();

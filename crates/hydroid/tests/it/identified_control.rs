@@ -165,6 +165,7 @@ fn identified(vessel: &Craft, train_s: f64) -> Arc<Equations> {
         vessel: None,
         motion: MotionOption::default(),
         rate_limits: RateLimitOption::default(),
+        allow_feedback: Vec::new(),
         sindy: SindyOptions {
             terms: PHYSICAL.iter().map(ToString::to_string).collect(),
             ..SindyOptions::default()

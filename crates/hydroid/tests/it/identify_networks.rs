@@ -49,6 +49,7 @@ fn job(methods: &[Method], [train, validation, test]: [usize; 3], driven: bool) 
         ranges: GivenRanges::new(),
         motion: MotionOption::default(),
         rate_limits: RateLimitOption::default(),
+        allow_feedback: Vec::new(),
         sindy: SindyOptions {
             degree: Some(1),
             lag: Some(LagOption::Keyword(Keyword::None)),

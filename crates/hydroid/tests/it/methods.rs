@@ -48,6 +48,7 @@ fn job(methods: &[Method], split: Split) -> Job {
         vessel: None,
         motion: MotionOption::default(),
         rate_limits: RateLimitOption::default(),
+        allow_feedback: Vec::new(),
         sindy: SindyOptions {
             degree: Some(2),
             signed_squares: Some(false),
@@ -103,6 +104,7 @@ fn spikes_are_named_with_their_remedy() {
             vessel: None,
             motion: MotionOption::default(),
             rate_limits: RateLimitOption::default(),
+            allow_feedback: Vec::new(),
             sindy: SindyOptions {
                 degree: Some(1),
                 lag: Some(LagOption::Keyword(Keyword::None)),
@@ -139,6 +141,7 @@ fn a_given_lag_is_in_all_candidates() {
         vessel: None,
         motion: MotionOption::default(),
         rate_limits: RateLimitOption::default(),
+        allow_feedback: Vec::new(),
         sindy: SindyOptions {
             lag: Some(LagOption::Fixed([(String::from("RD_cmd"), 0.3)].into())),
             gate: Some(GateOption::Keyword(Keyword::None)),
@@ -231,6 +234,7 @@ fn runs_of_different_parts_that_share_data_are_refused() {
             vessel: None,
             motion: MotionOption::default(),
             rate_limits: RateLimitOption::default(),
+            allow_feedback: Vec::new(),
             sindy: SindyOptions::default(),
         };
         matches!(identify(&job, &mut silent()), Err(IdentifyError::DataLeakage { .. }))

@@ -93,6 +93,7 @@ fn try_identify(
         ranges: BTreeMap::default(),
         motion: MotionOption::Auto,
         rate_limits: option.parse::<RateLimitOption>().unwrap(),
+        allow_feedback: Vec::new(),
         sindy: SindyOptions { members: Some(0), ..SindyOptions::default() },
         networks: NetworkTrainingOptions::default(),
         vessel: None,

@@ -37,6 +37,7 @@ fn job(split: Split, horizon: usize, origin_stride: usize) -> Job {
         vessel: None,
         motion: MotionOption::default(),
         rate_limits: RateLimitOption::default(),
+        allow_feedback: Vec::new(),
         sindy: SindyOptions::default(),
     }
 }

@@ -82,6 +82,7 @@ fn job(train: Vec<Trajectory>, methods: &[Method]) -> Job {
         ranges: std::collections::BTreeMap::default(),
         motion: MotionOption::Auto,
         rate_limits: RateLimitOption::default(),
+        allow_feedback: Vec::new(),
         sindy: SindyOptions { members: Some(0), ..SindyOptions::default() },
         networks: NetworkTrainingOptions::default(),
         vessel: None,

@@ -181,6 +181,7 @@ fn job(change: impl FnOnce(&mut NetworkOptions)) -> Identification {
         ranges: GivenRanges::new(),
         motion: MotionOption::default(),
         rate_limits: RateLimitOption::default(),
+        allow_feedback: Vec::new(),
         sindy: SindyOptions::default(),
         networks: NetworkTrainingOptions { all, direct, ..NetworkTrainingOptions::default() },
         vessel: None,
