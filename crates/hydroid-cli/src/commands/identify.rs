@@ -315,10 +315,10 @@ fn show(folder: &Path, identified: &IdentifyResult) {
     match (best, &identified.cross_validation, &identified.missing) {
         (_, _, Some(missing)) => outln!("\n{}", missing.describe()),
         (Some(name), None, None) => {
-            outln!("\nbest model on the validation runs: {name}; its grades on {on}:")
+            outln!("\nbest model on the validation runs: {name}; its grades on {on}:");
         }
         (Some(name), Some(_), None) => {
-            outln!("\nbest model in the cross-validation: {name}; its grades on {on}:")
+            outln!("\nbest model in the cross-validation: {name}; its grades on {on}:");
         }
         (None, _, None) => outln!("\nno best model; grades of the first model on {on}:"),
     }
