@@ -37,8 +37,8 @@ fn a_short_log_is_not_enough_data_and_the_missing_minutes_are_enough() {
     done(at, "convert long.csv -o short.parquet");
     for (file, horizon, seconds, windows) in [
         ("short.csv", "", 6.0, 0),
-        ("short.txt", " --horizon 5s", 60.0, 6),
-        ("short.parquet", " --horizon 5s", 60.0, 6),
+        ("short.txt", " --horizon 5s", 60.0, 7),
+        ("short.parquet", " --horizon 5s", 60.0, 7),
     ] {
         let identify = |file: &str, more: &str| {
             run(at, &format!("identify {file} --methods sindy --members 0{horizon} -o out {more}"))

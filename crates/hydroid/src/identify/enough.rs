@@ -79,10 +79,10 @@ impl MissingData {
         let dt = runs.first().filter(|_| windows < MIN_WINDOWS)?.dt;
         let samples = if blocks {
             // Each block of a longer log is longer.
-            let each = MIN_WINDOWS.div_ceil(runs.len()) * job.horizon + warm_up;
-            (runs.len() * each).saturating_sub(runs.iter().map(|run| run.len()).sum())
+            let each = MIN_WINDOWS.div_ceil(runs.len()).saturating_mul(job.horizon).saturating_add(warm_up);
+            runs.len().saturating_mul(each).saturating_sub(runs.iter().map(|run| run.len()).sum())
         } else {
-            (MIN_WINDOWS - windows) * job.horizon + warm_up
+            (MIN_WINDOWS - windows).saturating_mul(job.horizon).saturating_add(warm_up)
         };
         let seconds = |samples: usize| samples as f64 * dt;
         let horizon_s = (1e3 * seconds(job.horizon)).round() / 1e3;
@@ -153,9 +153,8 @@ impl IdentifyResult {
             }
             _ => false,
         };
-        let Some(missing) = MissingData::for_judgement(job, &[]).filter(|_| is_short) else {
-            return Err(error);
-        };
+        let missing = is_short.then(|| MissingData::for_judgement(job, &[])).flatten();
+        let Some(missing) = missing else { return Err(error) };
         let verdict = |channel: &Channel| Verdict {
             channel: channel.name.clone(),
             grade: Grade::NotJudged,

@@ -403,7 +403,7 @@ fn json_has_the_keys_and_shapes_of_the_contract() {
         "persistence",
     ]);
     // In addition to the contract.
-    contract.extend(["divergences", "runs", "by_run"]);
+    contract.extend(["divergences", "runs", "by_run", "independent"]);
     assert_eq!(keys(&json), contract);
     assert_eq!(keys(&json["persistence"]), BTreeSet::from(["mae", "rmse", "nrmse"]));
     assert_eq!(keys(&json["divergences"][0]), BTreeSet::from(["run", "origin_s", "horizon", "channel"]));

@@ -168,8 +168,8 @@ pub struct ClosedLoopOptions {
     /// (default: 1 s, at least 5 samples)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "TIME", help_heading = CONTROLLER))]
     pub max_age: Option<Duration>,
-    /// On board: polygon that the vessel must not leave, a file of way-points as of --waypoints: outside it, and where no way to
-    /// the task stays inside, the commands have their neutral values
+    /// On board: polygon that the vessel must not leave, in a file as those of way-points: outside it, and where no way to the
+    /// task stays inside, the commands have their neutral values
     #[cfg_attr(feature = "arguments", arg(long, value_name = "FILE", help_heading = CONTROLLER))]
     pub fence: Option<PathBuf>,
     /// On board: polygon that the vessel must keep out of. May be repeated
