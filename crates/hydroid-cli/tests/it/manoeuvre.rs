@@ -237,11 +237,11 @@ fn the_rudder_may_go_farther_than_in_the_log() {
     let mut log = String::from("t,u [m/s],r [rad/s],delta [deg]\n");
     let (mut u, mut r) = (2.0_f64, 0.0_f64);
     for k in 0..1_200 {
-        let angle = f64::from([0, 20, -20, 10, -14, 17, -5][k / 30 % 7]);
+        let angle = f64::from([0, 28, -28, 14, -20, 24, -7][k / 30 % 7]);
         writeln!(log, "{},{u},{r},{angle}", 0.5 * k as f64).unwrap();
         for _ in 0..10 {
             let rudder = angle.to_radians();
-            u += 0.05 * (0.1 * (2.0 - u) - 0.5 * rudder * rudder);
+            u += 0.05 * (0.1 * (2.0 - u) - 0.15 * rudder * rudder);
             r += 0.05 * (0.1 * u * rudder - 0.2 * r);
         }
     }
@@ -257,13 +257,13 @@ fn the_rudder_may_go_farther_than_in_the_log() {
         printed.contains("turning circle, 35 deg to starboard") && printed.contains("limit 36.00"),
         "{printed}"
     );
-    let mark = "delta goes from 35 to 35 deg, and from -20 to 20 deg in its logs";
+    let mark = "delta goes from 35 to 35 deg, and from -28 to 28 deg in its logs";
     assert!(printed.contains(mark), "{printed}");
     // The steady turn is slower than any motion in the log.
     let reason = "u is 1.";
     assert!(output.status.code() == Some(1) && printed.contains(reason), "{printed}");
     assert!(printed.contains("steady radius                  not valid"), "{printed}");
-    let within = [&circle[..4], &["--steering", "20", "--length", "8"]].concat();
+    let within = [&circle[..4], &["--steering", "28", "--length", "8"]].concat();
     let printed = hydroid(folder, &within);
     let printed = String::from_utf8_lossy(&printed.stdout).into_owned();
     assert!(!printed.contains("delta goes") && !printed.contains("limit"), "{printed}");
