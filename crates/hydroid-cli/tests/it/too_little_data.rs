@@ -30,25 +30,20 @@ fn a_short_log_is_not_enough_data_and_the_missing_minutes_are_enough() {
         let is_early = |row: &&Vec<String>| row[0].parse::<f64>().is_ok_and(|t| t <= seconds);
         std::iter::once(&rows[0]).chain(rows[1..].iter().filter(is_early)).cloned().collect()
     };
-    // CSV, the same with semicolons, and Parquet; too short for a block of one horizon, and for a window that judges.
+    // CSV, the same with semicolons, and Parquet: too short for a block of one horizon.
     write(at, "short.csv", &first(6.0), ",");
-    write(at, "short.txt", &first(60.0), ";");
-    write(at, "long.csv", &first(60.0), ",");
-    done(at, "convert long.csv -o short.parquet");
-    for (file, horizon, seconds, windows) in [
-        ("short.csv", "", 6.0, 0),
-        ("short.txt", " --horizon 5s", 60.0, 7),
-        ("short.parquet", " --horizon 5s", 60.0, 7),
-    ] {
+    write(at, "short.txt", &first(6.0), ";");
+    done(at, "convert short.csv -o short.parquet");
+    for file in ["short.csv", "short.txt", "short.parquet"] {
         let identify = |file: &str, more: &str| {
-            run(at, &format!("identify {file} --methods sindy --members 0{horizon} -o out {more}"))
+            run(at, &format!("identify {file} --methods sindy --members 0 -o out {more}"))
         };
         let output = identify(file, "--json -q");
         assert_eq!(output.status.code(), Some(1), "{file}: {}", text(&output.stderr));
         let document: Value = serde_json::from_slice(&output.stdout).unwrap();
         assert!(document.get("best").is_none(), "{file}");
         let missing = &document["not_enough_data"];
-        assert_eq!((&missing["windows"], &missing["needed"]), (&json!(windows), &json!(8)), "{file}");
+        assert_eq!((&missing["windows"], &missing["needed"]), (&json!(0), &json!(5)), "{file}");
         for verdict in document["verdicts"].as_array().unwrap() {
             assert_eq!(verdict["grade"], "not_judged");
             assert!(verdict["reason"].is_string());
@@ -59,7 +54,7 @@ fn a_short_log_is_not_enough_data_and_the_missing_minutes_are_enough() {
         let report = fs::read_to_string(at.join("out/report.html")).unwrap();
         assert!(report.contains("Not enough data.") && !report.contains("NaN") && !shown.contains("NaN"));
 
-        write(at, "enough.csv", &first(seconds + missing["missing_s"].as_f64().unwrap()), ",");
+        write(at, "enough.csv", &first(6.0 + missing["missing_s"].as_f64().unwrap()), ",");
         let output = identify("enough.csv", "--json -q");
         let document: Value = serde_json::from_slice(&output.stdout).unwrap();
         assert!(document.get("not_enough_data").is_none(), "{file}: {}", document["not_enough_data"]);

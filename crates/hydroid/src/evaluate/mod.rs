@@ -234,9 +234,9 @@ pub struct RunErrors {
 
 /// Fewest windows without overlap that judge a model. The relative standard error of an RMSE over n independent Gaussian errors
 /// is `1 / sqrt(2 n)` (Ahn and Fessler, Standard errors of mean, variance, and standard deviation estimators, University of
-/// Michigan, 2003): a quarter for 8, so that a model as good as persistence is graded good, at half of its error, only by a
-/// deviation of two standard errors.
-pub const MIN_WINDOWS: usize = 8;
+/// Michigan, 2003): a third for 5, so that a model as good as persistence is graded good, at half of its error, only by a deviation
+/// of one and a half standard errors.
+pub const MIN_WINDOWS: usize = 5;
 
 /// Largest number of blocks in [`Evaluation::blocks`].
 #[doc(hidden)]

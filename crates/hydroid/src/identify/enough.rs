@@ -6,7 +6,7 @@ use super::SindyOptions;
 use super::{Candidate, CrossValidation, Grade, IdentifyError, IdentifyResult, Job, Verdict};
 use super::{is_cross_validated, parts_of};
 use crate::committee::ChooseError;
-use crate::evaluate::{MIN_WINDOWS, mean_finite};
+use crate::evaluate::MIN_WINDOWS;
 use crate::key::key;
 use crate::log::{Channel, Note, Split, Trajectory};
 use crate::sindy::{FitError, SearchError};
@@ -17,38 +17,15 @@ pub(crate) const HORIZON: usize = 100;
 /// The shortest default horizon \[samples\].
 const SHORTEST: usize = HORIZON / 4;
 
-/// Default longest horizon \[samples\]: 100, or fewer where runs or blocks are short, so that each part has [`MIN_WINDOWS`]
-/// windows beside a warm-up of one horizon. It does not fall below 25 samples, nor below the horizon over which most outputs
-/// change by more than the noise of their samples: there, every prediction is as good as persistence.
+/// Default longest horizon \[samples\]: 100, or half of a block, 25 at least, where the folds of a cross-validation are blocks of a
+/// log that is too short for that.
 pub fn default_horizon(split: &Split, cross_validated: bool) -> usize {
-    let [train, validation, test] = parts_of(split);
-    let folds = cross_validated.then(|| CrossValidation::new(&split.train));
-    let left_out =
-        folds.as_ref().map(|folds| folds.runs(&split.train).into_iter().map(|(_, run)| run).collect());
-    let parts: [Vec<&Trajectory>; 2] = [left_out.unwrap_or(validation), test];
-    let is_enough = |h: usize| {
-        let windows = |run: &&Trajectory| (run.len().saturating_sub(1) / h).saturating_sub(1);
-        let enough = |runs: &Vec<&Trajectory>| runs.iter().map(windows).sum::<usize>() >= MIN_WINDOWS;
-        parts.iter().filter(|runs| !runs.is_empty()).all(enough)
-    };
-    let longest = (SHORTEST..=HORIZON).rev().find(|&h| is_enough(h)).unwrap_or(SHORTEST);
-    (longest..HORIZON).find(|&h| is_motion(&train, h)).unwrap_or(HORIZON)
-}
-
-/// Whether at least half of the outputs change over a horizon by twice the mean square of their change from sample to sample,
-/// half of which or more is then not noise.
-fn is_motion(runs: &[&Trajectory], horizon: usize) -> bool {
-    let change = |c: usize, lag: usize| {
-        let values = |run: &&Trajectory| run.outputs.column(c).collect::<Vec<f64>>();
-        let squares = runs
-            .iter()
-            .map(values)
-            .flat_map(|y| (lag..y.len()).map(|k| (y[k] - y[k - lag]).powi(2)).collect::<Vec<f64>>());
-        mean_finite(squares).unwrap_or(0.0)
-    };
-    let outputs = runs.first().map_or(0, |run| run.outputs.width());
-    let moved = (0..outputs).filter(|&c| change(c, horizon) >= 2.0 * change(c, 1)).count();
-    2 * moved >= outputs
+    if !cross_validated {
+        return HORIZON;
+    }
+    let folds = CrossValidation::new(&split.train);
+    let longest = folds.runs(&split.train).into_iter().map(|(_, run)| run.len()).max().unwrap_or(0);
+    if longest > HORIZON || !folds.has_blocks() { HORIZON } else { (longest / 2).max(SHORTEST) }
 }
 
 /// The data that are missing for a judgement.
@@ -125,7 +102,7 @@ impl MissingData {
         let minutes = (missing_s / 6.0).ceil() / 10.0;
         let of = if *part == "test" { " of test runs" } else { "" };
         format!(
-            "not enough data: about {minutes} more minutes{of}. The {part} runs have {windows} {} of {horizon_s} s that do not overlap, and a judgement needs {needed}, with which the standard error of an NRMSE is a quarter of it. No model is the best one: persistence remains",
+            "not enough data: about {minutes} more minutes{of}. The {part} runs have {windows} {} of {horizon_s} s that do not overlap, and a judgement needs {needed}, with which the standard error of an NRMSE is a third of it. No model is the best one: persistence remains",
             if *windows == 1 { "window" } else { "windows" }
         )
     }
