@@ -92,11 +92,15 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
             sections={self._section: options} if options else None,
             threads=self.n_jobs,
         )
-        if found.best is None:
+        best = found.best
+        if best is None and found.not_enough_data is not None:
+            # The model is fitted; a warning says that there are too few data to judge it.
+            best = next(iter(found.models.values()), None)
+        if best is None:
             reasons = "; ".join(warning["message"] for warning in found.warnings)
             raise ValueError(f"no model was found: {reasons or 'every model diverged'}")
         self.identification_ = found
-        self.model_ = found.best
+        self.model_ = best
         self.n_features_in_ = len(self.model_.output_names)
         return self
 

@@ -25,8 +25,6 @@ pub enum ManoeuvreError {
         key("speed")
     )]
     NotValid { reason: String },
-    #[error("the turn with the steering hard over is not valid: {reason}")]
-    TurnNotValid { reason: String },
     #[error(
         "with the steering hard over, the vessel turns by {turned_deg:.0} deg in {t_s:.0} s, and not by 180: name the inputs that turn it with {}",
         key("turn")

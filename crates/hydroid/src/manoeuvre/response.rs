@@ -107,9 +107,7 @@ fn tactical_diameter(approach: &Approach, map: &InputMap, side: f64) -> Result<f
     let (command, mut simulation) = (map.command(approach.propulsion, side), approach.simulation.clone());
     for _ in 0..MOST_BLOCKS * BLOCK {
         simulation.advance(&command);
-        if let Some(reason) = simulation.not_valid() {
-            return Err(ManoeuvreError::TurnNotValid { reason });
-        }
+        simulation.check()?;
         // The approach heads north from the origin.
         if simulation.heading() * side >= PI {
             return Ok(simulation.eta()[1].abs());
