@@ -176,6 +176,18 @@ fn summary(subject: &ManoeuvreReport<'_>) -> Section {
             format!("{missed} of {} criteria of IMO resolution MSC.137(76) are missed.", judged.len());
         ("bad", "Criteria missed.", words)
     };
+    let not_valid = trials.trials.iter().filter(|trial| trial.not_valid.is_some()).count();
+    let (class, heading, words) = match not_valid {
+        0 => (class, heading, words),
+        count => {
+            let of = trials.trials.len();
+            (
+                "bad",
+                "Not valid in part.",
+                format!("{count} of {of} trials leave what the model can tell. {words}"),
+            )
+        }
+    };
     let body = html! {
         header {
             p.kicker { "hydroid · manoeuvring trials" }
