@@ -44,6 +44,8 @@ pub(super) type Positions = Vec<(String, [f64; 2])>;
 /// Way-points or corners of a text of way-points of an autopilot (`QGC WPL`). Its first item is the home position.
 pub(super) fn wpl(text: &str, path: &str, purpose: Purpose) -> Result<Positions, WaypointsError> {
     let mut found = Vec::new();
+    // Each corner of a polygon states their number.
+    let mut corners = 0.0;
     for (number, line) in text.lines().enumerate().skip(1) {
         let cells: Vec<&str> = line.split_whitespace().collect();
         if cells.is_empty() {
@@ -59,7 +61,11 @@ pub(super) fn wpl(text: &str, path: &str, purpose: Purpose) -> Result<Positions,
         let is_home = index == 0 && purpose == Purpose::Route;
         if command == purpose.command() && GLOBAL.contains(&frame) && !is_home {
             found.push((place, [latitude, longitude]));
+            corners = number(4).unwrap_or(f64::NAN);
         }
+    }
+    if purpose != Purpose::Route && !found.is_empty() && corners != found.len() as f64 {
+        return Err(WaypointsError::Polygons { path: path.to_owned(), what: purpose.name() });
     }
     Ok(found)
 }
@@ -68,7 +74,11 @@ pub(super) fn wpl(text: &str, path: &str, purpose: Purpose) -> Result<Positions,
 pub(super) fn json(text: &str, path: &str, purpose: Purpose) -> Result<Positions, WaypointsError> {
     let document: Value = serde_json::from_str(text)
         .map_err(|source| WaypointsError::Json { path: path.to_owned(), source })?;
+    let several = || Err(WaypointsError::Polygons { path: path.to_owned(), what: purpose.name() });
     if document["fileType"] != "Plan" {
+        if purpose != Purpose::Route && rings(&document) > 1 {
+            return several();
+        }
         return Ok(geometry(&document).unwrap_or_default());
     }
     let mut found = Vec::new();
@@ -76,14 +86,15 @@ pub(super) fn json(text: &str, path: &str, purpose: Purpose) -> Result<Positions
         items(&document["mission"]["items"], &mut found);
         return Ok(found);
     }
-    let polygons = document["geoFence"]["polygons"].as_array().map_or(&[][..], Vec::as_slice);
-    let mut polygons = polygons
-        .iter()
-        .filter(|polygon| polygon["inclusion"].as_bool() == Some(purpose == Purpose::KeepIn))
-        .map(|polygon| &polygon["polygon"]);
-    let Some(polygon) = polygons.next() else { return Ok(found) };
-    if polygons.next().is_some() {
-        return Err(WaypointsError::Polygons { path: path.to_owned(), what: purpose.name() });
+    let areas = |kind: &str| {
+        let all = document["geoFence"][kind].as_array().into_iter().flatten();
+        let is_wanted = |area: &&Value| area["inclusion"].as_bool() == Some(purpose == Purpose::KeepIn);
+        all.filter(is_wanted).collect::<Vec<_>>()
+    };
+    let (polygons, circles) = (areas("polygons"), areas("circles"));
+    let Some(polygon) = polygons.first().map(|area| &area["polygon"]) else { return Ok(found) };
+    if polygons.len() + circles.len() > 1 {
+        return several();
     }
     for corner in polygon.as_array().into_iter().flatten() {
         found.push((format!("corner {}", found.len() + 1), pair(corner)));
@@ -114,6 +125,19 @@ fn items(of: &Value, found: &mut Positions) {
             }
         }
         _ => {}
+    }
+}
+
+/// Number of the rings of all polygons of a GeoJSON document; a hole is a ring.
+fn rings(document: &Value) -> usize {
+    let parts = |name: &str| document[name].as_array().map_or(&[][..], Vec::as_slice);
+    match document["type"].as_str() {
+        Some("Polygon") => parts("coordinates").len(),
+        Some("MultiPolygon") => {
+            parts("coordinates").iter().map(|polygon| polygon.as_array().map_or(0, Vec::len)).sum()
+        }
+        Some("Feature") => rings(&document["geometry"]),
+        _ => parts("features").iter().chain(parts("geometries")).map(rings).sum(),
     }
 }
 

@@ -63,7 +63,9 @@ pub enum WaypointsError {
     Empty { path: String, what: &'static str },
     #[error("{path}: {source}: export the plan or GeoJSON again")]
     Json { path: String, source: serde_json::Error },
-    #[error("{path}: more than one {what}: keep one in each file")]
+    #[error(
+        "{path}: more than one {what}, or a hole or circle beside it: keep one in each file, and holes and circles as polygons to keep out of"
+    )]
     Polygons { path: String, what: &'static str },
 }
 

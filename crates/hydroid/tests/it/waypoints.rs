@@ -127,5 +127,12 @@ fn missions_of_autopilots_are_routes_and_fences() {
     assert!(about("{\"type\": 3}", Purpose::Route).unwrap_err().contains("no way-points"));
     assert!(about("QGC WPL 110\n0 1 0 16 0 0\n", Purpose::Route).unwrap_err().contains("line 2"));
     let two = plan.replace("\"inclusion\": false", "\"inclusion\": true");
-    assert!(about(&two, Purpose::KeepIn).unwrap_err().contains("more than one inclusion polygon"));
+    let circle = plan.replace(r#""circles": []"#, r#""circles": [{"inclusion": true, "circle": {}}]"#);
+    let hole = ring.replace("]]]", "]], [[9.0, 50.0], [9.0, 50.001], [9.001, 50.0], [9.0, 50.0]]]");
+    let apart = format!(r#"{{"type": "GeometryCollection", "geometries": [{ring}, {ring}]}}"#);
+    let six = fence.replace(" 5001 3 ", " 5001 6 ");
+    for text in [&two, &circle, &hole, &apart, &six] {
+        let error = about(text, Purpose::KeepIn).unwrap_err();
+        assert!(error.contains("more than one inclusion polygon"), "{error}");
+    }
 }
