@@ -69,9 +69,11 @@ fn compare(args: &Manoeuvre, model: &Model, global: Global) -> anyhow::Result<Ou
         let report = ComparisonReport { command: &command, model: &model, comparisons: &all };
         report.write(folder, &document)?;
     }
+    let is_valid = all.iter().all(|comparison| comparison.tracks[1].not_valid.is_none());
+    let outcome = if is_valid { Outcome::Done } else { Outcome::Missed };
     if global.json {
         super::print_json(&document)?;
-        return Ok(Outcome::Done);
+        return Ok(outcome);
     }
     for comparison in &all {
         print_comparison(comparison);
@@ -84,7 +86,7 @@ fn compare(args: &Manoeuvre, model: &Model, global: Global) -> anyhow::Result<Ou
     if let Some(folder) = &args.output {
         outln!("{}: comparisons.json, tracks.csv, report.html", folder.display());
     }
-    Ok(Outcome::Done)
+    Ok(outcome)
 }
 
 fn print_comparison(comparison: &Comparison) {
