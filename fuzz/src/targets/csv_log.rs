@@ -1,5 +1,6 @@
 //! Logs.
 
+use hydroid::boat::Boat;
 use hydroid::log::{
     ChannelSpec, CommandTiming, InputDelay, PrepareOptions, Selection, inspect, prepare, read_from, rows,
     split_runs,
@@ -38,7 +39,7 @@ pub fn csv_log(bytes: &[u8]) {
             assert!(run.dt > 0.0 && run.t0.is_finite() && run.outputs.len() == run.inputs.len());
             assert!((0..run.len()).all(|k| run.inputs.row(k).iter().all(|c| c.is_finite())));
             assert!((0..run.len()).all(|k| !run.outputs.row(k).iter().any(|y| y.is_infinite())));
-            let _ = recognise(run);
+            let _ = recognise(run, &Boat::default());
         }
         // The complete selection reads the log in the same way.
         let again = prepare(std::slice::from_ref(&log), &prepared.selection, &options);

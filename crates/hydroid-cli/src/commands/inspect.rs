@@ -127,7 +127,9 @@ struct TrialInLog {
 fn trials(runs: &[Trajectory]) -> Vec<TrialInLog> {
     let of = |run: &Trajectory| -> Vec<TrialInLog> {
         let time = |sample: usize| run.t0 + sample as f64 * run.dt;
-        let found = recognise(run).into_iter().map(|trial| TrialInLog {
+        let mut boat = Boat::default();
+        boat.find(run.inputs.channels());
+        let found = recognise(run, &boat).into_iter().map(|trial| TrialInLog {
             title: trial.title(),
             from_s: time(trial.executes[0]),
             to_s: time(trial.end),

@@ -2,6 +2,7 @@
 
 use anyhow::{Context as _, bail};
 use hydroid::atomic::{self, Lock};
+use hydroid::log::Note;
 use hydroid::manoeuvre::{self, Comparison, LeftOut, Trial, Trials};
 use hydroid::model::{self, Model};
 use hydroid_report::{ComparisonReport, ManoeuvreReport};
@@ -54,6 +55,7 @@ fn lock(args: &Manoeuvre) -> anyhow::Result<Option<Lock>> {
 
 /// The trials of logs beside their predictions.
 fn compare(args: &Manoeuvre, model: &Model, global: Global) -> anyhow::Result<Outcome> {
+    let scale = args.settings.comparison_scale()?;
     let mut reading = args.log.clone().over(model.description.reading.clone(), &model.description.boat)?;
     let (_, prepared) = logs::prepare(&args.logs, &mut reading, global)
         .with_context(|| logs::cannot_use(&args.plant, model))?;
@@ -63,7 +65,18 @@ fn compare(args: &Manoeuvre, model: &Model, global: Global) -> anyhow::Result<Ou
     let bar = ui::Bar::new("trials", global);
     let all = manoeuvre::compare(&model, &prepared.runs, &mut bar.callback())?;
     drop(bar);
-    let document = json!({ "plant": args.plant, "comparisons": all });
+    let all: Vec<Comparison> = all.into_iter().map(|comparison| comparison.scaled(scale)).collect();
+    let mut document = json!({ "plant": args.plant, "comparisons": all });
+    if scale != 1.0 {
+        document["scale"] = json!(scale);
+        ui::print_notes(
+            &[Note::info(format!(
+                "figures are those of the ship, by Froude's law: lengths {scale} times, times and speeds {:.4} times those of the log",
+                scale.sqrt()
+            ))],
+            global,
+        );
+    }
     if let Some(folder) = &args.output {
         let command = ui::command_line();
         let report = ComparisonReport { command: &command, model: &model, comparisons: &all };

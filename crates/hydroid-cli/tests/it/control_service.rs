@@ -247,7 +247,7 @@ fn outside_the_fence_the_commands_are_neutral() {
         };
         let inside = service.ask(&line(0.0, 54.0002, 10.0));
         assert_ne!(inside["command"]["PP_cmd"], 0.0, "{inside}");
-        for (t, lat, lon) in [(0.1, 54.0002, 10.002), (0.2, 54.0002, 10.0)] {
+        for (t, lat, lon) in [(20.0, 54.0002, 10.002), (20.1, 54.0002, 10.0)] {
             let answer = service.ask(&line(t, lat, lon));
             assert_eq!(answer["control"], "stopped", "{answer}");
             assert_eq!(answer["command"], json!({ "PP_cmd": 0.0, "RD_ang": 0.0 }));

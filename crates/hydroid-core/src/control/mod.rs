@@ -7,6 +7,7 @@
 //! - [`AdaptiveAugmentation`]: feedback linearization with a network that learns the model error online.
 //! - [`cem`]: model predictive control on any predictor.
 //! - [`Liveness`]: how long a command stays in force without measurements.
+//! - [`DeadReckoning`]: whether a pose moves as the velocities say.
 //! - [`Actuators`]: limits of the commands, and inversion of actuator lags ([`actuator`](crate::actuator)).
 //! - [`allocate`]: control allocation, damped near singular configurations; [`allocate_within`]: within bounds.
 
@@ -18,6 +19,7 @@ mod allocate;
 mod autopilot;
 mod backstepping;
 pub mod cem;
+mod dead_reckoning;
 mod equations;
 mod error;
 mod feedback_linearization;
@@ -34,6 +36,7 @@ pub use affine::{Affine, AffinePlant, Motion};
 pub use allocate::{allocate, allocate_within};
 pub use autopilot::{Autopilot, AutopilotOptions, HeadingGains, SpeedGains};
 pub use backstepping::{Backstepping, BacksteppingOptions};
+pub use dead_reckoning::DeadReckoning;
 pub use equations::{AffineEquations, NotAffine};
 pub use error::ControlError;
 pub use feedback_linearization::{FeedbackLinearization, FeedbackLinearizationOptions};

@@ -27,11 +27,13 @@ pub enum Stop {
     NoWay,
     /// It was outside its fence.
     Outside,
+    /// Position or heading contradict the velocities.
+    Contradiction,
 }
 
 impl Stop {
     /// All causes.
-    pub const ALL: [Self; 3] = [Self::Task, Self::NoWay, Self::Outside];
+    pub const ALL: [Self; 4] = [Self::Task, Self::NoWay, Self::Outside, Self::Contradiction];
 
     /// The cause in words.
     pub const fn text(self) -> &'static str {
@@ -39,6 +41,7 @@ impl Stop {
             Self::Task => "the vessel does not come to its task",
             Self::NoWay => "there is no way to the task within the fence",
             Self::Outside => "the vessel is outside the fence",
+            Self::Contradiction => "position or heading contradict the velocities",
         }
     }
 }
@@ -70,7 +73,7 @@ impl Mode {
 /// | approach | the time of the way is over | stopped |
 /// | approach, on task | a new way is the fourth one in a row that is no shorter than the best one | stopped |
 /// | on task | the end of the task | arrived |
-/// | blind, approach, on task | the vessel is outside its fence, or no way stays within it | stopped |
+/// | blind, approach, on task | the vessel is outside its fence, no way stays within it, or its pose contradicts the velocities for long | stopped |
 ///
 /// *Off its way* is a distance from the reference above the tolerance. A way has twice its planned time and ten times the
 /// patience. Ways count as shorter by the progress at least, so that the number of ways, and with it the time in which the

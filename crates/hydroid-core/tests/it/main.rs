@@ -8,6 +8,7 @@ mod controllers;
 mod craft;
 mod current;
 mod damped;
+mod dead_reckoning;
 mod dense;
 mod direct;
 mod guard;

@@ -158,6 +158,7 @@ impl<L: Link> Boat<L> {
 
     fn view_sensors(&self, now_ns: i64) -> Vec<Value> {
         let now = seconds(self.begun_ns, now_ns);
+        let max_age_s = self.settings.control.max_age.map(|age| age.0);
         let sensors = self.motion.health().iter().map(|sensor| {
             json!({
                 "name": sensor.name,
@@ -166,6 +167,7 @@ impl<L: Link> Boat<L> {
                 "age_s": now - sensor.last,
                 "latency_ms": self.delays_ns[sensor.topic] / 1e6,
                 "outliers": sensor.outliers,
+                "contradicts": sensor.contradicts(max_age_s),
             })
         });
         sensors.collect()

@@ -25,6 +25,10 @@ const DOUBTFUL_S: f64 = 30.0;
 /// Widths of its range by which a command may lie outside it: the limit beyond which a rollout counts as diverged.
 const MOST_WIDTHS: f64 = 10.0;
 
+/// Part of the range of an actuator by which an echoed command may be rounded, and by which it is another command.
+const BEYOND: f64 = 0.01;
+const UNLIKE: f64 = 0.05;
+
 /// The commands that an input accepts. An input that hardly moved in the training has the scale of its values, at least 1
 /// in its unit, as the range of a constant channel.
 fn bounds(port: &Port) -> [f64; 2] {
@@ -55,6 +59,10 @@ pub(crate) struct Follower {
     names: Vec<String>,
     /// Accepted commands.
     bounds: Vec<[f64; 2]>,
+    /// Places of the inputs that are commanded.
+    commanded: Vec<usize>,
+    /// Time at which the commands that acted were last those of the answers \[s\].
+    agreed: f64,
     options: PrepareOptions,
     max_gap_s: f64,
     /// Whether the unit of the time is not stated.
@@ -88,6 +96,8 @@ impl Follower {
             note: String::new(),
             names: names(model),
             bounds: model.description.inputs.iter().map(bounds).collect(),
+            commanded: commanded(model).map(|(place, ..)| place).collect(),
+            agreed: f64::NAN,
             options,
             max_gap_s,
             time_is_unstated: false,
@@ -104,9 +114,15 @@ impl Follower {
             self.options.command_timing = CommandTiming::After;
             self.commands = Commands::new(inputs, dt, CommandTiming::After, self.options.input_delay)?;
         }
-        // The limits of the actuators are stated, and need not be those of the training.
-        for ([low, high], limits) in self.bounds.iter_mut().zip(pilot.limits()) {
-            (*low, *high) = (low.min(limits.low), high.max(limits.high));
+        // The limits of the actuators are those of the boat, and need not be those of the training.
+        for (place, limits) in pilot.limits().iter().enumerate() {
+            let [low, high] = &mut self.bounds[place];
+            if self.commanded.contains(&place) {
+                let rounding = BEYOND * (limits.high - limits.low);
+                (*low, *high) = (limits.low - rounding, limits.high + rounding);
+            } else {
+                (*low, *high) = (low.min(limits.low), high.max(limits.high));
+            }
         }
         self.session.steer_by(pilot);
         Ok(())
@@ -120,14 +136,14 @@ impl Follower {
             std::iter::once((&mut sample.inputs[..], false)).chain(plan.map(|row| (row, true)))
         {
             let ports = self.bounds.iter().zip(&self.model.description.inputs);
-            for (command, ([low, high], port)) in row.iter_mut().zip(ports) {
-                if *command < *low || *command > *high {
+            for (command, (&[low, high], port)) in row.iter_mut().zip(ports) {
+                if *command < low || *command > high {
                     let what = if is_plan { "planned command" } else { "command" };
                     say(
                         &mut self.note,
                         format_args!(
-                            "the {what} {} = {command:e} is far outside its range of {} to {} and was refused",
-                            port.channel.name, port.range.low, port.range.high
+                            "the {what} {} = {command:e} is beyond {low} to {high} and was refused",
+                            port.channel.name
                         ),
                     );
                     *command = f64::NAN;
@@ -136,8 +152,36 @@ impl Follower {
         }
     }
 
+    /// Says that the commands that acted are not those of the answers, for longer than measurements may be old.
+    fn compare_commands(&mut self, sample: &Sample) {
+        let Some(pilot) = self.session.pilot() else { return };
+        let ports = &self.model.description.inputs;
+        let mut other = None;
+        for &place in &self.commanded {
+            let (acted, answered) = (sample.inputs[place], pilot.command()[place]);
+            let width = pilot.limits()[place].high - pilot.limits()[place].low;
+            if (acted - answered).abs() > UNLIKE * width {
+                other = Some((&ports[place].channel.name, acted, answered));
+            }
+        }
+        let Some((name, acted, answered)) = other.filter(|_| !self.agreed.is_nan()) else {
+            self.agreed = sample.t;
+            return;
+        };
+        let since = sample.t - self.agreed;
+        if since > pilot.liveness().limit_s() {
+            say(
+                &mut self.note,
+                format_args!(
+                    "the commands are not carried out: {name} was {acted} where {answered} was answered, for {since:.1} s"
+                ),
+            );
+        }
+    }
+
     /// Advances to a sample on the grid, and collects remarks.
     pub(crate) fn follow(&mut self, sample: &Sample) -> Status {
+        self.compare_commands(sample);
         let before = self.clock.seen();
         let arrival = self.clock.arrive(sample.t);
         match arrival {
@@ -298,6 +342,24 @@ impl Follower {
         if let Some(stop) = pilot.stop() {
             let why = stop.text();
             say(&mut self.note, format_args!("{why}: the commands rest until the service is started anew"));
+        }
+        let [position_m, heading_rad] = pilot.contradicted();
+        if position_m > 0.0 {
+            say(
+                &mut self.note,
+                format_args!(
+                    "the position is {position_m:.1} m from where heading, u and v have led, and is not used: one of them is wrong"
+                ),
+            );
+        }
+        if heading_rad > 0.0 {
+            let heading_deg = heading_rad.to_degrees();
+            say(
+                &mut self.note,
+                format_args!(
+                    "the heading is {heading_deg:.0} deg from where r has led, and is not used: one of them is wrong"
+                ),
+            );
         }
         let Some(oldest) = pilot.lost().map(|(_, age)| age).reduce(f64::max) else { return };
         let names: Vec<&str> = pilot.lost().map(|(name, _)| name).collect();

@@ -129,9 +129,12 @@ impl Place<'_> {
             let [x, y, psi] = [read(&pose.sources[0])?, read(&pose.sources[1])?, read(&pose.sources[2])?];
             let [x, y] = self.local(pose, [x, y])?;
             let column = &self.layout.names[pose.sources[2].column];
-            if pose.sources[2].channel.unit.is_empty() && psi.abs() > 2.0 * std::f64::consts::TAU {
+            // A heading that counts its turns stays below this for hours.
+            let most =
+                if pose.sources[2].channel.unit.is_empty() { 2.0 * std::f64::consts::TAU } else { 100.0 };
+            if psi.abs() > most {
                 return Err(self.bad(format!(
-                    "column `{column}`: a heading of {psi} without a unit is more than two turns in radians: if it counts degrees, name the column `{column} [deg]`"
+                    "column `{column}`: a heading of {psi} rad is too large: if it counts degrees, name the column `{column} [deg]`"
                 )));
             }
             sample.pose = [x, y, psi];

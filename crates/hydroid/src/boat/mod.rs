@@ -164,7 +164,7 @@ pub enum Evidence {
     Response(String),
     /// The name of the input, which the response of the model contradicts.
     Contradicted(String),
-    /// The input was constant in the logs.
+    /// The input was constant in the logs, or a shaft speed varied by less than 2 % of it.
     Constant,
     /// Parameters of the autopilot, as in `SERVO1_FUNCTION = 73`.
     Parameter(String),
@@ -189,7 +189,7 @@ impl fmt::Display for Evidence {
                     key("role")
                 )
             }
-            Self::Constant => f.write_str("it was constant in the logs"),
+            Self::Constant => f.write_str("it was constant, or nearly so, in the logs"),
             Self::Parameter(text) | Self::Convention(text) | Self::Log(text) => f.write_str(text),
         }
     }

@@ -1,7 +1,9 @@
 //! Steering on board: from each sample to a command.
 
 use hydroid_core::actuator::Limits;
-use hydroid_core::control::{Liveness, Mode, Place, Status, Stop, Supervisor, SupervisorLimits};
+use hydroid_core::control::{
+    DeadReckoning, Liveness, Mode, Place, Status, Stop, Supervisor, SupervisorLimits,
+};
 use hydroid_core::memory::Memory;
 
 use super::controller::{ClosedLoopController, ModelSession};
@@ -15,7 +17,7 @@ use crate::key::key;
 pub const QUANTITIES: [&str; 5] = ["position", "heading", "u", "v", "r"];
 
 /// A controller on its way to a task and along it, under a [`Supervisor`]. It keeps the pose: a missing position or heading is
-/// predicted from the velocities. While a [quantity](QUANTITIES) is older than the limit, the commands have their neutral
+/// predicted from the velocities; one that [contradicts](DeadReckoning) them counts as missing. While a [quantity](QUANTITIES) is older than the limit, the commands have their neutral
 /// values, and the controller is blind.
 pub struct Pilot {
     law: Box<dyn ClosedLoopController>,
@@ -30,6 +32,7 @@ pub struct Pilot {
     eta: [f64; 3],
     nu: [f64; 3],
     liveness: Liveness<5>,
+    reckoning: DeadReckoning,
     supervisor: Supervisor,
     /// Radius of the turns on the way to the task \[m\].
     turning_radius: f64,
@@ -86,6 +89,7 @@ impl Pilot {
         let sharpest = track.path.pieces().iter().map(|piece| piece.curvature.abs()).fold(0.0, f64::max);
         let turning_radius = options.turning_radius.min(1.0 / sharpest);
         let limits = SupervisorLimits::new(options.max_age_s, options.tolerance, track.cruise);
+        let track_speed = track.cruise;
         let guidance = Guidance::new(track, law.as_ref(), options.dt_s);
         let measured = &options.instruments.measured;
         let place = |name: &str| measured.iter().position(|channel| channel.name == name);
@@ -108,6 +112,7 @@ impl Pilot {
             eta: [f64::NAN; 3],
             nu: [0.0; 3],
             liveness: Liveness::new(options.max_age_s),
+            reckoning: DeadReckoning::new(track_speed, limits.stall_s),
             supervisor: Supervisor::new(limits),
             turning_radius,
             set_out: 0.0,
@@ -156,6 +161,12 @@ impl Pilot {
         ages.filter(|(_, age)| self.liveness.is_beyond(*age))
     }
 
+    /// Distances of the measured position \[m\] and heading \[rad\] from those to which the velocities have led, where they
+    /// [contradict](DeadReckoning) each other and do not count as measured; 0 otherwise.
+    pub const fn contradicted(&self) -> [f64; 2] {
+        self.reckoning.off()
+    }
+
     /// Time passes \[s\] without a sample; infinite if it is not known how much. The commands come to rest if it is too long.
     pub fn pass(&mut self, seconds: f64) {
         self.liveness.pass(seconds);
@@ -200,10 +211,15 @@ impl Pilot {
             Elapsed::Steps(steps) => steps as f64 * self.dt_s,
             Elapsed::Gap(gap_s) => gap_s,
         };
-        let [x, y, psi] = seen.pose.map(f64::is_finite);
+        if !matches!(elapsed, Elapsed::Steps(_)) {
+            self.reckoning.reset();
+        }
+        let mut pose = seen.pose;
+        self.reckoning.take(elapsed_s, self.nu, &mut pose);
+        let [x, y, psi] = pose.map(f64::is_finite);
         let [u, v, r] = self.motion.map(|place| !seen.outputs[place].is_nan());
         self.liveness.take(elapsed_s, [x && y, psi, u, v, r]);
-        self.locate(elapsed_s, seen);
+        self.locate(elapsed_s, pose);
         for (nu, place) in self.nu.iter_mut().zip(self.motion) {
             let measured = seen.outputs[place];
             *nu = if measured.is_nan() { seen.estimate[place] } else { measured };
@@ -221,6 +237,9 @@ impl Pilot {
         }
         if self.guidance.track().fence.margin([self.eta[0], self.eta[1]]) < 0.0 {
             self.supervisor.stop(Stop::Outside);
+        }
+        if self.reckoning.is_unsettled() {
+            self.supervisor.stop(Stop::Contradiction);
         }
         if self.supervisor.begin(self.liveness.is_alive(), elapsed_s) {
             if let Some([left_m, duration_s]) = self.guidance.plan(self.eta, self.nu, self.turning_radius) {
@@ -277,7 +296,7 @@ impl Pilot {
     }
 
     /// Takes the measured pose, or predicts missing parts with the last velocities.
-    fn locate(&mut self, elapsed_s: f64, seen: &Seen<'_>) {
+    fn locate(&mut self, elapsed_s: f64, pose: [f64; 3]) {
         let [x, y, psi] = self.eta;
         let [u, v, r] = self.nu;
         let turned = r * elapsed_s;
@@ -285,8 +304,8 @@ impl Pilot {
         let predicted =
             [x + elapsed_s * (u * cos - v * sin), y + elapsed_s * (u * sin + v * cos), psi + turned];
         for (part, range) in [0..2, 2..3].into_iter().enumerate() {
-            if seen.pose[range.clone()].iter().all(|x| x.is_finite()) {
-                self.eta[range.clone()].copy_from_slice(&seen.pose[range]);
+            if pose[range.clone()].iter().all(|x| x.is_finite()) {
+                self.eta[range.clone()].copy_from_slice(&pose[range]);
             } else {
                 let is_lost = self.liveness.is_beyond(self.liveness.ages_s()[part]);
                 for i in range {
@@ -303,6 +322,7 @@ impl Pilot {
         memory.numbers(&mut self.eta);
         memory.numbers(&mut self.nu);
         self.liveness.visit_state(memory);
+        self.reckoning.visit_state(memory);
         memory.numbers(&mut self.command);
         self.supervisor.visit_state(memory);
         memory.number(&mut self.set_out);

@@ -297,6 +297,25 @@ impl Manoeuvre {
         Ok(kinds)
     }
 
+    /// The scale of trials in logs, of which nothing else is stated.
+    ///
+    /// # Errors
+    /// If an option of simulated trials is given.
+    pub fn comparison_scale(&self) -> Result<f64, SettingError> {
+        let others = Self { scale: None, ..self.clone() };
+        if others != Self::default() {
+            return wrong(format!(
+                "trials in logs have their own speed, commands and length of time, and no criteria: of the options of trials, only {} is used with logs; leave the others out, or the logs",
+                key("scale")
+            ));
+        }
+        let scale = self.options()?.scale;
+        if !(scale.is_finite() && scale > 0.0) {
+            return wrong(format!("{}: give a number greater than 0", key("scale").is(scale)));
+        }
+        Ok(scale)
+    }
+
     fn options(&self) -> Result<TrialOptions, SettingError> {
         let default = TrialOptions::default();
         if self.speed.is_some() && self.propulsion.is_some() {

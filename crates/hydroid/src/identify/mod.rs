@@ -297,11 +297,26 @@ fn try_identify(job: &Job, watch: OnStage<'_>) -> Result<IdentifyResult, Identif
     })
 }
 
-/// Completes the boat of a model by what its inputs do; a constant input is a setting.
+/// Standard deviation of a measured shaft speed, relative to its mean, up to which it is that of one order.
+const STEADY: f64 = 0.02;
+
+/// Completes the boat of a model by what its inputs do; a constant input is a setting, and so is a shaft speed that hardly
+/// varies.
 fn describe_boat(candidate: &mut Candidate, train: &[&Trajectory]) {
     let d = &mut candidate.model.description;
     for (c, port) in d.inputs.iter().enumerate() {
-        if is_constant(train.iter().map(|run| &run.inputs), c) {
+        let mut named = Boat::default();
+        named.find(std::slice::from_ref(&port.channel));
+        // Pulse widths are far from zero at rest.
+        let is_shaft = named.role(&port.channel.name) == Some(Role::Propulsion) && port.channel.unit != "s";
+        let is_steady = || {
+            let values = || train.iter().flat_map(|run| run.inputs.column(c));
+            let count = values().count() as f64;
+            let mean = values().sum::<f64>() / count;
+            let variance = values().map(|x| (x - mean) * (x - mean)).sum::<f64>() / count;
+            variance.sqrt() <= STEADY * mean.abs()
+        };
+        if is_constant(train.iter().map(|run| &run.inputs), c) || (is_shaft && is_steady()) {
             d.boat.found_role(&port.channel.name, Role::Setting, Evidence::Constant);
         }
     }

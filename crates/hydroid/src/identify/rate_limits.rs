@@ -1,6 +1,6 @@
 //! Limits of the rates of actuators: stated, or found by cross-validation.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::ops::ControlFlow;
 
 use serde::{Deserialize, Serialize};
@@ -11,6 +11,7 @@ use super::options::{Keyword, keyword_or_list};
 use super::through_water::in_water;
 use super::training::train_by;
 use super::{CrossValidation, IdentifyError, Job, Method, Parts};
+use crate::boat::Role;
 use crate::committee::currents::Currents;
 use crate::committee::rate_limits;
 use crate::evaluate::{self, evaluate_each};
@@ -116,15 +117,21 @@ pub(super) fn find(
     let channels = parts.train[0].inputs.channels();
     match &job.rate_limits {
         RateLimitOption::Keyword(Keyword::None) => Ok(vec![None; channels.len()]),
-        // Few training runs beside validation runs are not enough for the choice.
-        RateLimitOption::Keyword(Keyword::Auto) if parts.folds.is_none() => Ok(vec![None; channels.len()]),
         RateLimitOption::Keyword(Keyword::Auto) => {
+            let gears = gears(job, &parts.train, channels);
+            notes.extend(note_of_gears(channels, &gears));
+            // Few training runs beside validation runs are not enough for the choice.
+            if parts.folds.is_none() {
+                return Ok(gears);
+            }
             let of_training = Split { validation: Vec::new(), test: Vec::new(), ..job.split.clone() };
             let job = job.with_split(of_training);
             let job = found.map_or_else(|| Ok(job.clone()), |found| in_water(&job, found))?;
             let rates = search(&job, parts, progress)?;
+            let rates: Vec<Option<f64>> =
+                rates.into_iter().zip(&gears).map(|(rate, gear)| rate.filter(|_| gear.is_none())).collect();
             notes.extend(note(channels, &rates));
-            Ok(rates)
+            Ok(rates.into_iter().zip(gears).map(|(rate, gear)| gear.or(rate)).collect())
         }
         RateLimitOption::Fixed(given) => {
             let mut rates = vec![None; channels.len()];
@@ -135,6 +142,60 @@ pub(super) fn find(
             Ok(rates)
         }
     }
+}
+
+/// Part of its range over which the rate of an input is measured, so that noise does not count.
+const PART: f64 = 0.25;
+
+/// Samples in which an order passes this part of the range, if it was averaged over the samples.
+const STEP: usize = 2;
+
+/// The fastest rates \[unit/s\] of inputs that steer and never step: measured angles of steering gears. Steps of a trial would
+/// be faster than anything in the logs.
+fn gears(job: &Job, train: &[&Trajectory], channels: &[Channel]) -> Vec<Option<f64>> {
+    let mut boat = job.boat.clone();
+    boat.find(channels);
+    let rate = |c: usize| {
+        let values = || train.iter().flat_map(|run| run.inputs.column(c));
+        let (low, high) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+        let part = PART * (high - low);
+        let shortest = train.iter().filter_map(|run| shortest_change(run.inputs.column(c), part)).min()?;
+        let fastest = train.iter().flat_map(|run| {
+            let values: Vec<f64> = run.inputs.column(c).collect();
+            let changes = values.iter().zip(values.iter().skip(shortest)).map(|(a, b)| (b - a).abs());
+            changes.collect::<Vec<_>>()
+        });
+        let change = fastest.fold(0.0, f64::max);
+        (shortest > STEP && part > 0.0).then(|| change / (shortest as f64 * train[0].dt))
+    };
+    let steers = |channel: &Channel| boat.role(&channel.name) == Some(Role::Steering);
+    channels.iter().enumerate().map(|(c, channel)| rate(c).filter(|_| steers(channel))).collect()
+}
+
+/// The fewest samples in which values change by `change`; `None` if they never do.
+fn shortest_change(values: impl Iterator<Item = f64>, change: f64) -> Option<usize> {
+    // The values since `from` whose later ones are all lower, and all higher: the first of each is the extreme one.
+    let (mut highest, mut lowest) = (VecDeque::<(usize, f64)>::new(), VecDeque::<(usize, f64)>::new());
+    let mut shortest = None;
+    for (k, x) in values.enumerate() {
+        while highest.pop_back_if(|(_, high)| *high <= x).is_some() {}
+        while lowest.pop_back_if(|(_, low)| *low >= x).is_some() {}
+        highest.push_back((k, x));
+        lowest.push_back((k, x));
+        while let (Some(high), Some(low)) = (highest.front(), lowest.front()) {
+            if high.1 - low.1 < change {
+                break;
+            }
+            let taken = high.0.abs_diff(low.0);
+            shortest = Some(shortest.map_or(taken, |least: usize| least.min(taken)));
+            let oldest = if high.0 < low.0 { &mut highest } else { &mut lowest };
+            oldest.pop_front();
+            if highest.is_empty() || lowest.is_empty() {
+                break;
+            }
+        }
+    }
+    shortest
 }
 
 /// The limits that a single regression suggests, of which each must reduce the cross-validated error of a committee by more
@@ -225,8 +286,29 @@ pub(super) fn limited(job: &Job, rates: &[Option<f64>]) -> Option<Job> {
     })
 }
 
+/// What is said about measured angles.
+fn note_of_gears(channels: &[Channel], rates: &[Option<f64>]) -> Option<Note> {
+    let found = listed(channels, rates)?;
+    let message = format!(
+        "an input that steers never steps, as the measured angle of a steering gear: in trials and simulations it turns at the \
+         fastest rate of the logs, {found}"
+    );
+    let rate_limit = || key("rate_limit");
+    let remedy = format!("state the rate of the gear with {}, or {}", rate_limit(), rate_limit().is("none"));
+    Some(Note::info(message).with_remedy(remedy))
+}
+
 /// What was found, for the user.
 fn note(channels: &[Channel], rates: &[Option<f64>]) -> Option<Note> {
+    let found = listed(channels, rates)?;
+    let message = format!("limits of the rates of actuators reduce the cross-validated error: {found}");
+    let rate_limit = || key("rate_limit");
+    let remedy = format!("state the true limits with {}, or {}", rate_limit(), rate_limit().is("none"));
+    Some(Note::info(message).with_remedy(remedy))
+}
+
+/// Rates by name; `None` without one.
+fn listed(channels: &[Channel], rates: &[Option<f64>]) -> Option<String> {
     let limit = |(channel, rate): (&Channel, &Option<f64>)| {
         let (rate, unit) = match ((*rate)?, channel.unit.as_str()) {
             (rate, "rad") => (rate.to_degrees(), "deg"),
@@ -236,11 +318,5 @@ fn note(channels: &[Channel], rates: &[Option<f64>]) -> Option<Note> {
         Some(format!("{} {rate:.3} {unit}/s", channel.name))
     };
     let found: Vec<String> = channels.iter().zip(rates).filter_map(limit).collect();
-    (!found.is_empty()).then(|| {
-        let found = found.join(", ");
-        let message = format!("limits of the rates of actuators reduce the cross-validated error: {found}");
-        let rate_limit = || key("rate_limit");
-        let remedy = format!("state the true limits with {}, or {}", rate_limit(), rate_limit().is("none"));
-        Note::info(message).with_remedy(remedy)
-    })
+    (!found.is_empty()).then(|| found.join(", "))
 }

@@ -164,8 +164,9 @@ pub enum LogError {
     )]
     MixedTime { path: String, line: u64, column: String, text: String },
     #[error(
-        "{path}, column `{column}`: the usual step is {step}, too long for a moving vessel if it counts seconds, and no unit is stated; state it: {} for milliseconds, {} for seconds",
+        "{path}, column `{column}`: the usual step is {step}, not that of a log of a vessel if it counts seconds, and no unit is stated; state it: {} for milliseconds, {} for days, {} for seconds",
         key("time").is(format_args!("{column} [ms]")),
+        key("time").is(format_args!("{column} [d]")),
         key("time").is(format_args!("{column} [s]"))
     )]
     SlowClock {

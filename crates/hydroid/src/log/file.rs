@@ -15,6 +15,8 @@ use crate::key::key;
 
 /// Longest usual step \[s\] of a clock without a unit.
 const LONGEST_UNSTATED_S: f64 = 30.0;
+/// Shortest one: a log of a vessel has less than a thousand samples per second. Days of a spreadsheet are below it.
+const SHORTEST_UNSTATED_S: f64 = 5e-4;
 /// A step below this share of the step of the log causes a warning.
 const FINER: f64 = 0.99;
 /// A step below this share of the step of the log (one half, with a margin for rounding) is an error.
@@ -43,7 +45,9 @@ impl<'a> File<'a> {
             return Err(too_short(&columns));
         }
         let usual = Clock::usual_step(&columns.t).ok_or_else(|| too_short(&columns))?;
-        if let Some(column) = columns.unstated.clone().filter(|_| usual > LONGEST_UNSTATED_S) {
+        if let Some(column) =
+            columns.unstated.clone().filter(|_| !(SHORTEST_UNSTATED_S..=LONGEST_UNSTATED_S).contains(&usual))
+        {
             return Err(LogError::SlowClock { path: columns.path.clone(), column, step: usual });
         }
         let default_s = gaps::default_limit(&columns, usual, options.dt, notes);

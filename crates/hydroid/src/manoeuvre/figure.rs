@@ -68,6 +68,14 @@ impl Figure {
         }
     }
 
+    /// Without a value, if it is one of those that the sway velocity decides.
+    pub(super) fn without_sway(&mut self, names: &[&str]) {
+        if names.contains(&self.name.as_ref()) {
+            (self.value, self.interval) = (None, None);
+            self.not_valid = Some(NO_SWAY.to_owned());
+        }
+    }
+
     /// What stands in place of a value.
     pub const fn missing(&self) -> &'static str {
         if self.not_valid.is_some() { "not valid" } else { "not reached" }
@@ -110,6 +118,13 @@ impl Figure {
     }
 }
 
+/// Figures without a value where the sway velocity is not known, and those among them that a simulation without sway has.
+pub(super) const NO_SWAY_FIGURES: [&str; 4] =
+    ["drift_angle_deg", "advance_m", "transfer_m", "tactical_diameter_m"];
+
+/// Why.
+pub(super) const NO_SWAY: &str = "there is no sway velocity v";
+
 /// Least number of members for an interval.
 const LEAST_MEMBERS: usize = 5;
 
@@ -126,7 +141,9 @@ pub(super) fn set_intervals(figures: &mut [Figure], members: &[&[Figure]]) -> us
         // An interval over the members that reach the value would hide the others.
         if values.len() == members.len() && figure.value.is_some() {
             values.sort_unstable_by(f64::total_cmp);
-            figure.interval = Some(QUANTILES.map(|q| quantile(&values, q)));
+            let [low, high] = QUANTILES.map(|q| quantile(&values, q));
+            // The estimate is not that of a member, and may lie beside all of them.
+            figure.interval = figure.value.map(|value| [low.min(value), high.max(value)]);
         }
     }
     members.len()
@@ -217,7 +234,7 @@ impl Figures for Acceleration {
 impl Figures for Stopping {
     fn figures(&self) -> Vec<Figure> {
         vec![
-            Figure::new("end_speed_m_s", self.end_speed_m_s),
+            Figure::new("end_speed_m_s", self.time_s.map(|_| self.end_speed_m_s)),
             Figure::new("stopping_time_s", self.time_s),
             Figure::new("track_reach_m", self.track_reach_m),
             Figure::new("head_reach_m", self.head_reach_m),

@@ -1,44 +1,21 @@
-//! Trials in logs: recognised by commands and heading, and compared with the model's prediction from their first sample.
+//! Trials in logs, compared with the model's prediction from their first sample.
 
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::TAU;
 use std::io::{self, BufWriter, Write};
 
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::error::ManoeuvreError;
-use super::figure::{Figure, Figures, set_intervals};
+use super::figure::{Figure, Figures, NO_SWAY_FIGURES, set_intervals};
+use super::recognised::{Recognised, RecognisedKind, recognise};
 use super::track::Track;
 use super::turning_circle::TurningCircle;
 use super::zigzag::Zigzag;
 use crate::log::{Shortest, Trajectory};
 use crate::model::{MOTION, Model};
-use crate::plant::{PlantError, Simulation, current_before};
+use crate::plant::{PlantError, Simulation, current_before, find_roles};
 use crate::progress::{Progress, report};
-
-/// A trial in a run.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Recognised {
-    /// Kind of the trial.
-    pub kind: RecognisedKind,
-    /// Samples at which the commands change, the first of which begins the trial.
-    pub executes: Vec<usize>,
-    /// Last sample.
-    pub end: usize,
-    /// Change of the heading in a turn, or at which a zigzag is reversed (the mean) \[deg\]; positive if the vessel turns to
-    /// starboard first.
-    pub heading_deg: f64,
-}
-
-/// Kind of a recognised trial.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum RecognisedKind {
-    /// A turn by at least 90 degrees under constant commands.
-    TurningCircle,
-    /// Commands that alternate between two values, and are reversed at about the same change of heading to either side.
-    Zigzag,
-}
 
 /// A trial in a log beside its prediction.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -52,7 +29,8 @@ pub struct Comparison {
     pub trial: Recognised,
     /// Figures of the measured motion.
     pub measured: Vec<Figure>,
-    /// Figures predicted from the first sample, under the measured commands. A zigzag is reversed at the measured headings.
+    /// Figures predicted from the first sample, under the measured commands. A zigzag is reversed at the measured headings,
+    /// with the commands that were measured after each execute.
     pub predicted: Vec<Figure>,
     /// Current that the prediction assumes, north and east \[m/s\]: the estimate from the samples before the trial.
     pub current: [f64; 2],
@@ -68,143 +46,18 @@ pub struct Comparison {
     pub member_tracks: Vec<Track>,
 }
 
-impl Recognised {
-    /// Kind and size of the trial in words: `zigzag of 20 deg, first to port`.
-    pub fn title(&self) -> String {
-        let side = if self.heading_deg > 0.0 { "starboard" } else { "port" };
-        let size = self.heading_deg.abs();
-        match self.kind {
-            RecognisedKind::TurningCircle => format!("turn by {size:.0} deg to {side}"),
-            RecognisedKind::Zigzag => format!("zigzag of {size:.0} deg, first to {side}"),
-        }
-    }
-}
-
-/// Change of a command, relative to its range, that is a new command.
-const SAME: f64 = 0.01;
-
-/// Least number of commands of a zigzag.
-const LEAST_COMMANDS: usize = 3;
-
-/// Least change of heading at which a zigzag is reversed \[rad\].
-const LEAST_HEADING: f64 = 0.03;
-
 /// Longest past that a prediction takes into account \[samples\].
 const PAST: usize = 2_000;
 
 /// Duration of a prediction relative to that of the measured trial.
 const LONGER: f64 = 1.5;
 
-/// A part of a run with constant commands: first and last sample.
-#[derive(Clone, Copy, Debug)]
-struct Held {
-    from: usize,
-    to: usize,
-}
-
-/// Turning circles and zigzags in a run. A run without the yaw rate `r` has none.
-pub fn recognise(run: &Trajectory) -> Vec<Recognised> {
-    let Some(heading) = heading(run) else { return Vec::new() };
-    let held = held(run);
-    let ranges = ranges(run);
-    let same = |a: &Held, b: &Held| {
-        let (a, b) = (run.inputs.row(a.from), run.inputs.row(b.from));
-        a.iter().zip(b).zip(&ranges).all(|((a, b), range)| (a - b).abs() <= SAME * range)
-    };
-    let mut found = Vec::new();
-    let mut i = 0;
-    while i < held.len() {
-        let zigzag = zigzag_length(&held[i..], &heading, same);
-        if zigzag >= LEAST_COMMANDS {
-            let part = &held[i..i + zigzag];
-            let start = heading[part[0].from];
-            let at = |held: &Held| heading[held.from] - start;
-            let first = at(&part[1]);
-            let mean = part[1..].iter().map(|held| at(held).abs()).sum::<f64>() / (zigzag - 1) as f64;
-            found.push(Recognised {
-                kind: RecognisedKind::Zigzag,
-                executes: part.iter().map(|held| held.from).collect(),
-                end: part[zigzag - 1].to,
-                heading_deg: (mean * first.signum()).to_degrees(),
-            });
-            i += zigzag;
-            continue;
-        }
-        let change = heading[held[i].to] - heading[held[i].from];
-        if change.abs() >= FRAC_PI_2 {
-            found.push(Recognised {
-                kind: RecognisedKind::TurningCircle,
-                executes: vec![held[i].from],
-                end: held[i].to,
-                heading_deg: change.to_degrees(),
-            });
-        }
-        i += 1;
-    }
-    found
-}
-
-/// Number of parts at the beginning that are a zigzag.
-fn zigzag_length(held: &[Held], heading: &[f64], same: impl Fn(&Held, &Held) -> bool) -> usize {
-    let Some(first) = held.first() else { return 0 };
-    let turned = |k: usize| heading[held[k].from] - heading[first.from];
-    let mut length = 1;
-    while length < held.len() {
-        let reversed = !same(&held[length], &held[length - 1]);
-        let alternates = length < 2 || same(&held[length], &held[length - 2]);
-        let (now, first) = (turned(length), turned(1));
-        let alike = (0.5 * first.abs()..=2.0 * first.abs()).contains(&now.abs());
-        let sides = now.abs() >= LEAST_HEADING
-            && alike
-            && (length < 2 || now.signum() != turned(length - 1).signum());
-        if !(reversed && alternates && sides) {
-            break;
-        }
-        length += 1;
-    }
-    length
-}
-
-/// Parts with constant commands.
-fn held(run: &Trajectory) -> Vec<Held> {
-    let ranges = ranges(run);
-    let mut all: Vec<Held> = Vec::new();
-    for k in 0..run.len() {
-        let same = all.last().is_some_and(|held| {
-            let (first, now) = (run.inputs.row(held.from), run.inputs.row(k));
-            first.iter().zip(now).zip(&ranges).all(|((a, b), range)| (a - b).abs() <= SAME * range)
-        });
-        match all.last_mut() {
-            Some(held) if same => held.to = k,
-            _ => {
-                // The command of the last sample of a part acts up to the first one of the next.
-                if let Some(before) = all.last_mut() {
-                    before.to = k;
-                }
-                all.push(Held { from: k, to: k });
-            }
-        }
-    }
-    all
-}
-
-fn ranges(run: &Trajectory) -> Vec<f64> {
-    let range = |c: usize| {
-        let (low, high) = run
-            .inputs
-            .column(c)
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
-        high - low
-    };
-    (0..run.inputs.width()).map(range).collect()
-}
-
-fn output(run: &Trajectory, name: &str) -> Option<usize> {
+pub(super) fn output(run: &Trajectory, name: &str) -> Option<usize> {
     run.outputs.channels().iter().position(|channel| channel.name == name)
 }
 
 /// Integral of the yaw rate from the first sample on \[rad\]; a missing value keeps the last one.
-fn heading(run: &Trajectory) -> Option<Vec<f64>> {
+pub(super) fn heading(run: &Trajectory) -> Option<Vec<f64>> {
     let r = output(run, MOTION[2])?;
     let mut heading = Vec::with_capacity(run.len());
     let (mut psi, mut before) = (0.0, 0.0);
@@ -278,6 +131,17 @@ fn line(points: impl Iterator<Item = (f64, f64)> + Clone) -> [f64; 2] {
     [y - slope * x, slope]
 }
 
+impl Comparison {
+    /// The comparison of a ship whose lengths are `scale` times those of the vessel in the log, by Froude's law.
+    #[must_use]
+    pub fn scaled(mut self, scale: f64) -> Self {
+        self.measured.iter_mut().chain(&mut self.predicted).for_each(|figure| figure.scale(scale));
+        self.tracks.iter_mut().chain(&mut self.member_tracks).for_each(|track| track.scale(scale));
+        self.current = self.current.map(|velocity| velocity * scale.sqrt());
+        self
+    }
+}
+
 /// The trials of runs beside the predictions of a model.
 ///
 /// # Errors
@@ -287,9 +151,10 @@ pub fn compare(
     runs: &[Trajectory],
     progress: Progress<'_>,
 ) -> Result<Vec<Comparison>, ManoeuvreError> {
+    let boat = find_roles(model);
     let mut all = Vec::new();
     for (i, run) in runs.iter().enumerate() {
-        let trials = recognise(run);
+        let trials = recognise(run, &boat);
         let count = trials.len() as f64;
         for (j, trial) in trials.into_iter().enumerate() {
             report(progress, (i as f64 + j as f64 / count) / runs.len() as f64).map_err(PlantError::from)?;
@@ -308,7 +173,8 @@ fn comparison(
     current: [f64; 2],
 ) -> Result<Option<Comparison>, ManoeuvreError> {
     let start = trial.executes[0];
-    let Some(measured) = Track::measured(run, start, trial.end) else { return Ok(None) };
+    let Some(mut measured) = Track::measured(run, start, trial.end) else { return Ok(None) };
+    measured.current = current;
     let side = trial.heading_deg.signum();
     let figures = |track: &Track, executes: &[usize]| match trial.kind {
         RecognisedKind::TurningCircle => TurningCircle::of(track, side).figures(),
@@ -333,7 +199,15 @@ fn comparison(
     Ok(Some(Comparison {
         run: run.name.clone(),
         at_s: run.t0 + start as f64 * run.dt,
-        measured: figures(&measured, &executes),
+        measured: {
+            let mut of_log = figures(&measured, &executes);
+            if output(run, MOTION[1]).is_none() {
+                for figure in &mut of_log {
+                    figure.without_sway(&NO_SWAY_FIGURES);
+                }
+            }
+            of_log
+        },
         predicted,
         current,
         trial,
@@ -362,6 +236,7 @@ fn predict(
         eta: vec![simulation.eta()],
         nu: vec![simulation.nu_over_ground()],
         steering: vec![f64::NAN],
+        current: simulation.current(),
         ..Track::default()
     };
     let side = trial.heading_deg.signum();
@@ -369,8 +244,11 @@ fn predict(
     // A turn of the measured length, a zigzag with the measured number of commands.
     let mut last = usize::MAX;
     while predicted.len() <= longest.min(last) {
-        let held = run.inputs.row(trial.executes[reversals.len() - 1]);
-        simulation.advance(held);
+        // The commands since the last execute, as they were measured: with the ramps of a rudder, and its jitter.
+        let part = reversals.len() - 1;
+        let until = trial.executes.get(part + 1).map_or(end, |next| *next).max(trial.executes[part] + 1) - 1;
+        let since = predicted.len() - 1 - reversals[part];
+        simulation.advance(run.inputs.row((trial.executes[part] + since).min(until)));
         predicted.not_valid = simulation.not_valid();
         if predicted.not_valid.is_some() {
             break;

@@ -16,7 +16,8 @@ pub struct Spiral {
     /// the motion is not valid.
     pub stable: Option<bool>,
     /// Width of the loop: range of the steering within which the yaw rate depends on the side from which it is reached
-    /// (1 is half of all steering); 0 for a stable vessel. Its resolution is a step of the trial.
+    /// (1 is half of all steering); 0 for a stable vessel. Its resolution is a step of the trial, less than a hundredth
+    /// of the steering about straight ahead.
     pub loop_width: Option<f64>,
     /// Height of the loop: largest difference of the yaw rates at the same steering \[deg/s\].
     pub loop_height_deg_s: Option<f64>,
@@ -40,7 +41,8 @@ pub struct SpiralPoint {
 const STEADY: f64 = 1e-4;
 
 /// Simulates a direct spiral: the steering goes from `s` to starboard in `steps` steps to port and back, each held until the
-/// yaw rate is constant or `longest_s` have passed.
+/// yaw rate is constant or `longest_s` have passed. The steps grow with the steering, so that a narrow loop about straight ahead is
+/// seen.
 ///
 /// # Errors
 /// If `steps` is zero.
@@ -57,8 +59,12 @@ pub fn spiral(
     }
     let mut simulation = approach.simulation.clone();
     let s = s.abs();
-    let down = (0..=steps).map(|k| s * (1.0 - 2.0 * f64::from(k) / f64::from(steps)));
-    let up = (0..steps).rev().map(|k| s * (1.0 - 2.0 * f64::from(k) / f64::from(steps)));
+    let at = |k: u32| {
+        let share = 1.0 - 2.0 * f64::from(k) / f64::from(steps);
+        s * share * share.abs()
+    };
+    let down = (0..=steps).map(at);
+    let up = (0..steps).rev().map(at);
     let mut points = Vec::new();
     // A hundredth of the largest yaw rate so far.
     let mut fastest = 0.0_f64;
@@ -108,9 +114,9 @@ impl Spiral {
         let difference =
             |k: usize| (points[k].yaw_rate_deg_s - points[points.len() - 1 - k].yaw_rate_deg_s).abs();
         let inside: Vec<usize> = (0..half).filter(|&k| difference(k) > LOOP * range).collect();
-        let step = if half > 0 { (points[0].steering - points[1].steering).abs() } else { 0.0 };
-        // Hysteresis is one contiguous part of the steering; each of its points stands for a step.
-        let loop_width = inside.len() as f64 * step;
+        // Hysteresis is one contiguous part of the steering; each of its points stands for half of the steps beside it.
+        let step = |k: usize| 0.5 * (points[k.saturating_sub(1)].steering - points[k + 1].steering).abs();
+        let loop_width = inside.iter().map(|&k| step(k)).sum::<f64>();
         let loop_height_deg_s = inside.iter().map(|&k| difference(k)).fold(0.0, f64::max);
         let grows = points[..=half]
             .windows(2)

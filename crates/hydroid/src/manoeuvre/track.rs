@@ -18,6 +18,8 @@ pub struct Track {
     pub steering: Vec<f64>,
     /// Propulsion: 1 is full ahead.
     pub propulsion: f64,
+    /// Velocity of the water, north and east \[m/s\].
+    pub current: [f64; 2],
     /// Why the motion after the last sample is not valid.
     pub not_valid: Option<String>,
     /// Sample at which the trial begins, after the approach.
@@ -56,6 +58,22 @@ impl Track {
     pub fn speed(&self, sample: usize) -> f64 {
         let [u, v, _] = self.nu[sample];
         u.hypot(v)
+    }
+
+    /// Body velocities through the water at a sample: surge and sway \[m/s\].
+    pub fn through_water(&self, sample: usize) -> [f64; 2] {
+        let ([u, v, _], [surge, sway]) = (self.nu[sample], in_body(self.current, self.eta[sample][2]));
+        [u - surge, v - sway]
+    }
+
+    /// The motion of a ship whose lengths are `scale` times those of the vessel: by Froude's law, times and speeds are the square
+    /// root of it larger.
+    pub(super) fn scale(&mut self, scale: f64) {
+        let root = scale.sqrt();
+        self.dt *= root;
+        self.eta.iter_mut().for_each(|[x, y, _]| (*x, *y) = (*x * scale, *y * scale));
+        self.nu.iter_mut().for_each(|[u, v, r]| (*u, *v, *r) = (*u * root, *v * root, *r / root));
+        self.current = self.current.map(|velocity| velocity * root);
     }
 
     /// Change of the heading since the execute \[rad\], positive to the side (1 starboard, -1 port).
@@ -129,6 +147,7 @@ impl<'a> Run<'a> {
             nu: vec![simulation.nu_over_ground()],
             steering: vec![s],
             propulsion: p,
+            current: simulation.current(),
             not_valid: None,
             execute: 0,
         };

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::approach::{Approach, Options};
 use super::error::ManoeuvreError;
-use super::figure::{Figure, Figures, set_intervals};
+use super::figure::{Figure, Figures, NO_SWAY, NO_SWAY_FIGURES, set_intervals};
 use super::pull_out::pull_out;
 use super::speed_trials::{acceleration, stopping};
 use super::spiral::spiral;
@@ -17,7 +17,7 @@ use super::turning_circle::turning_circle;
 use super::zigzag::zigzag;
 use crate::key::key;
 use crate::log::Shortest;
-use crate::model::Model;
+use crate::model::{MOTION, Model};
 use crate::plant::{InputMap, Outside, PlantError, Simulation};
 use crate::progress::Progress;
 
@@ -167,11 +167,7 @@ impl Outcome {
             point.yaw_rate_deg_s /= root;
             point.speed_m_s *= root;
         }
-        for track in &mut self.tracks {
-            track.dt *= root;
-            track.eta.iter_mut().for_each(|[x, y, _]| (*x, *y) = (*x * scale, *y * scale));
-            track.nu.iter_mut().for_each(|[u, v, r]| (*u, *v, *r) = (*u * root, *v * root, *r / root));
-        }
+        self.tracks.iter_mut().for_each(|track| track.scale(scale));
         self
     }
 }
@@ -188,7 +184,9 @@ impl TrialOptions {
         });
         let criteria = length_m.and_then(|length| {
             let number = froude(speed_m_s, length);
-            if number < LEAST_FROUDE {
+            if self.current != [0.0; 2] {
+                Some("no criterion is judged in a current: criteria are those of calm water (MSC.137(76), section 4)".to_owned())
+            } else if number < LEAST_FROUDE {
                 Some(format!(
                     "no criterion is judged: {speed_m_s:.3} m/s is no test speed of a ship of {length} m (Froude number {number:.4}). If the logs are those of a model, state its scale with {}",
                     key("scale")
@@ -263,6 +261,11 @@ pub fn trials(
     let approach_speed_m_s = own.speed_m_s * options.scale.sqrt();
     let mut notes = map.notes();
     notes.extend(options.notes(approach_speed_m_s));
+    if !has_sway(model) {
+        notes.push(format!(
+            "distances assume that the vessel does not move sideways, and no criterion is judged: {NO_SWAY}"
+        ));
+    }
     Ok(Some(Trials {
         approach_speed_m_s,
         propulsion: map.no_propulsion().is_none().then_some(own.propulsion),
@@ -274,6 +277,10 @@ pub fn trials(
         notes,
         left_out: Vec::new(),
     }))
+}
+
+fn has_sway(model: &Model) -> bool {
+    model.is_vessel() || model.description.outputs.iter().any(|port| port.channel.name == MOTION[1])
 }
 
 fn trial(
@@ -296,9 +303,11 @@ fn trial(
     let mut figures = outcome.figures;
     let figures_of_members: Vec<&[Figure]> = others.iter().map(|other| &other.figures[..]).collect();
     let members = set_intervals(&mut figures, &figures_of_members);
-    if let Some(length) = options.length_m {
+    let has_sway = has_sway(model);
+    figures.iter_mut().filter(|_| !has_sway).for_each(|figure| figure.without_sway(&NO_SWAY_FIGURES[..1]));
+    if let Some(length) = options.length_m.filter(|_| has_sway) {
         let speed = outcome.tracks.first().map_or(f64::NAN, |track| track.speed(track.execute));
-        if froude(speed, length) >= LEAST_FROUDE {
+        if froude(speed, length) >= LEAST_FROUDE && options.current == [0.0; 2] {
             kind.judge(&mut figures, map, length, speed);
         }
     }
@@ -328,7 +337,7 @@ fn outside(model: &Model, tracks: &[Track]) -> Vec<Outside> {
         });
         Outside::of(port, samples)
     };
-    crate::model::MOTION.iter().enumerate().filter_map(channel).collect()
+    MOTION.iter().enumerate().filter_map(channel).collect()
 }
 
 /// Inputs that the trial commands beyond the range of the training, as with the rudder hard over. A spiral has no track, and

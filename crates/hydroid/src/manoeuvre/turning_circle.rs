@@ -32,14 +32,14 @@ pub struct TurningCircle {
     pub turned_deg: f64,
 }
 
-/// A steady turn.
+/// A steady turn, through the water: in a [current](Track::current), the motion over ground depends on the heading.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct SteadyTurn {
     /// Radius of the path, speed over yaw rate \[m\].
     pub radius_m: f64,
     /// Yaw rate \[deg/s\], positive to starboard.
     pub yaw_rate_deg_s: f64,
-    /// Speed over ground \[m/s\].
+    /// Speed \[m/s\].
     pub speed_m_s: f64,
     /// Drift angle `-atan2(v, u)` \[deg\]: positive if the bow points to starboard of the path.
     pub drift_deg: f64,
@@ -89,14 +89,22 @@ impl TurningCircle {
             let samples = from.sample..=end;
             let count = samples.clone().count() as f64;
             let mean = |value: &dyn Fn(usize) -> f64| samples.clone().map(value).sum::<f64>() / count;
-            let speed = mean(&|k| track.speed(k));
+            let speed_of = |k: usize| {
+                let [u, v] = track.through_water(k);
+                u.hypot(v)
+            };
+            let speed = mean(&speed_of);
             let rate = mean(&|k| track.nu[k][2]);
             circle.steady = Some(SteadyTurn {
                 radius_m: speed / rate.abs(),
                 yaw_rate_deg_s: rate.to_degrees(),
                 speed_m_s: speed,
-                drift_deg: -mean(&|k| track.nu[k][1].atan2(track.nu[k][0])).to_degrees(),
-                speed_loss: 1.0 - speed / circle.approach_speed_m_s,
+                drift_deg: -mean(&|k| {
+                    let [u, v] = track.through_water(k);
+                    v.atan2(u)
+                })
+                .to_degrees(),
+                speed_loss: 1.0 - speed / speed_of(track.execute),
             });
         }
         circle

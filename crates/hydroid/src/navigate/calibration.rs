@@ -5,6 +5,10 @@
 //! deviation of the whole is multiplied by the largest difference of the estimates in joint standard deviations, if it exceeds
 //! one (Birge, Phys. Rev. 40 (1932) 207). With this standard deviation, a constant must increase the log-likelihood by half the
 //! logarithm of the number of measurements (Schwarz, Ann. Statist. 6 (1978) 461); else it is zero.
+//!
+//! Without accelerations, the delay of the GNSS is never determined: positions that are late by `T` are, in a turn, those of a
+//! vessel whose sway velocity is larger by `T u r`, and the sway in proportion to `u r` is not known. Its standard deviation is that
+//! of the prior.
 
 use hydroid_core::navigation::{Prior, State};
 
@@ -84,9 +88,16 @@ pub fn calibrate(
         of(first, &mut |share| progress(WHOLE + (1.0 - WHOLE) * share))
     })?;
     let (all, other) = (constants(runs, &whole), other.expect("the scope waits for its tasks")?);
+    let has_accelerations = runs.sensors.iter().any(|sensor| sensor.kind == Kind::SpecificForce);
     let of = |state: State| {
         let i = CONSTANTS.iter().position(|of| *of == state)?;
-        let found = Calibration { state, whole: all[i], halves: [one[i], other[i]], is_determined: false };
+        let mut found =
+            Calibration { state, whole: all[i], halves: [one[i], other[i]], is_determined: false };
+        if state == State::Delay && !has_accelerations {
+            found.whole.1 = Prior::default().deviation[state as usize];
+            found.halves = [found.whole; 2];
+            return Some(found);
+        }
         let increase = 0.5 * (found.whole.0 / found.deviation()).powi(2);
         Some(Calibration { is_determined: increase > 0.5 * (count(runs).max(1) as f64).ln(), ..found })
     };

@@ -123,6 +123,11 @@ impl Simulation {
         Self { current, ..self }
     }
 
+    /// Velocity of the water, north and east \[m/s\].
+    pub const fn current(&self) -> [f64; 2] {
+        self.current
+    }
+
     /// Starts at a pose in a steady motion with the outputs `y` (through the water): the command `c` has been held for a long time.
     ///
     /// # Panics

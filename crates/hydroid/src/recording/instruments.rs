@@ -269,6 +269,60 @@ impl Instruments {
         }
     }
 
+    /// Checks that the heading turns as the direction of the motion does.
+    ///
+    /// # Errors
+    /// If it turns the other way: it counts counterclockwise.
+    pub(super) fn check_heading(&self) -> Result<(), LogError> {
+        let (Some(position), Some(heading)) = (&self.position, &self.heading) else { return Ok(()) };
+        let unexplained = |side: f64| {
+            let part = |of: fn(f64) -> f64, factor: f64| Series {
+                t: heading.t.clone(),
+                values: heading.values.iter().map(|x| factor * of(*x)).collect(),
+            };
+            let parts = displacements(position, &[part(f64::cos, 1.0), part(f64::sin, side)]);
+            gain(&parts).map(|gain| gain.unexplained)
+        };
+        let (Some(mirrored), direct) = (unexplained(-1.0), unexplained(1.0).unwrap_or(1.0)) else {
+            return Ok(());
+        };
+        if mirrored >= 0.5 * direct {
+            return Ok(());
+        }
+        Err(LogError::Unusable {
+            path: self.path.clone(),
+            reason: format!(
+                "the heading turns the other way than the positions: the opposite angle leaves {:.0} % of their changes unexplained, the heading {:.0} %",
+                100.0 * mirrored,
+                100.0 * direct
+            ),
+            remedy: "headings count clockwise from north: for degrees counterclockwise from east write heading = \"(COLUMN - 90) * -1\" in the section [log.sensors]".to_owned(),
+        })
+    }
+
+    /// Checks that the estimate of the heading is that of the measurements, on the whole.
+    ///
+    /// # Errors
+    /// If it is nearer to the opposite direction.
+    pub(super) fn check_estimate(&self, rows: &[Row]) -> Result<(), LogError> {
+        let Some(heading) = &self.heading else { return Ok(()) };
+        let mut agreement = 0.0;
+        for (t, measured) in heading.pairs().filter(|(_, measured)| measured.is_finite()) {
+            let at = rows.partition_point(|row| row.t < t);
+            if let Some(row) = rows.get(at).filter(|row| row.t - t < PART_S) {
+                agreement += (measured - row.pose[2]).cos();
+            }
+        }
+        if agreement >= 0.0 {
+            return Ok(());
+        }
+        Err(LogError::Unusable {
+            path: self.path.clone(),
+            reason: "the estimated heading points the other way than the measured one".to_owned(),
+            remedy: "leave out the beginning of the log, or parts in which the heading is not measured, as that of a GNSS receiver at rest".to_owned(),
+        })
+    }
+
     /// States how velocities of the GNSS contradict the changes of its positions.
     pub(super) fn check_gnss(&self) -> Option<String> {
         let (position, velocity) = (self.position.as_ref()?, self.velocity.as_ref()?);
@@ -519,7 +573,12 @@ pub(super) fn start(events: &[Event], sensors: &[Sensor]) -> Prior {
     let speed =
         velocities().map(|e| e.value[0].hypot(e.value[1])).sum::<f64>() / velocities().count().max(1) as f64;
     let course = velocities().next().map_or(0.0, |e| e.value[1].atan2(e.value[0]));
-    let (heading, deviation) = of(Kind::Heading).next().map_or((course, 0.5), |event| (event.value[0], 0.1));
+    // The first headings of a receiver at rest have any direction: what they say of each other is the deviation of the first.
+    let headings = || of(Kind::Heading).take(20).map(|event| event.value[0]);
+    let [cosine, sine] = [f64::cos, f64::sin].map(|part| headings().map(part).sum::<f64>());
+    let agreement = cosine.hypot(sine) / headings().count().max(1) as f64;
+    let spread = (-2.0 * agreement.max(1e-3).ln()).max(0.0).sqrt();
+    let (heading, deviation) = headings().next().map_or((course, 0.5), |heading| (heading, spread.max(0.1)));
     let (sine, cosine) = heading.sin_cos();
     let [north, east] = of(Kind::Position).next().map_or([0.0; 2], |event| {
         let Mounting { forward, starboard } = sensors[event.sensor].mounting;

@@ -97,10 +97,20 @@ pub struct SensorHealth {
     pub columns: String,
     /// Time of the last measurement \[s\]; NaN before it.
     pub last: f64,
+    /// Time of the last measurement that agreed with the other sensors, that is, was no outlier \[s\]; NaN before it.
+    pub agreed: f64,
     /// Usual time between measurements \[s\]; NaN before the second one.
     pub step: f64,
     /// Share of outliers among the last hundred measurements.
     pub outliers: f64,
+}
+
+impl SensorHealth {
+    /// Whether all measurements were outliers for longer than `max_age_s`, by default the longest age of
+    /// [its steps](longest_age_s): the sensor says other than the remaining ones, as a compass that is frozen or has jumped.
+    pub fn contradicts(&self, max_age_s: Option<f64>) -> bool {
+        self.last - self.agreed > max_age_s.unwrap_or_else(|| longest_age_s(self.step))
+    }
 }
 
 /// Motion of a vessel from the rows of a link in the order of their arrival: the filter of [`hydroid_core::navigation`].
@@ -236,6 +246,7 @@ impl LiveMotion {
                 topic: one.columns[0].topic,
                 columns: one.columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>().join(", "),
                 last: f64::NAN,
+                agreed: f64::NAN,
                 step: f64::NAN,
                 outliers: 0.0,
             })
@@ -291,14 +302,16 @@ impl LiveMotion {
     }
 
     /// Whether position and heading are recent enough at a time \[s\] for commands: none is older than `max_age_s`, by default
-    /// that of [its steps](longest_age_s). The positions since `set_aside` are not used.
+    /// that of [its steps](longest_age_s). The positions since `set_aside` are not used, and a heading that
+    /// [contradicts](SensorHealth::contradicts) the other sensors is none.
     pub fn is_fresh(&self, t: f64, max_age_s: Option<f64>, set_aside: Option<f64>) -> bool {
         let is_fresh = |kind: Kind, until: f64| {
             let at = self.instruments.iter().position(|one| one.kind == Some(kind));
             at.is_some_and(|at| {
-                let SensorHealth { last, step, .. } = self.health[at];
-                let limit = max_age_s.unwrap_or_else(|| longest_age_s(step));
-                t - last <= limit && t - until <= limit
+                let health = &self.health[at];
+                let limit = max_age_s.unwrap_or_else(|| longest_age_s(health.step));
+                let contradicts = kind == Kind::Heading && health.contradicts(max_age_s);
+                t - health.last <= limit && t - until <= limit && !contradicts
             })
         };
         is_fresh(Kind::Position, set_aside.unwrap_or(f64::INFINITY)) && is_fresh(Kind::Heading, f64::INFINITY)
@@ -368,6 +381,9 @@ impl LiveMotion {
             }
             if step.is_nan() || step > 0.0 {
                 health.last = t;
+            }
+            if !outlier {
+                health.agreed = t;
             }
             health.outliers += 0.01 * (f64::from(u8::from(outlier)) - health.outliers);
         }

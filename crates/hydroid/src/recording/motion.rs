@@ -68,6 +68,7 @@ pub(super) fn tables(
         .collect::<Result<Vec<_>, _>>()?;
     let mut contradictions = Vec::with_capacity(instruments.len());
     for one in &mut instruments {
+        one.check_heading()?;
         one.turn_axes(notes);
         let found = one.check_gnss();
         let note = |text: &String| Note::warning(format!("{}: {text}", one.path)).with_remedy(CHECK_GNSS);
@@ -116,16 +117,16 @@ pub(super) fn tables(
     let smoothed =
         navigate::smooth(&runs, &statistics, &times, &mut |done| progress(FIT + (1.0 - FIT) * done))?;
     let mut smoothed = joined(smoothed, &counts);
-    for smoothed in &mut smoothed {
+    for (one, smoothed) in instruments.iter().zip(&mut smoothed) {
+        one.cut_outages(&mut smoothed.rows, options.max_gap_s, notes);
+        // An error of all rows ends none of them.
         for calibration in &calibrations {
             widen(smoothed, calibration);
         }
     }
-    for (one, smoothed) in instruments.iter().zip(&mut smoothed) {
-        one.cut_outages(&mut smoothed.rows, options.max_gap_s, notes);
-    }
     for ((one, smoothed), contradiction) in instruments.iter().zip(&smoothed).zip(contradictions) {
         check_outliers(&one.path, &runs.sensors, smoothed, contradiction)?;
+        one.check_estimate(&smoothed.rows)?;
     }
     let mut tables = Vec::with_capacity(recordings.len());
     for (i, one) in instruments.iter().enumerate() {
@@ -239,12 +240,19 @@ fn halves(runs: &Runs) -> [Runs; 2] {
 fn widen(smoothed: &mut Smoothed, calibration: &Calibration) {
     let (value, deviation) = calibration.used();
     smoothed.end[calibration.state as usize] = (value, deviation);
-    if calibration.state == State::Misalignment {
-        for row in &mut smoothed.rows {
-            let [u, v, _] = row.ground;
-            let [of_u, of_v, _] = &mut row.ground_deviation;
-            (*of_u, *of_v) = (of_u.hypot(deviation * v), of_v.hypot(deviation * u));
-        }
+    let changes: Vec<f64> = smoothed
+        .rows
+        .windows(2)
+        .map(|rows| (rows[1].ground[0] - rows[0].ground[0]) / (rows[1].t - rows[0].t))
+        .chain([0.0])
+        .collect();
+    for (row, change) in smoothed.rows.iter_mut().zip(changes) {
+        let [u, v, r] = row.ground;
+        // A delay shows the velocities of before, and the direction of the path of before in a turn.
+        let [with_u, with_v] =
+            if calibration.state == State::Misalignment { [v, u] } else { [change, u * r] };
+        let [of_u, of_v, _] = &mut row.ground_deviation;
+        (*of_u, *of_v) = (of_u.hypot(deviation * with_u), of_v.hypot(deviation * with_v));
     }
 }
 
@@ -346,7 +354,10 @@ fn states(
         if calibration.is_open() {
             let assumed = if calibration.is_determined { "this" } else { "zero" };
             let (effect, remedy) = if is_delay {
-                ("", "record changes of speed or course")
+                (
+                    ", and v is wrong by this delay times u and r",
+                    "record the accelerations of an inertial unit, and changes of speed and course",
+                )
             } else {
                 (
                     ", and v has a constant error in proportion to u",

@@ -380,12 +380,13 @@ fn a_role_of_an_input_that_is_not_there_is_refused() {
     assert!(error.contains("`propulsion`"), "{error}");
 }
 
-/// The figures of a tanker at a constant shaft speed, by the package shipmmg (`tests/peers/shipmmg_tanker.py`).
+/// The figures of a tanker at a constant shaft speed after a step of the rudder, by the package shipmmg (`tests/peers/shipmmg_tanker.py`).
 #[test]
 fn circles_of_a_tanker_at_a_constant_shaft_speed_are_those_of_shipmmg() {
     let golden = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/golden");
     let config: Config =
-        toml::from_str("[log]\ninputs = [\"delta\"]\n[identify]\nhorizon = \"10s\"\n").unwrap();
+        toml::from_str("[log]\ninputs = [\"delta\"]\n[identify]\nhorizon = \"10s\"\nrate_limit = \"none\"\n")
+            .unwrap();
     let reading = config.reading().unwrap();
     let log = hydroid::log::read(golden.join("tanker.csv").as_path()).unwrap();
     let logs = Logs { train: vec![log], validate: Vec::new(), test: Vec::new() };

@@ -55,3 +55,52 @@ fn place_and_current_go_on_with_other_sensors() {
         assert!((before.ground[i] - after.ground[i]).abs() < 0.1, "{before:?} {after:?}");
     }
 }
+
+/// A compass that freezes, or jumps, contradicts gyro and track, whatever it showed before; a good one never does.
+#[test]
+fn a_compass_that_freezes_or_jumps_contradicts_the_other_sensors() {
+    const GYRO: [(&str, &str); 1] = [("r", "rad/s")];
+    let topics = LiveTopics::new("link", [("gps", FIELDS.to_vec()), ("imu", GYRO.to_vec())]);
+    let with_gyro = Sensors { yaw_rate: Some("imu.r".parse().unwrap()), antenna_m: [0.0; 3], ..sensors() };
+    type Fault = fn(f64, f64) -> f64;
+    let faults: [(&str, f64, Fault); 3] = [
+        ("sound", f64::INFINITY, |psi, _| psi),
+        ("frozen", 5.0, |_, first| first),
+        ("jumps", 1.3, |psi, _| psi + 1.57),
+    ];
+    for (name, within_s, fault) in faults {
+        let mut motion = LiveMotion::new(&topics, &with_gyro).unwrap();
+        let mut random = 5_u64;
+        let mut noise = move |of: f64| {
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            of * 3.46 * ((random >> 11) as f64 / (1_u64 << 53) as f64 - 0.5)
+        };
+        let (mut place, mut psi, mut r, mut first, mut found) = ([0.0; 2], 0.0_f64, 0.0, f64::NAN, None);
+        for k in 0..6_000 {
+            let t = f64::from(k) * 0.1;
+            // A lawn-mower: legs of 20 s, turns of 9 s.
+            let (in_turn, side) = (t % 29.0 > 20.0, if t % 58.0 < 29.0 { 1.0 } else { -1.0 });
+            r += 0.1 * ((if in_turn { side * 0.35 } else { 0.0 }) - r);
+            let speed = 1.2;
+            psi += 0.1 * r;
+            place = [place[0] + 0.1 * speed * psi.cos(), place[1] + 0.1 * speed * psi.sin()];
+            if t > 20.0 * 29.0 + 22.0 && first.is_nan() {
+                first = psi;
+            }
+            let shown = if first.is_nan() { psi } else { fault(psi, first) };
+            let (vn, ve) = (speed * psi.cos() + noise(0.1), speed * psi.sin() + noise(0.1));
+            let row = [place[0] + noise(0.3), place[1] + noise(0.3), vn, ve, shown + noise(0.03)];
+            motion.row(0, t, &row);
+            motion.row(1, t + 0.05, &[r + noise(0.01)]);
+            let is_fresh = motion.is_fresh(t, None, None);
+            assert!(is_fresh || !first.is_nan(), "{name}: {t} s, {:?}", motion.health());
+            if !is_fresh && found.is_none() {
+                found = Some(t - (20.0 * 29.0 + 22.0));
+                let compass = motion.health().iter().find(|sensor| sensor.name == "heading").unwrap();
+                assert!(compass.contradicts(None), "{name}: {compass:?}");
+            }
+        }
+        let is_right = found.map_or(within_s.is_infinite(), |after_s| after_s < within_s);
+        assert!(is_right, "{name}: {found:?}");
+    }
+}

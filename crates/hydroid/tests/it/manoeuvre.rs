@@ -5,11 +5,12 @@ use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
 use std::sync::Arc;
 
+use hydroid::boat::Boat;
 use hydroid::evaluate::{DesignRange, PredictionBands};
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::manoeuvre::{
-    Approach, Options, RecognisedKind, Trial, TrialKind, TrialOptions, compare, pull_out, recognise, spiral,
-    trials, turning_circle, zigzag,
+    Approach, Options, Recognised, RecognisedKind, Trial, TrialKind, TrialOptions, compare, pull_out,
+    recognise, spiral, trials, turning_circle, zigzag,
 };
 use hydroid::model::{Body, Description, Members, Model, Port, Provenance, Reading};
 use hydroid::plant::{Commands, InputMap, PlantError, Record, RecordOptions, Simulation, record};
@@ -47,7 +48,7 @@ pub(crate) fn equations(
             outputs,
             inputs,
             reading: Reading::default(),
-            boat: hydroid::boat::Boat::default(),
+            boat: Boat::default(),
             provenance: Provenance {
                 hydroid: String::from("0"),
                 seed: 0,
@@ -552,7 +553,7 @@ fn log() -> Trajectory {
 #[test]
 fn trials_in_a_log_are_recognised_and_predicted() {
     let run = log();
-    let found = recognise(&run);
+    let found = recognise(&run, &Boat::default());
     let kinds: Vec<RecognisedKind> = found.iter().map(|trial| trial.kind).collect();
     assert_eq!(kinds, [RecognisedKind::Zigzag, RecognisedKind::TurningCircle]);
     assert_eq!((found[0].executes[0], found[0].executes.len()), (50, 5));
@@ -573,6 +574,120 @@ fn trials_in_a_log_are_recognised_and_predicted() {
             assert!(close, "{}: {value} against {measured_value}", measured.name);
         }
     }
+}
+
+/// How a ship with a rudder and a shaft is logged.
+#[derive(Clone, Copy, Debug)]
+struct Logged {
+    dt: f64,
+    /// The order, or the measured angle.
+    order: bool,
+    /// Noise of the angle \[deg\], and of the shaft speed relative to it.
+    noise: [f64; 2],
+    /// Part by which the shaft speed falls in a turn.
+    sag: f64,
+}
+
+/// A first-order ship of Nomoto whose rudder turns at 2.5 deg/s: 60 s straight, then a zigzag of `angle` degrees with as much
+/// rudder, or a circle, and straight on. The log, and the samples of the orders.
+fn ship(logged: Logged, angle: f64, is_zigzag: bool) -> (Trajectory, Vec<usize>) {
+    let Logged { dt, order, noise, sag } = logged;
+    let mut random = 3_u64;
+    let mut noisy = move |of: f64| {
+        let sum: f64 = (0..12)
+            .map(|_| {
+                random =
+                    random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (random >> 11) as f64 / (1_u64 << 53) as f64
+            })
+            .sum();
+        of * (sum - 6.0)
+    };
+    let (mut psi, mut r, mut rudder, mut ordered, mut shaft) = (0.0_f64, 0.0, 0.0_f64, 0.0_f64, 80.0);
+    let (mut outputs, mut inputs, mut orders) = (Vec::new(), Vec::new(), Vec::new());
+    let end_s = if is_zigzag { 700.0 } else { 900.0 };
+    for k in 0.. {
+        let t = f64::from(k) * dt;
+        if t >= end_s {
+            break;
+        }
+        let before = ordered;
+        if t >= 60.0 && orders.is_empty() {
+            ordered = angle;
+        } else if is_zigzag && ordered.signum() * psi.to_degrees() >= angle.abs() && orders.len() < 5 {
+            ordered = -ordered;
+        } else if t > if is_zigzag { 650.0 } else { 800.0 } {
+            ordered = 0.0;
+        }
+        if ordered != before && ordered != 0.0 {
+            orders.push(inputs.len() / 2);
+        }
+        let shown = if order { ordered } else { rudder };
+        inputs.extend([shaft * (1.0 + noisy(noise[1])), shown + noisy(noise[0])]);
+        outputs.extend([7.0, 0.0, r]);
+        for _ in 0..10 {
+            rudder += (ordered - rudder).clamp(-0.25 * dt, 0.25 * dt);
+            r += 0.1 * dt * (0.05 * rudder.to_radians() - r) / 20.0;
+            psi += 0.1 * dt * r;
+        }
+        shaft += dt * (80.0 * (1.0 - sag * (rudder.abs() / 35.0)) - shaft) / 20.0;
+    }
+    let channel = |name: &str, unit: &str| Channel::new(name, unit);
+    let run = Trajectory {
+        name: String::from("ship"),
+        t0: 0.0,
+        dt,
+        outputs: Table::new(
+            [channel("u", "m/s"), channel("v", "m/s"), channel("r", "rad/s")].to_vec(),
+            outputs,
+        ),
+        inputs: Table::new([channel("rpm", ""), channel("rudder", "")].to_vec(), inputs),
+        truth: None,
+        heading: None,
+    };
+    (run, orders)
+}
+
+#[test]
+fn trials_are_found_with_a_measured_rudder_and_a_shaft_speed_that_varies() {
+    let found = |run: &Trajectory| {
+        let mut boat = Boat::default();
+        boat.find(run.inputs.channels());
+        recognise(run, &boat)
+    };
+    let exact = Logged { dt: 1.0, order: true, noise: [0.0; 2], sag: 0.0 };
+    let kinds = [
+        exact,
+        Logged { noise: [0.0, 0.005], ..exact },
+        Logged { noise: [0.0, 0.005], sag: 0.15, ..exact },
+        Logged { order: false, ..exact },
+        Logged { order: false, noise: [0.15, 0.005], sag: 0.1, ..exact },
+        Logged { dt: 0.1, order: false, noise: [0.15, 0.005], sag: 0.1 },
+        Logged { dt: 0.2, order: false, noise: [0.3, 0.01], sag: 0.05 },
+        Logged { dt: 0.5, order: true, noise: [0.2, 0.0], sag: 0.1 },
+    ];
+    for logged in kinds {
+        for (angle, is_zigzag) in [(20.0, true), (-10.0, true), (35.0, false), (-15.0, false)] {
+            let (run, orders) = ship(logged, angle, is_zigzag);
+            let all = found(&run);
+            let story = format!("{logged:?}, {angle}, {orders:?}: {all:?}");
+            let kind = if is_zigzag { RecognisedKind::Zigzag } else { RecognisedKind::TurningCircle };
+            assert_eq!(all.len(), 1, "{story}");
+            let Recognised { kind: found, executes, heading_deg, .. } = &all[0];
+            assert_eq!((*found, executes.len()), (kind, orders.len()), "{story}");
+            for (execute, order) in executes.iter().zip(&orders) {
+                let late_s = logged.dt * (*execute as f64 - *order as f64);
+                assert!(late_s.abs() <= 1.0_f64.max(logged.dt), "{late_s} s, {story}");
+            }
+            assert_eq!(heading_deg.signum(), angle.signum(), "{story}");
+            assert!(!is_zigzag || (heading_deg.abs() - angle.abs()).abs() < 1.0, "{story}");
+        }
+    }
+    // Of an autopilot on a straight course, and of a rudder that is never held, there is none.
+    let (mut run, _) = ship(exact, 35.0, false);
+    let steered: Vec<f64> = (0..run.len()).flat_map(|k| [80.0, 8.0 * (0.3 * k as f64).sin()]).collect();
+    run.inputs = Table::new(run.inputs.channels().to_vec(), steered);
+    assert_eq!(found(&run), []);
 }
 
 #[test]
@@ -612,5 +727,5 @@ fn a_log_without_a_yaw_rate_has_no_trials() {
     let mut run = log();
     let channels = [Channel::new("yaw", "rad/s"), Channel::new("u", "m/s")];
     run.outputs = Table::new(channels.to_vec(), run.outputs.rows(0, run.len()).to_vec());
-    assert!(recognise(&run).is_empty());
+    assert!(recognise(&run, &Boat::default()).is_empty());
 }

@@ -25,6 +25,11 @@ const RATE: f64 = 0.07;
 
 /// `du/dt = 0.05 (2 n - u)`, `dr/dt = (0.05 delta' - r) / 8`, where the rudder `delta'` moves at a limited rate.
 fn run(rate: f64, seed: u64) -> Trajectory {
+    logged(rate, seed, false)
+}
+
+/// As [`run`], with the order of the rudder or its measured angle.
+fn logged(rate: f64, seed: u64, is_measured: bool) -> Trajectory {
     const FINE: usize = 20;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let (mut outputs, mut inputs) = (Vec::new(), Vec::new());
@@ -45,7 +50,8 @@ fn run(rate: f64, seed: u64) -> Trajectory {
         }
         let mut noise = |std: f64| std * random.sample::<f64, _>(StandardNormal);
         outputs.extend([u + noise(0.01), r + noise(0.0005)]);
-        inputs.extend([n, delta]);
+        let angle = if is_measured { rudder + noise(0.002) } else { delta };
+        inputs.extend([n, angle]);
         for _ in 0..FINE {
             let h = DT / FINE as f64;
             rudder += (delta - rudder).clamp(-rate * h, rate * h);
@@ -72,19 +78,22 @@ fn identified(rate: f64, option: &str, methods: &[Method]) -> IdentifyResult {
     try_identify(rate, option, methods).unwrap()
 }
 
+fn identified_in(runs: Vec<Trajectory>, option: &str, methods: &[Method]) -> IdentifyResult {
+    identify(&job(runs, option, methods), &mut silent()).unwrap()
+}
+
 fn try_identify(
     rate: f64,
     option: &str,
     methods: &[Method],
 ) -> Result<IdentifyResult, hydroid::identify::IdentifyError> {
-    let job = Job {
+    identify(&job((1..=4).map(|seed| run(rate, seed)).collect(), option, methods), &mut silent())
+}
+
+fn job(train: Vec<Trajectory>, option: &str, methods: &[Method]) -> Job {
+    Job {
         methods: methods.to_vec(),
-        split: Split {
-            train: (1..=4).map(|seed| run(rate, seed)).collect(),
-            validation: Vec::new(),
-            test: Vec::new(),
-            notes: Vec::new(),
-        },
+        split: Split { train, validation: Vec::new(), test: Vec::new(), notes: Vec::new() },
         reading: Reading::default(),
         boat: hydroid::boat::Boat::default(),
         horizon: 60,
@@ -97,8 +106,7 @@ fn try_identify(
         sindy: SindyOptions { members: Some(0), ..SindyOptions::default() },
         networks: NetworkTrainingOptions::default(),
         vessel: None,
-    };
-    identify(&job, &mut silent())
+    }
 }
 
 fn limits(model: &Model) -> Vec<Option<f64>> {
@@ -137,6 +145,23 @@ fn the_rate_of_a_steering_gear_is_found_and_overshoots_become_right() {
     assert!(text.contains("delta follows its command at "), "{text}");
     let latex = found.candidates[0].model.equations().unwrap().equations_latex();
     assert!(latex.contains(r"|\dot{\delta}| &\le 0.0"), "{latex}");
+}
+
+/// Trials order steps of the rudder, which the measured angle of a steering gear never has.
+#[test]
+fn a_measured_angle_has_the_fastest_rate_of_the_logs() {
+    let other = run(RATE, 9);
+    let methods = [Method::Sindy, Method::Committee];
+    let found = identified_in((1..=4).map(|seed| logged(RATE, seed, true)).collect(), "auto", &methods);
+    for candidate in &found.candidates {
+        let [n, delta] = limits(&candidate.model)[..] else { panic!() };
+        assert_eq!(n, None);
+        assert!((delta.unwrap() / RATE - 1.0).abs() < 0.05, "{delta:?}");
+        let error = first_overshoot(&candidate.model, &other);
+        assert!(error < 0.5, "{error}");
+    }
+    let note = found.warnings.iter().find(|note| note.message.contains("never steps"));
+    assert!(note.is_some_and(|note| note.message.contains("delta 4.0")), "{note:?}");
 }
 
 #[test]

@@ -37,6 +37,18 @@ struct Row {
 
 /// Steers a vessel from a pose, at rest, in a current, until its task has ended.
 fn sail(setup: &Setup, start: [f64; 3], current: [f64; 2], of: Vessel, most_s: f64) -> Vec<Row> {
+    sail_by(setup, start, current, of, most_s, |_, _, _| ())
+}
+
+/// As [`sail`], by sensors that change pose and outputs at a time.
+fn sail_by(
+    setup: &Setup,
+    start: [f64; 3],
+    current: [f64; 2],
+    of: Vessel,
+    most_s: f64,
+    mut sensors: impl FnMut(f64, &mut [f64; 3], &mut [f64]),
+) -> Vec<Row> {
     let dt = setup.scenario.dt_s;
     let (mut adapter, _) = setup.adapter().unwrap();
     let mut pilot: Pilot = setup.pilot(adapter.as_ref(), None).unwrap();
@@ -58,12 +70,15 @@ fn sail(setup: &Setup, start: [f64; 3], current: [f64; 2], of: Vessel, most_s: f
             measured[0] += current[0] * cos + current[1] * sin;
             measured[1] += current[1] * cos - current[0] * sin;
         }
+        let [u, v, r] = [measured[0], measured[1], measured[2]];
+        let mut pose = eta;
+        sensors(t_s, &mut pose, &mut measured);
         adapter.observe(&measured);
         let mut estimate = vec![0.0; outputs];
         adapter.output(&mut estimate);
         let session = ModelSession { predictor: &*adapter, weights: None };
         let elapsed = if rows.is_empty() { Elapsed::Start } else { Elapsed::Steps(1) };
-        pilot.steer(elapsed, &Seen { pose: eta, outputs: &measured, estimate: &estimate, session });
+        pilot.steer(elapsed, &Seen { pose, outputs: &measured, estimate: &estimate, session });
         rows.push(Row {
             t_s,
             eta,
@@ -84,7 +99,6 @@ fn sail(setup: &Setup, start: [f64; 3], current: [f64; 2], of: Vessel, most_s: f
             acting[0] = -acting[0];
         }
         vessel.advance(&acting);
-        let [u, v, r] = [measured[0], measured[1], measured[2]];
         let (sin, cos) = (eta[2] + 0.5 * dt * r).sin_cos();
         eta = [eta[0] + dt * (u * cos - v * sin), eta[1] + dt * (u * sin + v * cos), eta[2] + dt * r];
         t_s += dt;
@@ -267,6 +281,82 @@ fn a_vessel_in_a_current_that_is_too_strong_is_stopped() {
     check_commands(&setup, &rows);
     assert_eq!(rows.last().unwrap().mode, Mode::Stopped);
     assert!(rows.len() < 600, "{}", rows.len());
+}
+
+/// A sensor that is wrong from a turn on: what it shows, from what it showed then, for a time since then \[s\].
+type Fault = fn(f64, [f64; 3], &mut [f64; 3], &mut [f64]);
+
+/// A vessel whose pose and velocities contradict each other is not steered, whichever is wrong, and goes on when they agree again.
+#[test]
+fn sensors_that_contradict_each_other_do_not_steer() {
+    let faults: [(&str, f64, Fault); 7] = [
+        ("frozen compass", 5.0, |_, first, pose, _| pose[2] = first[2]),
+        ("compass that jumps", 1.2, |_, _, pose, _| pose[2] += 1.57),
+        ("mirrored compass", 5.0, |_, first, pose, _| pose[2] = 2.0 * first[2] - pose[2]),
+        ("frozen receiver", 6.0, |_, first, pose, _| pose[..2].copy_from_slice(&first[..2])),
+        ("receiver that jumps", 1.2, |_, _, pose, _| pose[0] += 40.0),
+        ("receiver that walks", 25.0, |since, _, pose, _| pose[1] += 0.5 * since),
+        ("yaw rate in deg/s", 5.0, |_, _, _, outputs| outputs[2] *= 57.3),
+    ];
+    for vessel in ["hydrofoil", "../../vessels/otter.toml"] {
+        let setup = setup(vessel, ControlMethod::Autopilot, TaskKind::LawnMower);
+        for (name, most_s, fault) in faults {
+            let mut first = None;
+            // A sensor that comes back soon is believed again; one that does not is a stop.
+            let until_s = if name.contains("frozen") { 8.0 } else { 60.0 };
+            let rows = sail_by(&setup, [0.0; 3], [0.0; 2], Vessel::Sound, 900.0, |t, pose, outputs| {
+                if first.is_none() && t > 5.0 && outputs[2].abs() > 0.1 {
+                    first = Some((t, *pose));
+                }
+                if let Some((at, seen)) = first.filter(|(at, _)| t < at + until_s) {
+                    fault(t - at, seen, pose, outputs);
+                }
+            });
+            check_commands(&setup, &rows);
+            let (at, _) = first.unwrap();
+            let blind = rows.iter().find(|row| row.t_s > at && row.mode == Mode::Blind);
+            let story =
+                format!("{vessel}, {name}, from {at:.1} s on: {:?}, at last {:?}", blind, rows.last());
+            assert!(blind.is_some_and(|row| row.t_s <= at + most_s), "{story}");
+            let expected = if name.contains("frozen") { Mode::Arrived } else { Mode::Stopped };
+            assert_eq!(rows.last().unwrap().mode, expected, "{story}");
+        }
+    }
+}
+
+/// Usual errors are no contradiction: noise and slow errors of the receiver, noise, bias and lag of compass and gyro.
+#[test]
+fn usual_errors_of_sensors_do_not_end_the_steering() {
+    for vessel in ["hydrofoil", "../../vessels/otter.toml"] {
+        let setup = setup(vessel, ControlMethod::Autopilot, TaskKind::LawnMower);
+        let mut random = 7_u64;
+        let mut noise = move || {
+            // The sum of twelve uniform numbers is nearly normal.
+            let mut sum = -6.0;
+            for _ in 0..12 {
+                random =
+                    random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                sum += (random >> 11) as f64 / (1_u64 << 53) as f64;
+            }
+            sum
+        };
+        let dt = setup.scenario.dt_s;
+        let (mut slow, mut lagged) = ([0.0; 2], 0.0);
+        let rows = sail_by(&setup, [0.0; 3], [0.2, -0.1], Vessel::Sound, 900.0, |_, pose, outputs| {
+            for (at, slow) in pose.iter_mut().zip(&mut slow) {
+                *slow = 0.99 * *slow + 0.1 * noise();
+                *at += *slow + 0.15 * noise();
+            }
+            lagged += dt / 0.3 * (pose[2] - lagged);
+            pose[2] = lagged + 0.03 * noise() + 0.05;
+            outputs[0] += 0.05 * noise();
+            outputs[1] += 0.05 * noise();
+            outputs[2] += 0.02 * noise() + 0.005;
+        });
+        check_commands(&setup, &rows);
+        let blind = rows.iter().filter(|row| row.mode == Mode::Blind).count();
+        assert_eq!((blind, rows.last().unwrap().mode), (0, Mode::Arrived), "{vessel}: {:?}", rows.last());
+    }
 }
 
 /// Random vessels, controllers, starts up to 200 tolerances away and currents of up to 40 % of the speed, from rest. Without a

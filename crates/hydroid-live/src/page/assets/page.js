@@ -435,12 +435,12 @@ function sensors(s) {
   const build = () => make("tr", "", make("th", "", make("span"), make("small")), ...Array.from({ length: 5 }, () => make("td")));
   each($("sensors"), list(s.sensors), build, (row, sensor) => {
     const old = stale(sensor);
-    row.className = old ? "stale" : "";
+    row.className = old || sensor?.contradicts ? "stale" : "";
     row.firstElementChild.scope = "row";
     set(row.firstElementChild.firstElementChild, words(sensor?.name));
     set(row.firstElementChild.lastElementChild, words(sensor?.column));
     const outliers = finite(sensor?.outliers);
-    const cells = [figure(sensor?.rate_hz, 1), figure(sensor?.age_s, sensor?.age_s > 10 ? 0 : 2), figure(sensor?.latency_ms, 0), figure(outliers === null ? null : 100 * outliers, 1), old ? "✕ stale" : "✓ ok"];
+    const cells = [figure(sensor?.rate_hz, 1), figure(sensor?.age_s, sensor?.age_s > 10 ? 0 : 2), figure(sensor?.latency_ms, 0), figure(outliers === null ? null : 100 * outliers, 1), old ? "✕ stale" : sensor?.contradicts ? "✕ contradicts the others" : "✓ ok"];
     cells.forEach((text, i) => set(row.children[i + 1], text));
   });
 }
