@@ -443,11 +443,10 @@ impl<L: Link> Boat<L> {
         let jump_m = self.jump_m().filter(|_| !is_located);
         if self.is_commanding() && !is_located {
             let max_age_s = self.settings.control.max_age.map(|age| age.0);
-            let compass = self.motion.health().iter().find(|sensor| sensor.name == "heading");
             let reason = if let Some(distance) = jump_m {
                 format!("the position jumps by {distance:.0} m")
-            } else if compass.is_some_and(|compass| compass.contradicts(max_age_s)) {
-                "the heading contradicts the other sensors: check the compass".to_owned()
+            } else if self.motion.is_contradicted(max_age_s) {
+                "the heading does not turn as the yaw rate says: check compass and gyro".to_owned()
             } else {
                 "there is no position or no heading any more".to_owned()
             };

@@ -70,7 +70,7 @@ impl Figure {
 
     /// Without a value, if it is one of those that the sway velocity decides.
     pub(super) fn without_sway(&mut self, names: &[&str]) {
-        if names.contains(&self.name.as_ref()) {
+        if names.contains(&self.name.as_ref()) && self.not_valid.is_none() {
             (self.value, self.interval) = (None, None);
             self.not_valid = Some(NO_SWAY.to_owned());
         }

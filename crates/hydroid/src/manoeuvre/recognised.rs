@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::measured::{heading, output};
 use crate::boat::{Boat, Role};
-use crate::log::Trajectory;
+use crate::log::{Trajectory, shortest_change};
 use crate::model::MOTION;
 
 /// A trial in a run.
@@ -73,6 +73,8 @@ struct Command {
     values: Vec<f64>,
     /// Changes up to this one are none.
     same: f64,
+    /// Samples in which the fastest change, with its noise, passes twice as much: a part of a ramp is at most twice as long.
+    passing: usize,
 }
 
 /// A part of a run with held commands.
@@ -161,7 +163,9 @@ impl Command {
         // 0.6745 deviations as often as not.
         let second = values.windows(3).map(|x| (x[2] - 2.0 * x[1] + x[0]).abs());
         let deviation = median(second.collect()) / (0.6745 * 6.0_f64.sqrt());
-        Self { values, same: (part * largest).max(NOISE * deviation) }
+        let same = (part * largest).max(NOISE * deviation);
+        let passing = shortest_change(values.iter().copied(), 2.0 * same).filter(|_| same > 0.0).unwrap_or(0);
+        Self { values, same, passing }
     }
 
     fn level(&self, from: usize, to: usize) -> f64 {
@@ -216,6 +220,7 @@ fn held(commands: &[Command], samples: usize) -> Vec<Held> {
         let to = to.max(from + 1);
         let half = from + (to - from) / 2;
         let is_held = to - from >= LEAST_SAMPLES
+            && commands.iter().all(|command| to - from > 2 * command.passing)
             && commands.iter().all(|command| {
                 let moved = command.level(half, to) - command.level(from, half);
                 moved.abs() <= 0.5 * command.same

@@ -263,7 +263,7 @@ pub fn trials(
     notes.extend(options.notes(approach_speed_m_s));
     if !has_sway(model) {
         notes.push(format!(
-            "distances assume that the vessel does not move sideways, and no criterion is judged: {NO_SWAY}"
+            "distances are those of a vessel that does not move sideways, and are not judged: {NO_SWAY}"
         ));
     }
     Ok(Some(Trials {
@@ -305,10 +305,13 @@ fn trial(
     let members = set_intervals(&mut figures, &figures_of_members);
     let has_sway = has_sway(model);
     figures.iter_mut().filter(|_| !has_sway).for_each(|figure| figure.without_sway(&NO_SWAY_FIGURES[..1]));
-    if let Some(length) = options.length_m.filter(|_| has_sway) {
+    if let Some(length) = options.length_m {
         let speed = outcome.tracks.first().map_or(f64::NAN, |track| track.speed(track.execute));
         if froude(speed, length) >= LEAST_FROUDE && options.current == [0.0; 2] {
             kind.judge(&mut figures, map, length, speed);
+            let distances =
+                figures.iter_mut().filter(|figure| !has_sway && NO_SWAY_FIGURES.contains(&&*figure.name));
+            distances.for_each(|figure| figure.criterion = None);
         }
     }
     Trial {

@@ -296,7 +296,7 @@ impl Instruments {
                 100.0 * mirrored,
                 100.0 * direct
             ),
-            remedy: "headings count clockwise from north: for degrees counterclockwise from east write heading = \"(COLUMN - 90) * -1\" in the section [log.sensors]".to_owned(),
+            remedy: "headings count clockwise from north: for degrees counterclockwise from east write heading = \"(COLUMN - 90) * -1\" in the section [log.sensors], and check that latitude and longitude, or north and east, are not exchanged".to_owned(),
         })
     }
 

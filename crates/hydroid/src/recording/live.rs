@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use hydroid_core::control::longest_age_s;
+use hydroid_core::control::{DeadReckoning, longest_age_s};
 use hydroid_core::navigation::{Filter, Prior, State};
 
 use super::instruments::{CURRENT_M_S, UNITS, local_step};
@@ -97,7 +97,8 @@ pub struct SensorHealth {
     pub columns: String,
     /// Time of the last measurement \[s\]; NaN before it.
     pub last: f64,
-    /// Time of the last measurement that agreed with the other sensors, that is, was no outlier \[s\]; NaN before it.
+    /// Time of the last measurement that agreed with the other sensors \[s\]: of a heading, that turned as the yaw rate
+    /// says; NaN before it.
     pub agreed: f64,
     /// Usual time between measurements \[s\]; NaN before the second one.
     pub step: f64,
@@ -106,8 +107,8 @@ pub struct SensorHealth {
 }
 
 impl SensorHealth {
-    /// Whether all measurements were outliers for longer than `max_age_s`, by default the longest age of
-    /// [its steps](longest_age_s): the sensor says other than the remaining ones, as a compass that is frozen or has jumped.
+    /// Whether no measurement has agreed for longer than `max_age_s`, by default the longest age of
+    /// [its steps](longest_age_s), as those of a compass that is frozen or has jumped.
     pub fn contradicts(&self, max_age_s: Option<f64>) -> bool {
         self.last - self.agreed > max_age_s.unwrap_or_else(|| longest_age_s(self.step))
     }
@@ -124,6 +125,7 @@ pub struct LiveMotion {
     placed: Vec<Placed>,
     statistics: Statistics,
     filter: Option<Filter>,
+    turning: Turning,
     /// Time of the filter \[s\].
     t: f64,
     /// First values: position, velocity, heading.
@@ -254,6 +256,7 @@ impl LiveMotion {
         Ok(Self {
             instruments,
             health,
+            turning: Turning::new(),
             sensors: sensors.clone(),
             placed,
             statistics,
@@ -302,19 +305,25 @@ impl LiveMotion {
     }
 
     /// Whether position and heading are recent enough at a time \[s\] for commands: none is older than `max_age_s`, by default
-    /// that of [its steps](longest_age_s). The positions since `set_aside` are not used, and a heading that
-    /// [contradicts](SensorHealth::contradicts) the other sensors is none.
+    /// that of [its steps](longest_age_s). The positions since `set_aside` are not used, and a heading is none
+    /// while it [contradicts](Self::is_contradicted) the yaw rate.
     pub fn is_fresh(&self, t: f64, max_age_s: Option<f64>, set_aside: Option<f64>) -> bool {
         let is_fresh = |kind: Kind, until: f64| {
             let at = self.instruments.iter().position(|one| one.kind == Some(kind));
             at.is_some_and(|at| {
                 let health = &self.health[at];
                 let limit = max_age_s.unwrap_or_else(|| longest_age_s(health.step));
-                let contradicts = kind == Kind::Heading && health.contradicts(max_age_s);
-                t - health.last <= limit && t - until <= limit && !contradicts
+                t - health.last <= limit && t - until <= limit
             })
         };
-        is_fresh(Kind::Position, set_aside.unwrap_or(f64::INFINITY)) && is_fresh(Kind::Heading, f64::INFINITY)
+        is_fresh(Kind::Position, set_aside.unwrap_or(f64::INFINITY))
+            && is_fresh(Kind::Heading, f64::INFINITY)
+            && !self.is_contradicted(max_age_s)
+    }
+
+    /// Whether compass and gyro [contradict](SensorHealth::contradicts) each other.
+    pub fn is_contradicted(&self, max_age_s: Option<f64>) -> bool {
+        self.health.iter().any(|health| health.contradicts(max_age_s))
     }
 
     /// Time of the estimate \[s\]; NaN before it.
@@ -367,6 +376,7 @@ impl LiveMotion {
                 };
                 value = place;
             }
+            self.turning.take(kind, t, value[0]);
             let outlier = self.measure(kind, t, value);
             let health = &mut self.health[i];
             let step = t - health.last;
@@ -382,7 +392,7 @@ impl LiveMotion {
             if step.is_nan() || step > 0.0 {
                 health.last = t;
             }
-            if !outlier {
+            if self.instruments[i].kind != Some(Kind::Heading) || self.turning.agrees() {
                 health.agreed = t;
             }
             health.outliers += 0.01 * (f64::from(u8::from(outlier)) - health.outliers);
@@ -494,6 +504,46 @@ impl LiveMotion {
         Some((position, current.map(|state| estimate.get(state)), deviation))
     }
 }
+
+/// A heading that is integrated from the yaw rate beside the measured one.
+struct Turning {
+    reckoning: DeadReckoning,
+    t: f64,
+    rate: f64,
+}
+
+impl Turning {
+    fn new() -> Self {
+        // The position is not integrated: its speed does not count.
+        Self { reckoning: DeadReckoning::new(1.0, TURNING_S), t: f64::NAN, rate: f64::NAN }
+    }
+
+    /// Takes a measurement.
+    fn take(&mut self, kind: Kind, t: f64, value: f64) {
+        let heading = match kind {
+            Kind::YawRate => f64::NAN,
+            Kind::Heading if !self.rate.is_nan() => value,
+            _ => return,
+        };
+        let elapsed = t - self.t;
+        if elapsed.is_nan() || elapsed > LONGEST_S || self.reckoning.is_unsettled() {
+            self.reckoning.reset();
+        }
+        self.reckoning.take(elapsed.max(0.0), [0.0, 0.0, self.rate], &mut [f64::NAN, f64::NAN, heading]);
+        self.t = self.t.max(t);
+        if kind == Kind::YawRate {
+            self.rate = value;
+        }
+    }
+
+    fn agrees(&self) -> bool {
+        let [_, off] = self.reckoning.off();
+        off == 0.0
+    }
+}
+
+/// Time constant of the integrated heading \[s\]: a bias of the gyro of a degree per second is 10 deg.
+const TURNING_S: f64 = 10.0;
 
 /// Frequency of the waves \[rad/s\] that moves a boat whose sensors are not known yet.
 const BOAT_RAD_S: f64 = 2.0;

@@ -68,9 +68,12 @@ pub(super) fn tables(
         .collect::<Result<Vec<_>, _>>()?;
     let mut contradictions = Vec::with_capacity(instruments.len());
     for one in &mut instruments {
-        one.check_heading()?;
-        one.turn_axes(notes);
         let found = one.check_gnss();
+        // Exchanged axes of the positions are no turned heading.
+        if found.is_none() {
+            one.check_heading()?;
+        }
+        one.turn_axes(notes);
         let note = |text: &String| Note::warning(format!("{}: {text}", one.path)).with_remedy(CHECK_GNSS);
         notes.extend(found.iter().map(note));
         contradictions.push(found);

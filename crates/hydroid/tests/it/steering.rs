@@ -293,10 +293,10 @@ fn sensors_that_contradict_each_other_do_not_steer() {
         ("frozen compass", 5.0, |_, first, pose, _| pose[2] = first[2]),
         ("compass that jumps", 1.2, |_, _, pose, _| pose[2] += 1.57),
         ("mirrored compass", 5.0, |_, first, pose, _| pose[2] = 2.0 * first[2] - pose[2]),
-        ("frozen receiver", 6.0, |_, first, pose, _| pose[..2].copy_from_slice(&first[..2])),
+        ("frozen receiver", 8.0, |_, first, pose, _| pose[..2].copy_from_slice(&first[..2])),
         ("receiver that jumps", 1.2, |_, _, pose, _| pose[0] += 40.0),
         ("receiver that walks", 25.0, |since, _, pose, _| pose[1] += 0.5 * since),
-        ("yaw rate in deg/s", 5.0, |_, _, _, outputs| outputs[2] *= 57.3),
+        ("yaw rate in deg/s", 8.0, |_, _, _, outputs| outputs[2] *= 57.3),
     ];
     for vessel in ["hydrofoil", "../../vessels/otter.toml"] {
         let setup = setup(vessel, ControlMethod::Autopilot, TaskKind::LawnMower);

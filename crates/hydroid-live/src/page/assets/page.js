@@ -440,7 +440,7 @@ function sensors(s) {
     set(row.firstElementChild.firstElementChild, words(sensor?.name));
     set(row.firstElementChild.lastElementChild, words(sensor?.column));
     const outliers = finite(sensor?.outliers);
-    const cells = [figure(sensor?.rate_hz, 1), figure(sensor?.age_s, sensor?.age_s > 10 ? 0 : 2), figure(sensor?.latency_ms, 0), figure(outliers === null ? null : 100 * outliers, 1), old ? "✕ stale" : sensor?.contradicts ? "✕ contradicts the others" : "✓ ok"];
+    const cells = [figure(sensor?.rate_hz, 1), figure(sensor?.age_s, sensor?.age_s > 10 ? 0 : 2), figure(sensor?.latency_ms, 0), figure(outliers === null ? null : 100 * outliers, 1), old ? "✕ stale" : sensor?.contradicts ? "✕ contradicts the gyro" : "✓ ok"];
     cells.forEach((text, i) => set(row.children[i + 1], text));
   });
 }
