@@ -222,6 +222,10 @@ fn geographic_way_points_need_geographic_positions() {
     assert!(answer["pose"]["y"].as_f64().unwrap().abs() < 1e-6);
     let wrong = service.ask(r#"{"t":0.1,"lat":95,"lon":10.0,"psi":0,"u":1.5,"v":0,"r":0}"#);
     assert!(wrong["message"].as_str().unwrap().contains("latitudes are between"), "{wrong}");
+    let far = service.ask(r#"{"t":0.2,"lat":10.0,"lon":54.0005,"psi":0,"u":1.5,"v":0,"r":0}"#);
+    assert!(far["message"].as_str().unwrap().contains("exchanged"), "{far}");
+    let turned = service.ask(r#"{"t":0.3,"lat":54.0005,"lon":10.0,"psi":270,"u":1.5,"v":0,"r":0}"#);
+    assert!(turned["message"].as_str().unwrap().contains("if it counts degrees"), "{turned}");
     service.kill();
 }
 

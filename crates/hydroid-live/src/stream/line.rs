@@ -12,6 +12,9 @@ use hydroid::log::line::check_value;
 use hydroid::log::line::{Cell, number};
 use hydroid::log::line::{Source, Time};
 
+/// Farthest vessel from its way-points \[km\]: positions are in one plane.
+const FARTHEST_KM: f64 = 100.0;
+
 /// Largest plausible time \[s\]: seconds since 1970 are 1.7e9, milliseconds are 1.7e12.
 const LONGEST_TIME_S: f64 = 1e12;
 
@@ -168,12 +171,19 @@ impl Place<'_> {
         let degrees: [f64; 2] = std::array::from_fn(|i| {
             if pose.sources[i].channel.unit.is_empty() { position[i] } else { position[i].to_degrees() }
         });
-        local_position(origin, degrees).ok_or_else(|| {
-            let [latitude, longitude] = degrees;
+        let [latitude, longitude] = degrees;
+        let place = local_position(origin, degrees).ok_or_else(|| {
             self.bad(format!(
                 "latitude {latitude}, longitude {longitude}: latitudes are between -90 and 90 degrees and longitudes between -180 and 360"
             ))
-        })
+        })?;
+        let distance_km = place[0].hypot(place[1]) / 1000.0;
+        if distance_km > FARTHEST_KM {
+            return Err(self.bad(format!(
+                "latitude {latitude}, longitude {longitude} is {distance_km:.0} km from the first way-point: check whether latitude and longitude are exchanged, here or in the way-points"
+            )));
+        }
+        Ok(place)
     }
 
     fn time(&self, item: &Item<'_>, source: &Source, comma: bool) -> Result<f64, LogError> {
