@@ -65,6 +65,22 @@ def _with_warm_up(predict: Callable[..., Any]) -> Callable[..., Any]:
     return checked
 
 
+def _from_one_sample(simulate: Callable[..., Any]) -> Callable[..., Any]:
+    """`Model.simulate` with a warning where one sample is no start."""
+
+    @functools.wraps(simulate)
+    def checked(self: Model, *arguments: Any, **keywords: Any) -> Any:
+        if self.warm_up > 1:
+            warnings.warn(
+                f"{self.name} needs {self.warm_up} samples for its first prediction: as many samples of a simulation from "
+                "one sample are not valid; use predict with a history",
+                stacklevel=2,
+            )
+        return simulate(self, *arguments, **keywords)
+
+    return checked
+
+
 def warn_of_warm_up(model: Model, samples: int) -> None:
     """Warns that predictions after so few samples are NaN."""
     warnings.warn(
@@ -75,5 +91,6 @@ def warn_of_warm_up(model: Model, samples: int) -> None:
 
 _document()
 Model.predict = _with_warm_up(Model.predict)  # type: ignore[method-assign]
+Model.simulate = _from_one_sample(Model.simulate)  # type: ignore[method-assign]
 Session.__copy__ = lambda self: self.fork()  # type: ignore[attr-defined]
 Session.__deepcopy__ = lambda self, memo: self.fork()  # type: ignore[attr-defined]

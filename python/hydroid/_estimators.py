@@ -158,6 +158,8 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
         if best is None:
             messages = "; ".join(warning["message"] for warning in found.warnings)
             self.reason_ = f"no model was found: {error or messages or 'every model diverged'}"
+            if found.models:
+                self.reason_ += "; identification_.models has what was fitted"
             warnings.warn(self.reason_, stacklevel=2)
         judged = next(iter(found.judgement.values()), None)
         last = [] if judged is None else judged.validation.horizons.tolist()
@@ -310,7 +312,7 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
             if times.ndim != 1 or steps.size and not np.allclose(steps, model.dt, rtol=1e-3, atol=0.0):
                 found = f"steps of {np.median(steps):g} s" if steps.size else f"shape {times.shape}"
                 raise ValueError(f"t: expected times with the sample time of the model, {model.dt:g} s, got {found}")
-        inputs = [u(time) for time in times] if callable(u) else u
+        inputs = _called(u, times)
         if inputs is not None:
             inputs = _table("u", inputs, len(model.input_names), type(self).__name__)
         return model.simulate(x0, inputs, samples=len(times))
@@ -335,7 +337,7 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
             )
         ]
         commands = [
-            _table("u", [item(at) for at in time] if callable(item) else item, None, name)
+            _table("u", _called(item, time), None, name)
             for item, time in zip(_matched("u", u, len(items), several and not callable(u)), times)
         ]
         q, m = items[0].shape[1], commands[0].shape[1]
@@ -378,6 +380,11 @@ def _items(x: Any) -> tuple[list[Any], bool]:
     if isinstance(x, (list, tuple)) and x and np.ndim(x[0]) == 2:
         return list(x), True
     return [x], False
+
+
+def _called(u: Any, times: NDArray[Any]) -> Any:
+    """Commands; those of a function are rows, whatever the shape of its values."""
+    return [np.ravel(u(time)) for time in times] if callable(u) else u
 
 
 def _matched(argument: str, given: Any, runs: int, several: bool) -> list[Any]:

@@ -253,6 +253,8 @@ class Model:
     ) -> Array:
         """Simulate the outputs, shape (samples, outputs), from `start`, shape (outputs,), under commands.
 
+        A model with a warm-up does not know its state after one sample, and a warning says so.
+
         Parameters
         ----------
         start : array_like, shape (outputs,)

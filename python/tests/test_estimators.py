@@ -285,6 +285,8 @@ def test_predictions_before_the_warm_up_are_not_numbers():
     ahead = np.zeros((3, 0))
     with pytest.warns(UserWarning, match=f"^gru predicts from its sample {first} on"):
         assert np.isnan(fitted.model_.predict(x[: first - 1], None, ahead)).all()
+    with pytest.warns(UserWarning, match=f"^gru needs {first} samples"):
+        fitted.simulate(x[0], 5)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         np.testing.assert_array_equal(fitted.model_.predict(x[:first], None, ahead)[0], predicted[first - 1])
@@ -313,6 +315,20 @@ def test_an_estimator_that_finds_nothing_says_why():
         with pytest.raises(ValueError, match="^no model was found"):
             call()
     assert all(again.reason_ == fitted.reason_ for again in copies(fitted))
+
+
+def test_a_model_that_diverges_is_no_result_but_can_be_had():
+    # An epidemic: all of its motion is in the first of the blocks that are left out in turn.
+    x, s = np.empty((1500, 2)), np.array([0.99, 0.01])
+    for k in range(len(x)):
+        x[k] = s
+        for _ in range(20):
+            s = s + 0.005 * np.array([-0.5 * s[0] * s[1], 0.5 * s[0] * s[1] - 0.1 * s[1]])
+    with pytest.warns(UserWarning, match="no model was found: .*diverge.*identification_.models has what was fitted"):
+        fitted = hydroid.SINDy(degree=2, signed_squares=False, gate="none").fit(x, 0.1)
+    assert fitted.model_ is None and fitted.identification_.models["sindy"].equations()
+    with pytest.warns(UserWarning, match="the score is NaN"):
+        assert np.isnan(fitted.score(x, t=0.1))
 
 
 def test_times_and_commands_as_pysindy_takes_them(ship):
@@ -359,6 +375,8 @@ def test_one_command_has_one_dimension():
     by_array = fitted.simulate(x[0], t, u)
     np.testing.assert_allclose(by_array, x, atol=0.01)
     np.testing.assert_array_equal(fitted.simulate(x[0], t, lambda at: u[int(round(at / 0.05))]), by_array)
+    as_interpolated = fitted.simulate(x[0], t, lambda at: u[[int(round(at / 0.05))], np.newaxis])
+    np.testing.assert_array_equal(as_interpolated, by_array)
 
 
 def test_equations_with_a_precision(fitted, capsys):
