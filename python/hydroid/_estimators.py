@@ -503,7 +503,8 @@ class SINDy(_Dynamics):
         Whether the coefficients of ``y`` and ``y |y|`` in the equation of each output ``y`` are not positive.
     threshold : float, optional
         Threshold of sequentially thresholded least squares, in standard deviations of the output per second. It is a
-        bound on contributions; that of PySINDy is one on coefficients.
+        bound on contributions; that of PySINDy is one on coefficients. Terms are selected with the ridge penalty, and
+        their coefficients are then found without it: a contribution may be smaller.
     ridge : float, optional
         Ridge penalty for each row, on columns of unit RMS.
     huber : float, optional
