@@ -8,7 +8,6 @@ in SI units and radians. Sample ``k`` is the measurement ``y[k]`` at ``t[k]`` an
 from typing import TYPE_CHECKING, Any
 
 from ._hydroid import (
-    Adapter,
     ControlStep,
     Log,
     Model,
@@ -18,6 +17,7 @@ from ._hydroid import (
     Step,
     __version__,
 )
+from ._adapt import Adapter
 from ._control import ClosedLoop, ClosedLoopTrack, Controller, Guard, Limits, Plan, Planner, control
 from ._evaluate import Evaluation, evaluate
 from ._identify import Identification, Judgement, identify
@@ -36,6 +36,8 @@ from ._vessels import (
     vessel_toml,
     vessels,
 )
+
+from . import _compiled as _compiled
 
 if TYPE_CHECKING:
     from ._estimators import GRU, LSTM, Committee, DirectPredictor, SINDy

@@ -147,7 +147,7 @@ class ClosedLoop:
         return self._inner.report(" ".join(sys.argv))
 
     def save(self, folder: str | os.PathLike[str]) -> None:
-        """Write ``track.csv`` (a log), ``control.json`` and ``report.html``, as ``hydroid control -o`` does."""
+        """Write ``track.csv`` (a log), ``control.json`` and ``report.html`` into a folder, as ``hydroid control -o`` does."""
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         _write(folder / "track.csv", self._inner.csv())
@@ -230,6 +230,7 @@ def control(
     return ClosedLoop(inner)
 
 
+@takes("control")
 class Controller:
     """A controller on board: from each sample to a command, along the path of a task.
 
@@ -249,8 +250,10 @@ class Controller:
     guard, training_log, training_time, threads, progress
         As for `control`.
     **options
-        Options of `control` but those of the simulation: ``controller``, ``task``, ``speed``, ``points``, ``limit``,
-        ``horizon``, ``adapt``, ``seed``, ... Positions are relative to the origin of the path: north and east [m].
+
+    Notes
+    -----
+    Options of the simulation are refused. Positions are relative to the origin of the path: north and east [m].
 
     Raises
     ------
@@ -264,7 +267,6 @@ class Controller:
     >>> step.command, step.status
     """
 
-    @takes("control")
     def __init__(
         self,
         model: Model | str | os.PathLike[str],
@@ -318,10 +320,12 @@ class Controller:
 
     @property
     def output_names(self) -> list[str]:
+        """Names of the outputs of `step`."""
         return self._inner.output_names
 
     @property
     def input_names(self) -> list[str]:
+        """Names of the commands."""
         return self._inner.input_names
 
     @property

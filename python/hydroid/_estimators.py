@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Union
 
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _hydroid
+from ._compiled import warn_of_warm_up
 from ._evaluate import Evaluation, evaluate
 from ._hydroid import Log, Model, Run
 from ._identify import Identification, identify
@@ -27,6 +29,32 @@ Runs = Union[ArrayLike, Log, Run, Sequence[Any]]
 _COMMON = ("dt", "horizon", "outputs", "inputs", "log", "random_state", "n_jobs")
 
 
+_COMMON_TEXT = """\
+    dt : float, optional
+        Sample time [s] of runs that are arrays, where `fit` has no `t`.
+    horizon : int or str, optional
+        Longest horizon: samples, or seconds as ``"10s"``. Default: 100 samples, or fewer for short runs.
+    outputs, inputs : optional
+        Channels of runs that are logs; see `hydroid.prepare`.
+    log : mapping, optional
+        Further options of `hydroid.prepare`.
+    random_state : int
+    n_jobs : int, optional
+        Threads; default: all cores. The result does not depend on it.
+
+    Attributes
+    ----------
+    model_ : hydroid.Model or None
+    reason_ : str or None
+        Why there is no model.
+    identification_ : hydroid.Identification
+    horizon_ : int or str
+        Longest horizon of the score.
+    n_features_in_ : int
+        Number of outputs.
+    """
+
+
 class _Dynamics(BaseEstimator):  # type: ignore[misc]
     """An estimator over `identify` with one method. Its parameters besides the common ones are options of the method."""
 
@@ -34,21 +62,23 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
 
     # Set by the constructors of the subclasses.
     dt: float | None
-    horizon: int | str
+    horizon: int | str | None
     outputs: Channels | None
     inputs: Channels | None
     log: Mapping[str, Any] | None
     random_state: int
     n_jobs: int | None
 
-    #: After `fit`.
-    model_: Model
+    #: After `fit`. There is no model if `reason_` is a text.
+    model_: Model | None
     identification_: Identification
+    horizon_: int | str
+    reason_: str | None
 
     def fit(
         self,
         x: Runs,
-        y: None = None,
+        y: Any = None,
         *,
         t: Any = None,
         u: Any = None,
@@ -58,50 +88,85 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
 
         Parameters
         ----------
-        x : array_like (samples, outputs), Log, Run, path or data frame, or list of these
-            A list has a run for each item.
-        y : None
-            Not used; it exists because scikit-learn passes it.
+        x : array_like (samples, outputs), Log, Run or path, or list of these
+            A list has a run for each item. The columns of a data frame are the names of the outputs.
+        y : optional
+            The sample time or ascending times, as the second argument of PySINDy's `fit`. Anything else, which
+            scikit-learn may pass, is not used.
         t : float or array_like (samples,), or list of these
-            Sample time, or times of the samples [s]; default: the parameter `dt`. Logs have their own times.
-        u : array_like (samples, inputs) or list of these, optional
-            Commands; row k is held until sample k + 1.
+            Sample time, or times of the samples [s], or dates; default: the index of a data frame if it has dates,
+            or the parameter `dt`. Logs have their own times.
+        u : array_like (samples, inputs) or (samples,), function of time, or list of these, optional
+            Commands; row k is held until sample k + 1. A function is called with the times [s].
         feature_names : list of str, optional
-            Names of outputs and inputs; default x0, x1, .. and u0, u1, ..
+            Names of outputs and inputs; default: those of data frames, or x0, x1, .. and u0, u1, ..
 
         Returns
         -------
         self
+            If no model is found, `model_` is None, `reason_` and a warning say why, predictions and score are NaN.
         """
-        if np.isscalar(y):
-            raise TypeError(f"y: expected None, since y is not used; write t={y!r} for the sample time")
+        if t is None and y is not None:
+            if _is_time(y):
+                t = y
+            elif self.dt is None and not _is_own(x):
+                raise ValueError("y: expected the sample time or ascending times [s]; or name them: t=..")
         logs, outputs, inputs = self._logs(x, t, u, feature_names, least=3)
         options = {
             name: value
             for name, value in self.get_params(deep=False).items()
             if name not in _COMMON and value is not None
         }
-        found = identify(
-            logs,
-            outputs=self.outputs if outputs is None else outputs,
-            inputs=self.inputs if inputs is None else inputs or "none",
-            methods=self._method,
-            horizon=self.horizon,
-            seed=self.random_state,
-            log=self.log,
-            sections={self._section: options} if options else None,
-            threads=self.n_jobs,
-        )
+
+        def identified(horizon: int | str | None) -> Identification:
+            return identify(
+                logs,
+                outputs=self.outputs if outputs is None else outputs,
+                inputs=self.inputs if inputs is None else inputs or "none",
+                methods=self._method,
+                horizon=horizon,
+                seed=self.random_state,
+                log=self.log,
+                sections={self._method: options} if options else None,
+                threads=self.n_jobs,
+            )
+
+        found, error = None, None
+        try:
+            found = identified(self.horizon)
+        except ValueError:
+            if self.horizon is not None:
+                raise
+        if self.horizon is None and (found is None or not found.models):
+            # The parts that are left out of short runs may have fewer samples than the default horizon.
+            try:
+                found = identified(1)
+            except ValueError as failed:
+                if found is None:
+                    raise
+                error = failed
+            if found.models:
+                warnings.warn("the runs are short: the model is chosen by predictions of one sample", stacklevel=2)
+        assert found is not None
         best = found.best
         if best is None and found.not_enough_data is not None:
             # The model is fitted; a warning says that there are too few data to judge it.
             best = next(iter(found.models.values()), None)
-        if best is None:
-            reasons = "; ".join(warning["message"] for warning in found.warnings)
-            raise ValueError(f"no model was found: {reasons or 'every model diverged'}")
         self.identification_ = found
         self.model_ = best
-        self.n_features_in_ = len(self.model_.output_names)
+        self.reason_ = None
+        if best is None:
+            messages = "; ".join(warning["message"] for warning in found.warnings)
+            self.reason_ = f"no model was found: {error or messages or 'every model diverged'}"
+            if found.models:
+                self.reason_ += "; identification_.models has what was fitted"
+            warnings.warn(self.reason_, stacklevel=2)
+        judged = next(iter(found.judgement.values()), None)
+        last = [] if judged is None else judged.validation.horizons.tolist()
+        self.horizon_ = self.horizon if self.horizon is not None else last[-1] if last else 1
+        names = outputs if best is None else best.output_names
+        if names is not None:
+            self.n_features_in_ = len(names)
         return self
 
     def __sklearn_is_fitted__(self) -> bool:
@@ -114,8 +179,15 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
         return tags
 
     @property
-    def _section(self) -> str:
-        return self._method
+    def min_context(self) -> int:
+        """Samples that the first prediction needs; earlier ones are NaN."""
+        return self._found().warm_up
+
+    def _found(self) -> Model:
+        check_is_fitted(self)
+        if self.model_ is None:
+            raise ValueError(self.reason_)
+        return self.model_
 
     def predict(self, x: Runs, u: Any = None) -> Any:
         """Predict each sample from those before it.
@@ -128,13 +200,16 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
         Returns
         -------
         ndarray (samples, outputs), or list of these
-            Row k is the output at sample k + 1, predicted from the measurements and commands up to sample k.
+            Row k is the output at sample k + 1, predicted from the measurements and commands up to sample k. Rows
+            before sample `min_context` are NaN, and a warning says so.
         """
         return self._each(x, u, _next_outputs)
 
     def _each(self, x: Runs, u: Any, function: Callable[[Model, Any, Any], NDArray[np.float64]]) -> Any:
         check_is_fitted(self)
-        model = self.model_
+        if self.model_ is None:
+            return self._undefined(x, "predictions are")
+        model = self._found()
         if not _is_own(x):
             items, several = _items(x)
             commands = _matched("u", u, len(items), several)
@@ -149,35 +224,69 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
             results = [function(model, run.outputs, run.inputs) for run in runs]
         return results if several else results[0]
 
+    def _undefined(self, x: Runs, what: str) -> Any:
+        """NaN in place of predictions, where no model was found."""
+        if _is_own(x):
+            raise ValueError(self.reason_)
+        items, several = _items(x)
+        blank = [np.full_like(_table("x", item, self.n_features_in_, type(self).__name__), np.nan) for item in items]
+        warnings.warn(f"{what} NaN: {self.reason_}", stacklevel=4)
+        return blank if several else blank[0]
+
     def _prepared(self, x: Any) -> list[Run]:
         given = x if isinstance(x, (list, tuple)) else [x]
         if all(isinstance(item, Run) for item in given):
             return list(given)
-        options = {"outputs": self.model_.output_names, "inputs": self.model_.input_names, **(self.log or {})}
+        model = self._found()
+        options = {"outputs": model.output_names, "inputs": model.input_names, **(self.log or {})}
         return _hydroid.prepare(list(given), options)
 
-    def score(self, x: Runs, y: None = None, *, t: Any = None, u: Any = None) -> float:
+    def score(self, x: Runs, y: Any = None, *, t: Any = None, u: Any = None) -> float:
         """Mean R² of predictions from origins along runs, over all horizons up to `horizon` and all outputs.
 
-        A model that diverges has the score minus infinity.
+        Parameters
+        ----------
+        x, t, u : as in `fit`
+        y : None
+            Not used; it exists because scikit-learn passes it.
+
+        Returns
+        -------
+        float
+            Minus infinity for a model that diverges, NaN if no model was found.
         """
+        check_is_fitted(self)
+        if self.model_ is None:
+            self._undefined(x, "the score is")
+            return float("nan")
         judged = self.evaluate(x, t=t, u=u)
         return float("-inf") if judged.diverged else float(np.nanmean(judged.r2))
 
     def evaluate(self, x: Runs, *, t: Any = None, u: Any = None, **options: Any) -> Evaluation:
-        """Judge the model on runs; see `hydroid.evaluate`."""
-        check_is_fitted(self)
-        outputs, inputs = self.model_.output_names, self.model_.input_names
+        """Judge the model on runs.
+
+        Parameters
+        ----------
+        x, t, u : as in `fit`
+        **options
+            Those of `hydroid.evaluate`.
+
+        Returns
+        -------
+        Evaluation
+        """
+        model = self._found()
+        outputs, inputs = model.output_names, model.input_names
         if inputs and u is None and not _is_own(x):
             raise ValueError(f"u: expected the commands {', '.join(inputs)}, got None; or give runs as hydroid.Log")
         logs, _, _ = self._logs(x, t, u, [*outputs, *inputs], width=len(outputs))
         for log in [] if _is_own(x) else logs:
             steps = np.diff(log[_TIME])
-            if steps.size and not np.isclose(np.median(steps), self.model_.dt, rtol=1e-3, atol=0.0):
+            if steps.size and not np.isclose(np.median(steps), model.dt, rtol=1e-3, atol=0.0):
                 raise ValueError(
-                    f"t: expected the sample time of the model, {self.model_.dt:g} s, got {np.median(steps):g} s"
+                    f"t: expected the sample time of the model, {model.dt:g} s, got {np.median(steps):g} s"
                 )
-        return evaluate(self.model_, logs, horizon=self.horizon, threads=self.n_jobs, **options)
+        return evaluate(model, logs, **{"horizon": self.horizon_, "threads": self.n_jobs, **options})
 
     def simulate(self, x0: ArrayLike, t: Any, u: Any = None) -> NDArray[np.float64]:
         """Simulate the outputs from `x0` under commands.
@@ -194,8 +303,7 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
         ndarray (samples, outputs)
             Row 0 is `x0`.
         """
-        check_is_fitted(self)
-        model = self.model_
+        model = self._found()
         if isinstance(t, (int, np.integer)):
             times = model.dt * np.arange(int(t))
         else:
@@ -204,7 +312,7 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
             if times.ndim != 1 or steps.size and not np.allclose(steps, model.dt, rtol=1e-3, atol=0.0):
                 found = f"steps of {np.median(steps):g} s" if steps.size else f"shape {times.shape}"
                 raise ValueError(f"t: expected times with the sample time of the model, {model.dt:g} s, got {found}")
-        inputs = np.array([u(time) for time in times]) if callable(u) else u
+        inputs = _called(u, times)
         if inputs is not None:
             inputs = _table("u", inputs, len(model.input_names), type(self).__name__)
         return model.simulate(x0, inputs, samples=len(times))
@@ -219,11 +327,19 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
             return x, None, None
         name = type(self).__name__
         given, several = _items(x)
+        if feature_names is None:
+            feature_names = _column_names(given[0], u[0] if several and isinstance(u, (list, tuple)) else u)
         items = [_table("x", item, width, name, least) for item in given]
-        commands = [
-            _table("u", item, None, name) for item in _matched("u", u, len(items), several)
+        times = [
+            _time(_dates(run, self.dt) if time is None else time, len(item))
+            for run, item, time in zip(
+                given, items, _matched("t", t, len(items), several and isinstance(t, (list, tuple)))
+            )
         ]
-        times = _matched("t", self.dt if t is None else t, len(items), several and isinstance(t, (list, tuple)))
+        commands = [
+            _table("u", _called(item, time), None, name)
+            for item, time in zip(_matched("u", u, len(items), several and not callable(u)), times)
+        ]
         q, m = items[0].shape[1], commands[0].shape[1]
         if feature_names is None:
             names = [f"x{i}" for i in range(q)] + [f"u{i}" for i in range(m)]
@@ -245,7 +361,7 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
                     f"u: expected {len(outputs)} samples as in x, got {len(inputs)} in run {i}; rows are samples: is an "
                     "array transposed?"
                 )
-            columns = {_TIME: _time(time, len(outputs)), **dict(zip(names, [*outputs.T, *inputs.T]))}
+            columns = {_TIME: time, **dict(zip(names, [*outputs.T, *inputs.T]))}
             logs.append(Log(columns, units={_TIME: "s"}, name=f"run {i}"))
         return logs, names[:q], names[q:]
 
@@ -266,6 +382,11 @@ def _items(x: Any) -> tuple[list[Any], bool]:
     return [x], False
 
 
+def _called(u: Any, times: NDArray[Any]) -> Any:
+    """Commands; those of a function are rows, whatever the shape of its values."""
+    return [np.ravel(u(time)) for time in times] if callable(u) else u
+
+
 def _matched(argument: str, given: Any, runs: int, several: bool) -> list[Any]:
     """One value for each run."""
     if given is None or not several:
@@ -281,6 +402,9 @@ def _table(argument: str, given: Any, columns: int | None, name: str, least: int
         if columns:
             raise ValueError(f"{argument}: expected {columns} columns of commands, got None")
         return np.empty((0, 0))
+    if argument == "u" and np.ndim(given) == 1:
+        # One command, or a function of time that gives numbers.
+        given = np.reshape(given, (-1, 1))
     values: NDArray[np.float64] = check_array(
         given,
         dtype=np.float64,
@@ -294,10 +418,42 @@ def _table(argument: str, given: Any, columns: int | None, name: str, least: int
     return values
 
 
+def _is_time(y: Any) -> bool:
+    """Whether the second argument of `fit` is a sample time or has the times of the samples."""
+    if isinstance(y, (list, tuple)) and y and all(np.ndim(item) == 1 for item in y):
+        return all(_is_time(item) for item in y)
+    times = _seconds(y)
+    return times.dtype.kind in "iuf" and (times.ndim == 0 or times.ndim == 1 and bool((np.diff(times) > 0).all()))
+
+
+def _seconds(given: Any) -> NDArray[Any]:
+    """Dates as seconds after the first one; anything else as it is."""
+    times = np.asarray(given)
+    if times.dtype == object and hasattr(given, "tz_convert"):
+        times = np.asarray(given.tz_convert(None))
+    if times.dtype.kind in "mM" and times.size:
+        times = (times - times.flat[0]) / np.timedelta64(1, "s")
+    return times
+
+
+def _dates(run: Any, dt: float | None) -> Any:
+    """The times of a run without `t`: the dates of a data frame, or the sample time."""
+    index = getattr(run, "index", None)
+    return index if dt is None and getattr(getattr(index, "dtype", None), "kind", "") in ("m", "M") else dt
+
+
+def _column_names(outputs: Any, inputs: Any) -> list[str] | None:
+    """The names of data frames; None unless both have names."""
+    frames = [outputs] if inputs is None else [outputs, inputs]
+    if not all(hasattr(frame, "columns") for frame in frames):
+        return None
+    return [str(name) for frame in frames for name in frame.columns]
+
+
 def _time(given: Any, samples: int) -> NDArray[np.float64]:
     if given is None:
         raise ValueError("t: expected the sample time or the times of the samples [s], got None; or set the parameter dt")
-    times = np.asarray(given)
+    times = _seconds(given)
     if times.dtype.kind not in "iuf":
         raise TypeError(f"t: expected numbers [s], got {type(given).__name__}")
     times = times.astype(np.float64)
@@ -314,15 +470,19 @@ def _next_outputs(model: Model, outputs: NDArray[np.float64], inputs: NDArray[np
     session = model.session()
     commands = inputs if inputs.shape[1] else np.empty((len(outputs), 0))
     predicted = np.empty_like(outputs)
+    first = min(model.warm_up - 1, len(outputs))
+    if first > 0:
+        warn_of_warm_up(model, first)
     for k, (measured, command) in enumerate(zip(outputs, commands)):
         session.observe(measured)
         session.advance(command)
         predicted[k] = session.output
+    predicted[:max(first, 0)] = np.nan
     return predicted
 
 
 class SINDy(_Dynamics):
-    """Sparse identification of nonlinear dynamics: ``dy/dt = Xi theta(y, c)``.
+    __doc__ = f"""Sparse identification of nonlinear dynamics: ``dy/dt = Xi theta(y, c)``.
 
     Without options, library, regression, thresholds, lags of actuators and a change of mode are selected by the errors
     of predictions on runs that are left out.
@@ -343,7 +503,8 @@ class SINDy(_Dynamics):
         Whether the coefficients of ``y`` and ``y |y|`` in the equation of each output ``y`` are not positive.
     threshold : float, optional
         Threshold of sequentially thresholded least squares, in standard deviations of the output per second. It is a
-        bound on contributions; that of PySINDy is one on coefficients.
+        bound on contributions; that of PySINDy is one on coefficients. Terms are selected with the ridge penalty, and
+        their coefficients are then found without it: a contribution may be smaller.
     ridge : float, optional
         Ridge penalty for each row, on columns of unit RMS.
     huber : float, optional
@@ -353,33 +514,15 @@ class SINDy(_Dynamics):
     central_differences : bool, optional
         Central differences instead of the weak form.
     lag, gate : str or dict, optional
-        ``"auto"``, ``"none"``, or time constants [s] by input, ``{"n": 1.5}``; for a gate
-        ``{"output": "u", "centre": 2.5, "slope": 12}``.
+        ``"auto"``, ``"none"``, or time constants [s] by input, ``{{"n": 1.5}}``; for a gate
+        ``{{"output": "u", "centre": 2.5, "slope": 12}}``.
     refine : bool or "auto", optional
         Refinement on predictions over the horizon.
     members : int, optional
         Members of the ensemble for the uncertainty of the coefficients.
     for_control : bool, optional
         Whether the equations are affine in one function of each command.
-    dt : float, optional
-        Sample time [s] of runs that are arrays, where `fit` has no `t`.
-    horizon : int or str
-        Longest horizon: samples, or seconds as ``"10s"``.
-    outputs, inputs : optional
-        Channels of runs that are logs; see `hydroid.prepare`.
-    log : mapping, optional
-        Further options of `hydroid.prepare`.
-    random_state : int
-    n_jobs : int, optional
-        Threads; default: all cores. The result does not depend on it.
-
-    Attributes
-    ----------
-    model_ : hydroid.Model
-    identification_ : hydroid.Identification
-    n_features_in_ : int
-        Number of outputs.
-    """
+{_COMMON_TEXT}"""
 
     _method = "sindy"
 
@@ -405,7 +548,7 @@ class SINDy(_Dynamics):
         members: int | None = None,
         for_control: bool | None = None,
         dt: float | None = None,
-        horizon: int | str = 100,
+        horizon: int | str | None = None,
         outputs: Channels | None = None,
         inputs: Channels | None = None,
         log: Mapping[str, Any] | None = None,
@@ -441,6 +584,11 @@ class SINDy(_Dynamics):
     def predict(self, x: Runs, u: Any = None) -> Any:
         """The derivatives ``dy/dt`` at the samples, as PySINDy's `predict`.
 
+        Parameters
+        ----------
+        x : as in `fit`
+        u : array_like (samples, inputs) or list of these, optional
+
         Returns
         -------
         ndarray (samples, outputs), or list of these
@@ -450,15 +598,15 @@ class SINDy(_Dynamics):
 
     def get_feature_names(self) -> list[str]:
         """Names of the terms with a coefficient other than zero in any equation."""
-        check_is_fitted(self)
-        return list(dict.fromkeys(term for _, term, *_ in self.model_.coefficients()))
+        return list(dict.fromkeys(term for _, term, *_ in self._found().coefficients()))
 
     def coefficients(self) -> NDArray[np.float64]:
         """Coefficients, shape (outputs, terms), in the order of `get_feature_names`."""
         names = self.get_feature_names()
-        outputs = self.model_.output_names
+        model = self._found()
+        outputs = model.output_names
         table = np.zeros((len(outputs), len(names)))
-        for output, term, value, *_ in self.model_.coefficients():
+        for output, term, value, *_ in model.coefficients():
             table[outputs.index(output), names.index(term)] = value
         return table
 
@@ -467,21 +615,48 @@ class SINDy(_Dynamics):
         """Number of coefficients other than zero."""
         return int(np.count_nonzero(self.coefficients()))
 
-    def equations(self) -> list[str]:
-        """The equations as text."""
-        check_is_fitted(self)
-        return self.model_.equations()
+    def equations(self, precision: int | None = None) -> list[str]:
+        """The equations as text.
 
-    def print(self) -> None:
-        """Print the equations."""
-        print("\n".join(self.equations()))
+        Parameters
+        ----------
+        precision : int, optional
+            Decimals of the coefficients, with the terms as in `get_feature_names`. Default: four significant digits,
+            with the terms of a change of mode in brackets.
+
+        Returns
+        -------
+        list of str
+        """
+        model = self._found()
+        whole = model.equations()
+        if precision is None:
+            return whole
+        texts = []
+        for output in model.output_names:
+            of = [(value, term) for name, term, value, *_ in model.coefficients() if name == output]
+            sides = " + ".join(f"{value:.{precision}f} {'' if term == '1' else term}".rstrip() for value, term in of)
+            texts.append(f"d{output}/dt = " + (sides.replace("+ -", "- ") or "0"))
+        # Equations of the lags; the gates are in the terms.
+        return texts + [text for text in whole[len(texts):] if text.startswith("d ")]
+
+    def print(self, precision: int | None = None) -> None:
+        """Print the equations.
+
+        Parameters
+        ----------
+        precision : int, optional
+            As in `equations`.
+        """
+        print("\n".join(self.equations(precision)))
 
 
 class Committee(_Dynamics):
-    """Difference equations combined by cross-validation; one run is left out at a time.
+    __doc__ = f"""Difference equations combined by cross-validation; one run is left out at a time.
 
-    It has no options besides the common parameters of the estimators; see `SINDy`.
-    """
+    Parameters
+    ----------
+{_COMMON_TEXT}"""
 
     _method = "committee"
 
@@ -489,7 +664,7 @@ class Committee(_Dynamics):
         self,
         *,
         dt: float | None = None,
-        horizon: int | str = 100,
+        horizon: int | str | None = None,
         outputs: Channels | None = None,
         inputs: Channels | None = None,
         log: Mapping[str, Any] | None = None,
@@ -506,7 +681,7 @@ class Committee(_Dynamics):
 
 
 class _Network(_Dynamics):
-    """A network. Options that are None have the defaults of the kind of network.
+    __doc__ = f"""A network. Options that are None have the defaults of the kind of network.
 
     Parameters
     ----------
@@ -527,9 +702,7 @@ class _Network(_Dynamics):
         Whether the network is refitted on all runs; whether the restarts of a direct predictor form an ensemble.
     precision : str, optional
         Precision of the training, ``"single"`` or ``"double"``.
-    dt, horizon, outputs, inputs, log, random_state, n_jobs
-        As in `SINDy`.
-    """
+{_COMMON_TEXT}"""
 
     def __init__(
         self,
@@ -554,7 +727,7 @@ class _Network(_Dynamics):
         ensemble: bool | None = None,
         precision: str | None = None,
         dt: float | None = None,
-        horizon: int | str = 100,
+        horizon: int | str | None = None,
         outputs: Channels | None = None,
         inputs: Channels | None = None,
         log: Mapping[str, Any] | None = None,

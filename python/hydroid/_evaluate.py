@@ -178,6 +178,9 @@ def evaluate(
     section = log_section(**options) if options else None
     # A fitted estimator has its model.
     predictor = getattr(predictor, "model_", predictor)
+    if isinstance(owner := getattr(predictor, "__self__", None), Model):
+        # `Model.predict` as a function.
+        warm_up = max(warm_up, owner.warm_up)
     with Bar(progress, "evaluating") as bar:
         document = _hydroid.evaluate(
             predictor, logs, horizon, stride, section, name, warm_up, origin, against, threads, bar.callback

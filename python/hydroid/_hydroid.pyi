@@ -39,9 +39,11 @@ class Log:
     def name(self) -> str:
         """Name of the file without its folder."""
     @property
-    def path(self) -> str: ...
+    def path(self) -> str:
+        """Path of the file; the name of a log without a file."""
     @property
-    def columns(self) -> list[str]: ...
+    def columns(self) -> list[str]:
+        """Names of the columns, without their units."""
     @property
     def units(self) -> dict[str, str | None]:
         """Units by column; None where no unit is stated."""
@@ -50,16 +52,25 @@ class Log:
     def __getitem__(self, name: str) -> Array:
         """The values of a column, shape (rows,)."""
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the log as a CSV file, in its units; `read_log` gives the same values. Missing values are ``NaN``."""
+        """Write the log as a CSV file, in its units; `read_log` gives the same values. Missing values are ``NaN``.
+
+        Parameters
+        ----------
+        path : path
+        """
     def __arrow_c_stream__(self, requested_schema: object = None) -> object:
         """The columns for ``pyarrow.table(log)`` or ``polars.DataFrame(log)``."""
 
 @final
 class Run:
-    """A run on a regular clock, in SI units. `hydroid.prepare` makes runs from logs."""
+    """A run on a regular clock, in SI units. `hydroid.prepare` makes runs from logs.
+
+    Runs are not pickled: logs are.
+    """
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Name of the log, with the part of it if it was cut."""
     @property
     def dt(self) -> float:
         """Sample time [s]."""
@@ -76,11 +87,14 @@ class Run:
     def heading(self) -> Array | None:
         """Heading [rad], clockwise from north, shape (samples,)."""
     @property
-    def output_names(self) -> list[str]: ...
+    def output_names(self) -> list[str]:
+        """Names of the columns of `outputs`."""
     @property
-    def input_names(self) -> list[str]: ...
+    def input_names(self) -> list[str]:
+        """Names of the columns of `inputs`."""
     @property
-    def units(self) -> dict[str, str]: ...
+    def units(self) -> dict[str, str]:
+        """SI unit of each channel; empty for a number without unit."""
     def __len__(self) -> int: ...
 
 def read_logs(
@@ -99,29 +113,59 @@ class Model:
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Model:
-        """Read a model file, a vessel file (``.toml``), or a built-in vessel by its name (see `hydroid.vessels`)."""
+        """Read a model file, a vessel file (``.toml``), or a built-in vessel by its name (see `hydroid.vessels`).
+
+        Parameters
+        ----------
+        path : path or str
+
+        Returns
+        -------
+        Model
+        """
     @staticmethod
     def from_bytes(bytes: bytes) -> Model:
-        """A model from the bytes of its file, or a vessel from the text of its file (TOML, UTF-8)."""
+        """A model from the bytes of its file, or a vessel from the text of its file (TOML, UTF-8).
+
+        Parameters
+        ----------
+        bytes : bytes
+
+        Returns
+        -------
+        Model
+        """
     def to_bytes(self) -> bytes:
         """The bytes of the file; equal models have equal bytes."""
-    def save(self, path: str | os.PathLike[str]) -> None: ...
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the file of the model.
+
+        Parameters
+        ----------
+        path : path
+            ``.safetensors``, or ``.toml`` for a vessel.
+        """
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Name of the method, or of the vessel."""
     @property
-    def kind(self) -> str: ...
+    def kind(self) -> str:
+        """Kind of the model: ``sparse_equations``, ``committee``, ``recurrent``, ``direct``, ``vessel``, ..."""
     @property
     def dt(self) -> float:
         """Sample time [s]."""
     @property
-    def output_names(self) -> list[str]: ...
+    def output_names(self) -> list[str]:
+        """Names of the outputs, in the order of all arrays."""
     @property
-    def input_names(self) -> list[str]: ...
+    def input_names(self) -> list[str]:
+        """Names of the inputs, in the order of all arrays."""
     @property
     def roles(self) -> dict[str, str]:
         """Roles of the inputs, as far as they are known: ``propulsion``, ``steering``, ``thruster``, ``disturbance``, ``setting``."""
     @property
-    def units(self) -> dict[str, str]: ...
+    def units(self) -> dict[str, str]:
+        """SI unit of each channel; empty for a number without unit."""
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
         """Design range of each channel."""
@@ -130,7 +174,7 @@ class Model:
         """Number of weights, or of coefficients other than zero."""
     @property
     def warm_up(self) -> int:
-        """Measurements before the first prediction."""
+        """Measurements that the first prediction needs, that of the present included."""
     def equations(self) -> list[str]:
         """The equations of motion as text.
 
@@ -147,6 +191,11 @@ class Model:
         """``A = df/dy`` (outputs, outputs) and ``B = df/dc`` (outputs, inputs) of ``dy/dt = f(y, c)``.
 
         The states of lags follow the outputs in `A` and `B`.
+
+        Parameters
+        ----------
+        outputs : array_like, shape (outputs,)
+        inputs : array_like, shape (inputs,)
         """
     def derivative(self, outputs: ArrayLike, inputs: ArrayLike | None = None) -> Array:
         """``dy/dt`` of the equations at the samples of a run, shape (samples, outputs).
@@ -190,12 +239,21 @@ class Model:
         commands : array_like, shape (horizon, inputs)
             Commands from the present on.
 
+        Returns
+        -------
+        ndarray, shape (horizon, outputs)
+            NaN, with a warning, after fewer measurements than `warm_up`.
+
+        Notes
+        -----
         `evaluate` calls functions with the same arguments.
         """
     def simulate(
         self, start: ArrayLike, inputs: ArrayLike | None = None, *, samples: int | None = None
     ) -> Array:
         """Simulate the outputs, shape (samples, outputs), from `start`, shape (outputs,), under commands.
+
+        A model with a warm-up does not know its state after one sample, and a warning says so.
 
         Parameters
         ----------
@@ -214,76 +272,103 @@ class Model:
         """A session at the start of a run."""
     def rollouts(
         self, logs: Any, horizon: int, stride: int, options: dict[str, Any] | None = None
-    ) -> list[tuple[Run, NDArray[np.uintp], Array]]: ...
+    ) -> list[tuple[Run, NDArray[np.uintp], Array]]:
+        """Runs, origins and predictions from them; `hydroid.rollouts` is the same with names.
+
+        Parameters
+        ----------
+        logs : Log, path, data frame, mapping, Run, or list of these
+        horizon, stride : int
+            Samples.
+        options : dict, optional
+            The section ``[log]``, over that of the model.
+        """
 
 @final
 class Session:
-    """A session of a model on one run: ``observe(y[0])``, ``advance(c[0])``, ``observe(y[1])``, ..."""
+    """A session of a model on one run: ``observe(y[0])``, ``advance(c[0])``, ``observe(y[1])``, ...
+
+    `Model.session` starts one. A copy is a `fork`; `snapshot` has the numbers of a session for a pickle.
+    """
 
     def reset(self) -> None:
         """Return to the start of a run."""
     def observe(self, outputs: ArrayLike, heading: float | None = None) -> None:
-        """Take a measurement, shape (outputs,); NaN is missing."""
+        """Take a measurement.
+
+        Parameters
+        ----------
+        outputs : array_like, shape (outputs,)
+            NaN is missing.
+        heading : float, optional
+            Heading [rad], for a model of the motion through the water.
+        """
     def advance(self, command: ArrayLike) -> None:
-        """Step to the next sample under a command, shape (inputs,)."""
+        """Step to the next sample under a command.
+
+        Parameters
+        ----------
+        command : array_like, shape (inputs,)
+        """
     @property
     def output(self) -> Array:
         """Estimate of the present outputs, shape (outputs,); NaN where there is none yet."""
     def rollout(self, commands: ArrayLike) -> Array:
-        """Predict the outputs (samples, outputs) under commands (samples, inputs). The session does not advance."""
+        """Predict the outputs under commands. The session does not advance.
+
+        Parameters
+        ----------
+        commands : array_like, shape (samples, inputs)
+            From the present on.
+
+        Returns
+        -------
+        ndarray, shape (samples, outputs)
+            Row 0 is the next sample. It is not valid before the session has observed `Model.warm_up` samples.
+        """
     def rollout_batch(self, commands: ArrayLike) -> Array:
-        """Predict (sequences, samples, outputs) under commands (sequences, samples, inputs), side by side."""
+        """Predict under several sequences of commands, side by side.
+
+        Parameters
+        ----------
+        commands : array_like, shape (sequences, samples, inputs)
+
+        Returns
+        -------
+        ndarray, shape (sequences, samples, outputs)
+        """
     def _seconds_of_rollout_batch(self, commands: ArrayLike, repeats: int) -> float: ...
     def fork(self) -> Session:
         """An independent session with the same state."""
     def snapshot(self) -> Array:
         """All numbers that predictions depend on."""
-    def restore(self, snapshot: ArrayLike) -> None: ...
-
-@final
-class Adapter:
-    """A model that learns from each sample of a vessel.
-
-    Parameters
-    ----------
-    model : Model
-    guard : bool or Guard
-        Whether a guard checks the sensors and bounds the errors by those of the unchanged model, or its options.
-    noise_logs : Log, path, Run, or list of these, optional
-        Logs from which the noise is estimated where the model file does not state it.
-    **options
-        Options of the section ``[adapt]`` over the defaults of the kind of model: ``learner``, ``forgetting``,
-        ``estimate_current``; for least squares ``window``, ``prior``, ``no_leak``, ``all_terms``, ``no_gate``; for the Kalman
-        filter ``noise``, ``noise_factor``, ``weight_variance``, ``weight_noise``, ``state_variance``, ``state_noise``,
-        ``leak``, ``huber``, ``covariance``, ``rehearsal``. `hydroid adapt --help-advanced` explains them.
-    """
-
-    def __new__(cls, model: Model, *, guard: bool | Guard = True, noise_logs: Any = None, **options: Any) -> Adapter: ...
-    def step(self, command: ArrayLike | None, output: ArrayLike, heading: float | None = None) -> Step:
-        """Advance under the command since the last sample, and learn from the measurement now.
+    def restore(self, snapshot: ArrayLike) -> None:
+        """Return to a snapshot of a session of the same model.
 
         Parameters
         ----------
-        command : array_like, shape (inputs,), or None
-            None before the first sample of a run.
-        output : array_like, shape (outputs,)
-            NaN is missing.
-        heading : float, optional
-            Heading [rad], for a model of the motion through the water.
+        snapshot : array_like
         """
-    def predict(self, commands: ArrayLike, horizons: Sequence[int]) -> Prediction:
-        """Predict the outputs under commands (samples, inputs) from the present on, at horizons [samples]."""
-    def reset(self) -> None:
-        """Start a run; what was learned stays."""
-    def freeze(self, frozen: bool) -> None:
-        """Stop or resume learning."""
+
+@final
+class Adapter:
+    def __new__(
+        cls,
+        model: Model,
+        *,
+        guard: bool | Guard | None = None,
+        noise_logs: Any = None,
+        **options: Any,
+    ) -> Adapter: ...
+    def step(self, command: ArrayLike | None, output: ArrayLike, heading: float | None = None) -> Step: ...
+    def predict(self, commands: ArrayLike, horizons: Sequence[int]) -> Prediction: ...
+    def reset(self) -> None: ...
+    def freeze(self, frozen: bool) -> None: ...
     @property
     def weights(self) -> Array: ...
-    def model(self, runs: Sequence[str] = ()) -> Model:
-        """The model with the learned weights; `runs` are named in its provenance."""
+    def model(self, runs: Sequence[str] = ()) -> Model: ...
     @property
-    def state(self) -> bytes:
-        """Everything that was learned. It can be set for an adapter of the same model and options."""
+    def state(self) -> bytes: ...
     @state.setter
     def state(self, state: bytes) -> None: ...
 
@@ -292,7 +377,8 @@ class Prediction:
     """Predicted outputs at horizons."""
 
     @property
-    def horizons(self) -> list[int]: ...
+    def horizons(self) -> list[int]:
+        """Samples after the present."""
     @property
     def outputs(self) -> Array:
         """Shape (horizons, outputs)."""
@@ -300,7 +386,16 @@ class Prediction:
     def std(self) -> Array:
         """Standard deviation of the measurements around the predictions; NaN where it is unknown."""
     def band(self, level: float = 0.8) -> tuple[Array, Array]:
-        """Ends of the band that contains the measurement with a probability of 0.8 or 0.95."""
+        """Ends of the band that contains the measurement with a given probability.
+
+        Parameters
+        ----------
+        level : {0.8, 0.95}
+
+        Returns
+        -------
+        low, high : ndarray, shape (horizons, outputs)
+        """
 
 @final
 class Step:
@@ -319,7 +414,8 @@ class Step:
     def innovation(self) -> Array:
         """Measurement minus prediction; empty if there was no update."""
     @property
-    def innovation_std(self) -> Array: ...
+    def innovation_std(self) -> Array:
+        """Standard deviation that the innovation was expected to have."""
     @property
     def predicted_by(self) -> str | None:
         """``adapted``, ``reference`` or ``unguarded``; None without a guard."""
@@ -361,7 +457,8 @@ class ControlStep:
         """``tracking``, ``rate_limited``, ``saturated``, ``lost``, ``singular``, ``blind``; ``arrived`` at the end of
         the path and ``stopped`` where the vessel does not come to it, with the commands at rest."""
     @property
-    def arrived(self) -> bool: ...
+    def arrived(self) -> bool:
+        """Whether the path is at its end."""
     @property
     def pose(self) -> Array:
         """Measured or predicted pose: north, east [m] and heading [rad]; NaN is unknown."""

@@ -48,20 +48,31 @@ class Identification:
     """
 
     def __init__(self, inner: _hydroid.Identification) -> None:
-        self._inner = inner
-        self.summary: dict[str, Any] = inner.summary()
-        self.models: dict[str, Model] = {model.name: model for model in inner.models()}
-        best = inner.best()
-        self.best: Model | None = None if best is None else inner.models()[best]
-        self.not_enough_data: dict[str, Any] | None = self.summary.get("not_enough_data")
+        self._inner: _hydroid.Identification | None = inner
+        self._fill(inner.summary(), inner.models())
+
+    def _fill(self, summary: dict[str, Any], models: list[Model]) -> None:
+        self.summary = summary
+        self.models: dict[str, Model] = {model.name: model for model in models}
+        self.best: Model | None = self.models.get(summary.get("best", ""))
+        self.not_enough_data: dict[str, Any] | None = summary.get("not_enough_data")
         self.judgement = {
             model["name"]: Judgement(
                 Evaluation(model["validation"]), None if model["test"] is None else Evaluation(model["test"])
             )
-            for model in self.summary["models"]
+            for model in summary["models"]
         }
-        self.verdicts: list[dict[str, Any]] = self.summary["verdicts"]
-        self.warnings: list[dict[str, Any]] = self.summary["warnings"]
+        self.verdicts: list[dict[str, Any]] = summary["verdicts"]
+        self.warnings: list[dict[str, Any]] = summary["warnings"]
+
+    def __getstate__(self) -> dict[str, Any]:
+        # The compiled result has the samples of the runs, of which the report is what remains.
+        return {"summary": self.summary, "models": list(self.models.values()), "page": self.report()}
+
+    def __setstate__(self, saved: dict[str, Any]) -> None:
+        self._inner = None
+        self._page: str = saved["page"]
+        self._fill(saved["summary"], saved["models"])
 
     def to_pandas(self) -> Any:
         """Errors of all models as a pandas data frame: one row for each model, horizon and output."""
@@ -70,7 +81,17 @@ class Identification:
         return pandas.DataFrame([row for of in self.judgement.values() for row in of.judged.records()])
 
     def report(self, title: str | None = None) -> str:
-        """The report as an HTML page."""
+        """The report as an HTML page.
+
+        Parameters
+        ----------
+        title : str, optional
+            A result from a pickle has the default title.
+        """
+        if self._inner is None:
+            if title is not None:
+                raise ValueError("title: expected None, since a result from a pickle has its report")
+            return self._page
         return self._inner.report(title, " ".join(sys.argv))
 
     def save(self, folder: str | os.PathLike[str]) -> None:

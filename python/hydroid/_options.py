@@ -38,6 +38,11 @@ def tables(argument: str, given: Mapping[str, Any] | None) -> dict[str, dict[str
         return {}
     if not isinstance(given, Mapping) or not all(isinstance(section, Mapping) for section in given.values()):
         raise TypeError(f"{argument}: expected a mapping from sections to their keys, got {given!r}")
+    for name, section in given.items():
+        for key, value in section.items():
+            # It would be left out, whether the section has the key or not.
+            if value is None:
+                raise ValueError(f"{name}.{key}: expected a value, got None; leave the key out for its default")
     return {name: dict(section) for name, section in given.items()}
 
 
@@ -48,13 +53,22 @@ _OTHERS = {"no_guard": "guard"}
 
 
 def takes(section: str) -> Callable[[Function], Function]:
-    """Gives a function with ``**options`` the options of the library: its signature and documentation name them.
+    """Gives a function or class with ``**options`` the options of the library: its signature and documentation name them.
 
     The line ``**options`` of the documentation becomes a list of them. Names that are no option are refused.
     """
     known = [option for option in _hydroid.options(section) if option["key"] not in _OTHERS]
 
+    def documented(text: str | None, own: list[dict[str, Any]]) -> str:
+        entries = "".join(_entry(option) for option in own)
+        return re.sub(r"(?m)^    \*\*options\n", lambda _: entries, text or "")
+
     def decorate(function: Function) -> Function:
+        if isinstance(function, type):
+            known_to_class = inspect.signature(function).parameters
+            function.__init__ = decorate(function.__init__)  # type: ignore[misc]
+            function.__doc__ = documented(function.__doc__, [o for o in known if o["key"] not in known_to_class])
+            return function
         name = function.__qualname__.removesuffix(".__init__")
 
         @functools.wraps(function)
@@ -72,8 +86,7 @@ def takes(section: str) -> Callable[[Function], Function]:
         options = [inspect.Parameter(option["key"], inspect.Parameter.KEYWORD_ONLY, default=None) for option in own]
         parameters = [p.name for p in fixed + options]
         checked.__signature__ = signature.replace(parameters=fixed + options)  # type: ignore[attr-defined]
-        text = "".join(_entry(option) for option in own)
-        checked.__doc__ = re.sub(r"(?m)^    \*\*options\n", lambda _: text, function.__doc__ or "")
+        checked.__doc__ = documented(function.__doc__, own)
         return checked  # type: ignore[return-value]
 
     return decorate

@@ -829,6 +829,17 @@ def gather(folder: str | os.PathLike[str], *, storage_options: Mapping[str, Any]
     """Write the records of a folder to its ``results.parquet``, and return them as a table of pyarrow.
 
     The table has a row for each task in the order of the fingerprints; labels with dots are columns.
+
+    Parameters
+    ----------
+    folder : path or URL
+        That of `sweep`.
+    storage_options : mapping, optional
+        Options of fsspec for a URL.
+
+    Returns
+    -------
+    pyarrow.Table
     """
     import pyarrow
     import pyarrow.parquet
