@@ -229,13 +229,15 @@ fn geographic_way_points_need_geographic_positions() {
     service.kill();
 }
 
+/// A degree of longitude at 54 degrees \[m\].
+const METRES_OF_DEGREE: f64 = 65_577.0;
+
 /// A vessel that leaves its fence has neutral commands from that line on, also where it is inside again.
 #[test]
 fn outside_the_fence_the_commands_are_neutral() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     write("route.csv", "lat [deg],lon [deg]\n54.0,10.0\n54.001,10.0\n");
-    // 0.001 degrees of longitude are 65 m.
     let ring = "[[9.999, 53.999], [10.001, 53.999], [10.001, 54.002], [9.999, 54.002], [9.999, 53.999]]";
     write("area.geojson", &format!(r#"{{"type": "Polygon", "coordinates": [{ring}]}}"#));
     write("metres.csv", "north,east\n-10,-10\n-10,10\n120,10\n120,-10\n");
@@ -246,17 +248,24 @@ fn outside_the_fence_the_commands_are_neutral() {
     for fence in ["--fence=area.geojson", "--fence=metres.csv"] {
         let args = [&base[..], &route, &[fence, "-"]].concat();
         let mut service = Service::start(folder.path(), &args);
-        let line = |t: f64, lat: f64, lon: f64| {
-            format!(r#"{{"t":{t},"lat":{lat},"lon":{lon},"psi":0,"u":1.5,"v":0,"r":0}}"#)
+        // A vessel that drifts east from half a metre within the border.
+        let border_m = if fence.ends_with("json") { 0.001 * METRES_OF_DEGREE } else { 10.0 };
+        let mut line = |k: i32, east_m: f64| {
+            let lon = 10.0 + east_m / METRES_OF_DEGREE;
+            let t = f64::from(k) / 10.0;
+            service.ask(&format!(r#"{{"t":{t},"lat":54.0002,"lon":{lon},"psi":0,"u":0,"v":1.5,"r":0}}"#))
         };
-        let inside = service.ask(&line(0.0, 54.0002, 10.0));
+        let inside = line(0, border_m - 0.5);
         assert_ne!(inside["command"]["PP_cmd"], 0.0, "{inside}");
-        for (t, lat, lon) in [(20.0, 54.0002, 10.002), (20.1, 54.0002, 10.0)] {
-            let answer = service.ask(&line(t, lat, lon));
-            assert_eq!(answer["control"], "stopped", "{answer}");
-            assert_eq!(answer["command"], json!({ "PP_cmd": 0.0, "RD_ang": 0.0 }));
-            assert!(answer["note"].as_str().unwrap().contains("the vessel is outside the fence"), "{answer}");
+        for k in 1..12 {
+            let answer = line(k, border_m - 0.5 + 0.15 * f64::from(k));
+            assert_eq!(answer["control"] == "stopped", k > 3, "{answer}");
         }
+        // Also where it is inside again.
+        let answer = line(12, border_m - 0.5);
+        assert_eq!(answer["control"], "stopped", "{answer}");
+        assert_eq!(answer["command"], json!({ "PP_cmd": 0.0, "RD_ang": 0.0 }));
+        assert!(answer["note"].as_str().unwrap().contains("the vessel is outside the fence"), "{answer}");
         service.kill();
     }
     let points = ["--points", "0,0;100,0"];

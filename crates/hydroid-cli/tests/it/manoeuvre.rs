@@ -234,11 +234,11 @@ fn simulated_logs_of_a_model(folder: &Path) {
 fn the_rudder_may_go_farther_than_in_the_log() {
     let folder = TempDir::new().unwrap();
     let folder = folder.path();
-    let mut log = String::from("t,u [m/s],r [rad/s],delta [deg]\n");
+    let mut log = String::from("t,u [m/s],v [m/s],r [rad/s],delta [deg]\n");
     let (mut u, mut r) = (2.0_f64, 0.0_f64);
     for k in 0..1_200 {
         let angle = f64::from([0, 28, -28, 14, -20, 24, -7][k / 30 % 7]);
-        writeln!(log, "{},{u},{r},{angle}", 0.5 * k as f64).unwrap();
+        writeln!(log, "{},{u},{},{r},{angle}", 0.5 * k as f64, -0.3 * r).unwrap();
         for _ in 0..10 {
             let rudder = angle.to_radians();
             u += 0.05 * (0.1 * (2.0 - u) - 0.15 * rudder * rudder);

@@ -16,6 +16,8 @@ pub struct Commands {
     /// Ring of the last `by + 1` commands, and index of the oldest.
     ring: Vec<f64>,
     oldest: usize,
+    /// Time at which the commands that acted were last those of the answers \[s\].
+    pub agreed: f64,
 }
 
 impl Commands {
@@ -33,8 +35,15 @@ impl Commands {
             });
         }
         let rows = usize::try_from(by).unwrap_or(0) + 1;
-        let mut own =
-            Self { inputs, by, after, last: Vec::new(), ring: vec![f64::NAN; rows * inputs], oldest: 0 };
+        let mut own = Self {
+            inputs,
+            by,
+            after,
+            last: Vec::new(),
+            ring: vec![f64::NAN; rows * inputs],
+            oldest: 0,
+            agreed: f64::NAN,
+        };
         own.last = vec![f64::NAN; inputs];
         Ok(own)
     }
@@ -142,5 +151,6 @@ impl Commands {
         self.oldest = 0;
         memory.numbers(&mut self.last);
         memory.numbers(&mut self.ring);
+        memory.number(&mut self.agreed);
     }
 }

@@ -61,8 +61,6 @@ pub(crate) struct Follower {
     bounds: Vec<[f64; 2]>,
     /// Places of the inputs that are commanded.
     commanded: Vec<usize>,
-    /// Time at which the commands that acted were last those of the answers \[s\].
-    agreed: f64,
     options: PrepareOptions,
     max_gap_s: f64,
     /// Whether the unit of the time is not stated.
@@ -97,7 +95,6 @@ impl Follower {
             names: names(model),
             bounds: model.description.inputs.iter().map(bounds).collect(),
             commanded: commanded(model).map(|(place, ..)| place).collect(),
-            agreed: f64::NAN,
             options,
             max_gap_s,
             time_is_unstated: false,
@@ -164,11 +161,11 @@ impl Follower {
                 other = Some((&ports[place].channel.name, acted, answered));
             }
         }
-        let Some((name, acted, answered)) = other.filter(|_| !self.agreed.is_nan()) else {
-            self.agreed = sample.t;
+        let Some((name, acted, answered)) = other.filter(|_| !self.commands.agreed.is_nan()) else {
+            self.commands.agreed = sample.t;
             return;
         };
-        let since = sample.t - self.agreed;
+        let since = sample.t - self.commands.agreed;
         if since > pilot.liveness().limit_s() {
             say(
                 &mut self.note,

@@ -566,6 +566,9 @@ fn outages(mut times: Vec<f64>, [begin, end]: [f64; 2], max_gap_s: Option<f64>) 
     starts.zip(ends).filter(|(from, to)| to - from > limit).map(|(from, to)| [from, to]).collect()
 }
 
+/// Spread of the first headings, from which on they do not agree \[rad\].
+const DISAGREE: f64 = 0.5;
+
 /// The prior of measurements in the order of time: place, course and speed of the first ones.
 pub(super) fn start(events: &[Event], sensors: &[Sensor]) -> Prior {
     let of = |kind: Kind| events.iter().filter(move |event| sensors[event.sensor].kind == kind);
@@ -573,12 +576,14 @@ pub(super) fn start(events: &[Event], sensors: &[Sensor]) -> Prior {
     let speed =
         velocities().map(|e| e.value[0].hypot(e.value[1])).sum::<f64>() / velocities().count().max(1) as f64;
     let course = velocities().next().map_or(0.0, |e| e.value[1].atan2(e.value[0]));
-    // The first headings of a receiver at rest have any direction: what they say of each other is the deviation of the first.
+    // The first headings of a receiver at rest have any direction: if they disagree, their spread is the deviation of the first.
     let headings = || of(Kind::Heading).take(20).map(|event| event.value[0]);
     let [cosine, sine] = [f64::cos, f64::sin].map(|part| headings().map(part).sum::<f64>());
     let agreement = cosine.hypot(sine) / headings().count().max(1) as f64;
     let spread = (-2.0 * agreement.max(1e-3).ln()).max(0.0).sqrt();
-    let (heading, deviation) = headings().next().map_or((course, 0.5), |heading| (heading, spread.max(0.1)));
+    let (heading, deviation) = headings()
+        .next()
+        .map_or((course, 0.5), |heading| (heading, if spread > DISAGREE { spread } else { 0.1 }));
     let (sine, cosine) = heading.sin_cos();
     let [north, east] = of(Kind::Position).next().map_or([0.0; 2], |event| {
         let Mounting { forward, starboard } = sensors[event.sensor].mounting;

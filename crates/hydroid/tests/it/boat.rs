@@ -21,13 +21,16 @@ use hydroid_core::model::sparse::Term;
 use crate::manoeuvre::{equations, port};
 
 /// A ship at a constant shaft speed: `du/dt = 0.05 (4 - u) - 0.4 delta^2 - 0.3 r^2`, even in the rudder, and
-/// `dr/dt = 0.05 u delta - 0.2 r`, odd in it. Its largest angle is that of a log.
+/// `dr/dt = 0.05 u delta - 0.2 r`, odd in it; it does not move sideways. Its largest angle is that of a log.
 pub(crate) fn rudder_only(name: &str, unit: &str) -> Model {
-    let outputs = vec![port("u", "m/s", 3.0, 4.2), port("r", "rad/s", -0.4, 0.4)];
+    let outputs =
+        vec![port("u", "m/s", 3.0, 4.2), port("v", "m/s", -0.1, 0.1), port("r", "rad/s", -0.4, 0.4)];
     let inputs = vec![port(name, unit, -20.25_f64.to_radians(), 20.25_f64.to_radians())];
-    let terms = [&[][..], &[0], &[2, 2], &[1, 1], &[0, 2], &[1]];
+    let terms = [&[][..], &[0], &[3, 3], &[2, 2], &[0, 3], &[2]];
     let terms = terms.iter().map(|variables| Term::monomial(variables)).collect();
-    let coefficients = vec![0.2, -0.05, -0.4, -0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.05, -0.2];
+    let surge = [0.2, -0.05, -0.4, -0.3, 0.0, 0.0];
+    let yaw = [0.0, 0.0, 0.0, 0.0, 0.05, -0.2];
+    let coefficients = [surge, [0.0; 6], yaw].concat();
     equations(outputs, inputs, 0.1, terms, coefficients)
 }
 
