@@ -52,7 +52,7 @@ def test_a_model_of_a_recording_steers(sea, tmp_path):
         far.append(min(math.hypot(n - truth.north, e - truth.east) for n, e in path))
         time.sleep(0.05)
     # From the middle of the fence to the path, and along it.
-    assert len(far) == 2400, far[::90]
+    assert len(far) == 2400, (far[::90], (hydroid.folder / "live.log").read_text()[-600:])
     late = sorted(far[-900:])
     assert late[len(late) // 2] < 3.0, far[::90]
     assert len(seen) > 20, "both outputs follow the commands"

@@ -430,6 +430,7 @@ impl<L: Link> Boat<L> {
         let active = self.active.as_mut().ok_or("there is no model on board")?;
         let border = fence.border(origin);
         let pilot = setup.pilot(active.follower().adapter(), Some(border)).map_err(|error| chain(&error))?;
+        let pilot = pilot.of_estimates();
         self.check_fence()?;
         self.begin_commands(now_ns)?;
         let active = self.active.as_mut().ok_or("there is no model on board")?;

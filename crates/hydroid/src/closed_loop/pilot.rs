@@ -17,8 +17,8 @@ use crate::key::key;
 pub const QUANTITIES: [&str; 5] = ["position", "heading", "u", "v", "r"];
 
 /// A controller on its way to a task and along it, under a [`Supervisor`]. It keeps the pose: a missing position or heading is
-/// predicted from the velocities; one that [contradicts](DeadReckoning) them counts as missing. While a [quantity](QUANTITIES) is older than the limit, the commands have their neutral
-/// values, and the controller is blind.
+/// predicted from the velocities; one that [contradicts](DeadReckoning) them counts as missing. While a [quantity](QUANTITIES) is
+/// older than the limit, the commands have their neutral values, and the controller is blind.
 pub struct Pilot {
     law: Box<dyn ClosedLoopController>,
     guidance: Guidance,
@@ -32,7 +32,8 @@ pub struct Pilot {
     eta: [f64; 3],
     nu: [f64; 3],
     liveness: Liveness<5>,
-    reckoning: DeadReckoning,
+    /// `None` for an estimated pose.
+    reckoning: Option<DeadReckoning>,
     supervisor: Supervisor,
     /// Radius of the turns on the way to the task \[m\].
     turning_radius: f64,
@@ -112,12 +113,18 @@ impl Pilot {
             eta: [f64::NAN; 3],
             nu: [0.0; 3],
             liveness: Liveness::new(options.max_age_s),
-            reckoning: DeadReckoning::new(track_speed, limits.stall_s),
+            reckoning: Some(DeadReckoning::new(track_speed, limits.stall_s)),
             supervisor: Supervisor::new(limits),
             turning_radius,
             set_out: 0.0,
             guided: None,
         })
+    }
+
+    /// The pilot for poses that are not measured but estimated: whether sensors contradict each other is for the estimate to say.
+    #[must_use]
+    pub fn of_estimates(self) -> Self {
+        Self { reckoning: None, ..self }
     }
 
     /// Whether the weights of the model change.
@@ -163,8 +170,8 @@ impl Pilot {
 
     /// Distances of the measured position \[m\] and heading \[rad\] from those to which the velocities have led, where they
     /// [contradict](DeadReckoning) each other and do not count as measured; 0 otherwise.
-    pub const fn contradicted(&self) -> [f64; 2] {
-        self.reckoning.off()
+    pub fn contradicted(&self) -> [f64; 2] {
+        self.reckoning.as_ref().map_or([0.0; 2], DeadReckoning::off)
     }
 
     /// Time passes \[s\] without a sample; infinite if it is not known how much. The commands come to rest if it is too long.
@@ -211,11 +218,13 @@ impl Pilot {
             Elapsed::Steps(steps) => steps as f64 * self.dt_s,
             Elapsed::Gap(gap_s) => gap_s,
         };
-        if !matches!(elapsed, Elapsed::Steps(_)) {
-            self.reckoning.reset();
-        }
         let mut pose = seen.pose;
-        self.reckoning.take(elapsed_s, self.nu, &mut pose);
+        if let Some(reckoning) = &mut self.reckoning {
+            if !matches!(elapsed, Elapsed::Steps(_)) {
+                reckoning.reset();
+            }
+            reckoning.take(elapsed_s, self.nu, &mut pose);
+        }
         let [x, y, psi] = pose.map(f64::is_finite);
         let [u, v, r] = self.motion.map(|place| !seen.outputs[place].is_nan());
         self.liveness.take(elapsed_s, [x && y, psi, u, v, r]);
@@ -238,7 +247,7 @@ impl Pilot {
         if self.guidance.track().fence.margin([self.eta[0], self.eta[1]]) < 0.0 {
             self.supervisor.stop(Stop::Outside);
         }
-        if self.reckoning.is_unsettled() {
+        if self.reckoning.as_ref().is_some_and(DeadReckoning::is_unsettled) {
             self.supervisor.stop(Stop::Contradiction);
         }
         if self.supervisor.begin(self.liveness.is_alive(), elapsed_s) {
@@ -322,7 +331,9 @@ impl Pilot {
         memory.numbers(&mut self.eta);
         memory.numbers(&mut self.nu);
         self.liveness.visit_state(memory);
-        self.reckoning.visit_state(memory);
+        if let Some(reckoning) = &mut self.reckoning {
+            reckoning.visit_state(memory);
+        }
         memory.numbers(&mut self.command);
         self.supervisor.visit_state(memory);
         memory.number(&mut self.set_out);
