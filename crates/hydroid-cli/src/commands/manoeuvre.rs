@@ -123,6 +123,9 @@ fn print_comparison(comparison: &Comparison) {
                 predicted.interval.map(|[low, high]| format!("   {low:.2} to {high:.2}")).unwrap_or_default();
             let line = format!("  {name:<28} {value:>11.2} {other:>11} {unit:<6}{interval}");
             outln!("{}", line.trim_end());
+        } else if let Some(reason) = &measured.not_valid {
+            let (name, _) = measured.name_and_unit();
+            outln!("  {name:<28} not measured: {reason}");
         }
     }
 }
