@@ -95,7 +95,7 @@ fn values(comparison: &Comparison) -> Markup {
         .measured
         .iter()
         .zip(&comparison.predicted)
-        .filter(|(measured, _)| measured.value.is_some())
+        .filter(|(measured, _)| measured.value.is_some() || measured.not_valid.is_some())
         .map(|(measured, predicted)| {
             let (name, unit) = measured.name_and_unit();
             let interval =
@@ -114,6 +114,9 @@ fn values(comparison: &Comparison) -> Markup {
     let [north, east] = comparison.current;
     html! {
         (table(&heads, &rows, 1))
+        @if let Some(reason) = comparison.measured.iter().find_map(|figure| figure.not_valid.as_ref()) {
+            p.warning { "Figures without a value are not measured: " (reason) "." }
+        }
         @if let Some(reason) = &comparison.tracks[1].not_valid { p.warning { "The prediction is not valid: " (reason) "." } }
         @if comparison.in_training { p.warning { "The model was fitted to this run." } }
         @if [north, east] != [0.0; 2] {
