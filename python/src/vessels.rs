@@ -200,7 +200,6 @@ pub(crate) struct Trials {
     trials: Arc<manoeuvre::Trials>,
     model: Arc<library::Model>,
     document: Arc<Value>,
-    length_m: Option<f64>,
 }
 
 /// A figure of a trial.
@@ -217,6 +216,7 @@ struct TrialFigure<'a> {
     not_valid: Option<&'a str>,
     limit: Option<f64>,
     passed: Option<bool>,
+    certain: Option<bool>,
 }
 
 fn ends(figure: &Figure) -> (Option<f64>, Option<f64>) {
@@ -256,6 +256,7 @@ impl Trials {
                     not_valid: figure.not_valid.as_deref(),
                     limit: figure.criterion.map(|criterion| criterion.limit),
                     passed: figure.criterion.map(|criterion| criterion.passed),
+                    certain: figure.criterion.map(|criterion| criterion.is_certain),
                 });
             }
         }
@@ -275,19 +276,19 @@ impl Trials {
     }
 
     fn report(&self, py: Python<'_>, command: String) -> PyResult<String> {
-        let (model, trials, length_m) = (Arc::clone(&self.model), Arc::clone(&self.trials), self.length_m);
+        let (model, trials) = (Arc::clone(&self.model), Arc::clone(&self.trials));
         let page = work::run(py, None, None, move |_| {
-            let report = ManoeuvreReport { command: &command, model: &model, trials: &trials, length_m };
+            let report = ManoeuvreReport { command: &command, model: &model, trials: &trials };
             hydroid_report::manoeuvres(&report)
         })?;
         page.map_err(internal)
     }
 
     fn save(&self, py: Python<'_>, folder: PathBuf, command: String) -> PyResult<()> {
-        let (model, trials, length_m) = (Arc::clone(&self.model), Arc::clone(&self.trials), self.length_m);
+        let (model, trials) = (Arc::clone(&self.model), Arc::clone(&self.trials));
         let document = Arc::clone(&self.document);
         save(py, folder, move |folder| {
-            let report = ManoeuvreReport { command: &command, model: &model, trials: &trials, length_m };
+            let report = ManoeuvreReport { command: &command, model: &model, trials: &trials };
             report.write(folder, &document)
         })
     }
@@ -306,10 +307,8 @@ pub(crate) fn manoeuvres(
     let settings: config::Manoeuvre = settings::of(options)?;
     let (model, name) = Given::new("model", model)?.model()?;
     let of = Arc::clone(&model);
-    let (trials, plan) = work::run(py, threads, progress, move |control| -> Result<_, SettingError> {
-        let plan = settings.plan(&of)?;
-        let trials = plan.run(&of, &mut |fraction| control.report(fraction))?;
-        Ok((trials, plan))
+    let trials = work::run(py, threads, progress, move |control| -> Result<_, SettingError> {
+        Ok(settings.plan(&of)?.run(&of, &mut |fraction| control.report(fraction))?)
     })?
     .map_err(of_setting)?;
     // After an interrupt nobody waits for the trials.
@@ -322,8 +321,8 @@ pub(crate) fn manoeuvres(
     });
     let notes: Vec<Note> = trials.notes.iter().cloned().chain(outside).map(Note::warning).collect();
     warn(py, &notes)?;
-    let document = Arc::new(trials.document(&name, &model, &plan.options));
-    Ok(Trials { trials: Arc::new(trials), model, document, length_m: plan.options.length_m })
+    let document = Arc::new(trials.document(&name, &model));
+    Ok(Trials { trials: Arc::new(trials), model, document })
 }
 
 /// Trials in logs beside their predictions. The Python class around it has the documented interface.
@@ -432,6 +431,10 @@ pub(crate) fn compare_manoeuvres(
         manoeuvre::compare(&of, &runs, &mut |fraction| control.report(fraction))
     })?
     .map_err(of_manoeuvre)?;
-    let document = Arc::new(json!({ "plant": name, "comparisons": comparisons }));
+    let mut document = json!({ "plant": name, "comparisons": comparisons });
+    if let Some(scale) = model.description.boat.particulars.scale.filter(|scale| *scale != 1.0) {
+        document["scale"] = json!(scale);
+    }
+    let document = Arc::new(document);
     Ok(Comparisons { comparisons: Arc::new(comparisons), model, document })
 }

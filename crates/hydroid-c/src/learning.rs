@@ -167,7 +167,7 @@ impl Session {
         self.learner(|learner, _| {
             let Some(rehearsal) = learner.adapter.rehearsal() else {
                 let message =
-                    "the adapter does not rehearse: set the option kalman.rehearsal of a recurrent network";
+                    "the adapter does not rehearse: set the option rehearsal of a recurrent network";
                 return Err(Error::new(Status::Unsupported, message));
             };
             let least = rehearsal.samples.saturating_add(1);

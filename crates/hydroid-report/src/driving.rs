@@ -30,7 +30,9 @@ pub fn vessel(model: &Model, map: Result<&InputMap, &str>, length_m: Option<f64>
         "name": d.name,
         "title": model.title(),
         "dt": d.dt,
-        "length_m": length_m.or_else(|| model.craft()?.hull.size.map(|[length, ..]| length)),
+        "length_m": length_m
+            .or_else(|| d.boat.particulars.length_in_logs())
+            .or_else(|| model.craft()?.hull.size.map(|[length, ..]| length)),
         "judged_s": d.bands.as_ref().and_then(|bands| bands.horizons.last()).map(|&steps| steps as f64 * d.dt),
         "outputs": d.outputs,
         "inputs": d.inputs,
@@ -111,7 +113,9 @@ fn track(track: &Track) -> Value {
 
 /// The section with the driving view, and the script that starts it.
 pub(super) fn section(subject: &ModelReport<'_>) -> Section {
-    let ModelReport { model, trials, comparisons, map, length_m, .. } = *subject;
+    let ModelReport { model, trials, comparisons, map, .. } = *subject;
+    let stated = trials.ok().map(|trials| &trials.options);
+    let length_m = stated.and_then(|options| Some(options.length_m? / options.scale));
     let shown = |trials: &Trials| trials.trials.iter().filter_map(|one| trial(one, trials)).collect();
     let document = json!({
         "vessel": vessel(model, map, length_m),

@@ -22,8 +22,6 @@ pub struct ManoeuvreReport<'a> {
     pub command: &'a str,
     pub model: &'a Model,
     pub trials: &'a Trials,
-    /// Length of the ship \[m\], if stated.
-    pub length_m: Option<f64>,
 }
 
 /// Points of a curve.
@@ -89,7 +87,9 @@ pub(super) fn sections(subject: &ManoeuvreReport<'_>) -> Result<Vec<Section>, Re
 
 impl ManoeuvreReport<'_> {
     fn title(&self) -> String {
-        let vessel = self.model.is_vessel().then(|| format!(" of {}", self.model.description.name));
+        let d = &self.model.description;
+        let name = d.boat.particulars.name.as_ref().or_else(|| self.model.is_vessel().then_some(&d.name));
+        let vessel = name.map(|name| format!(" of {name}"));
         format!("Manoeuvring trials{}", vessel.unwrap_or_default())
     }
 
@@ -152,6 +152,7 @@ fn summary(subject: &ManoeuvreReport<'_>) -> Section {
     let judged: Vec<&Value> =
         trials.trials.iter().flat_map(|t| &t.figures).filter(|f| f.criterion.is_some()).collect();
     let missed = judged.iter().filter(|f| f.criterion.is_some_and(|c| !c.passed)).count();
+    let open = judged.iter().filter(|f| f.criterion.is_some_and(|c| !c.is_certain)).count();
     let stable = trials.trials.iter().filter_map(|trial| trial.directionally_stable).collect::<Vec<_>>();
     let stability = match (stable.is_empty(), stable.iter().all(|stable| *stable)) {
         (true, _) => "",
@@ -162,7 +163,7 @@ fn summary(subject: &ManoeuvreReport<'_>) -> Section {
         (
             "usable",
             "Predicted by the model.",
-            String::from(if subject.length_m.is_none() {
+            String::from(if trials.options.length_m.is_none() {
                 "Without the length of the ship, no criteria apply."
             } else {
                 "No criteria apply: a turning circle is judged at 35 degrees, or hard over with known limits."
@@ -170,7 +171,12 @@ fn summary(subject: &ManoeuvreReport<'_>) -> Section {
         )
     } else if missed == 0 {
         let words = format!("All {} criteria of IMO resolution MSC.137(76) are met.", judged.len());
-        ("good", "Criteria met.", words)
+        if open == 0 {
+            ("good", "Criteria met.", words)
+        } else {
+            let words = format!("{words} The intervals of {open} reach beyond the limit.");
+            ("usable", "Criteria met by the estimates.", words)
+        }
     } else {
         let words =
             format!("{missed} of {} criteria of IMO resolution MSC.137(76) are missed.", judged.len());
@@ -197,7 +203,10 @@ fn summary(subject: &ManoeuvreReport<'_>) -> Section {
         dl.facts {
             dt { "Model" } dd { (subject.model.title()) " (" (subject.model.kind()) ")" }
             dt { "Approach" } dd { (approach_text(subject)) }
-            @if let Some(length) = subject.length_m { dt { "Length" } dd { (text(length, 4)) " m" } }
+            @if let Some(length) = trials.options.length_m { dt { "Length" } dd { (text(length, 4)) " m" } }
+            @for (key, value, unit) in subject.model.description.boat.particulars.numbers().filter(|(key, ..)| *key != "length") {
+                dt { (key.replace('_', " ")) } dd { (text(value, 4)) " " (unit) }
+            }
             @for note in &trials.notes { dt { "Note" } dd { (note) } }
         }
     };
@@ -243,8 +252,13 @@ fn values(subject: &ManoeuvreReport<'_>, trials: &[&Trial]) -> Markup {
             row.push(cell(unit));
             if limits {
                 let limit = figure.criterion.map(|criterion| {
-                    let passed = trials.iter().all(|trial| trial.figures[i].criterion.is_none_or(|c| c.passed));
-                    format!("{} {}", text(criterion.limit, 3), if passed { "✓" } else { "✕" })
+                    let all = || trials.iter().filter_map(|trial| trial.figures[i].criterion);
+                    let mark = match (all().all(|c| c.passed), all().all(|c| c.is_certain)) {
+                        (true, true) => "✓",
+                        (true, false) => "(✓)",
+                        (false, _) => "✕",
+                    };
+                    format!("{} {mark}", text(criterion.limit, 3))
                 });
                 row.push(cell(limit.unwrap_or_default()));
             }
@@ -264,7 +278,7 @@ fn values(subject: &ManoeuvreReport<'_>, trials: &[&Trial]) -> Markup {
         @if intervals {
             p.small { "Below each value: 5 % and 95 % quantile over " (first.members) " members of the model." }
         }
-        @if limits { p.small { "Limits for a length of " (text(subject.length_m.unwrap_or(f64::NAN), 4)) " m." } }
+        @if limits { p.small { "Limits for a length of " (text(subject.trials.options.length_m.unwrap_or(f64::NAN), 4)) " m." } }
     }
 }
 

@@ -27,15 +27,13 @@ pub struct ModelReport<'a> {
     pub trials: Result<&'a Trials, &'a str>,
     /// The commands that push and turn the vessel, or why there are none.
     pub map: Result<&'a InputMap, &'a str>,
-    /// Length of the ship \[m\], if stated.
-    pub length_m: Option<f64>,
     /// Whether the model can be driven on the page.
     pub interactive: bool,
 }
 
 /// The page.
 pub fn model_report(subject: &ModelReport<'_>) -> Result<String, ReportError> {
-    let ModelReport { command, model, trials, length_m, comparisons, .. } = *subject;
+    let ModelReport { command, model, trials, comparisons, .. } = *subject;
     let mut sections = vec![summary(subject)];
     if subject.interactive {
         sections.push(driving::section(subject));
@@ -44,7 +42,7 @@ pub fn model_report(subject: &ModelReport<'_>) -> Result<String, ReportError> {
     sections.extend(comparison::sections(comparisons)?);
     match trials {
         Ok(trials) => {
-            let of = ManoeuvreReport { command, model, trials, length_m };
+            let of = ManoeuvreReport { command, model, trials };
             sections.push(manoeuvre::approach(&of));
             sections.extend(manoeuvre::sections(&of)?);
             sections.push(manoeuvre::definitions(&of));

@@ -121,7 +121,7 @@ pub unsafe extern "C" fn hydroid_session_deviations(
     })
 }
 
-/// Stores a window of training data for an adapter with the option kalman.rehearsal, while there is room. Allocates.
+/// Stores a window of training data for an adapter with the option rehearsal, while there is room. Allocates.
 ///
 /// outputs, outputs_len: samples x outputs finite numbers. The last samples are stored, as many as a window has and one more;
 ///     the samples before them settle the state.

@@ -2,8 +2,8 @@
 
 use std::ffi::{CString, c_char};
 
-use super::{call, free, give, handle, optional_text, put, slice, slice_mut, text, value_or};
-use crate::error::{Error, Outcome, Status};
+use super::{call, free, give, handle, optional_text, slice, text, value_or};
+use crate::error::{Error, Status};
 use crate::model::{Channel, Model};
 use crate::options;
 use crate::session::Session;
@@ -178,9 +178,8 @@ pub unsafe extern "C" fn hydroid_model_session(model: *const Model, session: *mu
 ///
 /// guarded: with a guard, which detects faults of sensors and bounds the error of the adapted model by that of the
 ///     model as it was read.
-/// options: JSON with the options that differ from hydroid_model_adapter_options(), such as
-///     "{\"kalman\": {\"leak_s\": 600}}", or NULL. null is infinite for a number, and "none" for what may be missing.
-///     With the option current_m_s, the session needs the heading of each sample.
+/// options: lines of the section [adapt] of a configuration file (TOML), such as "leak = 600\nhuber = inf", or NULL for the
+///     defaults. With the option estimate_current, the session needs the heading of each sample.
 /// noise, noise_len: standard deviation of the measurement noise of each output, in its unit; or NULL and 0 for those of
 ///     the model file. Kalman filters need one of the two.
 /// adapter: receives the session; NULL after an error. Freed by hydroid_session_free().
@@ -199,43 +198,8 @@ pub unsafe extern "C" fn hydroid_model_adapter(
             let model = handle(model, "model")?;
             let noise = slice(noise, noise_len, "noise")?;
             let noise = Some(noise).filter(|noise| !noise.is_empty());
-            let json = optional_text(options, "options")?;
-            model.adapter(&options::read(&model.content, guarded, json, noise)?)
+            let section = optional_text(options, "options")?;
+            model.adapter(&options::read(&model.content, guarded, section, noise)?)
         })
     })
-}
-
-/// The default options of an adapter as JSON: what hydroid_model_adapter() takes. Allocates.
-///
-/// text, capacity: receives the text and a zero; NULL and 0 to ask for the length alone.
-/// length: receives the number of bytes without the zero, also if capacity is too small.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn hydroid_model_adapter_options(
-    model: *const Model,
-    guarded: bool,
-    text: *mut c_char,
-    capacity: usize,
-    length: *mut usize,
-) -> Status {
-    // SAFETY: the rules of the header.
-    call(|| unsafe {
-        let json = options::text(&handle(model, "model")?.content, guarded)?;
-        put(length, "length", json.len())?;
-        let into = slice_mut(text.cast::<u8>(), capacity, "text")?;
-        if into.is_empty() {
-            return Ok(());
-        }
-        write_text(&json, into)
-    })
-}
-
-fn write_text(text: &str, into: &mut [u8]) -> Outcome {
-    let Some((place, rest)) = into.split_at_mut_checked(text.len()).filter(|(_, rest)| !rest.is_empty())
-    else {
-        let message = format!("the text has {} bytes and a zero: capacity is {}", text.len(), into.len());
-        return Err(Error::new(Status::Length, message));
-    };
-    place.copy_from_slice(text.as_bytes());
-    rest[0] = 0;
-    Ok(())
 }

@@ -135,54 +135,37 @@ static void sessions(char **files)
 static void options(const hydroid_model *model)
 {
     static const char *const wrong[][2] = {
-        {"{", "no JSON"},
-        {"3", "an object is needed"},
-        {"{\"metod\": \"kalman\"}", "there is no option 'metod'"},
-        {"{\"kalman\": {\"leak\": 3}}", "there is no option 'kalman.leak'"},
-        {"{\"kalman\": {\"leak\": null}}", "there is no option 'kalman.leak'"},
-        {"{\"method\": \"magic\"}", "magic"},
-        {"{\"kalman\": {\"leak_s\": \"long\"}}", "invalid type"},
-        {"{\"kalman\": 3}", "invalid type"},
-        {"{\"kalman\": {\"noise\": [1, null]}}", "'kalman.noise' contains null"},
-        {"{\"kalman\": {\"noise\": [1e999]}}", "no JSON"},
-        {"{\"kalman\": {\"rehearsal\": {\"windows\": 18446744073709551615}}}", "the options of the adapter are invalid"},
-        {"{\"least_squares\": {\"forgetting_s\": 0.001}}", "the forgetting time is too short"},
-        {"{\"least_squares\": {\"forgetting_s\": -1}}", ""},
-        {"{\"least_squares\": {\"window_s\": 1e300}}", "window"},
-        {"{\"method\": \"kalman\"}", "`noise` of hydroid_model_adapter"},
-        {"{\"method\": \"kalman\", \"kalman\": {\"noise\": [0.1, 0.1]}}", "3 positive numbers"},
-        {"{\"method\": \"kalman\", \"kalman\": {\"noise\": [0.1, 0.1, 0]}}", "the noise of 'r'"},
-        {"{\"guard\": {\"factor\": 2}}", "`guarded` is false"},
-        {"{\"current_m_s\": -1}", ""},
+        {"{", "options, line 1"},
+        {"metod = \"kalman\"", "line 1: unknown key metod"},
+        {"huber = 3\nleek = 3", "line 2: unknown key leek, did you mean leak?"},
+        {"learner = \"magic\"", "line 1: 'magic' is not a value of this key"},
+        {"learner = \"kalman\"\nleak = \"long\"", "line 2: invalid type"},
+        {"leak = 3", "leak is an option of the extended Kalman filter"},
+        {"learner = \"kalman\"\nwindow = 3", "window is an option of recursive least squares"},
+        {"learner = \"kalman\"\nrehearsal = { windows = 1e9 }", "line 2"},
+        {"forgetting = 0.001", "the forgetting time is too short"},
+        {"forgetting = -1", ""},
+        {"window = 1e300", "window"},
+        {"learner = \"kalman\"", "`noise` of hydroid_model_adapter"},
+        {"learner = \"kalman\"\nnoise = { u = 0.1, v = 0.1 }", "the output 'r' is missing"},
+        {"learner = \"kalman\"\nnoise = { u = 0.1, v = 0.1, r = 0 }", "the noise of 'r'"},
+        {"estimate_current = -1", ""},
     };
     hydroid_session *session = NULL;
     static const double noise[3] = {0.1, 0.1, -0.1};
-    char text[4096];
-    size_t i, length = 0;
+    size_t i;
     for (i = 0; i < sizeof wrong / sizeof wrong[0]; ++i) {
         hydroid_status status = hydroid_model_adapter(model, false, wrong[i][0], NULL, 0, &session);
         expect((int)i, status, HYDROID_STATUS_OPTIONS, wrong[i][1]);
         HOLD(session == NULL);
     }
-    EXPECT(hydroid_model_adapter(model, true, "{\"guard\": {\"horizon\": 0}}", NULL, 0, &session), OPTIONS, "guard");
-    EXPECT(hydroid_model_adapter(model, true, "{\"guard\": {\"horizon\": 1000000000000}}", NULL, 0, &session), OPTIONS,
-           "up to 10000 samples");
     EXPECT(hydroid_model_adapter(model, false, "\xff", NULL, 0, &session), TEXT, "options is not UTF-8");
-    EXPECT(hydroid_model_adapter(model, false, "{\"method\": \"kalman\"}", noise, 3, &session), OPTIONS, "the noise of 'r'");
-    EXPECT(hydroid_model_adapter(model, false, "{\"method\": \"kalman\"}", noise, 2, &session), OPTIONS, "3 positive");
+    EXPECT(hydroid_model_adapter(model, false, "learner = \"kalman\"", noise, 3, &session), OPTIONS, "the noise of 'r'");
+    EXPECT(hydroid_model_adapter(model, false, "learner = \"kalman\"", noise, 2, &session), OPTIONS, "3 positive");
     EXPECT(hydroid_model_adapter(model, false, NULL, NULL, 3, &session), POINTER, "noise is null");
     EXPECT(hydroid_model_adapter(NULL, false, NULL, NULL, 0, &session), POINTER, "model is null");
     EXPECT(hydroid_model_adapter(model, false, NULL, NULL, 0, NULL), POINTER, "adapter is null");
-    /* The defaults are options. */
-    EXPECT(hydroid_model_adapter_options(model, true, NULL, 0, NULL), POINTER, "length is null");
-    DO(hydroid_model_adapter_options(model, true, NULL, 0, &length));
-    HOLD(length > 100 && length < sizeof text);
-    EXPECT(hydroid_model_adapter_options(model, true, text, length, &length), LENGTH, "capacity");
-    DO(hydroid_model_adapter_options(model, true, text, length + 1, &length));
-    HOLD(strlen(text) == length);
-    DO(hydroid_model_adapter(model, true, text, NULL, 0, &session));
-    hydroid_session_free(session);
-    DO(hydroid_model_adapter(model, true, "{\"guard\": null}", NULL, 0, &session));
+    DO(hydroid_model_adapter(model, true, "no_guard = true", NULL, 0, &session));
     hydroid_session_free(session);
 }
 
@@ -208,7 +191,7 @@ static void adapters(const hydroid_model *model)
     EXPECT(hydroid_session_deviations(session, numbers, 4, horizons, 2, numbers + 9, 6), VALUE, "from 1 on");
     horizons[1] = (size_t)-1;
     EXPECT(hydroid_session_deviations(session, numbers, 4, horizons + 1, 1, numbers + 9, 3), LENGTH, "commands");
-    EXPECT(hydroid_session_store_window(session, y, 3, c, 2), UNSUPPORTED, "kalman.rehearsal");
+    EXPECT(hydroid_session_store_window(session, y, 3, c, 2), UNSUPPORTED, "rehearsal");
     EXPECT(hydroid_session_learned(session, "\xff", NULL), POINTER, "model is null");
     length = hydroid_session_memory_len(session);
     HOLD(length > 2 && length < sizeof numbers / sizeof numbers[0]);

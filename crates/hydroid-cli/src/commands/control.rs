@@ -8,6 +8,7 @@ use anyhow::Context as _;
 use hydroid::atomic::{self, Lock};
 use hydroid::closed_loop::{Metrics, MonteCarlo, Summary, TunedAutopilot};
 use hydroid::config::control::{Document, NamedModel, Setup, Simulated};
+use hydroid::log::Note;
 use hydroid_report::ClosedLoopReport;
 
 use super::Outcome;
@@ -33,6 +34,8 @@ pub fn run(args: &Control, global: Global) -> anyhow::Result<Outcome> {
     drop(bar);
     if let (Some(stream), Some(file)) = (&args.stream, &args.model) {
         setup.check_firm().context("the service does not steer")?;
+        let notes: Vec<Note> = setup.notes().into_iter().map(Note::warning).collect();
+        ui::print_notes(&notes, global);
         return service::run(args, global, &service::Steered { stream, file, setup: &setup });
     }
     simulate(args, global, &setup, tuned.as_ref())

@@ -24,15 +24,10 @@ pub fn run(args: &Manoeuvre, global: Global) -> anyhow::Result<Outcome> {
         bail!("cancelled");
     };
     drop(bar);
-    let document = trials.document(&args.plant.display().to_string(), &model, &plan.options);
+    let document = trials.document(&args.plant.display().to_string(), &model);
     if let Some(folder) = &args.output {
         let command = ui::command_line();
-        let report = ManoeuvreReport {
-            command: &command,
-            model: &model,
-            trials: &trials,
-            length_m: args.settings.length,
-        };
+        let report = ManoeuvreReport { command: &command, model: &model, trials: &trials };
         report.write(folder, &document)?;
     }
     if global.json {
@@ -55,7 +50,7 @@ fn lock(args: &Manoeuvre) -> anyhow::Result<Option<Lock>> {
 
 /// The trials of logs beside their predictions.
 fn compare(args: &Manoeuvre, model: &Model, global: Global) -> anyhow::Result<Outcome> {
-    let scale = args.settings.comparison_scale()?;
+    let model = &args.settings.for_logs(model.clone())?;
     let mut reading = args.log.clone().over(model.description.reading.clone(), &model.description.boat)?;
     let (_, prepared) = logs::prepare(&args.logs, &mut reading, global)
         .with_context(|| logs::cannot_use(&args.plant, model))?;
@@ -65,9 +60,9 @@ fn compare(args: &Manoeuvre, model: &Model, global: Global) -> anyhow::Result<Ou
     let bar = ui::Bar::new("trials", global);
     let all = manoeuvre::compare(&model, &prepared.runs, &mut bar.callback())?;
     drop(bar);
-    let all: Vec<Comparison> = all.into_iter().map(|comparison| comparison.scaled(scale)).collect();
+    let scale = model.description.boat.particulars.scale;
     let mut document = json!({ "plant": args.plant, "comparisons": all });
-    if scale != 1.0 {
+    if let Some(scale) = scale.filter(|scale| *scale != 1.0) {
         document["scale"] = json!(scale);
         ui::print_notes(
             &[Note::info(format!(
@@ -146,7 +141,7 @@ fn print(model: &Model, trials: &Trials) {
                 figure.interval.map(|[low, high]| format!("   {low:.2} to {high:.2}")).unwrap_or_default();
             let criterion = figure
                 .criterion
-                .map(|c| format!("   limit {:.2}: {}", c.limit, if c.passed { "passed" } else { "missed" }))
+                .map(|c| format!("   limit {:.2}: {}", c.limit, c.words()))
                 .unwrap_or_default();
             let mark = if figure.extrapolated && figure.value.is_some() { " *" } else { "" };
             let line = format!("  {name:<28} {value:>11} {unit:<6}{interval}{criterion}");

@@ -51,7 +51,6 @@ pub fn run(args: &Report, global: Global) -> anyhow::Result<Outcome> {
         comparisons: comparisons.as_deref().unwrap_or_default(),
         trials: trials.as_ref().map_err(String::as_str),
         map: map.as_ref().map_err(String::as_str),
-        length_m: args.length,
         interactive: args.interactive,
     })?;
     atomic::write(&args.output, |out| out.write_all(page.as_bytes()))?;

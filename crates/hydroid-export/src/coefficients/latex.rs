@@ -144,7 +144,10 @@ fn tables(
 ) -> Result<String, ExportError> {
     let speed = options.speed.or_else(|| middle_speed(model));
     let prime = Prime {
-        length: options.length.or(coefficients.size.map(|[length, ..]| length)),
+        length: options
+            .length
+            .or_else(|| model.description.boat.particulars.length_in_logs())
+            .or(coefficients.size.map(|[length, ..]| length)),
         speed,
         density: coefficients.water_density,
     };

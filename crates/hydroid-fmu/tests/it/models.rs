@@ -33,6 +33,7 @@ pub(crate) fn model(body: Body) -> Model {
         training: Vec::new(),
         validation: Vec::new(),
         settings: serde_json::json!({}),
+        not_identified: std::collections::BTreeMap::new(),
     };
     let description = Description {
         name: String::from("test"),

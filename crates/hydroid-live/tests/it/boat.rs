@@ -53,6 +53,7 @@ pub(crate) fn model() -> Model {
                 training: Vec::new(),
                 validation: Vec::new(),
                 settings: serde_json::Value::Null,
+                not_identified: std::collections::BTreeMap::new(),
             },
         },
         body: Body::Equations(Arc::new(equations)),

@@ -4,6 +4,10 @@ use super::Role;
 use crate::key::key;
 use crate::log::units::UnitError;
 
+fn in_unit(unit: &str) -> String {
+    if unit.is_empty() { String::new() } else { format!(" in {unit}") }
+}
+
 /// Wrong description of a boat.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -20,6 +24,11 @@ pub enum BoatError {
     NoRole(String),
     #[error("'{0}' is not a role: write propulsion, steering, thruster, disturbance or setting")]
     UnknownRole(String),
+    #[error(
+        "{key} in [boat.particulars] is {value}: give a number{} greater than 0, or leave the line out",
+        in_unit(unit)
+    )]
+    Particular { key: &'static str, value: f64, unit: &'static str },
     #[error("the input '{input}' has the number {number} in [boat.inputs.{input}]: give finite numbers")]
     NotFinite { input: String, number: f64 },
     #[error("limits of {input} are {low} to {high}: give the lower one first, as in limits = [1100, 1900]")]

@@ -1,4 +1,4 @@
-//! What the inputs of a vessel are: the section `[boat]` of `hydroid.toml`, which every model file contains.
+//! What a vessel and its inputs are: the section `[boat]` of `hydroid.toml`, which every model file contains.
 //!
 //! The [`Role`] of an input decides how trials, controllers and simulations use it. A role that is not stated is found from
 //! name and unit ([`Boat::find`]), or from the response of a model ([`find_roles`](crate::plant::find_roles)); its
@@ -19,6 +19,7 @@
 mod autopilot;
 mod error;
 mod find;
+mod particulars;
 mod raw;
 mod read;
 mod text;
@@ -36,6 +37,7 @@ use crate::toml_file::nearest;
 pub(crate) use autopilot::FUNCTIONS;
 pub use autopilot::{Output, Range};
 pub use error::BoatError;
+pub use particulars::Particulars;
 pub use raw::Raw;
 pub use values::{HARD_OVER_DEG, Value, check_firm};
 
@@ -46,6 +48,9 @@ pub type Roles = BTreeMap<String, Role>;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Boat {
+    /// Its particulars.
+    #[serde(skip_serializing_if = "Particulars::is_empty")]
+    pub particulars: Particulars,
     /// Its inputs by name; an input that is not named has no known role.
     pub inputs: BTreeMap<String, Input>,
 }
@@ -306,6 +311,7 @@ impl Boat {
     /// # Errors
     /// The first one that is not.
     pub fn check(&self, inputs: &[&str]) -> Result<(), BoatError> {
+        self.particulars.check()?;
         match self.inputs.keys().find(|name| !inputs.contains(&name.as_str())) {
             None => Ok(()),
             Some(name) => Err(BoatError::UnknownInput {

@@ -12,7 +12,7 @@ use super::value::by_name;
 #[cfg(feature = "arguments")]
 use super::value::{named, numbers};
 use super::{Duration, with_values};
-use crate::boat::{HARD_OVER_DEG, StatedRoles};
+use crate::boat::{HARD_OVER_DEG, Particulars, StatedRoles};
 use crate::identify::GivenRange;
 use crate::key::key;
 use crate::manoeuvre::{LeftOut, ManoeuvreError, Options, TrialKind, TrialOptions, Trials, trials};
@@ -152,11 +152,11 @@ pub struct Manoeuvre {
     #[cfg_attr(feature = "arguments", arg(long, value_name = "N,E", value_parser = numbers::<2>, allow_hyphen_values = true))]
     #[serde(deserialize_with = "crate::config::value::read_numbers")]
     pub current: Option<[f64; 2]>,
-    /// Length of the ship [m]: adds the criteria of IMO resolution MSC.137(76)
+    /// Length of the ship [m]: adds the criteria of IMO resolution MSC.137(76) (default: that of the boat)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "M", allow_negative_numbers = true))]
     pub length: Option<f64>,
     /// Scale of the model in the logs, as 45.7 for a model of 1 : 45.7: figures, tracks and criteria are those of the ship, by
-    /// Froude's law; speed and longest trial are those of the model (default: 1)
+    /// Froude's law; speed and longest trial are those of the model (default: that of the boat, else 1)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "LAMBDA", allow_negative_numbers = true))]
     pub scale: Option<f64>,
     /// Longest trial (default: 1h)
@@ -205,7 +205,7 @@ impl Manoeuvre {
         )?;
         let map = InputMap::with(&model, &self.push, &self.turn)?;
         let kinds = self.kinds(&map)?;
-        let options = self.options()?;
+        let options = self.options(&model.description.boat.particulars)?;
         let no_propulsion = map.no_propulsion();
         if let (Some(reason), Some(percent)) = (&no_propulsion, self.propulsion) {
             return wrong(format!("{}: {reason}; leave it out", key("propulsion").is(percent)));
@@ -297,11 +297,11 @@ impl Manoeuvre {
         Ok(kinds)
     }
 
-    /// The scale of trials in logs, of which nothing else is stated.
+    /// The model for trials in logs, with a stated scale.
     ///
     /// # Errors
     /// If an option of simulated trials is given.
-    pub fn comparison_scale(&self) -> Result<f64, SettingError> {
+    pub fn for_logs(&self, mut model: Model) -> Result<Model, SettingError> {
         let others = Self { scale: None, ..self.clone() };
         if others != Self::default() {
             return wrong(format!(
@@ -309,14 +309,16 @@ impl Manoeuvre {
                 key("scale")
             ));
         }
-        let scale = self.options()?.scale;
-        if !(scale.is_finite() && scale > 0.0) {
+        let particulars = &mut model.description.boat.particulars;
+        let scale = self.scale.or(particulars.scale);
+        if let Some(scale) = scale.filter(|scale| !(scale.is_finite() && *scale > 0.0)) {
             return wrong(format!("{}: give a number greater than 0", key("scale").is(scale)));
         }
-        Ok(scale)
+        particulars.scale = scale;
+        Ok(model)
     }
 
-    fn options(&self) -> Result<TrialOptions, SettingError> {
+    fn options(&self, particulars: &Particulars) -> Result<TrialOptions, SettingError> {
         let default = TrialOptions::default();
         if self.speed.is_some() && self.propulsion.is_some() {
             let [speed, propulsion] = ["speed", "propulsion"].map(key);
@@ -341,8 +343,8 @@ impl Manoeuvre {
             },
             longest_s: self.longest.map_or(default.longest_s, |longest| longest.0),
             current: self.current.unwrap_or_default(),
-            length_m: self.length,
-            scale: self.scale.unwrap_or(1.0),
+            length_m: self.length.or(particulars.length),
+            scale: self.scale.or(particulars.scale).unwrap_or(1.0),
         })
     }
 }

@@ -272,7 +272,7 @@ fn try_identify(job: &Job, watch: OnStage<'_>) -> Result<IdentifyResult, Identif
         candidates = through_water::choose(candidates, found);
     }
     for candidate in &mut candidates {
-        describe_boat(candidate, &parts.train);
+        describe(candidate, &parts.train);
     }
     let missing = MissingData::for_judgement(job, &candidates);
     let best = select_best(&candidates).filter(|_| missing.is_none());
@@ -300,9 +300,9 @@ fn try_identify(job: &Job, watch: OnStage<'_>) -> Result<IdentifyResult, Identif
 /// Standard deviation of a measured shaft speed, relative to its mean, up to which it is that of one order.
 const STEADY: f64 = 0.02;
 
-/// Completes the boat of a model by what its inputs do; a constant input is a setting, and so is a shaft speed that hardly
+/// Completes the description of a model by what its inputs do, and by the outputs that it does not predict; a constant input is a setting, and so is a shaft speed that hardly
 /// varies.
-fn describe_boat(candidate: &mut Candidate, train: &[&Trajectory]) {
+fn describe(candidate: &mut Candidate, train: &[&Trajectory]) {
     let d = &mut candidate.model.description;
     for (c, port) in d.inputs.iter().enumerate() {
         let mut named = Boat::default();
@@ -321,6 +321,7 @@ fn describe_boat(candidate: &mut Candidate, train: &[&Trajectory]) {
         }
     }
     candidate.model.description.boat = find_roles(&candidate.model);
+    candidate.model.description.provenance.not_identified = verdict::not_identified(candidate.judged());
 }
 
 fn note_of_blocks() -> Note {

@@ -173,7 +173,8 @@ fn gears(job: &Job, train: &[&Trajectory], channels: &[Channel]) -> Vec<Option<f
 }
 
 /// The limits that a single regression suggests, of which each must reduce the cross-validated error of a committee by more
-/// than one standard error, and by [`MIN_IMPROVEMENT`].
+/// than one standard error, and by [`MIN_IMPROVEMENT`]. They are tried all together first, because those of a rudder and of a
+/// propeller may only show together, and then without or with each.
 fn search(job: &Job, parts: &Parts<'_>, progress: Progress<'_>) -> Result<Vec<Option<f64>>, IdentifyError> {
     let runs: Vec<&Trajectory> = job.split.train.iter().collect();
     // The wind is an input without an actuator.
@@ -186,15 +187,31 @@ fn search(job: &Job, parts: &Parts<'_>, progress: Progress<'_>) -> Result<Vec<Op
         return Ok(rates);
     }
     let Some(mut least) = losses(job, parts)? else { return Ok(rates) };
+    let none = least.clone();
+    let of = |rates: &[Option<f64>]| match limited(job, rates) {
+        Some(limited) => losses(&limited, parts),
+        None => Ok(Some(none.clone())),
+    };
+    // Losses are squares of errors.
+    let is_better = |one: &BlockLosses, other: &BlockLosses| {
+        one.mean() < (1.0 - MIN_IMPROVEMENT).powi(2) * other.mean() && one.is_significantly_better(other)
+    };
+    let count = suggested.iter().flatten().count();
+    if let Some(all) = if count > 1 { of(&suggested)? } else { None }
+        && is_better(&all, &least)
+    {
+        (rates, least) = (suggested.clone(), all);
+    }
     for (c, rate) in suggested.into_iter().enumerate().filter(|(_, rate)| rate.is_some()) {
-        let with: Vec<Option<f64>> =
-            rates.iter().enumerate().map(|(i, other)| if i == c { rate } else { *other }).collect();
-        let Some(limited) = limited(job, &with) else { continue };
-        let Some(next) = losses(&limited, parts)? else { continue };
-        // Losses are squares of errors.
-        let improves = next.mean() < (1.0 - MIN_IMPROVEMENT).powi(2) * least.mean();
-        if improves && next.is_significantly_better(&least) {
-            (rates, least) = (with, next);
+        let mut other = rates.clone();
+        other[c] = rate.filter(|_| rates[c].is_none());
+        let Some(next) = of(&other)? else { continue };
+        let accepted = match other[c] {
+            Some(_) => is_better(&next, &least),
+            None => !is_better(&least, &next),
+        };
+        if accepted {
+            (rates, least) = (other, next);
         }
     }
     Ok(rates)

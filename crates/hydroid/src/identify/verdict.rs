@@ -1,5 +1,7 @@
 //! Grades of a model on the test runs, and warnings.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use super::data_summary::ChannelSummary;
@@ -38,6 +40,28 @@ pub struct Verdict {
     /// Why the errors give no grade, or only this one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
+}
+
+/// Outputs that are not identified, with the figures that say so.
+pub(super) fn not_identified(judged: &Evaluation) -> BTreeMap<String, String> {
+    let horizon_s = horizon_s(judged);
+    verdicts(judged)
+        .into_iter()
+        .filter(|verdict| verdict.grade == Grade::NotIdentified)
+        .map(|verdict| {
+            let reason = verdict.reason.as_ref().map(|reason| format!("; {reason}")).unwrap_or_default();
+            let why = format!(
+                "over {horizon_s} s its NRMSE is {:.2}, of persistence {:.2}, of the mean 1{reason}",
+                verdict.nrmse, verdict.persistence
+            );
+            (verdict.channel, why)
+        })
+        .collect()
+}
+
+/// The longest horizon \[s\], rounded to a millisecond against rounding errors of the product.
+fn horizon_s(judged: &Evaluation) -> f64 {
+    (1e3 * judged.horizons.last().map_or(0.0, |&h| h as f64 * judged.dt)).round() / 1e3
 }
 
 /// Grades each output at the longest horizon against the better of persistence and the mean (NRMSE 1). There is no grade from
@@ -104,18 +128,10 @@ pub(super) fn warnings(
 ) -> Vec<Note> {
     let mut notes = Vec::new();
     let test = candidate.judged();
-    // Rounded to a millisecond against rounding errors of the product.
-    let horizon_s = (1e3 * test.horizons.last().map_or(0.0, |&h| h as f64 * test.dt)).round() / 1e3;
-    for verdict in verdicts.iter().filter(|v| v.grade == Grade::NotIdentified) {
+    let horizon_s = horizon_s(test);
+    for (channel, why) in &candidate.model.description.provenance.not_identified {
         notes.push(
-            Note::warning(format!(
-                "'{}' is not identified: over {horizon_s} s its NRMSE is {:.2}, of persistence {:.2}, of the mean 1{}",
-                verdict.channel,
-                verdict.nrmse,
-                verdict.persistence,
-                verdict.reason.as_ref().map(|reason| format!("; {reason}")).unwrap_or_default()
-            ))
-            .with_remedy(
+            Note::warning(format!("'{channel}' is not identified: {why}")).with_remedy(
                 "do not use predictions of this output; check the sensor (hydroid inspect), and log runs in which the commands excite this output",
             ),
         );

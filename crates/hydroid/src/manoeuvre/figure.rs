@@ -39,6 +39,21 @@ pub struct Criterion {
     pub limit: f64,
     /// Whether the value is within the limit.
     pub passed: bool,
+    /// Whether the whole interval is on the same side of the limit.
+    #[serde(rename = "certain")]
+    pub is_certain: bool,
+}
+
+impl Criterion {
+    /// Whether the limit is kept, in words.
+    pub const fn words(&self) -> &'static str {
+        match (self.passed, self.is_certain) {
+            (true, true) => "passed",
+            (true, false) => "passed, but the interval reaches beyond it",
+            (false, true) => "missed",
+            (false, false) => "missed, but the interval reaches within it",
+        }
+    }
 }
 
 impl Figure {
@@ -68,12 +83,17 @@ impl Figure {
         }
     }
 
-    /// Without a value, if it is one of those that the sway velocity decides.
-    pub(super) fn without_sway(&mut self, names: &[&str]) {
+    /// Without a value, if it is one of those that the sway velocity decides, which is not known for a reason.
+    pub(super) fn without_sway(&mut self, names: &[&str], reason: &str) {
         if names.contains(&self.name.as_ref()) && self.not_valid.is_none() {
-            (self.value, self.interval) = (None, None);
-            self.not_valid = Some(NO_SWAY.to_owned());
+            self.withdraw(reason);
         }
+    }
+
+    /// Without a value, for a reason.
+    pub(super) fn withdraw(&mut self, reason: &str) {
+        (self.value, self.interval) = (None, None);
+        self.not_valid = Some(reason.to_owned());
     }
 
     /// What stands in place of a value.
@@ -83,7 +103,12 @@ impl Figure {
 
     /// The figure with an upper limit.
     pub(super) fn limit(&mut self, limit: f64) {
-        self.criterion = self.value.map(|value| Criterion { limit, passed: value <= limit });
+        self.criterion = self.value.map(|value| {
+            let passed = value <= limit;
+            let is_certain =
+                self.interval.is_none_or(|ends| ends.iter().all(|end| (*end <= limit) == passed));
+            Criterion { limit, passed, is_certain }
+        });
     }
 
     /// The figure of a ship whose lengths are `scale` times those of the vessel, by Froude's law.
@@ -96,6 +121,7 @@ impl Figure {
             _ => 1.0,
         };
         self.value = self.value.map(|value| factor * value);
+        self.interval = self.interval.map(|ends| ends.map(|end| factor * end));
         self.at_s = self.at_s.map(|at| root * at);
     }
 
@@ -122,7 +148,7 @@ impl Figure {
 pub(super) const NO_SWAY_FIGURES: [&str; 4] =
     ["drift_angle_deg", "advance_m", "transfer_m", "tactical_diameter_m"];
 
-/// Why.
+/// Why a log has none.
 pub(super) const NO_SWAY: &str = "there is no sway velocity v";
 
 /// Least number of members for an interval.
@@ -241,5 +267,24 @@ impl Figures for Stopping {
             Figure::new("lateral_deviation_m", self.lateral_deviation_m),
             Figure::new("heading_change_deg", self.heading_change_deg),
         ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_criterion_is_certain_if_the_whole_interval_is_on_one_side() {
+        let judged = |value: f64, interval: Option<[f64; 2]>| {
+            let mut figure = Figure { interval, ..Figure::new("first_overshoot_deg", value) };
+            figure.limit(25.0);
+            figure.criterion.unwrap().words()
+        };
+        assert_eq!(judged(20.0, None), "passed");
+        assert_eq!(judged(20.0, Some([18.0, 24.9])), "passed");
+        assert_eq!(judged(20.0, Some([18.0, 25.1])), "passed, but the interval reaches beyond it");
+        assert_eq!(judged(26.0, Some([24.0, 28.0])), "missed, but the interval reaches within it");
+        assert_eq!(judged(26.0, Some([25.5, 28.0])), "missed");
     }
 }

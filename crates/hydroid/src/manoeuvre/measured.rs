@@ -7,9 +7,10 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::error::ManoeuvreError;
-use super::figure::{Figure, Figures, NO_SWAY_FIGURES, set_intervals};
+use super::figure::{Figure, Figures, NO_SWAY, NO_SWAY_FIGURES, set_intervals};
 use super::recognised::{Recognised, RecognisedKind, recognise};
 use super::track::Track;
+use super::trials::not_valid;
 use super::turning_circle::TurningCircle;
 use super::zigzag::Zigzag;
 use crate::log::{Shortest, Trajectory};
@@ -133,8 +134,7 @@ fn line(points: impl Iterator<Item = (f64, f64)> + Clone) -> [f64; 2] {
 
 impl Comparison {
     /// The comparison of a ship whose lengths are `scale` times those of the vessel in the log, by Froude's law.
-    #[must_use]
-    pub fn scaled(mut self, scale: f64) -> Self {
+    fn scaled(mut self, scale: f64) -> Self {
         self.measured.iter_mut().chain(&mut self.predicted).for_each(|figure| figure.scale(scale));
         self.tracks.iter_mut().chain(&mut self.member_tracks).for_each(|track| track.scale(scale));
         self.current = self.current.map(|velocity| velocity * scale.sqrt());
@@ -142,7 +142,7 @@ impl Comparison {
     }
 }
 
-/// The trials of runs beside the predictions of a model.
+/// The trials of runs beside the predictions of a model, as those of the ship if the boat has a scale.
 ///
 /// # Errors
 /// If the model is not a plant, or `progress` cancels.
@@ -152,6 +152,7 @@ pub fn compare(
     progress: Progress<'_>,
 ) -> Result<Vec<Comparison>, ManoeuvreError> {
     let boat = find_roles(model);
+    let scale = boat.particulars.scale.unwrap_or(1.0);
     let mut all = Vec::new();
     for (i, run) in runs.iter().enumerate() {
         let trials = recognise(run, &boat);
@@ -159,7 +160,7 @@ pub fn compare(
         for (j, trial) in trials.into_iter().enumerate() {
             report(progress, (i as f64 + j as f64 / count) / runs.len() as f64).map_err(PlantError::from)?;
             let current = current_before(model, run, trial.executes[0]);
-            all.extend(comparison(model, run, trial, current)?);
+            all.extend(comparison(model, run, trial, current)?.map(|found| found.scaled(scale)));
         }
     }
     report(progress, 1.0).map_err(PlantError::from)?;
@@ -183,10 +184,17 @@ fn comparison(
         }
     };
     let prediction = |simulation: Simulation| {
-        let (track, executes) = predict(simulation.with_current(current), run, &trial, &measured);
+        let (mut track, executes) = predict(simulation.with_current(current), run, &trial, &measured);
         let reason = track.not_valid.as_ref();
         let reason = reason.map(|reason| format!("from {:.1} s on: {reason}", track.time_s(track.len())));
-        let figures = figures(&track, &executes).into_iter().map(|f| f.unless(reason.as_deref())).collect();
+        let mut figures: Vec<Figure> =
+            figures(&track, &executes).into_iter().map(|f| f.unless(reason.as_deref())).collect();
+        if let Some(reason) = not_valid(model) {
+            for figure in &mut figures {
+                figure.withdraw(&reason);
+            }
+            track.not_valid = Some(reason);
+        }
         (figures, track)
     };
     let (mut predicted, track): (Vec<Figure>, Track) = prediction(Simulation::new(model)?);
@@ -203,7 +211,7 @@ fn comparison(
             let mut of_log = figures(&measured, &executes);
             if output(run, MOTION[1]).is_none() {
                 for figure in &mut of_log {
-                    figure.without_sway(&NO_SWAY_FIGURES);
+                    figure.without_sway(&NO_SWAY_FIGURES, NO_SWAY);
                 }
             }
             of_log

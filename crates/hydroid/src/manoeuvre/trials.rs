@@ -110,6 +110,9 @@ pub struct Trials {
     /// Trials that the vessel cannot do.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<LeftOut>,
+    /// Options.
+    #[serde(skip)]
+    pub options: TrialOptions,
 }
 
 /// Trials of a kind that were asked for among all, and that the vessel cannot do.
@@ -182,28 +185,29 @@ impl TrialOptions {
                 scale.sqrt()
             )
         });
-        let criteria = length_m.and_then(|length| {
-            let number = froude(speed_m_s, length);
-            if self.current != [0.0; 2] {
-                Some("no criterion is judged in a current: criteria are those of calm water (MSC.137(76), section 4)".to_owned())
-            } else if number < LEAST_FROUDE {
-                Some(format!(
-                    "no criterion is judged: {speed_m_s:.3} m/s is no test speed of a ship of {length} m (Froude number {number:.4}). If the logs are those of a model, state its scale with {}",
-                    key("scale")
-                ))
-            } else {
-                (length < LEAST_LENGTH_M).then(|| {
-                    format!("the criteria are those of ships of {LEAST_LENGTH_M} m and more (MSC.137(76), section 1.2)")
-                })
-            }
-        });
-        scaled.into_iter().chain(criteria)
+        let of_ships = || {
+            let is_small = length_m.is_some_and(|length| length < LEAST_LENGTH_M);
+            is_small.then(|| {
+                format!("the criteria are those of ships of {LEAST_LENGTH_M} m and more (MSC.137(76), section 1.2)")
+            })
+        };
+        scaled.into_iter().chain(self.no_criterion(speed_m_s).or_else(of_ships))
     }
-}
 
-/// Froude number of a ship.
-fn froude(speed_m_s: f64, length_m: f64) -> f64 {
-    speed_m_s / (STANDARD_GRAVITY * length_m).sqrt()
+    /// Why a ship of the stated length is not judged at a speed.
+    fn no_criterion(&self, speed_m_s: f64) -> Option<String> {
+        let length = self.length_m?;
+        let number = speed_m_s / (STANDARD_GRAVITY * length).sqrt();
+        if self.current != [0.0; 2] {
+            return Some("no criterion is judged in a current: criteria are those of calm water (MSC.137(76), section 4)".to_owned());
+        }
+        (number.is_nan() || number < LEAST_FROUDE).then(|| {
+            format!(
+                "no criterion is judged: {speed_m_s:.3} m/s is no test speed of a ship of {length} m (Froude number {number:.4}). If the logs are those of a model, state its scale with {}",
+                key("scale")
+            )
+        })
+    }
 }
 
 /// Standard acceleration of free fall \[m/s^2\].
@@ -261,9 +265,16 @@ pub fn trials(
     let approach_speed_m_s = own.speed_m_s * options.scale.sqrt();
     let mut notes = map.notes();
     notes.extend(options.notes(approach_speed_m_s));
-    if !has_sway(model) {
+    if let Some(reason) = no_sway(model) {
         notes.push(format!(
-            "distances are those of a vessel that does not move sideways, and are not judged: {NO_SWAY}"
+            "distances are those of a vessel that does not move sideways, and are not judged: {reason}"
+        ));
+    }
+    let is_judged = results.iter().flat_map(|trial| &trial.figures).any(|figure| figure.criterion.is_some());
+    if let (Some(_), None, false) = (options.length_m, options.no_criterion(approach_speed_m_s), is_judged) {
+        notes.push(format!(
+            "no criterion is judged: those of MSC.137(76) are for turns with 35 deg of rudder or hard over, zigzags 10/10 and 20/20 with rudder angles, and a full astern stop. The steering here is stated in {}",
+            map.steering().unit
         ));
     }
     Ok(Some(Trials {
@@ -276,11 +287,20 @@ pub fn trials(
         trials: results,
         notes,
         left_out: Vec::new(),
+        options: options.clone(),
     }))
 }
 
-fn has_sway(model: &Model) -> bool {
-    model.is_vessel() || model.description.outputs.iter().any(|port| port.channel.name == MOTION[1])
+/// Why a model does not know the sway velocity.
+fn no_sway(model: &Model) -> Option<String> {
+    let is_known =
+        model.is_vessel() || model.description.outputs.iter().any(|port| port.channel.name == MOTION[1]);
+    if is_known { model.not_identified(&[MOTION[1]]) } else { Some(NO_SWAY.to_owned()) }
+}
+
+/// Why nothing that follows from a model is valid: it does not know its speed or its yaw rate.
+pub(super) fn not_valid(model: &Model) -> Option<String> {
+    Some(format!("from the start on: {}", model.not_identified(&[MOTION[0], MOTION[2]])?))
 }
 
 fn trial(
@@ -298,28 +318,38 @@ fn trial(
     for figure in &mut outcome.figures {
         figure.extrapolated = figure.at_s.unwrap_or(f64::MAX) > from_s;
     }
+    let not_valid = not_valid(model);
     let (outcome, others) = (outcome.scaled(options.scale), others.into_iter());
     let others: Vec<Outcome> = others.map(|other| other.scaled(options.scale)).collect();
     let mut figures = outcome.figures;
     let figures_of_members: Vec<&[Figure]> = others.iter().map(|other| &other.figures[..]).collect();
     let members = set_intervals(&mut figures, &figures_of_members);
-    let has_sway = has_sway(model);
-    figures.iter_mut().filter(|_| !has_sway).for_each(|figure| figure.without_sway(&NO_SWAY_FIGURES[..1]));
+    let no_sway = no_sway(model);
+    for figure in &mut figures {
+        if let Some(reason) = &no_sway {
+            figure.without_sway(&NO_SWAY_FIGURES[..1], reason);
+        }
+        if let Some(reason) = &not_valid {
+            figure.withdraw(reason);
+        }
+    }
     if let Some(length) = options.length_m {
         let speed = outcome.tracks.first().map_or(f64::NAN, |track| track.speed(track.execute));
-        if froude(speed, length) >= LEAST_FROUDE && options.current == [0.0; 2] {
+        if options.no_criterion(speed).is_none() {
             kind.judge(&mut figures, map, length, speed);
-            let distances =
-                figures.iter_mut().filter(|figure| !has_sway && NO_SWAY_FIGURES.contains(&&*figure.name));
+            let distances = figures
+                .iter_mut()
+                .filter(|figure| no_sway.is_some() && NO_SWAY_FIGURES.contains(&&*figure.name));
             distances.for_each(|figure| figure.criterion = None);
         }
     }
+    let directionally_stable = outcome.stable.filter(|_| not_valid.is_none());
     Trial {
         kind,
         figures,
-        not_valid: outcome.not_valid,
+        not_valid: not_valid.or(outcome.not_valid),
         outside,
-        directionally_stable: outcome.stable,
+        directionally_stable,
         points: outcome.points,
         members,
         tracks: outcome.tracks,
@@ -378,7 +408,8 @@ fn inputs_outside(
 impl Trials {
     /// The document `trials.json`: the trials with their titles, the name and kind of the plant, how the steering is stated,
     /// and the options.
-    pub fn document(&self, plant: &str, model: &Model, options: &TrialOptions) -> Value {
+    pub fn document(&self, plant: &str, model: &Model) -> Value {
+        let options = &self.options;
         let trial = |trial: &Trial| {
             let mut value = json!(trial);
             value["title"] = json!(trial.kind.title(&self.inputs));
@@ -389,6 +420,9 @@ impl Trials {
         document["plant"] = json!(plant);
         document["kind"] = json!(model.kind());
         document["steering"] = json!(self.inputs.steering());
+        if !model.description.boat.particulars.is_empty() {
+            document["particulars"] = json!(model.description.boat.particulars);
+        }
         document["length_m"] = json!(options.length_m);
         document["current"] = json!(options.current);
         document["scale"] = json!(options.scale);

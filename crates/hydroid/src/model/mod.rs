@@ -14,6 +14,7 @@ mod torch;
 mod uncertainty;
 mod units;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use hydroid_core::adapt::Adapter;
@@ -144,9 +145,19 @@ pub struct Provenance {
     pub validation: Vec<String>,
     /// Selected options.
     pub settings: serde_json::Value,
+    /// Outputs that the model predicts no better than the trivial predictions, with the figures that say so.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub not_identified: BTreeMap<String, String>,
 }
 
 impl Model {
+    /// Which of some outputs is not identified, and why: what follows from it is not valid.
+    pub fn not_identified(&self, outputs: &[&str]) -> Option<String> {
+        let not_identified = &self.description.provenance.not_identified;
+        let (name, why) = outputs.iter().find_map(|name| not_identified.get_key_value(*name))?;
+        Some(format!("{name} is not identified: {why}"))
+    }
+
     /// Kind of the model, as in the file.
     pub fn kind(&self) -> &'static str {
         self.body.kind().name(self)

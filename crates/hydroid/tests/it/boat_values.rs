@@ -14,7 +14,7 @@ use crate::boat::rudder_only;
 use crate::manoeuvre::{equations, port};
 
 fn boat(name: &str, input: Input) -> Boat {
-    Boat { inputs: [(name.to_owned(), input)].into() }
+    Boat { inputs: [(name.to_owned(), input)].into(), ..Boat::default() }
 }
 
 fn value(channel: (&str, &str), input: Input, seen: [f64; 2]) -> Result<Value, BoatError> {
@@ -218,4 +218,23 @@ fn roles_that_are_not_commanded_have_one_value() {
     let depth = Input { role: Some(Role::Setting), ..Input::default() };
     let depth = value(("depth", "m"), depth, [4.0, 6.0]).unwrap();
     assert_eq!((depth.limits, depth.note()), ([5.0; 2], None));
+}
+
+#[test]
+fn particulars_are_numbers_above_zero() {
+    let of = |text: &str| {
+        let text = format!("[boat.particulars]\nname = \"Esso Osaka\"\n{text}");
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("hydroid.toml");
+        std::fs::write(&file, text).unwrap();
+        Config::with(Some(&file), &toml::Table::new()).map(|config| config.boat.check(&[]))
+    };
+    assert_eq!(of("length = 325\nscale = 45.714\nbeam = 53").unwrap(), Ok(()));
+    let error = of("length = 0").unwrap().unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "length in [boat.particulars] is 0: give a number in m greater than 0, or leave the line out"
+    );
+    assert!(of("scale = -1").unwrap().unwrap_err().to_string().contains("scale in [boat.particulars] is -1"));
+    assert!(of("lenght = 325").unwrap_err().to_string().contains("line 3"));
 }

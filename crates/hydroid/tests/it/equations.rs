@@ -56,6 +56,7 @@ fn made(
                 training: Vec::new(),
                 validation: Vec::new(),
                 settings: serde_json::Value::Null,
+                not_identified: std::collections::BTreeMap::new(),
             },
         },
         body: Body::Equations(Arc::new(

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use hydroid::boat::Boat;
+use hydroid::config::Manoeuvre;
 use hydroid::evaluate::{DesignRange, PredictionBands};
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::manoeuvre::{
@@ -55,6 +56,7 @@ pub(crate) fn equations(
                 training: Vec::new(),
                 validation: Vec::new(),
                 settings: serde_json::Value::Null,
+                not_identified: std::collections::BTreeMap::new(),
             },
         },
         body: Body::Equations(Arc::new(body)),
@@ -376,9 +378,81 @@ fn a_circle_that_diverges_has_no_figures_and_meets_no_criterion() {
     // The model has no sway.
     let has_none = |name: &str| name == "drift_angle_deg";
     assert!(gentle.figures.iter().all(|figure| figure.value.is_none() == has_none(&figure.name)));
-    let document = result.document("ship", &model, &options);
+    let document = result.document("ship", &model);
     assert_eq!(document["trials"][0]["figures"][0]["value"], serde_json::Value::Null);
     assert!(document["trials"][0]["figures"][0]["not_valid"].is_string());
+}
+
+/// What the logs do not show has no figures, whatever the equations say.
+#[test]
+fn trials_of_an_output_that_is_not_identified_are_not_valid() {
+    let mut model = nomoto(K, T, 1.0, 0.0);
+    let map = InputMap::find(&model).unwrap();
+    let kinds = [
+        TrialKind::TurningCircle { steering: 1.0 },
+        TrialKind::Spiral { steering: 1.0, steps: 4 },
+        TrialKind::Zigzag { steering: 10.0_f64.to_radians() / 0.6, heading_deg: 10.0 },
+    ];
+    let options = TrialOptions { length_m: Some(85.0), ..TrialOptions::default() };
+    let at = |model: &Model| trials(model, &map, &kinds, &options, &mut silent()).unwrap().unwrap();
+    assert!(at(&model).passed());
+    let why = "over 5 s its NRMSE is 1.20, of persistence 1.00, of the mean 1";
+    model.description.provenance.not_identified.insert("r".to_owned(), why.to_owned());
+    let result = at(&model);
+    assert!(!result.passed());
+    for trial in &result.trials {
+        assert_eq!(
+            trial.not_valid.as_deref().unwrap(),
+            format!("from the start on: r is not identified: {why}")
+        );
+        assert_eq!(trial.directionally_stable, None);
+        let none = |figure: &hydroid::manoeuvre::Figure| {
+            figure.value.is_none() && figure.interval.is_none() && figure.criterion.is_none()
+        };
+        assert!(trial.figures.iter().all(none), "{:?}", trial.figures);
+    }
+    // A file keeps what is not identified.
+    let again = hydroid::model::decode(&hydroid::model::encode(&model).unwrap(), Path::new("ship")).unwrap();
+    assert_eq!(again.description.provenance, model.description.provenance);
+    // Sway decides distances alone.
+    let mut vessel = Model::of_vessel(&Craft::simple(), 0.1).unwrap();
+    vessel.description.provenance.not_identified.insert("v".to_owned(), why.to_owned());
+    let map = InputMap::find(&vessel).unwrap();
+    let options = TrialOptions { length_m: Some(8.0), ..TrialOptions::default() };
+    let result = trials(&vessel, &map, &kinds[..1], &options, &mut silent()).unwrap().unwrap();
+    let circle = &result.trials[0];
+    assert!(circle.not_valid.is_none() && circle.figures.iter().all(|figure| figure.criterion.is_none()));
+    assert!(result.notes.iter().any(|note| note.contains("v is not identified")), "{:?}", result.notes);
+}
+
+/// The boat says how long the ship is, and that the logs are those of its model.
+#[test]
+fn particulars_of_the_boat_count_where_no_option_does() {
+    let mut model = twin();
+    let particulars = &mut model.description.boat.particulars;
+    (particulars.length, particulars.scale) = (Some(980.0), Some(49.0));
+    let options = |settings: &Manoeuvre| settings.plan(&model).unwrap().options;
+    let (of_boat, stated) = (
+        options(&Manoeuvre::default()),
+        options(&Manoeuvre { length: Some(20.0), scale: Some(1.0), ..Manoeuvre::default() }),
+    );
+    assert_eq!((of_boat.length_m, of_boat.scale), (Some(980.0), 49.0));
+    assert_eq!((stated.length_m, stated.scale), (Some(20.0), 1.0));
+    assert_eq!(model.description.boat.particulars.length_in_logs(), Some(20.0));
+    // Those of trials in logs, too.
+    let log = log();
+    let at = |model: &Model| compare(model, std::slice::from_ref(&log), &mut silent()).unwrap().remove(0);
+    let ship = at(&model);
+    let own = at(&Manoeuvre { scale: Some(1.0), ..Manoeuvre::default() }.for_logs(model.clone()).unwrap());
+    let period = |found: &hydroid::manoeuvre::Comparison| {
+        let of = |figures: &[hydroid::manoeuvre::Figure]| {
+            figures.iter().find(|figure| figure.name == "initial_turning_time_s").unwrap().value.unwrap()
+        };
+        [of(&found.measured), of(&found.predicted)]
+    };
+    for (ship, own) in period(&ship).into_iter().zip(period(&own)) {
+        assert!((ship / own - 7.0).abs() < 1e-9, "{ship} {own}");
+    }
 }
 
 #[test]

@@ -70,6 +70,7 @@ fn model(network: Network) -> Model {
                 training: Vec::new(),
                 validation: Vec::new(),
                 settings: serde_json::Value::Null,
+                not_identified: std::collections::BTreeMap::new(),
             },
         },
         body: Body::Recurrent(Arc::new(recurrent)),

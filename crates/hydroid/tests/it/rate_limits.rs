@@ -25,16 +25,16 @@ const RATE: f64 = 0.07;
 
 /// `du/dt = 0.05 (2 n - u)`, `dr/dt = (0.05 delta' - r) / 8`, where the rudder `delta'` moves at a limited rate.
 fn run(rate: f64, seed: u64) -> Trajectory {
-    logged(rate, seed, false)
+    logged([f64::INFINITY, rate], seed, false)
 }
 
-/// As [`run`], with the order of the rudder or its measured angle.
-fn logged(rate: f64, seed: u64, is_measured: bool) -> Trajectory {
+/// As [`run`], with rates of shaft and rudder, and with the order of the rudder or its measured angle.
+fn logged([shaft_rate, rate]: [f64; 2], seed: u64, is_measured: bool) -> Trajectory {
     const FINE: usize = 20;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let (mut outputs, mut inputs) = (Vec::new(), Vec::new());
     let (mut u, mut r, mut rudder, mut psi, mut side) = (2.0, 0.0, 0.0, 0.0_f64, 1.0);
-    let (mut n, mut delta) = (1.0, 0.0);
+    let (mut n, mut shaft, mut delta) = (1.0, 1.0, 0.0);
     for k in 0..2_000 {
         if k >= 800 && k % 100 == 0 {
             n = random.random_range(0.6..1.4);
@@ -55,7 +55,8 @@ fn logged(rate: f64, seed: u64, is_measured: bool) -> Trajectory {
         for _ in 0..FINE {
             let h = DT / FINE as f64;
             rudder += (delta - rudder).clamp(-rate * h, rate * h);
-            u += h * 0.05 * (2.0 * n - u);
+            shaft += (n - shaft).clamp(-shaft_rate * h, shaft_rate * h);
+            u += h * 0.05 * (2.0 * shaft - u);
             r += h * (0.05 * rudder - r) / 8.0;
             psi += h * r;
         }
@@ -152,7 +153,11 @@ fn the_rate_of_a_steering_gear_is_found_and_overshoots_become_right() {
 fn a_measured_angle_has_the_fastest_rate_of_the_logs() {
     let other = run(RATE, 9);
     let methods = [Method::Sindy, Method::Committee];
-    let found = identified_in((1..=4).map(|seed| logged(RATE, seed, true)).collect(), "auto", &methods);
+    let found = identified_in(
+        (1..=4).map(|seed| logged([f64::INFINITY, RATE], seed, true)).collect(),
+        "auto",
+        &methods,
+    );
     for candidate in &found.candidates {
         let [n, delta] = limits(&candidate.model)[..] else { panic!() };
         assert_eq!(n, None);
@@ -225,4 +230,14 @@ fn limits_that_make_no_sense_are_refused() {
         matches!(&error, ModelError::Inconsistent { reason, .. } if reason.contains("'delta'")),
         "{error}"
     );
+}
+
+/// The rudder and the shaft of a ship follow their orders slowly: each rate alone explains little.
+#[test]
+fn the_rates_of_a_rudder_and_of_a_shaft_are_found_together() {
+    let runs = (1..=4).map(|seed| logged([0.02, RATE], seed, false)).collect();
+    let found = identified_in(runs, "auto", &[Method::Committee]);
+    let limits = limits(&found.candidates[0].model);
+    let [shaft, rudder] = [0, 1].map(|i| limits[i].unwrap_or_else(|| panic!("{limits:?}")));
+    assert!((shaft / 0.02 - 1.0).abs() < 0.15 && (rudder / RATE - 1.0).abs() < 0.15, "{limits:?}");
 }

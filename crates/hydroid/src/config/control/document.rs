@@ -159,9 +159,13 @@ impl Setup {
         }
     }
 
-    /// What is said of neutral values and limits that only follow from the logs.
+    /// What is said of neutral values and limits that only follow from the logs, and of a model that does not predict its motion.
     pub fn notes(&self) -> Vec<String> {
-        self.values().unwrap_or_default().iter().filter_map(Value::note).collect()
+        let not_identified = self.model.not_identified(&MOTION);
+        let of_model = not_identified.map(|reason| {
+            format!("the controller relies on a motion that its model does not predict: {reason}")
+        });
+        self.values().unwrap_or_default().iter().filter_map(Value::note).chain(of_model).collect()
     }
 
     /// The controller in documents.
