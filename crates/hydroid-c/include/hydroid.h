@@ -349,9 +349,8 @@ hydroid_status hydroid_model_session(const hydroid_model *model, hydroid_session
  *
  * guarded: with a guard, which detects faults of sensors and bounds the error of the adapted model by that of the
  *     model as it was read.
- * options: JSON with the options that differ from hydroid_model_adapter_options(), such as
- *     "{\"kalman\": {\"leak_s\": 600}}", or NULL. null is infinite for a number, and "none" for what may be missing.
- *     With the option current_m_s, the session needs the heading of each sample.
+ * options: lines of the section [adapt] of a configuration file (TOML), such as "leak = 600\nhuber = inf", or NULL for the
+ *     defaults. With the option estimate_current, the session needs the heading of each sample.
  * noise, noise_len: standard deviation of the measurement noise of each output, in its unit; or NULL and 0 for those of
  *     the model file. Kalman filters need one of the two.
  * adapter: receives the session; NULL after an error. Freed by hydroid_session_free().
@@ -362,18 +361,6 @@ hydroid_status hydroid_model_adapter(const hydroid_model *model,
                                      const double *noise,
                                      size_t noise_len,
                                      hydroid_session **adapter);
-
-/**
- * The default options of an adapter as JSON: what hydroid_model_adapter() takes. Allocates.
- *
- * text, capacity: receives the text and a zero; NULL and 0 to ask for the length alone.
- * length: receives the number of bytes without the zero, also if capacity is too small.
- */
-hydroid_status hydroid_model_adapter_options(const hydroid_model *model,
-                                             bool guarded,
-                                             char *text,
-                                             size_t capacity,
-                                             size_t *length);
 
 /**
  * Frees a session or an adapter. NULL is ignored.
@@ -586,7 +573,7 @@ hydroid_status hydroid_session_deviations(hydroid_session *session,
                                           size_t deviations_len);
 
 /**
- * Stores a window of training data for an adapter with the option kalman.rehearsal, while there is room. Allocates.
+ * Stores a window of training data for an adapter with the option rehearsal, while there is room. Allocates.
  *
  * outputs, outputs_len: samples x outputs finite numbers. The last samples are stored, as many as a window has and one more;
  *     the samples before them settle the state.

@@ -199,7 +199,7 @@ static void adapters(const hydroid_model *model)
     DO(hydroid_session_save(session, numbers, length));
     DO(hydroid_session_load(session, numbers, length));
     /* Memory of other options. */
-    DO(hydroid_model_adapter(model, false, "{\"least_squares\": {\"forgetting_s\": 50}}", NULL, 0, &other));
+    DO(hydroid_model_adapter(model, false, "forgetting = 50", NULL, 0, &other));
     HOLD(hydroid_session_memory_len(other) == length);
     EXPECT(hydroid_session_load(other, numbers, length), MEMORY, "of other options");
     hydroid_session_free(other);

@@ -86,7 +86,7 @@ impl Place<'_> {
     }
 
     fn object(&self, text: &str) -> Result<Map<String, Value>, LogError> {
-        serde_json::from_str(text).map_err(|error| {
+        parsed(text).map_err(|error| {
             self.bad(format!(
                 "not a JSON object ({error}); write one object in each line, as in the first one"
             ))
@@ -286,9 +286,21 @@ pub(super) fn cells(line: &str, delimiter: u8) -> Vec<Cow<'_, str>> {
     }
 }
 
+/// An object of JSON, in which `NaN`, as many programs write a missing value, is `null`.
+fn parsed(text: &str) -> Result<Map<String, Value>, serde_json::Error> {
+    serde_json::from_str(text).or_else(|error| {
+        // Every other part is in quotes.
+        let parts = text.split('"').enumerate().map(|(i, part)| {
+            if i.is_multiple_of(2) { part.replace("NaN", "null") } else { part.to_owned() }
+        });
+        let with_null = parts.collect::<Vec<_>>().join("\"");
+        if with_null == text { Err(error) } else { serde_json::from_str(&with_null) }
+    })
+}
+
 /// Keys of the first object, without planned commands.
 pub(super) fn keys(line: &str, name: &str) -> Result<Vec<String>, LogError> {
-    let object: Map<String, Value> = serde_json::from_str(line).map_err(|error| LogError::BadLine {
+    let object = parsed(line).map_err(|error| LogError::BadLine {
         path: name.to_owned(),
         line: 1,
         reason: format!(
@@ -300,4 +312,21 @@ pub(super) fn keys(line: &str, name: &str) -> Result<Vec<String>, LogError> {
         .filter(|(key, value)| key != PLAN || !value.is_array())
         .map(|(key, _)| key)
         .collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn not_a_number_is_null_outside_of_texts() {
+        let read = |text: &str| parsed(text).map(Value::from);
+        assert_eq!(
+            read(r#"{"t": 0, "u": NaN, "NaN": "NaN"}"#).unwrap(),
+            json!({"t": 0, "u": null, "NaN": "NaN"})
+        );
+        assert!(read(r#"{"u": nan}"#).is_err() && read(r#"{"NaN": }"#).is_err());
+    }
 }

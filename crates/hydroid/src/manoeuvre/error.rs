@@ -17,7 +17,9 @@ pub enum ManoeuvreError {
     )]
     NoStraightCourse { speed_m_s: f64, low_deg_s: f64, high_deg_s: f64 },
     #[error(
-        "the approach is not steady after {t_s:.0} s: speed {speed_m_s:.3} m/s, yaw rate {yaw_deg_s:.4} deg/s"
+        "the approach is not steady after {t_s:.0} s: speed {speed_m_s:.3} m/s, yaw rate {yaw_deg_s:.4} deg/s. Approach at another {} or {}, or identify from logs with straight runs at constant commands",
+        key("speed"),
+        key("propulsion")
     )]
     Unsteady { t_s: f64, speed_m_s: f64, yaw_deg_s: f64 },
     #[error(

@@ -40,7 +40,7 @@ pub use error::ManoeuvreError;
 pub use figure::{Criterion, Figure};
 pub use measured::{Comparison, compare, write_comparisons_csv};
 pub use pull_out::{PullOut, pull_out};
-pub use recognised::{Recognised, RecognisedKind, recognise};
+pub use recognised::{Ordered, Recognised, RecognisedKind, recognise};
 pub use response::{Response, SurgeResponse};
 pub use speed_trials::{Acceleration, Stopping, acceleration, stopping};
 pub use spiral::{Spiral, SpiralPoint, spiral};

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::measured::{heading, output};
 use crate::boat::{Boat, Role};
-use crate::log::{Trajectory, shortest_change};
+use crate::log::{Channel, Trajectory, shortest_change};
 use crate::model::MOTION;
 
 /// A trial in a run.
@@ -21,6 +21,17 @@ pub struct Recognised {
     /// Change of the heading in a turn, or at which a zigzag is reversed (the mean) \[deg\]; positive if the vessel turns to
     /// starboard first.
     pub heading_deg: f64,
+    /// The first commands of the inputs that turn the vessel.
+    pub turned_by: Vec<Ordered>,
+}
+
+/// A command of an input.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Ordered {
+    /// The input.
+    pub input: Channel,
+    /// Its value, in the unit of the input.
+    pub value: f64,
 }
 
 /// Kind of a recognised trial.
@@ -34,13 +45,21 @@ pub enum RecognisedKind {
 }
 
 impl Recognised {
-    /// Kind and size of the trial in words: `zigzag of 20 deg, first to port`.
+    /// Kind and size of the trial, and its commands, in words: `zigzag of 20 deg, first to port by delta -20 deg`.
     pub fn title(&self) -> String {
         let side = if self.heading_deg > 0.0 { "starboard" } else { "port" };
         let size = self.heading_deg.abs();
+        let commands = self.turned_by.iter().map(|Ordered { input, value }| {
+            let (value, unit) = match input.unit.as_str() {
+                "rad" => (value.to_degrees(), "deg"),
+                unit => (*value, unit),
+            };
+            format!("{} {} {unit}", input.name, (10.0 * value).round() / 10.0).trim_end().to_owned()
+        });
+        let by = commands.collect::<Vec<_>>().join(", ");
         match self.kind {
-            RecognisedKind::TurningCircle => format!("turn by {size:.0} deg to {side}"),
-            RecognisedKind::Zigzag => format!("zigzag of {size:.0} deg, first to {side}"),
+            RecognisedKind::TurningCircle => format!("turn by {size:.0} deg to {side} by {by}"),
+            RecognisedKind::Zigzag => format!("zigzag of {size:.0} deg, first to {side} by {by}"),
         }
     }
 }
@@ -102,10 +121,14 @@ pub fn recognise(run: &Trajectory, boat: &Boat) -> Vec<Recognised> {
     if !roles.iter().any(|role| role.is_none_or(Role::turns)) {
         return Vec::new();
     }
-    let commands: Vec<Command> = (0..roles.len())
-        .filter(|c| roles[*c].is_none_or(Role::is_commanded))
-        .map(|c| Command::new(run.inputs.column(c).collect(), roles[c]))
-        .collect();
+    let commanded: Vec<usize> =
+        (0..roles.len()).filter(|c| roles[*c].is_none_or(Role::is_commanded)).collect();
+    let commands: Vec<Command> =
+        commanded.iter().map(|&c| Command::new(run.inputs.column(c).collect(), roles[c])).collect();
+    let turned_by = |held: &Held| {
+        let turning = commanded.iter().zip(&held.level).filter(|(c, _)| roles[**c].is_none_or(Role::turns));
+        turning.map(|(&c, &value)| Ordered { input: run.inputs.channels()[c].clone(), value }).collect()
+    };
     let held = held(&commands, run.len());
     let same = |a: &Held, b: &Held| {
         a.level.iter().zip(&b.level).zip(&commands).all(|((a, b), command)| (a - b).abs() <= command.same)
@@ -128,6 +151,7 @@ pub fn recognise(run: &Trajectory, boat: &Boat) -> Vec<Recognised> {
                 executes: part.iter().map(|held| held.execute).collect(),
                 end: end(i + zigzag - 1),
                 heading_deg: (mean * at(&part[1]).signum()).to_degrees(),
+                turned_by: turned_by(&part[0]),
             });
             i += zigzag;
             continue;
@@ -139,6 +163,7 @@ pub fn recognise(run: &Trajectory, boat: &Boat) -> Vec<Recognised> {
                 executes: vec![held[i].execute],
                 end: end(i),
                 heading_deg: change.to_degrees(),
+                turned_by: turned_by(&held[i]),
             });
         }
         i += 1;

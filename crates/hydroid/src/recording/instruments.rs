@@ -99,6 +99,34 @@ pub(super) const UNITS: [(&str, &str); 13] = [
     ("acceleration_starboard", "m/s^2"),
 ];
 
+/// Leaves out the rows of a table that repeat the last fix of a slower receiver, which are no measurements of their own, and
+/// gives the number of rows that a fix lasts: the median over the fixes. At rest, the receiver has a fix after as many rows, too.
+fn leave_repeats(position: &mut [Series; 2], velocity: Option<&mut [Series; 2]>) -> Option<usize> {
+    let fix = |row: usize| [0, 1].map(|i| position[i].values[row]);
+    let rows: Vec<usize> =
+        (0..position[0].t.len()).filter(|&row| fix(row).iter().all(|x| !x.is_nan())).collect();
+    let mut lasted: Vec<usize> = rows.chunk_by(|a, b| fix(*a) == fix(*b)).map(<[_]>::len).collect();
+    // The last one may be cut.
+    lasted.pop();
+    lasted.sort_unstable();
+    let usual = *lasted.get(lasted.len().checked_sub(1)? / 2)?;
+    if usual < 2 {
+        return None;
+    }
+    let repeats: Vec<usize> = rows
+        .chunk_by(|a, b| fix(*a) == fix(*b))
+        .flat_map(|same| {
+            same.iter().enumerate().filter(|(k, _)| !k.is_multiple_of(usual)).map(|(_, row)| *row)
+        })
+        .collect();
+    for series in position.iter_mut().chain(velocity.into_iter().flatten()) {
+        for &row in &repeats {
+            series.values[row] = f64::NAN;
+        }
+    }
+    Some(usual)
+}
+
 /// A sensor in SI units.
 fn series(
     recording: &Recording,
@@ -169,11 +197,11 @@ impl Instruments {
                 remedy: "name both in the section [log.sensors], or neither".to_owned(),
             }),
         };
-        let position = match both(latitude, longitude, "latitude and longitude")? {
+        let mut position = match both(latitude, longitude, "latitude and longitude")? {
             Some([latitude, longitude]) => Some(local(latitude, longitude)),
             None => both(north, east, "north and east")?,
         };
-        let velocity = match both(speed, course, "speed and course")? {
+        let mut velocity = match both(speed, course, "speed and course")? {
             Some([mut speed, mut course]) => {
                 for (v, angle) in speed.values.iter_mut().zip(&mut course.values) {
                     (*v, *angle) = (*v * angle.cos(), *v * angle.sin());
@@ -182,6 +210,14 @@ impl Instruments {
             }
             None => both(velocity_north, velocity_east, "velocity_north and velocity_east")?,
         };
+        if let Some(fixes) = &mut position {
+            let velocity = velocity.as_mut().filter(|velocity| velocity[0].t == fixes[0].t);
+            if let Some(rows) = leave_repeats(fixes, velocity) {
+                notes.push(Note::info(format!(
+                    "{path}: the position changes every {rows} rows: those between repeat a fix of the receiver, and are left out"
+                )));
+            }
+        }
         let force = both(forward, starboard, "acceleration_forward and acceleration_starboard")?;
         let used = |series: &Option<[Series; 2]>| series.as_ref().is_some_and(|s| s[0].len() > 1);
         if !used(&position) && !used(&velocity) {

@@ -328,6 +328,37 @@ fn a_hole_of_a_sensor_ends_a_run() {
     }
 }
 
+/// A receiver of 1 Hz in a table of 5 Hz: each fix counted five times, and the velocities were too certain.
+#[test]
+fn a_fix_that_a_table_repeats_is_one_measurement() {
+    let (rows, known, _) = long_boat();
+    let folder = TempDir::new().unwrap();
+    // At rest for the first 20 s, with a fix that does not change.
+    let held = |k: usize| {
+        let [_, north, east, ..] = rows[if k < 100 { 0 } else { 5 * (k / 5) }];
+        [north, east].map(|x| format!("{x:.3}"))
+    };
+    let text = |is_held: bool| {
+        let mut text = String::from("t [ms],north [m],east [m],heading [rad],rudder [deg]\n");
+        for (k, [t, _, _, psi, _, rudder]) in rows.iter().enumerate() {
+            let [north, east] = if is_held || k % 5 == 0 { held(k) } else { Default::default() };
+            let _ = writeln!(text, "{:.0},{north},{east},{psi:.4},{rudder}", 1e3 * t);
+        }
+        text
+    };
+    let read = |name: &str, is_held: bool| {
+        let path = written(&folder, name, &text(is_held));
+        let (mut logs, notes) =
+            read_logs(&[path], &mut known.clone(), &PrepareOptions::default(), &mut silent()).unwrap();
+        (converted(&logs.remove(0), known, &mut Vec::new()).unwrap(), notes)
+    };
+    let ((held, notes), (blank, _)) = (read("held.csv", true), read("blank.csv", false));
+    assert!(said(&notes, "the position changes every 5 rows").is_some(), "{notes:?}");
+    for name in ["u", "v", "r"] {
+        assert_eq!(column(&held, name), column(&blank, name), "{name}");
+    }
+}
+
 /// `--max-gap` had no effect on logs of sensors.
 #[test]
 fn the_longest_gap_is_that_of_the_sensors() {
