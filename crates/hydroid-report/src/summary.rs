@@ -231,6 +231,16 @@ fn facts(subject: &Subject<'_>) -> Markup {
                     @if candidate.model.description.current.is_some() { ", of the motion through the water" }
                 }
             }
+            @if let Some(found) = &subject.result.for_trials {
+                @let name = |i: usize| subject.result.candidates[i].model.description.name.as_str();
+                dt { "For trials and control" }
+                dd {
+                    (found.best.map_or("no model", name))
+                    @for (i, reason) in found.not_valid.iter().enumerate() {
+                        @if let Some(reason) = reason { br; "not " (name(i)) ", not valid " (reason) }
+                    }
+                }
+            }
             dt { "Data" }
             dd {
                 (runs_text(count)) ", " (duration(seconds)) " in all" (rate(split))

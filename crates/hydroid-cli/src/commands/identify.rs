@@ -323,5 +323,14 @@ fn show(folder: &Path, identified: &IdentifyResult) {
         (None, _, None) => outln!("\nno best model; grades of the first model on {on}:"),
     }
     table::show_verdicts(&identified.verdicts);
+    if let Some(found) = &identified.for_trials {
+        let name = |i: usize| identified.candidates[i].model.description.name.as_str();
+        outln!("\nfor trials and control: {}", found.best.map_or("no model", name));
+        for (i, reason) in found.not_valid.iter().enumerate() {
+            if let Some(reason) = reason {
+                outln!("  not {}, not valid {reason}", name(i));
+            }
+        }
+    }
     outln!("\nwritten to {}: models, report.html, identify.json", folder.display());
 }

@@ -22,6 +22,13 @@ struct Summary {
     #[serde(default)]
     verdicts: Vec<Verdict>,
     not_enough_data: Option<NotEnough>,
+    for_trials: Option<ForTrials>,
+}
+
+/// The model for trials and control.
+#[derive(Debug, Deserialize)]
+struct ForTrials {
+    model: Option<String>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -44,8 +51,11 @@ struct Verdict {
 }
 
 impl Summary {
+    /// The model for control, else the best one in predictions.
     fn best(&self) -> Option<&Candidate> {
-        self.models.iter().find(|model| self.best.as_ref() == Some(&model.name))
+        let for_control = self.for_trials.as_ref().and_then(|found| found.model.as_ref());
+        let name = for_control.or(self.best.as_ref());
+        self.models.iter().find(|model| name == Some(&model.name))
     }
 
     /// Grades and errors of the outputs.
@@ -128,7 +138,11 @@ fn identify(
     let name = best.file.as_deref().context("the model has no file")?;
     let path = output.join(name.file_name().unwrap_or_default());
     let model = model::read(&path)?;
-    Ok(Identified { name: path.display().to_string(), model, text: summary.grades() })
+    let mut text = summary.grades();
+    if summary.for_trials.is_some_and(|found| found.model.is_none()) {
+        text += "; trials of no model stay where it can be believed: read report.html before it steers";
+    }
+    Ok(Identified { name: path.display().to_string(), model, text })
 }
 
 /// A folder that does not exist yet.

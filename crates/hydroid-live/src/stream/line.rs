@@ -290,9 +290,10 @@ pub(super) fn cells(line: &str, delimiter: u8) -> Vec<Cow<'_, str>> {
 fn parsed(text: &str) -> Result<Map<String, Value>, serde_json::Error> {
     serde_json::from_str(text).or_else(|error| {
         // Every other part is in quotes.
-        let parts = text.split('"').enumerate().map(|(i, part)| {
-            if i.is_multiple_of(2) { part.replace("NaN", "null") } else { part.to_owned() }
-        });
+        let parts = text
+            .split('"')
+            .enumerate()
+            .map(|(i, part)| if i.is_multiple_of(2) { part.replace("NaN", "null") } else { part.to_owned() });
         let with_null = parts.collect::<Vec<_>>().join("\"");
         if with_null == text { Err(error) } else { serde_json::from_str(&with_null) }
     })

@@ -199,6 +199,7 @@ fn without_candidates_there_is_a_page_that_says_so() {
         ranges: vec![],
         cross_validation: None,
         currents: None,
+        for_trials: None,
         missing: None,
     };
     assert!(page(&nothing, &job.split).contains("Nothing was identified."));

@@ -64,7 +64,7 @@ pub enum BoatError {
     )]
     RoleNotKnown { input: String, why: String },
     #[error(
-        "{what} of {input}: only what the log contains is known, which may not decide what is sent to the vessel; add {line} to the configuration of identify, or {option}"
+        "{what} of {input}: only what the log contains is known, which may not decide what is sent to the vessel; add {line} to the configuration of identify, in place of a line `found`, or {option}"
     )]
     Weak { input: String, what: &'static str, line: String, option: String },
     #[error(

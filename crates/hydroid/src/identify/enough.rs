@@ -150,6 +150,7 @@ impl IdentifyResult {
             ranges: Vec::new(),
             cross_validation: None,
             currents: None,
+            for_trials: None,
             missing: Some(missing),
         })
     }

@@ -118,9 +118,14 @@ pub(super) const MIN_IMPROVEMENT: f64 = 0.02;
 /// committee takes its place unless the difference exceeds one standard error (one-standard-error rule: Breiman et al.,
 /// Classification and Regression Trees, 1984, section 3.4.3). The test runs do not influence the choice; if its rollouts diverge on them, there is no best model.
 pub(super) fn select_best(candidates: &[Candidate]) -> Option<usize> {
-    let judged = candidates.iter().map(|candidate| {
-        let score = (candidate.validation.diverged == 0).then(|| candidate.validation.score());
-        (candidate.training.complexity(), score)
+    select_among(candidates, |_| true)
+}
+
+/// As [`select_best`], among the models that a condition permits.
+pub(super) fn select_among(candidates: &[Candidate], may: impl Fn(usize) -> bool) -> Option<usize> {
+    let judged = candidates.iter().enumerate().map(|(i, candidate)| {
+        let is_sound = candidate.validation.diverged == 0 && may(i);
+        (candidate.training.complexity(), is_sound.then(|| candidate.validation.score()))
     });
     let judged: Vec<_> = judged.collect();
     let best = least_error(&judged)?;

@@ -18,6 +18,7 @@ mod leakage;
 mod method;
 mod networks;
 mod options;
+mod purpose;
 mod rate_limits;
 mod recursive;
 mod summary;
@@ -49,6 +50,7 @@ pub use error::IdentifyError;
 pub use method::Method;
 pub use networks::{NetworkOptions, NetworkTrainingOptions};
 pub use options::{FixedGate, GateOption, Keyword, LagOption, SindyOptions};
+pub use purpose::ForTrials;
 pub use rate_limits::{GivenRate, RateLimitOption};
 pub use through_water::{CurrentsFound, FrameErrors, MotionOption, RunCurrent};
 pub use training::Training;
@@ -168,6 +170,8 @@ pub struct IdentifyResult {
     pub cross_validation: Option<CrossValidation>,
     /// Currents of the training runs, if models of the motion through the water were tried.
     pub currents: Option<CurrentsFound>,
+    /// The model for trials and control, if there are trials.
+    pub for_trials: Option<ForTrials>,
     /// The data that are missing for a judgement, if there are too few.
     pub missing: Option<MissingData>,
 }
@@ -271,9 +275,7 @@ fn try_identify(job: &Job, watch: OnStage<'_>) -> Result<IdentifyResult, Identif
     if let Some(found) = &mut currents {
         candidates = through_water::choose(candidates, found);
     }
-    for candidate in &mut candidates {
-        describe(candidate, &parts.train);
-    }
+    describe(&mut candidates, &parts.train);
     let missing = MissingData::for_judgement(job, &candidates);
     let best = select_best(&candidates).filter(|_| missing.is_none());
     warnings.extend(missing.as_ref().map(MissingData::note));
@@ -286,6 +288,7 @@ fn try_identify(job: &Job, watch: OnStage<'_>) -> Result<IdentifyResult, Identif
     warnings.extend(verdict::warnings(shown, &verdicts, &data, &job.split.test));
     warnings.extend(collinearity::warnings(shown, &data, &job.split.train));
     Ok(IdentifyResult {
+        for_trials: ForTrials::of(&candidates, &parts.train).filter(|_| missing.is_none()),
         candidates,
         best,
         verdicts,
@@ -300,9 +303,15 @@ fn try_identify(job: &Job, watch: OnStage<'_>) -> Result<IdentifyResult, Identif
 /// Standard deviation of a measured shaft speed, relative to its mean, up to which it is that of one order.
 const STEADY: f64 = 0.02;
 
-/// Completes the description of a model by what its inputs do, and by the outputs that it does not predict; a constant input is a setting, and so is a shaft speed that hardly
-/// varies.
-fn describe(candidate: &mut Candidate, train: &[&Trajectory]) {
+/// Completes the descriptions of models by what their inputs do, and by the outputs that they do not predict; a constant input is
+/// a setting, and so is a shaft speed that hardly varies.
+fn describe(candidates: &mut [Candidate], train: &[&Trajectory]) {
+    for candidate in candidates {
+        describe_one(candidate, train);
+    }
+}
+
+fn describe_one(candidate: &mut Candidate, train: &[&Trajectory]) {
     let d = &mut candidate.model.description;
     for (c, port) in d.inputs.iter().enumerate() {
         let mut named = Boat::default();

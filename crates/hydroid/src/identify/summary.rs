@@ -1,5 +1,7 @@
 //! The result of an identification as a document.
 
+use std::collections::BTreeMap;
+
 use serde_json::{Value, json};
 
 use super::IdentifyResult;
@@ -41,6 +43,15 @@ impl IdentifyResult {
         // Without a best model there is no such key.
         if let Some(best) = self.best {
             document["best"] = json!(self.candidates[best].model.description.name);
+        }
+        if let Some(found) = &self.for_trials {
+            let name = |i: usize| self.candidates[i].model.description.name.clone();
+            let reasons = found.not_valid.iter().enumerate();
+            let reasons = reasons.filter_map(|(i, reason)| Some((name(i), reason.clone()?)));
+            document["for_trials"] = json!({
+                "model": found.best.map(name),
+                "not_valid": reasons.collect::<BTreeMap<_, _>>(),
+            });
         }
         if let Some(missing) = &self.missing {
             document["not_enough_data"] = json!(missing);

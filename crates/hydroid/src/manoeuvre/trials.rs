@@ -299,7 +299,7 @@ fn no_sway(model: &Model) -> Option<String> {
 }
 
 /// Why nothing that follows from a model is valid: it does not know its speed or its yaw rate.
-pub(super) fn not_valid(model: &Model) -> Option<String> {
+pub(crate) fn not_valid(model: &Model) -> Option<String> {
     Some(format!("from the start on: {}", model.not_identified(&[MOTION[0], MOTION[2]])?))
 }
 

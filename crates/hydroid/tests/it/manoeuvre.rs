@@ -642,7 +642,7 @@ fn trials_in_a_log_are_recognised_and_predicted() {
     assert_eq!((found[0].executes[0], found[0].executes.len()), (50, 5));
     assert!((found[0].heading_deg - 12.0).abs() < 1.0, "first to starboard: {}", found[0].heading_deg);
     let title = found[0].title();
-    assert!(title.starts_with("zigzag of 12 deg, first to starboard by L "), "{title}");
+    assert!(title.ends_with("deg, first to starboard by L 0.7, R 0.3"), "{title}");
     assert_eq!((found[1].executes.as_slice(), found[1].end), (&[400][..], 700));
     assert!(found[1].heading_deg < -180.0, "to port: {}", found[1].heading_deg);
 

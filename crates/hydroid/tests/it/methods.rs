@@ -76,6 +76,60 @@ fn a_constant_vessel_needs_no_lags_and_no_adaptation() {
     assert!(!lagged.is_empty(), "the past is there to be used");
 }
 
+/// A ship that needs a minute to turn, `du/dt = 0.02 (5 n - u)`, `dr/dt = (0.05 delta - r) / 60`: its rudder is reversed after some
+/// seconds.
+fn reversals(period_s: f64, seed: u64) -> Trajectory {
+    let mut noise = crate::recording::Noise(seed);
+    let (mut u, mut r, mut outputs, mut inputs) = (5.0, 0.0, Vec::new(), Vec::new());
+    for k in 0..3_000 {
+        let t = 0.5 * f64::from(k);
+        let part = (t / period_s).floor();
+        let n = 1.0 + 0.2 * (0.7 * part).sin();
+        let delta = 0.3 * if part % 2.0 == 0.0 { 1.0 } else { -1.0 } * (0.6 + 0.4 * part.sin());
+        outputs.extend([u + 0.01 * noise.draw(), r + 1e-4 * noise.draw()]);
+        inputs.extend([n, delta]);
+        for _ in 0..10 {
+            u += 0.05 * 0.02 * (5.0 * n - u);
+            r += 0.05 * (0.05 * delta - r) / 60.0;
+        }
+    }
+    let table = |names: [(&str, &str); 2], values| {
+        Table::new(names.map(|(name, unit)| Channel::new(name, unit)).to_vec(), values)
+    };
+    Trajectory {
+        name: format!("reversals {seed}"),
+        t0: 0.0,
+        dt: 0.5,
+        outputs: table([("u", "m/s"), ("r", "rad/s")], outputs),
+        inputs: table([("n", "rps"), ("delta", "rad")], inputs),
+        truth: None,
+        heading: None,
+    }
+}
+
+/// Small errors of prediction on short reversals say nothing of a circle.
+#[test]
+fn a_model_that_leaves_its_logs_in_a_circle_is_not_for_trials() {
+    for (period_s, is_for_trials) in [(6.0, false), (90.0, true)] {
+        let train = (1..=4).map(|seed| reversals(period_s, seed)).collect();
+        let split = Split { train, validation: Vec::new(), test: Vec::new(), notes: Vec::new() };
+        let found = identify(&job(&[Method::Sindy], split), &mut silent()).unwrap();
+        assert!(found.best.is_some(), "{:?}", found.verdicts);
+        let trials = found.for_trials.as_ref().unwrap();
+        assert_eq!(trials.best.is_some(), is_for_trials, "{trials:?}");
+        let document = found.summary(&[]);
+        assert_eq!(document["for_trials"]["model"].is_string(), is_for_trials);
+        if !is_for_trials {
+            let reason = trials.not_valid[0].as_ref().unwrap();
+            assert!(
+                reason.starts_with("in a turn to starboard from ") && reason.contains(": r is "),
+                "{reason}"
+            );
+            assert_eq!(document["for_trials"]["not_valid"]["sindy"], reason.as_str());
+        }
+    }
+}
+
 /// A log with a spike in every hundredth sample causes a warning with a remedy.
 #[test]
 fn spikes_are_named_with_their_remedy() {
