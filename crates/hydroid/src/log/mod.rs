@@ -24,6 +24,7 @@ mod resample;
 mod resolve;
 pub(crate) mod same;
 mod sanity;
+pub(crate) mod sentinel;
 mod selection;
 mod sensors;
 mod split;

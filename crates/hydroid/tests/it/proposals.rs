@@ -1,8 +1,10 @@
-//! Proposals from tables.
+//! Proposals from tables, and numbers that stand for something else.
 
 use std::fmt::Write as _;
 
-use hydroid::recording::{Proposal, survey};
+use hydroid::log::{Note, PrepareOptions, RawLog, Selection, prepare};
+use hydroid::progress::silent;
+use hydroid::recording::{Proposal, converted, read_logs, survey};
 use tempfile::TempDir;
 
 /// A boat that weaves for a minute: time \[s\], latitude and longitude \[deg\], heading \[deg\], speed \[m/s\], yaw rate
@@ -183,4 +185,117 @@ fn pulse_widths_without_a_name_are_commands() {
             writeln!(text, "{},{:.8},{:.8},{},{pulse},{},3", row[0], row[1], row[2], row[3], 3000.0 - pulse);
     }
     assert_eq!(proposed(&text).1, ["ch1", "ch3"]);
+}
+
+/// Velocities that are computed from a table by its proposal.
+fn read(text: &str) -> Result<(RawLog, Vec<Note>), String> {
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("day.csv");
+    std::fs::write(&file, text).unwrap();
+    let mut selection = survey(file.as_path(), None).unwrap().proposal().selection;
+    let (logs, notes) = read_logs(&[&file], &mut selection, &PrepareOptions::default(), &mut silent())
+        .map_err(|error| error.to_string())?;
+    Ok((converted(&logs[0], &selection, &mut Vec::new()).map_err(|error| error.to_string())?, notes))
+}
+
+fn says(notes: &[Note], text: &str) -> bool {
+    notes.iter().any(|note| note.message.contains(text) && note.remedy.is_some())
+}
+
+fn column<'a>(log: &'a RawLog, name: &str) -> &'a [f64] {
+    &log.columns[log.position(name).unwrap()].values
+}
+
+/// A table with positions, speed and heading in text.
+fn disguised(write: impl Fn(usize, [f64; 4]) -> [String; 4]) -> String {
+    let mut text = "t,lat,lon,heading,sog_mps,cog_deg,rudder\n".to_owned();
+    for (k, row) in weaving().into_iter().enumerate() {
+        let [latitude, longitude, heading, speed] = write(k, [row[1], row[2], row[3], row[4]]);
+        let _ =
+            writeln!(text, "{:.1},{latitude},{longitude},{heading},{speed},{:.3},{}", row[0], row[3], row[6]);
+    }
+    text
+}
+
+/// Positions as NMEA writes them were left out, one by one.
+#[test]
+fn degrees_and_minutes_are_read_as_such() {
+    let degrees =
+        disguised(|_, [a, b, psi, u]| [format!("{a:.9}"), format!("{b:.9}"), psi.to_string(), u.to_string()]);
+    let minutes = |x: f64| format!("{:.7}", 100.0 * x.floor() + 60.0 * x.fract());
+    let ddmm = disguised(|_, [a, b, psi, u]| [minutes(a), minutes(b), psi.to_string(), u.to_string()]);
+    let (plain, notes) = read(&degrees).unwrap();
+    assert!(!says(&notes, "degrees and minutes"), "{notes:?}");
+    let (read_as, notes) = read(&ddmm).unwrap();
+    assert!(says(&notes, "are read as degrees and minutes (ddmm.mmmm)"), "{notes:?}");
+    for name in ["x", "y"] {
+        let pairs = column(&plain, name).iter().zip(column(&read_as, name));
+        assert!(pairs.clone().all(|(a, b)| (a - b).abs() < 0.02), "{name}: {:?}", pairs.last());
+    }
+    // Numbers of another form are refused.
+    let other = disguised(|_, [a, b, psi, u]| {
+        [format!("{}", 1e3 * a), format!("{}", 1e3 * b), psi.to_string(), u.to_string()]
+    });
+    let error = read(&other).unwrap_err();
+    assert!(error.contains("is neither in degrees nor in degrees and minutes"), "{error}");
+}
+
+/// Numbers that stand for a missing measurement were motion.
+#[test]
+fn numbers_for_missing_measurements_of_sensors_are_none() {
+    let text = disguised(|k, [a, b, psi, u]| {
+        let is_lost = k % 40 < 3;
+        let or = |none: &str, x: f64| if is_lost { none.to_owned() } else { format!("{x:.9}") };
+        [or("99.99", a), or("999", b), or("511", psi), or("-999", u)]
+    });
+    let (log, notes) = read(&text).unwrap();
+    for expected in [
+        "`lat` is 99.99 in 24 rows",
+        "`lon` is 999 in 24 rows",
+        "`heading` is 511 in 24 rows",
+        "`sog_mps` is -999 in 24 rows",
+    ] {
+        assert!(says(&notes, expected), "{expected}: {notes:?}");
+    }
+    let u = column(&log, "u");
+    assert!(u.iter().all(|u| u.is_nan() || (1.5..2.5).contains(u)), "{u:?}");
+}
+
+#[test]
+fn numbers_for_missing_values_of_channels_are_none() {
+    let of = |u: &dyn Fn(usize) -> f64, n: &dyn Fn(usize) -> f64| {
+        let mut text = "t,u,r,n_cmd\n".to_owned();
+        for k in 0..400 {
+            let _ =
+                writeln!(text, "{},{},{:.4},{}", 0.1 * k as f64, u(k), 0.1 * (0.1 * k as f64).cos(), n(k));
+        }
+        let folder = TempDir::new().unwrap();
+        let file = folder.path().join("log.csv");
+        std::fs::write(&file, text).unwrap();
+        let log = hydroid::log::read(&file).unwrap();
+        prepare(&[log], &Selection::default(), &PrepareOptions::default()).unwrap()
+    };
+    let largest = |of: &hydroid::log::Table, column: usize| {
+        of.column(column).fold(0.0, |most: f64, x| x.abs().max(most))
+    };
+    let u = |k: usize| 1.0 + 0.3 * (0.05 * k as f64).sin();
+    let n = |k: usize| (k / 50 % 3) as f64;
+    for none in [99.99, -999.0, 9999.0, 65535.0, 42.0] {
+        let prepared = of(&|k| if k % 70 == 5 { none } else { u(k) }, &n);
+        assert!(says(&prepared.notes, "`u` is"), "{none}: {:?}", prepared.notes);
+        assert!(prepared.runs.iter().all(|run| largest(&run.outputs, 0) < 1.4), "{none}");
+    }
+    for none in [999.0, 65535.0, -32768.0] {
+        let prepared = of(&u, &|k| if k % 70 == 5 { none } else { n(k) });
+        assert!(says(&prepared.notes, "`n_cmd` is"), "{none}: {:?}", prepared.notes);
+        assert!(prepared.runs.iter().all(|run| largest(&run.inputs, 0) < 3.0), "{none}");
+    }
+    // Steps of a command, a single outlier and a rest are values.
+    for prepared in [
+        of(&u, &|k| if k % 70 < 9 { 400.0 } else { n(k) }),
+        of(&|k| if k == 7 { 50.0 } else { u(k) }, &n),
+        of(&|k| if k < 100 { 0.0 } else { 1.0 + 1e-3 * u(k) }, &n),
+    ] {
+        assert!(!says(&prepared.notes, "stands for a missing value"), "{:?}", prepared.notes);
+    }
 }
