@@ -1,6 +1,7 @@
 //! The selected columns of one log in SI units, checked cell by cell.
 
 use std::borrow::Cow;
+use std::f64::consts::TAU;
 use std::ops::Range;
 
 use super::csv::{BadCell, RawColumn, RawLog};
@@ -9,6 +10,7 @@ use super::lines::Lines;
 use super::note::{Note, count};
 use super::resolve::{self, Resolved, Source, Time};
 use super::selection::Selection;
+use super::sentinel;
 use super::stamp;
 use super::trajectory::Channel;
 use crate::key::key;
@@ -132,8 +134,16 @@ impl<'a> Columns<'a> {
         if let Some(k) = t.iter().position(|t| t.abs() > LONGEST_TIME_S) {
             return Err(LogError::AbsurdTime { path, line: lines.get(k), time: t[k] });
         }
-        let outputs = taker.take_all(&resolved.outputs)?;
+        let mut outputs = taker.take_all(&resolved.outputs)?;
         let mut inputs = taker.take_all(&resolved.inputs)?;
+        for (sources, columns, kind) in [
+            (&resolved.outputs, &mut outputs, sentinel::Kind::Measured),
+            (&resolved.inputs, &mut inputs, sentinel::Kind::Command),
+        ] {
+            for (source, values) in sources.iter().zip(columns) {
+                notes.extend(blank(&path, source, kind, values));
+            }
+        }
         let names = |source: &Source| taker.origin.log().columns[source.column].name.clone();
         for (source, values) in
             resolved.outputs.iter().chain(&resolved.inputs).zip(outputs.iter().chain(&inputs))
@@ -202,6 +212,17 @@ impl<'a> Columns<'a> {
         }
         self.lines.keep(rows);
     }
+}
+
+/// Blanks the values of a column that stand for a missing one.
+fn blank(path: &str, source: &Source, kind: sentinel::Kind, values: &mut Cow<[f64]>) -> Option<Note> {
+    let raw = |x: f64| source.raw(x);
+    let found = sentinel::find(values.iter().copied(), kind, TAU, raw);
+    if !found.is_empty() {
+        let is_none = |x: f64| found.iter().any(|(of, _)| *of == x);
+        values.to_mut().iter_mut().filter(|x| is_none(**x)).for_each(|x| *x = f64::NAN);
+    }
+    sentinel::note(path, &source.channel.name, &found, raw)
 }
 
 /// Restricts a column to some of its rows.
@@ -311,7 +332,7 @@ fn check_direction(
     lines: &Lines,
     directions: &[f64],
 ) -> Result<(), LogError> {
-    let turn = std::f64::consts::TAU + 0.01;
+    let turn = TAU + 0.01;
     match directions.iter().position(|x| x.abs() > turn) {
         Some(k) if source.channel.unit.is_empty() => Err(LogError::Absurd {
             path: path.to_owned(),

@@ -9,7 +9,7 @@ use super::trajectory::Channel;
 /// Fastest plausible velocity \[m/s\].
 const FASTEST_M_S: f64 = 100.0;
 /// Fastest plausible yaw rate of a vessel \[rad/s\].
-const FASTEST_RAD_S: f64 = 20.0;
+pub(crate) const FASTEST_RAD_S: f64 = 20.0;
 /// Ratio of a spike to the typical size of its channel.
 const SPIKE: f64 = 1e6;
 /// Values up to this size are not spikes: a channel may rest at rounding errors before it moves.

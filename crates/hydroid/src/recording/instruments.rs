@@ -7,6 +7,7 @@ use hydroid_core::navigation::{Mounting, Prior, State};
 use hydroid_io::Clock;
 
 use super::open::Recording;
+use crate::log::sentinel::{self, Kind as Sentinel};
 use crate::log::{self, ChannelSpec, LogError, Note, Sensors};
 use crate::navigate::{Event, Kind, Row, Run, Sensor};
 
@@ -17,6 +18,8 @@ const ECCENTRICITY_2: f64 = 6.694_379_990_14e-3;
 /// Inertial measurements are averaged over this time \[s\]: a vessel moves less than that, and a filter step costs the same
 /// for each.
 const AVERAGED_S: f64 = 0.05;
+/// An angle of a full turn is not beyond it because of rounding \[rad\].
+const ROUNDING_RAD: f64 = 1e-6;
 /// Shortest step of a table \[s\], unless it is given.
 const SHORTEST_S: f64 = 0.1;
 /// Nothing is measured after this many usual steps of the slowest sensor, at least [`LONGEST_S`] seconds.
@@ -159,7 +162,61 @@ fn series(
             remedy: format!("name another column, or state the unit: {name} = \"{} [{si}]\"", spec.column),
         });
     }
-    Ok(Series { t: t.to_vec(), values: values.iter().map(|x| factor * source.si(*x)).collect() })
+    let mut values: Vec<f64> = values.iter().map(|x| factor * source.si(*x)).collect();
+    if name != "quality" {
+        let kind = if ["heading", "course"].contains(&name) { Sentinel::Angle } else { Sentinel::Measured };
+        let raw = |x: f64| source.raw(x / factor);
+        let found = sentinel::find(values.iter().copied(), kind, TAU + ROUNDING_RAD, raw);
+        values.iter_mut().filter(|x| found.iter().any(|(of, _)| of == *x)).for_each(|x| *x = f64::NAN);
+        notes.extend(sentinel::note(&recording.header.path, &spec.column, &found, raw));
+    }
+    Ok(Series { t: t.to_vec(), values })
+}
+
+/// Changes positions in degrees and minutes, as ddmm.mmmm of NMEA, to radians.
+///
+/// # Errors
+/// If they are out of range as degrees, and are not of this form.
+fn from_minutes(
+    path: &str,
+    [latitude, longitude]: &mut [Series; 2],
+    notes: &mut Vec<Note>,
+) -> Result<(), LogError> {
+    let degrees = |x: f64| x * (180.0 / PI);
+    let limits = [90.0, 180.0];
+    let is_fix = |(a, b): &(f64, f64)| a.is_finite() && b.is_finite() && (*a != 0.0 || *b != 0.0);
+    let pairs = latitude.values.iter().copied().zip(longitude.values.iter().copied());
+    let fixes: Vec<[f64; 2]> = pairs.filter(is_fix).map(|(a, b)| [degrees(a), degrees(b)]).collect();
+    let is_out = |fix: &&[f64; 2]| fix[0].abs() > limits[0] || fix[1].abs() > 2.0 * limits[1];
+    // A few positions out of range are errors of the receiver.
+    if 2 * fixes.iter().filter(is_out).count() <= fixes.len() {
+        return Ok(());
+    }
+    let is_form = |fix: &[f64; 2]| {
+        fix.iter().zip(limits).all(|(x, limit)| x.abs() < 100.0 * limit && x.abs() % 100.0 < 60.0)
+    };
+    if let Some([latitude, longitude]) = fixes.iter().find(|fix| !is_form(fix)) {
+        return Err(LogError::Unusable {
+            path: path.to_owned(),
+            reason: format!(
+                "the position {latitude:.4}, {longitude:.4} is neither in degrees nor in degrees and minutes (ddmm.mmmm)"
+            ),
+            remedy: "state the factor in the section [log.sensors]: latitude = \"COLUMN [deg] * 1e-7\", and the same for longitude".to_owned(),
+        });
+    }
+    for x in latitude.values.iter_mut().chain(&mut longitude.values) {
+        let size = degrees(x.abs());
+        let whole = (size / 100.0).floor();
+        *x = (whole + (size - 100.0 * whole) / 60.0).copysign(*x) * (PI / 180.0);
+    }
+    notes.push(
+        Note::warning(format!(
+            "{path}: positions such as {:.4}, {:.4} are read as degrees and minutes (ddmm.mmmm)",
+            fixes[0][0], fixes[0][1]
+        ))
+        .with_remedy("numbers without a sign are north and east: in the south or west give latitude or longitude the factor -1 in the section [log.sensors]"),
+    );
+    Ok(())
 }
 
 impl Instruments {
@@ -198,7 +255,11 @@ impl Instruments {
             }),
         };
         let mut position = match both(latitude, longitude, "latitude and longitude")? {
-            Some([latitude, longitude]) => Some(local(latitude, longitude)),
+            Some(mut both) => {
+                from_minutes(&path, &mut both, notes)?;
+                let [latitude, longitude] = both;
+                Some(local(latitude, longitude))
+            }
             None => both(north, east, "north and east")?,
         };
         let mut velocity = match both(speed, course, "speed and course")? {

@@ -10,7 +10,9 @@
 //! recording has one topic. The yaw angle of a quaternion `Q` (fields `Q.x` to `Q.w`, or `Q[0]` to `Q[3]` with the scalar
 //! first) is the column `Q.yaw`.
 
+mod actuators;
 mod clock;
+mod commands;
 mod instruments;
 mod known;
 mod live;
@@ -19,6 +21,7 @@ mod open;
 mod propose;
 mod survey;
 mod table;
+mod words;
 
 use hydroid_io::LogFile;
 

@@ -1,92 +1,13 @@
-//! Proposal of the sensors and commands of a recording from the names of its fields.
+//! Proposal of the sensors and commands of a recording from its messages, the names of its fields and their values.
 
 use std::fmt::Write as _;
 
+use super::commands::{Command, output};
 use super::survey::{FieldSurvey, Survey, TopicSurvey, is_output};
-use crate::boat::{Boat, FUNCTIONS, Output, Range};
-use crate::log::{ChannelSpec, Selection, Sensors};
-
-/// Names of fields, in lower case, without the part before the last dot where the name has none.
-const LATITUDE: &[&str] = &["latitude", "lat", "latitude_deg", "lat_deg"];
-const LONGITUDE: &[&str] = &["longitude", "lon", "lng", "long", "longitude_deg", "lon_deg"];
-const QUALITY: &[&str] = &["quality", "fix_type", "status.status", "status", "fix"];
-const SPEED: &[&str] = &["sog", "spd", "speed_over_ground", "vel_m_s", "gspeed", "ground_speed", "speed"];
-const COURSE: &[&str] = &["cog", "gcrs", "course_over_ground", "cog_rad", "ground_course", "course", "track"];
-const NORTH: &[&str] = &["vel_n_m_s", "velocity_north", "vel_n", "vn"];
-const EAST: &[&str] = &["vel_e_m_s", "velocity_east", "vel_e", "ve"];
-const HEADING: &[&str] =
-    &["heading", "hdg", "true_heading", "heading_deg", "yaw", "psi", "q[0]", "orientation.w"];
-const YAW_RATE: &[&str] = &[
-    "gyro_z",
-    "gyrz",
-    "wz",
-    "yaw_rate",
-    "angular_velocity.z",
-    "gyro_rad[2]",
-    "gz",
-    "rate",
-    "rate_of_turn",
-    "r",
-];
-const FORWARD: &[&str] =
-    &["acc_x", "accx", "linear_acceleration.x", "accelerometer_m_s2[0]", "ax", "accel_x", "acceleration_x"];
-const STARBOARD: &[&str] =
-    &["acc_y", "accy", "linear_acceleration.y", "accelerometer_m_s2[1]", "ay", "accel_y", "acceleration_y"];
-/// Words of topics and fields of commands.
-const COMMANDS: &[&str] = &[
-    "cmd",
-    "command",
-    "commanded",
-    "order",
-    "pwm",
-    "servo",
-    "actuator",
-    "actuators",
-    "outputs",
-    "rcou",
-    "throttle",
-    "rudder",
-    "rpm",
-    "rsa",
-    "thrust",
-    "thruster",
-    "motor",
-    "delta",
-    "engine",
-    "prop",
-    "propeller",
-    "bowthruster",
-    "vsp",
-    "azimuth",
-    "waterjet",
-    "nozzle",
-    "thr",
-    "steering",
-    "setpoint",
-];
-/// Words of fields that are none.
-const NO_COMMANDS: &[&str] = &[
-    "valid",
-    "time",
-    "timestamp",
-    "battery",
-    "voltage",
-    "current",
-    "armed",
-    "temperature",
-    "seq",
-    "status",
-    "mode",
-    "error",
-    "noutputs",
-    "number",
-    "stamp",
-    "sec",
-    "nanosec",
-    "count",
-    "rate",
-    "deviation",
-];
+use super::words::{Name, Quantity, SHARED, has_word};
+use crate::boat::{Boat, Range};
+use crate::log::units::{self, Unit};
+use crate::log::{ChannelSpec, FASTEST_RAD_S, Selection, Sensors};
 
 /// Words of topics that contain measurements, estimates of them, or the items of a mission.
 const MEASUREMENTS: &[&str] = &[
@@ -120,8 +41,6 @@ const MEASUREMENTS: &[&str] = &[
 /// Words of topics of the stages of a controller before its outputs, and of reports on it.
 const CONTROLLERS: &[&str] =
     &["setpoint", "sp", "controls", "control", "status", "twist", "twiststamped", "vel"];
-/// Names of channels that a table from sensors, or one with velocities, already contains.
-const TAKEN: &[&str] = &["t", "x", "y", "psi", "u", "v", "r", "wind_x", "wind_y"];
 
 /// Columns of a recording that look like sensors, motion and commands.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
@@ -134,26 +53,9 @@ pub struct Proposal {
     pub remarks: Vec<String>,
 }
 
-/// Words of a name, in lower case.
-fn words(name: &str) -> Vec<String> {
-    let mut words = vec![String::new()];
-    for c in name.chars() {
-        if c.is_ascii_alphabetic() {
-            words.last_mut().into_iter().for_each(|word| word.push(c.to_ascii_lowercase()));
-        } else if words.last().is_some_and(|word| !word.is_empty()) {
-            words.push(String::new());
-        }
-    }
-    words
-}
-
-fn has_word(name: &str, of: &[&str]) -> bool {
-    words(name).iter().any(|word| of.contains(&word.as_str()))
-}
-
 impl TopicSurvey {
     /// Name of a field within the topic.
-    fn local<'a>(&self, field: &'a FieldSurvey) -> &'a str {
+    pub(super) fn local<'a>(&self, field: &'a FieldSurvey) -> &'a str {
         field.column.strip_prefix(&self.name).and_then(|rest| rest.strip_prefix('.')).unwrap_or(&field.column)
     }
 
@@ -167,8 +69,31 @@ impl TopicSurvey {
         names.iter().find_map(named)
     }
 
+    /// The field whose name states a quantity: the one with the most usual name. In a table, one with other words
+    /// that the name of another quantity has as well, as those of a device, if there is none.
+    pub(super) fn of(&self, quantity: Quantity) -> Option<&FieldSurvey> {
+        let names: Vec<(&FieldSurvey, Name)> = self
+            .fields
+            .iter()
+            .filter(|field| field.low.is_some())
+            .map(|field| (field, Name::of(self.local(field))))
+            .collect();
+        let ranked = names.iter().filter_map(|(field, name)| Some((name.rank(quantity)?, *field)));
+        // Of names with the same words the shorter one.
+        if let Some((_, field)) = ranked.min_by_key(|(rank, field)| (*rank, field.column.len())) {
+            return Some(field);
+        }
+        let is_shared = |others: &[&str]| {
+            let mut rest = SHARED.iter().filter(|of| **of != quantity);
+            rest.any(|of| names.iter().any(|(_, name)| name.others(*of).is_some_and(|found| found == others)))
+        };
+        let mut devices = names.iter().filter(|_| self.type_name.is_empty() && SHARED.contains(&quantity));
+        let found = devices.find(|(_, name)| name.others(quantity).is_some_and(|others| is_shared(&others)));
+        found.map(|(field, _)| *field)
+    }
+
     /// Whether its name or type contains a word.
-    fn is(&self, of: &[&str]) -> bool {
+    pub(super) fn is(&self, of: &[&str]) -> bool {
         has_word(&self.name, of) || has_word(&self.type_name, of)
     }
 
@@ -178,7 +103,7 @@ impl TopicSurvey {
     }
 
     /// Rank of the topic among those of commands, 0 for the best; none for a topic of measurements.
-    fn rank(&self) -> Option<u32> {
+    pub(super) fn rank(&self) -> Option<u32> {
         let name = self.name.split('[').next().unwrap_or_default();
         // Outputs of PX4 to each actuator, then pulse widths of autopilots.
         if ["actuator_motors", "actuator_servos"].contains(&name) {
@@ -201,16 +126,24 @@ impl TopicSurvey {
 }
 
 /// A column with an expression, as in `hydroid.toml`.
-fn spec(text: &str) -> Option<ChannelSpec> {
+pub(super) fn spec(text: &str) -> Option<ChannelSpec> {
     text.parse().ok()
 }
 
-/// A column with the unit that is usual for it if the file has none.
-fn with_unit(field: &FieldSurvey, unit: &str) -> String {
-    match &field.unit {
-        Some(_) => field.column.clone(),
-        None => format!("{} [{unit}]", field.column),
+/// A column with the unit that is usual for it, if neither the file nor its name states one.
+fn with_unit(field: &FieldSurvey, usual: &str) -> String {
+    // The reader knows the unit of the header and the one behind the last underscore.
+    if field.unit.is_some() || units::from_name(&field.column, false).is_some() {
+        return field.column.clone();
     }
+    let quantity = |unit: &str| Unit::parse(unit).ok().and_then(|unit| unit.quantity);
+    let named = Name::of(&field.column).unit.filter(|unit| quantity(unit) == quantity(usual));
+    format!("{} [{}]", field.column, named.as_deref().unwrap_or(usual))
+}
+
+/// A direction, in degrees if its values are.
+fn angle(field: &FieldSurvey) -> String {
+    with_unit(field, if field.high > Some(7.0) { "deg" } else { "rad" })
 }
 
 /// The best of the topics by a score; those without a score are none.
@@ -228,22 +161,23 @@ impl Survey {
         let topics = &self.topics;
         self.position(&mut sensors);
         self.heading(&mut sensors);
-        let inertial = best(topics, |topic| {
-            let field = topic.find(YAW_RATE)?;
-            // A rate of turn is that of NMEA 0183.
-            let named = topic.is(&["imu", "gyro", "sensor", "combined", "rot"]);
-            (field.varies() && (named || topic.find(FORWARD).is_some()))
-                .then_some(2 * u32::from(topic.find(FORWARD).is_some()) + u32::from(named))
-        });
-        if let Some(topic) = inertial {
-            let sign = if topic.is_ros() { " * -1" } else { "" };
-            sensors.yaw_rate =
-                topic.find(YAW_RATE).and_then(|field| spec(&format!("{}{sign}", field.column)));
-            if let (Some(x), Some(y)) = (topic.find(FORWARD), topic.find(STARBOARD)) {
-                sensors.acceleration_forward = spec(&x.column);
-                sensors.acceleration_starboard = spec(&format!("{}{sign}", y.column));
-            }
+        let is_kurs = |spec: &&ChannelSpec| Name::of(&spec.column).is_kurs();
+        let mut doubts = Vec::new();
+        if sensors.heading.is_none()
+            && let Some(kurs) = sensors.course.as_ref().filter(is_kurs).cloned()
+        {
+            doubts.push(format!(
+                "`{}` is taken for the heading, because nothing else looks like one: if it is the course over ground, it is no heading, and the sway is not known",
+                kurs.column
+            ));
+            (sensors.heading, sensors.course, sensors.speed) = (Some(kurs), None, None);
         }
+        if sensors.course.is_none()
+            && let Some(speed) = self.speed_alone()
+        {
+            doubts.push(format!("`{speed}` is not proposed: a speed over ground needs a course over ground"));
+        }
+        self.inertial(&mut sensors, &mut doubts);
         let has_motion = self.motion(&mut proposal.selection);
         let has_position =
             sensors.latitude.is_some() || sensors.speed.is_some() || sensors.velocity_north.is_some();
@@ -258,6 +192,7 @@ impl Survey {
                     outputs.join("\", \"")
                 ));
             }
+            proposal.remarks.append(&mut doubts);
             for (name, spec) in sensors.columns() {
                 proposal.remarks.push(format!("{name}: {}", spec.column));
             }
@@ -282,7 +217,7 @@ impl Survey {
         let mut others = Vec::new();
         let commands = self.commands(&proposal.selection, &mut others);
         proposal.selection.time.clone_from(&self.time);
-        proposal.selection.inputs = commands.iter().map(|(spec, _, _)| spec.clone()).collect();
+        proposal.selection.inputs = commands.iter().map(|(spec, _)| spec.clone()).collect();
         if proposal.selection.inputs.is_empty() {
             proposal.remarks.push("nothing looks like a command: name the inputs".to_owned());
         }
@@ -290,7 +225,7 @@ impl Survey {
             proposal.remarks.push(format!("command {}: {}", input.name, input.column));
         }
         proposal.remarks.extend(others);
-        for (spec, topic, field) in commands {
+        for (spec, Command { topic, field, .. }) in commands {
             let seen = Range {
                 low: field.low.unwrap_or(f64::NAN),
                 high: field.high.unwrap_or(f64::NAN),
@@ -302,40 +237,68 @@ impl Survey {
         proposal
     }
 
+    fn inertial(&self, sensors: &mut Sensors, doubts: &mut Vec<String>) {
+        let inertial = best(&self.topics, |topic| {
+            let field = topic.of(Quantity::YawRate)?;
+            // A rate of turn is that of NMEA 0183.
+            let named = topic.is(&["imu", "gyro", "sensor", "combined", "rot"]);
+            let is_table = topic.type_name.is_empty() && topic.of(Quantity::Heading).is_some();
+            (field.varies() && (named || is_table || topic.of(Quantity::Forward).is_some()))
+                .then_some(2 * u32::from(topic.of(Quantity::Forward).is_some()) + u32::from(named))
+        });
+        if let Some(topic) = inertial {
+            let sign = if topic.is_ros() { " * -1" } else { "" };
+            if let Some(field) = topic.of(Quantity::YawRate) {
+                let column = with_unit(field, "rad/s");
+                // The unit of a rate that no vessel has in rad/s is not known.
+                let is_absurd = column.ends_with("[rad/s]") && field.fastest() > FASTEST_RAD_S;
+                if is_absurd {
+                    let column = &field.column;
+                    doubts.push(format!("`{column}` is not proposed, because its unit is not stated and cannot be rad/s: name it as yaw_rate = \"{column} [deg/s]\" or [deg/min]"));
+                } else {
+                    // Without a unit in the header, it is in rad/s.
+                    let column = column.strip_suffix(" [rad/s]").unwrap_or(&column);
+                    sensors.yaw_rate = spec(&format!("{column}{sign}"));
+                }
+            }
+            if let (Some(x), Some(y)) = (topic.of(Quantity::Forward), topic.of(Quantity::Starboard)) {
+                sensors.acceleration_forward = spec(&x.column);
+                sensors.acceleration_starboard = spec(&format!("{}{sign}", y.column));
+            }
+        }
+    }
+
     fn position(&self, sensors: &mut Sensors) {
         let gnss = &["gps", "gnss", "fix", "gga", "navsat", "navsatfix"];
         let position = best(&self.topics, |topic| {
-            let (latitude, longitude) = (topic.find(LATITUDE)?, topic.find(LONGITUDE)?);
+            let (latitude, longitude) = (topic.of(Quantity::Latitude)?, topic.of(Quantity::Longitude)?);
             let is_fix = latitude.varies() && longitude.varies();
-            is_fix.then(|| 2 * u32::from(topic.is(gnss)) + u32::from(topic.find(QUALITY).is_some()))
+            is_fix.then(|| 2 * u32::from(topic.is(gnss)) + u32::from(topic.of(Quantity::Quality).is_some()))
         });
         if let Some(topic) = position {
-            let of = |names: &[&str]| {
-                topic.find(names).and_then(|field| {
+            let of = |quantity| {
+                topic.of(quantity).and_then(|field| {
                     // Older logs have integers in 1e-7 degrees.
-                    let scale = if field.high.unwrap_or(0.0).abs() > 1e4 { " * 1e-7" } else { "" };
+                    let scale = if field.high.unwrap_or(0.0).abs() > 1e5 { " * 1e-7" } else { "" };
                     spec(&format!("{}{scale}", with_unit(field, "deg")))
                 })
             };
-            (sensors.latitude, sensors.longitude) = (of(LATITUDE), of(LONGITUDE));
-            sensors.quality = topic.find(QUALITY).and_then(|field| spec(&field.column));
+            (sensors.latitude, sensors.longitude) = (of(Quantity::Latitude), of(Quantity::Longitude));
+            sensors.quality = topic.of(Quantity::Quality).and_then(|field| spec(&field.column));
         }
         let first = position.into_iter();
-        let rest =
-            || self.topics.iter().filter(|topic| topic.is(&["gps", "gnss", "rmc", "vtg", "vel", "velocity"]));
-        for topic in first.chain(rest()) {
-            if let (Some(speed), Some(course)) = (topic.find(SPEED), topic.find(COURSE))
+        let named = |topic: &&TopicSurvey| {
+            self.topics.len() == 1 || topic.is(&["gps", "gnss", "rmc", "vtg", "vel", "velocity"])
+        };
+        for topic in first.chain(self.topics.iter().filter(named)) {
+            if let (Some(speed), Some(course)) = (topic.of(Quantity::Speed), topic.of(Quantity::Course))
                 && speed.varies()
             {
                 sensors.speed = spec(&with_unit(speed, "m/s"));
-                sensors.course = spec(&if course.high > Some(7.0) {
-                    with_unit(course, "deg")
-                } else {
-                    with_unit(course, "rad")
-                });
+                sensors.course = spec(&angle(course));
                 return;
             }
-            if let (Some(north), Some(east)) = (topic.find(NORTH), topic.find(EAST)) {
+            if let (Some(north), Some(east)) = (topic.of(Quantity::North), topic.of(Quantity::East)) {
                 sensors.velocity_north = spec(&north.column);
                 sensors.velocity_east = spec(&east.column);
                 return;
@@ -355,10 +318,16 @@ impl Survey {
         }
     }
 
+    /// A speed over ground of a table.
+    fn speed_alone(&self) -> Option<&str> {
+        let [table] = &self.topics[..] else { return None };
+        table.of(Quantity::Speed).filter(|speed| speed.varies()).map(|speed| speed.column.as_str())
+    }
+
     fn heading(&self, sensors: &mut Sensors) {
         let compass = &["compass", "hdt", "ths", "heading", "gyrocompass"];
         let heading = best(&self.topics, |topic| {
-            let field = topic.find(HEADING)?;
+            let field = topic.of(Quantity::Heading)?;
             // The quaternion of an odometry is an estimate.
             let rank = if topic.is(compass) {
                 3
@@ -367,9 +336,11 @@ impl Survey {
             } else {
                 u32::from(!topic.is(&["position", "gps"]))
             };
-            field.varies().then_some(rank)
+            let is_true = !Name::of(topic.local(field)).is_magnetic();
+            field.varies().then_some(rank + if is_true { 4 } else { 0 })
         });
-        let Some((topic, field)) = heading.and_then(|topic| Some((topic, topic.find(HEADING)?))) else {
+        let Some((topic, field)) = heading.and_then(|topic| Some((topic, topic.of(Quantity::Heading)?)))
+        else {
             return;
         };
         sensors.heading = if let Some(stem) = field.column.strip_suffix("[0]") {
@@ -378,10 +349,8 @@ impl Survey {
             // From east, counter-clockwise, to north, clockwise.
             let turned = format!("({stem}.yaw - {}) * -1", std::f64::consts::FRAC_PI_2);
             spec(&if topic.is_ros() { turned } else { format!("{stem}.yaw") })
-        } else if field.unit.is_none() && field.high > Some(7.0) {
-            spec(&with_unit(field, "deg"))
         } else {
-            spec(&field.column)
+            spec(&angle(field))
         };
     }
 
@@ -405,7 +374,7 @@ impl Survey {
                         .collect();
                 return true;
             }
-            let names = ["u", "v", "r"].map(|name| topic.find(&[name]));
+            let names = [Quantity::Surge, Quantity::Sway, Quantity::Turn].map(|quantity| topic.of(quantity));
             if let [Some(u), _, Some(r)] = names
                 && u.varies()
                 && r.varies()
@@ -418,93 +387,6 @@ impl Survey {
         }
         false
     }
-
-    /// Fields that look like commands, of the topics of the best rank that contains one. The others are named in a remark.
-    fn commands(
-        &self,
-        selection: &Selection,
-        remarks: &mut Vec<String>,
-    ) -> Vec<(ChannelSpec, &TopicSurvey, &FieldSurvey)> {
-        let sensors =
-            selection.sensors.iter().flat_map(|sensors| sensors.columns().map(|(_, spec)| &spec.column));
-        let used: Vec<&String> = sensors.chain(selection.outputs.iter().map(|spec| &spec.column)).collect();
-        let mut found: Vec<(u32, String, &TopicSurvey, &FieldSurvey)> = Vec::new();
-        for topic in &self.topics {
-            // The name of a single table is that of the whole recording.
-            let is_named = self.topics.len() > 1 || !topic.type_name.is_empty();
-            let Some(rank) = (if is_named { topic.rank() } else { Some(0) }) else { continue };
-            for field in &topic.fields {
-                let local = topic.local(field);
-                let is_command = ((is_named && (rank < 2 || topic.is(COMMANDS)))
-                    || has_word(local, COMMANDS))
-                    && !has_word(local, NO_COMMANDS);
-                if is_command && field.varies() && !used.contains(&&field.column) {
-                    found.push((rank, self.name(topic, local), topic, field));
-                }
-            }
-        }
-        let best = found.iter().map(|found| found.0).min();
-        let (found, others): (Vec<_>, Vec<_>) = found.into_iter().partition(|found| Some(found.0) == best);
-        let mut others: Vec<&str> = others.iter().map(|(_, _, topic, _)| topic.name.as_str()).collect();
-        others.dedup();
-        if !others.is_empty() {
-            remarks.push(format!("not proposed beside these commands: fields of {}", others.join(", ")));
-        }
-        let repeated = |name: &str| found.iter().filter(|f| f.1 == name).count() > 1;
-        let is_taken = |name: &str| TAKEN.contains(&name) || name.starts_with("deviation_");
-        let mut commands = Vec::new();
-        for (_, name, topic, field) in &found {
-            let is_free = !repeated(name) && !is_taken(name);
-            let name = if is_free { name.clone() } else { words_of(&field.column) };
-            let name = if is_taken(&name) { format!("command_{name}") } else { name };
-            commands.extend(spec(&format!("{name}={}", field.column)).map(|spec| (spec, *topic, *field)));
-        }
-        commands
-    }
-
-    /// Name of the channel of a command.
-    fn name(&self, topic: &TopicSurvey, local: &str) -> String {
-        if let Some(Output::ArduPilot(n)) = output(topic, local)
-            && let Some(number) = self.parameters.get(&format!("SERVO{n}_FUNCTION"))
-            && let Some(function) = FUNCTIONS.iter().find(|function| function.number == *number)
-        {
-            return function.name.to_owned();
-        }
-        // Names in the message itself, in an array beside that of the values.
-        if let Some((_, index)) = local.strip_suffix(']').and_then(|inner| inner.rsplit_once('['))
-            && let Some((_, text)) = topic.texts.iter().find(|(name, _)| *name == format!("name[{index}]"))
-        {
-            return words_of(text);
-        }
-        match topic.name.get(..3) {
-            Some("RSA") if local == "starboard" => return "rudder".to_owned(),
-            Some("RPM") if local == "speed" => return "shaft_speed".to_owned(),
-            _ => {}
-        }
-        let last = local.rsplit('.').next().unwrap_or(local);
-        words_of(last)
-    }
-}
-
-/// The output of an autopilot that a field contains.
-fn output(topic: &TopicSurvey, local: &str) -> Option<Output> {
-    if topic.name.starts_with("RCO") {
-        return Some(Output::ArduPilot(local.strip_prefix('C')?.parse().ok()?));
-    }
-    let index =
-        |name: &str| local.strip_prefix(name)?.strip_prefix('[')?.strip_suffix(']')?.parse::<u32>().ok();
-    match topic.name.as_str() {
-        // The first instance is that of the main outputs.
-        "actuator_outputs" => Some(Output::Px4(index("output")?.checked_add(1)?)),
-        "actuator_motors" => Some(Output::Px4Motor(index("control").filter(|index| *index < 32)? + 1)),
-        _ => None,
-    }
-}
-
-/// A name of letters, digits and underscores.
-fn words_of(text: &str) -> String {
-    let name: String = text.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
-    name.trim_matches('_').to_owned()
 }
 
 impl Proposal {

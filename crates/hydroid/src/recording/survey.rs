@@ -68,12 +68,22 @@ pub struct FieldSurvey {
     /// Neutral position \[us\] of values that are pulse widths by the name or the unit of the field, or by its topic.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub neutral: Option<Neutral>,
+    /// Share of the rows that repeat the value of the row before: that of a held command is near 1.
+    pub held: Option<f64>,
+    /// Whether the values alone are those of pulse widths.
+    #[serde(skip)]
+    pub(super) is_pulse: bool,
 }
 
 impl FieldSurvey {
     /// Whether the field has different values.
     pub fn varies(&self) -> bool {
         self.low < self.high
+    }
+
+    /// Largest size of its values.
+    pub(super) fn fastest(&self) -> f64 {
+        [self.low, self.high].into_iter().flatten().map(f64::abs).fold(0.0, f64::max)
     }
 }
 
@@ -91,6 +101,8 @@ struct FieldStatistics {
     high: f64,
     sum: f64,
     found: u64,
+    last: f64,
+    held: u64,
     pulses: Pulses,
 }
 
@@ -117,6 +129,8 @@ impl Sink for Surveyor {
             high: f64::NEG_INFINITY,
             sum: 0.0,
             found: 0,
+            last: f64::NAN,
+            held: 0,
             pulses: Pulses::default(),
         };
         known.fields.resize(topic.fields.len(), empty);
@@ -134,6 +148,8 @@ impl Sink for Surveyor {
                 field.high = field.high.max(x);
                 field.sum += x;
                 field.found += 1;
+                field.held += u64::from(x == field.last);
+                field.last = x;
                 field.pulses.add(x);
             }
         }
@@ -186,6 +202,8 @@ impl Statistics {
             high: (of.found > 0).then_some(of.high),
             mean: (of.found > 0).then(|| of.sum / of.found as f64),
             missing: rows - of.found,
+            held: (of.found > 1).then(|| of.held as f64 / (of.found - 1) as f64),
+            is_pulse: of.pulses.neutral(false).is_some(),
             neutral: {
                 let is_pulse =
                     is_output(&self.topic.name) || pulses::is_stated(&field.name, field.unit.as_deref());

@@ -35,6 +35,7 @@ mod navigate;
 mod network_file;
 mod peer_pysindy;
 mod peer_torch;
+mod proposals;
 mod qr;
 mod rate_limits;
 mod real_ships;
