@@ -109,9 +109,12 @@ def zigzag(p, force, rudder, heading):
     state, side, k = approach(p, force), 1, 0
     executes, overshoots = [0], []
     while len(overshoots) < 3:
+        before = state[2]
         state = advance(p, state, (force, side * rudder))
         k += 1
         if side * state[2] >= heading:
+            if len(executes) == 1:
+                initial_turning = (k - 1 + (heading - before) / (state[2] - before)) * DT
             executes.append(k)
             side = -side
             probe, peak = state, 0.0
@@ -120,7 +123,7 @@ def zigzag(p, force, rudder, heading):
                 peak = max(peak, -side * (probe[2] - state[2]))
             overshoots.append(math.degrees(peak))
     names = ("first_overshoot_deg", "second_overshoot_deg", "third_overshoot_deg")
-    return {**dict(zip(names, overshoots)), "initial_turning_time_s": executes[1] * DT}
+    return {**dict(zip(names, overshoots)), "initial_turning_time_s": initial_turning}
 
 
 def main():

@@ -15,7 +15,9 @@ use super::{Duration, with_values};
 use crate::boat::{HARD_OVER_DEG, Particulars, StatedRoles};
 use crate::identify::GivenRange;
 use crate::key::key;
-use crate::manoeuvre::{LeftOut, ManoeuvreError, Options, TrialKind, TrialOptions, Trials, trials};
+use crate::manoeuvre::{
+    LeftOut, ManoeuvreError, Options, TrialKind, TrialOptions, Trials, not_identified, trials,
+};
 use crate::model::Model;
 use crate::plant::InputMap;
 use crate::progress::Progress;
@@ -203,7 +205,8 @@ impl Manoeuvre {
             &by_name(&self.neutral),
             &by_name(&self.limit),
         )?;
-        let map = InputMap::with(&model, &self.push, &self.turn)?;
+        let map = InputMap::with(&model, &self.push, &self.turn)
+            .map_err(|error| not_identified(&model).map_or_else(|| error.into(), SettingError::from))?;
         let kinds = self.kinds(&map)?;
         let options = self.options(&model.description.boat.particulars)?;
         let no_propulsion = map.no_propulsion();

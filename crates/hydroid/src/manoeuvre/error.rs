@@ -17,6 +17,10 @@ pub enum ManoeuvreError {
     )]
     NoStraightCourse { speed_m_s: f64, low_deg_s: f64, high_deg_s: f64 },
     #[error(
+        "{reason}. No trial of this model is valid: identify from logs in which steering and propulsion are changed"
+    )]
+    NotIdentified { reason: String },
+    #[error(
         "the approach is not steady after {t_s:.0} s: speed {speed_m_s:.3} m/s, yaw rate {yaw_deg_s:.4} deg/s. Approach at another {} or {}, or identify from logs with straight runs at constant commands",
         key("speed"),
         key("propulsion")

@@ -45,7 +45,7 @@ pub use response::{Response, SurgeResponse};
 pub use speed_trials::{Acceleration, Stopping, acceleration, stopping};
 pub use spiral::{Spiral, SpiralPoint, spiral};
 pub use track::Track;
-pub(crate) use trials::not_valid;
 pub use trials::{LeftOut, Trial, TrialKind, TrialOptions, Trials, trials};
+pub(crate) use trials::{not_identified, not_valid};
 pub use turning_circle::{SteadyTurn, TurningCircle, turning_circle};
 pub use zigzag::{Zigzag, zigzag};

@@ -75,7 +75,7 @@ const NOISE: f64 = 4.0;
 const LEFT: f64 = 0.1;
 const HALF: f64 = 0.5;
 
-/// Yaw rate before a turn, relative to the mean one in it, on a straight course.
+/// Yaw rate before a trial, relative to the mean one in its turn or first leg, on a straight course.
 const STRAIGHT: f64 = 0.1;
 
 /// Least number of samples of a held command.
@@ -137,10 +137,24 @@ pub fn recognise(run: &Trajectory, boat: &Boat) -> Vec<Recognised> {
         let next: Option<&Held> = held.get(k + 1);
         next.map_or(held[k].to - 1, |next| next.execute.min(held[k].to))
     };
+    let turns: Vec<bool> = commanded.iter().map(|&c| roles[c].is_none_or(Role::turns)).collect();
+    // A trial begins with an order that steers; the one before the first sample is not known.
+    let begins = |i: usize| {
+        let Some(before) = i.checked_sub(1).map(|i| &held[i].level) else { return true };
+        let levels = before.iter().zip(&held[i].level).zip(&commands).zip(&turns);
+        levels.into_iter().any(|(((a, b), command), turns)| *turns && (a - b).abs() > command.same)
+    };
     let mut found = Vec::new();
     let mut i = 0;
     while i < held.len() {
-        let zigzag = zigzag_length(&held[i..], &heading, same);
+        if !begins(i) {
+            i += 1;
+            continue;
+        }
+        let mut zigzag = zigzag_length(&held[i..], &heading, same);
+        if zigzag > 1 && !is_straight(&heading, held[i].execute, held[i + 1].execute) {
+            zigzag = 0;
+        }
         if zigzag >= LEAST_COMMANDS {
             let part = &held[i..i + zigzag];
             let start = heading[part[0].execute];
@@ -171,8 +185,8 @@ pub fn recognise(run: &Trajectory, boat: &Boat) -> Vec<Recognised> {
     found
 }
 
-/// Whether the vessel turns before a turn at less than a tenth of its mean rate in the turn, over as many samples as a tenth of
-/// the turn has.
+/// Whether the vessel turns before a turn, or the first leg of a zigzag, at less than a tenth of its mean rate there, over as many
+/// samples as a tenth of it has.
 fn is_straight(heading: &[f64], execute: usize, end: usize) -> bool {
     let before = execute.saturating_sub((end - execute).div_ceil(10));
     let rate = |from: usize, to: usize| (heading[to] - heading[from]) / (to - from).max(1) as f64;

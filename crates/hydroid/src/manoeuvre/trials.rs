@@ -181,7 +181,7 @@ impl TrialOptions {
         let Self { scale, length_m, .. } = *self;
         let scaled = (scale != 1.0).then(|| {
             format!(
-                "figures are those of the ship, by Froude's law: lengths {scale} times, times and speeds {:.4} times those of the model; the larger friction of the model is not corrected. Where the model extrapolates or is not valid, times and speeds are those of the model",
+                "figures are those of the ship, by Froude's law: lengths {scale} times, times and speeds {:.4} times those of the model; the larger friction of the model is not corrected. Commands are those of the model. Where the model extrapolates or is not valid, times and speeds are those of the model",
                 scale.sqrt()
             )
         });
@@ -246,7 +246,7 @@ pub fn trials(
     let approach = |simulation: Simulation| {
         Approach::new(model, map, simulation.with_current(options.current), &options.approach)
     };
-    let own = approach(Simulation::new(model)?)?;
+    let own = approach(Simulation::new(model)?).map_err(|error| not_identified(model).unwrap_or(error))?;
     let members: Vec<Approach> =
         Simulation::of_members(model)?.into_par_iter().filter_map(|member| approach(member).ok()).collect();
     let mut results = Vec::with_capacity(kinds.len());
@@ -301,6 +301,12 @@ fn no_sway(model: &Model) -> Option<String> {
 /// Why nothing that follows from a model is valid: it does not know its speed or its yaw rate.
 pub(crate) fn not_valid(model: &Model) -> Option<String> {
     Some(format!("from the start on: {}", model.not_identified(&[MOTION[0], MOTION[2]])?))
+}
+
+/// The error of a model that does not know its speed or its yaw rate, and has no approach.
+pub(crate) fn not_identified(model: &Model) -> Option<ManoeuvreError> {
+    let reason = model.not_identified(&[MOTION[0], MOTION[2]])?;
+    Some(ManoeuvreError::NotIdentified { reason })
 }
 
 fn trial(

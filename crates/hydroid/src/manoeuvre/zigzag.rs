@@ -19,9 +19,9 @@ pub struct Zigzag {
     pub overshoots_deg: Vec<f64>,
     /// Times of the largest changes of heading \[s\].
     pub peaks_s: Vec<f64>,
-    /// Initial turning ability: time from the first to the second execute \[s\].
+    /// Initial turning ability: time from the first execute to the heading of the trial, or to the second execute in a log \[s\].
     pub initial_turning_time_s: Option<f64>,
-    /// Length of the path from the first to the second execute \[m\].
+    /// Length of the path in this time \[m\].
     pub initial_turning_distance_m: Option<f64>,
     /// Reach: time from the first execute until the heading is the initial one, after the second execute \[s\].
     pub reach_s: Option<f64>,
@@ -45,7 +45,14 @@ pub fn zigzag(approach: &Approach, map: &InputMap, s: f64, heading: f64, longest
             run.steer(steering);
         }
     }
-    (Zigzag::of(&run.track, &executes, s, heading), run.track)
+    let track = run.track;
+    let mut result = Zigzag::of(&track, &executes, s, heading);
+    // The second execute is the sample after the heading of the trial.
+    if let Some(at) = track.crossing(0, heading, |k| track.turned(k, s.signum())) {
+        result.initial_turning_time_s = Some(track.time(at));
+        result.initial_turning_distance_m = Some(track.path_length(0, at));
+    }
+    (result, track)
 }
 
 impl Zigzag {
