@@ -1,5 +1,7 @@
 //! Steering on board: from each sample to a command.
 
+use std::f64::consts::TAU;
+
 use hydroid_core::actuator::Limits;
 use hydroid_core::control::{
     DeadReckoning, Liveness, Mode, Place, Status, Stop, Supervisor, SupervisorLimits,
@@ -34,6 +36,10 @@ pub struct Pilot {
     liveness: Liveness<5>,
     /// `None` for an estimated pose.
     reckoning: Option<DeadReckoning>,
+    /// Time constant of the filter of a measured pose \[s\].
+    smoothing_s: f64,
+    /// What the measured velocities leave out, as a current or the bias of a gyro: north, east \[m/s\] and yaw \[rad/s\].
+    drift: [f64; 3],
     supervisor: Supervisor,
     /// Radius of the turns on the way to the task \[m\].
     turning_radius: f64,
@@ -114,6 +120,8 @@ impl Pilot {
             nu: [0.0; 3],
             liveness: Liveness::new(options.max_age_s),
             reckoning: Some(DeadReckoning::new(track_speed, limits.stall_s)),
+            smoothing_s: options.tolerance / track_speed,
+            drift: [0.0; 3],
             supervisor: Supervisor::new(limits),
             turning_radius,
             set_out: 0.0,
@@ -124,7 +132,7 @@ impl Pilot {
     /// The pilot for poses that are not measured but estimated: whether sensors contradict each other is for the estimate to say.
     #[must_use]
     pub fn of_estimates(self) -> Self {
-        Self { reckoning: None, ..self }
+        Self { reckoning: None, smoothing_s: 0.0, ..self }
     }
 
     /// Whether the weights of the model change.
@@ -224,10 +232,20 @@ impl Pilot {
                 reckoning.reset();
             }
             reckoning.take(elapsed_s, self.nu, &mut pose);
+            // What a wrong sensor has taught is forgotten.
+            for (part, range) in [0..2, 2..3].into_iter().enumerate() {
+                if reckoning.off()[part] > 0.0 {
+                    self.drift[range].fill(0.0);
+                }
+            }
         }
         let [x, y, psi] = pose.map(f64::is_finite);
         let [u, v, r] = self.motion.map(|place| !seen.outputs[place].is_nan());
         self.liveness.take(elapsed_s, [x && y, psi, u, v, r]);
+        if !matches!(elapsed, Elapsed::Steps(_)) {
+            // A new run begins: the pose is believed.
+            (self.eta, self.drift) = ([f64::NAN; 3], [0.0; 3]);
+        }
         self.locate(elapsed_s, pose);
         for (nu, place) in self.nu.iter_mut().zip(self.motion) {
             let measured = seen.outputs[place];
@@ -305,16 +323,43 @@ impl Pilot {
     }
 
     /// Takes the measured pose, or predicts missing parts with the last velocities.
+    ///
+    /// A measured pose corrects the predicted one by the fading-memory filter of degree one (N. Morrison, *Introduction to
+    /// Sequential Smoothing and Prediction*, 1969, chapter 13), so that its noise is not steered with: with the time constant `tau`,
+    ///
+    /// ```text
+    /// eta = eta_p + (1 - theta^2) e,   drift = drift + (1 - theta)^2 e / dt,   e = eta_measured - eta_p,   theta = exp(-dt / tau)
+    /// ```
+    ///
+    /// and `eta_p` predicted with velocities and drift. A constant error of the velocities leads to no error of the pose. The
+    /// time constant is that in which the vessel sails its tolerance: where a velocity changes its error by a part of the speed,
+    /// the pose is off by that part of the tolerance.
     fn locate(&mut self, elapsed_s: f64, pose: [f64; 3]) {
         let [x, y, psi] = self.eta;
         let [u, v, r] = self.nu;
-        let turned = r * elapsed_s;
+        let [to_north, to_east, yaw] = self.drift;
+        let turned = (r + yaw) * elapsed_s;
         let (sin, cos) = (psi + 0.5 * turned).sin_cos();
-        let predicted =
-            [x + elapsed_s * (u * cos - v * sin), y + elapsed_s * (u * sin + v * cos), psi + turned];
+        let predicted = [
+            x + elapsed_s * (u * cos - v * sin + to_north),
+            y + elapsed_s * (u * sin + v * cos + to_east),
+            psi + turned,
+        ];
+        let theta = if self.smoothing_s > 0.0 { (-elapsed_s / self.smoothing_s).exp() } else { 0.0 };
         for (part, range) in [0..2, 2..3].into_iter().enumerate() {
             if pose[range.clone()].iter().all(|x| x.is_finite()) {
-                self.eta[range.clone()].copy_from_slice(&pose[range]);
+                let is_known = predicted[range.clone()].iter().all(|x| x.is_finite());
+                for i in range {
+                    // A heading keeps the turn that is measured.
+                    let turns = if i == 2 { TAU * ((pose[i] - predicted[i]) / TAU).round() } else { 0.0 };
+                    let apart = pose[i] - turns - predicted[i];
+                    if is_known && theta > 0.0 && elapsed_s > 0.0 {
+                        self.eta[i] = predicted[i] + turns + (1.0 - theta * theta) * apart;
+                        self.drift[i] += (1.0 - theta).powi(2) / elapsed_s * apart;
+                    } else {
+                        (self.eta[i], self.drift[i]) = (pose[i], 0.0);
+                    }
+                }
             } else {
                 let is_lost = self.liveness.is_beyond(self.liveness.ages_s()[part]);
                 for i in range {
@@ -329,6 +374,7 @@ impl Pilot {
         self.law.visit_state(memory);
         self.guidance.visit_state(memory);
         memory.numbers(&mut self.eta);
+        memory.numbers(&mut self.drift);
         memory.numbers(&mut self.nu);
         self.liveness.visit_state(memory);
         if let Some(reckoning) = &mut self.reckoning {

@@ -42,22 +42,31 @@ pub struct Verdict {
     pub reason: Option<String>,
 }
 
-/// Outputs that are not identified, with the figures that say so.
-pub(super) fn not_identified(judged: &Evaluation) -> BTreeMap<String, String> {
-    let horizon_s = horizon_s(judged);
-    verdicts(judged)
-        .into_iter()
-        .filter(|verdict| verdict.grade == Grade::NotIdentified)
-        .map(|verdict| {
-            let reason = verdict.reason.as_ref().map(|reason| format!("; {reason}")).unwrap_or_default();
-            let why = format!(
-                "over {horizon_s} s its NRMSE is {:.2}, of persistence {:.2}, of the mean 1{reason}",
-                verdict.nrmse, verdict.persistence
-            );
-            (verdict.channel, why)
-        })
-        .collect()
+impl Verdict {
+    /// The errors in words.
+    fn why(&self, horizon_s: f64) -> String {
+        let reason = self.reason.as_ref().map(|reason| format!("; {reason}")).unwrap_or_default();
+        format!(
+            "over {horizon_s} s its NRMSE is {:.2}, of persistence {:.2}, of the mean 1{reason}",
+            self.nrmse, self.persistence
+        )
+    }
 }
+
+/// Outputs that are not identified beside the mean alone, with the figures that say so: over a short horizon, persistence may be as
+/// good as a model that tells a trial.
+pub(super) fn not_identified(judged: &Evaluation) -> BTreeMap<String, String> {
+    let is_useless = |verdict: &Verdict| {
+        let is_no_better = verdict.reason.is_some() || verdict.nrmse > USABLE;
+        verdict.grade == Grade::NotIdentified && is_no_better
+    };
+    let horizon_s = horizon_s(judged);
+    let useless = verdicts(judged).into_iter().filter(is_useless);
+    useless.map(|verdict| (verdict.channel.clone(), verdict.why(horizon_s))).collect()
+}
+
+/// Error relative to that of the best trivial prediction, up to which a prediction is usable.
+const USABLE: f64 = 0.9;
 
 /// The longest horizon \[s\], rounded to a millisecond against rounding errors of the product.
 fn horizon_s(judged: &Evaluation) -> f64 {
@@ -87,7 +96,7 @@ pub fn verdicts(test: &Evaluation) -> Vec<Verdict> {
                 (Grade::NotIdentified, Some(reason))
             } else if nrmse <= 0.5 * trivial {
                 (Grade::Good, None)
-            } else if nrmse <= 0.9 * trivial {
+            } else if nrmse <= USABLE * trivial {
                 (Grade::Usable, None)
             } else {
                 (Grade::NotIdentified, None)
@@ -129,9 +138,9 @@ pub(super) fn warnings(
     let mut notes = Vec::new();
     let test = candidate.judged();
     let horizon_s = horizon_s(test);
-    for (channel, why) in &candidate.model.description.provenance.not_identified {
+    for verdict in verdicts.iter().filter(|v| v.grade == Grade::NotIdentified) {
         notes.push(
-            Note::warning(format!("'{channel}' is not identified: {why}")).with_remedy(
+            Note::warning(format!("'{}' is not identified: {}", verdict.channel, verdict.why(horizon_s))).with_remedy(
                 "do not use predictions of this output; check the sensor (hydroid inspect), and log runs in which the commands excite this output",
             ),
         );

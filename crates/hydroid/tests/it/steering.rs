@@ -47,11 +47,23 @@ fn sail_by(
     current: [f64; 2],
     of: Vessel,
     most_s: f64,
+    sensors: impl FnMut(f64, &mut [f64; 3], &mut [f64]),
+) -> Vec<Row> {
+    sail_as(setup, |pilot| pilot, (start, current), of, most_s, sensors)
+}
+
+/// As [`sail_by`], with a pilot of another kind.
+fn sail_as(
+    setup: &Setup,
+    kind: fn(Pilot) -> Pilot,
+    (start, current): ([f64; 3], [f64; 2]),
+    of: Vessel,
+    most_s: f64,
     mut sensors: impl FnMut(f64, &mut [f64; 3], &mut [f64]),
 ) -> Vec<Row> {
     let dt = setup.scenario.dt_s;
     let (mut adapter, _) = setup.adapter().unwrap();
-    let mut pilot: Pilot = setup.pilot(adapter.as_ref(), None).unwrap();
+    let mut pilot: Pilot = kind(setup.pilot(adapter.as_ref(), None).unwrap());
     let mut vessel = setup.model.session();
     let outputs = vessel.outputs();
     let mut y = vec![0.0; outputs];
@@ -324,22 +336,62 @@ fn sensors_that_contradict_each_other_do_not_steer() {
     }
 }
 
+/// Normal numbers, nearly: sums of twelve uniform ones.
+fn noise(mut random: u64) -> impl FnMut() -> f64 {
+    move || {
+        let mut sum = -6.0;
+        for _ in 0..12 {
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            sum += (random >> 11) as f64 / (1_u64 << 53) as f64;
+        }
+        sum
+    }
+}
+
+/// The noise of receiver and compass was steered with: 200 reversals of a thruster in a minute.
+#[test]
+fn the_noise_of_a_measured_pose_is_not_steered_with() {
+    for (vessel, method) in [
+        ("hydrofoil", ControlMethod::FeedbackLinearization),
+        ("hydrofoil", ControlMethod::Backstepping),
+        ("../../vessels/otter.toml", ControlMethod::Autopilot),
+    ] {
+        let mut setup = setup(vessel, method, TaskKind::LawnMower);
+        // A tolerance of six deviations of a position.
+        let cruise = setup.scenario.track.cruise;
+        setup.controller.tolerance = 3.0 * cruise;
+        let (position, heading) = (0.5 * cruise, 0.035);
+        let in_noise = |kind: fn(Pilot) -> Pilot| {
+            let mut noise = noise(11);
+            let rows =
+                sail_as(&setup, kind, ([0.0; 3], [0.3 * cruise, 0.0]), Vessel::Sound, 900.0, |_, pose, _| {
+                    for (x, deviation) in pose.iter_mut().zip([position, position, heading]) {
+                        *x += deviation * noise();
+                    }
+                });
+            assert_eq!(rows.last().unwrap().mode, Mode::Arrived, "{vessel} {method:?}: {:?}", rows.last());
+            let limits = &setup.controller.limits;
+            let changes = rows.windows(2).flat_map(|rows| {
+                let pairs = rows[0].command.iter().zip(&rows[1].command).zip(limits);
+                pairs.map(|((a, b), limits)| (b - a).abs() / (limits.high - limits.low)).collect::<Vec<_>>()
+            });
+            let variation = changes.sum::<f64>() / rows.last().unwrap().t_s;
+            let off = rows.iter().map(|row| row.cross_track).filter(|off| off.is_finite());
+            let square = off.clone().map(|off| off * off).sum::<f64>() / off.count() as f64;
+            (variation, square.sqrt())
+        };
+        let (filtered, raw) = (in_noise(|pilot| pilot), in_noise(Pilot::of_estimates));
+        let story = format!("{vessel} {method:?}: {filtered:?} against {raw:?}");
+        assert!(filtered.0 < 0.33 * raw.0 && filtered.1 < 1.2 * raw.1, "{story}");
+    }
+}
+
 /// Usual errors are no contradiction: noise and slow errors of the receiver, noise, bias and lag of compass and gyro.
 #[test]
 fn usual_errors_of_sensors_do_not_end_the_steering() {
     for vessel in ["hydrofoil", "../../vessels/otter.toml"] {
         let setup = setup(vessel, ControlMethod::Autopilot, TaskKind::LawnMower);
-        let mut random = 7_u64;
-        let mut noise = move || {
-            // The sum of twelve uniform numbers is nearly normal.
-            let mut sum = -6.0;
-            for _ in 0..12 {
-                random =
-                    random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                sum += (random >> 11) as f64 / (1_u64 << 53) as f64;
-            }
-            sum
-        };
+        let mut noise = noise(7);
         let dt = setup.scenario.dt_s;
         let (mut slow, mut lagged) = ([0.0; 2], 0.0);
         let rows = sail_by(&setup, [0.0; 3], [0.2, -0.1], Vessel::Sound, 900.0, |_, pose, outputs| {
