@@ -237,7 +237,7 @@ fn facts(subject: &Subject<'_>) -> Markup {
                 dd {
                     (found.best.map_or("no model", name))
                     @for (i, reason) in found.not_valid.iter().enumerate() {
-                        @if let Some(reason) = reason { br; "not " (name(i)) ", not valid " (reason) }
+                        @if let Some(reason) = reason { br; "not " (name(i)) ", not valid: " (reason) }
                     }
                 }
             }

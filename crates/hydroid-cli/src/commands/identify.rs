@@ -328,7 +328,7 @@ fn show(folder: &Path, identified: &IdentifyResult) {
         outln!("\nfor trials and control: {}", found.best.map_or("no model", name));
         for (i, reason) in found.not_valid.iter().enumerate() {
             if let Some(reason) = reason {
-                outln!("  not {}, not valid {reason}", name(i));
+                outln!("  not {}, not valid: {reason}", name(i));
             }
         }
     }
