@@ -64,6 +64,17 @@ impl ComparisonReport<'_> {
     }
 }
 
+/// That trials in logs are those of the ship, if the boat has a scale.
+pub(super) fn scale_of(model: &Model) -> Markup {
+    let scale = model.description.boat.particulars.scale.filter(|scale| *scale != 1.0);
+    html! {
+        @if let Some(scale) = scale {
+            dt { "Scale" }
+            dd { (text(scale, 4)) ": figures and tracks of trials in logs are those of the ship, by Froude's law." }
+        }
+    }
+}
+
 fn summary(subject: &ComparisonReport<'_>) -> Section {
     let all = subject.comparisons;
     let trained = all.iter().filter(|comparison| comparison.in_training).count();
@@ -83,7 +94,10 @@ fn summary(subject: &ComparisonReport<'_>) -> Section {
             h1 { "Trials in logs" }
         }
         div class={ "banner " (class) } role="status" { (words) }
-        dl.facts { dt { "Model" } dd { (subject.model.title()) " (" (subject.model.kind()) ")" } }
+        dl.facts {
+            dt { "Model" } dd { (subject.model.title()) " (" (subject.model.kind()) ")" }
+            (scale_of(subject.model))
+        }
     };
     Section::new("summary", "Summary", body)
 }

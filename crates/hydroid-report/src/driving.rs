@@ -116,11 +116,13 @@ pub(super) fn section(subject: &ModelReport<'_>) -> Section {
     let ModelReport { model, trials, comparisons, map, .. } = *subject;
     let stated = trials.ok().map(|trials| &trials.options);
     let length_m = stated.and_then(|options| Some(options.length_m? / options.scale));
+    // Tracks of a ship have no place beside its model.
+    let is_scaled = model.description.boat.particulars.scale.unwrap_or(1.0) != 1.0;
     let shown = |trials: &Trials| trials.trials.iter().filter_map(|one| trial(one, trials)).collect();
     let document = json!({
         "vessel": vessel(model, map, length_m),
-        "trials": trials.map_or_else(|_| Vec::new(), shown),
-        "comparisons": comparisons.iter().map(comparison).collect::<Vec<Value>>(),
+        "trials": trials.ok().filter(|trials| trials.options.scale == 1.0).map_or_else(Vec::new, shown),
+        "comparisons": comparisons.iter().filter(|_| !is_scaled).map(comparison).collect::<Vec<Value>>(),
     });
     // A text of the model cannot end the element.
     let document = document.to_string().replace('<', "\\u003c");

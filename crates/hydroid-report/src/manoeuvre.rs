@@ -203,8 +203,9 @@ fn summary(subject: &ManoeuvreReport<'_>) -> Section {
         dl.facts {
             dt { "Model" } dd { (subject.model.title()) " (" (subject.model.kind()) ")" }
             dt { "Approach" } dd { (approach_text(subject)) }
+            @if trials.options.scale != 1.0 { dt { "Scale" } dd { (text(trials.options.scale, 4)) } }
             @if let Some(length) = trials.options.length_m { dt { "Length" } dd { (text(length, 4)) " m" } }
-            @for (key, value, unit) in subject.model.description.boat.particulars.numbers().filter(|(key, ..)| *key != "length") {
+            @for (key, value, unit) in subject.model.description.boat.particulars.numbers().filter(|(key, ..)| !["length", "scale"].contains(key)) {
                 dt { (key.replace('_', " ")) } dd { (text(value, 4)) " " (unit) }
             }
             @for note in &trials.notes { dt { "Note" } dd { (note) } }

@@ -80,6 +80,7 @@ fn summary(subject: &ModelReport<'_>) -> Section {
         }
         dl.facts {
             dt { "Kind" } dd { (model.title()) " (" (model.kind()) ")" }
+            @if !subject.comparisons.is_empty() { (comparison::scale_of(model)) }
             dt { "Sample time" } dd { (text(d.dt, 4)) " s" }
             @if !runs.is_empty() { dt { "Fitted to" } dd.files { (readable(&runs.join(", "))) } }
             @if d.current.is_some() { dt { "Motion" } dd { "Through the water; the model estimates the current." } }

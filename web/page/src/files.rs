@@ -173,7 +173,9 @@ impl Files {
         let (raw, _) =
             read_logs(&files, &mut reading.selection, &reading.options, &mut quiet).map_err(failed)?;
         let runs = log::prepare(&raw, &reading.selection, &reading.options).map_err(failed)?.runs;
-        let model = vessel.0.clone().for_runs(&runs).map_err(failed)?;
+        let mut model = vessel.0.clone().for_runs(&runs).map_err(failed)?;
+        // The page shows the vessel of the logs, and not its ship.
+        model.description.boat.particulars.scale = None;
         let found = compare(&model, &runs, &mut quiet).map_err(failed)?;
         to_json(&found.iter().map(driving::comparison).collect::<Vec<Value>>())
     }

@@ -42,7 +42,9 @@ impl Vessel {
     /// # Errors
     /// If the settings do not fit the vessel, or a trial cannot be run.
     pub fn trials(&self, settings: &str) -> Result<String, JsError> {
-        let settings: Manoeuvre = from_json(settings)?;
+        let mut settings: Manoeuvre = from_json(settings)?;
+        // The page shows the vessel of the logs, and not its ship.
+        settings.scale.get_or_insert(1.0);
         let plan = settings.plan(&self.0).map_err(failed)?;
         let trials = plan.run(&self.0, &mut |_| ControlFlow::Continue(())).map_err(failed)?;
         let Some(trials) = trials else { return Err(JsError::new("the trials were cancelled")) };

@@ -136,9 +136,16 @@ fn identify(
         "no model is the best one, because rollouts of all models diverge: log more experiments, and read report.html",
     )?;
     let name = best.file.as_deref().context("the model has no file")?;
+    let taken = best.name.clone();
     let path = output.join(name.file_name().unwrap_or_default());
     let model = model::read(&path)?;
-    let mut text = summary.grades();
+    // The grades are those of the best model in predictions.
+    let mut text = match &summary.best {
+        Some(best) if *best != taken => {
+            format!("for control; {best}, the best in predictions: {}", summary.grades())
+        }
+        _ => summary.grades(),
+    };
     if summary.for_trials.is_some_and(|found| found.model.is_none()) {
         text += "; trials of no model stay where it can be believed: read report.html before it steers";
     }

@@ -192,6 +192,17 @@ fn from_minutes(
     if 2 * fixes.iter().filter(is_out).count() <= fixes.len() {
         return Ok(());
     }
+    // A longitude is no latitude in minutes.
+    if fixes.iter().all(|[a, b]| a.abs() <= limits[1] && b.abs() <= limits[0]) {
+        return Err(LogError::Unusable {
+            path: path.to_owned(),
+            reason: format!(
+                "latitudes such as {:.4} are beyond 90 degrees, and latitude and longitude seem to be exchanged",
+                fixes[0][0]
+            ),
+            remedy: "exchange latitude and longitude in the section [log.sensors]".to_owned(),
+        });
+    }
     let is_form = |fix: &[f64; 2]| {
         fix.iter().zip(limits).all(|(x, limit)| x.abs() < 100.0 * limit && x.abs() % 100.0 < 60.0)
     };
