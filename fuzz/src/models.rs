@@ -96,7 +96,7 @@ fn described(name: &str, dt: f64, body: Body) -> Model {
                 training: Vec::new(),
                 validation: Vec::new(),
                 settings: serde_json::Value::Null,
-                not_identified: std::collections::BTreeMap::new(),
+                ..Provenance::default()
             },
             bands: None,
             current: None,

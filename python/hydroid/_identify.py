@@ -171,7 +171,7 @@ def identify(
         Design range of channels: (low, high) in SI units, or ``"0:12 [kn]"``; all together ``"u=0:6,r=-20:20 [deg/s]"``.
     log : mapping, optional
         Further keys of ``[log]``: ``dt``, ``max_gap``, ``command_timing``, ``input_delay``, ``keep_towed``,
-        ``sensors``.
+        ``between``, ``exclude``, ``where``, ``sensors``.
     sections : mapping, optional
         Sections of ``hydroid.toml``: ``{"sindy": {"degree": 3}, "network": {"epochs": 100}}``.
     threads : int, optional

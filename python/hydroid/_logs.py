@@ -115,7 +115,8 @@ def prepare(
         Columns of speed and direction of the wind, separated by a comma.
     **options
         Further keys of the section ``[log]`` of ``hydroid.toml``: ``dt``, ``max_gap``, ``command_timing``,
-        ``input_delay``, ``keep_towed``, ``sensors``. Recordings are read with these options, all paths together.
+        ``input_delay``, ``keep_towed``, ``between``, ``exclude``, ``where``, ``sensors``. Recordings are read with these
+        options, all paths together.
 
     Returns
     -------

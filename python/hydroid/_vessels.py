@@ -184,7 +184,7 @@ class Trials(_Figures):
         One record for each figure: ``trial`` (number), ``title``, ``figure``, ``unit``, ``value`` (None if it was not
         reached), ``low`` and ``high`` (5 % and 95 % quantile over the members of the model), ``extrapolated``,
         ``not_valid`` (a reason, or None), and ``limit``, ``passed`` and ``certain`` (whether the whole interval is on the
-        same side) of a criterion of the IMO.
+        same side; None without an interval) of a criterion of the IMO.
     """
 
     _inner: _hydroid.Trials

@@ -416,14 +416,19 @@ pub(crate) fn tables(
         recording::read_logs(&paths, &mut selection, &options, &mut |done| report(control, done))
             .map(|read| (read, selection))
     };
-    let ((read, notes), selection) = work::run(py, None, progress, read)?.map_err(of_log)?;
+    let ((read, mut notes), selection) = work::run(py, None, progress, read)?.map_err(of_log)?;
     reading.selection = selection;
     let mut read = read.into_iter();
     let each = |given: &&Given| match given {
-        Given::Table(log) => Ok(RawLog::clone(log)),
+        Given::Table(log) => {
+            let mut log = RawLog::clone(log);
+            log::keep_parts(&mut log, &reading.selection, reading.options.dt, &mut notes).map_err(of_log)?;
+            Ok(log)
+        }
         Given::Path(_) => read.next().ok_or_else(|| internal("each file has a log")),
     };
-    Ok((given.iter().map(each).collect::<PyResult<_>>()?, notes))
+    let tables = given.iter().map(each).collect::<PyResult<_>>()?;
+    Ok((tables, notes))
 }
 
 /// The table of one log, with all columns of a file.

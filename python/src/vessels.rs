@@ -256,7 +256,7 @@ impl Trials {
                     not_valid: figure.not_valid.as_deref(),
                     limit: figure.criterion.map(|criterion| criterion.limit),
                     passed: figure.criterion.map(|criterion| criterion.passed),
-                    certain: figure.criterion.map(|criterion| criterion.is_certain),
+                    certain: figure.criterion.and_then(|criterion| criterion.is_certain),
                 });
             }
         }

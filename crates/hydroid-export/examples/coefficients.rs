@@ -111,7 +111,7 @@ fn launch() -> Result<Model, Failure> {
                 training: Vec::new(),
                 validation: Vec::new(),
                 settings: serde_json::Value::Null,
-                not_identified: std::collections::BTreeMap::new(),
+                ..Provenance::default()
             },
             bands: None,
             current: None,

@@ -152,12 +152,14 @@ fn summary(subject: &ManoeuvreReport<'_>) -> Section {
     let judged: Vec<&Value> =
         trials.trials.iter().flat_map(|t| &t.figures).filter(|f| f.criterion.is_some()).collect();
     let missed = judged.iter().filter(|f| f.criterion.is_some_and(|c| !c.passed)).count();
-    let open = judged.iter().filter(|f| f.criterion.is_some_and(|c| !c.is_certain)).count();
-    let stable = trials.trials.iter().filter_map(|trial| trial.directionally_stable).collect::<Vec<_>>();
-    let stability = match (stable.is_empty(), stable.iter().all(|stable| *stable)) {
-        (true, _) => "",
-        (false, true) => " The vessel is directionally stable.",
-        (false, false) => " The vessel is not directionally stable.",
+    let open = judged.iter().filter(|f| f.criterion.is_some_and(|c| c.is_certain != Some(true))).count();
+    let is_open = trials.trials.iter().any(|trial| trial.stability_not_decided.is_some());
+    let is = |stable: bool| trials.trials.iter().any(|trial| trial.directionally_stable == Some(stable));
+    let stability = match (is(true), is(false)) {
+        (true, false) if !is_open => " The vessel is directionally stable.",
+        (false, true) if !is_open => " The vessel is not directionally stable.",
+        (false, false) if !is_open => "",
+        _ => " Directional stability is not decided.",
     };
     let (class, heading, words) = if judged.is_empty() {
         (
@@ -174,7 +176,7 @@ fn summary(subject: &ManoeuvreReport<'_>) -> Section {
         if open == 0 {
             ("good", "Criteria met.", words)
         } else {
-            let words = format!("{words} The intervals of {open} reach beyond the limit.");
+            let words = format!("{words} The intervals of {open} reach beyond the limit, or are not known.");
             ("usable", "Criteria met by the estimates.", words)
         }
     } else {
@@ -248,13 +250,14 @@ fn values(subject: &ManoeuvreReport<'_>, trials: &[&Trial]) -> Markup {
                 html! {
                     span class=[missed.then_some("warning")] { (figure.value.map_or_else(|| figure.missing().to_owned(), |value| text(value, 3))) @if figure.extrapolated && figure.value.is_some() { " *" } }
                     @if let Some([low, high]) = figure.interval { br; span.small { (text(low, 3)) " to " (text(high, 3)) } }
+                    @if let Some(reason) = &figure.no_interval { br; span.small { "no interval: " (reason) } }
                 }
             }));
             row.push(cell(unit));
             if limits {
                 let limit = figure.criterion.map(|criterion| {
                     let all = || trials.iter().filter_map(|trial| trial.figures[i].criterion);
-                    let mark = match (all().all(|c| c.passed), all().all(|c| c.is_certain)) {
+                    let mark = match (all().all(|c| c.passed), all().all(|c| c.is_certain == Some(true))) {
                         (true, true) => "✓",
                         (true, false) => "(✓)",
                         (false, _) => "✕",
@@ -275,9 +278,10 @@ fn values(subject: &ManoeuvreReport<'_>, trials: &[&Trial]) -> Markup {
         @for outside in &outside(trials) {
             p.small { "* " (outside) "." }
         }
+        @if let Some(reason) = &first.stability_not_decided { p { "Directional stability is not decided: " (reason) "." } }
         @if let Some(stable) = stable { p { (if stable { "Directionally stable." } else { "Not directionally stable." }) } }
         @if intervals {
-            p.small { "Below each value: 5 % and 95 % quantile over " (first.members) " members of the model." }
+            p.small { "Below each value: 5 % and 95 % quantile over " (first.members) " members of the model. Errors that all of them share are not in them." }
         }
         @if limits { p.small { "Limits for a length of " (text(subject.trials.options.length_m.unwrap_or(f64::NAN), 4)) " m." } }
     }

@@ -125,6 +125,9 @@ pub struct Inspect {
     /// Print only the equations of models, with standard errors of the coefficients, in LaTeX
     #[arg(long)]
     pub latex: bool,
+    /// Write an experiment that adds what the logs lack for identification: a table of commands, each held until the next row (.csv)
+    #[arg(long, value_name = "FILE")]
+    pub plan: Option<PathBuf>,
     #[command(flatten)]
     pub log: Log,
 }

@@ -1,6 +1,7 @@
 //! `hydroid inspect`.
 
 mod black_box;
+mod lacks;
 mod recording;
 
 use std::fs::File;
@@ -35,11 +36,16 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
         let file = file.display();
         bail!("{file} is no log: if it is the file to be written, give it as --write-config={file}");
     }
-    let reading = args.log.clone().over(Reading::default(), &Boat::default())?;
+    let reading_of_all = args.log.clone().over(Reading::default(), &Boat::default())?;
+    let names: Vec<String> = args.files.iter().map(|file| file.display().to_string()).collect();
+    reading_of_all.selection.parts.check_names(&names)?;
     let mut documents = Vec::new();
+    let mut all_runs = Vec::new();
     // Recordings of one vessel have one file of configuration, from the first of them.
     let mut write_config = args.write_config.as_deref();
-    for file in &args.files {
+    for (file, name) in args.files.iter().zip(&names) {
+        let mut reading = reading_of_all.clone();
+        reading.selection.parts = reading.selection.parts.of_log(name);
         if is_black_box(file) {
             if args.latex {
                 bail!("{} is a black box: --latex prints the equations of models", file.display());
@@ -96,21 +102,38 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
             if global.json {
                 let mut document = serde_json::to_value(&inspection)?;
                 document["trials"] = json!(trials);
+                document["excitation"] = lacks::json(&runs);
                 documents.push(document);
             } else {
                 show_log(&inspection);
                 show_trials(&trials);
+                // Logs are identified together: what one of them lacks, another one may have.
+                if args.files.len() == 1 {
+                    lacks::show(&runs);
+                }
                 ui::print_notes(&notes, global);
             }
+            all_runs.extend(runs);
         }
+    }
+    if args.files.len() > 1 && !all_runs.is_empty() && !global.json {
+        outln!("\nall logs together:");
+        lacks::show(&all_runs);
+    }
+    if let Some(path) = &args.plan {
+        lacks::write_plan(path, &all_runs, global)?;
     }
     if global.json {
-        match documents.as_slice() {
-            [one] => super::print_json(one)?,
-            many => super::print_json(&many)?,
-        }
+        print_documents(&documents)?;
     }
     Ok(Outcome::Done)
+}
+
+fn print_documents(documents: &[serde_json::Value]) -> anyhow::Result<()> {
+    match documents {
+        [one] => super::print_json(one),
+        many => super::print_json(&many),
+    }
 }
 
 /// A manoeuvring trial in a log.

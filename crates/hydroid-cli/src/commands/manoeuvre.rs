@@ -135,10 +135,11 @@ fn print(model: &Model, trials: &Trials) {
         outln!("{}{}", trial.kind.title(&trials.inputs), members(trial));
         for figure in &trial.figures {
             let (name, unit) = figure.name_and_unit();
-            let value =
-                figure.value.map_or_else(|| figure.missing().to_owned(), |value| format!("{value:.2}"));
-            let interval =
-                figure.interval.map(|[low, high]| format!("   {low:.2} to {high:.2}")).unwrap_or_default();
+            let unit = if figure.value.is_some() { unit } else { "" };
+            let value = figure.value.map_or_else(|| figure.missing().to_owned(), fixed);
+            let interval = figure.interval.map(|[low, high]| format!("   {} to {}", fixed(low), fixed(high)));
+            let none = figure.no_interval.as_ref().map(|reason| format!("   no interval: {reason}"));
+            let interval = interval.or(none).unwrap_or_default();
             let criterion = figure
                 .criterion
                 .map(|c| format!("   limit {:.2}: {}", c.limit, c.words()))
@@ -149,6 +150,9 @@ fn print(model: &Model, trials: &Trials) {
         }
         if let Some(stable) = trial.directionally_stable {
             outln!("  {}", if stable { "directionally stable" } else { "not directionally stable" });
+        }
+        if let Some(reason) = &trial.stability_not_decided {
+            outln!("  directional stability is not decided: {reason}");
         }
         print_limits(trial);
     }
@@ -169,8 +173,16 @@ fn print_limits(trial: &Trial) {
 fn members(trial: &Trial) -> String {
     match trial.members {
         0 => String::new(),
-        members => format!(" (intervals: 5 % to 95 % of {members} members)"),
+        members => format!(
+            " (intervals: 5 % to 95 % of {members} members; errors that all of them share are not in them)"
+        ),
     }
+}
+
+/// A number with two decimals, without a negative zero.
+fn fixed(value: f64) -> String {
+    let text = format!("{value:.2}");
+    if text == "-0.00" { "0.00".to_owned() } else { text }
 }
 
 fn manoeuvre_approach(model: &Model, trials: &Trials) -> String {

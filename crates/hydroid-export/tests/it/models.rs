@@ -43,7 +43,7 @@ pub(crate) fn model(name: &str, body: Body) -> Model {
                 training: vec![String::from("a.csv")],
                 validation: Vec::new(),
                 settings: json!({}),
-                not_identified: std::collections::BTreeMap::new(),
+                ..Provenance::default()
             },
         },
         body,

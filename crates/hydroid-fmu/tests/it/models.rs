@@ -33,7 +33,7 @@ pub(crate) fn model(body: Body) -> Model {
         training: Vec::new(),
         validation: Vec::new(),
         settings: serde_json::json!({}),
-        not_identified: std::collections::BTreeMap::new(),
+        ..Provenance::default()
     };
     let description = Description {
         name: String::from("test"),

@@ -377,7 +377,7 @@ impl Explored {
         missing
     }
 
-    fn scales(&self) -> [f64; 2] {
+    pub(super) fn scales(&self) -> [f64; 2] {
         self.time_scales.unwrap_or([ASSUMED_S; 2])
     }
 
@@ -405,6 +405,10 @@ impl Explored {
         rng: &mut impl Rng,
     ) -> f64 {
         self.turn.least_explored([-limit, limit], |_| 1.0, excluded, rng)
+    }
+
+    pub(super) fn allocation(&self) -> &Allocation {
+        &self.allocation
     }
 
     /// Whether this describes the same inputs.

@@ -53,7 +53,7 @@ pub(crate) fn model() -> Model {
                 training: Vec::new(),
                 validation: Vec::new(),
                 settings: serde_json::Value::Null,
-                not_identified: std::collections::BTreeMap::new(),
+                ..Provenance::default()
             },
         },
         body: Body::Equations(Arc::new(equations)),

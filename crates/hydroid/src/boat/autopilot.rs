@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::{Boat, Evidence, Input, Property, Role};
-use crate::log::{Neutral, NeutralBy};
+use crate::log::Neutral;
 
 /// A function of an output of ArduPilot (`SERVOn_FUNCTION`) that is reversible: its neutral position is within its limits.
 pub(crate) struct Function {
@@ -220,14 +220,7 @@ impl Finder<'_> {
     }
 
     fn neutral_of(&mut self, neutral: &Neutral) {
-        let evidence = match neutral.found {
-            NeutralBy::MostCommon => Evidence::Log("the most common value of the recording".to_owned()),
-            NeutralBy::First => Evidence::Log("the first value of the recording".to_owned()),
-            NeutralBy::Convention => {
-                Evidence::Log("usual for a pulse width: the recording has no rest".to_owned())
-            }
-        };
-        self.neutral(neutral.value, evidence);
+        self.neutral(neutral.value, Evidence::Log(neutral.words().to_owned()));
     }
 
     fn pulses(&mut self, neutral: &Neutral, seen: &Range) {

@@ -1,17 +1,19 @@
 //! From logs and settings to the job of an identification.
 
 use super::Config;
-use crate::boat::{Boat, BoatError};
+use crate::boat::{Boat, BoatError, Evidence, Property};
 use crate::craft::CraftFile;
 use crate::identify::{HORIZON, Job, Method, NetworkTrainingOptions, default_horizon, input_ranges};
 use crate::key::key;
 use crate::log::line::locate;
+use crate::log::pulses::{Pulses, is_stated};
 use crate::log::units::Unit;
 use crate::log::{
-    self, Channel, ChannelSpec, InputDelay, LogError, Note, PrepareOptions, RawLog, Selection, Split,
-    Trajectory, split_named,
+    self, Channel, ChannelSpec, InputDelay, LogError, Note, PrepareOptions, RawColumn, RawLog, Selection,
+    Split, Trajectory, split_named,
 };
 use crate::model::Reading;
+use crate::recording::is_speed;
 
 /// Origins of a cross-validation: more of them change the errors in the third digit only.
 const CROSS_VALIDATION_ORIGINS: usize = 10_000;
@@ -89,7 +91,7 @@ impl Config {
         if let Some(first) = split.train.first() {
             let names: Vec<&str> = first.inputs.channels().iter().map(|c| c.name.as_str()).collect();
             if let Some(log) = logs.train.first() {
-                state_units(&mut boat, log, &reading.selection, first.inputs.channels());
+                state_columns(&mut boat, log, &reading.selection, first.inputs.channels());
             }
             for (name, range) in identify.limit.iter().filter(|(_, range)| range.unit.is_some()) {
                 let channel = first.inputs.channels().iter().find(|channel| channel.name == *name);
@@ -150,8 +152,9 @@ impl Config {
     }
 }
 
-/// States the units of the columns that are not those of the model, as of a rudder in degrees, where the boat has none.
-fn state_units(boat: &mut Boat, log: &RawLog, selection: &Selection, channels: &[Channel]) {
+/// States the units of the columns that are not those of the model, as of a rudder in degrees, and the neutral positions of pulse
+/// widths, where the boat has none.
+fn state_columns(boat: &mut Boat, log: &RawLog, selection: &Selection, channels: &[Channel]) {
     for channel in channels {
         let named = selection.inputs.iter().find(|spec| spec.name == channel.name).cloned();
         let spec = named.unwrap_or_else(|| ChannelSpec::named(&channel.name));
@@ -159,6 +162,15 @@ fn state_units(boat: &mut Boat, log: &RawLog, selection: &Selection, channels: &
             continue;
         }
         let Some((column, spec)) = locate(log, &spec) else { continue };
+        let RawColumn { name, unit, values, .. } = &log.columns[column];
+        let neutral = Pulses::of(values).neutral(is_stated(name, unit.as_deref()));
+        if let Some(neutral) =
+            neutral.filter(|_| boat.inputs.get(&channel.name).is_none_or(|of| of.neutral.is_none()))
+        {
+            let input = boat.inputs.entry(channel.name.clone()).or_default();
+            input.neutral = Some(neutral.value);
+            input.found.insert(Property::Neutral, Evidence::Log(neutral.words().to_owned()));
+        }
         let text = spec.unit.as_ref().or(log.columns[column].unit.as_ref());
         let Some(unit) = text.and_then(|text| Unit::parse(text).ok()) else { continue };
         if unit.is_known() && unit.factor != 1.0 && unit.si == channel.unit {
@@ -193,6 +205,7 @@ fn split(
 ) -> Result<(Split, Reading, Vec<Note>), LogError> {
     let prepared = log::prepare(logs.all(), &reading.selection, &reading.options)?;
     let mut notes = prepared.notes;
+    notes.extend(unsigned_speed(&prepared.selection, &prepared.runs));
     let mut steps = Vec::new();
     for log in logs.all() {
         let inspection = log::inspect(log, &reading.selection, &reading.options)?;
@@ -225,6 +238,19 @@ fn split(
         split_named(train, validate, test)?
     };
     Ok((split, reading, notes))
+}
+
+/// A warning of a surge that is a speed, which has no sign.
+fn unsigned_speed(selection: &Selection, runs: &[Trajectory]) -> Option<Note> {
+    let (at, spec) = selection.outputs.iter().enumerate().find(|(_, spec)| spec.name == "u")?;
+    let is_signed = || runs.iter().flat_map(|run| run.outputs.column(at)).any(|u| u < 0.0);
+    (is_speed(&spec.column) && !is_signed()).then(|| {
+        Note::warning(format!(
+            "`u` is the speed `{}`, which is never below 0: it does not tell astern from ahead, and contains the sway",
+            spec.column
+        ))
+        .with_remedy("with a position or a course, and a heading or a yaw rate, name them in the section [log.sensors]; otherwise use the model ahead only, and without sway")
+    })
 }
 
 /// Converts an input delay from samples to seconds, so that the model applies to logs of any rate.

@@ -5,7 +5,10 @@
 use serde::{Deserialize, Serialize};
 
 use crate::boat::{Boat, BoatError};
-use crate::log::{ChannelSpec, CommandTiming, InputDelay, PrepareOptions, Selection, Sensors, Wind};
+use crate::log::{
+    ChannelSpec, CommandTiming, Condition, InputDelay, Parts, PrepareOptions, Selection, Sensors, Stretch,
+    Wind,
+};
 use crate::model::Reading;
 use crate::written;
 
@@ -50,10 +53,23 @@ pub struct Log {
     #[cfg_attr(feature = "arguments", arg(long, value_name = "S", allow_negative_numbers = true, help_heading = READING))]
     #[serde(alias = "max_gap_s")]
     pub max_gap: Option<f64>,
-    /// Keep towed parts at the ends of a log: commands zero for at least 20 s while the speed increases (default: removed)
+    /// Keep towed and carried parts of a log: commands zero for at least 20 s while the speed increases (default: removed)
     #[cfg_attr(feature = "arguments", arg(long, help_heading = READING))]
     #[serde(skip_serializing_if = "written::is_off")]
     pub keep_towed: bool,
+    /// Parts of the logs to use: START:END in seconds (120:480, 600:), stamps (2024-05-01T10:00:00Z/2024-05-01T10:20:00Z), with
+    /// the name of one log day1.csv=120:480 (default: all)
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "LIST", value_delimiter = ',', allow_hyphen_values = true, help_heading = READING))]
+    #[serde(deserialize_with = "written::list", skip_serializing_if = "Vec::is_empty")]
+    pub between: Vec<Stretch>,
+    /// Parts not to use, in the same form: on a trailer, lifted out, towed, adrift
+    #[cfg_attr(feature = "arguments", arg(long, value_name = "LIST", value_delimiter = ',', allow_hyphen_values = true, help_heading = READING))]
+    #[serde(deserialize_with = "written::list", skip_serializing_if = "Vec::is_empty")]
+    pub exclude: Vec<Stretch>,
+    /// Use the rows for which a condition on columns of the log holds: 'MODE.Mode == 10 && (armed || speed > 0.5)'
+    #[cfg_attr(feature = "arguments", arg(id = "where", long = "where", value_name = "CONDITION", help_heading = READING))]
+    #[serde(rename = "where")]
+    pub condition: Option<Condition>,
     /// Sample time to resample to [s] (default: that of the log), or of a log without a time column
     #[cfg_attr(feature = "arguments", arg(long, value_name = "S", allow_negative_numbers = true, help_heading = READING))]
     pub dt: Option<f64>,
@@ -82,6 +98,7 @@ impl Log {
                 wind: self.wind.or(selection.wind),
                 heading: self.heading.or(heading),
                 sensors: self.sensors.or(sensors),
+                parts: Parts { between: self.between, exclude: self.exclude, condition: self.condition },
             },
             options: PrepareOptions {
                 dt: self.dt.or(options.dt),

@@ -288,7 +288,7 @@ fn try_identify(job: &Job, watch: OnStage<'_>) -> Result<IdentifyResult, Identif
     warnings.extend(verdict::warnings(shown, &verdicts, &data, &job.split.test));
     warnings.extend(collinearity::warnings(shown, &data, &job.split.train));
     Ok(IdentifyResult {
-        for_trials: ForTrials::of(&candidates, &parts.train).filter(|_| missing.is_none()),
+        for_trials: ForTrials::of(&mut candidates, &parts.train).filter(|_| missing.is_none()),
         candidates,
         best,
         verdicts,

@@ -10,6 +10,9 @@ use crate::plant::{InputMap, PlantError, Simulation};
 /// Change of heading at which the zigzag is reversed \[rad\]: 20 degrees.
 const REVERSED: f64 = 0.35;
 
+/// Why a vessel has no trials ahead.
+const ASTERN: &str = "in the training runs the vessel moves astern for most of the time: check the signs of u and of the heading";
+
 /// Longest trial \[s\].
 const LONGEST_S: f64 = 3_600.0;
 
@@ -27,19 +30,23 @@ pub struct ForTrials {
 }
 
 impl ForTrials {
-    /// `None` where no model has a motion that inputs steer.
-    pub(super) fn of(candidates: &[Candidate], train: &[&Trajectory]) -> Option<Self> {
+    /// `None` where no model has a motion that inputs steer. The reasons become part of the models.
+    pub(super) fn of(candidates: &mut [Candidate], train: &[&Trajectory]) -> Option<Self> {
         let speed_m_s = usual_speed(train)?;
         let maps: Vec<_> = candidates.iter().map(|candidate| InputMap::find(&candidate.model)).collect();
         if maps.iter().all(Result::is_err) {
             return None;
         }
         let why = |(candidate, map): (&Candidate, Result<InputMap, PlantError>)| match map {
+            _ if speed_m_s <= 0.0 => Some(ASTERN.to_owned()),
             Ok(map) => why_not(&candidate.model, &map, speed_m_s),
             Err(error) => Some(error.to_string()),
         };
         let not_valid: Vec<Option<String>> = candidates.iter().zip(maps).map(why).collect();
         let best = select_among(candidates, |i| not_valid[i].is_none());
+        for (candidate, reason) in candidates.iter_mut().zip(&not_valid) {
+            candidate.model.description.provenance.not_for_trials.clone_from(reason);
+        }
         Some(Self { best, not_valid })
     }
 }
@@ -51,7 +58,7 @@ fn usual_speed(train: &[&Trajectory]) -> Option<f64> {
     let mut speeds: Vec<f64> =
         train.iter().flat_map(|run| run.outputs.column(place)).filter(|u| u.is_finite()).collect();
     speeds.sort_by(f64::total_cmp);
-    speeds.get(3 * speeds.len() / 4).copied().filter(|speed| *speed > 0.0)
+    speeds.get(3 * speeds.len() / 4).copied()
 }
 
 /// Why the trials of a model are not valid.

@@ -340,7 +340,7 @@ fn describe(
                 training: names(&job.split.train),
                 validation: names(&job.split.validation),
                 settings,
-                not_identified: std::collections::BTreeMap::new(),
+                ..Provenance::default()
             },
         },
         body,

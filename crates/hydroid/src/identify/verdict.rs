@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::data_summary::ChannelSummary;
 use super::{Candidate, SindyOptions};
-use crate::evaluate::{Evaluation, MIN_WINDOWS};
+use crate::evaluate::{Evaluation, MIN_WINDOWS, RunErrors};
 use crate::key::key;
 use crate::log::{Note, Trajectory};
 use crate::sindy;
@@ -145,6 +145,7 @@ pub(super) fn warnings(
             ),
         );
     }
+    notes.extend(contradictions(test, verdicts));
     // Too few windows are a note of their own.
     let is_constant = |v: &&Verdict| v.grade == Grade::NotJudged && test.independent >= MIN_WINDOWS;
     for verdict in verdicts.iter().filter(is_constant) {
@@ -203,6 +204,42 @@ pub(super) fn warnings(
         search_warnings(found, &mut notes);
     }
     notes
+}
+
+/// Multiple of the error of persistence in a part of the runs from which a model that is better on the whole contradicts it.
+const CONTRADICTS: f64 = 3.0;
+
+/// Parts of the runs in which an output does not follow the commands as it does elsewhere: the model is worse there than on the
+/// whole, and by far worse than no change.
+fn contradictions(judged: &Evaluation, verdicts: &[Verdict]) -> Vec<Note> {
+    let is_told = |verdict: &Verdict| [Grade::Good, Grade::Usable].contains(&verdict.grade);
+    let of_run = |run: &RunErrors| {
+        let errors = verdicts.iter().zip(run.nrmse.iter().zip(&run.persistence));
+        let worse = errors.filter(|(verdict, (nrmse, persistence))| {
+            is_told(verdict) && **nrmse > verdict.nrmse && **nrmse > CONTRADICTS * **persistence
+        });
+        let texts: Vec<String> = worse
+            .map(|(verdict, (nrmse, persistence))| {
+                format!(
+                    "the NRMSE of {} is {nrmse:.2} and that of persistence {persistence:.2}",
+                    verdict.channel
+                )
+            })
+            .collect();
+        (!texts.is_empty()).then(|| {
+            Note::warning(format!(
+                "{}: the motion does not follow the commands as elsewhere: {}",
+                run.run,
+                texts.join(", ")
+            ))
+            .with_remedy(format!(
+                "if the vessel was not sailed there, as with its propulsion switched off, moored or on a trailer, leave this part out ({})",
+                key("exclude")
+            ))
+        })
+    };
+    // Of a single run, there is no elsewhere.
+    judged.by_run.iter().filter(|_| judged.by_run.len() > 1).filter_map(of_run).collect()
 }
 
 fn search_warnings(found: &SearchResult, notes: &mut Vec<Note>) {

@@ -54,6 +54,9 @@ pub(crate) struct Columns<'a> {
 /// Largest plausible time \[s\]: seconds since 1970 are 1.7e9, milliseconds are 1.7e12.
 const LONGEST_TIME_S: f64 = 1e12;
 
+/// Seconds from which on a time counts from 1970: 2001-09-09.
+pub(crate) const SINCE_1970_S: f64 = 1e9;
+
 /// Columns of a log, from which some rows are dropped.
 struct Taker<'a, 'b> {
     origin: Origin<'a, 'b>,
@@ -205,12 +208,14 @@ impl<'a> Columns<'a> {
         self.t.len()
     }
 
-    pub(crate) fn keep(&mut self, rows: Range<usize>) {
+    /// Leaves some rows.
+    pub(crate) fn keep(&mut self, rows: &[bool]) {
         let values = self.outputs.iter_mut().chain(&mut self.inputs).chain(self.truth.iter_mut().flatten());
         for values in values.chain(&mut self.heading).chain([&mut self.t]) {
-            keep_rows(values, rows.clone());
+            let mut used = rows.iter();
+            values.to_mut().retain(|_| used.next() == Some(&true));
         }
-        self.lines.keep(rows);
+        self.lines = self.lines.of(rows);
     }
 }
 
@@ -274,6 +279,21 @@ fn times<'a>(taker: &mut Taker<'a, '_>, time: &Time) -> Cow<'a, [f64]> {
     let start = column.values.iter().copied().find(|x| !x.is_nan()).unwrap_or(0.0);
     // Seconds since 1970 resolve a quarter of a microsecond: rounding restores whole microseconds.
     taker.convert(source.column, Some(|x: f64| ((x - start) * 1e6).round() / 1e6))
+}
+
+/// Time \[s\] of every row, NaN where it is missing, and the seconds since 1970 at its zero, if they are known.
+pub(super) fn row_times(log: &RawLog, time: &Time) -> (Vec<f64>, Option<f64>) {
+    let source = match time {
+        Time::Even(dt) => return ((0..log.rows()).map(|k| k as f64 * dt).collect(), None),
+        Time::Column { source, .. } => source,
+    };
+    let column = &log.columns[source.column];
+    let first = column.values.iter().copied().find(|x| !x.is_nan()).unwrap_or(0.0);
+    if column.stamps.is_some() {
+        return (column.values.iter().map(|x| ((x - first) * 1e6).round() / 1e6).collect(), Some(first));
+    }
+    let t = column.values.iter().map(|x| source.si(*x)).collect();
+    (t, (source.si(first) >= SINCE_1970_S).then_some(0.0))
 }
 
 /// Rows without a time, and rows that repeat the row before in every column.
@@ -353,7 +373,12 @@ fn check_direction(
 
 /// The column of a source, if all its cells are numbers or blank.
 pub(crate) fn checked<'a>(log: &'a RawLog, source: &Source) -> Result<&'a RawColumn, LogError> {
-    let column = &log.columns[source.column];
+    checked_column(log, source.column)
+}
+
+/// A column, if all its cells are numbers or blank.
+pub(super) fn checked_column(log: &RawLog, column: usize) -> Result<&RawColumn, LogError> {
+    let column = &log.columns[column];
     match (&column.bad, &column.stamps) {
         (bad, Some(stamp)) if bad.as_ref().is_none_or(|bad| bad.line > stamp.line) => {
             Err(LogError::TextInNumbers {

@@ -109,7 +109,7 @@ pub enum LogError {
     NoTime { path: String, columns: String },
     #[error(
         "{path}: no columns u, v, r to take as outputs; name the measured columns, for example {}. Its columns are: {columns}",
-        key("outputs").is("u=SPEED,r=YAWRATE")
+        key("outputs").is("u=SURGE,r=YAWRATE")
     )]
     NoOutputs { path: String, columns: String },
     #[error(

@@ -1,7 +1,5 @@
 //! Line numbers of rows.
 
-use std::ops::Range;
-
 /// The line of each row in a file, from 1. Rows mostly follow each other: the lines are stored as runs of consecutive
 /// ones.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -55,8 +53,9 @@ impl Lines {
         }
     }
 
-    pub(super) fn keep(&mut self, rows: Range<usize>) {
-        *self = self.iter().skip(rows.start).take(rows.len()).collect();
+    /// The lines of some rows.
+    pub(super) fn of(&self, rows: &[bool]) -> Self {
+        self.iter().zip(rows).filter(|(_, used)| **used).map(|(line, _)| line).collect()
     }
 }
 
@@ -88,9 +87,8 @@ mod tests {
             let mut joined: Lines = all[..cut].iter().copied().collect();
             joined.append(&all[cut..].iter().map(|line| line - 1).collect(), 1);
             prop_assert_eq!(&joined, &lines);
-            let mut kept = lines.clone();
-            kept.keep(cut / 2..cut);
-            prop_assert_eq!(kept.iter().collect::<Vec<_>>(), all[cut / 2..cut].to_vec());
+            let used: Vec<bool> = (0..all.len()).map(|row| (cut / 2..cut).contains(&row)).collect();
+            prop_assert_eq!(lines.of(&used).iter().collect::<Vec<_>>(), all[cut / 2..cut].to_vec());
         }
     }
 }

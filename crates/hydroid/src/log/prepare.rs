@@ -1,6 +1,6 @@
 //! Preparation of logs: conversion to runs on a regular clock.
 //!
-//! For each file: select columns, convert units, reject impossible values, remove towed ends, estimate the clock, split
+//! For each file: select columns, convert units, reject impossible values, remove towed parts, estimate the clock, split
 //! at jumps in time, resample parts with an irregular clock, hold and shift the commands, and cut where an output is
 //! missing for longer than the gap limit. A [`Note`] reports each change.
 
@@ -14,6 +14,7 @@ use super::error::LogError;
 use super::file::File;
 use super::heading;
 use super::note::Note;
+use super::parts::Parts;
 use super::resolve::{self, Resolved};
 use super::sanity;
 use super::selection::Selection;
@@ -35,7 +36,7 @@ pub struct PrepareOptions {
     pub command_timing: CommandTiming,
     /// Delay between the logging and the effect of a command.
     pub input_delay: InputDelay,
-    /// Whether to keep towed ends: all commands are zero for 20 s or longer while the speed of the vessel grows.
+    /// Whether to keep towed parts: all commands are zero for 20 s or longer while the speed of the vessel grows.
     pub keep_towed: bool,
 }
 
@@ -104,6 +105,7 @@ pub(super) fn prepare_logs(
     }
     let selection = Selection {
         heading: heading::choose(&selection, &resolved[0], &logs[0], &mut runs, &mut notes),
+        parts: Parts::default(),
         ..selection
     };
     let path = if logs.len() == 1 { logs[0].path.clone() } else { format!("the {} logs", logs.len()) };

@@ -43,7 +43,25 @@ pub(crate) struct Pulses {
     is_other: bool,
 }
 
+impl Neutral {
+    /// How it was found, in words.
+    pub(crate) const fn words(&self) -> &'static str {
+        match self.found {
+            NeutralBy::MostCommon => "the most common value of the recording",
+            NeutralBy::First => "the first value of the recording",
+            NeutralBy::Convention => "usual for a pulse width: the recording has no rest",
+        }
+    }
+}
+
 impl Pulses {
+    /// Those of a column.
+    pub(crate) fn of(values: &[f64]) -> Self {
+        let mut pulses = Self::default();
+        values.iter().filter(|x| !x.is_nan()).for_each(|x| pulses.add(*x));
+        pulses
+    }
+
     pub(crate) fn add(&mut self, x: f64) {
         if self.is_other {
             return;

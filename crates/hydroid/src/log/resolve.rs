@@ -245,7 +245,8 @@ fn unused(log: &RawLog, resolved: &Resolved) -> Option<Note> {
 }
 
 /// Names of a column of time that is not named by the selection.
-pub(crate) const TIME_NAMES: [&str; 5] = ["t", "time", "t_s", "timestamp", "time_s"];
+pub(crate) const TIME_NAMES: [&str; 8] =
+    ["t", "time", "t_s", "timestamp", "time_s", "datetime", "date_time", "zeit"];
 
 pub(crate) fn is_command_name(name: &str) -> bool {
     name.ends_with("_cmd") || name.ends_with("_ang")
@@ -437,6 +438,19 @@ fn source(log: &RawLog, spec: &ChannelSpec, role: Role, notes: &mut Vec<Note>) -
             .map(|(_, text)| Unit::parse(text).map_err(failed))
             .transpose()?,
     };
+    if let (Some(header), None) = (header.as_ref().filter(|_| raw.unit.is_some()), &stated)
+        && let Some((_, text)) = units::from_name(&raw.name, role == Role::Time)
+        && let Ok(named) = Unit::parse(text)
+        && header.to(&named).is_ok_and(|same| (same - 1.0).abs() > 1e-9)
+    {
+        notes.push(
+            Note::warning(format!(
+                "{}: the name of `{}` says {} and its header {}: {} is used",
+                log.path, raw.name, named.text, header.text, header.text
+            ))
+            .with_remedy(format!("state the right one: {}=\"{} [{}]\"", spec.name, raw.name, named.text)),
+        );
+    }
     let vague = |h: &Unit| h.is_doubtful() || !h.is_known();
     let header = header.filter(|h| !(vague(h) && stated.as_ref().is_some_and(Unit::is_known)));
     // The formula is of values in its unit.

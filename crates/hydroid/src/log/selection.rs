@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 use super::csv::{RawLog, name_and_unit};
 use super::error::LogError;
+use super::parts::Parts;
 use super::sensors::Sensors;
 
 /// A channel and the column it comes from, as written on the command line or in `hydroid.toml`: `NAME`, `NAME=COLUMN`,
@@ -233,6 +234,9 @@ pub struct Selection {
     /// Sensors from which `u`, `v` and `r` are computed, for logs that do not contain them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sensors: Option<Sensors>,
+    /// Parts of the logs that are used. They are those of these logs: a model does not contain them.
+    #[serde(skip)]
+    pub parts: Parts,
 }
 
 impl Selection {

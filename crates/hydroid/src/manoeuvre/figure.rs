@@ -27,6 +27,9 @@ pub struct Figure {
     /// 5 % and 95 % quantile over the members of the ensemble or committee.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub interval: Option<[f64; 2]>,
+    /// Why there is none, although there are members.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub no_interval: Option<String>,
     /// Criterion of IMO resolution MSC.137(76).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub criterion: Option<Criterion>,
@@ -39,19 +42,21 @@ pub struct Criterion {
     pub limit: f64,
     /// Whether the value is within the limit.
     pub passed: bool,
-    /// Whether the whole interval is on the same side of the limit.
+    /// Whether the whole interval is on the same side of the limit; `None` without an interval.
     #[serde(rename = "certain")]
-    pub is_certain: bool,
+    pub is_certain: Option<bool>,
 }
 
 impl Criterion {
     /// Whether the limit is kept, in words.
     pub const fn words(&self) -> &'static str {
         match (self.passed, self.is_certain) {
-            (true, true) => "passed",
-            (true, false) => "passed, but the interval reaches beyond it",
-            (false, true) => "missed",
-            (false, false) => "missed, but the interval reaches within it",
+            (true, Some(true)) => "passed",
+            (true, Some(false)) => "passed, but the interval reaches beyond it",
+            (true, None) => "passed, by an estimate without an interval",
+            (false, Some(true)) => "missed",
+            (false, Some(false)) => "missed, but the interval reaches within it",
+            (false, None) => "missed, by an estimate without an interval",
         }
     }
 }
@@ -66,6 +71,7 @@ impl Figure {
             extrapolated: false,
             at_s: None,
             interval: None,
+            no_interval: None,
             criterion: None,
         }
     }
@@ -105,8 +111,7 @@ impl Figure {
     pub(super) fn limit(&mut self, limit: f64) {
         self.criterion = self.value.map(|value| {
             let passed = value <= limit;
-            let is_certain =
-                self.interval.is_none_or(|ends| ends.iter().all(|end| (*end <= limit) == passed));
+            let is_certain = self.interval.map(|ends| ends.iter().all(|end| (*end <= limit) == passed));
             Criterion { limit, passed, is_certain }
         });
     }
@@ -157,20 +162,26 @@ const LEAST_MEMBERS: usize = 5;
 /// Quantiles of an interval.
 const QUANTILES: [f64; 2] = [0.05, 0.95];
 
-/// Sets the intervals of figures from those of members, and gives the number of members; 0 if they are too few.
-pub(super) fn set_intervals(figures: &mut [Figure], members: &[&[Figure]]) -> usize {
+/// Sets the intervals of figures from those of members, and gives the number of members; 0 if they are too few. Members that do
+/// not reach a figure may lie beyond either end: the quantiles are farther out by their share, and more of them than lie beyond
+/// an end leave no interval. `all` counts the members with those that have no such trial.
+pub(super) fn set_intervals(figures: &mut [Figure], members: &[&[Figure]], all: usize) -> usize {
     if members.len() < LEAST_MEMBERS {
         return 0;
     }
     for (i, figure) in figures.iter_mut().enumerate() {
         let mut values: Vec<f64> = members.iter().filter_map(|other| other[i].value).collect();
-        // An interval over the members that reach the value would hide the others.
-        if values.len() == members.len() && figure.value.is_some() {
-            values.sort_unstable_by(f64::total_cmp);
-            let [low, high] = QUANTILES.map(|q| quantile(&values, q));
-            // The estimate is not that of a member, and may lie beside all of them.
-            figure.interval = figure.value.map(|value| [low.min(value), high.max(value)]);
+        let Some(value) = figure.value else { continue };
+        let missing = (all - values.len()) as f64 / all as f64;
+        if missing > QUANTILES[0] {
+            let (missing, words) = (all - values.len(), if all - values.len() == 1 { "does" } else { "do" });
+            figure.no_interval = Some(format!("{missing} of {all} members {words} not reach it"));
+            continue;
         }
+        values.sort_unstable_by(f64::total_cmp);
+        let [low, high] = [QUANTILES[0] - missing, QUANTILES[1] + missing].map(|q| quantile(&values, q));
+        // The estimate is not that of a member, and may lie beside all of them.
+        figure.interval = Some([low.min(value), high.max(value)]);
     }
     members.len()
 }
@@ -270,9 +281,53 @@ impl Figures for Stopping {
     }
 }
 
+/// Directional stability of a vessel: that of its model, if as many members agree as an interval holds. Else why it is not decided.
+pub(super) fn stability(
+    own: Option<bool>,
+    members: &[Option<bool>],
+    all: usize,
+) -> (Option<bool>, Option<String>) {
+    let Some(stable) = own else { return (None, None) };
+    let agree = members.iter().filter(|other| **other == own).count();
+    if members.len() < LEAST_MEMBERS || agree as f64 >= QUANTILES[1] * all as f64 {
+        return (own, None);
+    }
+    let is = if stable { "is" } else { "is not" };
+    (None, Some(format!("the model {is} directionally stable, and {agree} of {all} members agree")))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn members_that_do_not_reach_a_figure_widen_its_interval_or_leave_none() {
+        let of = |value: Option<f64>| vec![Figure::new("advance_m", value)];
+        let interval = |missing: usize, without_trial: usize| {
+            let members: Vec<Vec<Figure>> =
+                (0..=100).map(|k| of((k >= missing).then_some(k as f64))).collect();
+            let members: Vec<&[Figure]> = members.iter().map(|figures| &figures[..]).collect();
+            let mut figures = of(Some(50.0));
+            let count = set_intervals(&mut figures, &members[without_trial..], 101);
+            (count, figures[0].interval, figures[0].no_interval.clone())
+        };
+        assert_eq!(interval(0, 0), (101, Some([5.0, 95.0]), None));
+        let (_, widened, _) = interval(2, 0);
+        assert!(widened.is_some_and(|[low, high]| low < 5.1 && high > 96.0), "{widened:?}");
+        let reason = || Some("20 of 101 members do not reach it".to_owned());
+        assert_eq!(interval(20, 0), (101, None, reason()));
+        assert_eq!(interval(0, 20), (81, None, reason()));
+    }
+
+    #[test]
+    fn stability_is_decided_if_the_members_agree() {
+        let members = |stable: usize| -> Vec<Option<bool>> { (0..100).map(|k| Some(k < stable)).collect() };
+        assert_eq!(stability(Some(true), &members(97), 100), (Some(true), None));
+        assert_eq!(stability(Some(false), &[], 0), (Some(false), None));
+        let (stable, reason) = stability(Some(false), &members(60), 100);
+        assert_eq!(stable, None);
+        assert_eq!(reason.unwrap(), "the model is not directionally stable, and 40 of 100 members agree");
+    }
 
     #[test]
     fn a_criterion_is_certain_if_the_whole_interval_is_on_one_side() {
@@ -281,7 +336,7 @@ mod tests {
             figure.limit(25.0);
             figure.criterion.unwrap().words()
         };
-        assert_eq!(judged(20.0, None), "passed");
+        assert_eq!(judged(20.0, None), "passed, by an estimate without an interval");
         assert_eq!(judged(20.0, Some([18.0, 24.9])), "passed");
         assert_eq!(judged(20.0, Some([18.0, 25.1])), "passed, but the interval reaches beyond it");
         assert_eq!(judged(26.0, Some([24.0, 28.0])), "missed, but the interval reaches within it");

@@ -201,7 +201,7 @@ fn comparison(
     let members: Vec<(Vec<Figure>, Track)> =
         Simulation::of_members(model)?.into_par_iter().map(prediction).collect();
     let of_members: Vec<&[Figure]> = members.iter().map(|(figures, _)| &figures[..]).collect();
-    let count = set_intervals(&mut predicted, &of_members);
+    let count = set_intervals(&mut predicted, &of_members, of_members.len());
     let executes: Vec<usize> = trial.executes.iter().map(|sample| sample - start).collect();
     let provenance = &model.description.provenance;
     Ok(Some(Comparison {

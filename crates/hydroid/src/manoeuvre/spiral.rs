@@ -12,8 +12,8 @@ use crate::plant::InputMap;
 pub struct Spiral {
     /// Steady turns, in the order of the trial: from starboard to port and back.
     pub points: Vec<SpiralPoint>,
-    /// Whether the vessel is directionally stable: the yaw rate depends on the steering alone, and grows with it. `None` if
-    /// the motion is not valid.
+    /// Whether the vessel is directionally stable: the yaw rate depends on the steering alone. `None` if the motion is not
+    /// valid, or the yaw rate does not grow with the steering.
     pub stable: Option<bool>,
     /// Width of the loop: range of the steering within which the yaw rate depends on the side from which it is reached
     /// (1 is half of all steering); 0 for a stable vessel. Its resolution is a step of the trial, less than a hundredth
@@ -122,7 +122,7 @@ impl Spiral {
             .windows(2)
             .all(|pair| pair[0].yaw_rate_deg_s >= pair[1].yaw_rate_deg_s - LOOP * range);
         Self {
-            stable: Some(inside.is_empty() && grows),
+            stable: (grows || !inside.is_empty()).then_some(inside.is_empty()),
             points,
             loop_width: Some(loop_width),
             loop_height_deg_s: Some(loop_height_deg_s),

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::approach::{Approach, Options};
 use super::error::ManoeuvreError;
-use super::figure::{Figure, Figures, NO_SWAY, NO_SWAY_FIGURES, set_intervals};
+use super::figure::{Figure, Figures, NO_SWAY, NO_SWAY_FIGURES, set_intervals, stability};
 use super::pull_out::pull_out;
 use super::speed_trials::{acceleration, stopping};
 use super::spiral::spiral;
@@ -67,6 +67,9 @@ pub struct Trial {
     /// Directional stability, for pull-out and spiral.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub directionally_stable: Option<bool>,
+    /// Why it is not decided.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stability_not_decided: Option<String>,
     /// The curve of a spiral.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub points: Vec<super::SpiralPoint>,
@@ -247,8 +250,9 @@ pub fn trials(
         Approach::new(model, map, simulation.with_current(options.current), &options.approach)
     };
     let own = approach(Simulation::new(model)?).map_err(|error| not_identified(model).unwrap_or(error))?;
-    let members: Vec<Approach> =
-        Simulation::of_members(model)?.into_par_iter().filter_map(|member| approach(member).ok()).collect();
+    let members = Simulation::of_members(model)?;
+    let all = members.len();
+    let members: Vec<Approach> = members.into_par_iter().filter_map(|member| approach(member).ok()).collect();
     let mut results = Vec::with_capacity(kinds.len());
     for (done, kind) in kinds.iter().enumerate() {
         if progress(done as f64 / kinds.len() as f64).is_break() {
@@ -257,7 +261,7 @@ pub fn trials(
         let outcome = kind.run(&own, map, options.longest_s)?;
         let others: Vec<Outcome> =
             members.par_iter().filter_map(|member| kind.run(member, map, options.longest_s).ok()).collect();
-        results.push(trial(model, *kind, outcome, others, (map, own.propulsion), options));
+        results.push(trial(model, *kind, outcome, (others, all), (map, own.propulsion), options));
     }
     if progress(1.0).is_break() {
         return Ok(None);
@@ -270,6 +274,24 @@ pub fn trials(
             "distances are those of a vessel that does not move sideways, and are not judged: {reason}"
         ));
     }
+    notes.extend(
+        model.description.provenance.not_for_trials.as_ref().map(|reason| {
+            format!("`identify` found that this model is not for trials and control: {reason}")
+        }),
+    );
+    let stops = |trial: &&Trial| {
+        trial.figures.iter().any(|figure| {
+            figure.name == "stopping_time_s" && figure.value.is_none() && figure.not_valid.is_none()
+        })
+    };
+    notes.extend(results.iter().find(stops).map(|_| {
+        format!(
+            "the vessel does not stop within {} s with its lowest propulsion ({}): if it can be stopped or reversed, state the limits ({})",
+            options.longest_s,
+            commands_text(map, &map.command(-map.astern(), own.steering)),
+            key("limit").is("NAME=LOW:HIGH")
+        )
+    }));
     let is_judged = results.iter().flat_map(|trial| &trial.figures).any(|figure| figure.criterion.is_some());
     if let (Some(_), None, false) = (options.length_m, options.no_criterion(approach_speed_m_s), is_judged) {
         notes.push(format!(
@@ -289,6 +311,13 @@ pub fn trials(
         left_out: Vec::new(),
         options: options.clone(),
     }))
+}
+
+/// Commands with their names and units.
+fn commands_text(map: &InputMap, command: &[f64]) -> String {
+    let each = map.names.iter().zip(&map.units).zip(command);
+    let each = each.map(|((name, unit), value)| format!("{name} {value:.3} {unit}").trim_end().to_owned());
+    each.collect::<Vec<_>>().join(", ")
 }
 
 /// Why a model does not know the sway velocity.
@@ -313,7 +342,7 @@ fn trial(
     model: &Model,
     kind: TrialKind,
     outcome: Outcome,
-    others: Vec<Outcome>,
+    (others, all): (Vec<Outcome>, usize),
     (map, propulsion): (&InputMap, f64),
     options: &TrialOptions,
 ) -> Trial {
@@ -329,7 +358,7 @@ fn trial(
     let others: Vec<Outcome> = others.map(|other| other.scaled(options.scale)).collect();
     let mut figures = outcome.figures;
     let figures_of_members: Vec<&[Figure]> = others.iter().map(|other| &other.figures[..]).collect();
-    let members = set_intervals(&mut figures, &figures_of_members);
+    let members = set_intervals(&mut figures, &figures_of_members, all);
     let no_sway = no_sway(model);
     for figure in &mut figures {
         if let Some(reason) = &no_sway {
@@ -349,13 +378,28 @@ fn trial(
             distances.for_each(|figure| figure.criterion = None);
         }
     }
-    let directionally_stable = outcome.stable.filter(|_| not_valid.is_none());
+    // What follows from given parameters is as certain as they are.
+    for criterion in
+        figures.iter_mut().filter_map(|figure| figure.criterion.as_mut()).filter(|_| model.is_vessel())
+    {
+        criterion.is_certain.get_or_insert(true);
+    }
+    let of_members: Vec<Option<bool>> = others.iter().map(|other| other.stable).collect();
+    let (stable, mut not_decided) =
+        stability(outcome.stable.filter(|_| not_valid.is_none()), &of_members, all);
+    if matches!(kind, TrialKind::Spiral { .. })
+        && outcome.stable.or(stable).is_none()
+        && outcome.not_valid.is_none()
+    {
+        not_decided = Some("the yaw rate does not grow with the steering everywhere".to_owned());
+    }
     Trial {
         kind,
         figures,
-        not_valid: not_valid.or(outcome.not_valid),
+        not_valid: not_valid.clone().or(outcome.not_valid),
         outside,
-        directionally_stable,
+        directionally_stable: stable,
+        stability_not_decided: not_decided.filter(|_| not_valid.is_none()),
         points: outcome.points,
         members,
         tracks: outcome.tracks,

@@ -132,7 +132,7 @@ pub struct Port {
 }
 
 /// Provenance of a model.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Provenance {
     /// Version of hydroid.
@@ -148,6 +148,9 @@ pub struct Provenance {
     /// Outputs that the model predicts no better than their means, or with rollouts that diverge, with the figures that say so.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub not_identified: BTreeMap<String, String>,
+    /// Why the model is not for trials and control.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub not_for_trials: Option<String>,
 }
 
 impl Model {

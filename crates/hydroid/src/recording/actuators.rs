@@ -137,7 +137,10 @@ pub(super) fn is_role(word: &str) -> bool {
     STAGES.iter().any(|(stage, words)| of(stage) && is_of(word, words))
 }
 
-/// Whether a name is that of a command by its words; those of a shaft speed by the letter n need its unit.
+/// Words of a shaft speed, if their unit is one of rotation.
+const SHAFT: &[&str] = &["n", "shaft", "welle", "wellendrehzahl"];
+
+/// Whether a name is that of a command by its words; those of a shaft speed need its unit.
 pub(super) fn is_command(name: &str, is_rotation: bool) -> bool {
     let words = words(name);
     let of = |word: &String| {
@@ -145,7 +148,7 @@ pub(super) fn is_command(name: &str, is_rotation: bool) -> bool {
             || is_of(word, PROPULSION)
             || is_of(word, ANY)
             || machine(word).is_some()
-            || is_rotation && word == "n"
+            || is_rotation && is_of(word, SHAFT)
     };
     words.iter().any(of) && !words.iter().any(|word| is_of(word, NO_COMMANDS))
 }

@@ -50,7 +50,7 @@ impl Survey {
         let sensors =
             selection.sensors.iter().flat_map(|sensors| sensors.columns().map(|(_, spec)| &spec.column));
         let used: Vec<&String> = sensors.chain(selection.outputs.iter().map(|spec| &spec.column)).collect();
-        let mut found = self.named_commands(&used);
+        let mut found = self.named_commands(&used, remarks);
         if found.is_empty() {
             found = self.pulses(&used);
             for command in &found {
@@ -85,7 +85,7 @@ impl Survey {
     }
 
     /// Fields with the words of commands.
-    fn named_commands(&self, used: &[&String]) -> Vec<Command<'_>> {
+    fn named_commands(&self, used: &[&String], remarks: &mut Vec<String>) -> Vec<Command<'_>> {
         let mut found = Vec::new();
         for topic in &self.topics {
             // The name of a single table is that of the whole recording.
@@ -96,6 +96,15 @@ impl Survey {
                 let is_of_topic = is_named && (rank < 2 || actuators::is_topic(topic));
                 let is_command = (is_of_topic && !actuators::is_none(local))
                     || actuators::is_command(local, is_rotation(field));
+                if is_command
+                    && topic.type_name.is_empty()
+                    && let (Some(value), false) = (field.low, field.varies())
+                {
+                    let column = &field.column;
+                    remarks.push(format!(
+                        "`{column}` is constant ({value}), and is not proposed: a model holds for this value only"
+                    ));
+                }
                 if !is_command || !field.varies() || used.contains(&&field.column) {
                     continue;
                 }

@@ -7,8 +7,10 @@ use hydroid_core::navigation::{Mounting, Prior, State};
 use hydroid_io::Clock;
 
 use super::open::Recording;
+use crate::key::key;
+use crate::log::parts::Kept;
 use crate::log::sentinel::{self, Kind as Sentinel};
-use crate::log::{self, ChannelSpec, LogError, Note, Sensors};
+use crate::log::{self, ChannelSpec, LogError, Note, RawLog, Sensors};
 use crate::navigate::{Event, Kind, Row, Run, Sensor};
 
 /// Mean earth axes of WGS 84: semi-major axis \[m\] and squared eccentricity.
@@ -72,6 +74,9 @@ impl Series {
     }
 }
 
+/// Angle between the heading and the direction of the motion on the whole that no misalignment of a compass has \[deg\].
+const BESIDE_DEG: f64 = 60.0;
+
 /// The sensors of one recording in SI units, with all times from `origin`.
 pub(super) struct Instruments {
     pub(super) path: String,
@@ -128,6 +133,42 @@ fn leave_repeats(position: &mut [Series; 2], velocity: Option<&mut [Series; 2]>)
         }
     }
     Some(usual)
+}
+
+/// Units of a speed that states none.
+const SPEED_UNITS: [(&str, f64); 3] = [("m/s", 1.0), ("kn", 1852.0 / 3600.0), ("km/h", 1.0 / 3.6)];
+/// Relative difference of the speed of the positions from that in such a unit.
+const ALIKE: f64 = 0.1;
+
+/// Converts velocities from a speed without a unit to the unit in which the positions move as fast, and says so.
+fn find_unit(
+    header: &RawLog,
+    spec: &ChannelSpec,
+    position: Option<&[Series; 2]>,
+    velocity: &mut [Series; 2],
+) -> Result<Option<Note>, LogError> {
+    if !log::channel(header, spec, &mut Vec::new())?.channel.unit.is_empty() {
+        return Ok(None);
+    }
+    let (path, column) = (&header.path, &spec.column);
+    let factor =
+        position.and_then(|position| gain(&displacements(position, velocity))).map(|gain| gain.factor);
+    let found =
+        factor.and_then(|factor| SPEED_UNITS.iter().find(|(_, of)| (factor / of - 1.0).abs() < ALIKE));
+    let note = match found {
+        Some((unit, si)) => {
+            for x in velocity.iter_mut().flat_map(|series| &mut series.values) {
+                *x *= si;
+            }
+            Note::info(format!(
+                "{path}: `{column}` has no unit, and is taken as {unit}, in which the positions move as fast"
+            ))
+        }
+        None => Note::warning(format!(
+            "{path}: `{column}` has no unit, and is taken as m/s; no positions show whether that is right"
+        )),
+    };
+    Ok(Some(note.with_remedy(format!("state its unit: speed = \"{column} [kn]\""))))
 }
 
 /// A sensor in SI units.
@@ -282,6 +323,9 @@ impl Instruments {
             }
             None => both(velocity_north, velocity_east, "velocity_north and velocity_east")?,
         };
+        if let (Some(spec), Some(velocity)) = (&sensors.speed, &mut velocity) {
+            notes.extend(find_unit(&recording.header, spec, position.as_ref(), velocity)?);
+        }
         if let Some(fixes) = &mut position {
             let velocity = velocity.as_mut().filter(|velocity| velocity[0].t == fixes[0].t);
             if let Some(rows) = leave_repeats(fixes, velocity) {
@@ -336,6 +380,16 @@ impl Instruments {
         Ok(all)
     }
 
+    /// Leaves the measurements that are in some parts of the recording, on its clock.
+    pub(super) fn keep(&mut self, kept: &Kept) {
+        let origin = self.origin;
+        for series in self.series_mut() {
+            for (_, x) in series.t.iter().zip(&mut series.values).filter(|(t, _)| !kept.has(**t + origin)) {
+                *x = f64::NAN;
+            }
+        }
+    }
+
     fn series(&self) -> impl Iterator<Item = &Series> {
         let pairs = self.position.iter().chain(&self.velocity).chain(&self.force).flatten();
         pairs.chain(&self.quality).chain(&self.heading).chain(&self.yaw_rate)
@@ -377,25 +431,36 @@ impl Instruments {
         }
     }
 
-    /// Checks that the heading turns as the direction of the motion does.
+    /// Checks that the heading turns as the direction of the motion does, and that the vessel moves ahead on the whole.
     ///
     /// # Errors
-    /// If it turns the other way: it counts counterclockwise.
+    /// If it turns the other way: it counts counterclockwise. If the vessel moves astern: the compass is mounted the other way round.
     pub(super) fn check_heading(&self) -> Result<(), LogError> {
         let (Some(position), Some(heading)) = (&self.position, &self.heading) else { return Ok(()) };
-        let unexplained = |side: f64| {
+        let along = |side: f64| {
             let part = |of: fn(f64) -> f64, factor: f64| Series {
                 t: heading.t.clone(),
                 values: heading.values.iter().map(|x| factor * of(*x)).collect(),
             };
-            let parts = displacements(position, &[part(f64::cos, 1.0), part(f64::sin, side)]);
-            gain(&parts).map(|gain| gain.unexplained)
+            gain(&displacements(position, &[part(f64::cos, 1.0), part(f64::sin, side)]))
         };
-        let (Some(mirrored), direct) = (unexplained(-1.0), unexplained(1.0).unwrap_or(1.0)) else {
-            return Ok(());
-        };
+        let found = along(1.0);
+        let direct = found.map_or(1.0, |gain| gain.unexplained);
+        let mirrored = along(-1.0).map_or(1.0, |gain| gain.unexplained);
         if mirrored >= 0.5 * direct {
-            return Ok(());
+            let beside = found.map(|gain| gain.angle.to_degrees()).filter(|angle| angle.abs() > BESIDE_DEG);
+            let Some(beside) = beside else { return Ok(()) };
+            return Err(LogError::Unusable {
+                path: self.path.clone(),
+                reason: format!(
+                    "on the whole the vessel moves {beside:.0} deg to starboard of its heading: the compass seems to be mounted another way round"
+                ),
+                remedy: format!(
+                    "subtract the angle in the section [log.sensors]: heading = \"COLUMN [deg] - {:.0}\"; if the vessel sails astern or drifts most of the time, leave these parts out ({})",
+                    -beside,
+                    key("exclude")
+                ),
+            });
         }
         Err(LogError::Unusable {
             path: self.path.clone(),

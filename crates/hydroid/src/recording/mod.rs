@@ -34,6 +34,11 @@ pub use propose::Proposal;
 pub use survey::{FieldSurvey, Survey, TopicSurvey, survey};
 pub use table::{converted, time_text};
 
+/// Whether the name of a column says that it is a speed, which has no sign.
+pub(crate) fn is_speed(column: &str) -> bool {
+    words::Name::of(column).motion() == Some(words::Quantity::Speed)
+}
+
 /// Share of the files in the time of a computation from sensors, for the progress.
 const FILES: f64 = 0.05;
 
@@ -56,6 +61,7 @@ where
 {
     let sources: Vec<LogFile> = logs.iter().map(LogFile::from).collect();
     let mut notes = Vec::new();
+    selection.parts.check_names(&sources.iter().map(LogFile::name).collect::<Vec<_>>())?;
     if selection.sensors.is_some() {
         let mut recordings = Vec::with_capacity(sources.len());
         for (i, source) in sources.iter().enumerate() {
@@ -72,7 +78,9 @@ where
         tables.push(if is_recording(source)? {
             table::of_outputs(&open::read(source, selection, &mut notes, &mut part)?, selection, &mut notes)?
         } else {
-            log::read(source)?
+            let mut log = log::read(source)?;
+            log::keep_parts(&mut log, selection, options.dt, &mut notes)?;
+            log
         });
     }
     Ok((tables, notes))

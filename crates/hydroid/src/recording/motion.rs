@@ -1,6 +1,6 @@
 //! Tables of pose and velocities from sensors.
 
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
 use hydroid_core::navigation::{Noise, State};
 
@@ -8,7 +8,9 @@ use super::instruments::{CURRENT_M_S, Instruments, start};
 use super::known::{self, Placed};
 use super::open::Recording;
 use super::table;
+use crate::log::count;
 use crate::log::line::Resolved;
+use crate::log::parts::{Kept, no_rows};
 use crate::log::{LogError, Note, PrepareOptions, RawColumn, RawLog, Selection};
 use crate::navigate::{self, Calibration, Kind, Run, Runs, Sensor, Smoothed, Statistics};
 use crate::progress::Progress;
@@ -66,6 +68,9 @@ pub(super) fn tables(
         .iter()
         .map(|recording| Instruments::new(recording, sensors, notes))
         .collect::<Result<Vec<_>, _>>()?;
+    let chosen = recordings.iter().zip(&mut instruments);
+    let chosen = chosen.map(|(recording, one)| choose(recording, one, selection, options));
+    let chosen = chosen.collect::<Result<Vec<_>, _>>()?;
     let mut contradictions = Vec::with_capacity(instruments.len());
     for one in &mut instruments {
         let found = one.check_gnss();
@@ -120,7 +125,12 @@ pub(super) fn tables(
     let smoothed =
         navigate::smooth(&runs, &statistics, &times, &mut |done| progress(FIT + (1.0 - FIT) * done))?;
     let mut smoothed = joined(smoothed, &counts);
-    for (one, smoothed) in instruments.iter().zip(&mut smoothed) {
+    for ((one, smoothed), chosen) in instruments.iter().zip(&mut smoothed).zip(&chosen) {
+        if let Some(Chosen { kept, .. }) = chosen {
+            smoothed.rows.retain(|row| kept.has(row.t + one.origin));
+            let (rows, parts) = (count(smoothed.rows.len(), "row"), selection.parts.described());
+            notes.push(Note::info(format!("{}: {rows} are used ({parts})", one.path)));
+        }
         one.cut_outages(&mut smoothed.rows, options.max_gap_s, notes);
         // An error of all rows ends none of them.
         for calibration in &calibrations {
@@ -133,7 +143,8 @@ pub(super) fn tables(
     }
     let mut tables = Vec::with_capacity(recordings.len());
     for (i, one) in instruments.iter().enumerate() {
-        tables.push(one.table(&recordings[i], &others[i], &smoothed[i], notes)?);
+        let zero = chosen[i].as_ref().map(|chosen| chosen.zero);
+        tables.push(one.table(&recordings[i], &others[i], &smoothed[i], zero, notes)?);
     }
     if let (Some(one), Some(last)) = (instruments.first(), smoothed.last()) {
         let path =
@@ -148,6 +159,35 @@ pub(super) fn tables(
         sensors.known.get_or_insert_with(|| known::of(&placed, &statistics, last));
     }
     Ok(tables)
+}
+
+/// The parts of a recording that are used.
+struct Chosen {
+    /// Time \[s\] of the first row of all of its parts, from which the table counts.
+    zero: f64,
+    kept: Kept,
+}
+
+/// Leaves the measurements of the parts that are used.
+fn choose(
+    recording: &Recording,
+    one: &mut Instruments,
+    selection: &Selection,
+    options: &PrepareOptions,
+) -> Result<Option<Chosen>, LogError> {
+    if selection.parts.is_all() {
+        return Ok(None);
+    }
+    let times: Vec<f64> =
+        one.parts(options.dt, &mut Vec::new())?.into_iter().flat_map(|part| part.times).collect();
+    let zero = times.first().copied().unwrap_or(0.0);
+    let kept = recording.parts(selection, zero + one.origin)?;
+    if !times.iter().any(|t| kept.has(*t + one.origin)) {
+        let times: Vec<f64> = times.iter().map(|t| t - zero).collect();
+        return Err(no_rows(one.path.clone(), &selection.parts, &times));
+    }
+    one.keep(&kept);
+    Ok(Some(Chosen { zero, kept }))
 }
 
 /// The parts of each recording as one: `counts` are their numbers.
@@ -314,14 +354,17 @@ impl Instruments {
         recording: &Recording,
         others: &[Other],
         smoothed: &Smoothed,
+        zero: Option<f64>,
         notes: &mut Vec<Note>,
     ) -> Result<RawLog, LogError> {
         let t: Vec<f64> = smoothed.rows.iter().map(|row| row.t).collect();
+        let zero = zero.or(t.first().copied()).unwrap_or(0.0);
         let absolute: Vec<f64> = t.iter().map(|t| t + self.origin).collect();
         let computed = COMPUTED
             .iter()
             .map(|&(name, unit, of)| RawColumn::of(name, Some(unit), smoothed.rows.iter().map(of).collect()));
-        let mut columns: Vec<RawColumn> = std::iter::once(table::time(&t)).chain(computed).collect();
+        let mut columns: Vec<RawColumn> =
+            std::iter::once(table::time_from(zero, &t)).chain(computed).collect();
         for Other { column, held, period } in others {
             let values = if *held {
                 recording.held(*column, &absolute)
@@ -330,7 +373,7 @@ impl Instruments {
             };
             columns.push(recording.column(*column, values));
         }
-        notes.push(table::start(&self.path, absolute[0]));
+        notes.push(table::start(&self.path, zero + self.origin));
         RawLog::from_columns(&self.path, columns)
     }
 }
@@ -403,12 +446,21 @@ fn states(
 fn current(path: &str, smoothed: &Smoothed, notes: &mut Vec<Note>) {
     let [north, east] = [State::CurrentNorth, State::CurrentEast].map(|state| smoothed.end[state as usize]);
     let deviation = north.1.max(east.1);
-    if deviation < 0.5 * CURRENT_M_S {
+    // On courses to one side, a current is told from sway only by the model of sway.
+    if deviation < 0.5 * CURRENT_M_S && turned(&smoothed.rows) > PI / 2.0 {
         notes.push(Note::info(format!(
             "{path}: the current flows with {:.2} m/s to the north and {:.2} m/s to the east, ± {deviation:.2} m/s; u and v are over ground",
             north.0, east.0
         )));
     }
+}
+
+/// The arc in which all headings lie \[rad\].
+fn turned(rows: &[navigate::Row]) -> f64 {
+    let mut headings: Vec<f64> = rows.iter().map(|row| row.pose[2].rem_euclid(TAU)).collect();
+    headings.sort_by(f64::total_cmp);
+    let next = headings.iter().skip(1).copied().chain(headings.first().map(|psi| psi + TAU));
+    TAU - headings.iter().zip(next).map(|(a, b)| b - a).fold(0.0, f64::max)
 }
 
 /// Remedy of measurements of the GNSS that contradict the others.

@@ -8,11 +8,8 @@ use hydroid_io::{Clock, Field, Format, IoError, LogFile, Sink, Summary, Topic};
 use super::clock::Clocks;
 use crate::key::key;
 use crate::log::line::Time;
-use crate::log::{self, ChannelSpec, LogError, Note, RawColumn, RawLog, Selection};
+use crate::log::{self, ChannelSpec, LogError, Note, RawColumn, RawLog, SINCE_1970_S, Selection};
 use crate::progress::{self, Progress};
-
-/// Seconds since 1970 before which a stamp of the sender is none: 2001-09-09.
-const PLAUSIBLE_S: f64 = 1e9;
 
 /// The chosen columns of a recording.
 #[derive(Clone, Debug)]
@@ -72,8 +69,8 @@ pub(super) fn scan(
         joined.ids.clear();
         if is_recording(file)? {
             // The files of a bag continue each other.
-            let is_table = hydroid_io::detect(file)? == Some(Format::Parquet);
-            joined.file = if is_table { i } else { 0 };
+            let is_bag = hydroid_io::detect(file)?.is_some_and(|format| BAG_FORMATS.contains(&format));
+            joined.file = if is_bag { 0 } else { i };
             merge(&mut summary, hydroid_io::scan(file, &mut joined)?);
         } else {
             joined.file = i;
@@ -92,7 +89,7 @@ pub(super) fn scan(
     Ok((summary, joined.clocks))
 }
 
-/// Files of a folder that are read together: those of a ROS 2 bag, else all CSV files.
+/// Files of a folder that are read together: those of a ROS 2 bag, else all of a known format.
 fn files(folder: &Path, notes: &mut Vec<Note>) -> Result<Vec<LogFile>, LogError> {
     let failed = |source| LogError::Read { path: folder.display().to_string(), source };
     let mut all = std::fs::read_dir(folder)
@@ -107,21 +104,45 @@ fn files(folder: &Path, notes: &mut Vec<Note>) -> Result<Vec<LogFile>, LogError>
                 .with_remedy("move their files into the folder of the recording, with a name for each topic"),
         );
     }
-    for extensions in [&["db3", "mcap", "bag"][..], &["csv", "parquet"]] {
-        let of_kind = |path: &&PathBuf| {
-            path.extension().is_some_and(|e| extensions.iter().any(|of| e.eq_ignore_ascii_case(of)))
-        };
-        let found: Vec<LogFile> = all.iter().filter(of_kind).map(LogFile::from).collect();
-        if !found.is_empty() {
-            return Ok(found);
-        }
+    let has_extension = |path: &Path, of: &[&str]| {
+        path.extension().is_some_and(|e| of.iter().any(|of| e.eq_ignore_ascii_case(of)))
+    };
+    let bags: Vec<LogFile> = all.iter().filter(|path| has_extension(path, BAGS)).map(LogFile::from).collect();
+    if !bags.is_empty() {
+        return Ok(bags);
     }
-    Err(LogError::Unusable {
-        path: folder.display().to_string(),
-        reason: "the folder has neither a ROS 2 bag (.db3, .mcap) nor CSV or Parquet files".to_owned(),
-        remedy: "name the log itself".to_owned(),
-    })
+    let is_known = |path: &&PathBuf| {
+        has_extension(path, &["csv"]) || hydroid_io::detect(*path).is_ok_and(|format| format.is_some())
+    };
+    let is_file = |path: &&PathBuf| {
+        path.is_file() && path.file_name().is_some_and(|name| !name.as_encoded_bytes().starts_with(b"."))
+    };
+    let (known, others): (Vec<_>, Vec<_>) = all.iter().filter(is_file).partition(is_known);
+    if known.is_empty() {
+        return Err(LogError::Unusable {
+            path: folder.display().to_string(),
+            reason: "the folder has neither a ROS 2 bag (.db3, .mcap) nor files of a known format".to_owned(),
+            remedy: "name the log itself".to_owned(),
+        });
+    }
+    if !others.is_empty() {
+        let names = others.iter().filter_map(|path| path.file_name()).take(LISTED);
+        let names: Vec<_> = names.map(|name| name.to_string_lossy().into_owned()).collect();
+        let more = if others.len() > LISTED { ", ..." } else { "" };
+        notes.push(Note::info(format!(
+            "{}: files of other formats are not read: {}{more}",
+            folder.display(),
+            names.join(", ")
+        )));
+    }
+    Ok(known.into_iter().map(LogFile::from).collect())
 }
+
+/// Extensions and formats of the files of a bag, which continue each other.
+const BAGS: &[&str] = &["db3", "mcap", "bag"];
+const BAG_FORMATS: [Format; 3] = [Format::Mcap, Format::Ros1Bag, Format::Ros2Sqlite];
+/// Names that a note lists.
+const LISTED: usize = 5;
 
 fn merge(all: &mut Summary, part: Summary) {
     let Summary { losses, lost_parts, lost_bytes, utc_offset_ns, parameters, notes } = part;
@@ -164,7 +185,7 @@ impl Sink for Joined<'_> {
     }
 
     fn row(&mut self, id: usize, stamp_ns: i64, received_ns: Option<i64>, values: &[f64]) {
-        let received = received_ns.filter(|_| (stamp_ns as f64) < PLAUSIBLE_S * 1e9);
+        let received = received_ns.filter(|_| (stamp_ns as f64) < SINCE_1970_S * 1e9);
         self.clocks.row(self.ids[id], received.unwrap_or(stamp_ns));
         self.sink.row(self.ids[id], stamp_ns, received_ns, values);
     }
@@ -364,7 +385,8 @@ pub(super) fn read(
     notes: &mut Vec<Note>,
     progress: Progress<'_>,
 ) -> Result<Recording, LogError> {
-    let mut wanted: Vec<String> = specs(selection).flat_map(names).collect();
+    let of_parts = selection.parts.columns();
+    let mut wanted: Vec<String> = specs(selection).chain(&of_parts).flat_map(names).collect();
     let components: Vec<String> =
         wanted.iter().filter_map(|name| quaternion(name)).flatten().flatten().collect();
     wanted.extend(components);
@@ -418,8 +440,8 @@ fn times(collected: &Collected, summary: &Summary, path: &str, notes: &mut Vec<N
     };
     // Some senders leave their stamp zero.
     if received.len() == t.len()
-        && t.iter().all(|t| *t < PLAUSIBLE_S)
-        && received.iter().any(|ns| seconds(ns) >= PLAUSIBLE_S)
+        && t.iter().all(|t| *t < SINCE_1970_S)
+        && received.iter().any(|ns| seconds(ns) >= SINCE_1970_S)
     {
         notes.push(Note::info(format!(
             "{path}: the messages of `{}` have no stamp of their sender: the time of reception is used",

@@ -192,7 +192,6 @@ impl Survey {
                     outputs.join("\", \"")
                 ));
             }
-            proposal.remarks.append(&mut doubts);
             for (name, spec) in sensors.columns() {
                 proposal.remarks.push(format!("{name}: {}", spec.column));
             }
@@ -213,6 +212,10 @@ impl Survey {
                     proposal.remarks.push(format!("nothing looks like {what}"));
                 }
             }
+        }
+        // What a table with velocities has beside them is no doubt.
+        if !has_motion {
+            proposal.remarks.splice(0..0, doubts);
         }
         let mut others = Vec::new();
         let commands = self.commands(&proposal.selection, &mut others);
@@ -242,7 +245,8 @@ impl Survey {
             let field = topic.of(Quantity::YawRate)?;
             // A rate of turn is that of NMEA 0183.
             let named = topic.is(&["imu", "gyro", "sensor", "combined", "rot"]);
-            let is_table = topic.type_name.is_empty() && topic.of(Quantity::Heading).is_some();
+            let is_table = topic.type_name.is_empty()
+                && (self.topics.len() == 1 || topic.of(Quantity::Heading).is_some());
             (field.varies() && (named || is_table || topic.of(Quantity::Forward).is_some()))
                 .then_some(2 * u32::from(topic.of(Quantity::Forward).is_some()) + u32::from(named))
         });
@@ -294,7 +298,9 @@ impl Survey {
             if let (Some(speed), Some(course)) = (topic.of(Quantity::Speed), topic.of(Quantity::Course))
                 && speed.varies()
             {
-                sensors.speed = spec(&with_unit(speed, "m/s"));
+                // Without a unit, the positions show it.
+                let column = with_unit(speed, "m/s");
+                sensors.speed = spec(column.strip_suffix(" [m/s]").unwrap_or(&column));
                 sensors.course = spec(&angle(course));
                 return;
             }

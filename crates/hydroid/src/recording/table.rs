@@ -6,8 +6,10 @@ use hydroid_io::Clock;
 
 use super::open::{Recording, names};
 use crate::log::line::{Resolved, Time};
+use crate::log::parts::{Kept, Parts};
 use crate::log::{
-    self, ChannelSpec, LogError, Note, RawColumn, RawLog, Selection, all_names, checked, unknown_column,
+    self, ChannelSpec, LogError, Note, RawColumn, RawLog, SINCE_1970_S, Selection, all_names, checked, parts,
+    unknown_column,
 };
 
 /// Longest time \[s\] over which a measurement of another topic is interpolated, in its usual steps.
@@ -79,6 +81,53 @@ impl Recording {
             .collect()
     }
 
+    /// The parts of the recording that are used, on its clock; those of a table that begins at `zero` count from there.
+    pub(super) fn parts(&self, selection: &Selection, zero: f64) -> Result<Kept, LogError> {
+        let Parts { condition, .. } = &selection.parts;
+        let mut changes = None;
+        if let Some(condition) = condition {
+            let specs = selection.parts.columns();
+            let columns = specs.iter().map(|spec| self.position(spec)).collect::<Result<Vec<_>, _>>()?;
+            let names: Vec<String> = specs.into_iter().map(|spec| spec.column).collect();
+            let mut events: Vec<(f64, usize, f64)> = Vec::new();
+            for (i, column) in columns.into_iter().enumerate() {
+                let (t, values) = self.series(column);
+                events.extend(t.iter().zip(values).filter(|(_, x)| !x.is_nan()).map(|(t, x)| (*t, i, *x)));
+            }
+            events.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let mut held = vec![f64::NAN; names.len()];
+            let at_once = events.chunk_by(|a, b| a.0 == b.0);
+            changes = Some(
+                at_once
+                    .map(|events| {
+                        for &(_, i, x) in events {
+                            held[i] = x;
+                        }
+                        (events[0].0, condition.holds(&names, &held))
+                    })
+                    .collect(),
+            );
+        }
+        let date = (zero >= SINCE_1970_S).then_some(zero);
+        selection.parts.of(&self.header.path, zero, date, changes)
+    }
+
+    /// The rows of a table that are used. `t` are their times on the clock of the recording.
+    fn used(
+        &self,
+        mut log: RawLog,
+        t: &[f64],
+        selection: &Selection,
+        notes: &mut Vec<Note>,
+    ) -> Result<RawLog, LogError> {
+        if !selection.parts.is_all() {
+            let kept = self.parts(selection, t.first().copied().unwrap_or(0.0))?;
+            let rows: Vec<bool> = t.iter().map(|t| kept.has(*t)).collect();
+            parts::keep_rows(&mut log, &rows, t, &selection.parts, notes)?;
+        }
+        Ok(log)
+    }
+
     /// A column of a table with the name and unit of one of the recording.
     pub(super) fn column(&self, column: usize, values: Vec<f64>) -> RawColumn {
         let RawColumn { name, unit, .. } = &self.header.columns[column];
@@ -115,13 +164,14 @@ pub(super) fn of_outputs(
         let taken = topic.clock != Clock::None;
         let mut first = true;
         columns.retain(|c| !taken || c.name != "t" || std::mem::take(&mut first));
-        return RawLog::from_columns(&path, columns);
+        let log = RawLog::from_columns(&path, columns)?;
+        return recording.used(log, &topic.t, selection, notes);
     }
     let Some(first) = selection.outputs.first() else {
         return Err(LogError::Unusable {
             reason: format!("it has {} topics, and no output is named", recording.topics.len()),
             remedy: format!(
-                "`hydroid inspect {path} --write-config` proposes outputs or sensors, and inputs. Its columns are: {}",
+                "name outputs, or sensors in the section [log.sensors]; `hydroid inspect {path}` proposes them, or says what the recording lacks. Its columns are: {}",
                 all_names(&recording.header)
             ),
             path,
@@ -165,12 +215,17 @@ pub(super) fn of_outputs(
         add(heading, false, true)?;
     }
     notes.push(start(&path, t[0]));
-    RawLog::from_columns(&path, columns)
+    let log = RawLog::from_columns(&path, columns)?;
+    recording.used(log, t, selection, notes)
 }
 
 /// The column of the time \[s\] from the first row.
 pub(super) fn time(t: &[f64]) -> RawColumn {
-    let start = t.first().copied().unwrap_or(0.0);
+    time_from(t.first().copied().unwrap_or(0.0), t)
+}
+
+/// The column of the time \[s\] from a start.
+pub(super) fn time_from(start: f64, t: &[f64]) -> RawColumn {
     // Stamps since 1970 have a resolution of 0.2 microseconds.
     let values = t.iter().map(|t| ((t - start) * 1e6).round() / 1e6).collect();
     RawColumn::of("t", Some("s"), values)
@@ -182,7 +237,7 @@ pub fn time_text(t: f64) -> String {
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     let microseconds = (t * 1e6) as i64;
     match jiff::Timestamp::from_microsecond(microseconds) {
-        Ok(stamp) if t >= 1e9 => format!("{stamp:.3}"),
+        Ok(stamp) if t >= SINCE_1970_S => format!("{stamp:.3}"),
         _ => format!("{t:.3} s on the clock of the file"),
     }
 }

@@ -37,6 +37,7 @@ const QUANTITIES: &[(Quantity, &[&str])] = &[
             "gspeed",
             "groundspeed",
             "speed",
+            "gs",
             "fahrtuebergrund",
             "fahrt",
         ],
@@ -61,10 +62,17 @@ const QUANTITIES: &[(Quantity, &[&str])] = &[
             "q0",
             "orientationw",
             "steuerkurs",
+            "kompass",
+            "kompasskurs",
+            "compass",
+            "compassheading",
             "yawangle",
             "headingmagnetic",
             "hdgmag",
             "hdm",
+            "maghdg",
+            "magheading",
+            "magneticheading",
         ],
     ),
     (
@@ -238,7 +246,9 @@ impl Name {
 
     /// Whether it is that of a magnetic direction.
     pub(super) fn is_magnetic(&self) -> bool {
-        self.words.iter().any(|word| ["magnetic", "mag", "hdm"].contains(&word.as_str()))
+        self.words
+            .iter()
+            .any(|word| ["magnetic", "mag", "hdm", "kompass", "compass"].contains(&word.as_str()))
     }
 
     /// The quantity of the motion that it states, whatever the words of commands in it say.

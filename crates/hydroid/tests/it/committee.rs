@@ -373,7 +373,7 @@ fn model(committee: Committee) -> Model {
                 training: vec![String::from("a.csv")],
                 validation: Vec::new(),
                 settings: json!({}),
-                not_identified: std::collections::BTreeMap::new(),
+                ..Provenance::default()
             },
         },
         body: Body::Committee(Arc::new(committee)),

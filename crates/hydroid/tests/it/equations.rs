@@ -56,7 +56,7 @@ fn made(
                 training: Vec::new(),
                 validation: Vec::new(),
                 settings: serde_json::Value::Null,
-                not_identified: std::collections::BTreeMap::new(),
+                ..Provenance::default()
             },
         },
         body: Body::Equations(Arc::new(

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use hydroid::log::{ChannelSpec, LogError, Note, PrepareOptions, RawLog, Selection, Sensors, prepare};
+use hydroid::log::{ChannelSpec, LogError, Note, Parts, PrepareOptions, RawLog, Selection, Sensors, prepare};
 use hydroid::progress::silent;
 use hydroid::recording::{converted, read_logs, survey};
 use tempfile::TempDir;
@@ -326,6 +326,48 @@ fn a_hole_of_a_sensor_ends_a_run() {
             prepare([&log], &Selection::of("u,v,r", "rudder").unwrap(), &PrepareOptions::default());
         assert_eq!(prepared.unwrap().runs.len(), 2, "{name}");
     }
+}
+
+/// A boat that was lifted out of the water in the middle of its log: there was no way to leave that out.
+#[test]
+fn measurements_beyond_the_parts_are_not_used() {
+    let (rows, known, whole) = long_boat();
+    let folder = TempDir::new().unwrap();
+    // On land, positions and headings are those of another place, and the rudder moves.
+    let carried: Vec<Sample> = rows
+        .iter()
+        .map(|[t, north, east, psi, u, rudder]| match t {
+            80.0..120.0 => [*t, north + 9.0 * (t - 80.0), east - 5000.0, 1.0 - psi, *u, -rudder],
+            _ => [*t, *north, *east, *psi, *u, *rudder],
+        })
+        .collect();
+    let path = written(&folder, "boat.csv", &csv(&carried, "t [ms]", 1000.0));
+    for selection in [
+        Parts { exclude: vec!["79.9:120".parse().unwrap()], ..Parts::default() },
+        Parts {
+            between: vec![":79.9".parse().unwrap(), "boat.csv=120:".parse().unwrap()],
+            ..Parts::default()
+        },
+        Parts { condition: Some("east > -400".parse().unwrap()), ..Parts::default() },
+    ] {
+        let (log, notes) = tables(&path, &Selection { parts: selection.clone(), ..known.clone() }).unwrap();
+        assert!(said(&notes, "rows are used (").is_some(), "{notes:?}");
+        let t = column(&log, "t");
+        let runs = runs(&log);
+        let ends = [t[runs[0].end - 1], t[runs[1].start]];
+        assert!(runs.len() == 2 && ends[0] < 80.01 && ends[1] > 119.9, "{selection:?}: {ends:?}");
+        for (velocity, bound) in [("u", 0.2), ("r", 0.05)] {
+            let errors = t.iter().zip(column(&log, velocity)).map(|(t, x)| {
+                let k = (t / 0.2).round() as usize;
+                (x - column(whole, velocity)[k]).abs()
+            });
+            let largest = errors.fold(0.0, f64::max);
+            assert!(largest < bound, "{selection:?}: {velocity} {largest}");
+        }
+    }
+    let selection = Parts { between: vec!["300:400".parse().unwrap()], ..Parts::default() };
+    let error = tables(&path, &Selection { parts: selection, ..known.clone() }).unwrap_err().to_string();
+    assert!(error.contains("no row is in the parts that are named") && error.contains("239.8 s"), "{error}");
 }
 
 /// A receiver of 1 Hz in a table of 5 Hz: each fix counted five times, and the velocities were too certain.

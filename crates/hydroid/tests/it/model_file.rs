@@ -70,7 +70,7 @@ fn model() -> Model {
                 training: vec![String::from("a.csv[0..10]")],
                 validation: Vec::new(),
                 settings: json!({"x": 0.1, "y": [null, f64::MIN_POSITIVE], "z": {}}),
-                not_identified: std::collections::BTreeMap::new(),
+                ..Provenance::default()
             },
         },
         body: Body::Equations(Arc::new(Equations::new(terms, coefficients, 2, 1, dt, 4).unwrap())),

@@ -56,7 +56,7 @@ fn model(network: Network, weights: Vec<f64>, base: BaseModel, feedback: bool) -
                 training: vec![String::from("a.csv")],
                 validation: Vec::new(),
                 settings: json!({"epochs": 3, "best_epoch": 2, "train_loss": 0.25, "validation": 0.5}),
-                not_identified: std::collections::BTreeMap::new(),
+                ..Provenance::default()
             },
         },
         body: Body::Recurrent(Arc::new(recurrent)),

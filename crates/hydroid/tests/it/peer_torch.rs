@@ -70,7 +70,7 @@ fn model(network: Network) -> Model {
                 training: Vec::new(),
                 validation: Vec::new(),
                 settings: serde_json::Value::Null,
-                not_identified: std::collections::BTreeMap::new(),
+                ..Provenance::default()
             },
         },
         body: Body::Recurrent(Arc::new(recurrent)),

@@ -186,7 +186,7 @@ pub(crate) struct Hold {
 }
 
 impl Hold {
-    pub(super) fn demand(
+    pub(in crate::experiment) fn demand(
         &mut self,
         dt: f64,
         scale_s: f64,

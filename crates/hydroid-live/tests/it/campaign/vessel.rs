@@ -167,7 +167,7 @@ pub(super) fn model(commands: Commands, off: f64, rng: &mut impl Rng) -> Model {
                 training: Vec::new(),
                 validation: Vec::new(),
                 settings: serde_json::Value::Null,
-                not_identified: std::collections::BTreeMap::new(),
+                ..Provenance::default()
             },
         },
         body: Body::Equations(Arc::new(equations)),

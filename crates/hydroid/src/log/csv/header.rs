@@ -20,10 +20,44 @@ pub fn delimiter(bytes: &[u8]) -> u8 {
     counts.iter().rev().max_by_key(|c| c.1).map_or(b',', |c| c.0)
 }
 
-/// Length of the title lines above the header, which have no separator where one of the next lines has some.
+/// Lines in which a header is looked for.
+const FIRST_LINES: usize = 50;
+
+/// Length of the title lines above the header.
 pub(super) fn title(bytes: &[u8]) -> usize {
+    let begin = without_separators(bytes);
+    begin + with_fewer_cells(&bytes[begin..])
+}
+
+/// Length of the lines above the lines with as many cells as the first row of numbers, if the first one has fewer cells.
+fn with_fewer_cells(bytes: &[u8]) -> usize {
+    let lines: Vec<&[u8]> = bytes.split_inclusive(|&b| b == b'\n').take(FIRST_LINES).collect();
+    let is_number = |cell: &&str| {
+        cell.replacen(',', ".", 1).parse::<f64>().is_ok()
+            || stamp::looks_like(cell) && stamp::parse(cell).is_some()
+    };
+    let is_row = |line: &&[u8]| {
+        let separator = delimiter(line);
+        let cells = line.split(|&b| b == separator).map(text).filter(|cell| !cell.is_empty());
+        let (numbers, others): (Vec<&str>, Vec<&str>) = cells.partition(is_number);
+        numbers.len() > 1 && numbers.len() >= others.len()
+    };
+    let Some(row) = lines.iter().position(is_row) else { return 0 };
+    let separator = delimiter(lines[row]);
+    let cells = |line: &[u8]| line.split(|&b| b == separator).count();
+    let is_alike = |line: &&&[u8]| cells(line) == cells(lines[row]);
+    let header = row - lines[..row].iter().rev().take_while(is_alike).count();
+    let first = lines.iter().find(|line| !text(line).is_empty());
+    if header == row || first.is_none_or(|first| cells(first) >= cells(lines[row])) {
+        return 0;
+    }
+    lines[..header].iter().map(|line| line.len()).sum()
+}
+
+/// Length of the title lines that have no separator where one of the next lines has some.
+fn without_separators(bytes: &[u8]) -> usize {
     let mut begin = 0;
-    for line in bytes.split_inclusive(|&b| b == b'\n').take(50) {
+    for line in bytes.split_inclusive(|&b| b == b'\n').take(FIRST_LINES) {
         if line.iter().any(|b| matches!(b, b',' | b';' | b'\t')) {
             // Lines with a number are rows of a table with one column, and not a title.
             let lone = bytes[..begin].split(|&b| b == b'\n').any(|line| text(line).parse::<f64>().is_ok());

@@ -166,6 +166,15 @@ impl RawLog {
         self.lines.len()
     }
 
+    /// Leaves the rows that are used.
+    pub(super) fn retain(&mut self, rows: &[bool]) {
+        for column in &mut self.columns {
+            let mut used = rows.iter();
+            column.values.retain(|_| used.next() == Some(&true));
+        }
+        self.lines = self.lines.of(rows);
+    }
+
     /// Position of the column with exactly this name.
     pub fn position(&self, name: &str) -> Option<usize> {
         self.columns.iter().position(|c| c.name == name)

@@ -91,8 +91,17 @@ pub fn inspect_file(
     selection: &Selection,
     options: &PrepareOptions,
 ) -> Result<(Inspection, Vec<Trajectory>), LogError> {
-    let log = csv::read_planned(&source.into(), |header| plan(header, selection, options))?;
-    inspect_log(Cow::Owned(log), selection, options)
+    let source = source.into();
+    if selection.parts.is_all() {
+        let log = csv::read_planned(&source, |header| plan(header, selection, options))?;
+        return inspect_log(Cow::Owned(log), selection, options);
+    }
+    let mut log = csv::read(source)?;
+    let mut notes = Vec::new();
+    super::keep_parts(&mut log, selection, options.dt, &mut notes)?;
+    let (mut inspection, runs) = inspect_log(Cow::Owned(log), selection, options)?;
+    inspection.notes.splice(0..0, notes);
+    Ok((inspection, runs))
 }
 
 /// Inspects a log as [`inspect_file`].

@@ -52,7 +52,5 @@ fn neutral(log: &RawLog, source: &Source) -> Option<f64> {
         return None;
     }
     let column = &log.columns[source.column];
-    let mut pulses = Pulses::default();
-    column.values.iter().filter(|x| !x.is_nan()).for_each(|x| pulses.add(*x));
-    Some(pulses.neutral(pulses::is_stated(&column.name, column.unit.as_deref()))?.value)
+    Some(Pulses::of(&column.values).neutral(pulses::is_stated(&column.name, column.unit.as_deref()))?.value)
 }

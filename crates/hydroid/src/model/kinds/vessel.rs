@@ -141,7 +141,7 @@ fn describe(
             training: Vec::new(),
             validation: Vec::new(),
             settings,
-            not_identified: std::collections::BTreeMap::new(),
+            ..Provenance::default()
         },
         outputs,
         inputs,

@@ -13,6 +13,7 @@ mod clock;
 mod clocks;
 mod inspect_file;
 mod inspecting;
+mod parts;
 mod pose;
 mod properties;
 mod reading;

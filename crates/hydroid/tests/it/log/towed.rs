@@ -1,4 +1,4 @@
-//! Towed parts at the ends of a log.
+//! Towed and carried parts of a log.
 
 use super::{has_note, log, output, prepared, prepared_with, table};
 use hydroid::log::PrepareOptions;
@@ -22,6 +22,8 @@ fn speed(end: impl Fn(f64) -> f64) -> impl Fn(usize) -> String {
         let t = k as f64 * 0.1;
         let u = match k {
             _ if k < BEFORE => 0.0,
+            // It slows down while the commands rest.
+            500..750 => 0.4 * (50.0 - t).exp(),
             _ if k < AFTER => 0.5 - 0.5 * ((t - 30.0) * 0.4).cos(),
             _ => end(t - 130.0),
         };
@@ -56,6 +58,34 @@ fn a_pushed_start_is_removed() {
     assert!(has_note(&p, "the beginning of the log, 29.9 s from line 2 to line 301"), "{:?}", p.notes);
 }
 
+/// A trailer in the middle of a log, for a quarter of it, was learned as motion without propulsion.
+#[test]
+fn a_carried_part_is_removed() {
+    let (from, to) = (500, 900);
+    let rest =
+        |k: usize| if (from..to).contains(&k) { "0".to_owned() } else { format!("{}", 1 + k / 100 % 3) };
+    let speed = |carried: f64| {
+        move |k: usize| {
+            let t = k as f64 * 0.1;
+            let own = 0.5 - 0.5 * (0.4 * t).cos();
+            format!(
+                "{}",
+                if (from..to).contains(&k) {
+                    own * (-0.3 * (t - 50.0)).exp() + carried * (t - 50.0)
+                } else {
+                    own
+                }
+            )
+        }
+    };
+    let p = prepared(&table(AFTER, speed(0.3), rest));
+    assert_eq!(p.runs.iter().map(hydroid::log::Trajectory::len).collect::<Vec<_>>(), [from, AFTER - to]);
+    assert!(has_note(&p, "a part of the log, 39.9 s from line 502 to line 901, is removed"), "{:?}", p.notes);
+    // A pause of the commands, in which the vessel slows down, is kept.
+    let p = prepared(&table(AFTER, speed(0.0), rest));
+    assert_eq!(p.runs[0].len(), AFTER);
+}
+
 #[test]
 fn uncommanded_motion_is_kept() {
     type End = fn(f64) -> f64;
@@ -75,7 +105,7 @@ fn uncommanded_motion_is_kept() {
     // Shorter than the least duration.
     let p = prepared(&table(AFTER + 190, speed(|t| t), command));
     assert_eq!(p.runs[0].len(), AFTER + 190);
-    // More than a quarter of the log.
+    // More than half of the log.
     let seldom = |k: usize| if k < 1100 { "0".to_owned() } else { "1".to_owned() };
     assert_eq!(prepared(&table(ROWS, speed(|t| t), seldom)).runs[0].len(), ROWS);
     // A blank command holds the previous one.
