@@ -125,10 +125,13 @@ function logSection() {
   const wind = [of("windSpeed")[0], of("windDirection")[0]];
   if (wind[0] && wind[1]) log.wind = { speed: wind[0], direction: wind[1] };
   if (!log.outputs.length && sensors()) log.sensors = sensors();
-  const { dt, maxGap, delay } = state.options;
+  const { dt, maxGap, delay, between, exclude, where } = state.options;
   if (dt) log.dt = dt;
   if (maxGap) log.max_gap = maxGap;
   if (delay) log.input_delay = `${delay}s`;
+  if (between) log.between = between;
+  if (exclude) log.exclude = exclude;
+  if (where) log.where = where;
   return log;
 }
 

@@ -109,7 +109,19 @@ function listFiles() {
   show("columns", usable);
   if (!usable) return;
   listColumns();
-  $("column-options").replaceChildren(make("summary", { text: TEXT.options }), numberField("dt", TEXT.dt), numberField("maxGap", TEXT.maxGap), numberField("delay", TEXT.delay, { negative: true }));
+  $("column-options").replaceChildren(make("summary", { text: TEXT.options }), numberField("dt", TEXT.dt), numberField("maxGap", TEXT.maxGap), numberField("delay", TEXT.delay, { negative: true }),
+    textField("between", TEXT.between, "120:480, 600:"), textField("exclude", TEXT.exclude, "day1.csv=310:540"), textField("where", TEXT.where, "armed && speed > 0.3"));
+}
+
+/** A field of a text in the options, which hydroid reads as on the command line. */
+function textField(key, text, placeholder) {
+  const field = make("input", { type: "text", size: 22, maxLength: 500, value: state.options[key] ?? "", placeholder });
+  field.onchange = () => {
+    state.options[key] = field.value.trim() || undefined;
+    outdate();
+    remember();
+  };
+  return make("label", { className: "choice" }, make("span", { text }), field);
 }
 
 /** A field of a number in the options; empty is the default of hydroid. */

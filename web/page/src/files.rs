@@ -72,7 +72,8 @@ impl Files {
     /// If the file is unknown, or `config` has a wrong form.
     pub fn inspect(&self, name: &str, config: &str, told: &js_sys::Function) -> Result<String, JsError> {
         let file = self.file(name)?;
-        let Reading { selection, options } = from_json::<Config>(config)?.reading().map_err(failed)?;
+        let Reading { mut selection, options } = from_json::<Config>(config)?.reading().map_err(failed)?;
+        selection.parts = selection.parts.of_log(name);
         let mut document = json!({ "name": name });
         let mut seen = || -> Result<(), log::LogError> {
             let recording = is_recording(file)?;

@@ -167,3 +167,54 @@ fn a_copy_of_the_motion_is_refused_and_the_rudder_of_an_autopilot_is_not() {
     let output = identify("run.csv", "rudder", "--allow-feedback ruder");
     assert!(text(&output.stderr).contains("there is no input 'ruder'"), "{}", text(&output.stderr));
 }
+
+/// A boat whose propulsion was switched off while commands went on spoiled the model without a word.
+#[test]
+fn parts_in_which_the_motion_does_not_follow_the_commands_are_named() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    let mut rows = simulated(at, 300, 4);
+    let outputs: Vec<usize> =
+        ["u", "v", "r"].map(|name| rows[0].iter().position(|cell| cell.starts_with(name)).unwrap()).into();
+    for row in &mut rows[1..] {
+        if (100.0..155.0).contains(&row[0].parse::<f64>().unwrap()) {
+            for c in &outputs {
+                row[*c] = "0.001".to_owned();
+            }
+        }
+    }
+    write(at, "off.csv", &rows, ",");
+    let identify = |more: &str| {
+        let output = run(at, &format!("identify off.csv --methods sindy --members 0 {more}-o out"));
+        text(&output.stderr) + &text(&output.stdout)
+    };
+    let said = "the motion does not follow the commands as elsewhere";
+    let shown = identify("");
+    assert!(shown.contains(said) && shown.contains("off.csv, 100 to 150 s"), "{shown}");
+    assert!(shown.contains("--exclude"), "{shown}");
+    let shown = identify("--exclude off.csv=99:156 ");
+    assert!(!shown.contains(said), "{shown}");
+}
+
+/// What a log lacks, and an experiment after which it lacks nothing, by the simulated vessel itself.
+#[test]
+fn a_plan_adds_what_a_log_lacks() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    let rows = simulated(at, 40, 2);
+    write(at, "short.csv", &rows, ",");
+    let shown = text(&done(at, "inspect short.csv --plan plan.csv").stdout);
+    assert!(
+        shown.contains("s with changing commands are recorded") && shown.contains("written to plan.csv"),
+        "{shown}"
+    );
+    done(at, "simulate simple --excitation plan.csv --noise 0 -o next.csv");
+    let document = |files: &str| -> Value {
+        serde_json::from_slice(&done(at, &format!("inspect {files} --json -q")).stdout).unwrap()
+    };
+    let before = document("short.csv");
+    assert!(before["excitation"]["lacks"].as_array().unwrap().len() > 2, "{before}");
+    let shown = text(&done(at, "inspect short.csv next.csv").stdout);
+    let after = shown.split("all logs together").nth(1).unwrap();
+    assert!(!after.contains("are needed"), "{after}");
+}

@@ -14,6 +14,8 @@ use crate::Axis;
 const LAGS: usize = 40;
 /// Share of the variance of a velocity that the inputs must explain, so that their signs are known.
 const EXPLAINED: f64 = 0.05;
+/// Share of its other effect from which an input has an effect.
+const LESS: f64 = 0.5;
 /// Share of the time scale after which the commands of a plan may change.
 const FINE: f64 = 0.1;
 /// Longest plan, in times that identification needs.
@@ -49,19 +51,31 @@ impl Logged {
         let (u, r) = (place("u")?, place("r")?);
         let channels = first.inputs.channels();
         let role = |i: usize| boat.role(&channels[i].name);
+        let unknown: Vec<usize> = (0..channels.len()).filter(|&i| role(i).is_none()).collect();
+        let effects = [u, r].map(|output| effects_of(runs, &unknown, output).unwrap_or_default());
+        // An input whose role is not known does what it explains more of.
+        let does = |i: usize, by_role: fn(Role) -> bool, [own, other]: [&Vec<f64>; 2]| match role(i) {
+            Some(role) => by_role(role),
+            None => unknown.iter().position(|of| *of == i).is_some_and(|k| {
+                let [own, other] = [own, other].map(|of| of.get(k).map_or(0.0, |effect| effect.abs()));
+                own > 0.0 && own >= LESS * other
+            }),
+        };
         let commanded: Vec<usize> =
             (0..channels.len()).filter(|&i| role(i).is_none_or(Role::is_commanded)).collect();
         let axes = commanded.iter().map(|&i| axis(runs, i, boat)).collect::<Result<Vec<_>, _>>()?;
         let weights = |does: &dyn Fn(usize) -> bool, output: usize, what: &str| {
             let own: Vec<usize> = commanded.iter().copied().filter(|&i| does(i)).collect();
-            let signs = signs(runs, &own, output).ok_or_else(|| {
+            let effects = effects_of(runs, &own, output).ok_or_else(|| {
                 format!("it is not known which inputs {what} the vessel, and to which side")
             })?;
             let place = |i: &usize| commanded.iter().position(|of| of == i).unwrap_or_default();
+            let signs = effects.into_iter().map(f64::signum);
             Ok::<_, String>(own.iter().map(place).zip(signs).collect::<Vec<_>>())
         };
-        let push = weights(&|i| role(i).is_some_and(Role::pushes), u, "push")?;
-        let turn = weights(&|i| role(i).is_some_and(Role::turns), r, "turn")?;
+        let [of_u, of_r] = [&effects[0], &effects[1]];
+        let push = weights(&|i| does(i, Role::pushes, [of_u, of_r]), u, "push")?;
+        let turn = weights(&|i| does(i, Role::turns, [of_r, of_u]), r, "turn")?;
         let mut explored = Explored::new(&axes, &push, &turn)?;
         let commands = |run: &Trajectory, k: usize| -> Vec<f64> {
             commanded.iter().map(|&i| run.inputs.row(k)[i]).collect()
@@ -154,9 +168,9 @@ fn axis(runs: &[Trajectory], input: usize, boat: &Boat) -> Result<Axis, String> 
     Ok(Axis::new(channel.name.clone(), value.limits, value.neutral))
 }
 
-/// Signs of the coefficients of inputs in the regression of an output on them, at the lag that explains most of it; none
-/// if it explains too little.
-fn signs(runs: &[Trajectory], inputs: &[usize], output: usize) -> Option<Vec<f64>> {
+/// Effects of inputs on an output: the coefficients of its regression on them, times their deviations, over its own, at the lag that
+/// explains most of it; none if it explains too little.
+fn effects_of(runs: &[Trajectory], inputs: &[usize], output: usize) -> Option<Vec<f64>> {
     let shortest = runs.iter().map(Trajectory::len).max().unwrap_or(0) / 4;
     let mut best: Option<(f64, Vec<f64>)> = None;
     let mut lag = 0;
@@ -180,16 +194,21 @@ fn signs(runs: &[Trajectory], inputs: &[usize], output: usize) -> Option<Vec<f64
         }
         let variance = square - sum * sum / count;
         let right: Vec<f64> = normal.iter().map(|row| row[n]).collect();
+        let moments = normal.clone();
         if let Some(solution) = solved(normal) {
             let explained = solution.iter().zip(&right).map(|(a, b)| a * b).sum::<f64>() - sum * sum / count;
             let share = explained / variance;
             if share > best.as_ref().map_or(EXPLAINED, |(share, _)| *share) {
-                best = Some((share, solution[..n - 1].iter().map(|x| x.signum()).collect()));
+                let deviation = |i: usize, mean: f64, square: f64| {
+                    solution[i] * ((square - mean * mean / count) / variance).max(0.0).sqrt()
+                };
+                let effect = |i: usize| deviation(i, moments[i][n - 1], moments[i][i]);
+                best = Some((share, (0..n - 1).map(effect).collect()));
             }
         }
         lag += (shortest / LAGS).max(1);
     }
-    best.map(|(_, signs)| signs)
+    best.map(|(_, effects)| effects)
 }
 
 /// The solution of linear equations, each with its right side at the end; none of singular ones.

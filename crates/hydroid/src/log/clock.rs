@@ -1,7 +1,12 @@
 //! Clock of a log: step, regularity, jumps.
 
+use std::borrow::Cow;
+
 use super::columns::Columns;
 use super::error::LogError;
+use super::lines::Lines;
+use super::note::Note;
+use super::prepare::FEWEST_SAMPLES;
 
 /// Relative deviation of single steps that still counts as regular.
 const TOLERANCE: f64 = 0.01;
@@ -41,21 +46,51 @@ pub(crate) fn check_order(columns: &Columns<'_>) -> Result<(), LogError> {
             });
         }
         if pair[1] < pair[0] {
-            let remedy = if restarts(&columns.t, k) {
-                "the clock restarts there, as after a reboot: split the file at that line into two logs, each with the header"
-            } else {
-                "sort the rows by time, or put each recording into a file of its own if several were joined"
-            };
+            let remedy =
+                "sort the rows by time, or put each recording into a file of its own if several were joined";
             return Err(LogError::Backwards { path: path(), line, from: pair[0], to: pair[1], remedy });
         }
     }
     Ok(())
 }
 
-/// Whether time increases except for one long step back after row `k`. A misplaced row steps back by about one step.
-fn restarts(t: &[f64], k: usize) -> bool {
-    let once = t[k + 1..].windows(2).all(|p| p[0] <= p[1]);
-    once && Clock::usual_step(t).is_some_and(|step| t[k] - t[k + 1] > RESTART * step)
+/// Time after a run at which the next one begins in the table, if the clock goes back between them \[s\].
+const APART_S: f64 = 3600.0;
+
+/// Rows before which the clock restarts, as after a reboot, at the end of daylight saving time, or where sessions were joined: each
+/// begins rising times. A misplaced row steps back by about one step, and leaves none.
+fn restarts(t: &[f64]) -> Vec<usize> {
+    let back: Vec<usize> = (1..t.len()).filter(|&k| t[k] < t[k - 1]).collect();
+    let Some(step) = Clock::usual_step(t) else { return Vec::new() };
+    let ends = back.iter().copied().chain([t.len()]);
+    let is_run = std::iter::once(0)
+        .chain(back.iter().copied())
+        .zip(ends)
+        .all(|(from, to)| to - from >= FEWEST_SAMPLES);
+    let is_far = back.iter().all(|&k| t[k - 1] - t[k] > RESTART * step);
+    if is_run && is_far { back } else { Vec::new() }
+}
+
+/// Lets each run after a restart of the clock follow the one before after an hour, and says so.
+pub(crate) fn follow_on(t: &mut Cow<[f64]>, lines: &Lines, path: &str, notes: &mut Vec<Note>) {
+    let restarts = restarts(t);
+    let Some(&first) = restarts.first() else { return };
+    notes.push(
+        Note::warning(format!(
+            "{path}: the clock goes back {} before line {}, from {:.3} s to {:.3} s: what follows is a run of its own, an hour later",
+            if restarts.len() == 1 { "once," } else { "several times, first" },
+            lines.get(first),
+            t[first - 1],
+            t[first]
+        ))
+        .with_remedy("if the rows belong to one recording, sort them by time"),
+    );
+    let t = t.to_mut();
+    for (i, &from) in restarts.iter().enumerate() {
+        let to = restarts.get(i + 1).copied().unwrap_or(t.len());
+        let shift = t[from - 1] + APART_S - t[from];
+        t[from..to].iter_mut().for_each(|t| *t += shift);
+    }
 }
 
 /// The median (the upper one of an even number of values).

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
+use super::clock;
 use super::csv::{BadCell, RawColumn, RawLog};
 use super::error::LogError;
 use super::lines::Lines;
@@ -134,6 +135,7 @@ impl<'a> Columns<'a> {
         let all = taker.origin.log().lines.iter().enumerate();
         let lines: Lines =
             all.filter(|(k, _)| dropped.next_if(|d| *d == k).is_none()).map(|(_, line)| line).collect();
+        clock::follow_on(&mut t, &lines, &path, notes);
         if let Some(k) = t.iter().position(|t| t.abs() > LONGEST_TIME_S) {
             return Err(LogError::AbsurdTime { path, line: lines.get(k), time: t[k] });
         }

@@ -100,6 +100,15 @@ fn column<'a>(log: &'a RawLog, name: &str) -> &'a [f64] {
     &log.columns[log.position(name).unwrap()].values
 }
 
+fn mean(log: &RawLog, name: &str) -> f64 {
+    column(log, name).iter().sum::<f64>() / log.rows() as f64
+}
+
+/// Mean surge of a boat \[m/s\].
+fn mean_speed(rows: &[Sample]) -> f64 {
+    rows.iter().map(|row| row[4]).sum::<f64>() / rows.len() as f64
+}
+
 /// Runs of a table: ranges of rows without a jump in time.
 fn runs(log: &RawLog) -> Vec<std::ops::Range<usize>> {
     let t = column(log, "t");
@@ -368,6 +377,86 @@ fn measurements_beyond_the_parts_are_not_used() {
     let selection = Parts { between: vec!["300:400".parse().unwrap()], ..Parts::default() };
     let error = tables(&path, &Selection { parts: selection, ..known.clone() }).unwrap_err().to_string();
     assert!(error.contains("no row is in the parts that are named") && error.contains("239.8 s"), "{error}");
+}
+
+/// A compass that was mounted the other way round became a model that sails astern.
+#[test]
+fn a_compass_that_points_astern_is_refused() {
+    let folder = TempDir::new().unwrap();
+    let rows = boat(120, 7);
+    let turned: Vec<Sample> =
+        rows.iter().map(|[t, n, e, psi, u, d]| [*t, *n, *e, psi + 3.0, *u, *d]).collect();
+    let path = written(&folder, "boat.csv", &csv(&turned, "t [ms]", 1000.0));
+    let error = tables(&path, &sensors("")).unwrap_err().to_string();
+    assert!(
+        error.contains("deg to starboard of its heading") && error.contains("COLUMN [deg] - 17"),
+        "{error}"
+    );
+    // The remedy works.
+    let degrees: f64 =
+        error.split("COLUMN [deg] - ").nth(1).unwrap().split('"').next().unwrap().parse().unwrap();
+    let mut selection = sensors("");
+    selection.sensors.as_mut().unwrap().heading =
+        Some(format!("heading [rad] - {}", degrees.to_radians()).parse().unwrap());
+    let (log, _) = tables(&path, &selection).unwrap();
+    assert!((mean(&log, "u") - mean_speed(&rows)).abs() < 0.1);
+}
+
+/// Knots without a unit were metres per second.
+#[test]
+fn a_speed_without_a_unit_has_that_of_the_positions() {
+    let folder = TempDir::new().unwrap();
+    let rows = boat(120, 8);
+    let mut text = "t [s],north [m],east [m],heading [rad],speed,course [rad],rudder [deg]\n".to_owned();
+    for [t, north, east, psi, u, rudder] in &rows {
+        let knots = u * 3600.0 / 1852.0;
+        let _ = writeln!(text, "{t:.1},{north:.3},{east:.3},{psi:.4},{knots:.3},{psi:.4},{rudder}");
+    }
+    let path = written(&folder, "boat.csv", &text);
+    let mut selection = sensors("");
+    let spec = |name: &str| Some(name.parse().unwrap());
+    let own = selection.sensors.as_mut().unwrap();
+    (own.speed, own.course) = (spec("speed"), spec("course"));
+    let (log, notes) = tables(&path, &selection).unwrap();
+    assert!(said(&notes, "`speed` has no unit, and is taken as kn").is_some(), "{notes:?}");
+    assert!((mean(&log, "u") - mean_speed(&rows)).abs() < 0.1, "{}", mean(&log, "u"));
+    // Without positions nothing shows it.
+    let own = selection.sensors.as_mut().unwrap();
+    (own.north, own.east) = (None, None);
+    let (_, notes) = tables(&path, &selection).unwrap();
+    assert!(
+        said(&notes, "`speed` has no unit, and is taken as m/s").is_some_and(Note::is_warning),
+        "{notes:?}"
+    );
+}
+
+/// NMEA beside CSV in a folder was ignored without a word.
+#[test]
+fn instruments_and_commands_of_a_folder_are_read_together() {
+    let folder = TempDir::new().unwrap();
+    let rows = boat(60, 9);
+    let sentences = nmea(&rows, 36_000.0, 55.0);
+    let sentences: Vec<&str> = sentences.lines().filter(|line| !line.contains("RSA")).collect();
+    written(&folder, "instruments.log", &(sentences.join("\n") + "\n"));
+    let mut commands = "t [s],rudder_cmd [deg]\n".to_owned();
+    for row in &rows {
+        let _ = writeln!(commands, "{:.1},{}", 36_000.0 + row[0], row[5]);
+    }
+    written(&folder, "commands.csv", &commands);
+    written(&folder, "notes.odt", "nothing that can be read");
+    let found = survey(folder.path(), None).unwrap();
+    let topics: Vec<&str> = found.topics.iter().map(|topic| topic.name.as_str()).collect();
+    assert!(["GGA", "HDT", "commands"].iter().all(|name| topics.contains(name)), "{topics:?}");
+    assert!(
+        said(&found.notes, "files of other formats are not read: notes.odt").is_some(),
+        "{:?}",
+        found.notes
+    );
+    let proposal = found.proposal();
+    let (log, _) = tables(folder.path(), &proposal.selection).unwrap();
+    let rudder = column(&log, &proposal.selection.inputs[0].name);
+    assert!(rudder.len() > 250 && rudder.iter().any(|x| *x > 0.1) && rudder.iter().any(|x| *x < -0.1));
+    assert!((mean(&log, "u") - mean_speed(&rows)).abs() < 0.1);
 }
 
 /// A receiver of 1 Hz in a table of 5 Hz: each fix counted five times, and the velocities were too certain.

@@ -142,6 +142,40 @@ fn names_of_tables_are_read_by_their_words() {
     assert_eq!(outputs, ["u=u_mps", "v=v_mps", "r=r_radps"]);
 }
 
+/// The course was taken for the heading beside a compass, a yaw rate for nothing without a heading, and a shaft for nothing beside a
+/// command of the rudder.
+#[test]
+fn what_one_name_says_does_not_hide_the_others() {
+    let german = table(
+        "t;Breite;Länge;Kurs [deg];Kompass [deg];Drehrate [rad/s];Ruder;Drehzahl [1/min]",
+        ';',
+        &[0, 1, 2, 3, 3, 5, 6, 4],
+    );
+    let (sensors, inputs) = proposed(&german);
+    let place = ["latitude=Breite [deg]", "longitude=Länge [deg]", "heading=Kompass", "yaw_rate=Drehrate"];
+    assert_eq!(sensors, place);
+    assert_eq!(inputs, ["Ruder", "Drehzahl"]);
+
+    let text =
+        table("t,lat,lon,gyro_z [rad/s],rudder_cmd [deg],shaft [rps],motor_cmd", ',', &[0, 1, 2, 5, 6, 4, 0]);
+    let constant: String = text
+        .lines()
+        .enumerate()
+        .map(|(k, line)| match line.rsplit_once(',') {
+            Some((front, _)) if k > 0 => format!("{front},7\n"),
+            _ => format!("{line}\n"),
+        })
+        .collect();
+    let (sensors, inputs) = proposed(&constant);
+    assert_eq!(sensors, ["latitude=lat [deg]", "longitude=lon [deg]", "yaw_rate=gyro_z"]);
+    assert_eq!(inputs, ["rudder_cmd", "shaft"]);
+    let said = "`motor_cmd` is constant (7), and is not proposed";
+    assert!(proposal(&constant).remarks.iter().any(|remark| remark.contains(said)));
+    // A speed without a course is said also where there is nothing else.
+    let alone = table("t,speed [m/s],gyro_z [rad/s],rudder_cmd", ',', &[0, 4, 5, 6]);
+    assert!(proposal(&alone).remarks.iter().any(|remark| remark.contains("`speed` is not proposed")));
+}
+
 /// Set-point, command and feedback of an actuator were three inputs.
 #[test]
 fn an_actuator_has_one_input() {

@@ -36,14 +36,16 @@ fn with_fewer_cells(bytes: &[u8]) -> usize {
         cell.replacen(',', ".", 1).parse::<f64>().is_ok()
             || stamp::looks_like(cell) && stamp::parse(cell).is_some()
     };
-    let is_row = |line: &&[u8]| {
-        let separator = delimiter(line);
-        let cells = line.split(|&b| b == separator).map(text).filter(|cell| !cell.is_empty());
-        let (numbers, others): (Vec<&str>, Vec<&str>) = cells.partition(is_number);
-        numbers.len() > 1 && numbers.len() >= others.len()
+    // Before the comma, which may be that of decimals.
+    let separator_of = |line: &&[u8]| {
+        [b';', b'\t', b','].into_iter().find(|separator| {
+            let cells = line.split(|b| b == separator).map(text).filter(|cell| !cell.is_empty());
+            let (numbers, others): (Vec<&str>, Vec<&str>) = cells.partition(is_number);
+            numbers.len() > 1 && numbers.len() >= others.len()
+        })
     };
-    let Some(row) = lines.iter().position(is_row) else { return 0 };
-    let separator = delimiter(lines[row]);
+    let first_row = lines.iter().enumerate().find_map(|(row, line)| Some((row, separator_of(line)?)));
+    let Some((row, separator)) = first_row else { return 0 };
     let cells = |line: &[u8]| line.split(|&b| b == separator).count();
     let is_alike = |line: &&&[u8]| cells(line) == cells(lines[row]);
     let header = row - lines[..row].iter().rev().take_while(is_alike).count();

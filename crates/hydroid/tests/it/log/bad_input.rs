@@ -98,13 +98,19 @@ fn time_running_backwards() {
     says(&message, &["log.csv, line 4", "time runs backwards", "from 2 s to 1 s", "sort the rows"]);
     let rows =
         |from: usize| (from..from + 20).map(|k| format!("{}.5,{},{}\n", k, u(k), n(k))).collect::<String>();
-    let reboot = error(&format!("t,u,n\n{}{}", rows(900), rows(3)));
-    says(
-        &reboot,
-        &["log.csv, line 22", "from 919.5 s to 3.5 s", "split the file at that line into two logs"],
-    );
-    let thrice = error(&format!("t,u,n\n{}{}{}", rows(900), rows(3), rows(3)));
-    says(&thrice, &["log.csv, line 22", "file of its own"]);
+    // A clock that restarts, once or more often, begins a run of its own.
+    for (text, count) in [
+        (format!("t,u,n\n{}{}", rows(900), rows(3)), "once,"),
+        (format!("t,u,n\n{}{}{}", rows(900), rows(3), rows(3)), "several times, first"),
+    ] {
+        let p = prepared(&text);
+        let said = format!("log.csv: the clock goes back {count} before line 22, from 919.500 s to 3.500 s");
+        assert!(p.notes.iter().any(|n| n.is_warning() && n.message.contains(&said)), "{:?}", p.notes);
+        assert!(p.runs.iter().all(|run| run.len() == 20) && p.runs[1].t0 == 919.5 + 3600.0);
+    }
+    // Rows in a wrong order do not.
+    let text: String = format!("t,u,n\n{}0.5,1,0\n1.5,2,0\n", rows(900));
+    says(&error(&text), &["log.csv, line 22", "sort the rows"]);
 }
 
 #[test]

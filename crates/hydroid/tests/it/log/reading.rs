@@ -50,6 +50,27 @@ fn rows_may_omit_their_last_cells() {
     assert!(read_error(b"t,u,n\n0,1,2\n1,2").contains("in the middle of a line"));
 }
 
+/// Titles with commas were taken for the header.
+#[test]
+fn title_lines_have_fewer_cells_than_the_rows() {
+    let titles = "Sea trial of boat \"Möwe\", 3 May 2026\nWind: 2 Bft; crew: A, B\n\n";
+    for table in [
+        "Time [s],u [m/s],n\n0.0,1.5,3\n0.1,1.6,4\n0.2,1.7,3\n",
+        "Time [s];u [m/s];n\n0,0;1,5;3\n0,1;1,6;4\n0,2;1,7;3\n",
+        "t [s],u [m/s],n,remark\n0.0,1.5,3,\n0.1,1.6,4,start\n0.2,1.7,3,\n",
+    ] {
+        let with = log(&format!("{titles}{table}"));
+        let without = log(table);
+        assert_eq!(
+            with.columns.iter().map(|c| &c.values).collect::<Vec<_>>(),
+            without.columns.iter().map(|c| &c.values).collect::<Vec<_>>()
+        );
+        assert_eq!(with.lines.get(0), 5, "{table}");
+    }
+    // A first line with as many cells as the rows is the header.
+    assert_eq!(log("t,u,n\ns,m/s,rps\n0.0,1.5,3\n0.1,1.6,4\n").columns[0].name, "t");
+}
+
 #[test]
 fn title_lines_stand_above_the_header() {
     for text in ["---- log 1 ----\nt,u\n0,1\n", "Trial 7\n\ncalm\nt;u\n0;1,5\n", "a run\r\nt\tu\r\n0\t1\r\n"]

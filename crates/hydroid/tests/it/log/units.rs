@@ -125,3 +125,19 @@ fn endings_of_names_state_units() {
         assert_eq!(from_name(name, clock), expected, "{name}");
     }
 }
+
+/// Velocities in knots under a header with m/s were learned as twice what they are, without a word.
+#[test]
+fn a_name_that_contradicts_its_header_is_told() {
+    let text = "t,u_kn [m/s],n\n0,1.0,1\n1,1.5,2\n2,1.2,3\n3,1.4,1\n";
+    let told = |outputs: &str| {
+        let selection = Selection::of(outputs, "n").unwrap();
+        let prepared = prepare(&[log(text)], &selection, &PrepareOptions::default());
+        prepared.unwrap().notes.iter().any(|note| {
+            note.is_warning()
+                && note.message.contains("the name of `u_kn` says kn and its header m/s: m/s is used")
+        })
+    };
+    assert!(told("u=u_kn"));
+    assert!(!told("u=u_kn [m/s]"));
+}
