@@ -192,8 +192,13 @@ fn parts_in_which_the_motion_does_not_follow_the_commands_are_named() {
     let shown = identify("");
     assert!(shown.contains(said) && shown.contains("off.csv, 100 to 150 s"), "{shown}");
     assert!(shown.contains("--exclude"), "{shown}");
+    let used = "rows are used (--exclude off.csv=99:156)";
     let shown = identify("--exclude off.csv=99:156 ");
-    assert!(!shown.contains(said), "{shown}");
+    assert!(shown.contains(used) && !shown.contains(said), "{shown}");
+    // The same in a file.
+    fs::write(at.join("hydroid.toml"), "[log]\nexclude = ['off.csv=99:156']\n").unwrap();
+    let shown = identify("");
+    assert!(shown.contains(used) && !shown.contains(said), "{shown}");
 }
 
 /// What a log lacks, and an experiment after which it lacks nothing, by the simulated vessel itself.

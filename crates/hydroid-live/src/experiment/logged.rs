@@ -14,6 +14,8 @@ use crate::Axis;
 const LAGS: usize = 40;
 /// Share of the variance of a velocity that the inputs must explain, so that their signs are known.
 const EXPLAINED: f64 = 0.05;
+/// Samples for a regression: more of them change little.
+const ENOUGH: usize = 50_000;
 /// Share of its other effect from which an input has an effect.
 const LESS: f64 = 0.5;
 /// Share of the time scale after which the commands of a plan may change.
@@ -172,6 +174,7 @@ fn axis(runs: &[Trajectory], input: usize, boat: &Boat) -> Result<Axis, String> 
 /// explains most of it; none if it explains too little.
 fn effects_of(runs: &[Trajectory], inputs: &[usize], output: usize) -> Option<Vec<f64>> {
     let shortest = runs.iter().map(Trajectory::len).max().unwrap_or(0) / 4;
+    let stride = (runs.iter().map(Trajectory::len).sum::<usize>() / ENOUGH).max(1);
     let mut best: Option<(f64, Vec<f64>)> = None;
     let mut lag = 0;
     while !inputs.is_empty() && lag <= shortest {
@@ -179,7 +182,7 @@ fn effects_of(runs: &[Trajectory], inputs: &[usize], output: usize) -> Option<Ve
         let mut normal = vec![vec![0.0; n + 1]; n];
         let (mut count, mut sum, mut square) = (0.0, 0.0, 0.0);
         for run in runs {
-            for k in lag..run.len() {
+            for k in (lag..run.len()).step_by(stride) {
                 let (row, y) = (run.inputs.row(k - lag), run.outputs.row(k)[output]);
                 let x: Vec<f64> = inputs.iter().map(|&i| row[i]).chain([1.0, y]).collect();
                 if x.iter().all(|x| x.is_finite()) {

@@ -90,6 +90,7 @@ impl Log {
         let sensors = selection.sensors.filter(|_| !replaced);
         let heading = selection.heading.filter(|_| !replaced);
         let time = selection.time.filter(|_| !replaced);
+        let parts = selection.parts;
         Ok(Reading {
             selection: Selection {
                 time: self.time.or(time),
@@ -98,7 +99,11 @@ impl Log {
                 wind: self.wind.or(selection.wind),
                 heading: self.heading.or(heading),
                 sensors: self.sensors.or(sensors),
-                parts: Parts { between: self.between, exclude: self.exclude, condition: self.condition },
+                parts: Parts {
+                    between: if self.between.is_empty() { parts.between } else { self.between },
+                    exclude: if self.exclude.is_empty() { parts.exclude } else { self.exclude },
+                    condition: self.condition.or(parts.condition),
+                },
             },
             options: PrepareOptions {
                 dt: self.dt.or(options.dt),

@@ -58,7 +58,7 @@ pub(crate) fn check_order(columns: &Columns<'_>) -> Result<(), LogError> {
 const APART_S: f64 = 3600.0;
 
 /// Rows before which the clock restarts, as after a reboot, at the end of daylight saving time, or where sessions were joined: each
-/// begins rising times. A misplaced row steps back by about one step, and leaves none.
+/// begins rising times.
 fn restarts(t: &[f64]) -> Vec<usize> {
     let back: Vec<usize> = (1..t.len()).filter(|&k| t[k] < t[k - 1]).collect();
     let Some(step) = Clock::usual_step(t) else { return Vec::new() };
@@ -67,7 +67,9 @@ fn restarts(t: &[f64]) -> Vec<usize> {
         .chain(back.iter().copied())
         .zip(ends)
         .all(|(from, to)| to - from >= FEWEST_SAMPLES);
-    let is_far = back.iter().all(|&k| t[k - 1] - t[k] > RESTART * step);
+    // A misplaced row steps back alone.
+    let is_back = |k: usize| t[k..].iter().take(FEWEST_SAMPLES).all(|later| *later < t[k - 1]);
+    let is_far = back.iter().all(|&k| t[k - 1] - t[k] > RESTART * step && is_back(k));
     if is_run && is_far { back } else { Vec::new() }
 }
 

@@ -55,7 +55,7 @@ pub use prepare::{PrepareOptions, Prepared, prepare};
 pub use pulses::{Neutral, NeutralBy};
 pub(crate) use resample::mean;
 pub(crate) use resolve::{all_names, channel, time, unknown as unknown_column};
-pub(crate) use sanity::FASTEST_RAD_S;
+pub(crate) use sanity::{FASTEST_M_S, FASTEST_RAD_S};
 pub use selection::{ChannelSpec, Selection, Wind};
 pub use sensors::{KnownSensors, Sensors};
 pub(crate) use split::validation_run;

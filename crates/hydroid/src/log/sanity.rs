@@ -7,7 +7,7 @@ use super::error::LogError;
 use super::trajectory::Channel;
 
 /// Fastest plausible velocity \[m/s\].
-const FASTEST_M_S: f64 = 100.0;
+pub(crate) const FASTEST_M_S: f64 = 100.0;
 /// Fastest plausible yaw rate of a vessel \[rad/s\].
 pub(crate) const FASTEST_RAD_S: f64 = 20.0;
 /// Ratio of a spike to the typical size of its channel.

@@ -10,7 +10,7 @@ use super::open::Recording;
 use crate::key::key;
 use crate::log::parts::Kept;
 use crate::log::sentinel::{self, Kind as Sentinel};
-use crate::log::{self, ChannelSpec, LogError, Note, RawLog, Sensors};
+use crate::log::{self, ChannelSpec, FASTEST_M_S, FASTEST_RAD_S, LogError, Note, RawLog, Sensors};
 use crate::navigate::{Event, Kind, Row, Run, Sensor};
 
 /// Mean earth axes of WGS 84: semi-major axis \[m\] and squared eccentricity.
@@ -204,6 +204,7 @@ fn series(
         });
     }
     let mut values: Vec<f64> = values.iter().map(|x| factor * source.si(*x)).collect();
+    check_size(recording, name, spec, si, &values)?;
     if name != "quality" {
         let kind = if ["heading", "course"].contains(&name) { Sentinel::Angle } else { Sentinel::Measured };
         let raw = |x: f64| source.raw(x / factor);
@@ -212,6 +213,41 @@ fn series(
         notes.extend(sentinel::note(&recording.header.path, &spec.column, &found, raw));
     }
     Ok(Series { t: t.to_vec(), values })
+}
+
+/// Share of the values that errors of a sensor may have.
+const ERRORS: f64 = 0.01;
+
+/// Refuses velocities and yaw rates that no vessel has: their unit is another one.
+fn check_size(
+    recording: &Recording,
+    name: &str,
+    spec: &ChannelSpec,
+    si: &str,
+    values: &[f64],
+) -> Result<(), LogError> {
+    let (limit, other) = match si {
+        "rad/s" => (FASTEST_RAD_S, "deg/s"),
+        "m/s" => (FASTEST_M_S, "kn"),
+        _ => return Ok(()),
+    };
+    let measured = || values.iter().filter(|x| x.is_finite());
+    let beyond = measured().filter(|x| x.abs() > limit).count();
+    if beyond as f64 <= ERRORS * measured().count() as f64 {
+        return Ok(());
+    }
+    let fastest = measured().fold(0.0, |fastest: f64, x| fastest.max(x.abs()));
+    Err(LogError::Unusable {
+        path: recording.header.path.clone(),
+        reason: format!(
+            "the {name} `{}` is up to {fastest:.1} {si}, and no vessel is faster than {limit} {si}",
+            spec.column
+        ),
+        remedy: format!(
+            "state its unit in the section [log.sensors]: {name} = \"{} [{other}]\"",
+            spec.column
+        ),
+    })
 }
 
 /// Changes positions in degrees and minutes, as ddmm.mmmm of NMEA, to radians.

@@ -402,6 +402,25 @@ fn a_compass_that_points_astern_is_refused() {
     assert!((mean(&log, "u") - mean_speed(&rows)).abs() < 0.1);
 }
 
+/// Yaw rates in degrees under a header with radians were smoothed for minutes.
+#[test]
+fn yaw_rates_that_no_vessel_has_are_refused() {
+    let folder = TempDir::new().unwrap();
+    let mut text = "t [s],north [m],east [m],heading [rad],gyro_z [rad/s],rudder [deg]\n".to_owned();
+    for (k, [t, north, east, psi, _, rudder]) in boat(20, 6).iter().enumerate() {
+        let rate = 40.0 * f64::sin(0.1 * k as f64);
+        let _ = writeln!(text, "{t:.1},{north:.3},{east:.3},{psi:.4},{rate:.2},{rudder}");
+    }
+    let path = written(&folder, "boat.csv", &text);
+    let mut selection = sensors("");
+    selection.sensors.as_mut().unwrap().yaw_rate = Some("gyro_z".parse().unwrap());
+    let error = tables(&path, &selection).unwrap_err().to_string();
+    assert!(
+        error.contains("no vessel is faster than 20 rad/s") && error.contains("gyro_z [deg/s]"),
+        "{error}"
+    );
+}
+
 /// Knots without a unit were metres per second.
 #[test]
 fn a_speed_without_a_unit_has_that_of_the_positions() {
