@@ -57,6 +57,21 @@ def test_a_log_of_each_kind_leads_to_a_vessel_that_is_driven(tab, kind):
 
 
 @needs_data
+def test_parts_of_a_log_are_left_out(tab):
+    page = tab()
+    columns_of(page, LOGS["table"])
+    thrusters(page)
+    page.locator("#column-options").evaluate("(e) => { e.open = true; }")
+    for label, text in (("Parts not to use [s]", "20:60"), ("Rows for which", "u_mps > -9")):
+        page.get_by_label(label).fill(text)
+        page.get_by_label(label).press("Tab")
+    check(page)
+    used = page.get_by_text("rows are used (exclude=\"20:60\", where=\"u_mps > -9\")").first
+    expect(used).to_be_attached()
+    expect(page.get_by_text("split at 1 jump").first).to_be_attached()
+
+
+@needs_data
 @needs_command
 def test_a_recording_becomes_the_model_of_the_command(tab, tmp_path):
     """The identification uses the velocities of the check; the settings that are saved lead the command to the same model."""

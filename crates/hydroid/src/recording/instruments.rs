@@ -204,7 +204,6 @@ fn series(
         });
     }
     let mut values: Vec<f64> = values.iter().map(|x| factor * source.si(*x)).collect();
-    check_size(recording, name, spec, si, &values)?;
     if name != "quality" {
         let kind = if ["heading", "course"].contains(&name) { Sentinel::Angle } else { Sentinel::Measured };
         let raw = |x: f64| source.raw(x / factor);
@@ -212,6 +211,7 @@ fn series(
         values.iter_mut().filter(|x| found.iter().any(|(of, _)| of == *x)).for_each(|x| *x = f64::NAN);
         notes.extend(sentinel::note(&recording.header.path, &spec.column, &found, raw));
     }
+    check_size(recording, name, spec, si, &values)?;
     Ok(Series { t: t.to_vec(), values })
 }
 
