@@ -411,6 +411,7 @@ def test_held_escape_sends_one_stop(tab, server):
     for _ in range(5):
         page.keyboard.down("Escape")
     page.keyboard.up("Escape")
+    wait_for(lambda: sent, page=page)
     page.wait_for_timeout(300)
     assert len(sent) == 1
 
