@@ -30,7 +30,7 @@ pub struct ForTrials {
 }
 
 impl ForTrials {
-    /// `None` where no model has a motion that inputs steer. The reasons become part of the models.
+    /// `None` where no model has a motion that inputs steer. The verdicts become part of the models.
     pub(super) fn of(candidates: &mut [Candidate], train: &[&Trajectory]) -> Option<Self> {
         let speed_m_s = usual_speed(train)?;
         let maps: Vec<_> = candidates.iter().map(|candidate| InputMap::find(&candidate.model)).collect();
@@ -45,7 +45,7 @@ impl ForTrials {
         let not_valid: Vec<Option<String>> = candidates.iter().zip(maps).map(why).collect();
         let best = select_among(candidates, |i| not_valid[i].is_none());
         for (candidate, reason) in candidates.iter_mut().zip(&not_valid) {
-            candidate.model.description.provenance.not_for_trials.clone_from(reason);
+            candidate.model.description.provenance.not_for_trials = reason.is_some();
         }
         Some(Self { best, not_valid })
     }

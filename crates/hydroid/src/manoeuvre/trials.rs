@@ -274,11 +274,12 @@ pub fn trials(
             "distances are those of a vessel that does not move sideways, and are not judged: {reason}"
         ));
     }
-    notes.extend(
-        model.description.provenance.not_for_trials.as_ref().map(|reason| {
-            format!("`identify` found that this model is not for trials and control: {reason}")
-        }),
-    );
+    if model.description.provenance.not_for_trials {
+        notes.push(
+            "the identification found that this model is not for trials and control; its report states why"
+                .to_owned(),
+        );
+    }
     let stops = |trial: &&Trial| {
         trial.figures.iter().any(|figure| {
             figure.name == "stopping_time_s" && figure.value.is_none() && figure.not_valid.is_none()

@@ -148,9 +148,9 @@ pub struct Provenance {
     /// Outputs that the model predicts no better than their means, or with rollouts that diverge, with the figures that say so.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub not_identified: BTreeMap<String, String>,
-    /// Why the model is not for trials and control.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub not_for_trials: Option<String>,
+    /// Whether the model was found not to be for trials and control.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub not_for_trials: bool,
 }
 
 impl Model {
