@@ -247,7 +247,7 @@ fn missing_headings(runs: &[Trajectory]) -> Option<String> {
     let largest = headings.iter().zip(next).map(|(a, b)| b - a).fold(0.0, f64::max);
     (largest > 0.5 * turn).then(|| {
         format!(
-            "all headings lie within {:.0} deg: a current and a misalignment of the compass are told from sway on opposite courses only",
+            "all headings lie within {:.0} deg: only opposite courses distinguish a current and a misalignment of the compass from sway",
             (turn - largest).to_degrees()
         )
     })

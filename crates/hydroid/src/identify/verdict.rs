@@ -212,11 +212,11 @@ const CONTRADICTS: f64 = 3.0;
 /// Parts of the runs in which an output does not follow the commands as it does elsewhere: the model is worse there than on the
 /// whole, and by far worse than no change.
 fn contradictions(judged: &Evaluation, verdicts: &[Verdict]) -> Vec<Note> {
-    let is_told = |verdict: &Verdict| [Grade::Good, Grade::Usable].contains(&verdict.grade);
+    let is_predicted = |verdict: &Verdict| [Grade::Good, Grade::Usable].contains(&verdict.grade);
     let of_run = |run: &RunErrors| {
         let errors = verdicts.iter().zip(run.nrmse.iter().zip(&run.persistence));
         let worse = errors.filter(|(verdict, (nrmse, persistence))| {
-            is_told(verdict) && **nrmse > verdict.nrmse && **nrmse > CONTRADICTS * **persistence
+            is_predicted(verdict) && **nrmse > verdict.nrmse && **nrmse > CONTRADICTS * **persistence
         });
         let texts: Vec<String> = worse
             .map(|(verdict, (nrmse, persistence))| {

@@ -272,7 +272,7 @@ mod tests {
         ] {
             assert!(holds(text, &at), "{text}");
         }
-        for text in ["u", "armed && u > 0", "!armed"].into_iter().skip(1) {
+        for text in ["armed && u > 0", "!armed", "!u"] {
             assert!(!holds(text, &at), "{text}");
         }
         // Neither a comparison with an unknown value nor its opposite holds.

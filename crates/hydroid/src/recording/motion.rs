@@ -446,7 +446,7 @@ fn states(
 fn current(path: &str, smoothed: &Smoothed, notes: &mut Vec<Note>) {
     let [north, east] = [State::CurrentNorth, State::CurrentEast].map(|state| smoothed.end[state as usize]);
     let deviation = north.1.max(east.1);
-    // On courses to one side, a current is told from sway only by the model of sway.
+    // On courses to one side, only the model of sway distinguishes a current from sway.
     if deviation < 0.5 * CURRENT_M_S && turned(&smoothed.rows) > PI / 2.0 {
         notes.push(Note::info(format!(
             "{path}: the current flows with {:.2} m/s to the north and {:.2} m/s to the east, ± {deviation:.2} m/s; u and v are over ground",

@@ -81,7 +81,7 @@ pub(super) fn write_plan(path: &Path, runs: &[Trajectory], global: Global) -> an
     let names = found.inputs.iter().map(|channel| format!(",{}{}", channel.name, unit(&channel.unit)));
     let mut text = format!("t [s]{}\n", names.collect::<String>());
     for (t, commands) in &rows {
-        write!(text, "{t:.1}")?;
+        write!(text, "{t:.3}")?;
         commands.iter().try_for_each(|command| write!(text, ",{command:.4}"))?;
         text.push('\n');
     }
