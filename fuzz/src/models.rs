@@ -99,6 +99,7 @@ fn described(name: &str, dt: f64, body: Body) -> Model {
                 ..Provenance::default()
             },
             bands: None,
+            trial_errors: Vec::new(),
             current: None,
         },
         body,

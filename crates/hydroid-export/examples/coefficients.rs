@@ -114,6 +114,7 @@ fn launch() -> Result<Model, Failure> {
                 ..Provenance::default()
             },
             bands: None,
+            trial_errors: Vec::new(),
             current: None,
         },
         body: Body::Equations(Arc::new(equations)),

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use hydroid::atomic;
-use hydroid::manoeuvre::{Comparison, RecognisedKind, Track, write_comparisons_csv};
+use hydroid::manoeuvre::{Comparison, RecognisedKind, Track, interval_words, write_comparisons_csv};
 use hydroid::model::Model;
 use maud::{Markup, html};
 use serde_json::Value as Document;
@@ -136,8 +136,8 @@ fn values(comparison: &Comparison) -> Markup {
         @if [north, east] != [0.0; 2] {
             p.small { "In an estimated current of " (text(north, 2)) " m/s north and " (text(east, 2)) " m/s east." }
         }
-        @if comparison.members > 0 {
-            p.small { "Intervals: over " (comparison.members) " members of the model." }
+        @if let Some(words) = interval_words(comparison.members, comparison.left_out_trials) {
+            p.small { "Intervals: " (words) "." }
         }
     }
 }

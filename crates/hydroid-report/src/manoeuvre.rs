@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use hydroid::atomic;
-use hydroid::manoeuvre::{Figure as Value, Track, Trial, TrialKind, Trials};
+use hydroid::manoeuvre::{Figure as Value, Track, Trial, TrialKind, Trials, interval_words};
 use hydroid::model::Model;
 use hydroid::plant::Outside;
 use maud::{Markup, html};
@@ -280,8 +280,8 @@ fn values(subject: &ManoeuvreReport<'_>, trials: &[&Trial]) -> Markup {
         }
         @if let Some(reason) = &first.stability_not_decided { p { "Directional stability is not decided: " (reason) "." } }
         @if let Some(stable) = stable { p { (if stable { "Directionally stable." } else { "Not directionally stable." }) } }
-        @if intervals {
-            p.small { "Below each value: 5 % and 95 % quantile over " (first.members) " members of the model. Errors that all of them share are not in them." }
+        @if let Some(words) = interval_words(first.members, first.left_out_trials).filter(|_| intervals) {
+            p.small { "Below each value: interval (" (words) ")." }
         }
         @if limits { p.small { "Limits for a length of " (text(subject.trials.options.length_m.unwrap_or(f64::NAN), 4)) " m." } }
     }

@@ -98,7 +98,7 @@ fn compare(args: &Manoeuvre, model: &Model, global: Global) -> anyhow::Result<Ou
 }
 
 fn print_comparison(comparison: &Comparison) {
-    let Comparison { run, at_s, trial, current: [north, east], members, .. } = comparison;
+    let Comparison { run, at_s, trial, current: [north, east], members, left_out_trials, .. } = comparison;
     let title = trial.title();
     let fitted = if comparison.in_training { " (the model was fitted to this run)" } else { "" };
     let water = if *north == 0.0 && *east == 0.0 {
@@ -107,15 +107,17 @@ fn print_comparison(comparison: &Comparison) {
         format!(", in an estimated current of {north:.2}, {east:.2} m/s (north, east)")
     };
     outln!("{run}, {at_s:.1} s: {title}{water}{fitted}");
-    let intervals = if *members > 0 { "   5 % to 95 % of the members" } else { "" };
+    let intervals = manoeuvre::interval_words(*members, *left_out_trials);
+    let intervals = intervals.map(|words| format!(" interval: {words}")).unwrap_or_default();
     outln!("  {:<28} {:>11} {:>11} {:<6}{intervals}", "", "measured", "predicted", "");
     for (measured, predicted) in comparison.measured.iter().zip(&comparison.predicted) {
         if let Some(value) = measured.value {
             let (name, unit) = measured.name_and_unit();
             let other =
                 predicted.value.map_or_else(|| predicted.missing().to_owned(), |value| format!("{value:.2}"));
-            let interval =
-                predicted.interval.map(|[low, high]| format!("   {low:.2} to {high:.2}")).unwrap_or_default();
+            let interval = predicted.interval.map(|[low, high]| format!("   {low:.2} to {high:.2}"));
+            let none = predicted.no_interval.as_ref().map(|reason| format!("   no interval: {reason}"));
+            let interval = interval.or(none).unwrap_or_default();
             let line = format!("  {name:<28} {value:>11.2} {other:>11} {unit:<6}{interval}");
             outln!("{}", line.trim_end());
         } else if let Some(reason) = &measured.not_valid {
@@ -171,12 +173,8 @@ fn print_limits(trial: &Trial) {
 }
 
 fn members(trial: &Trial) -> String {
-    match trial.members {
-        0 => String::new(),
-        members => format!(
-            " (intervals: 5 % to 95 % of {members} members; errors that all of them share are not in them)"
-        ),
-    }
+    let words = manoeuvre::interval_words(trial.members, trial.left_out_trials);
+    words.map(|words| format!(" (intervals: {words})")).unwrap_or_default()
 }
 
 /// A number with two decimals, without a negative zero.

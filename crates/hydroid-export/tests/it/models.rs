@@ -30,6 +30,7 @@ pub(crate) fn model(name: &str, body: Body) -> Model {
     Model {
         description: Description {
             bands: None,
+            trial_errors: Vec::new(),
             current: None,
             name: name.to_owned(),
             dt: DT,

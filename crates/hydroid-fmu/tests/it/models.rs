@@ -44,6 +44,7 @@ pub(crate) fn model(body: Body) -> Model {
         boat: hydroid::boat::Boat::default(),
         provenance,
         bands: None,
+        trial_errors: Vec::new(),
         current: None,
     };
     Model { description, body, members: Members::default(), learning: None }

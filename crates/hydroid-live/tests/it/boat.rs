@@ -40,6 +40,7 @@ pub(crate) fn model() -> Model {
     Model {
         description: Description {
             bands: None,
+            trial_errors: Vec::new(),
             current: None,
             name: "sindy".to_owned(),
             dt: 0.1,

@@ -34,6 +34,7 @@ use crate::boat::{Boat, Evidence, Role};
 use crate::craft::CraftFile;
 use crate::evaluate::{DesignRange, Evaluation};
 use crate::log::{Note, Split, Trajectory, is_constant};
+use crate::manoeuvre::trial_errors;
 use crate::model::{Model, Reading};
 use crate::plant::find_roles;
 use crate::progress::Progress;
@@ -276,6 +277,7 @@ fn try_identify(job: &Job, watch: OnStage<'_>) -> Result<IdentifyResult, Identif
         candidates = through_water::choose(candidates, found);
     }
     describe(&mut candidates, &parts.train);
+    measure_trials(&mut candidates, folds.as_ref(), &job.split.train);
     let missing = MissingData::for_judgement(job, &candidates);
     let best = select_best(&candidates).filter(|_| missing.is_none());
     warnings.extend(missing.as_ref().map(MissingData::note));
@@ -331,6 +333,19 @@ fn describe_one(candidate: &mut Candidate, train: &[&Trajectory]) {
     }
     candidate.model.description.boat = find_roles(&candidate.model);
     candidate.model.description.provenance.not_identified = verdict::not_identified(candidate.judged());
+}
+
+/// Sets the errors of the models in the trials of the runs that were left out.
+fn measure_trials(candidates: &mut [Candidate], folds: Option<&CrossValidation>, train: &[Trajectory]) {
+    let Some(folds) = folds.map(|folds| folds.runs(train)) else { return };
+    for candidate in candidates {
+        let mut left_out = Vec::with_capacity(folds.len());
+        for (fold, run) in &folds {
+            let description = candidate.model.description.clone();
+            left_out.push((Model { description, ..candidate.left_out[*fold].clone() }, *run));
+        }
+        candidate.model.description.trial_errors = trial_errors(&left_out);
+    }
 }
 
 fn note_of_blocks() -> Note {

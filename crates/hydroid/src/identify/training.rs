@@ -327,6 +327,7 @@ fn describe(
     Model {
         description: Description {
             bands: None,
+            trial_errors: Vec::new(),
             current: None,
             boat: boat(job),
             name: method.name().to_owned(),

@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::error::ManoeuvreError;
 use super::figure::{Figure, Figures, NO_SWAY, NO_SWAY_FIGURES, set_intervals};
+use super::left_out::widen;
 use super::recognised::{Recognised, RecognisedKind, recognise};
 use super::track::Track;
 use super::trials::not_valid;
@@ -39,6 +40,8 @@ pub struct Comparison {
     pub in_training: bool,
     /// Number of members of the ensemble or committee whose predictions give the intervals.
     pub members: usize,
+    /// Number of trials that were left out of the fit, whose errors are in the intervals.
+    pub left_out_trials: usize,
     /// Measured and predicted track.
     #[serde(skip)]
     pub tracks: [Track; 2],
@@ -159,21 +162,28 @@ pub fn compare(
         let count = trials.len() as f64;
         for (j, trial) in trials.into_iter().enumerate() {
             report(progress, (i as f64 + j as f64 / count) / runs.len() as f64).map_err(PlantError::from)?;
-            let current = current_before(model, run, trial.executes[0]);
-            all.extend(comparison(model, run, trial, current)?.map(|found| found.scaled(scale)));
+            let members = Simulation::of_members(model)?;
+            all.extend(comparison(model, members, run, trial)?.map(|found| found.scaled(scale)));
         }
     }
     report(progress, 1.0).map_err(PlantError::from)?;
     Ok(all)
 }
 
+/// The trials of a run beside the predictions of a model without its members.
+pub(super) fn compare_alone(model: &Model, run: &Trajectory) -> Result<Vec<Comparison>, ManoeuvreError> {
+    let trials = recognise(run, &find_roles(model)).into_iter();
+    trials.filter_map(|trial| comparison(model, Vec::new(), run, trial).transpose()).collect()
+}
+
 fn comparison(
     model: &Model,
+    members: Vec<Simulation>,
     run: &Trajectory,
     trial: Recognised,
-    current: [f64; 2],
 ) -> Result<Option<Comparison>, ManoeuvreError> {
     let start = trial.executes[0];
+    let current = current_before(model, run, start);
     let Some(mut measured) = Track::measured(run, start, trial.end) else { return Ok(None) };
     measured.current = current;
     let side = trial.heading_deg.signum();
@@ -198,10 +208,10 @@ fn comparison(
         (figures, track)
     };
     let (mut predicted, track): (Vec<Figure>, Track) = prediction(Simulation::new(model)?);
-    let members: Vec<(Vec<Figure>, Track)> =
-        Simulation::of_members(model)?.into_par_iter().map(prediction).collect();
+    let members: Vec<(Vec<Figure>, Track)> = members.into_par_iter().map(prediction).collect();
     let of_members: Vec<&[Figure]> = members.iter().map(|(figures, _)| &figures[..]).collect();
     let count = set_intervals(&mut predicted, &of_members, of_members.len());
+    let left_out_trials = widen(&mut predicted, trial.kind, &model.description.trial_errors);
     let executes: Vec<usize> = trial.executes.iter().map(|sample| sample - start).collect();
     let provenance = &model.description.provenance;
     Ok(Some(Comparison {
@@ -221,6 +231,7 @@ fn comparison(
         trial,
         in_training: provenance.training.contains(&run.name) || provenance.validation.contains(&run.name),
         members: count,
+        left_out_trials,
         tracks: [measured, track],
         member_tracks: members.into_iter().map(|(_, track)| track).collect(),
     }))

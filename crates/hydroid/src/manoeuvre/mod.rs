@@ -23,6 +23,7 @@
 mod approach;
 mod error;
 mod figure;
+mod left_out;
 mod measured;
 mod pull_out;
 mod recognised;
@@ -38,6 +39,8 @@ mod zigzag;
 pub use approach::{Approach, Options};
 pub use error::ManoeuvreError;
 pub use figure::{Criterion, Figure};
+pub use left_out::interval_words;
+pub(crate) use left_out::trial_errors;
 pub use measured::{Comparison, compare, write_comparisons_csv};
 pub use pull_out::{PullOut, pull_out};
 pub use recognised::{Ordered, Recognised, RecognisedKind, recognise};

@@ -44,6 +44,16 @@ pub enum RecognisedKind {
     Zigzag,
 }
 
+impl RecognisedKind {
+    /// Its name, as in JSON.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::TurningCircle => "turning-circle",
+            Self::Zigzag => "zigzag",
+        }
+    }
+}
+
 impl Recognised {
     /// Kind and size of the trial, and its commands, in words: `zigzag of 20 deg, first to port by delta -20 deg`.
     pub fn title(&self) -> String {

@@ -9,7 +9,9 @@ use serde_json::{Value, json};
 use super::approach::{Approach, Options};
 use super::error::ManoeuvreError;
 use super::figure::{Figure, Figures, NO_SWAY, NO_SWAY_FIGURES, set_intervals, stability};
+use super::left_out::widen;
 use super::pull_out::pull_out;
+use super::recognised::RecognisedKind;
 use super::speed_trials::{acceleration, stopping};
 use super::spiral::spiral;
 use super::track::Track;
@@ -81,6 +83,9 @@ pub struct Trial {
     pub outside: Vec<Outside>,
     /// Number of members whose trials give the intervals.
     pub members: usize,
+    /// Number of trials of this kind that were left out of the fit, whose errors are in the intervals.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub left_out_trials: usize,
     /// Tracks; two for a pull-out, none for a spiral.
     #[serde(skip)]
     pub tracks: Vec<Track>,
@@ -152,6 +157,11 @@ impl Default for TrialOptions {
             scale: 1.0,
         }
     }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature of serde")]
+const fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// Results of one simulation.
@@ -360,6 +370,12 @@ fn trial(
     let mut figures = outcome.figures;
     let figures_of_members: Vec<&[Figure]> = others.iter().map(|other| &other.figures[..]).collect();
     let members = set_intervals(&mut figures, &figures_of_members, all);
+    let left_out_trials = match kind {
+        TrialKind::TurningCircle { .. } => Some(RecognisedKind::TurningCircle),
+        TrialKind::Zigzag { .. } => Some(RecognisedKind::Zigzag),
+        _ => None,
+    }
+    .map_or(0, |kind| widen(&mut figures, kind, &model.description.trial_errors));
     let no_sway = no_sway(model);
     for figure in &mut figures {
         if let Some(reason) = &no_sway {
@@ -403,6 +419,7 @@ fn trial(
         stability_not_decided: not_decided.filter(|_| not_valid.is_none()),
         points: outcome.points,
         members,
+        left_out_trials,
         tracks: outcome.tracks,
         member_tracks: others.into_iter().flat_map(|other| other.tracks).collect(),
     }

@@ -11,6 +11,7 @@ mod modes;
 mod named_equations;
 mod text;
 mod torch;
+mod trial_errors;
 mod uncertainty;
 mod units;
 
@@ -40,6 +41,7 @@ pub use kinds::{Body, NamedCraft};
 pub use members::Members;
 pub use named_equations::NamedEquations;
 pub use torch::{NamedTensor, weights_from_torch};
+pub use trial_errors::TrialErrors;
 pub use uncertainty::CoefficientUncertainty;
 #[doc(hidden)]
 pub use {
@@ -96,6 +98,9 @@ pub struct Description {
     /// Prediction bands, from the errors on runs that were left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bands: Option<PredictionBands>,
+    /// Errors of trials in runs that were left out; empty without such trials.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub trial_errors: Vec<TrialErrors>,
     /// Estimate of the current, if the model predicts the motion through the water.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub current: Option<CurrentEstimate>,

@@ -360,6 +360,7 @@ fn model(committee: Committee) -> Model {
     Model {
         description: Description {
             bands: None,
+            trial_errors: Vec::new(),
             current: None,
             name: String::from("committee"),
             dt: DT,

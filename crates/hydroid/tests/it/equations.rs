@@ -43,6 +43,7 @@ fn made(
     Model {
         description: Description {
             bands: None,
+            trial_errors: Vec::new(),
             current: None,
             name: String::from("sindy"),
             dt: 0.1,

@@ -43,6 +43,7 @@ pub(crate) fn equations(
     Model {
         description: Description {
             bands: None,
+            trial_errors: Vec::new(),
             current: None,
             name: String::from("ship"),
             dt,

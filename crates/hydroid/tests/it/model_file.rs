@@ -54,6 +54,7 @@ fn model() -> Model {
     Model {
         description: Description {
             bands: None,
+            trial_errors: Vec::new(),
             current: None,
             name: String::from("sindy"),
             dt,

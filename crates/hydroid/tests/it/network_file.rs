@@ -43,6 +43,7 @@ fn model(network: Network, weights: Vec<f64>, base: BaseModel, feedback: bool) -
     Model {
         description: Description {
             bands: None,
+            trial_errors: Vec::new(),
             current: None,
             name: network.cell.name().to_owned(),
             dt: DT,

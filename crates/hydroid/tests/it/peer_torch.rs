@@ -57,6 +57,7 @@ fn model(network: Network) -> Model {
     Model {
         description: Description {
             bands: None,
+            trial_errors: Vec::new(),
             current: None,
             name: network.cell.name().to_owned(),
             dt: 0.1,

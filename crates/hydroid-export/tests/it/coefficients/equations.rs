@@ -59,6 +59,7 @@ pub(crate) fn with_inputs(
     Model {
         description: Description {
             bands: None,
+            trial_errors: Vec::new(),
             current: None,
             name: String::from("sindy"),
             dt: 0.1,

@@ -150,6 +150,7 @@ pub(super) fn model(commands: Commands, off: f64, rng: &mut impl Rng) -> Model {
     Model {
         description: Description {
             bands: None,
+            trial_errors: Vec::new(),
             current: None,
             name: "sindy".to_owned(),
             dt: DT_S,

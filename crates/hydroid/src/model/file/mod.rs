@@ -15,7 +15,7 @@ use safetensors::tensor::{SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
 use super::kinds::{Encoded, Structure, parse_vessel, read_vessel};
-use super::{Description, Model};
+use super::{Description, Model, TrialErrors};
 use crate::atomic::{self, WriteError};
 use crate::craft::CraftFileError;
 
@@ -185,6 +185,9 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
     }
     if description.bands.as_ref().is_some_and(|bands| !bands.is_valid(description.outputs.len())) {
         return Err(inconsistent(String::from("its prediction bands do not fit its outputs")));
+    }
+    if !description.trial_errors.iter().all(TrialErrors::is_valid) {
+        return Err(inconsistent(String::from("its errors of trials are not positive numbers")));
     }
     let (outputs, dt) = (description.outputs.len(), description.dt);
     if description

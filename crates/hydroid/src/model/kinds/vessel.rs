@@ -130,6 +130,7 @@ fn describe(
     let selection = Selection { outputs: named(&outputs), inputs: named(&inputs), ..Selection::default() };
     Description {
         bands: None,
+        trial_errors: Vec::new(),
         current: None,
         boat: Boat::default(),
         name: name.to_owned(),
