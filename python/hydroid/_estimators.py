@@ -75,6 +75,10 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
     horizon_: int | str
     reason_: str | None
 
+    #: Columns of the data frames of `fit`, and factors from the units of names to SI units.
+    _columns: tuple[list[str] | None, list[str] | None] = (None, None)
+    _factors: tuple[Any, Any] = (1.0, None)
+
     def fit(
         self,
         x: Runs,
@@ -83,34 +87,37 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
         t: Any = None,
         u: Any = None,
         feature_names: Sequence[str] | None = None,
+        **unknown: Any,
     ) -> Any:
         """Identify the dynamics from runs.
 
         Parameters
         ----------
         x : array_like (samples, outputs), Log, Run or path, or list of these
-            A list has a run for each item. The columns of a data frame are the names of the outputs.
+            A list, or an array (runs, samples, outputs), has a run for each item. The columns of a data frame are the
+            names of the outputs.
         y : optional
-            The sample time or ascending times, as the second argument of PySINDy's `fit`. Anything else, which
-            scikit-learn may pass, is not used.
+            The sample time or ascending times, as the second argument of PySINDy's `fit`, where the parameter `dt` is
+            None. Anything else, which scikit-learn may pass, is not used.
         t : float or array_like (samples,), or list of these
             Sample time, or times of the samples [s], or dates; default: the index of a data frame if it has dates,
             or the parameter `dt`. Logs have their own times.
         u : array_like (samples, inputs) or (samples,), function of time, or list of these, optional
-            Commands; row k is held until sample k + 1. A function is called with the times [s].
+            Commands; row k is held until sample k + 1. A function is called with the times in the middle between two
+            samples [s].
         feature_names : list of str, optional
-            Names of outputs and inputs; default: those of data frames, or x0, x1, .. and u0, u1, ..
+            Names of outputs and inputs; default: those of data frames, or x0, x1, .. and u0, u1, .. Values are in the
+            units of the names, ``"v [kn]"``, here and later; predictions are in SI units.
 
         Returns
         -------
         self
             If no model is found, `model_` is None, `reason_` and a warning say why, predictions and score are NaN.
         """
-        if t is None and y is not None:
-            if _is_time(y):
-                t = y
-            elif self.dt is None and not _is_own(x):
-                raise ValueError("y: expected the sample time or ascending times [s]; or name them: t=..")
+        for argument in unknown:
+            remedy = _REMEDIES.get(argument, "the arguments are x, t, u and feature_names")
+            raise TypeError(f"{argument}: {type(self).__name__}.fit does not take it; {remedy}")
+        t = self._times(x, y, t)
         logs, outputs, inputs = self._logs(x, t, u, feature_names, least=3)
         options = {
             name: value
@@ -128,7 +135,7 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
                 seed=self.random_state,
                 log=self.log,
                 sections={self._method: options} if options else None,
-                threads=self.n_jobs,
+                threads=None if self.n_jobs == -1 else self.n_jobs,
             )
 
         found, error = None, None
@@ -168,6 +175,14 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
         if names is not None:
             self.n_features_in_ = len(names)
         return self
+
+    def _times(self, x: Runs, y: Any, t: Any) -> Any:
+        """The times of the runs, which PySINDy takes as the second argument."""
+        if t is not None or y is None or self.dt is not None or _is_own(x):
+            return t
+        if not _is_time(y):
+            raise ValueError("y: expected the sample time or ascending times [s]; or name them: t=..")
+        return y
 
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "model_")
@@ -215,9 +230,11 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
             commands = _matched("u", u, len(items), several)
             q, m = len(model.output_names), len(model.input_names)
             name = type(self).__name__
-            results = [
-                function(model, _table("x", a, q, name), _table("u", b, m, name)) for a, b in zip(items, commands)
-            ]
+            of_x, of_u = self._factors
+            results = []
+            for a, b in zip(items, commands):
+                self._check_columns(a, b)
+                results.append(function(model, of_x * _table("x", a, q, name), _scaled(_table("u", b, m, name), of_u)))
         else:
             several = isinstance(x, (list, tuple))
             runs = self._prepared(x)
@@ -247,8 +264,8 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
         Parameters
         ----------
         x, t, u : as in `fit`
-        y : None
-            Not used; it exists because scikit-learn passes it.
+        y : optional
+            As in `fit`.
 
         Returns
         -------
@@ -259,7 +276,7 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
         if self.model_ is None:
             self._undefined(x, "the score is")
             return float("nan")
-        judged = self.evaluate(x, t=t, u=u)
+        judged = self.evaluate(x, t=self._times(x, y, t), u=u)
         return float("-inf") if judged.diverged else float(np.nanmean(judged.r2))
 
     def evaluate(self, x: Runs, *, t: Any = None, u: Any = None, **options: Any) -> Evaluation:
@@ -279,14 +296,14 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
         outputs, inputs = model.output_names, model.input_names
         if inputs and u is None and not _is_own(x):
             raise ValueError(f"u: expected the commands {', '.join(inputs)}, got None; or give runs as hydroid.Log")
-        logs, _, _ = self._logs(x, t, u, [*outputs, *inputs], width=len(outputs))
+        logs, _, _ = self._logs(x, t, u, [*outputs, *inputs], width=len(outputs), is_new=False)
         for log in [] if _is_own(x) else logs:
-            steps = np.diff(log[_TIME])
+            steps = np.diff(log[log.columns[0]])
             if steps.size and not np.isclose(np.median(steps), model.dt, rtol=1e-3, atol=0.0):
                 raise ValueError(
                     f"t: expected the sample time of the model, {model.dt:g} s, got {np.median(steps):g} s"
                 )
-        return evaluate(model, logs, **{"horizon": self.horizon_, "threads": self.n_jobs, **options})
+        return evaluate(model, logs, **{"horizon": self.horizon_, "threads": None if self.n_jobs == -1 else self.n_jobs, **options})
 
     def simulate(self, x0: ArrayLike, t: Any, u: Any = None) -> NDArray[np.float64]:
         """Simulate the outputs from `x0` under commands.
@@ -307,18 +324,39 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
         if isinstance(t, (int, np.integer)):
             times = model.dt * np.arange(int(t))
         else:
-            times = np.asarray(t, dtype=np.float64)
+            times = np.atleast_1d(np.asarray(_seconds(t), dtype=np.float64))
             steps = np.diff(times)
-            if times.ndim != 1 or steps.size and not np.allclose(steps, model.dt, rtol=1e-3, atol=0.0):
+            if np.ndim(t) != 1 or steps.size and not np.allclose(steps, model.dt, rtol=1e-3, atol=0.0):
                 found = f"steps of {np.median(steps):g} s" if steps.size else f"shape {times.shape}"
                 raise ValueError(f"t: expected times with the sample time of the model, {model.dt:g} s, got {found}")
         inputs = _called(u, times)
+        of_x, of_u = self._factors
         if inputs is not None:
-            inputs = _table("u", inputs, len(model.input_names), type(self).__name__)
-        return model.simulate(x0, inputs, samples=len(times))
+            inputs = _scaled(_table("u", inputs, len(model.input_names), type(self).__name__), of_u)
+        return model.simulate(of_x * np.asarray(x0, dtype=np.float64), inputs, samples=len(times))
+
+    def _check_columns(self, x: Any, u: Any) -> None:
+        """Refuses data frames whose columns are not those of `fit`, as scikit-learn does, or whose dates differ."""
+        for argument, given, known in zip("xu", (x, u), self._columns):
+            names = _frame_names(given)
+            if names is not None and known is not None and names != known:
+                raise ValueError(
+                    f"{argument}: the columns should be those of fit, in the same order: expected {', '.join(known)}, "
+                    f"got {', '.join(names)}"
+                )
+        dates = [_dates(frame, None) for frame in (x, u)]
+        if all(date is not None for date in dates) and not dates[0].equals(dates[1]):
+            raise ValueError("x and u: expected data frames with the same dates; reindex one of them to the other")
 
     def _logs(
-        self, x: Runs, t: Any, u: Any, feature_names: Sequence[str] | None, least: int = 1, width: int | None = None
+        self,
+        x: Runs,
+        t: Any,
+        u: Any,
+        feature_names: Sequence[str] | None,
+        least: int = 1,
+        width: int | None = None,
+        is_new: bool = True,
     ) -> tuple[Any, list[str] | None, list[str] | None]:
         """Logs of runs, and the names of outputs and inputs if the runs are arrays."""
         if _is_own(x):
@@ -327,8 +365,11 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
             return x, None, None
         name = type(self).__name__
         given, several = _items(x)
-        if feature_names is None:
-            feature_names = _column_names(given[0], u[0] if several and isinstance(u, (list, tuple)) else u)
+        of_u = _matched("u", u, len(given), several and not callable(u))
+        if is_new:
+            self._columns = (_frame_names(given[0]), _frame_names(of_u[0]))
+        for run, commands_of_run in zip(given, of_u):
+            self._check_columns(run, commands_of_run)
         items = [_table("x", item, width, name, least) for item in given]
         times = [
             _time(_dates(run, self.dt) if time is None else time, len(item))
@@ -338,17 +379,21 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
         ]
         commands = [
             _table("u", _called(item, time), None, name)
-            for item, time in zip(_matched("u", u, len(items), several and not callable(u)), times)
+            for item, time in zip(of_u, times)
         ]
         q, m = items[0].shape[1], commands[0].shape[1]
         if feature_names is None:
-            names = [f"x{i}" for i in range(q)] + [f"u{i}" for i in range(m)]
+            of_x, of_commands = self._columns
+            names = [*(of_x or [f"x{i}" for i in range(q)]), *(of_commands or [f"u{i}" for i in range(m)])]
         elif len(feature_names) == q + m:
             names = list(feature_names)
         else:
             raise ValueError(
                 f"feature_names: expected {q + m} names for {q} outputs and {m} inputs, got {len(feature_names)}"
             )
+        clock = next((name for name in _TIMES if name not in names), None)
+        if clock is None:
+            raise ValueError("feature_names: t and T are the names of times; rename one of them")
         logs = []
         for i, (outputs, inputs, time) in enumerate(zip(items, commands, times)):
             if (outputs.shape[1], inputs.shape[1]) != (q, m):
@@ -361,12 +406,35 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
                     f"u: expected {len(outputs)} samples as in x, got {len(inputs)} in run {i}; rows are samples: is an "
                     "array transposed?"
                 )
-            columns = {_TIME: time, **dict(zip(names, [*outputs.T, *inputs.T]))}
-            logs.append(Log(columns, units={_TIME: "s"}, name=f"run {i}"))
+            if not is_new:
+                outputs, inputs = self._factors[0] * outputs, _scaled(inputs, self._factors[1])
+            columns = {clock: time, **dict(zip(names, [*outputs.T, *inputs.T]))}
+            logs.append(Log(columns, units={clock: "s"}, name=f"run {i}"))
+        if is_new:
+            factors = np.array(logs[0].factors[1:])
+            self._factors = (factors[:q], factors[q:])
+            if self._columns[0] is not None:
+                self.feature_names_in_ = np.array(self._columns[0], dtype=object)
+            elif hasattr(self, "feature_names_in_"):
+                del self.feature_names_in_
         return logs, names[:q], names[q:]
 
 
-_TIME = "time"
+#: Arguments of PySINDy, and what takes their place.
+_REMEDIES = {
+    "x_dot": "derivatives are found from the samples: give the samples and their times",
+    "ensemble": "the parameter members= is the number of members",
+    "n_models": "the parameter members= is the number of members",
+    "library_ensemble": "terms are chosen by predictions on runs that are left out",
+    "multiple_trajectories": "a list of runs needs no flag",
+    "sample_weight": "rows have the same weight; leave out runs, or parts of logs",
+    "unbias": "coefficients are always found without the threshold",
+    "quiet": "use warnings.catch_warnings",
+}
+
+
+#: Names of the column of times, the first of which is found before all others; one that no feature has is taken.
+_TIMES = ("t", "T")
 
 
 def _is_own(x: Any) -> bool:
@@ -377,14 +445,28 @@ def _is_own(x: Any) -> bool:
 
 def _items(x: Any) -> tuple[list[Any], bool]:
     """The runs, and whether they are a list of runs. A list of numbers or of rows is one run."""
-    if isinstance(x, (list, tuple)) and x and np.ndim(x[0]) == 2:
+    if isinstance(x, (list, tuple)) and x and np.ndim(x[0]) == 2 or isinstance(x, np.ndarray) and x.ndim == 3:
         return list(x), True
     return [x], False
 
 
 def _called(u: Any, times: NDArray[Any]) -> Any:
-    """Commands; those of a function are rows, whatever the shape of its values."""
-    return [np.ravel(u(time)) for time in times] if callable(u) else u
+    """Commands; those of a function are rows, in the middle of the interval in which they are held."""
+    if not callable(u):
+        return u
+    steps = np.diff(times)
+    half = 0.5 * np.append(steps, steps[-1:] if steps.size else 0.0)
+    return [np.ravel(u(time)) for time in times + half]
+
+
+def _scaled(values: NDArray[np.float64], factors: Any) -> NDArray[np.float64]:
+    """Commands in SI units; none have no columns."""
+    return values if factors is None or not values.size else factors * values
+
+
+def _frame_names(given: Any) -> list[str] | None:
+    """The names of the columns of a data frame."""
+    return [str(name) for name in given.columns] if hasattr(given, "columns") else None
 
 
 def _matched(argument: str, given: Any, runs: int, several: bool) -> list[Any]:
@@ -442,14 +524,6 @@ def _dates(run: Any, dt: float | None) -> Any:
     return index if dt is None and getattr(getattr(index, "dtype", None), "kind", "") in ("m", "M") else dt
 
 
-def _column_names(outputs: Any, inputs: Any) -> list[str] | None:
-    """The names of data frames; None unless both have names."""
-    frames = [outputs] if inputs is None else [outputs, inputs]
-    if not all(hasattr(frame, "columns") for frame in frames):
-        return None
-    return [str(name) for frame in frames for name in frame.columns]
-
-
 def _time(given: Any, samples: int) -> NDArray[np.float64]:
     if given is None:
         raise ValueError("t: expected the sample time or the times of the samples [s], got None; or set the parameter dt")
@@ -481,6 +555,15 @@ def _next_outputs(model: Model, outputs: NDArray[np.float64], inputs: NDArray[np
     return predicted
 
 
+def _derivatives(model: Model, outputs: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
+    found: NDArray[np.float64] = model.derivative(outputs, inputs if inputs.shape[1] else None)
+    first = min(model.warm_up - 1, len(found))
+    if first > 0:
+        warn_of_warm_up(model, first)
+        found[:first] = np.nan
+    return found
+
+
 class SINDy(_Dynamics):
     __doc__ = f"""Sparse identification of nonlinear dynamics: ``dy/dt = Xi theta(y, c)``.
 
@@ -506,7 +589,7 @@ class SINDy(_Dynamics):
         bound on contributions; that of PySINDy is one on coefficients. Terms are selected with the ridge penalty, and
         their coefficients are then found without it: a contribution may be smaller.
     ridge : float, optional
-        Ridge penalty for each row, on columns of unit RMS.
+        Ridge penalty for each row, on columns of unit standard deviation.
     huber : float, optional
         Threshold of the Huber loss in standard deviations; default: least squares.
     window_s, past_s : float, optional
@@ -592,9 +675,9 @@ class SINDy(_Dynamics):
         Returns
         -------
         ndarray (samples, outputs), or list of these
-            NaN until the lags of the actuators have settled.
+            Rows before sample `min_context` are NaN, in which the lags of the actuators settle, and a warning says so.
         """
-        return self._each(x, u, lambda model, a, b: model.derivative(a, b if b.shape[1] else None))
+        return self._each(x, u, _derivatives)
 
     def get_feature_names(self) -> list[str]:
         """Names of the terms with a coefficient other than zero in any equation."""

@@ -47,6 +47,9 @@ class Log:
     @property
     def units(self) -> dict[str, str | None]:
         """Units by column; None where no unit is stated."""
+    @property
+    def factors(self) -> list[float]:
+        """Factors from the values of the columns to SI units, 1 where no unit is known."""
     def __len__(self) -> int: ...
     def __contains__(self, name: str) -> bool: ...
     def __getitem__(self, name: str) -> Array:

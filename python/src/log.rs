@@ -12,6 +12,7 @@ use hydroid::atomic;
 use hydroid::boat::Boat;
 use hydroid::config;
 use hydroid::log::line::{Cell, header_columns, number};
+use hydroid::log::units::{self, Unit};
 use hydroid::log::{self, BadCell, LogError, Note, PrepareOptions, RawColumn, RawLog, Selection, Trajectory};
 use hydroid::model::{Model, Reading};
 use hydroid::recording;
@@ -109,6 +110,17 @@ impl Log {
             units.set_item(&column.name, column.unit.as_deref())?;
         }
         Ok(units)
+    }
+
+    /// Factors from the values of the columns to SI units.
+    #[getter]
+    fn factors(&self) -> PyResult<Vec<f64>> {
+        let factor = |column: &RawColumn| {
+            let of_name = || units::from_name(&column.name, false).map(|(_, unit)| unit);
+            let unit = column.unit.as_deref().or_else(of_name).map(Unit::parse).transpose();
+            unit.map(|unit| unit.map_or(1.0, |unit| unit.factor)).map_err(value)
+        };
+        self.raw.columns.iter().map(factor).collect()
     }
 
     /// Writes the log as CSV, in its units.

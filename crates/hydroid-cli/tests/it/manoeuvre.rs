@@ -168,17 +168,28 @@ fn comparisons_are_written(folder: &Path) {
 
 /// A model of logs with a turn says how far the models without it were off, for turns and for nothing else.
 fn errors_of_trials_in_the_logs_are_in_the_intervals(folder: &Path) {
-    let trials =
-        ["manoeuvre", "with/sindy.safetensors", "--trials", "turning-circle,zigzag", "--steering", "50", "--json"];
+    let trials = [
+        "manoeuvre",
+        "with/sindy.safetensors",
+        "--trials",
+        "turning-circle,zigzag",
+        "--steering",
+        "50",
+        "--json",
+    ];
     let document = json(&hydroid(folder, &trials));
     let [turn, zigzag] = [0, 2].map(|i| &document["trials"][i]);
     assert!(turn["left_out_trials"].as_u64().unwrap() >= 1, "{turn}");
     assert!(zigzag["left_out_trials"].is_null(), "{zigzag}");
     let text = hydroid(folder, &trials[..trials.len() - 1]);
     let text = String::from_utf8(text.stdout).unwrap();
-    assert!(text.contains("members, and 90 % by the errors of ") && text.contains("left out of the fit"), "{text}");
+    assert!(
+        text.contains("members, and 90 % by the errors of ") && text.contains("left out of the fit"),
+        "{text}"
+    );
     assert!(text.contains("errors that all of them share are not in them"), "{text}");
-    let of_members = json(&hydroid(folder, &[&["manoeuvre", "out/sindy.safetensors"], &trials[2..]].concat()));
+    let of_members =
+        json(&hydroid(folder, &[&["manoeuvre", "out/sindy.safetensors"], &trials[2..]].concat()));
     let width = |document: &Value| {
         let advance = figure(&document["trials"][0], "advance_m");
         let [low, high] = [0, 1].map(|i| advance["interval"][i].as_f64().unwrap());

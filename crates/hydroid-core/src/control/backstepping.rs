@@ -36,6 +36,9 @@ pub struct BacksteppingOptions {
     pub tolerance: f64,
     /// Response time of the actuators \[s\] ([`Actuators`](super::Actuators)).
     pub response: f64,
+    /// Whether the vessel is driven ahead only: a demand to go astern brakes it, with the rate of the velocity error, and no more.
+    /// References must move forward; a station needs both directions.
+    pub ahead: bool,
 }
 
 impl BacksteppingOptions {
@@ -53,6 +56,7 @@ impl BacksteppingOptions {
             min_control_authority: 0.05,
             tolerance: 2.0,
             response: 0.0,
+            ahead: false,
         }
         .with_rate(1.0)
     }
@@ -129,6 +133,7 @@ impl<M: Affine> Backstepping<M> {
         positive("the tolerance", options.tolerance)?;
         let BacksteppingOptions { lookahead, min_control_authority, response, .. } = options;
         let point = LookaheadPoint::new(model, limits, dt, response, lookahead, min_control_authority)?;
+        let point = if options.ahead { point.keep_ahead(options.velocity) } else { point };
         Ok(Self { point, options, weather: [0.0; 2], body: [0.0; 2] })
     }
 

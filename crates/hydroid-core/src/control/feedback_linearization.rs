@@ -29,6 +29,9 @@ pub struct FeedbackLinearizationOptions {
     pub tolerance: f64,
     /// Response time of the actuators \[s\] ([`Actuators`](super::Actuators)).
     pub response: f64,
+    /// Whether the vessel is driven ahead only: a demand to go astern brakes it, with the rate of the velocity error, and no more.
+    /// References must move forward; a station needs both directions.
+    pub ahead: bool,
 }
 
 impl FeedbackLinearizationOptions {
@@ -43,6 +46,7 @@ impl FeedbackLinearizationOptions {
             min_control_authority: 0.05,
             tolerance: 2.0,
             response: 0.0,
+            ahead: false,
         }
         .with_bandwidth(1.5, 0.7)
     }
@@ -128,6 +132,7 @@ impl<M: Affine> FeedbackLinearization<M> {
         positive("the tolerance", options.tolerance)?;
         let FeedbackLinearizationOptions { lookahead, min_control_authority, response, .. } = options;
         let point = LookaheadPoint::new(model, limits, dt, response, lookahead, min_control_authority)?;
+        let point = if options.ahead { point.keep_ahead(options.derivative) } else { point };
         Ok(Self { point, options, integral: [0.0; 2] })
     }
 

@@ -34,6 +34,7 @@ pub(super) struct LookaheadPoint<M> {
     efforts: Vec<f64>,
     distance: f64,
     min_control_authority: f64,
+    braking: Option<f64>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,7 +82,15 @@ impl<M: Affine> LookaheadPoint<M> {
             efforts: vec![0.0; inputs],
             distance,
             min_control_authority,
+            braking: None,
         })
+    }
+
+    /// Does not drive the vessel astern: the speed through the water `u >= 0` is kept invariant by the barrier
+    /// `du/dt >= -rate u` on the demand (A. D. Ames, S. Coogan, M. Egerstedt, G. Notomista, K. Sreenath and P. Tabuada, *Control
+    /// barrier functions: theory and applications*, European Control Conference, 2019).
+    pub(super) fn keep_ahead(self, rate: f64) -> Self {
+        Self { braking: Some(rate), ..self }
     }
 
     pub(super) fn model(&self) -> &M {
@@ -174,17 +183,16 @@ impl<M: Affine> LookaheadPoint<M> {
         }
         let (sin, cos) = Float::sin_cos(psi);
         let [north, east] = wanted;
-        let body = [
-            north * cos + east * sin - (f_u - r * (v + l * r)),
-            east * cos - north * sin - (f_v + l * f_r + u * r),
-        ];
+        let least = self.braking.map_or(f64::NEG_INFINITY, |rate| -rate * u);
+        let surge = north * cos + east * sin + r * (v + l * r);
+        let body = [surge.max(least) - f_u, east * cos - north * sin - (f_v + l * f_r + u * r)];
         for (i, bounds) in self.bounds.iter_mut().enumerate() {
             *bounds = self.actuators.reach(i);
         }
         let Self { columns, spans, bounds, efforts, .. } = self;
         let sigma = allocate_within(columns, spans, bounds, body, self.min_control_authority, efforts);
         let applied = self.actuators.apply(&self.efforts, command);
-        let mut missing = [-body[0], -body[1]];
+        let mut missing = [f_u - surge, -body[1]];
         for (i, [g_u, g_v, g_r]) in self.motion.g.iter().enumerate() {
             let effort = self.actuators.effort(i);
             missing = [missing[0] + g_u * effort, missing[1] + (g_v + l * g_r) * effort];

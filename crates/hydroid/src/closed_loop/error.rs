@@ -18,8 +18,9 @@ pub enum ClosedLoopError {
     #[error("the track is invalid: {0}")]
     Path(#[from] PathError),
     #[error(
-        "the path leaves the fence at {north:.1} m north, {east:.1} m east: make the {} larger, or the path smaller",
-        key("fence")
+        "the path leaves the fence at {north:.1} m north, {east:.1} m east: make the {} larger, keep {} off the path, or make the path smaller",
+        key("fence"),
+        key("keep_out")
     )]
     Fence { north: f64, east: f64 },
     #[error("the controller is invalid: {0}")]

@@ -35,6 +35,17 @@ impl Purpose {
     }
 }
 
+/// Whether an item of a mission moves the vessel otherwise than to a way-point: commands of navigation (below 96) and conditions
+/// (112 to 159), a jump (177) and a change of speed (178).
+const fn moves(command: u64) -> bool {
+    matches!(command, 17..=95 | 112..=159 | 177 | 178)
+}
+
+/// The error of such an item.
+fn not_followed(path: &str, place: String, command: u64) -> WaypointsError {
+    WaypointsError::NotFollowed { path: path.to_owned(), place, command }
+}
+
 /// Frames of MAVLink with latitudes and longitudes.
 const GLOBAL: [u64; 6] = [0, 3, 5, 6, 10, 11];
 
@@ -59,6 +70,9 @@ pub(super) fn wpl(text: &str, path: &str, purpose: Purpose) -> Result<Positions,
             return Err(WaypointsError::NotANumber { path: path.to_owned(), place });
         };
         let is_home = index == 0 && purpose == Purpose::Route;
+        if purpose == Purpose::Route && !is_home && moves(command) {
+            return Err(not_followed(path, place, command));
+        }
         if command == purpose.command() && GLOBAL.contains(&frame) && !is_home {
             found.push((place, [latitude, longitude]));
             corners = number(4).unwrap_or(f64::NAN);
@@ -83,7 +97,8 @@ pub(super) fn json(text: &str, path: &str, purpose: Purpose) -> Result<Positions
     }
     let mut found = Vec::new();
     if purpose == Purpose::Route {
-        items(&document["mission"]["items"], &mut found);
+        let mut number = 0;
+        items(&document["mission"]["items"], path, &mut number, &mut found)?;
         return Ok(found);
     }
     let areas = |kind: &str| {
@@ -92,7 +107,10 @@ pub(super) fn json(text: &str, path: &str, purpose: Purpose) -> Result<Positions
         all.filter(is_wanted).collect::<Vec<_>>()
     };
     let (polygons, circles) = (areas("polygons"), areas("circles"));
-    let Some(polygon) = polygons.first().map(|area| &area["polygon"]) else { return Ok(found) };
+    let Some(polygon) = polygons.first().map(|area| &area["polygon"]) else {
+        let circle = WaypointsError::Circle { path: path.to_owned(), what: purpose.name() };
+        return if circles.is_empty() { Ok(found) } else { Err(circle) };
+    };
     if polygons.len() + circles.len() > 1 {
         return several();
     }
@@ -108,24 +126,40 @@ fn pair(of: &Value) -> [f64; 2] {
 }
 
 /// Way-points among the items of a mission, those of surveys included.
-fn items(of: &Value, found: &mut Positions) {
+fn items(of: &Value, path: &str, number: &mut usize, found: &mut Positions) -> Result<(), WaypointsError> {
     match of {
-        Value::Array(all) => all.iter().for_each(|one| items(one, found)),
+        Value::Array(all) => all.iter().try_for_each(|one| items(one, path, number, found))?,
         Value::Object(item) => {
             let is_global = item.get("frame").and_then(Value::as_u64).is_some_and(|f| GLOBAL.contains(&f));
-            if item.get("command").and_then(Value::as_u64) == Some(Purpose::Route.command()) && is_global {
-                let place = format!("item {}", found.len() + 1);
+            let command = item.get("command").and_then(Value::as_u64);
+            *number += usize::from(command.is_some());
+            let place = format!("item {number}");
+            if let Some(command) = command.filter(|command| moves(*command)) {
+                return Err(not_followed(path, place, command));
+            }
+            if command == Some(Purpose::Route.command()) && is_global {
                 let parameter = |i: usize| of["params"][i].as_f64().unwrap_or(f64::NAN);
                 found.push((place, [parameter(4), parameter(5)]));
             }
             for name in ["TransectStyleComplexItem", "Items"] {
                 if let Some(inner) = item.get(name) {
-                    items(inner, found);
+                    items(inner, path, number, found)?;
                 }
             }
         }
         _ => {}
     }
+    Ok(())
+}
+
+/// Whether a plan of `QGroundControl` has an area of a purpose.
+pub(super) fn has_area(text: &str, purpose: Purpose) -> bool {
+    let Ok(document) = serde_json::from_str::<Value>(text) else { return false };
+    ["polygons", "circles"].iter().any(|kind| {
+        let all = document["geoFence"][*kind].as_array().into_iter().flatten();
+        all.filter_map(|area| area["inclusion"].as_bool())
+            .any(|inside| inside == (purpose == Purpose::KeepIn))
+    })
 }
 
 /// Number of the rings of all polygons of a GeoJSON document; a hole is a ring.

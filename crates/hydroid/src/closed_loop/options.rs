@@ -135,6 +135,8 @@ pub struct ControllerOptions {
     pub dt_s: f64,
     /// Distance from the reference beyond which the vessel is lost \[m\].
     pub tolerance: f64,
+    /// Whether control laws drive the vessel ahead only.
+    pub ahead: bool,
     /// On board: radius of the turns on the way to the task \[m\], if those of the task are no smaller.
     pub turning_radius: f64,
     /// On board: age of position, heading and velocities beyond which the commands have their neutral values \[s\].
@@ -167,6 +169,7 @@ impl ControllerOptions {
             limits,
             dt_s,
             tolerance: 2.0,
+            ahead: true,
             turning_radius: TURNING * RADIUS_M,
             max_age_s: longest_age_s(dt_s),
         }
@@ -255,6 +258,7 @@ impl ControllerOptions {
                     tolerance: self.tolerance,
                     closing_speed: self.closing_speed,
                     min_control_authority: self.min_control_authority,
+                    ahead: self.ahead,
                     ..FeedbackLinearizationOptions::new(self.lead)
                 };
                 let settings =
@@ -276,6 +280,7 @@ impl ControllerOptions {
                     tolerance: self.tolerance,
                     closing_speed: self.closing_speed,
                     min_control_authority: self.min_control_authority,
+                    ahead: self.ahead,
                     // The default estimate is six times the least authority.
                     most: default.most * self.min_control_authority / default.min_control_authority,
                     ..default

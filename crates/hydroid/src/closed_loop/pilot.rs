@@ -186,7 +186,7 @@ impl Pilot {
     pub fn pass(&mut self, seconds: f64) {
         self.liveness.pass(seconds);
         if !self.liveness.is_alive() {
-            self.rest();
+            self.rest(seconds);
         }
     }
 
@@ -278,9 +278,10 @@ impl Pilot {
             }
         }
         if !self.mode().steers() {
-            self.rest();
+            self.rest(elapsed_s);
             return;
         }
+        let before = self.command.clone();
         let outputs: Vec<f64> = seen
             .outputs
             .iter()
@@ -310,11 +311,25 @@ impl Pilot {
         if !self.mode().steers() || !finite {
             self.command.copy_from_slice(&self.rest);
         }
+        self.keep_rates(&before, elapsed_s);
     }
 
-    /// Brings the commands to their neutral values, from which the law continues.
-    fn rest(&mut self) {
+    /// Keeps the limits of the rates from the command before: the law does not know those at rest.
+    fn keep_rates(&mut self, before: &[f64], elapsed_s: f64) {
+        for ((command, before), limits) in self.command.iter_mut().zip(before).zip(&self.limits) {
+            let change = limits.rate * elapsed_s;
+            // Without a limit, or a known time, the change may be infinite or not a number.
+            if change.is_finite() {
+                *command = command.clamp(before - change, before + change);
+            }
+        }
+    }
+
+    /// Brings the commands to their neutral values, within the limits of their rates; from these values the law continues.
+    fn rest(&mut self, elapsed_s: f64) {
+        let before = self.command.clone();
         self.command.copy_from_slice(&self.rest);
+        self.keep_rates(&before, elapsed_s);
         self.law.reset();
         self.guided = None;
         if !self.liveness.is_alive() {

@@ -7,7 +7,8 @@ use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 use thiserror::Error;
 
-use super::missions::{Positions, Purpose, json, wpl};
+use super::missions::{Positions, Purpose, has_area, json, wpl};
+use crate::key::key;
 use crate::log::units::{Unit, UnitError};
 use crate::log::{LogError, RawColumn, RawLog, bytes, read_from};
 
@@ -67,6 +68,13 @@ pub enum WaypointsError {
         "{path}: more than one {what}, or a hole or circle beside it: keep one in each file, and holes and circles as polygons to keep out of"
     )]
     Polygons { path: String, what: &'static str },
+    #[error(
+        "{path}: {place}: the command {command} of MAVLink moves the vessel otherwise than to a way-point (16), and is not followed: remove it from the mission, replace it by way-points, and state a speed with {}",
+        key("speed")
+    )]
+    NotFollowed { path: String, place: String, command: u64 },
+    #[error("{path}: the {what} is a circle: draw it as a polygon")]
+    Circle { path: String, what: &'static str },
 }
 
 /// Names of a column, without case.
@@ -106,6 +114,14 @@ impl Waypoints {
         purpose: Purpose,
     ) -> Result<Self, WaypointsError> {
         Self::parse(&bytes(path)?, &path.display().to_string(), origin_deg, purpose)
+    }
+
+    /// Whether a file is a plan with areas that the vessel must keep out of.
+    ///
+    /// # Errors
+    /// If the file cannot be read.
+    pub fn has_keep_out(path: &Path) -> Result<bool, WaypointsError> {
+        Ok(has_area(&String::from_utf8_lossy(&bytes(path)?), Purpose::KeepOut))
     }
 
     /// Way-points of the bytes of a file; `name` is its name in messages.

@@ -44,6 +44,7 @@ const FIXED: BacksteppingOptions = BacksteppingOptions {
     min_control_authority: 0.05,
     tolerance: 2.0,
     response: 0.0,
+    ahead: false,
 };
 
 proptest! {

@@ -9,7 +9,7 @@ use super::error::{SetupError, ensure};
 use super::options::ClosedLoopOptions;
 use super::setup::NamedModel;
 use crate::adapt;
-use crate::boat::{Role, Roles, StatedRoles};
+use crate::boat::{Property, Role, Roles, StatedRoles};
 use crate::closed_loop::{ControllerOptions, Scale, Scenario, Timing};
 use crate::config::Adapt;
 use crate::config::value::by_name;
@@ -44,6 +44,19 @@ fn place(option: &str, name: &str, commands: &[&str]) -> Result<usize, SetupErro
     })
 }
 
+/// Refuses limits beyond those that are stated for an actuator of the boat.
+fn check_within_stated(model: &Model, input: &str, [low, high]: [f64; 2]) -> Result<(), SetupError> {
+    let known = model.description.boat.inputs.get(input);
+    let stated = known.filter(|known| !known.found.contains_key(&Property::Limits));
+    let Some([least, most]) = stated.and_then(|known| known.limits) else { return Ok(()) };
+    ensure(least <= low && high <= most, || {
+        format!(
+            "{}: the model states that the actuator takes {least} to {most}: limits may be closer, and not wider. If the actuator takes more, state it to the identification",
+            key("limit").is(format_args!("{input}={low}:{high}"))
+        )
+    })
+}
+
 impl ClosedLoopOptions {
     /// A model with the roles, neutral values and limits of the options. Beside another vessel, it may lack an input.
     pub(super) fn overlaid(
@@ -59,6 +72,9 @@ impl ClosedLoopOptions {
         roles.retain(|name, _| keep(name));
         neutral.retain(|name, _| keep(name));
         limits.retain(|name, _| keep(name));
+        for (input, range) in &limits {
+            check_within_stated(&model, input, [range.low, range.high])?;
+        }
         let model = with_values(model.with_roles(&roles)?, &neutral, &limits)?;
         Ok(NamedModel { name, model })
     }
@@ -102,6 +118,7 @@ impl ClosedLoopOptions {
     pub(super) fn controller(&self, scene: &Scenario, scale: Scale) -> Result<ControllerOptions, SetupError> {
         let mut made = ControllerOptions::new(self.controller, &scene.plant, scene.dt_s).scaled(scale);
         (made.limits, made.tolerance) = (scene.limits.clone(), scene.tolerance);
+        made.ahead = !scene.track.is_station;
         made.lead = self.lead.unwrap_or(made.lead);
         made.bandwidth = self.bandwidth.or(made.bandwidth);
         made.integral = self.integral.unwrap_or(0.0);

@@ -89,6 +89,15 @@ impl ClosedLoopOptions {
         let mut fence = Fence::default();
         let keep_in = self.fence.iter().map(|file| ("fence", file, Purpose::KeepIn));
         let keep_out = self.keep_out.iter().map(|file| ("keep_out", file, Purpose::KeepOut));
+        if let Some(file) = self.fence.as_ref().filter(|_| self.keep_out.is_empty()) {
+            ensure(!Waypoints::has_keep_out(file)?, || {
+                format!(
+                    "{} has an area to keep out of as well: state it with {}",
+                    key("fence").is(file.display()),
+                    key("keep_out").is(file.display())
+                )
+            })?;
+        }
         for (option, file, purpose) in keep_in.chain(keep_out) {
             let corners = Waypoints::read_about(file, origin_deg, purpose)?;
             let stated = || key(option).is(file.display());
