@@ -262,6 +262,94 @@ def test_estimators_are_copied_fitted_and_not(name):
     assert not hasattr(clone(fitted), "model_")
 
 
+LINEAR = {"degree": 1, "signed_squares": False, "gate": "none", "lag": "none", "members": 0, "refine": False, "horizon": 20}
+
+
+def linear(seed, samples=500):
+    """Two states under two held commands: dx0/dt = -0.5 x0 - 0.2 x1 + u0, dx1/dt = 0.4 x0 - 1.2 x1 + 0.8 u1."""
+    random = np.random.default_rng(seed)
+    u = np.repeat(random.uniform(-1, 1, (samples // 12 + 1, 2)), 12, axis=0)[:samples]
+    x, s = np.empty((samples, 2)), np.array([1.0, 0.0])
+    for k in range(samples):
+        x[k] = s
+        for _ in range(20):
+            s = s + 0.005 * np.array([-0.5 * s[0] - 0.2 * s[1] + u[k, 0], 0.4 * s[0] - 1.2 * s[1] + 0.8 * u[k, 1]])
+    return x, u
+
+
+def found(model, names):
+    table = dict(zip(model.get_feature_names(), model.coefficients().T))
+    return np.array([table.get(name, np.zeros(2)) for name in names]).T
+
+
+LINEAR_TRUTH = [[-0.5, -0.2, 1.0, 0.0], [0.4, -1.2, 0.0, 0.8]]
+
+
+def test_neither_the_origin_nor_the_name_of_a_channel_changes_the_equations():
+    (x, u), (other, others) = linear(0), linear(1)
+    for names in (["x0", "x1", "u0", "u1"], ["t", "time", "T_s", "u1"]):
+        model = hydroid.SINDy(**LINEAR).fit([293 + x, 293 + other], t=DT, u=[u, others], feature_names=names)
+        kept = [name.removesuffix("_s") for name in names] if model.model_.input_names[0] == "T" else names
+        np.testing.assert_allclose(found(model, kept), LINEAR_TRUTH, atol=0.02)
+    with pytest.raises(ValueError, match="^feature_names: t and T are the names of times"):
+        model.fit(x, t=DT, u=u, feature_names=["t", "T", "a", "b"])
+
+
+def test_values_have_the_units_of_their_names():
+    (x, u), (other, others) = linear(0), linear(1)
+    knots = 1852 / 3600
+    in_si = hydroid.SINDy(**LINEAR).fit(knots * x, t=DT, u=u, feature_names=["v", "w", "p", "q"])
+    model = hydroid.SINDy(**LINEAR).fit(x, t=DT, u=u, feature_names=["v [kn]", "w [kn]", "p", "q"])
+    np.testing.assert_allclose(model.predict(other, u=others), in_si.predict(knots * other, u=others), rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(
+        model.simulate(other[0], 50, others[:50]), in_si.simulate(knots * other[0], 50, others[:50]), rtol=1e-6, atol=1e-9
+    )
+    assert np.isclose(model.score(other, t=DT, u=others), in_si.score(knots * other, t=DT, u=others))
+
+
+def test_labels_are_not_times_and_columns_are_those_of_fit():
+    pandas = pytest.importorskip("pandas")
+    (x, u), (other, others) = linear(0), linear(1)
+    model = hydroid.SINDy(dt=DT, **LINEAR).fit([x, other], [1, 2], u=[u, others])
+    np.testing.assert_allclose(found(model, ["x0", "x1", "u0", "u1"]), LINEAR_TRUTH, atol=0.02)
+    assert np.isclose(hydroid.SINDy(**LINEAR).fit(x, DT, u=u).score(other, DT, u=others), model.score(other, u=others), atol=1e-3)
+    frame, commands = pandas.DataFrame(x, columns=["a", "b"]), pandas.DataFrame(u, columns=["p", "q"])
+    model.fit(frame, u=commands)
+    assert list(model.feature_names_in_) == ["a", "b"] and model.model_.input_names == ["p", "q"]
+    assert hydroid.SINDy(dt=DT, **LINEAR).fit(frame, u=u).model_.output_names == ["a", "b"]
+    for call in (lambda: model.predict(frame[["b", "a"]], u=commands), lambda: model.score(frame, u=commands[["q", "p"]])):
+        with pytest.raises(ValueError, match="the columns should be those of fit, in the same order"):
+            call()
+    dates = pandas.date_range("2026-01-01", periods=len(x), freq="100ms")
+    with pytest.raises(ValueError, match="^x and u: expected data frames with the same dates"):
+        hydroid.SINDy(**LINEAR).fit(frame.set_index(dates), u=commands.set_index(dates + pandas.Timedelta("5s")))
+    with pytest.raises(TypeError, match="^x_dot: SINDy.fit does not take it; derivatives are found from the samples"):
+        model.fit(x, t=DT, u=u, x_dot=x)
+    assert model.fit(np.stack([x, other]), u=[u, others]).n_features_in_ == 2
+
+
+def test_functions_of_time_are_taken_in_the_middle_of_their_interval():
+    times = DT * np.arange(600)
+    x, s = np.empty((600, 1)), 0.0
+    for k, time in enumerate(times):
+        x[k] = s
+        for i in range(20):
+            s += 0.005 * (-0.5 * s + np.sin(1.3 * (time + 0.005 * (i + 0.5))) + np.sin(0.4 * (time + 0.005 * (i + 0.5))))
+    model = hydroid.SINDy(**LINEAR).fit(x, t=times, u=lambda time: np.sin(1.3 * time) + np.sin(0.4 * time))
+    table = dict(zip(model.get_feature_names(), model.coefficients()[0]))
+    assert abs(table["x0"] + 0.5) < 0.01 and abs(table["u0"] - 1.0) < 0.01
+
+
+def test_derivatives_before_the_lags_have_settled_are_not_numbers():
+    x, u = linear(0)
+    model = hydroid.SINDy(**{**LINEAR, "lag": {"u0": 0.5}}).fit(x, t=DT, u=u)
+    first = model.min_context - 1
+    assert first > 0
+    with pytest.warns(UserWarning, match="predicts from its sample"):
+        predicted = model.predict(x, u=u)
+    assert np.isnan(predicted[:first]).all() and np.isfinite(predicted[first:]).all()
+
+
 def test_cross_validation_in_parallel(ship):
     from sklearn.model_selection import GridSearchCV, cross_validate
 

@@ -152,7 +152,16 @@ impl Layout {
             (format, log)
         };
         let selection = &reading.selection;
+        let begun = notes.len();
         let mut columns = Resolved::new(&log, selection, reading.options.dt, notes)?;
+        if position.is_some() && matches!(&columns.time, Time::Column { stated: false, .. }) {
+            // A controller has no option for the column of the time.
+            for note in &mut notes[begun..] {
+                if note.remedy.as_ref().is_some_and(|remedy| remedy.contains("[ms]")) {
+                    note.remedy = Some("if it is not in seconds, name it with its unit: t [ms]".to_owned());
+                }
+            }
+        }
         let (outputs, inputs) = (columns.output_channels(), columns.input_channels());
         // The model checks an empty run with the channels of the stream.
         model.check(&[Trajectory {

@@ -39,6 +39,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use hydroid_core::adapt::Adapter;
+use hydroid_core::control::Mode;
 
 use crate::black_box::Recorder;
 use answer::Status;
@@ -354,6 +355,11 @@ impl Stream {
     /// Whether the header or the first object has arrived.
     pub fn has_begun(&self) -> bool {
         self.layout.is_some()
+    }
+
+    /// Whether a steered vessel was left before the end of its task with neutral commands: stopped, or blind.
+    pub fn is_left_without_task(&self) -> bool {
+        self.follower.pilot().is_some_and(|pilot| matches!(pilot.mode(), Mode::Stopped | Mode::Blind))
     }
 
     /// Notes since the last call.

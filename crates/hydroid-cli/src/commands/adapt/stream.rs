@@ -209,7 +209,7 @@ pub fn serve(reader: Box<dyn BufRead + Send>, service: Service) -> anyhow::Resul
     let finished = if service.stream.has_begun() { service.finish() } else { Ok(()) };
     answered?;
     finished?;
-    Ok(Outcome::Done)
+    Ok(if service.stream.is_left_without_task() { Outcome::Missed } else { Outcome::Done })
 }
 
 /// A line that waits for its answer; `None` is one that is too long.

@@ -18,7 +18,7 @@ use crate::closed_loop::{
 use crate::excitation::PropellerRudder;
 use crate::key::key;
 use crate::manoeuvre::{Approach, Options, Response};
-use crate::model::{self, Model};
+use crate::model::{self, MOTION, Model};
 use crate::plant::{InputMap, Simulation, check_station, find_roles, input_values, values_by};
 use crate::progress::Progress;
 
@@ -180,6 +180,11 @@ impl Setup {
     /// # Errors
     /// The first input of which one is not known, with the line or option that states it.
     pub fn check_firm(&self) -> Result<(), SetupError> {
+        if let Some(reason) = self.model.not_identified(&[MOTION[0], MOTION[2]]) {
+            return Err(SetupError::option(format!(
+                "{reason}: a controller on board needs a model that predicts it; identify one from more logs, or take another method"
+            )));
+        }
         let boat = find_roles(&self.plant);
         let directions: Vec<&str> =
             self.options.push.iter().chain(&self.options.turn).map(|name| bare(name)).collect();
