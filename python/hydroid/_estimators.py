@@ -103,11 +103,13 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
             Sample time, or times of the samples [s], or dates; default: the index of a data frame if it has dates,
             or the parameter `dt`. Logs have their own times.
         u : array_like (samples, inputs) or (samples,), function of time, or list of these, optional
-            Commands; row k is held until sample k + 1. A function is called with the times in the middle between two
-            samples [s].
+            Commands; row k is held until sample k + 1. A function is called with the times [s]; a smooth one that changes
+            between samples needs shorter sample times, or ``central_differences=True``.
         feature_names : list of str, optional
             Names of outputs and inputs; default: those of data frames, or x0, x1, .. and u0, u1, .. Values are in the
             units of the names, ``"v [kn]"``, here and later; predictions are in SI units.
+        **unknown
+            Refused; the message says what takes the place of an argument of PySINDy.
 
         Returns
         -------
@@ -406,8 +408,6 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
                     f"u: expected {len(outputs)} samples as in x, got {len(inputs)} in run {i}; rows are samples: is an "
                     "array transposed?"
                 )
-            if not is_new:
-                outputs, inputs = self._factors[0] * outputs, _scaled(inputs, self._factors[1])
             columns = {clock: time, **dict(zip(names, [*outputs.T, *inputs.T]))}
             logs.append(Log(columns, units={clock: "s"}, name=f"run {i}"))
         if is_new:
@@ -451,12 +451,8 @@ def _items(x: Any) -> tuple[list[Any], bool]:
 
 
 def _called(u: Any, times: NDArray[Any]) -> Any:
-    """Commands; those of a function are rows, in the middle of the interval in which they are held."""
-    if not callable(u):
-        return u
-    steps = np.diff(times)
-    half = 0.5 * np.append(steps, steps[-1:] if steps.size else 0.0)
-    return [np.ravel(u(time)) for time in times + half]
+    """Commands; those of a function are rows, whatever the shape of its values."""
+    return [np.ravel(u(time)) for time in times] if callable(u) else u
 
 
 def _scaled(values: NDArray[np.float64], factors: Any) -> NDArray[np.float64]:

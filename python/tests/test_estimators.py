@@ -328,18 +328,6 @@ def test_labels_are_not_times_and_columns_are_those_of_fit():
     assert model.fit(np.stack([x, other]), u=[u, others]).n_features_in_ == 2
 
 
-def test_functions_of_time_are_taken_in_the_middle_of_their_interval():
-    times = DT * np.arange(600)
-    x, s = np.empty((600, 1)), 0.0
-    for k, time in enumerate(times):
-        x[k] = s
-        for i in range(20):
-            s += 0.005 * (-0.5 * s + np.sin(1.3 * (time + 0.005 * (i + 0.5))) + np.sin(0.4 * (time + 0.005 * (i + 0.5))))
-    model = hydroid.SINDy(**LINEAR).fit(x, t=times, u=lambda time: np.sin(1.3 * time) + np.sin(0.4 * time))
-    table = dict(zip(model.get_feature_names(), model.coefficients()[0]))
-    assert abs(table["x0"] + 0.5) < 0.01 and abs(table["u0"] - 1.0) < 0.01
-
-
 def test_derivatives_before_the_lags_have_settled_are_not_numbers():
     x, u = linear(0)
     model = hydroid.SINDy(**{**LINEAR, "lag": {"u0": 0.5}}).fit(x, t=DT, u=u)
@@ -406,14 +394,11 @@ def test_an_estimator_that_finds_nothing_says_why():
 
 
 def test_a_model_that_diverges_is_no_result_but_can_be_had():
-    # An epidemic: all of its motion is in the first of the blocks that are left out in turn.
-    x, s = np.empty((1500, 2)), np.array([0.99, 0.01])
-    for k in range(len(x)):
-        x[k] = s
-        for _ in range(20):
-            s = s + 0.005 * np.array([-0.5 * s[0] * s[1], 0.5 * s[0] * s[1] - 0.1 * s[1]])
+    # Two pulses: no autonomous equations have them at two places of different widths.
+    t = 0.1 * np.arange(600)
+    x = np.column_stack([np.exp(-((t - 10) ** 2)), np.exp(-((t - 40) ** 2) / 4)])
     with pytest.warns(UserWarning, match="no model was found: .*diverge.*identification_.models has what was fitted"):
-        fitted = hydroid.SINDy(degree=2, signed_squares=False, gate="none").fit(x, 0.1)
+        fitted = hydroid.SINDy(degree=3, signed_squares=False, gate="none").fit(x, 0.1)
     assert fitted.model_ is None and fitted.identification_.models["sindy"].equations()
     with pytest.warns(UserWarning, match="the score is NaN"):
         assert np.isnan(fitted.score(x, t=0.1))
@@ -447,7 +432,7 @@ def test_times_and_commands_as_pysindy_takes_them(ship):
         hydroid.SINDy(**base).fit(x, t[::-1], u=u)
     # What the regression has no use for is refused.
     for unused in ({"x_dot": x}, {"sample_weight": np.ones(len(x))}):
-        with pytest.raises(TypeError, match="unexpected keyword argument"):
+        with pytest.raises(TypeError, match="SINDy.fit does not take it"):
             hydroid.SINDy(**base).fit(x, t=DT, u=u, **unused)
 
 

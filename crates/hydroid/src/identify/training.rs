@@ -4,16 +4,17 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use hydroid_core::model::committee::Committee;
-use hydroid_core::model::sparse::Equations;
+use hydroid_core::model::sparse::{Equations, EquationsSession};
+use hydroid_core::predict::Predictor;
 use web_time::Instant;
 
 use super::{
-    Candidate, IdentifyError, Job, Method, Parts, data_summary, equations, grey_box, networks as recurrent,
-    output_ranges, recursive,
+    Candidate, GateOption, IdentifyError, Job, Keyword, Method, Parts, SindyOptions, data_summary, equations,
+    grey_box, networks as recurrent, output_ranges, recursive,
 };
 use crate::boat::Boat;
 use crate::committee;
-use crate::evaluate::DesignRange;
+use crate::evaluate::{self, DesignRange, EvaluateError, evaluate_each};
 use crate::grey_box::GreyBox;
 use crate::log::{Channel, Note, Trajectory, noise_level};
 use crate::model::{Body, Description, Members, Model, Port, Provenance, Reading};
@@ -164,7 +165,7 @@ pub(super) fn train_by(
             let progress = &mut |fraction| tell(fraction, None);
             let (found, fits) = match method {
                 Method::Lagged => (equations::lagged(job, parts, progress)?, Vec::new()),
-                _ if parts.folds.is_some() => cross_validated_equations(job, parts, progress)?,
+                _ if parts.folds.is_some() => stable_equations(job, parts, notes, progress)?,
                 _ => (equations::memoryless(job, parts, progress)?, Vec::new()),
             };
             let body = Body::Equations(Arc::new(found.fit.equations.clone()));
@@ -244,6 +245,57 @@ pub(super) fn train_by(
 
 /// Largest number of samples for the choice of settings and for the fits without a fold.
 const DRAFT_SAMPLES: usize = 300_000;
+
+/// Equations that are fitted to all runs, and for each fold those fitted without it. A change of mode that was searched for is
+/// dropped if its equations diverge on runs that were left out, and those without it less often.
+fn stable_equations(
+    job: &Job,
+    parts: &Parts<'_>,
+    notes: &mut Vec<Note>,
+    progress: Progress<'_>,
+) -> Result<(Arc<SearchResult>, Vec<Equations>), IdentifyError> {
+    let found = cross_validated_equations(job, parts, &mut |f| progress(0.5 * f))?;
+    let is_free = matches!(job.sindy.gate, None | Some(GateOption::Keyword(Keyword::Auto)));
+    let has_gate = found.0.trials[found.0.chosen].structure.gate.is_some();
+    let count = if is_free && has_gate { diverged(job, parts, &found.1)? } else { 0 };
+    if count == 0 {
+        return Ok(found);
+    }
+    let sindy = SindyOptions { gate: Some(GateOption::Keyword(Keyword::None)), ..job.sindy.clone() };
+    let plain = Job { sindy, ..job.clone() };
+    match cross_validated_equations(&plain, parts, &mut |f| progress(0.5 + 0.5 * f)) {
+        Ok(other) if diverged(job, parts, &other.1)? < count => {
+            notes.push(Note::info(format!(
+                "a change of mode was left out of the equations, because {count} rollouts with it diverge on runs that were left out"
+            )));
+            Ok(other)
+        }
+        Err(IdentifyError::Sindy(SearchError::Cancelled(cancelled))) => {
+            Err(SearchError::Cancelled(cancelled).into())
+        }
+        _ => Ok(found),
+    }
+}
+
+/// Number of rollouts that diverge, on each fold by the equations without it.
+fn diverged(job: &Job, parts: &Parts<'_>, left_out: &[Equations]) -> Result<usize, IdentifyError> {
+    let folds = parts.folds.map(|folds| folds.runs(&job.split.train)).unwrap_or_default();
+    let session = |fold: usize| -> Box<dyn Predictor> {
+        Box::new(EquationsSession::new(Arc::new(left_out[fold].clone())))
+    };
+    let mut sessions: Vec<_> = folds.iter().map(|(fold, _)| session(*fold)).collect();
+    let runs: Vec<&Trajectory> = folds.iter().map(|(_, run)| *run).collect();
+    let options = evaluate::Options {
+        warm_up: sessions.iter().map(|session| session.warm_up()).max().unwrap_or(1),
+        ..equations::quick(job, parts)
+    };
+    match evaluate_each("sindy", &mut sessions, &parts.ranges, &runs, &options, &mut progress::silent()) {
+        Ok(errors) => Ok(errors.diverged),
+        Err(EvaluateError::Cancelled(cancelled)) => Err(SearchError::Cancelled(cancelled).into()),
+        // Runs that are too short are judged later.
+        Err(_) => Ok(0),
+    }
+}
 
 /// Equations with the settings of a search, fitted to all runs, and for each fold those fitted without it.
 fn cross_validated_equations(

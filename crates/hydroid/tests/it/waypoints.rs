@@ -87,11 +87,11 @@ fn missions_of_autopilots_are_routes_and_fences() {
     let wpl = "QGC WPL 110\n\
         0\t1\t0\t16\t0\t0\t0\t0\t50.0\t9.0\t3.0\t1\n\
         1\t0\t3\t16\t0\t0\t0\t0\t50.001\t9.0\t0\t1\n\
-        2\t0\t3\t178\t0\t2\t0\t0\t0\t0\t0\t1\n\
+        2\t0\t3\t206\t0\t2\t0\t0\t0\t0\t0\t1\n\
         3\t0\t3\t16\t0\t0\t0\t0\t50.001\t9.002\t0\t1\n";
     let plan = r#"{"fileType": "Plan", "mission": {"plannedHomePosition": [50.0, 9.0, 3.0], "items": [
         {"type": "SimpleItem", "command": 16, "frame": 3, "params": [0, 0, 0, null, 50.001, 9.0, 0]},
-        {"type": "SimpleItem", "command": 178, "frame": 2, "params": [0, 2, 0, 0, 0, 0, 0]},
+        {"type": "SimpleItem", "command": 206, "frame": 2, "params": [0, 2, 0, 0, 0, 0, 0]},
         {"type": "ComplexItem", "complexItemType": "survey", "TransectStyleComplexItem": {"Items": [
             {"type": "SimpleItem", "command": 16, "frame": 3, "params": [0, 0, 0, null, 50.001, 9.002, 0]}]}}]},
         "geoFence": {"circles": [], "polygons": [
@@ -126,6 +126,25 @@ fn missions_of_autopilots_are_routes_and_fences() {
     assert!(about("{\"type\": 3", Purpose::Route).unwrap_err().contains("route: EOF"));
     assert!(about("{\"type\": 3}", Purpose::Route).unwrap_err().contains("no way-points"));
     assert!(about("QGC WPL 110\n0 1 0 16 0 0\n", Purpose::Route).unwrap_err().contains("line 2"));
+    // What moves the vessel otherwise than to a way-point is not followed, and not passed over.
+    for command in [17, 19, 20, 82, 93, 112, 177, 178] {
+        for (text, place) in [
+            (wpl.replace("206", &command.to_string()), "line 4"),
+            (plan.replace("206", &command.to_string()), "item 2"),
+        ] {
+            let error = about(&text, Purpose::Route).unwrap_err();
+            assert!(
+                error.starts_with(&format!("route: {place}: the command {command} of MAVLink moves")),
+                "{error}"
+            );
+        }
+    }
+    let circles = r#"{"fileType": "Plan", "geoFence": {"circles": [{"inclusion": true, "circle": {}}], "polygons": []}}"#;
+    assert!(
+        about(circles, Purpose::KeepIn)
+            .unwrap_err()
+            .contains("the inclusion polygon is a circle: draw it as a polygon")
+    );
     let two = plan.replace("\"inclusion\": false", "\"inclusion\": true");
     let circle = plan.replace(r#""circles": []"#, r#""circles": [{"inclusion": true, "circle": {}}]"#);
     let hole = ring.replace("]]]", "]], [[9.0, 50.0], [9.0, 50.001], [9.001, 50.0], [9.0, 50.0]]]");

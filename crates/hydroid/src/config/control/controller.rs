@@ -9,14 +9,15 @@ use super::error::{SetupError, ensure};
 use super::options::ClosedLoopOptions;
 use super::setup::NamedModel;
 use crate::adapt;
-use crate::boat::{Property, Role, Roles, StatedRoles};
+use crate::boat::{Role, Roles, StatedRoles};
 use crate::closed_loop::{ControllerOptions, Scale, Scenario, Timing};
 use crate::config::Adapt;
 use crate::config::value::by_name;
 use crate::config::with_values;
+use crate::identify::GivenRanges;
 use crate::key::key;
 use crate::model::Model;
-use crate::plant::find_roles;
+use crate::plant::{find_roles, input_values};
 use crate::toml_file::nearest;
 
 /// Largest product of candidates and horizon: 80 MB for each command.
@@ -44,17 +45,21 @@ fn place(option: &str, name: &str, commands: &[&str]) -> Result<usize, SetupErro
     })
 }
 
-/// Refuses limits beyond those that are stated for an actuator of the boat.
-fn check_within_stated(model: &Model, input: &str, [low, high]: [f64; 2]) -> Result<(), SetupError> {
-    let known = model.description.boat.inputs.get(input);
-    let stated = known.filter(|known| !known.found.contains_key(&Property::Limits));
-    let Some([least, most]) = stated.and_then(|known| known.limits) else { return Ok(()) };
-    ensure(least <= low && high <= most, || {
-        format!(
-            "{}: the model states that the actuator takes {least} to {most}: limits may be closer, and not wider. If the actuator takes more, state it to the identification",
-            key("limit").is(format_args!("{input}={low}:{high}"))
-        )
-    })
+/// Refuses limits that are beyond those that the model states for an actuator of the boat.
+fn check_within_stated(before: &Model, after: &Model, limits: &GivenRanges) -> Result<(), SetupError> {
+    let pairs = input_values(before)?.into_iter().zip(input_values(after)?);
+    for (stated, given) in pairs.filter(|(stated, _)| limits.contains_key(&stated.name)) {
+        let ([least, most], [low, high]) = (stated.limits, given.limits);
+        let room = 1e-9 * (most - least);
+        ensure(stated.limits_found.is_some() || (least - room <= low && high <= most + room), || {
+            format!(
+                "{}: the model states that the actuator takes {least} to {most} {}, and {low} to {high} are given: limits may be closer, and not wider. If it takes more, state that to the identification",
+                key("limit").is(&stated.name),
+                stated.unit
+            )
+        })?;
+    }
+    Ok(())
 }
 
 impl ClosedLoopOptions {
@@ -72,10 +77,9 @@ impl ClosedLoopOptions {
         roles.retain(|name, _| keep(name));
         neutral.retain(|name, _| keep(name));
         limits.retain(|name, _| keep(name));
-        for (input, range) in &limits {
-            check_within_stated(&model, input, [range.low, range.high])?;
-        }
-        let model = with_values(model.with_roles(&roles)?, &neutral, &limits)?;
+        let before = model.with_roles(&roles)?;
+        let model = with_values(before.clone(), &neutral, &limits)?;
+        check_within_stated(&before, &model, &limits)?;
         Ok(NamedModel { name, model })
     }
 
