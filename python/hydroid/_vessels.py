@@ -225,7 +225,7 @@ class Comparisons(_Figures):
     _predicted = "predicted"
 
     def _title(self, figure: dict[str, Any]) -> str:
-        fitted = " (the model was fitted to this run)" if figure["in_training"] else ""
+        fitted = " (the model was fitted to a run of this name)" if figure["in_training"] else ""
         return f"{figure['run']}, {figure['at_s']:.1f} s: {figure['title']}{fitted}"
 
     @cached_property

@@ -103,7 +103,7 @@ fn summary(subject: &ComparisonReport<'_>) -> Section {
 }
 
 fn values(comparison: &Comparison) -> Markup {
-    let heads = ["", "measured", "predicted", "5 % to 95 %", "unit"].map(cell);
+    let heads = ["", "measured", "predicted", "interval", "unit"].map(cell);
     let value = |value: Option<f64>| value.map_or_else(|| String::from("–"), |value| text(value, 3));
     let rows: Vec<Vec<Markup>> = comparison
         .measured
@@ -112,12 +112,14 @@ fn values(comparison: &Comparison) -> Markup {
         .filter(|(measured, _)| measured.value.is_some() || measured.not_valid.is_some())
         .map(|(measured, predicted)| {
             let (name, unit) = measured.name_and_unit();
-            let interval =
-                predicted.interval.map(|[low, high]| format!("{} to {}", text(low, 3), text(high, 3)));
+            let interval = predicted.interval.map(|[low, high]| {
+                format!("{} to {}{}", text(low, 3), text(high, 3), predicted.left_out_text())
+            });
+            let mark = if predicted.extrapolated && predicted.value.is_some() { " *" } else { "" };
             [
                 name,
                 value(measured.value),
-                value(predicted.value),
+                format!("{}{mark}", value(predicted.value)),
                 interval.unwrap_or_default(),
                 unit.to_owned(),
             ]
@@ -132,11 +134,12 @@ fn values(comparison: &Comparison) -> Markup {
             p.warning { "Figures without a value are not measured: " (reason) "." }
         }
         @if let Some(reason) = &comparison.tracks[1].not_valid { p.warning { "The prediction is not valid: " (reason) "." } }
-        @if comparison.in_training { p.warning { "The model was fitted to this run." } }
+        @if comparison.in_training { p.warning { "The model was fitted to a run of this name." } }
         @if [north, east] != [0.0; 2] {
             p.small { "In an estimated current of " (text(north, 2)) " m/s north and " (text(east, 2)) " m/s east." }
         }
-        @if let Some(words) = interval_words(comparison.members, comparison.left_out_trials) {
+        @for outside in &comparison.outside { p.small { "* " (outside) "." } }
+        @if let Some(words) = interval_words(&comparison.predicted, comparison.members) {
             p.small { "Intervals: " (words) "." }
         }
     }

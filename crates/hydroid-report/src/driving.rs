@@ -71,7 +71,7 @@ pub fn comparison(comparison: &Comparison) -> Value {
     });
     let mut notes = Vec::new();
     if *in_training {
-        notes.push(String::from("The model was fitted to this run."));
+        notes.push(String::from("The model was fitted to a run of this name."));
     }
     if let Some(reason) = &comparison.tracks[1].not_valid {
         notes.push(format!("The prediction is not valid: {reason}."));

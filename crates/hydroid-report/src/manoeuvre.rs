@@ -249,7 +249,7 @@ fn values(subject: &ManoeuvreReport<'_>, trials: &[&Trial]) -> Markup {
                 let missed = figure.criterion.is_some_and(|criterion| !criterion.passed);
                 html! {
                     span class=[missed.then_some("warning")] { (figure.value.map_or_else(|| figure.missing().to_owned(), |value| text(value, 3))) @if figure.extrapolated && figure.value.is_some() { " *" } }
-                    @if let Some([low, high]) = figure.interval { br; span.small { (text(low, 3)) " to " (text(high, 3)) } }
+                    @if let Some([low, high]) = figure.interval { br; span.small { (text(low, 3)) " to " (text(high, 3)) (figure.left_out_text()) } }
                     @if let Some(reason) = &figure.no_interval { br; span.small { "no interval: " (reason) } }
                 }
             }));
@@ -280,7 +280,7 @@ fn values(subject: &ManoeuvreReport<'_>, trials: &[&Trial]) -> Markup {
         }
         @if let Some(reason) = &first.stability_not_decided { p { "Directional stability is not decided: " (reason) "." } }
         @if let Some(stable) = stable { p { (if stable { "Directionally stable." } else { "Not directionally stable." }) } }
-        @if let Some(words) = interval_words(first.members, first.left_out_trials).filter(|_| intervals) {
+        @if let Some(words) = interval_words(&first.figures, first.members).filter(|_| intervals) {
             p.small { "Below each value: interval (" (words) ")." }
         }
         @if limits { p.small { "Limits for a length of " (text(subject.trials.options.length_m.unwrap_or(f64::NAN), 4)) " m." } }

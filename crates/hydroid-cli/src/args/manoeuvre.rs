@@ -13,7 +13,8 @@ use super::Log;
 /// procedure 7.5-04-02-01. Each trial begins on a straight course at a steady speed. The roles of the inputs say which
 /// ones push and turn the vessel; the wind is 0. A vessel that no input pushes, as one with a constant shaft speed in its
 /// logs, has its own speed, and no trials of acceleration and stopping. Steering is stated in degrees if one input turns the vessel and is an angle, otherwise
-/// in percent of its range. Intervals are the 5 % and 95 % quantiles over the members of the model's ensemble or committee.
+/// in percent of its range. Intervals are the 5 % and 95 % quantiles over the members of the model's ensemble or committee,
+/// joined with the errors of trials in the logs that were left out of the fit.
 #[derive(Debug, ClapArgs)]
 #[command(after_help = include_str!("help/manoeuvre.txt"))]
 pub struct Manoeuvre {

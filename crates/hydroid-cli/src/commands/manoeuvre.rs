@@ -98,16 +98,16 @@ fn compare(args: &Manoeuvre, model: &Model, global: Global) -> anyhow::Result<Ou
 }
 
 fn print_comparison(comparison: &Comparison) {
-    let Comparison { run, at_s, trial, current: [north, east], members, left_out_trials, .. } = comparison;
+    let Comparison { run, at_s, trial, current: [north, east], members, outside, .. } = comparison;
     let title = trial.title();
-    let fitted = if comparison.in_training { " (the model was fitted to this run)" } else { "" };
+    let fitted = if comparison.in_training { " (the model was fitted to a run of this name)" } else { "" };
     let water = if *north == 0.0 && *east == 0.0 {
         String::new()
     } else {
         format!(", in an estimated current of {north:.2}, {east:.2} m/s (north, east)")
     };
     outln!("{run}, {at_s:.1} s: {title}{water}{fitted}");
-    let intervals = manoeuvre::interval_words(*members, *left_out_trials);
+    let intervals = manoeuvre::interval_words(&comparison.predicted, *members);
     let intervals = intervals.map(|words| format!(" interval: {words}")).unwrap_or_default();
     outln!("  {:<28} {:>11} {:>11} {:<6}{intervals}", "", "measured", "predicted", "");
     for (measured, predicted) in comparison.measured.iter().zip(&comparison.predicted) {
@@ -115,15 +115,21 @@ fn print_comparison(comparison: &Comparison) {
             let (name, unit) = measured.name_and_unit();
             let other =
                 predicted.value.map_or_else(|| predicted.missing().to_owned(), |value| format!("{value:.2}"));
-            let interval = predicted.interval.map(|[low, high]| format!("   {low:.2} to {high:.2}"));
+            let interval = predicted.interval;
+            let interval =
+                interval.map(|[low, high]| format!("   {low:.2} to {high:.2}{}", predicted.left_out_text()));
             let none = predicted.no_interval.as_ref().map(|reason| format!("   no interval: {reason}"));
             let interval = interval.or(none).unwrap_or_default();
             let line = format!("  {name:<28} {value:>11.2} {other:>11} {unit:<6}{interval}");
-            outln!("{}", line.trim_end());
+            let mark = if predicted.extrapolated && predicted.value.is_some() { " *" } else { "" };
+            outln!("{}{mark}", line.trim_end());
         } else if let Some(reason) = &measured.not_valid {
             let (name, _) = measured.name_and_unit();
             outln!("  {name:<28} not measured: {reason}");
         }
+    }
+    for outside in outside {
+        outln!("  * {outside}");
     }
 }
 
@@ -139,7 +145,9 @@ fn print(model: &Model, trials: &Trials) {
             let (name, unit) = figure.name_and_unit();
             let unit = if figure.value.is_some() { unit } else { "" };
             let value = figure.value.map_or_else(|| figure.missing().to_owned(), fixed);
-            let interval = figure.interval.map(|[low, high]| format!("   {} to {}", fixed(low), fixed(high)));
+            let interval = figure
+                .interval
+                .map(|[low, high]| format!("   {} to {}{}", fixed(low), fixed(high), figure.left_out_text()));
             let none = figure.no_interval.as_ref().map(|reason| format!("   no interval: {reason}"));
             let interval = interval.or(none).unwrap_or_default();
             let criterion = figure
@@ -173,7 +181,7 @@ fn print_limits(trial: &Trial) {
 }
 
 fn members(trial: &Trial) -> String {
-    let words = manoeuvre::interval_words(trial.members, trial.left_out_trials);
+    let words = manoeuvre::interval_words(&trial.figures, trial.members);
     words.map(|words| format!(" (intervals: {words})")).unwrap_or_default()
 }
 

@@ -161,7 +161,7 @@ fn comparisons_are_written(folder: &Path) {
     if folder.join("run.csv").exists() {
         assert_eq!(hydroid(folder, &args).status.code(), Some(0));
         let said = hydroid(folder, &["manoeuvre", "with/sindy.safetensors", "circle.csv"]);
-        assert!(String::from_utf8_lossy(&said.stdout).contains("the model was fitted to this run"));
+        assert!(String::from_utf8_lossy(&said.stdout).contains("the model was fitted to a run of this name"));
         errors_of_trials_in_the_logs_are_in_the_intervals(folder);
     }
 }
@@ -178,13 +178,14 @@ fn errors_of_trials_in_the_logs_are_in_the_intervals(folder: &Path) {
         "--json",
     ];
     let document = json(&hydroid(folder, &trials));
-    let [turn, zigzag] = [0, 2].map(|i| &document["trials"][i]);
-    assert!(turn["left_out_trials"].as_u64().unwrap() >= 1, "{turn}");
-    assert!(zigzag["left_out_trials"].is_null(), "{zigzag}");
+    let advance = figure(&document["trials"][0], "advance_m");
+    assert!(advance["left_out_trials"].as_u64().unwrap() >= 1, "{advance}");
+    let overshoot = figure(&document["trials"][2], "first_overshoot_deg");
+    assert!(overshoot["left_out_trials"].is_null(), "{overshoot}");
     let text = hydroid(folder, &trials[..trials.len() - 1]);
     let text = String::from_utf8(text.stdout).unwrap();
     assert!(
-        text.contains("members, and 90 % by the errors of ") && text.contains("left out of the fit"),
+        text.contains("members, joined with 90 % by the errors of trials that were left out of the fit"),
         "{text}"
     );
     assert!(text.contains("errors that all of them share are not in them"), "{text}");

@@ -24,9 +24,12 @@ pub struct Figure {
     /// Time since the order at which the figure is known \[s\]; `None` for the end of the trial.
     #[serde(skip)]
     pub(super) at_s: Option<f64>,
-    /// 5 % and 95 % quantile over the members of the ensemble or committee.
+    /// 5 % and 95 % quantile over the members of the ensemble or committee, joined with the errors of trials that were left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub interval: Option<[f64; 2]>,
+    /// Number of trials that were left out of the fit, whose errors are in the interval.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub left_out_trials: usize,
     /// Why there is none, although there are members.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub no_interval: Option<String>,
@@ -42,9 +45,15 @@ pub struct Criterion {
     pub limit: f64,
     /// Whether the value is within the limit.
     pub passed: bool,
-    /// Whether the whole interval is on the same side of the limit; `None` without an interval.
+    /// Whether the whole interval is on the same side of the limit; `None` without an interval that holds the errors of trials, and
+    /// where the model extrapolates.
     #[serde(rename = "certain")]
     pub is_certain: Option<bool>,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature of serde")]
+const fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 impl Criterion {
@@ -53,10 +62,10 @@ impl Criterion {
         match (self.passed, self.is_certain) {
             (true, Some(true)) => "passed",
             (true, Some(false)) => "passed, but the interval reaches beyond it",
-            (true, None) => "passed, by an estimate without an interval",
+            (true, None) => "passed, by an estimate whose error is not known",
             (false, Some(true)) => "missed",
             (false, Some(false)) => "missed, but the interval reaches within it",
-            (false, None) => "missed, by an estimate without an interval",
+            (false, None) => "missed, by an estimate whose error is not known",
         }
     }
 }
@@ -71,6 +80,7 @@ impl Figure {
             extrapolated: false,
             at_s: None,
             interval: None,
+            left_out_trials: 0,
             no_interval: None,
             criterion: None,
         }
@@ -111,7 +121,8 @@ impl Figure {
     pub(super) fn limit(&mut self, limit: f64) {
         self.criterion = self.value.map(|value| {
             let passed = value <= limit;
-            let is_certain = self.interval.map(|ends| ends.iter().all(|end| (*end <= limit) == passed));
+            let known = self.interval.filter(|_| self.left_out_trials > 0 && !self.extrapolated);
+            let is_certain = known.map(|ends| ends.iter().all(|end| (*end <= limit) == passed));
             Criterion { limit, passed, is_certain }
         });
     }
@@ -150,8 +161,8 @@ impl Figure {
 }
 
 /// Figures without a value where the sway velocity is not known, and those among them that a simulation without sway has.
-pub(super) const NO_SWAY_FIGURES: [&str; 4] =
-    ["drift_angle_deg", "advance_m", "transfer_m", "tactical_diameter_m"];
+pub(super) const NO_SWAY_FIGURES: [&str; 5] =
+    ["drift_angle_deg", "advance_m", "transfer_m", "tactical_diameter_m", "initial_turning_distance_m"];
 
 /// Why a log has none.
 pub(super) const NO_SWAY: &str = "there is no sway velocity v";
@@ -332,11 +343,19 @@ mod tests {
     #[test]
     fn a_criterion_is_certain_if_the_whole_interval_is_on_one_side() {
         let judged = |value: f64, interval: Option<[f64; 2]>| {
-            let mut figure = Figure { interval, ..Figure::new("first_overshoot_deg", value) };
+            let mut figure =
+                Figure { interval, left_out_trials: 9, ..Figure::new("first_overshoot_deg", value) };
             figure.limit(25.0);
             figure.criterion.unwrap().words()
         };
-        assert_eq!(judged(20.0, None), "passed, by an estimate without an interval");
+        assert_eq!(judged(20.0, None), "passed, by an estimate whose error is not known");
+        let mut of_members =
+            Figure { interval: Some([18.0, 24.9]), ..Figure::new("first_overshoot_deg", 20.0) };
+        of_members.limit(25.0);
+        assert_eq!(of_members.criterion.unwrap().is_certain, None);
+        let mut beyond = Figure { left_out_trials: 9, extrapolated: true, ..of_members };
+        beyond.limit(25.0);
+        assert_eq!(beyond.criterion.unwrap().is_certain, None);
         assert_eq!(judged(20.0, Some([18.0, 24.9])), "passed");
         assert_eq!(judged(20.0, Some([18.0, 25.1])), "passed, but the interval reaches beyond it");
         assert_eq!(judged(26.0, Some([24.0, 28.0])), "missed, but the interval reaches within it");

@@ -6,69 +6,81 @@ use super::recognised::RecognisedKind;
 use crate::log::Trajectory;
 use crate::model::{Model, TrialErrors};
 
-/// Units of figures of trials.
-const UNITS: [&str; 6] = ["m", "s", "deg", "deg/s", "m/s", "%"];
-
-/// The errors of models in the trials of runs that they were identified without, by kind of trial and unit.
+/// The errors of models in the trials of runs that they were identified without, by kind of trial and figure.
 pub(crate) fn trial_errors(left_out: &[(Model, &Trajectory)]) -> Vec<TrialErrors> {
     let of = |(model, run): &(Model, &Trajectory)| compare_alone(model, run).unwrap_or_default();
     let comparisons: Vec<Comparison> = left_out.iter().flat_map(of).collect();
     let kinds = [RecognisedKind::TurningCircle, RecognisedKind::Zigzag];
-    let each = kinds.iter().flat_map(|kind| UNITS.iter().map(move |unit| (*kind, *unit)));
-    each.filter_map(|(kind, unit)| {
-        let of_kind = comparisons.iter().filter(|comparison| comparison.trial.kind == kind);
-        let errors: Vec<Vec<f64>> =
-            of_kind.map(|comparison| errors(comparison, unit)).filter(|errors| !errors.is_empty()).collect();
-        TrialErrors::new(kind.name(), unit, &errors)
-    })
-    .collect()
+    kinds.iter().flat_map(|kind| of_kind(*kind, &comparisons)).collect()
 }
 
-/// Errors of the figures with a unit, infinite where the prediction does not reach a measured figure.
-fn errors(comparison: &Comparison, unit: &str) -> Vec<f64> {
-    let pairs = comparison.measured.iter().zip(&comparison.predicted);
-    let error = |(measured, predicted): (&Figure, &Figure)| {
-        let measured_value = measured.value.filter(|_| measured.name_and_unit().1 == unit)?;
-        let Some(value) = predicted.value else { return Some(f64::INFINITY) };
-        let scale = if TrialErrors::is_relative(unit) { value.abs() } else { 1.0 };
-        Some((measured_value - value).abs() / scale)
+fn of_kind(kind: RecognisedKind, all: &[Comparison]) -> Vec<TrialErrors> {
+    let all: Vec<&Comparison> = all.iter().filter(|comparison| comparison.trial.kind == kind).collect();
+    let Some(first) = all.first() else { return Vec::new() };
+    let of = |(place, figure): (usize, &Figure)| {
+        let errors = all.iter().filter_map(|trial| error(&trial.measured[place], &trial.predicted[place]));
+        TrialErrors::new(kind.name(), &figure.name, errors.collect())
     };
-    pairs.filter_map(error).collect()
+    first.measured.iter().enumerate().filter_map(of).collect()
 }
 
-/// Widens the intervals of a trial's figures by the errors of trials that were left out, and gives the number of these trials.
-pub(super) fn widen(figures: &mut [Figure], kind: RecognisedKind, errors: &[TrialErrors]) -> usize {
-    let errors: Vec<&TrialErrors> = errors.iter().filter(|errors| errors.trial == kind.name()).collect();
+/// The error of a figure that was measured, infinite where the prediction does not reach it.
+fn error(measured: &Figure, predicted: &Figure) -> Option<f64> {
+    let value = measured.value?;
+    let unit = measured.name_and_unit().1;
+    Some(predicted.value.map_or(f64::INFINITY, |predicted| TrialErrors::error(unit, value, predicted)))
+}
+
+/// Joins the intervals of figures with those of the errors of trials that were left out.
+pub(super) fn widen(figures: &mut [Figure], kind: RecognisedKind, errors: &[TrialErrors]) {
     for figure in figures {
-        let Some(value) = figure.value.filter(|_| figure.no_interval.is_none()) else { continue };
-        let unit = figure.name_and_unit().1;
-        let Some(errors) = errors.iter().find(|errors| errors.unit == unit) else { continue };
-        let Some(half_width) = errors.about(value) else {
+        let known = errors.iter().find(|of| of.trial == kind.name() && of.figure == figure.name);
+        let (Some(value), Some(errors)) = (figure.value, known) else { continue };
+        let (_, unit) = figure.name_and_unit();
+        if let Some([low, high]) = errors.about(unit, value) {
+            let [least, most] = figure.interval.unwrap_or([value; 2]);
+            // An overshoot is not negative.
+            let bound = if figure.name.ends_with("overshoot_deg") { 0.0 } else { f64::NEG_INFINITY };
+            figure.interval = Some([low.min(least).max(bound), high.max(most)]);
+            figure.no_interval = None;
+            figure.left_out_trials = errors.trials;
+        } else {
             figure.interval = None;
             figure.no_interval = Some(format!(
-                "predictions of {} trials that were left out of the fit do not reach all such figures",
+                "predictions of {} trials that were left out of the fit do not reach it often enough",
                 errors.trials
             ));
-            continue;
-        };
-        let [low, high] = figure.interval.unwrap_or([value; 2]);
-        figure.interval = Some([low.min(value - half_width), high.max(value + half_width)]);
+        }
     }
-    errors.iter().map(|errors| errors.trials).max().unwrap_or(0)
 }
 
-/// What intervals hold, in words; none without intervals.
-pub fn interval_words(members: usize, left_out_trials: usize) -> Option<String> {
-    let of_members = (members > 0).then(|| format!("5 % to 95 % of {members} members"));
-    let trials = if left_out_trials == 1 { "trial that was" } else { "trials that were" };
-    let of_trials = (left_out_trials > 0).then(|| {
-        let level = 100.0 * TrialErrors::LEVEL;
-        format!("{level:.0} % by the errors of {left_out_trials} {trials} left out of the fit")
+/// What the intervals of a trial hold, in words; none without intervals.
+pub fn interval_words(figures: &[Figure], members: usize) -> Option<String> {
+    let with = figures.iter().filter(|figure| figure.interval.is_some());
+    let [left_out, alone] = with.fold([0, 0], |[left_out, alone], figure| match figure.left_out_trials {
+        0 => [left_out, alone + 1],
+        _ => [left_out + 1, alone],
     });
-    match (of_members, of_trials) {
-        (None, None) => None,
-        (Some(members), None) => Some(format!("{members}; errors that all of them share are not in them")),
-        (None, Some(trials)) => Some(trials),
-        (Some(members), Some(trials)) => Some(format!("{members}, and {trials}")),
+    let by_trials =
+        "90 % by the errors of trials that were left out of the fit, whose number stands in brackets";
+    let shared = "errors that all members share are not in them";
+    match (members, left_out, alone) {
+        (_, 0, 0) => None,
+        (0, _, _) => Some(by_trials.to_owned()),
+        (_, 0, _) => Some(format!("5 % to 95 % of {members} members; {shared}")),
+        (_, _, 0) => Some(format!("5 % to 95 % of {members} members, joined with {by_trials}")),
+        _ => Some(format!(
+            "5 % to 95 % of {members} members, joined with {by_trials}; without brackets, {shared}"
+        )),
+    }
+}
+
+impl Figure {
+    /// The number of trials in whose errors its interval rests, in brackets; empty without such trials.
+    pub fn left_out_text(&self) -> String {
+        match self.left_out_trials {
+            0 => String::new(),
+            trials => format!(" [{trials}]"),
+        }
     }
 }

@@ -11,12 +11,12 @@ use super::figure::{Figure, Figures, NO_SWAY, NO_SWAY_FIGURES, set_intervals};
 use super::left_out::widen;
 use super::recognised::{Recognised, RecognisedKind, recognise};
 use super::track::Track;
-use super::trials::not_valid;
+use super::trials::{commands_outside, mark_extrapolated, not_valid, outside};
 use super::turning_circle::TurningCircle;
 use super::zigzag::Zigzag;
 use crate::log::{Shortest, Trajectory};
 use crate::model::{MOTION, Model};
-use crate::plant::{PlantError, Simulation, current_before, find_roles};
+use crate::plant::{Outside, PlantError, Simulation, current_before, find_roles};
 use crate::progress::{Progress, report};
 
 /// A trial in a log beside its prediction.
@@ -36,12 +36,12 @@ pub struct Comparison {
     pub predicted: Vec<Figure>,
     /// Current that the prediction assumes, north and east \[m/s\]: the estimate from the samples before the trial.
     pub current: [f64; 2],
-    /// Whether the model was fitted to this run.
+    /// Whether the model was fitted to a run of this name.
     pub in_training: bool,
     /// Number of members of the ensemble or committee whose predictions give the intervals.
     pub members: usize,
-    /// Number of trials that were left out of the fit, whose errors are in the intervals.
-    pub left_out_trials: usize,
+    /// Outputs and inputs that leave the training range of the model.
+    pub outside: Vec<Outside>,
     /// Measured and predicted track.
     #[serde(skip)]
     pub tracks: [Track; 2],
@@ -211,7 +211,11 @@ fn comparison(
     let members: Vec<(Vec<Figure>, Track)> = members.into_par_iter().map(prediction).collect();
     let of_members: Vec<&[Figure]> = members.iter().map(|(figures, _)| &figures[..]).collect();
     let count = set_intervals(&mut predicted, &of_members, of_members.len());
-    let left_out_trials = widen(&mut predicted, trial.kind, &model.description.trial_errors);
+    widen(&mut predicted, trial.kind, &model.description.trial_errors);
+    let mut outside = outside(model, std::slice::from_ref(&track));
+    let commands = (start..=trial.end).map(|sample| run.inputs.row(sample));
+    outside.extend(commands_outside(model, &commands.enumerate().map(|(k, row)| (k as f64 * run.dt, row))));
+    mark_extrapolated(&mut predicted, &outside);
     let executes: Vec<usize> = trial.executes.iter().map(|sample| sample - start).collect();
     let provenance = &model.description.provenance;
     Ok(Some(Comparison {
@@ -231,7 +235,7 @@ fn comparison(
         trial,
         in_training: provenance.training.contains(&run.name) || provenance.validation.contains(&run.name),
         members: count,
-        left_out_trials,
+        outside,
         tracks: [measured, track],
         member_tracks: members.into_iter().map(|(_, track)| track).collect(),
     }))

@@ -83,9 +83,6 @@ pub struct Trial {
     pub outside: Vec<Outside>,
     /// Number of members whose trials give the intervals.
     pub members: usize,
-    /// Number of trials of this kind that were left out of the fit, whose errors are in the intervals.
-    #[serde(skip_serializing_if = "is_zero")]
-    pub left_out_trials: usize,
     /// Tracks; two for a pull-out, none for a spiral.
     #[serde(skip)]
     pub tracks: Vec<Track>,
@@ -157,11 +154,6 @@ impl Default for TrialOptions {
             scale: 1.0,
         }
     }
-}
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature of serde")]
-const fn is_zero(count: &usize) -> bool {
-    *count == 0
 }
 
 /// Results of one simulation.
@@ -359,23 +351,22 @@ fn trial(
 ) -> Trial {
     let mut outside = outside(model, &outcome.tracks);
     outside.extend(inputs_outside(model, map, kind, propulsion, &outcome.tracks));
-    let from_s = outside.iter().map(|outside| outside.from_s).fold(f64::INFINITY, f64::min);
     let mut outcome = outcome;
-    for figure in &mut outcome.figures {
-        figure.extrapolated = figure.at_s.unwrap_or(f64::MAX) > from_s;
-    }
+    mark_extrapolated(&mut outcome.figures, &outside);
     let not_valid = not_valid(model);
     let (outcome, others) = (outcome.scaled(options.scale), others.into_iter());
     let others: Vec<Outcome> = others.map(|other| other.scaled(options.scale)).collect();
     let mut figures = outcome.figures;
     let figures_of_members: Vec<&[Figure]> = others.iter().map(|other| &other.figures[..]).collect();
     let members = set_intervals(&mut figures, &figures_of_members, all);
-    let left_out_trials = match kind {
+    let recognised = match kind {
         TrialKind::TurningCircle { .. } => Some(RecognisedKind::TurningCircle),
         TrialKind::Zigzag { .. } => Some(RecognisedKind::Zigzag),
         _ => None,
+    };
+    if let Some(kind) = recognised {
+        widen(&mut figures, kind, &model.description.trial_errors);
     }
-    .map_or(0, |kind| widen(&mut figures, kind, &model.description.trial_errors));
     let no_sway = no_sway(model);
     for figure in &mut figures {
         if let Some(reason) = &no_sway {
@@ -419,13 +410,21 @@ fn trial(
         stability_not_decided: not_decided.filter(|_| not_valid.is_none()),
         points: outcome.points,
         members,
-        left_out_trials,
         tracks: outcome.tracks,
         member_tracks: others.into_iter().flat_map(|other| other.tracks).collect(),
     }
 }
 
-fn outside(model: &Model, tracks: &[Track]) -> Vec<Outside> {
+/// Marks the figures that are known only after an output or an input has left the training range.
+pub(super) fn mark_extrapolated(figures: &mut [Figure], outside: &[Outside]) {
+    let from_s = outside.iter().map(|outside| outside.from_s).fold(f64::INFINITY, f64::min);
+    for figure in figures {
+        figure.extrapolated = figure.at_s.unwrap_or(f64::MAX) > from_s;
+    }
+}
+
+/// Outputs that leave the training range along tracks.
+pub(super) fn outside(model: &Model, tracks: &[Track]) -> Vec<Outside> {
     // A vessel with given parameters has no training range.
     if model.is_vessel() {
         return Vec::new();
@@ -450,9 +449,6 @@ fn inputs_outside(
     propulsion: f64,
     tracks: &[Track],
 ) -> Vec<Outside> {
-    if model.is_vessel() {
-        return Vec::new();
-    }
     // Time since the order, and command.
     let mut commands: Vec<(f64, Vec<f64>)> = Vec::new();
     for track in tracks {
@@ -467,10 +463,19 @@ fn inputs_outside(
     if let TrialKind::Spiral { steering, .. } = kind {
         commands.extend([steering, -steering].map(|s| (0.0, map.command(propulsion, s))));
     }
+    commands_outside(model, &commands.iter().map(|(t, command)| (*t, &command[..])))
+}
+
+/// Inputs that commands, each with its time \[s\], move beyond the range of the training.
+pub(super) fn commands_outside<'a>(
+    model: &Model,
+    commands: &(impl Iterator<Item = (f64, &'a [f64])> + Clone),
+) -> Vec<Outside> {
+    if model.is_vessel() {
+        return Vec::new();
+    }
     let inputs = model.description.inputs.iter().enumerate();
-    inputs
-        .filter_map(|(c, port)| Outside::of(port, commands.iter().map(|(t, command)| (*t, command[c]))))
-        .collect()
+    inputs.filter_map(|(c, port)| Outside::of(port, commands.clone().map(|(t, row)| (t, row[c])))).collect()
 }
 
 impl Trials {
