@@ -283,6 +283,34 @@ fn outside_the_fence_the_commands_are_neutral() {
     }
 }
 
+/// Commands on their way to neutral went there at once, beyond the limit of the rate.
+#[test]
+fn neutral_commands_keep_the_limits_of_the_rates() {
+    let folder = tempfile::tempdir().unwrap();
+    let base = ["control", "hydrofoil", "--controller", "fl", "--task", "waypoints", "--points", "0,0;100,0"];
+    let rates = ["--rate-limit", "RD_ang=0.2", "--rate-limit", "PP_cmd=300", "-"];
+    let mut service = Service::start(folder.path(), &[&base[..], &rates].concat());
+    let (mut before, mut largest) = ([0.0, 0.0], [0.0_f64, 0.0]);
+    for k in 0..80 {
+        let t = f64::from(k) / 10.0;
+        // Beside the path, and heading away; then without a pose.
+        let pose = if k < 20 { r#""x":5,"y":4,"psi":0.6,"# } else { "" };
+        let answer = service.ask(&format!(r#"{{"t":{t},{pose}"u":1.5,"v":0,"r":0}}"#));
+        let command = ["RD_ang", "PP_cmd"].map(|name| answer["command"][name].as_f64().unwrap());
+        for ((now, before), rate) in command.iter().zip(before).zip([0.2, 300.0]) {
+            assert!(k == 0 || (now - before).abs() <= rate / 10.0 + 1e-9, "{k}: {answer}");
+        }
+        if answer["control"] != "blind" {
+            largest = [0, 1].map(|i| largest[i].max(command[i].abs()));
+        }
+        before = command;
+    }
+    assert!(largest[0] > 0.1 && largest[1] > 50.0, "{largest:?}");
+    assert_eq!(before, [0.0, 0.0]);
+    assert_eq!(service.ask(r#"{"t":8,"u":1.5,"v":0,"r":0}"#)["control"], "blind");
+    service.kill();
+}
+
 #[test]
 fn options_of_a_simulated_run_are_refused() {
     let folder = tempfile::TempDir::new().unwrap();

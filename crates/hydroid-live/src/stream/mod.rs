@@ -236,7 +236,7 @@ impl Stream {
             // The limit itself is not beyond it.
             liveness.remaining_s() + 1e-3
         } else if self.said_lost {
-            (SAY_AGAIN_S - self.silent_s).max(0.0)
+            (pilot.rests_in_s().unwrap_or(SAY_AGAIN_S) - self.silent_s).max(0.0)
         } else {
             0.0
         })

@@ -190,6 +190,11 @@ impl Pilot {
         }
     }
 
+    /// Time to the next step of commands on their way to the neutral values, a sample \[s\]; `None` if they are there.
+    pub fn rests_in_s(&self) -> Option<f64> {
+        (self.command != self.rest).then_some(self.dt_s)
+    }
+
     /// Status of the command.
     pub fn status(&self) -> &'static str {
         match self.supervisor.mode() {
