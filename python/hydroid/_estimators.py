@@ -98,7 +98,7 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
             names of the outputs.
         y : optional
             The sample time or ascending times, as the second argument of PySINDy's `fit`, where the parameter `dt` is
-            None. Anything else, which scikit-learn may pass, is not used.
+            None; with `dt`, what scikit-learn may pass is not used.
         t : float or array_like (samples,), or list of these
             Sample time, or times of the samples [s], or dates; default: the index of a data frame if it has dates,
             or the parameter `dt`. Logs have their own times.
@@ -120,6 +120,9 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
             remedy = _REMEDIES.get(argument, "the arguments are x, t, u and feature_names")
             raise TypeError(f"{argument}: {type(self).__name__}.fit does not take it; {remedy}")
         t = self._times(x, y, t)
+        self._columns, self._factors = (None, None), (1.0, None)
+        if hasattr(self, "feature_names_in_"):
+            del self.feature_names_in_
         logs, outputs, inputs = self._logs(x, t, u, feature_names, least=3)
         options = {
             name: value
@@ -329,13 +332,16 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
             times = np.atleast_1d(np.asarray(_seconds(t), dtype=np.float64))
             steps = np.diff(times)
             if np.ndim(t) != 1 or steps.size and not np.allclose(steps, model.dt, rtol=1e-3, atol=0.0):
-                found = f"steps of {np.median(steps):g} s" if steps.size else f"shape {times.shape}"
+                found = f"steps of {np.median(steps):g} s" if steps.size else f"shape {np.shape(t)}"
                 raise ValueError(f"t: expected times with the sample time of the model, {model.dt:g} s, got {found}")
         inputs = _called(u, times)
         of_x, of_u = self._factors
         if inputs is not None:
             inputs = _scaled(_table("u", inputs, len(model.input_names), type(self).__name__), of_u)
-        return model.simulate(of_x * np.asarray(x0, dtype=np.float64), inputs, samples=len(times))
+        start = np.asarray(x0, dtype=np.float64)
+        # A start of another shape is refused by the model.
+        start = of_x * start if start.shape == np.shape(of_x) else start
+        return model.simulate(start, inputs, samples=len(times))
 
     def _check_columns(self, x: Any, u: Any) -> None:
         """Refuses data frames whose columns are not those of `fit`, as scikit-learn does, or whose dates differ."""
@@ -415,8 +421,6 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
             self._factors = (factors[:q], factors[q:])
             if self._columns[0] is not None:
                 self.feature_names_in_ = np.array(self._columns[0], dtype=object)
-            elif hasattr(self, "feature_names_in_"):
-                del self.feature_names_in_
         return logs, names[:q], names[q:]
 
 
@@ -469,6 +473,8 @@ def _matched(argument: str, given: Any, runs: int, several: bool) -> list[Any]:
     """One value for each run."""
     if given is None or not several:
         return [given] * runs
+    if isinstance(given, np.ndarray) and given.ndim == 3:
+        given = list(given)
     if not isinstance(given, (list, tuple)) or len(given) != runs:
         raise ValueError(f"{argument}: expected a list with an item for each of {runs} runs, got {type(given).__name__}")
     return list(given)

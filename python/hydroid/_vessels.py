@@ -182,9 +182,10 @@ class Trials(_Figures):
         All results without the tracks, as in ``trials.json``.
     figures : list of dict
         One record for each figure: ``trial`` (number), ``title``, ``figure``, ``unit``, ``value`` (None if it was not
-        reached), ``low`` and ``high`` (5 % and 95 % quantile over the members of the model), ``extrapolated``,
-        ``not_valid`` (a reason, or None), and ``limit``, ``passed`` and ``certain`` (whether the whole interval is on the
-        same side; None without an interval) of a criterion of the IMO.
+        reached), ``low`` and ``high`` (5 % and 95 % quantile over the members of the model, joined with the errors of
+        trials that were left out of the fit), ``extrapolated``, ``not_valid`` (a reason, or None), and ``limit``, ``passed``
+        and ``certain`` (whether the whole interval is on the same side; None if it holds no errors of trials, or the model
+        extrapolates) of a criterion of the IMO.
     """
 
     _inner: _hydroid.Trials
@@ -217,7 +218,7 @@ class Comparisons(_Figures):
     figures : list of dict
         One record for each figure: ``trial`` (number), ``run``, ``at_s`` (time in the run), ``title``, ``in_training``,
         ``figure``, ``unit``, ``measured``, ``predicted``, ``not_valid`` (why there is no prediction, or None), and
-        ``low`` and ``high`` of the prediction (5 % and 95 % quantile over the members of the model).
+        ``low`` and ``high`` of the prediction, as for simulated trials.
     """
 
     _inner: _hydroid.Comparisons

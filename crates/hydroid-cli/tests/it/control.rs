@@ -430,6 +430,10 @@ fn wrong_input_is_refused_with_a_remedy() {
     refused("control hydrofoil --controller fl --rate-limit PP_cmd=0", "--rate-limit PP_cmd=0");
     refused("control hydrofoil --controller fl --limit PP=0:100", "its commands are PP_cmd, RD_ang");
     refused("control hydrofoil --controller fl --limit RD_ang=-1:1[m]", "unit of RD_ang, [m]");
+    refused(
+        "control hydrofoil --controller fl --limit RD_ang=-31:30[deg]",
+        "limits may be closer, and not wider",
+    );
     refused("control hydrofoil --controller fl --neutral PP_cmd=900", "outside of its limits");
     refused("control hydrofoil --controller fl --reference path", "--reference");
     refused("control hydrofoil --controller cem --candidates 1", "candidates");

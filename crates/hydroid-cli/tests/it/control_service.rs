@@ -242,6 +242,13 @@ fn outside_the_fence_the_commands_are_neutral() {
     write("area.geojson", &format!(r#"{{"type": "Polygon", "coordinates": [{ring}]}}"#));
     write("metres.csv", "north,east\n-10,-10\n-10,10\n120,10\n120,-10\n");
     write("small.csv", "north,east\n-10,-10\n-10,10\n20,10\n20,-10\n");
+    let area = |inside: bool| {
+        format!(
+            r#"{{"inclusion": {inside}, "polygon": [[53.999, 9.999], [53.999, 10.001], [54.002, 10.0]]}}"#
+        )
+    };
+    let areas = format!(r#"{{"circles": [], "polygons": [{}, {}]}}"#, area(true), area(false));
+    write("both.plan", &format!("\u{feff}{{\"fileType\": \"Plan\", \"geoFence\": {areas}}}"));
     let base = ["control", "hydrofoil", "--controller", "fl", "--task", "legs"];
     let route = ["--waypoints", "route.csv", "--keep-out=rock.csv"];
     write("rock.csv", "lat,lon\n54.0004,10.0004\n54.0004,10.0006\n54.0006,10.0005\n");
@@ -274,6 +281,16 @@ fn outside_the_fence_the_commands_are_neutral() {
         (&points[..], "--fence=area.geojson", "has latitudes and longitudes, and the path is in metres"),
         (&points[..], "--fence=none.csv", "none.csv"),
         (&["--waypoints", "route.csv"], "--keep-out=route.csv", "at least three corners"),
+        (
+            &["--waypoints", "route.csv"],
+            "--fence=both.plan",
+            "has an area to keep out of as well: state it with --keep-out both.plan",
+        ),
+        (
+            &["--waypoints", "route.csv", "--keep-out=rock.csv"],
+            "--fence=both.plan",
+            "has an area to keep out of as well",
+        ),
     ] {
         let args = [&base[..], path, &[fence, "-"]].concat();
         let output = hydroid(folder.path(), &args).stdin(Stdio::null()).output().unwrap();
@@ -281,6 +298,61 @@ fn outside_the_fence_the_commands_are_neutral() {
         assert_eq!(output.status.code(), Some(2), "{fence}: {said}");
         assert!(said.contains(words), "{fence}: {said}");
     }
+}
+
+/// A service that ended stopped or blind had the exit status 0.
+#[test]
+fn a_vessel_that_is_left_without_its_task_has_an_exit_status() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("fence.csv"), "north,east\n-10,-10\n-10,10\n120,10\n120,-10\n")
+        .unwrap();
+    let args = [
+        "control",
+        "hydrofoil",
+        "--controller",
+        "fl",
+        "--task",
+        "legs",
+        "--points",
+        "0,0;100,0",
+        "--fence=fence.csv",
+        "-",
+    ];
+    for (east, status) in [(1.0, 0), (11.0, 1)] {
+        let mut service =
+            hydroid(folder.path(), &args).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+        let line = json!({ "t": 0.0, "x": 0.0, "y": east, "psi": 0.0, "u": 1.5, "v": 0.0, "r": 0.0 });
+        writeln!(service.stdin.take().unwrap(), "{line}").unwrap();
+        assert_eq!(service.wait_with_output().unwrap().status.code(), Some(status), "{east}");
+    }
+}
+
+/// Silence, and the first line after it, take no more than the rate.
+#[test]
+fn silence_keeps_the_limits_of_the_rates() {
+    let folder = tempfile::tempdir().unwrap();
+    let args = [&LAWN_MOWER[..], &["fl", "--max-age", "0.4", "--rate-limit", "PP_cmd=100", "-"]].concat();
+    let mut service = Service::start(folder.path(), &args);
+    let mut boat = Boat::new(&Craft::hydrofoil(), 0.0, 0.5, 0.0);
+    let mut last = 0.0;
+    for _ in 0..30 {
+        let answer = service.ask(&boat.line());
+        boat.sail(&answer, 0.1);
+        last = answer["command"]["PP_cmd"].as_f64().unwrap();
+    }
+    assert!(last > 150.0, "{last}");
+    let mut age = 0.0;
+    for _ in 0..4 {
+        let lost: Value = serde_json::from_str(&service.answer()).unwrap();
+        let (now, at) =
+            (lost["command"]["PP_cmd"].as_f64().unwrap(), lost["lost"]["position"].as_f64().unwrap());
+        assert!(now < last && last - now <= 100.0 * (at - age) + 1e-6, "{last} {age}: {lost}");
+        (last, age) = (now, at);
+    }
+    let again = service.ask(&boat.line());
+    let now = again["command"]["PP_cmd"].as_f64().unwrap();
+    assert!((now - last).abs() <= 10.0 + 1e-6, "{last}: {again}");
+    service.kill();
 }
 
 /// Commands on their way to neutral went there at once, beyond the limit of the rate.

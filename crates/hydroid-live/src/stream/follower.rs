@@ -14,7 +14,6 @@ use hydroid::adapt::events::EventText;
 use hydroid::boat::{Raw, Role};
 use hydroid::closed_loop::{Pilot, longest_gap};
 use hydroid::evaluate::DesignRange;
-use hydroid::key::key;
 use hydroid::log::{CommandTiming, LogError, PrepareOptions};
 use hydroid::model::{Model, Port};
 use hydroid::plant::find_roles;
@@ -233,10 +232,7 @@ impl Follower {
                 if gap > DOUBTFUL_S && self.time_is_unstated {
                     say(
                         &mut self.note,
-                        format_args!(
-                            "if the time is not in seconds, state its unit, as in {}",
-                            key("time").is("NAME [ms]")
-                        ),
+                        format_args!("if the time is not in seconds, name it with its unit, as t [ms]"),
                     );
                 }
                 (self.session.begin(commands, sample, Some(gap)), true)

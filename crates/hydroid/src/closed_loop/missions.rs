@@ -35,16 +35,28 @@ impl Purpose {
     }
 }
 
-/// Whether an item of a mission moves the vessel otherwise than to a way-point: commands of navigation (below 96) and conditions
-/// (112 to 159), a jump (177) and a change of speed (178).
-const fn moves(command: u64) -> bool {
-    matches!(command, 17..=95 | 112..=159 | 177 | 178)
+/// Refuses an item of a mission that moves the vessel otherwise than through a way-point with latitude and longitude: commands of
+/// navigation (below 96) and conditions (112 to 159), jumps (177, 601), changes of speed and direction (178, 192 to 194), a time to hold,
+/// and other frames.
+fn follow(
+    path: &str,
+    place: &str,
+    command: u64,
+    (hold_s, is_global): (f64, bool),
+) -> Result<(), WaypointsError> {
+    let what = match command {
+        16 if hold_s > 0.0 => format!("a time of {hold_s} s to hold"),
+        16 if !is_global => String::from("a way-point in a frame without latitude and longitude"),
+        17..=95 | 112..=159 | 177 | 178 | 192..=194 | 601 => {
+            format!("the command {command} of MAVLink, which moves the vessel otherwise than to a way-point")
+        }
+        _ => return Ok(()),
+    };
+    Err(WaypointsError::NotFollowed { path: path.to_owned(), place: place.to_owned(), what })
 }
 
-/// The error of such an item.
-fn not_followed(path: &str, place: String, command: u64) -> WaypointsError {
-    WaypointsError::NotFollowed { path: path.to_owned(), place, command }
-}
+/// Areas of a text of way-points that are circles: inclusion and exclusion.
+const CIRCLES: [u64; 2] = [5003, 5004];
 
 /// Frames of MAVLink with latitudes and longitudes.
 const GLOBAL: [u64; 6] = [0, 3, 5, 6, 10, 11];
@@ -70,8 +82,11 @@ pub(super) fn wpl(text: &str, path: &str, purpose: Purpose) -> Result<Positions,
             return Err(WaypointsError::NotANumber { path: path.to_owned(), place });
         };
         let is_home = index == 0 && purpose == Purpose::Route;
-        if purpose == Purpose::Route && !is_home && moves(command) {
-            return Err(not_followed(path, place, command));
+        if purpose == Purpose::Route && !is_home {
+            follow(path, &place, command, (number(4).unwrap_or(0.0), GLOBAL.contains(&frame)))?;
+        }
+        if purpose != Purpose::Route && command == CIRCLES[usize::from(purpose == Purpose::KeepOut)] {
+            return Err(WaypointsError::Circle { path: path.to_owned(), what: purpose.name() });
         }
         if command == purpose.command() && GLOBAL.contains(&frame) && !is_home {
             found.push((place, [latitude, longitude]));
@@ -134,8 +149,8 @@ fn items(of: &Value, path: &str, number: &mut usize, found: &mut Positions) -> R
             let command = item.get("command").and_then(Value::as_u64);
             *number += usize::from(command.is_some());
             let place = format!("item {number}");
-            if let Some(command) = command.filter(|command| moves(*command)) {
-                return Err(not_followed(path, place, command));
+            if let Some(command) = command {
+                follow(path, &place, command, (of["params"][0].as_f64().unwrap_or(0.0), is_global))?;
             }
             if command == Some(Purpose::Route.command()) && is_global {
                 let parameter = |i: usize| of["params"][i].as_f64().unwrap_or(f64::NAN);
@@ -152,8 +167,13 @@ fn items(of: &Value, path: &str, number: &mut usize, found: &mut Positions) -> R
     Ok(())
 }
 
-/// Whether a plan of `QGroundControl` has an area of a purpose.
+/// Whether a mission has an area of a purpose.
 pub(super) fn has_area(text: &str, purpose: Purpose) -> bool {
+    if text.starts_with("QGC WPL") {
+        let circle = CIRCLES[usize::from(purpose == Purpose::KeepOut)];
+        let commands = text.lines().filter_map(|line| line.split_whitespace().nth(3)?.parse::<u64>().ok());
+        return commands.into_iter().any(|command| command == purpose.command() || command == circle);
+    }
     let Ok(document) = serde_json::from_str::<Value>(text) else { return false };
     ["polygons", "circles"].iter().any(|kind| {
         let all = document["geoFence"][*kind].as_array().into_iter().flatten();

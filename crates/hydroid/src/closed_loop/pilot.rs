@@ -47,6 +47,8 @@ pub struct Pilot {
     set_out: f64,
     /// The command in force.
     command: Vec<f64>,
+    /// Time since the last sample in which the commands have moved already \[s\].
+    moved_s: f64,
     guided: Option<Guided>,
 }
 
@@ -114,6 +116,7 @@ impl Pilot {
             tolerance: options.tolerance,
             dt_s: options.dt_s,
             command: rest.clone(),
+            moved_s: 0.0,
             limits: options.limits.clone(),
             rest,
             eta: [f64::NAN; 3],
@@ -187,6 +190,7 @@ impl Pilot {
         self.liveness.pass(seconds);
         if !self.liveness.is_alive() {
             self.rest(seconds);
+            self.moved_s += if seconds.is_finite() { seconds } else { self.dt_s };
         }
     }
 
@@ -221,7 +225,7 @@ impl Pilot {
 
     /// The planned command of a later sample; the command in force without a plan.
     pub fn planned(&self, later: usize) -> &[f64] {
-        if self.mode().steers() { self.law.planned(later).unwrap_or(&self.command) } else { &self.rest }
+        if self.mode().steers() { self.law.planned(later).unwrap_or(&self.command) } else { &self.command }
     }
 
     /// Computes the command of a sample.
@@ -282,8 +286,9 @@ impl Pilot {
                 self.supervisor.stop(Stop::NoWay);
             }
         }
+        let moving_s = (elapsed_s - std::mem::take(&mut self.moved_s)).max(0.0);
         if !self.mode().steers() {
-            self.rest(elapsed_s);
+            self.rest(moving_s);
             return;
         }
         let before = self.command.clone();
@@ -316,25 +321,26 @@ impl Pilot {
         if !self.mode().steers() || !finite {
             self.command.copy_from_slice(&self.rest);
         }
-        self.keep_rates(&before, elapsed_s);
+        self.keep_rates(&before, moving_s);
     }
 
-    /// Keeps the limits of the rates from the command before: the law does not know those at rest.
-    fn keep_rates(&mut self, before: &[f64], elapsed_s: f64) {
+    /// Keeps the limits of the rates from the command before: the law does not know those at rest. A time that is not known counts
+    /// as one sample.
+    fn keep_rates(&mut self, before: &[f64], moving_s: f64) {
+        let moving_s = if moving_s.is_finite() { moving_s } else { self.dt_s };
         for ((command, before), limits) in self.command.iter_mut().zip(before).zip(&self.limits) {
-            let change = limits.rate * elapsed_s;
-            // Without a limit, or a known time, the change may be infinite or not a number.
-            if change.is_finite() {
-                *command = command.clamp(before - change, before + change);
+            if limits.rate.is_finite() {
+                let change = limits.rate * moving_s;
+                *command = command.max(before - change).min(before + change);
             }
         }
     }
 
     /// Brings the commands to their neutral values, within the limits of their rates; from these values the law continues.
-    fn rest(&mut self, elapsed_s: f64) {
+    fn rest(&mut self, moving_s: f64) {
         let before = self.command.clone();
         self.command.copy_from_slice(&self.rest);
-        self.keep_rates(&before, elapsed_s);
+        self.keep_rates(&before, moving_s);
         self.law.reset();
         self.guided = None;
         if !self.liveness.is_alive() {
@@ -401,6 +407,12 @@ impl Pilot {
             reckoning.visit_state(memory);
         }
         memory.numbers(&mut self.command);
+        for (command, Limits { low, high, rest, .. }) in self.command.iter_mut().zip(&self.limits) {
+            if !(*low..=*high).contains(command) {
+                *command = *rest;
+            }
+        }
+        memory.number(&mut self.moved_s);
         self.supervisor.visit_state(memory);
         memory.number(&mut self.set_out);
     }

@@ -69,10 +69,10 @@ pub enum WaypointsError {
     )]
     Polygons { path: String, what: &'static str },
     #[error(
-        "{path}: {place}: the command {command} of MAVLink moves the vessel otherwise than to a way-point (16), and is not followed: remove it from the mission, replace it by way-points, and state a speed with {}",
+        "{path}: {place}: {what}, is not followed: remove it from the mission, or replace it by way-points; {} states the speed",
         key("speed")
     )]
-    NotFollowed { path: String, place: String, command: u64 },
+    NotFollowed { path: String, place: String, what: String },
     #[error("{path}: the {what} is a circle: draw it as a polygon")]
     Circle { path: String, what: &'static str },
 }
@@ -121,7 +121,7 @@ impl Waypoints {
     /// # Errors
     /// If the file cannot be read.
     pub fn has_keep_out(path: &Path) -> Result<bool, WaypointsError> {
-        Ok(has_area(&String::from_utf8_lossy(&bytes(path)?), Purpose::KeepOut))
+        Ok(has_area(&String::from_utf8_lossy(without_mark(&bytes(path)?)), Purpose::KeepOut))
     }
 
     /// Way-points of the bytes of a file; `name` is its name in messages.
@@ -134,7 +134,7 @@ impl Waypoints {
         origin_deg: Option<[f64; 2]>,
         purpose: Purpose,
     ) -> Result<Self, WaypointsError> {
-        let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
+        let text = without_mark(bytes);
         let reader = match text {
             [b'<', ..] => Some(gpx as fn(&str, &str, Purpose) -> Result<Positions, WaypointsError>),
             [b'{', ..] => Some(json as _),
@@ -185,6 +185,11 @@ impl Waypoints {
         let points = positions.iter().map(project).collect::<Result<_, _>>()?;
         Ok(Self { points, origin_deg: Some(origin) })
     }
+}
+
+/// A text without a byte order mark and leading white space.
+fn without_mark(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start()
 }
 
 /// North and east \[m\] of a position about an origin, both latitude and longitude \[deg\], by distance and azimuth of the

@@ -73,7 +73,7 @@ pub struct SindyOptions {
     /// (default: backward elimination and BIC)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "X", allow_negative_numbers = true, help_heading = EQUATIONS))]
     pub threshold: Option<f64>,
-    /// Ridge penalty for each row, on columns of unit RMS (default: several are compared)
+    /// Ridge penalty for each row, on columns of unit standard deviation (default: several are compared)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "X", allow_negative_numbers = true, help_heading = EQUATIONS))]
     pub ridge: Option<f64>,
     /// Huber threshold of the residuals [standard deviations], against spikes: 1.345 is usual (default: least squares)

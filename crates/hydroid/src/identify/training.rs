@@ -287,6 +287,7 @@ fn diverged(job: &Job, parts: &Parts<'_>, left_out: &[Equations]) -> Result<usiz
     let runs: Vec<&Trajectory> = folds.iter().map(|(_, run)| *run).collect();
     let options = evaluate::Options {
         warm_up: sessions.iter().map(|session| session.warm_up()).max().unwrap_or(1),
+        origin_stride: job.origin_stride,
         ..equations::quick(job, parts)
     };
     match evaluate_each("sindy", &mut sessions, &parts.ranges, &runs, &options, &mut progress::silent()) {

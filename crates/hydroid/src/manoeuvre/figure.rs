@@ -71,7 +71,7 @@ impl Criterion {
 }
 
 impl Figure {
-    fn new(name: impl Into<String>, value: impl Into<Option<f64>>) -> Self {
+    pub(super) fn new(name: impl Into<String>, value: impl Into<Option<f64>>) -> Self {
         let (name, value) = (name.into(), value.into());
         Self {
             name,
@@ -108,7 +108,7 @@ impl Figure {
 
     /// Without a value, for a reason.
     pub(super) fn withdraw(&mut self, reason: &str) {
-        (self.value, self.interval) = (None, None);
+        (self.value, self.interval, self.no_interval, self.left_out_trials) = (None, None, None, 0);
         self.not_valid = Some(reason.to_owned());
     }
 

@@ -35,19 +35,20 @@ fn error(measured: &Figure, predicted: &Figure) -> Option<f64> {
 pub(super) fn widen(figures: &mut [Figure], kind: RecognisedKind, errors: &[TrialErrors]) {
     for figure in figures {
         let known = errors.iter().find(|of| of.trial == kind.name() && of.figure == figure.name);
-        let (Some(value), Some(errors)) = (figure.value, known) else { continue };
+        // Members that do not reach a figure may lie anywhere.
+        let value = figure.value.filter(|_| figure.no_interval.is_none());
+        let (Some(value), Some(errors)) = (value, known) else { continue };
         let (_, unit) = figure.name_and_unit();
         if let Some([low, high]) = errors.about(unit, value) {
             let [least, most] = figure.interval.unwrap_or([value; 2]);
             // An overshoot is not negative.
             let bound = if figure.name.ends_with("overshoot_deg") { 0.0 } else { f64::NEG_INFINITY };
             figure.interval = Some([low.min(least).max(bound), high.max(most)]);
-            figure.no_interval = None;
             figure.left_out_trials = errors.trials;
         } else {
             figure.interval = None;
             figure.no_interval = Some(format!(
-                "predictions of {} trials that were left out of the fit do not reach it often enough",
+                "in {} trials that were left out of the fit, predictions too often do not reach it, or have another sign",
                 errors.trials
             ));
         }
@@ -82,5 +83,41 @@ impl Figure {
             0 => String::new(),
             trials => format!(" [{trials}]"),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interval_is_joined_where_members_reach_the_figure_and_trials_have_it() {
+        let errors = |figure: &str, errors: Vec<f64>| TrialErrors::new("zigzag", figure, errors).unwrap();
+        let known = [
+            errors("first_overshoot_deg", vec![2.0; 9]),
+            errors("second_overshoot_deg", vec![2.0; 9]),
+            errors("reach_s", vec![f64::INFINITY; 2]),
+        ];
+        let figure = |name: &str, interval| Figure { interval, ..Figure::new(name, 1.0) };
+        let missed = Figure {
+            no_interval: Some("3 of 9 members do not reach it".to_owned()),
+            ..Figure::new("second_overshoot_deg", 1.0)
+        };
+        let mut figures = [
+            figure("first_overshoot_deg", Some([0.5, 4.0])),
+            missed.clone(),
+            figure("reach_s", Some([0.9, 1.1])),
+            figure("period_s", Some([0.9, 1.1])),
+        ];
+        widen(&mut figures, RecognisedKind::Zigzag, &known);
+        let [first, second, reach, period] = figures;
+        assert_eq!((first.interval, first.left_out_trials), (Some([0.0, 4.0]), 9));
+        assert_eq!(second, missed);
+        assert_eq!(reach.interval, None);
+        assert!(reach.no_interval.unwrap().starts_with("in 2 trials that were left out of the fit"));
+        assert_eq!((period.interval, period.left_out_trials), (Some([0.9, 1.1]), 0));
+        let other = &mut [figure("first_overshoot_deg", None)];
+        widen(other, RecognisedKind::TurningCircle, &known);
+        assert_eq!(other[0].interval, None);
     }
 }

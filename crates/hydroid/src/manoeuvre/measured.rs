@@ -213,7 +213,7 @@ fn comparison(
     let count = set_intervals(&mut predicted, &of_members, of_members.len());
     widen(&mut predicted, trial.kind, &model.description.trial_errors);
     let mut outside = outside(model, std::slice::from_ref(&track));
-    let commands = (start..=trial.end).map(|sample| run.inputs.row(sample));
+    let commands = (start..trial.end.max(start + 1)).map(|sample| run.inputs.row(sample));
     outside.extend(commands_outside(model, &commands.enumerate().map(|(k, row)| (k as f64 * run.dt, row))));
     mark_extrapolated(&mut predicted, &outside);
     let executes: Vec<usize> = trial.executes.iter().map(|sample| sample - start).collect();

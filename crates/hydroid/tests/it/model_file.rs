@@ -8,7 +8,8 @@ use hydroid::atomic;
 use hydroid::evaluate::DesignRange;
 use hydroid::log::{Channel, ChannelSpec};
 use hydroid::model::{
-    Body, Description, Members, Model, ModelError, Port, Provenance, Reading, decode, encode, read, write,
+    Body, Description, Members, Model, ModelError, Port, Provenance, Reading, TrialErrors, decode, encode,
+    read, write,
 };
 use hydroid_core::model::sparse::{Equations, Factor, Shape, Term};
 use proptest::prelude::*;
@@ -54,7 +55,12 @@ fn model() -> Model {
     Model {
         description: Description {
             bands: None,
-            trial_errors: Vec::new(),
+            trial_errors: vec![TrialErrors {
+                trial: "zigzag".to_owned(),
+                figure: "first_overshoot_deg".to_owned(),
+                trials: 3,
+                half_width: Some(0.1 + 0.2),
+            }],
             current: None,
             name: String::from("sindy"),
             dt,

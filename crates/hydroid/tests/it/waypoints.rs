@@ -127,18 +127,25 @@ fn missions_of_autopilots_are_routes_and_fences() {
     assert!(about("{\"type\": 3}", Purpose::Route).unwrap_err().contains("no way-points"));
     assert!(about("QGC WPL 110\n0 1 0 16 0 0\n", Purpose::Route).unwrap_err().contains("line 2"));
     // What moves the vessel otherwise than to a way-point is not followed, and not passed over.
-    for command in [17, 19, 20, 82, 93, 112, 177, 178] {
+    for command in [17, 19, 20, 82, 93, 112, 177, 178, 194, 601] {
         for (text, place) in [
             (wpl.replace("206", &command.to_string()), "line 4"),
             (plan.replace("206", &command.to_string()), "item 2"),
         ] {
             let error = about(&text, Purpose::Route).unwrap_err();
             assert!(
-                error.starts_with(&format!("route: {place}: the command {command} of MAVLink moves")),
+                error.starts_with(&format!("route: {place}: the command {command} of MAVLink, which moves")),
                 "{error}"
             );
         }
     }
+    let held = wpl.replace("3\t0\t3\t16\t0\t0", "3\t0\t3\t16\t0\t5");
+    assert!(
+        about(&held, Purpose::Route).unwrap_err().contains("line 5: a time of 5 s to hold, is not followed")
+    );
+    let local = wpl.replace("3\t0\t3\t16", "3\t0\t1\t16");
+    assert!(about(&local, Purpose::Route).unwrap_err().contains("a frame without latitude and longitude"));
+    assert!(about(&fence.replace(" 5001 ", " 5003 "), Purpose::KeepIn).unwrap_err().contains("is a circle"));
     let circles = r#"{"fileType": "Plan", "geoFence": {"circles": [{"inclusion": true, "circle": {}}], "polygons": []}}"#;
     assert!(
         about(circles, Purpose::KeepIn)

@@ -288,6 +288,39 @@ fn the_integral_rejects_the_wind() {
     assert!(with < 1e-4, "{with}");
 }
 
+/// A workboat whose reference waited behind it reversed its engine within a sample, and sailed astern.
+#[test]
+fn a_reference_behind_the_vessel_brakes_it_and_does_not_drive_it_astern() {
+    let vessel = Craft::simple();
+    let path = Path::legs(&[[0.0, 0.0], [100.0, 0.0]]).unwrap();
+    let behind = Reference::new(0.0, &path.at(0.0), 0.0, 0.0);
+    let speeds = |ahead: bool| {
+        let settings = FeedbackLinearizationOptions { ahead, ..FeedbackLinearizationOptions::new(1.0) };
+        let mut controller = law(plant(&vessel), &vessel, settings);
+        let sea = Plant::new(&vessel);
+        let mut state = State { x: 20.0, u: 1.5, ..State::default() };
+        let mut speeds = Vec::new();
+        for _ in 0..600 {
+            let estimate = Estimate {
+                eta: [state.x, state.y, state.psi],
+                nu: [state.u, state.v, state.r],
+                current: [0.0; 2],
+                actuators: &[],
+            };
+            let mut command = [0.0; 2];
+            controller.command(&estimate, &behind, &mut command);
+            let held = Command { pp: command[0], rd: command[1] };
+            (0..10).for_each(|_| state = sea.advance(&state, &held, 0.1 * DT));
+            speeds.push(state.u);
+        }
+        speeds
+    };
+    let (driven, free) = (speeds(true), speeds(false));
+    assert!(driven.iter().all(|u| *u > -0.02), "{:?}", driven.iter().copied().fold(0.0, f64::min));
+    assert!(driven[599].abs() < 0.1, "it stops: {}", driven[599]);
+    assert!(free.iter().any(|u| *u < -0.3));
+}
+
 #[test]
 fn saturation_causes_no_windup() {
     let vessel = Craft::simple();

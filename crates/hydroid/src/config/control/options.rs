@@ -182,8 +182,8 @@ pub struct ClosedLoopOptions {
     #[cfg_attr(feature = "arguments", arg(long, value_name = "NAME=RATE", value_parser = named::<f64>, value_delimiter = ',', help_heading = CONTROLLER))]
     #[serde(deserialize_with = "written::named")]
     pub rate_limit: Vec<(String, f64)>,
-    /// Limits of a command, in the unit of the input in the boat, else of the model (default: those of the boat, 35 deg for a
-    /// steering angle, or in simulations the range of the log). May be repeated
+    /// Limits of a command, in the unit of the input in the boat, else of the model, within those that the boat states (default:
+    /// those of the boat, 35 deg for a steering angle, or in simulations the range of the log). May be repeated
     #[cfg_attr(feature = "arguments", arg(long, value_name = "NAME=LOW:HIGH", value_delimiter = ',', value_parser = named::<GivenRange>, help_heading = CONTROLLER))]
     #[serde(deserialize_with = "written::named")]
     pub limit: Vec<(String, GivenRange)>,

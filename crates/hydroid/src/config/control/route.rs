@@ -89,7 +89,7 @@ impl ClosedLoopOptions {
         let mut fence = Fence::default();
         let keep_in = self.fence.iter().map(|file| ("fence", file, Purpose::KeepIn));
         let keep_out = self.keep_out.iter().map(|file| ("keep_out", file, Purpose::KeepOut));
-        if let Some(file) = self.fence.as_ref().filter(|_| self.keep_out.is_empty()) {
+        if let Some(file) = self.fence.as_ref().filter(|file| !self.keep_out.contains(file)) {
             ensure(!Waypoints::has_keep_out(file)?, || {
                 format!(
                     "{} has an area to keep out of as well: state it with {}",
