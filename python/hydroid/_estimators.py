@@ -591,7 +591,7 @@ class SINDy(_Dynamics):
         bound on contributions; that of PySINDy is one on coefficients. Terms are selected with the ridge penalty, and
         their coefficients are then found without it: a contribution may be smaller.
     ridge : float, optional
-        Ridge penalty for each row, on columns of unit standard deviation.
+        Ridge penalty for each row, on columns of unit RMS.
     huber : float, optional
         Threshold of the Huber loss in standard deviations; default: least squares.
     window_s, past_s : float, optional

@@ -73,7 +73,7 @@ pub struct SindyOptions {
     /// (default: backward elimination and BIC)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "X", allow_negative_numbers = true, help_heading = EQUATIONS))]
     pub threshold: Option<f64>,
-    /// Ridge penalty for each row, on columns of unit standard deviation (default: several are compared)
+    /// Ridge penalty for each row, on columns of unit RMS (default: several are compared)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "X", allow_negative_numbers = true, help_heading = EQUATIONS))]
     pub ridge: Option<f64>,
     /// Huber threshold of the residuals [standard deviations], against spikes: 1.345 is usual (default: least squares)
@@ -91,6 +91,9 @@ pub struct SindyOptions {
     #[serde(skip_serializing_if = "written::is_off")]
     pub for_control: bool,
 }
+
+/// Least ridge of the search: it does not shrink the coefficients of a state that is 10,000 of its deviations from zero by more than 1 %.
+const LEAST_RIDGE: f64 = 1e-10;
 
 /// Members of the ensemble without an option.
 pub(super) const MEMBERS: usize = 50;
@@ -356,7 +359,7 @@ impl SindyOptions {
                 },
                 |threshold| vec![Optimizer::Stlsq(threshold)],
             ),
-            ridges: self.ridge.map_or_else(|| vec![1e-6, 1e-2, 0.1, 0.3, 1.0], |ridge| vec![ridge]),
+            ridges: self.ridge.map_or_else(|| vec![LEAST_RIDGE, 1e-2, 0.1, 0.3, 1.0], |ridge| vec![ridge]),
             loss: self.huber.map_or(Loss::Squares, Loss::Huber),
             constraints: Vec::new(),
             // Given options are not varied.

@@ -26,8 +26,6 @@ pub struct LinearRegression {
     plain: QrFactor,
     groups: Vec<QrFactor>,
     effective: f64,
-    /// Place of the constant term, if columns have unit root mean squares.
-    constant: Option<usize>,
     unidentifiable: Vec<usize>,
     /// Physical coefficient = scaled coefficient * `output_scale[i]` / `term_scale[j]`.
     term_scale: Vec<f64>,
@@ -129,8 +127,6 @@ impl LinearRegression {
         let mask: Vec<f64> =
             (0..scaled.width()).map(|j| if unidentifiable.contains(&j) { 0.0 } else { 1.0 }).collect();
         let plain = scaled.scaled(&mask);
-        let is_relative = matches!(options.scaling, Scaling::Contribution);
-        let constant = terms.iter().position(|term| term.factors().is_empty()).filter(|_| is_relative);
         let groups = assembled.groups.iter().map(|group| group.scaled(&inverse).scaled(&mask)).collect();
         Ok(Self {
             terms,
@@ -139,7 +135,6 @@ impl LinearRegression {
             signals: signals.to_vec(),
             dt: first.dt,
             effective: regression.effective_rows(plain.rows()),
-            constant,
             plain,
             groups,
             unidentifiable,
@@ -267,34 +262,13 @@ impl LinearRegression {
         if ridge == 0.0 {
             return plain.clone();
         }
+        let weight = (ridge * self.rows() as f64).sqrt();
         let count = self.terms.len();
         // The penalty must not make excluded terms active.
         let weights: Vec<f64> = (0..plain.width())
-            .map(|j| {
-                if j < count && plain.column_norm(j) > 0.0 {
-                    ridge.sqrt() * self.spread(plain, j)
-                } else {
-                    0.0
-                }
-            })
+            .map(|j| if j < count && plain.column_norm(j) > 0.0 { weight } else { 0.0 })
             .collect();
         plain.with_ridge(&weights)
-    }
-
-    /// Norm of a column about the constant term, which is not penalised: the solution does not depend on the origin of a variable
-    /// (T. Hastie, R. Tibshirani and J. Friedman, *The Elements of Statistical Learning*, 2nd ed., 2009, section 3.4.1). Without
-    /// a constant, or with stated scales, that of a column of unit values.
-    fn spread(&self, plain: &QrFactor, column: usize) -> f64 {
-        let Some(constant) = self.constant else { return (self.rows() as f64).sqrt() };
-        if column == constant {
-            return 0.0;
-        }
-        let square = plain.column_norm(constant).powi(2);
-        let product: f64 =
-            (0..=constant.min(column)).map(|row| plain.get(row, constant) * plain.get(row, column)).sum();
-        let along = if square > 0.0 { product / square } else { 0.0 };
-        let distance = |row: usize| plain.get(row, column) - along * plain.get(row, constant);
-        (0..=constant.max(column)).map(|row| distance(row).powi(2)).sum::<f64>().sqrt()
     }
 
     fn in_physical_units(&self, solutions: Vec<SparseSolution>, substeps: usize) -> Result<Fit, FitError> {

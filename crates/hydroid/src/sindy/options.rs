@@ -40,7 +40,7 @@ pub enum Optimizer {
 pub struct FitOptions {
     /// Method of term selection.
     pub optimizer: Optimizer,
-    /// Ridge penalty per row, on columns of unit standard deviation; the constant has none.
+    /// Ridge penalty per row, on scaled columns.
     pub ridge: f64,
     /// Integration steps per sample of the resulting equations.
     pub substeps: usize,

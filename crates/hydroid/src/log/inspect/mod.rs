@@ -282,7 +282,23 @@ fn clock_report(inspection: &mut Inspection, columns: &Columns<'_>, options: &Pr
     inspection.jumps = t.windows(2).filter(|p| p[1] - p[0] > limit).map(|p| (p[0], p[1] - p[0])).collect();
 }
 
-/// A sensor slower than the log repeats its samples: the output is constant between steps.
+/// First and last row of the longest part in which a condition holds of each row but the first.
+fn longest_block(rows: usize, holds: impl Fn(usize) -> bool) -> Option<[usize; 2]> {
+    let (mut longest, mut from) = (None, 0);
+    for k in 1..=rows {
+        if k < rows && holds(k) {
+            continue;
+        }
+        if longest.is_none_or(|[a, b]: [usize; 2]| k - 1 - from > b - a) && k - 1 > from {
+            longest = Some([from, k - 1]);
+        }
+        from = k;
+    }
+    longest
+}
+
+/// A sensor slower than the log repeats its samples: the output is constant between steps, all along the log. Repeats of which more
+/// than half are in one part are those of a sensor that is stuck.
 fn repeats(inspection: &mut Inspection, columns: &Columns<'_>) {
     let repeating: Vec<&[f64]> = columns
         .outputs
@@ -297,9 +313,28 @@ fn repeats(inspection: &mut Inspection, columns: &Columns<'_>) {
     if repeating.is_empty() || rows < 2 {
         return;
     }
-    let repeated = (1..rows).filter(|&k| repeating.iter().all(|v| v[k] == v[k - 1])).count();
+    let repeats = |k: usize| repeating.iter().all(|v| v[k] == v[k - 1]);
+    let repeated = (1..rows).filter(|&k| repeats(k)).count();
     let share = repeated as f64 / (rows - 1) as f64;
     inspection.repeated_rows = share;
+    // A vessel at rest repeats zeros.
+    let is_stuck = |[from, to]: &[usize; 2]| {
+        2 * (to - from) > repeated && share > MANY_REPEATS && repeating.iter().any(|v| v[*from] != 0.0)
+    };
+    if let Some([from, to]) = longest_block(rows, repeats).filter(is_stuck) {
+        let [from_s, to_s] = [from, to].map(|k| columns.t[k] - columns.t[0]);
+        inspection.notes.push(
+            Note::warning(format!(
+                "{}: the rows from {from_s:.1} to {to_s:.1} s repeat one measurement: a sensor is stuck",
+                columns.path
+            ))
+            .with_remedy(format!(
+                "leave them out with {}",
+                key("exclude").is(format_args!("{from_s:.1}:{to_s:.1}"))
+            )),
+        );
+        return;
+    }
     if share > MANY_REPEATS && share < 0.98 {
         let step = inspection.clock.map_or(1.0, |c| c.step_s) / (1.0 - share);
         inspection.notes.push(

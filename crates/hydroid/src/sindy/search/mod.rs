@@ -48,7 +48,7 @@ pub struct SearchGrid {
     pub regressions: Vec<RegressionForm>,
     /// Methods of term selection.
     pub optimizers: Vec<Optimizer>,
-    /// Ridge penalties per row, for columns of unit standard deviation.
+    /// Ridge penalties per row, for columns of unit RMS.
     pub ridges: Vec<f64>,
     /// Loss of the residuals, in all trials.
     pub loss: Loss,
