@@ -536,7 +536,7 @@ fn the_origin_of_a_state_does_not_matter_to_a_linear_model() {
         });
         for (i, (of_celsius, of_kelvin)) in celsius.iter().zip(&kelvin).enumerate().filter(|(i, _)| i % 5 > 0)
         {
-            assert!((of_celsius - of_kelvin).abs() < 1e-4, "{ridge}, {i}: {of_celsius}, {of_kelvin}");
+            assert!((of_celsius - of_kelvin).abs() < 1e-3, "{ridge}, {i}: {of_celsius}, {of_kelvin}");
         }
     }
 }

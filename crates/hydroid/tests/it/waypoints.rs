@@ -139,7 +139,7 @@ fn missions_of_autopilots_are_routes_and_fences() {
             );
         }
     }
-    let held = wpl.replace("3\t0\t3\t16\t0\t0", "3\t0\t3\t16\t0\t5");
+    let held = wpl.replace("3\t0\t3\t16\t0", "3\t0\t3\t16\t5");
     assert!(
         about(&held, Purpose::Route).unwrap_err().contains("line 5: a time of 5 s to hold, is not followed")
     );
