@@ -55,8 +55,6 @@ pub(crate) struct Follower {
     pub(super) writer: Writer,
     /// Remarks on the present sample.
     pub(super) note: String,
-    /// Horizons of the last sample without a band.
-    without_bands: usize,
     names: Vec<String>,
     /// Accepted commands.
     bounds: Vec<[f64; 2]>,
@@ -93,7 +91,6 @@ impl Follower {
             session: Session::new(adapter, horizons.to_vec(), dt),
             model: model.clone(),
             note: String::new(),
-            without_bands: 0,
             names: names(model),
             bounds: model.description.inputs.iter().map(bounds).collect(),
             commanded: commanded(model).map(|(place, ..)| place).collect(),
@@ -405,12 +402,10 @@ impl Follower {
         if predictions > 0 {
             let all = session.horizons().len();
             say(note, format_args!("no finite prediction at {predictions} of {all} horizons"));
-        } else if bands > self.without_bands {
+        } else if bands > 0 {
             let all = session.horizons().len();
             say(note, format_args!("no prediction bands at {bands} of {all} horizons"));
         }
-        // A model without bands says so once.
-        self.without_bands = bands;
     }
 
     /// Steers no more.

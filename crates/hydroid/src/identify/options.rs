@@ -92,9 +92,6 @@ pub struct SindyOptions {
     pub for_control: bool,
 }
 
-/// Least ridge of the search: it does not shrink the coefficients of a state that is 10,000 of its deviations from zero by more than 1 %.
-const LEAST_RIDGE: f64 = 1e-10;
-
 /// Members of the ensemble without an option.
 pub(super) const MEMBERS: usize = 50;
 
@@ -359,7 +356,7 @@ impl SindyOptions {
                 },
                 |threshold| vec![Optimizer::Stlsq(threshold)],
             ),
-            ridges: self.ridge.map_or_else(|| vec![LEAST_RIDGE, 1e-2, 0.1, 0.3, 1.0], |ridge| vec![ridge]),
+            ridges: self.ridge.map_or_else(|| vec![1e-6, 1e-2, 0.1, 0.3, 1.0], |ridge| vec![ridge]),
             loss: self.huber.map_or(Loss::Squares, Loss::Huber),
             constraints: Vec::new(),
             // Given options are not varied.

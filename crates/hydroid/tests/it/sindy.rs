@@ -516,27 +516,3 @@ fn the_simple_plant_with_noise_misses_nothing_and_adds_little() {
         }
     }
 }
-
-/// A state in kelvin has the coefficients of the same state in degrees Celsius: the least ridge of the search does not shrink them.
-#[test]
-fn the_origin_of_a_state_does_not_matter_to_a_linear_model() {
-    let terms = Library::polynomial(1).terms(&Variables::plain(2, 2));
-    let truth = [0.3, -0.5, -0.2, 1.0, 0.0, 0.2, 0.4, -1.2, 0.8, 0.6];
-    let log = obeying_the_midpoint_rule(&terms, &truth, (2, 2), 600, 3);
-    let rows: Vec<Vec<f64>> =
-        (0..log.len()).map(|k| log.outputs.row(k).iter().map(|y| y + 293.15).collect()).collect();
-    let kelvin = Trajectory { outputs: table("y", &rows, 2), ..log.clone() };
-    for ridge in [1e-10] {
-        let [celsius, kelvin] = [&log, &kelvin].map(|run| {
-            let regression =
-                LinearRegression::new(&[run], terms.clone(), MIDPOINT, &Scaling::Contribution).unwrap();
-            let optimizer = Optimizer::Stepwise(0.0);
-            let options = FitOptions { optimizer, ridge, substeps: 1, constraints: Constraints::default() };
-            regression.fit(&options).unwrap().equations.coefficients().to_vec()
-        });
-        for (i, (of_celsius, of_kelvin)) in celsius.iter().zip(&kelvin).enumerate().filter(|(i, _)| i % 5 > 0)
-        {
-            assert!((of_celsius - of_kelvin).abs() < 1e-3, "{ridge}, {i}: {of_celsius}, {of_kelvin}");
-        }
-    }
-}

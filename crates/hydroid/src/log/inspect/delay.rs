@@ -1,9 +1,8 @@
 //! Estimate of the input delay: the time between the logging and the effect of a command.
 //!
-//! For every delay `d` the increments of each output are regressed on the state and the delayed command,
-//! `y_{k+1} - y_k ~ 1, y_k, y_k |y_k|, c_{k-d}, c_{k-d} |c_{k-d}|`. The estimate of an output is the delay with the smallest
-//! residual. The delay of the log is the same for all outputs, and motion that is hidden by noise only adds to it: the sway follows
-//! the rudder by way of the yaw rate, many samples later. The estimate is therefore the least one of all outputs. If the increments are mostly noise, commands and outputs are first averaged over the same
+//! For every delay `d` the increments of all outputs are regressed on the state and the delayed command,
+//! `y_{k+1} - y_k ~ 1, y_k, y_k |y_k|, c_{k-d}, c_{k-d} |c_{k-d}|`. The estimate is the delay with the smallest
+//! residual. If the increments are mostly noise, commands and outputs are first averaged over the same
 //! number of samples, which does not change the delay between them. The estimate is an *effective* delay: the
 //! regression does not distinguish dead time from actuator lag.
 //!
@@ -148,10 +147,9 @@ pub(super) fn estimate(runs: &[Trajectory], noisy: bool) -> Delays {
     let inputs = first.inputs.width();
     let none = || Delays { common: None, per_input: vec![None; inputs] };
     let Some(problem) = Problem::new(runs, if noisy { AVERAGED } else { 1 }) else { return none() };
-    let scores: Vec<Vec<f64>> =
-        (EARLIEST..=LATEST).map(|d| problem.residuals(&vec![Some(d); inputs])).collect();
-    let alone = problem.residuals(&vec![None; inputs]);
-    let common = least(&scores, &alone, problem.free(), first.dt);
+    let scores: Vec<f64> = (EARLIEST..=LATEST).map(|d| problem.residual(&vec![Some(d); inputs])).collect();
+    let alone = problem.residual(&vec![None; inputs]);
+    let common = judge(&scores, alone, problem.free(), first.dt);
     if inputs == 1 {
         return Delays { per_input: vec![common.clone()], common };
     }
@@ -160,26 +158,10 @@ pub(super) fn estimate(runs: &[Trajectory], noisy: bool) -> Delays {
     let per_input = (0..inputs)
         .map(|input| {
             let (scores, without) = fixed.scan(&problem, input);
-            least(&scores, &without, problem.free(), first.dt)
+            judge(&scores, without, problem.free(), first.dt)
         })
         .collect();
     Delays { common, per_input }
-}
-
-/// The least estimate of the outputs, of those with the highest confidence; `scores` are the residuals of each output by delay.
-fn least(scores: &[Vec<f64>], without: &[f64], free: f64, dt: f64) -> Option<DelayEstimate> {
-    let of_output = |output: usize| {
-        let scores: Vec<f64> = scores.iter().map(|of| of[output]).collect();
-        judge(&scores, without[output], free, dt)
-    };
-    let all: Vec<DelayEstimate> = (0..without.len()).filter_map(of_output).collect();
-    let with = |confidence: Confidence| {
-        all.iter()
-            .filter(move |estimate| estimate.confidence == confidence)
-            .min_by_key(|estimate| estimate.samples)
-    };
-    let found = with(Confidence::High).or_else(|| with(Confidence::Low)).or_else(|| with(Confidence::None));
-    found.cloned()
 }
 
 /// Estimate from the residuals of all delays; `rows` is the number of rows minus the number of terms.
