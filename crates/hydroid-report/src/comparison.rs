@@ -115,12 +115,13 @@ fn values(comparison: &Comparison) -> Markup {
             let interval = predicted.interval.map(|[low, high]| {
                 format!("{} to {}{}", text(low, 3), text(high, 3), predicted.left_out_text())
             });
+            let none = || predicted.no_interval.as_ref().map(|reason| format!("none: {reason}"));
             let mark = if predicted.extrapolated && predicted.value.is_some() { " *" } else { "" };
             [
                 name,
                 value(measured.value),
                 format!("{}{mark}", value(predicted.value)),
-                interval.unwrap_or_default(),
+                interval.or_else(none).unwrap_or_default(),
                 unit.to_owned(),
             ]
             .map(cell)

@@ -53,7 +53,7 @@ fn check_within_stated(before: &Model, after: &Model, limits: &GivenRanges) -> R
         let room = 1e-9 * (most - least);
         ensure(stated.limits_found.is_some() || (least - room <= low && high <= most + room), || {
             format!(
-                "{}: the model states that the actuator takes {least} to {most} {}, and {low} to {high} are given: limits may be closer, and not wider. If it takes more, state that to the identification",
+                "{}: the model states that the actuator takes {least} to {most} {}, and {low} to {high} are given: limits may be closer, and not wider. If it takes more, correct the file of the vessel, or identify with its true limits",
                 key("limit").is(&stated.name),
                 stated.unit
             )
