@@ -15,7 +15,7 @@ pub(crate) mod folds;
 mod library;
 pub mod rate_limits;
 mod regression;
-mod ridge;
+pub(crate) mod ridge;
 mod rollouts;
 mod selection;
 

@@ -22,13 +22,13 @@ pub(super) struct Regression {
 
 /// Second moments of rows: `gram` (`terms x terms`), `right` (`outputs x terms`), per clock step.
 #[derive(Clone, Debug)]
-pub(super) struct Moments {
-    pub(super) gram: Vec<f64>,
-    pub(super) right: Vec<f64>,
+pub(crate) struct Moments {
+    pub(crate) gram: Vec<f64>,
+    pub(crate) right: Vec<f64>,
 }
 
 impl Moments {
-    pub(super) fn zero(terms: usize, outputs: usize) -> Self {
+    pub(crate) fn zero(terms: usize, outputs: usize) -> Self {
         Self { gram: vec![0.0; terms * terms], right: vec![0.0; terms * outputs] }
     }
 

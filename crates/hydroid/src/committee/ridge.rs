@@ -1,11 +1,11 @@
 //! Ridge regression from second moments.
 
-use super::regression::Moments;
+pub(crate) use super::regression::Moments;
 
 /// Solution of a ridge regression.
-pub(super) struct Fit {
+pub(crate) struct Fit {
     /// Coefficients, `outputs x terms`.
-    pub(super) coefficients: Vec<f64>,
+    pub(crate) coefficients: Vec<f64>,
     /// Scale `s_j` of each term: its root mean square.
     pub(super) scale: Vec<f64>,
     /// Triangle `R` of the moments with the ridge, in scaled terms: `R'R = S^-1 G S^-1 + ridge g00 I` with
@@ -16,7 +16,7 @@ pub(super) struct Fit {
 /// Ridge regression with a penalty relative to the mean square of each term (A. E. Hoerl and R. W. Kennard,
 /// Technometrics 12 (1970) 55). Term 0 is the constant, so that `g00` is the number of rows. `None` if the matrix is not
 /// positive definite.
-pub(super) fn solve(moments: &Moments, terms: usize, ridge: f64) -> Option<Fit> {
+pub(crate) fn solve(moments: &Moments, terms: usize, ridge: f64) -> Option<Fit> {
     let g00 = moments.gram[0];
     let scale: Vec<f64> =
         (0..terms).map(|j| (moments.gram[j * terms + j] / g00).sqrt().max(LEAST_SCALE)).collect();

@@ -2,6 +2,7 @@
 //! all runs.
 
 mod collinearity;
+mod conflict;
 mod control_affine;
 mod cross_validation;
 mod data_summary;
@@ -286,6 +287,11 @@ fn try_identify(job: &Job, watch: OnStage<'_>) -> Result<IdentifyResult, Identif
     let shown: &Candidate = &candidates[best.unwrap_or(0)];
     let verdicts = verdicts(shown.judged());
     warnings.extend(verdict::spikes(&parts.train, &job.sindy));
+    warnings.extend(conflict::warnings(
+        &parts_of(&job.split).concat(),
+        &shown.model.description.boat,
+        job.horizon,
+    ));
     let data = data_summary(&job.split);
     warnings.extend(verdict::warnings(shown, &verdicts, &data, &job.split.test));
     warnings.extend(collinearity::warnings(shown, &data, &job.split.train));

@@ -110,6 +110,12 @@ pub struct Trajectory {
 }
 
 impl Trajectory {
+    /// Name of the log, without that of the part: `a.csv` of `a.csv (0.0 s to 12.0 s)` and of `a.csv[0..100]`.
+    pub(crate) fn log(&self) -> &str {
+        let name = self.name.split_once('[').map_or(&*self.name, |(log, _)| log);
+        name.rsplit_once(" (").map_or(name, |(log, _)| log)
+    }
+
     /// Number of samples.
     pub fn len(&self) -> usize {
         self.outputs.len()
