@@ -16,8 +16,8 @@
 //! take up loads and batteries, and are not reported: a change is stated only if these explain less.
 //!
 //! *Valid* for logs that were recorded separately, with errors that are independent over windows that do not overlap. Therefore, a
-//! change is stated only if it also explains half of the variance of an output in that log that the inputs as logged do not.
-//! Which logs are the wrong ones is not known: most of them are taken as right.
+//! change is looked for only where its inputs move often, and stated only if it also explains half of the variance of an output in that log that the inputs as logged do not.
+//! Which logs are the wrong ones is not known: most of their windows are taken as right.
 
 use rayon::prelude::*;
 
@@ -35,6 +35,11 @@ const RIDGE: f64 = 1e-6;
 /// Share of an output's variance that a change must explain.
 const SHARE: f64 = 0.5;
 
+/// Fewest moves of an input in a log, by a fifth of its range, from which on a change of it is looked for: the windows
+/// between two moves are no evidence of their own.
+const MOVES: usize = 6;
+const MOVE: f64 = 0.2;
+
 /// Most windows of all logs.
 const MOST_WINDOWS: usize = 5000;
 
@@ -47,6 +52,16 @@ enum Change {
     /// One input, or all, times a number.
     Gain(Option<usize>, f64),
     Swap(usize, usize),
+}
+
+impl Change {
+    /// The inputs that it changes.
+    fn inputs(self, all: usize) -> impl Iterator<Item = usize> {
+        (0..all).filter(move |j| match self {
+            Self::Gain(which, _) => which.is_none_or(|only| only == *j),
+            Self::Swap(a, b) => [a, b].contains(j),
+        })
+    }
 }
 
 /// Increments of the outputs in windows of a log, divided by their spread over all logs, with states and inputs relative to their
@@ -125,6 +140,24 @@ impl Problem {
         total.residuals().map_or(0.0, |residuals| self.log_ratio(&total.squares, &residuals))
     }
 
+    /// Inputs of each log that move often.
+    fn moving(&self) -> Vec<Vec<bool>> {
+        let moves = |windows: &Windows, j: usize| {
+            let all = || windows.inputs.iter().map(|u| u[j]);
+            let range = all().fold(f64::NEG_INFINITY, f64::max) - all().fold(f64::INFINITY, f64::min);
+            let (mut level, mut moves) = (f64::NAN, 0);
+            for x in all() {
+                if level.is_nan() || (x - level).abs() > MOVE * range {
+                    level = x;
+                    moves += 1;
+                }
+            }
+            moves > MOVES
+        };
+        let of = |windows: &Windows| (0..self.scale.len()).map(|j| moves(windows, j)).collect();
+        self.logs.iter().map(of).collect()
+    }
+
     fn log_ratio(&self, before: &[f64], after: &[f64]) -> f64 {
         let each = before.iter().zip(after).map(|(b, a)| (b / a.max(f64::MIN_POSITIVE)).ln());
         0.5 * self.independent * each.filter(|x| x.is_finite()).sum::<f64>()
@@ -137,8 +170,8 @@ impl Problem {
         windows.sums(|u| {
             let mut u = u.to_vec();
             match change {
-                Change::Gain(which, gain) => {
-                    for j in (0..u.len()).filter(|j| which.is_none_or(|only| only == *j)) {
+                Change::Gain(_, gain) => {
+                    for j in change.inputs(u.len()) {
                         u[j] = if gain == 0.0 { means[j] } else { gain * u[j] };
                     }
                 }
@@ -155,14 +188,17 @@ impl Problem {
         let changes = changes(self.scale.len());
         let mut current: Vec<Sums> = self.logs.iter().map(|windows| windows.sums(|u| u.to_vec())).collect();
         let logged = current.clone();
+        let moving = self.moving();
         let mut made: Vec<(usize, Vec<Change>)> = Vec::new();
         let threshold = (ODDS * (changes.len() * self.logs.len()) as f64).ln();
         for _ in 0..MOST_CHANGES.min(self.logs.len()) {
             let total = Sums::total(&current);
             let Some(before) = total.residuals() else { break };
             let open = (0..self.logs.len()).filter(|i| made.iter().all(|(done, _)| done != i));
-            let trials: Vec<(usize, Change)> =
-                open.flat_map(|i| changes.iter().map(move |change| (i, *change))).collect();
+            let trials: Vec<(usize, Change)> = open
+                .flat_map(|i| changes.iter().map(move |change| (i, *change)))
+                .filter(|(i, change)| change.inputs(self.scale.len()).all(|j| moving[*i][j]))
+                .collect();
             let odds = |&(i, change): &(usize, Change)| {
                 let mut trial = total.clone();
                 trial.add(&current[i], -1.0);
@@ -405,7 +441,7 @@ impl Sums {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::log::Table;
+    use crate::log::{self, Table};
 
     /// Four logs of a boat with two thrusters and noise, with a change of the third one: of the inputs as logged, and of the thrust.
     fn logs(change: impl Fn(&mut [f64], &mut [f64])) -> Vec<Trajectory> {
@@ -475,5 +511,72 @@ mod tests {
             "{all:?}"
         );
         assert_eq!(messages(|n, _| n[0] = -n[0], 3), Vec::<String>::new());
+    }
+
+    /// The runs of a vessel in `HYDROID_DATA`, or none.
+    fn data(folder: &str, outputs: &str, inputs: &str) -> Option<Vec<Trajectory>> {
+        let folder = std::path::PathBuf::from(std::env::var_os("HYDROID_DATA")?).join(folder);
+        let mut files: Vec<_> =
+            std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+        files.retain(|file| file.extension().is_some_and(|e| e == "csv"));
+        files.sort();
+        let logs: Vec<_> = files.iter().map(|file| log::read(file).unwrap()).collect();
+        let selection = log::Selection::of(outputs, inputs).unwrap();
+        let options = log::PrepareOptions::default();
+        Some(log::prepare(&logs, &selection, &options).unwrap().runs)
+    }
+
+    /// `run` with one input times a number.
+    fn with_gain(run: &Trajectory, input: usize, gain: f64) -> Trajectory {
+        let of = |k: usize| {
+            let mut row = run.inputs.row(k).to_vec();
+            row[input] *= gain;
+            row
+        };
+        let inputs = Table::new(run.inputs.channels().to_vec(), (0..run.len()).flat_map(of).collect());
+        Trajectory { inputs, ..run.clone() }
+    }
+
+    #[test]
+    fn logs_of_vessels_agree_unless_the_sign_of_one_is_changed() {
+        let cases = [
+            ("fleet/otter/rates", "u,v,r", "n_left,n_right", 0),
+            ("fleet/tanker/rates", "u,v,r", "rpm,rudder", 1),
+            ("fleet/clarke83/rates", "u,v,r", "thrust,delta", 1),
+            ("fleet/transit/rates", "u,v,r", "throttle,delta_cmd", 1),
+            ("fleet/zefakkel/rates", "u,v,r", "speed_order,rudder", 1),
+            ("esso-osaka", "u=u_velo,v=vm_velo,r=r_angvelo", "n=n_prop,delta=delta_rudder", 1),
+            (
+                "cybership-enterprise1",
+                "u=u_mps,v=v_mps,r=r_radps",
+                "u1_vsp1_x,u2_vsp1_y,u3_vsp2_x,u4_vsp2_y,u5_bowthruster",
+                4,
+            ),
+            ("usv-asw", "u=u_mps,v=v_mps,r=r_radps", "left=pwm_left_us,right=pwm_right_us", 0),
+        ];
+        for (folder, outputs, inputs, changed) in cases {
+            let Some(runs) = data(folder, outputs, inputs) else {
+                return println!("skipped: no HYDROID_DATA");
+            };
+            let messages = |runs: &[Trajectory]| -> Vec<String> {
+                let all: Vec<&Trajectory> = runs.iter().collect();
+                warnings(&all, &Boat::default(), 100).into_iter().map(|note| note.message).collect()
+            };
+            for count in [2, 3, runs.len()] {
+                let few = &runs[..count.min(runs.len())];
+                assert_eq!(messages(few), Vec::<String>::new(), "{folder}, {count}");
+            }
+            if folder == "usv-asw" {
+                continue;
+            }
+            let mut runs = runs;
+            // The log of most samples is taken as right.
+            let at = if folder.starts_with("cybership") { 3 } else { 1 };
+            runs[at] = with_gain(&runs[at], changed, -1.0);
+            let all = messages(&runs);
+            let named = format!("{}: ", runs[at].log());
+            let said = all.iter().any(|m| m.starts_with(&named) && m.contains("with the opposite sign"));
+            assert!(said && all.len() == 1, "{folder}: {all:?}");
+        }
     }
 }
