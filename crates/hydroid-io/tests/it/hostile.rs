@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 
 use proptest::prelude::*;
 
-use crate::recorder::survives;
+use crate::recorder::{flipped, survives};
 
 static SEEDS: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/seeds/recording");
@@ -54,14 +54,27 @@ fn a_file_may_end_at_each_place() {
     }
 }
 
+#[test]
+fn flipped_bytes_are_survived() {
+    for seed in &*SEEDS {
+        flipped(seed, 0, ..);
+        // The signs of the formats stay.
+        flipped(seed, 16, ..);
+    }
+}
+
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 32, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(64) })]
 
     #[test]
-    fn any_bytes_may_follow_a_beginning(tail in prop::collection::vec(any::<u8>(), 0..4000), place: prop::sample::Index) {
+    fn any_bytes_may_be_anywhere(bytes in prop::collection::vec(any::<u8>(), 0..4000), place: prop::sample::Index) {
         for seed in &*SEEDS {
-            survives(&[&seed[..16], &tail[..]].concat());
-            survives(&[&seed[..place.index(seed.len())], &tail[..]].concat());
+            let (before, after) = seed.split_at(place.index(seed.len()));
+            survives(&[before, &bytes, after].concat());
+            // Behind the signs of the formats, which have these lengths.
+            for end in [before.len(), 3, 4, 8, 13, 16] {
+                survives(&[&seed[..end], &bytes].concat());
+            }
         }
     }
 }

@@ -1,8 +1,10 @@
 //! All that a reader gives, and checks that hold for each format whatever the file.
 
 use std::fs;
+use std::ops::RangeBounds;
 
-use hydroid_io::{IoError, Sink, Summary, Topic, scan};
+use hydroid_io::{Format, IoError, LogFile, Sink, Summary, Topic, detect, scan};
+use proptest::prelude::*;
 
 /// Stamp, stamp of reception, and values as bits, because NaN is not equal to itself.
 pub(crate) type Row = (i64, Option<i64>, Vec<u64>);
@@ -140,10 +142,10 @@ impl Recorder {
 }
 
 /// Reads what is left of a file that is cut after each `step` bytes: its rows are the first rows of the whole
-/// file.
-pub(crate) fn truncated(bytes: &[u8], step: usize) {
+/// file. Returns their number and the summary of each part.
+pub(crate) fn truncated(bytes: &[u8], step: usize) -> Vec<(usize, Summary)> {
     let whole = Recorder::of_bytes(bytes).expect("a whole file");
-    let mut seen = 0;
+    let (mut seen, mut parts) = (0, Vec::new());
     for length in (step..bytes.len()).step_by(step) {
         let part = match Recorder::of_bytes(&bytes[..length]) {
             Ok(part) => part,
@@ -154,8 +156,23 @@ pub(crate) fn truncated(bytes: &[u8], step: usize) {
         assert!(part.all() >= seen, "{length} bytes give fewer rows than before");
         assert!(part.summary.lost_bytes <= length as u64);
         seen = part.all();
+        parts.push((seen, part.summary));
     }
     assert!(seen * 10 > whole.all() * 9, "{seen} of {} rows before the end", whole.all());
+    parts
+}
+
+/// Flips up to 19 bytes from a place on: what is left has a number of rows in this range; `None` is an error.
+pub(crate) fn flipped(bytes: &[u8], from: usize, rows: impl RangeBounds<Option<usize>>) {
+    let flip = (from..bytes.len(), prop_oneof![1..=u8::MAX, (0..8).prop_map(|bit| 1u8 << bit)]);
+    proptest!(ProptestConfig::with_cases(64), |(flips in prop::collection::vec(flip, 1..20))| {
+        let mut bytes = bytes.to_vec();
+        for (at, flip) in flips {
+            bytes[at] ^= flip;
+        }
+        let read = survives(&bytes).map(|log| log.all());
+        prop_assert!(rows.contains(&read), "{:?} rows", read);
+    });
 }
 
 /// Asserts that a damaged file gives the first rows of each topic of the whole file, and nothing else.
@@ -167,15 +184,17 @@ pub(crate) fn assert_part_of(part: &Recorder, whole: &Recorder) {
     }
 }
 
-/// Reads a file that may be damaged in any way: it has an error that says so, or topics, and losses within the file.
+/// Reads a file that may be damaged in any way: it has an error that says so, or topics, and losses within the file. If
+/// the bytes of the format are read once, one behind the other, the losses and the rows are not more than they.
 pub(crate) fn survives(bytes: &[u8]) -> Option<Recorder> {
     match Recorder::of_bytes(bytes) {
         Ok(read) => {
-            assert!(
-                read.summary.losses.iter().all(|loss| loss.offset <= bytes.len() as u64),
-                "{:?}",
-                read.summary
-            );
+            let (summary, length) = (&read.summary, bytes.len() as u64);
+            assert!(summary.losses.iter().all(|loss| loss.offset <= length), "{summary:?}");
+            let format = detect(LogFile::in_memory("log", bytes)).expect("a log");
+            if let Some(Format::DataFlash | Format::ULog | Format::Nmea) = format {
+                assert!(summary.lost_bytes <= length && read.all() <= bytes.len(), "{summary:?}");
+            }
             Some(read)
         }
         Err(
@@ -183,12 +202,4 @@ pub(crate) fn survives(bytes: &[u8]) -> Option<Recorder> {
         ) => None,
         Err(error) => panic!("{error}"),
     }
-}
-
-/// As [`survives`], of a format whose bytes are read once, one behind the other.
-pub(crate) fn survives_in_order(bytes: &[u8]) -> Option<Recorder> {
-    let read = survives(bytes)?;
-    assert!(read.summary.lost_bytes <= bytes.len() as u64, "{:?}", read.summary);
-    assert!(read.all() <= bytes.len());
-    Some(read)
 }

@@ -1,43 +1,8 @@
-//! What the tests of MCAP and of the bags share: collected rows, and the content of the samples.
+//! What the tests of MCAP and of the bags share: the content of the samples.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
 
-use hydroid_io::{IoError, Summary};
-
-use crate::recorder::{self, Recorder};
-
-pub(crate) fn read_all(path: &str) -> Result<(Recorder, Summary), IoError> {
-    let mut all = Recorder::of(path)?;
-    let summary = std::mem::take(&mut all.summary);
-    Ok((all, summary))
-}
-
-/// A folder of this test with a file in it.
-pub(crate) struct Scratch(tempfile::TempDir, &'static str);
-
-impl Scratch {
-    pub(crate) fn new(name: &'static str) -> Self {
-        Self(tempfile::tempdir().expect("a folder"), name)
-    }
-
-    pub(crate) fn path(&self) -> PathBuf {
-        self.0.path().join(self.1)
-    }
-
-    pub(crate) fn read(&self, bytes: &[u8]) -> Result<(Recorder, Summary), IoError> {
-        std::fs::write(self.path(), bytes).expect("written");
-        read_all(&self.path().to_string_lossy())
-    }
-}
-
-/// Asserts that a damaged file gives a part of the rows of the whole file, or an error.
-pub(crate) fn assert_part_of(part: &Result<(Recorder, Summary), IoError>, whole: &Recorder) {
-    match part {
-        Ok((part, _)) => recorder::assert_part_of(part, whole),
-        Err(error) => assert!(matches!(error, IoError::Damaged { .. } | IoError::Empty { .. }), "{error}"),
-    }
-}
+use crate::recorder::Recorder;
 
 /// Asserts what README.md and expected.json of the samples say about the messages.
 pub(crate) fn assert_sample(all: &Recorder, expected: &str, stamp_of_reception: bool) {

@@ -3,11 +3,11 @@
 
 use std::collections::HashSet;
 
-use hydroid_io::{IoError, Summary};
+use hydroid_io::IoError;
 use proptest::prelude::*;
 
-use crate::recorder::Recorder;
-use crate::ros::{Scratch, assert_sample, cdr, expected, numbers, read_all};
+use crate::recorder::{Recorder, flipped, survives};
+use crate::ros::{assert_sample, cdr, expected, numbers};
 use crate::sample;
 
 const SAMPLE: &str = "otter_ros2_sqlite/otter_ros2_sqlite.db3";
@@ -165,33 +165,32 @@ fn counting(pages: u32) -> (Vec<u8>, usize) {
     (writer.bytes(topics, root), first * PAGE)
 }
 
-fn read(bytes: &[u8]) -> (Recorder, Summary) {
-    Scratch::new("a.db3").read(bytes).expect("read")
+fn read(bytes: &[u8]) -> Recorder {
+    Recorder::of_bytes(bytes).expect("read")
 }
 
 #[test]
 fn sample_has_the_stated_messages() {
     let Some(expected) = expected() else { return };
-    let (all, summary) = read_all(&sample::file(SAMPLE).expect("a sample")).expect("read");
+    let all = Recorder::of(&sample::file(SAMPLE).expect("a sample")).expect("read");
     assert_sample(&all, &expected, true);
     assert_eq!(all.topics.len(), 5);
-    assert_eq!(summary.losses, []);
-    assert_eq!(summary.notes, [""; 0]);
+    assert_eq!(all.summary.losses, []);
+    assert_eq!(all.summary.notes, [""; 0]);
 }
 
 #[test]
 fn sample_cut_anywhere_gives_a_part_of_it() {
     let Some(path) = sample::file(SAMPLE) else { return };
-    let scratch = Scratch::new("a.db3");
     let bytes = std::fs::read(&path).expect("a sample");
-    let whole = read_all(&path).expect("read").0;
+    let whole = Recorder::of(&path).expect("read");
     let known: Vec<HashSet<_>> =
         whole.topics.iter().map(|rows| rows.rows.iter().cloned().collect()).collect();
     let mut most = 0;
     for length in (0..bytes.len()).step_by(10_007).chain((0..50_000).step_by(1000)) {
-        match scratch.read(&bytes[..length]) {
-            Ok((part, summary)) => {
-                assert!(summary.lost_parts > 0);
+        match Recorder::of_bytes(&bytes[..length]) {
+            Ok(part) => {
+                assert!(part.summary.lost_parts > 0);
                 for rows in &part.topics {
                     let all =
                         whole.topics.iter().position(|all| all.topic.name == rows.topic.name).expect("known");
@@ -200,7 +199,7 @@ fn sample_cut_anywhere_gives_a_part_of_it() {
                     // A row before the first growth of a sequence has fewer values.
                     assert!(distinct.is_subset(&known[all]), "{length} {}", rows.topic.name);
                 }
-                most = most.max(part.topics.iter().map(|rows| rows.rows.len()).sum());
+                most = most.max(part.all());
             }
             Err(error) => {
                 assert!(matches!(error, IoError::Damaged { .. } | IoError::Empty { .. }), "{error}");
@@ -237,16 +236,20 @@ fn common_types_need_no_definition() {
         (2, message(2, 8, &cdr(&[&[0; 8]]))),
         (3, message(3, 9, b"{}")),
     ]);
-    let (all, summary) = read(&writer.bytes(topics, messages));
-    assert_eq!(summary.losses, []);
+    let all = read(&writer.bytes(topics, messages));
+    assert_eq!(all.summary.losses, []);
     let rows = all.get("/joints");
     assert_eq!((rows.value(0, "position[0]"), rows.value(0, "position[1]")), (1.5, 2.5));
     assert_eq!((rows.rows[0].0, rows.rows[0].1), (5_000_000_006, Some(7)));
     let texts: Vec<_> = rows.topic.texts.iter().map(|(name, text)| (name.as_str(), text.as_str())).collect();
     assert_eq!(texts, [("header.frame_id", "b"), ("name[0]", "l"), ("name[1]", "r")]);
     assert_eq!(all.topics.len(), 1);
-    assert!(summary.notes[0].starts_with("/mine (my_msgs/msg/Mine) cannot be decoded"), "{summary:?}");
-    assert!(summary.notes[1].contains("'json'"), "{summary:?}");
+    assert!(
+        all.summary.notes[0].starts_with("/mine (my_msgs/msg/Mine) cannot be decoded"),
+        "{:?}",
+        all.summary
+    );
+    assert!(all.summary.notes[1].contains("'json'"), "{:?}", all.summary);
 }
 
 #[test]
@@ -260,40 +263,43 @@ fn long_messages_continue_on_other_pages() {
         sizes.iter().map(|&n| writer.leaf(&[(u64::from(n), message(1, 1, &data(n)))])).collect();
     let root = writer.interior(&leaves);
     let bytes = writer.bytes(topics, root);
-    let (all, summary) = read(&bytes);
-    assert_eq!(all.topics[0].rows.len(), sizes.len(), "{summary:?}");
+    let all = read(&bytes);
+    assert_eq!(all.topics[0].rows.len(), sizes.len(), "{:?}", all.summary);
     assert!((0..sizes.len()).all(|row| all.topics[0].value(row, "layout.data_offset") == 7.0));
     assert_eq!(all.topics[0].value(0, "data[9]"), 9.0);
-    assert_eq!(summary.losses, []);
+    assert_eq!(all.summary.losses, []);
     // Without its end the longest one is lost.
-    let (all, summary) = read(&bytes[..bytes.len() - 3 * PAGE]);
+    let all = read(&bytes[..bytes.len() - 3 * PAGE]);
     assert!(all.topics[0].rows.len() < sizes.len());
-    assert!(summary.lost_parts > 0);
+    assert!(all.summary.lost_parts > 0);
 }
 
 #[test]
 fn damaged_pages_are_stated_and_lost_pages_found() {
     let (bytes, first) = counting(5);
-    let (all, summary) = read(&bytes);
+    let all = read(&bytes);
     assert_eq!(numbers(&all), (0..50).collect::<Vec<u64>>());
-    assert_eq!((summary.losses.len(), summary.notes.len()), (0, 0));
+    assert_eq!((all.summary.losses.len(), all.summary.notes.len()), (0, 0));
     assert_eq!((all.topics[0].rows[3].0, all.topics[0].rows[3].1), (3, None));
     let mut damaged = bytes.clone();
     damaged[first + PAGE] = 0x33;
-    let (all, summary) = read(&damaged);
+    let all = read(&damaged);
     assert_eq!(numbers(&all), [(0..10).collect::<Vec<u64>>(), (20..50).collect()].concat());
-    assert_eq!((summary.losses[0].offset, summary.losses[0].bytes), ((first + PAGE) as u64, PAGE as u64));
+    assert_eq!(
+        (all.summary.losses[0].offset, all.summary.losses[0].bytes),
+        ((first + PAGE) as u64, PAGE as u64)
+    );
     // A damaged interior page loses the order, not the rows.
     let mut damaged = bytes.clone();
     damaged[first + 5 * PAGE] = 0x33;
-    let (all, summary) = read(&damaged);
+    let all = read(&damaged);
     assert_eq!(numbers(&all), (0..50).collect::<Vec<u64>>());
-    assert!(summary.notes[0].contains("50 messages were found"), "{summary:?}");
+    assert!(all.summary.notes[0].contains("50 messages were found"), "{:?}", all.summary);
     // Pages that point to each other are read once.
     let mut circle = bytes;
     let root = (first + 5 * PAGE) / PAGE + 1;
     circle[first + 5 * PAGE + 8..first + 5 * PAGE + 12].copy_from_slice(&(root as u32).to_be_bytes());
-    assert_eq!(numbers(&read(&circle).0), (0..50).collect::<Vec<u64>>());
+    assert_eq!(numbers(&read(&circle)), (0..50).collect::<Vec<u64>>());
 }
 
 /// A page with rows that refer to the same overflow pages, repeated: work that was the product of their numbers.
@@ -324,16 +330,20 @@ fn overflow_pages_belong_to_one_row() {
     let roots: Vec<u32> = leaves.chunks(50).map(|leaves| writer.interior(leaves)).collect();
     let root = writer.interior(&roots);
     let bytes = writer.bytes(topics, root);
-    let (all, summary) = read(&bytes);
+    let all = read(&bytes);
     assert_eq!(all.topics[0].rows.len(), 1);
-    assert_eq!(summary.lost_parts, 1000 * count as u64 - 1);
-    assert_eq!(summary.losses[0].reason, "a message is not whole");
+    assert_eq!(all.summary.lost_parts, 1000 * count as u64 - 1);
+    assert_eq!(all.summary.losses[0].reason, "a message is not whole");
     // A page that refers to itself has the content of no row.
     let mut circle = bytes;
     let second = first as usize * PAGE;
     circle[second..second + 4].copy_from_slice(&(first + 1).to_be_bytes());
-    let (all, summary) = read(&circle);
-    assert!(all.topics.is_empty() && summary.lost_parts == 1000 * count as u64, "{}", summary.lost_parts);
+    let all = read(&circle);
+    assert!(
+        all.topics.is_empty() && all.summary.lost_parts == 1000 * count as u64,
+        "{}",
+        all.summary.lost_parts
+    );
 }
 
 /// Rows that lie upon each other in a page: 64 kB of them gave 2 GB.
@@ -344,11 +354,16 @@ fn rows_that_lie_upon_each_other_are_lost() {
         bytes.copy_within(first + 8..first + 10, first + 8 + 2 * i);
     }
     bytes[first + 4] = 200;
-    let (all, summary) = read(&bytes);
+    let all = read(&bytes);
     let whole = message(1, 0, &cdr(&[&[0; 8]])).len();
     assert_eq!(all.topics[0].rows.len(), PAGE / whole);
-    assert_eq!((summary.lost_parts, summary.losses[0].offset), (1, first as u64), "{summary:?}");
-    assert!(summary.losses[0].reason.contains("a row of the table is damaged"));
+    assert_eq!(
+        (all.summary.lost_parts, all.summary.losses[0].offset),
+        (1, first as u64),
+        "{:?}",
+        all.summary
+    );
+    assert!(all.summary.losses[0].reason.contains("a row of the table is damaged"));
 }
 
 #[test]
@@ -368,9 +383,9 @@ fn rows_without_their_columns_are_stated() {
         (5, row(&[])),
         (6, message(2, 1, &value)),
     ]);
-    let (all, summary) = read(&writer.bytes(topics, messages));
+    let all = read(&writer.bytes(topics, messages));
     assert_eq!((all.topics.len(), all.get("/x").rows.len()), (1, 1));
-    let reasons: Vec<&str> = summary.losses.iter().map(|loss| loss.reason.as_str()).collect();
+    let reasons: Vec<&str> = all.summary.losses.iter().map(|loss| loss.reason.as_str()).collect();
     let [text, body, topic, unknown] = [
         "a row of the table lacks a text",
         "a message lacks its stamp or its data",
@@ -396,28 +411,30 @@ fn wrong_references_to_pages_are_stated() {
     ] {
         let mut wrong = bytes.clone();
         wrong[place..place + 4].copy_from_slice(&value);
-        let (all, summary) = read(&wrong);
+        let all = read(&wrong);
         let mut found = numbers(&all);
         found.sort_unstable();
         assert_eq!(found, (0..50).collect::<Vec<u64>>());
-        assert_eq!(summary.losses[0].offset, interior as u64);
-        assert!(summary.losses[0].reason.contains("refers to pages"), "{summary:?}");
-        assert!(summary.notes[0].contains("messages were found"), "{summary:?}");
+        assert_eq!(all.summary.losses[0].offset, interior as u64);
+        assert!(all.summary.losses[0].reason.contains("refers to pages"), "{:?}", all.summary);
+        assert!(all.summary.notes[0].contains("messages were found"), "{:?}", all.summary);
     }
     let mut writer = Writer(vec![Vec::new()]);
     let topics = writer.leaf(&[(1, topic("/x", "std_msgs/msg/Float64", "cdr"))]);
     for root in [0, 999] {
         let pages = Writer(writer.0.clone());
-        let (_, summary) = read(&pages.bytes(topics, root));
-        assert!(summary.losses[0].reason.contains("first page of a table"), "{summary:?}");
+        let all = read(&pages.bytes(topics, root));
+        assert!(all.summary.losses[0].reason.contains("first page of a table"), "{:?}", all.summary);
     }
 }
 
 #[test]
 fn write_ahead_log_is_applied() {
     let (bytes, first) = counting(2);
-    let scratch = Scratch::new("a.db3");
-    let log = scratch.path().with_extension("db3-wal");
+    let folder = tempfile::tempdir().expect("a folder");
+    let [bag, log] = ["a.db3", "a.db3-wal"].map(|name| folder.path().join(name));
+    std::fs::write(&bag, &bytes).expect("written");
+    let read = || Recorder::of(bag.to_str().expect("a path")).expect("read");
     let add = |bytes: &[u8], (mut a, mut b): (u32, u32)| {
         for pair in bytes.chunks(8) {
             a = a.wrapping_add(u32::from_le_bytes(pair[..4].try_into().expect("four"))).wrapping_add(b);
@@ -440,54 +457,43 @@ fn write_ahead_log_is_applied() {
         content.extend([head, words(&[11, 12, sum.0, sum.1]), new].concat());
     }
     std::fs::write(&log, &content).expect("written");
-    let (all, summary) = scratch.read(&bytes).expect("read");
+    let all = read();
     let mut expected: Vec<u64> = (0..20).collect();
     expected[10] = 77;
-    assert_eq!(numbers(&all), expected, "{summary:?}");
-    assert_eq!(summary.notes, [""; 0]);
+    assert_eq!(numbers(&all), expected, "{:?}", all.summary);
+    assert_eq!(all.summary.notes, [""; 0]);
     // A wrong checksum ends the log.
     content[100] ^= 1;
     std::fs::write(&log, &content).expect("written");
-    assert_eq!(numbers(&scratch.read(&bytes).expect("read").0), (0..20).collect::<Vec<u64>>());
+    assert_eq!(numbers(&read()), (0..20).collect::<Vec<u64>>());
     content[10] ^= 1;
     std::fs::write(&log, &content).expect("written");
-    let (all, summary) = scratch.read(&bytes).expect("read");
+    let all = read();
     assert_eq!(numbers(&all), (0..20).collect::<Vec<u64>>());
-    assert!(summary.notes[0].contains("-wal is damaged: rows in it are not read"), "{summary:?}");
+    assert!(all.summary.notes[0].contains("-wal is damaged: rows in it are not read"), "{:?}", all.summary);
 }
 
 #[test]
 fn files_without_bag_are_errors_with_a_place() {
-    let scratch = Scratch::new("a.db3");
-    assert!(matches!(scratch.read(b""), Err(IoError::Empty { .. })));
+    assert!(matches!(Recorder::of_bytes(b""), Err(IoError::Empty { .. })));
     let (bytes, _) = counting(1);
     for bytes in
         [&b"SQLite format 3\0"[..], &bytes[..100], &[b"SQLite format 3\0", &[0xff; 5000][..]].concat()]
     {
-        let error = scratch.read(bytes).expect_err("an error");
+        let error = Recorder::of_bytes(bytes).expect_err("an error");
         assert!(matches!(error, IoError::Damaged { .. }), "{error}");
     }
 }
 
+#[test]
+fn flipped_bytes_are_survived() {
+    flipped(&counting(5).0, 16, ..);
+    let Some(path) = sample::file(SAMPLE) else { return };
+    flipped(&std::fs::read(path).expect("a sample"), 16, ..);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
-
-    #[test]
-    fn flipped_bytes_are_survived(
-        places in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..20), sample: bool,
-    ) {
-        let mut bytes = counting(5).0;
-        if sample && let Some(path) = sample::file(SAMPLE) {
-            bytes = std::fs::read(path).expect("a sample");
-        }
-        for (place, byte) in &places {
-            let place = place.index(bytes.len() - 16) + 16;
-            bytes[place] ^= byte;
-        }
-        let result = Scratch::new("a.db3").read(&bytes);
-        let fine = matches!(result, Ok(_) | Err(IoError::Damaged { .. }));
-            prop_assert!(fine);
-    }
 
     #[test]
     fn random_pages_are_survived(tail in prop::collection::vec(any::<u8>(), 1..4000), kind in 0usize..3) {
@@ -495,6 +501,6 @@ proptest! {
         bytes.truncate(first);
         bytes.extend(tail);
         bytes[first] = [0x05, 0x0d, 0x33][kind];
-        let _ = Scratch::new("a.db3").read(&bytes);
+        survives(&bytes);
     }
 }
