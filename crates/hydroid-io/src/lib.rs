@@ -25,7 +25,8 @@ mod sink;
 
 pub use error::IoError;
 pub use formats::mcap::{McapChannel, McapWriter};
-pub use formats::message::shape::{RosNumber, RosShape, RosType};
+pub use formats::message::schema::RosNumber;
+pub use formats::message::shape::{RosShape, RosType};
 pub use formats::parquet::write_parquet;
 pub use log_file::{LogFile, Stream};
 pub use open::{Format, detect, scan};

@@ -2,7 +2,7 @@
 //! (ROS 1 wiki, "Message serialization"), which is the same without alignment.
 
 use super::plan::{Op, Plan};
-use super::schema::Kind;
+use super::schema::RosNumber;
 use crate::LONGEST_ARRAY;
 
 /// Longest first value of a text that is kept, in bytes.
@@ -88,7 +88,7 @@ impl<'a> Cursor<'a> {
         self.take(1, length as usize)
     }
 
-    fn numbers(&mut self, kind: Kind, out: &mut [f64]) -> Result<(), Fault> {
+    fn numbers(&mut self, kind: RosNumber, out: &mut [f64]) -> Result<(), Fault> {
         let bytes = self.take(kind.size(), out.len())?;
         macro_rules! read {
             ($number:ty, $convert:expr) => {
@@ -103,21 +103,21 @@ impl<'a> Cursor<'a> {
             };
         }
         match kind {
-            Kind::Bool => {
+            RosNumber::Bool => {
                 for (value, &byte) in out.iter_mut().zip(bytes) {
                     *value = f64::from(u8::from(byte != 0));
                 }
             }
-            Kind::I8 => read!(i8, f64::from),
-            Kind::U8 => read!(u8, f64::from),
-            Kind::I16 => read!(i16, f64::from),
-            Kind::U16 => read!(u16, f64::from),
-            Kind::I32 => read!(i32, f64::from),
-            Kind::U32 => read!(u32, f64::from),
-            Kind::I64 => read!(i64, |number| number as f64),
-            Kind::U64 => read!(u64, |number| number as f64),
-            Kind::F32 => read!(f32, f64::from),
-            Kind::F64 => read!(f64, f64::from),
+            RosNumber::I8 => read!(i8, f64::from),
+            RosNumber::U8 => read!(u8, f64::from),
+            RosNumber::I16 => read!(i16, f64::from),
+            RosNumber::U16 => read!(u16, f64::from),
+            RosNumber::I32 => read!(i32, f64::from),
+            RosNumber::U32 => read!(u32, f64::from),
+            RosNumber::I64 => read!(i64, |number| number as f64),
+            RosNumber::U64 => read!(u64, |number| number as f64),
+            RosNumber::F32 => read!(f32, f64::from),
+            RosNumber::F64 => read!(f64, f64::from),
         }
         Ok(())
     }

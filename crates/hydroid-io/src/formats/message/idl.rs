@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 
-use super::schema::{Count, Kind, Member, Schema, Type, check_name, cut, short};
+use super::schema::{Count, Member, RosNumber, Schema, Type, check_name, cut, short};
 
 /// Modules within modules.
 const DEEPEST: usize = 16;
@@ -151,7 +151,7 @@ impl<'a> Reader<'a> {
                 let name = self.full_name(name)?;
                 self.expect("{")?;
                 self.skip_brackets("{", "}")?;
-                self.schema.define(&name, vec![member("", Type::Number(Kind::U32), Count::One)]);
+                self.schema.define(&name, vec![member("", Type::Number(RosNumber::U32), Count::One)]);
             }
             "typedef" => {
                 let (of, count) = self.type_of_member()?;
@@ -239,19 +239,19 @@ impl<'a> Reader<'a> {
         let unsigned = word == "unsigned";
         let word = if unsigned { self.next()? } else { word };
         Ok(Type::Number(match word {
-            "boolean" => Kind::Bool,
-            "octet" | "char" => Kind::U8,
-            "short" if unsigned => Kind::U16,
-            "short" => Kind::I16,
+            "boolean" => RosNumber::Bool,
+            "octet" | "char" => RosNumber::U8,
+            "short" if unsigned => RosNumber::U16,
+            "short" => RosNumber::I16,
             "long" if self.accept("double") => return Ok(Type::Unreadable("long double".to_owned())),
             "long" => match (self.accept("long"), unsigned) {
-                (true, true) => Kind::U64,
-                (true, false) => Kind::I64,
-                (false, true) => Kind::U32,
-                (false, false) => Kind::I32,
+                (true, true) => RosNumber::U64,
+                (true, false) => RosNumber::I64,
+                (false, true) => RosNumber::U32,
+                (false, false) => RosNumber::I32,
             },
-            "float" => Kind::F32,
-            "double" => Kind::F64,
+            "float" => RosNumber::F32,
+            "double" => RosNumber::F64,
             "string" | "wstring" => {
                 if self.accept("<") {
                     self.skip_brackets("<", ">")?;
@@ -261,7 +261,7 @@ impl<'a> Reader<'a> {
             "wchar" | "any" | "map" | "fixed" => return Ok(Type::Unreadable(word.to_owned())),
             "sequence" => return Err("sequences of sequences are not supported".to_owned()),
             other => {
-                if let Some(kind) = Kind::of_ros(other, false) {
+                if let Some(kind) = RosNumber::of_ros(other, false) {
                     kind
                 } else {
                     check_name(other)?;

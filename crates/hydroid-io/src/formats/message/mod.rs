@@ -7,7 +7,7 @@ mod common;
 mod decode;
 mod idl;
 mod plan;
-mod schema;
+pub(crate) mod schema;
 pub(crate) mod shape;
 
 use std::cell::Cell;

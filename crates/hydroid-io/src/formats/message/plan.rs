@@ -3,7 +3,7 @@
 use std::cell::Cell;
 use std::rc::Rc;
 
-use super::schema::{Count, Kind, Member, Schema, Type};
+use super::schema::{Count, Member, RosNumber, Schema, Type};
 use crate::LONGEST_ARRAY;
 use crate::sink::Field;
 
@@ -30,9 +30,9 @@ pub(crate) fn spend(budget: &Budget, bytes: usize) -> Result<(), String> {
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Op {
     /// Numbers into consecutive columns.
-    Numbers { kind: Kind, count: u32, column: u32 },
+    Numbers { kind: RosNumber, count: u32, column: u32 },
     /// Numbers that are left out.
-    Skip { kind: Kind, count: u32 },
+    Skip { kind: RosNumber, count: u32 },
     /// A text whose first value is kept.
     Text { slot: u32 },
     /// Texts that are left out.
@@ -58,7 +58,7 @@ pub(super) struct Sequence {
     scope: String,
     depth: usize,
     /// Kind of the elements if they are numbers.
-    pub(super) number: Option<Kind>,
+    pub(super) number: Option<RosNumber>,
     /// Steps of the elements that have fields.
     pub(super) elements: Vec<u32>,
     /// Steps over an element that is left out.
@@ -185,7 +185,7 @@ impl Plan {
         let members = schema.types.get(name).map_or(&[][..], Vec::as_slice);
         if members.is_empty() && !schema.ros1 {
             // ROS 2 gives an empty struct one byte, because IDL has no empty structs.
-            self.push(ops, Op::Skip { kind: Kind::U8, count: 1 })?;
+            self.push(ops, Op::Skip { kind: RosNumber::U8, count: 1 })?;
         }
         for member in members {
             let inner = match (path.is_empty(), member.name.is_empty()) {

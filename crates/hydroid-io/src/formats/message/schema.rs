@@ -11,7 +11,8 @@ const LONGEST_NAME: usize = 255;
 
 /// A number of the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+#[expect(missing_docs, reason = "the names of ROS 2: bool, int8, …")]
+pub enum RosNumber {
     Bool,
     I8,
     U8,
@@ -25,7 +26,7 @@ pub(crate) enum Kind {
     F64,
 }
 
-impl Kind {
+impl RosNumber {
     /// Bytes on the wire.
     pub(crate) fn size(self) -> usize {
         match self {
@@ -36,23 +37,34 @@ impl Kind {
         }
     }
 
+    /// Names in ROS message files.
+    const NAMES: [(&str, Self); 11] = [
+        ("bool", Self::Bool),
+        ("int8", Self::I8),
+        ("uint8", Self::U8),
+        ("int16", Self::I16),
+        ("uint16", Self::U16),
+        ("int32", Self::I32),
+        ("uint32", Self::U32),
+        ("int64", Self::I64),
+        ("uint64", Self::U64),
+        ("float32", Self::F32),
+        ("float64", Self::F64),
+    ];
+
     /// A number of a ROS message file. `ros1` distinguishes `byte`, which has a sign there.
     pub(crate) fn of_ros(name: &str, ros1: bool) -> Option<Self> {
-        Some(match name {
-            "bool" => Self::Bool,
-            "byte" if ros1 => Self::I8,
-            "int8" => Self::I8,
-            "uint8" | "char" | "byte" => Self::U8,
-            "int16" => Self::I16,
-            "uint16" => Self::U16,
-            "int32" => Self::I32,
-            "uint32" => Self::U32,
-            "int64" => Self::I64,
-            "uint64" => Self::U64,
-            "float32" => Self::F32,
-            "float64" => Self::F64,
-            _ => return None,
-        })
+        let name = match name {
+            "byte" if ros1 => "int8",
+            "char" | "byte" => "uint8",
+            name => name,
+        };
+        Self::NAMES.iter().find(|(of, _)| *of == name).map(|(_, number)| *number)
+    }
+
+    /// Its name in ROS message files.
+    pub(crate) fn name(self) -> &'static str {
+        Self::NAMES.iter().find(|(_, number)| *number == self).map_or("", |(name, _)| name)
     }
 }
 
@@ -70,7 +82,7 @@ pub(crate) enum Count {
 /// Type of a member.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Type {
-    Number(Kind),
+    Number(RosNumber),
     Text,
     /// A type whose size on the wire is not known; nothing behind it can be read.
     Unreadable(String),
@@ -126,7 +138,7 @@ impl Schema {
         }
         schema.define(&current, members);
         if ros1 {
-            for (name, seconds) in [("time", Kind::U32), ("duration", Kind::I32)] {
+            for (name, seconds) in [("time", RosNumber::U32), ("duration", RosNumber::I32)] {
                 schema.define(name, time_members(seconds));
             }
         }
@@ -161,8 +173,8 @@ impl Schema {
     }
 }
 
-fn time_members(seconds: Kind) -> Vec<Member> {
-    [("sec", seconds), ("nanosec", Kind::U32)]
+fn time_members(seconds: RosNumber) -> Vec<Member> {
+    [("sec", seconds), ("nanosec", RosNumber::U32)]
         .map(|(name, kind)| Member { name: name.to_owned(), of: Type::Number(kind), count: Count::One })
         .into()
 }
@@ -200,7 +212,7 @@ fn member_of_line(line: &str, ros1: bool) -> Result<Option<Member>, String> {
         "string" => Type::Text,
         "wstring" => Type::Unreadable("wstring".to_owned()),
         name => {
-            if let Some(kind) = Kind::of_ros(name, ros1) {
+            if let Some(kind) = RosNumber::of_ros(name, ros1) {
                 Type::Number(kind)
             } else {
                 check_name(name)?;

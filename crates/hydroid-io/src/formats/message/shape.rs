@@ -3,48 +3,13 @@
 use std::fmt::Write as _;
 
 use super::common;
-use super::schema::{Count, Kind, Schema, Type, short};
+use super::schema::{Count, RosNumber, Schema, Type, short};
 
 /// Types within types.
 const DEEPEST: usize = 32;
 
 /// Nodes of a tree.
 const MOST_NODES: usize = 10_000;
-
-/// A number of the wire.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[expect(missing_docs, reason = "the names of ROS 2: bool, int8, …")]
-pub enum RosNumber {
-    Bool,
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    I64,
-    U64,
-    F32,
-    F64,
-}
-
-impl From<Kind> for RosNumber {
-    fn from(kind: Kind) -> Self {
-        match kind {
-            Kind::Bool => Self::Bool,
-            Kind::I8 => Self::I8,
-            Kind::U8 => Self::U8,
-            Kind::I16 => Self::I16,
-            Kind::U16 => Self::U16,
-            Kind::I32 => Self::I32,
-            Kind::U32 => Self::U32,
-            Kind::I64 => Self::I64,
-            Kind::U64 => Self::U64,
-            Kind::F32 => Self::F32,
-            Kind::F64 => Self::F64,
-        }
-    }
-}
 
 /// A type of messages, or of a part of them.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -112,20 +77,7 @@ impl RosType {
 /// A type as it is written in a definition, with its package.
 fn written(schema: &Schema, of: &Type, scope: &str) -> String {
     match of {
-        Type::Number(kind) => match kind {
-            Kind::Bool => "bool",
-            Kind::I8 => "int8",
-            Kind::U8 => "uint8",
-            Kind::I16 => "int16",
-            Kind::U16 => "uint16",
-            Kind::I32 => "int32",
-            Kind::U32 => "uint32",
-            Kind::I64 => "int64",
-            Kind::U64 => "uint64",
-            Kind::F32 => "float32",
-            Kind::F64 => "float64",
-        }
-        .to_owned(),
+        Type::Number(number) => number.name().to_owned(),
         Type::Text => "string".to_owned(),
         Type::Unreadable(name) => name.clone(),
         Type::Named(name) => schema.resolve(name, scope).unwrap_or(name).to_owned(),
@@ -152,7 +104,7 @@ impl Builder<'_> {
         let mut parts = Vec::with_capacity(members.len());
         for member in members {
             let part = match &member.of {
-                Type::Number(kind) => RosShape::Number((*kind).into()),
+                Type::Number(number) => RosShape::Number(*number),
                 Type::Text => RosShape::Text,
                 Type::Unreadable(of) => return Err(format!("{of} cannot be decoded")),
                 Type::Named(of) => {
