@@ -8,6 +8,7 @@ pub(crate) mod message;
 pub(crate) mod nmea;
 mod number;
 pub(crate) mod parquet;
+mod record;
 pub(crate) mod ros1_bag;
 pub(crate) mod ros2_sqlite;
 mod sqlite;

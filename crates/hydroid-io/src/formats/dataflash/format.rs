@@ -1,6 +1,7 @@
 //! Definitions of messages: FMT with FMTU, UNIT and MULT (ArduPilot, `libraries/AP_Logger/LogStructure.h`).
 
 use crate::formats::number::{Number, chunk, text};
+use crate::formats::record::{Record, Scale};
 use crate::sink::Field;
 
 /// Bytes in front of the body of a message: A3 95 and the type.
@@ -11,36 +12,6 @@ pub(super) const FMT_LENGTH: usize = 89;
 
 /// Elements of the type `a`; all of them become fields.
 const ARRAY: usize = 32;
-
-/// Factor of a number.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Scale {
-    One,
-    /// Division by a whole number gives the decimal value that was meant; multiplication by 1e-7 does not.
-    Divide(f64),
-    Multiply(f64),
-}
-
-impl Scale {
-    fn of(factor: f64) -> Self {
-        let divisor = (1.0 / factor).round();
-        if !factor.is_finite() || factor == 0.0 || factor == 1.0 {
-            Self::One
-        } else if divisor.is_finite() && (divisor * factor - 1.0).abs() < 1e-12 {
-            Self::Divide(divisor)
-        } else {
-            Self::Multiply(factor)
-        }
-    }
-
-    fn apply(self, value: f64) -> f64 {
-        match self {
-            Self::One => value,
-            Self::Divide(divisor) => value / divisor,
-            Self::Multiply(factor) => value * factor,
-        }
-    }
-}
 
 /// What a letter of a format means.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -180,23 +151,10 @@ impl Tables {
     }
 }
 
-/// A numeric column with its factor.
-#[derive(Clone, Copy, Debug)]
-struct Column {
-    at: usize,
-    number: Number,
-    scale: Scale,
-}
-
-/// Columns of the messages of a type for reading.
-#[derive(Debug)]
+/// What is read of the messages of a type.
+#[derive(Debug, Default)]
 pub(super) struct Plan {
-    pub(super) fields: Vec<Field>,
-    columns: Vec<Column>,
-    /// Texts with place and length.
-    texts: Vec<(String, usize, usize)>,
-    /// Place of the time, and its unit in nanoseconds.
-    time: Option<(usize, Number, i64)>,
+    pub(super) record: Record,
     /// Place and length of the number or name of the instance, and its number if it is one.
     instance: Option<(usize, usize, Option<Number>)>,
     /// Week, millisecond of the week, and state of the fix, of a GPS message.
@@ -207,16 +165,9 @@ impl Plan {
     /// A factor of a MULT message does not apply to a letter that implies one: such a letter states the same scale
     /// again (`c` in 0.01 with a factor of 0.01 is to be scaled once).
     pub(super) fn new(definition: &Definition, letters: &UnitLetters, tables: &Tables) -> Self {
-        let mut plan = Self {
-            fields: Vec::new(),
-            columns: Vec::new(),
-            texts: Vec::new(),
-            time: None,
-            instance: None,
-            gps: None,
-        };
+        let mut plan = Self::default();
         let first = definition.columns.first().map(|(name, ..)| name.as_str());
-        plan.time = match definition.place("TimeUS") {
+        plan.record.time = match definition.place("TimeUS") {
             Some((at, number)) => Some((at, number, 1000)),
             None if first == Some("TimeMS") => {
                 definition.place("TimeMS").map(|(at, number)| (at, number, 1_000_000))
@@ -237,8 +188,8 @@ impl Plan {
                 plan.instance = Some((*at, letter.size(), number));
             }
             match *letter {
-                Letter::Text(size) => plan.texts.push((name.clone(), *at, size)),
-                Letter::Numbers(..) if plan.time.is_some_and(|(time, ..)| time == *at) => {}
+                Letter::Text(size) => plan.record.texts.push((name.clone(), *at, size)),
+                Letter::Numbers(..) if plan.record.time.is_some_and(|(time, ..)| time == *at) => {}
                 Letter::Numbers(number, count, implied) => {
                     let unit = unit_letter.and_then(|letter| tables.units[usize::from(letter)].clone());
                     let stated = letters.factors.as_bytes().get(index);
@@ -246,23 +197,13 @@ impl Plan {
                     let scale = Scale::of(implied.unwrap_or(stated));
                     for i in 0..count {
                         let name = if count == 1 { name.clone() } else { format!("{name}[{i}]") };
-                        plan.fields.push(Field { name, unit: unit.clone() });
-                        plan.columns.push(Column { at: at + i * number.size(), number, scale });
+                        plan.record.fields.push(Field { name, unit: unit.clone() });
+                        plan.record.columns.push((at + i * number.size(), number, scale));
                     }
                 }
             }
         }
         plan
-    }
-
-    pub(super) fn has_time(&self) -> bool {
-        self.time.is_some()
-    }
-
-    /// Time of a message since the start of the device \[ns\]; `None` if there is none, or if it exceeds `i64`.
-    pub(super) fn time(&self, body: &[u8]) -> Option<i64> {
-        let (at, number, unit) = self.time?;
-        number.integer(body, at)?.checked_mul(unit)
     }
 
     /// The bytes that tell the instances of a type apart.
@@ -294,18 +235,6 @@ impl Plan {
         let read = |place: Option<(usize, Number)>| place.and_then(|(at, number)| number.integer(body, at));
         // 3: a fix in three dimensions.
         (status.is_none() || read(status)? >= 3).then_some((read(week)?, read(millisecond)?))
-    }
-
-    pub(super) fn texts(&self, body: &[u8]) -> Vec<(String, String)> {
-        let value = |at: usize, size: usize| body.get(at..at + size).map(text).unwrap_or_default();
-        self.texts.iter().map(|(name, at, size)| (name.clone(), value(*at, *size))).collect()
-    }
-
-    pub(super) fn read(&self, body: &[u8], values: &mut Vec<f64>) {
-        values.clear();
-        values.extend(
-            self.columns.iter().map(|column| column.scale.apply(column.number.read(body, column.at))),
-        );
     }
 }
 

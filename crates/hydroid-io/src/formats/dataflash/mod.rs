@@ -15,7 +15,7 @@ use super::stream::{Block, blocks};
 use super::time::{Offsets, STAMP_TOO_LARGE, gps_utc_ns};
 use crate::error::IoError;
 use crate::input::Input;
-use crate::sink::{Clock, Sink, Summary, Topic};
+use crate::sink::{Sink, Summary};
 
 const MAGIC: [u8; 2] = [0xa3, 0x95];
 const FMT: u8 = 0x80;
@@ -315,43 +315,32 @@ impl Reader {
         let key = plan.instance(body);
         let instance = known.instances.iter().find(|(of, ..)| *of == key).copied();
         let (_, topic, wanted) = instance.unwrap_or_else(|| {
-            let fits = self.topics < MOST_TOPICS && self.fields + plan.fields.len() <= MOST_FIELDS;
+            let fits = self.topics < MOST_TOPICS && self.fields + plan.record.fields.len() <= MOST_FIELDS;
             let mut stated = (key, None, false);
             if fits {
-                let topic = Topic {
-                    name: format!("{}{}", known.definition.name, plan.instance_name(body)),
-                    type_name: known.definition.name.clone(),
-                    clock: if plan.has_time() { Clock::Boot } else { Clock::None },
-                    fields: plan.fields.clone(),
-                    texts: plan.texts(body),
-                };
+                let name = &known.definition.name;
+                let topic = plan.record.topic(format!("{name}{}", plan.instance_name(body)), name, body);
                 stated = (key, Some(self.topics), sink.topic(self.topics, &topic));
                 self.topics += 1;
-                self.fields += plan.fields.len();
+                self.fields += plan.record.fields.len();
             }
             if fits || known.instances.len() < MOST_TOPICS {
                 known.instances.push(stated);
             }
             stated
         });
-        let time = plan.time(body);
-        if let (Some((week, millisecond)), Some(time)) = (plan.gps_time(body), time)
+        if let (Some((week, millisecond)), Some(time)) = (plan.gps_time(body), plan.record.time(body))
             && let Some(utc) = gps_utc_ns(week, millisecond)
         {
             self.offsets.add(utc.saturating_sub(time));
         }
         match topic {
             None => self.summary.note("the file has more topics than are read; the last ones are left out"),
-            Some(topic) if wanted => {
-                let stamp = if plan.has_time() { time } else { Some(known.rows) };
-                if let Some(stamp) = stamp {
-                    plan.read(body, &mut self.values);
-                    sink.row(topic, stamp, None, &self.values);
-                } else {
+            Some(topic) => {
+                if wanted && !plan.record.give(topic, body, known.rows, &mut self.values, sink) {
                     self.summary.lose(place, (HEADER + body.len()) as u64, STAMP_TOO_LARGE);
                 }
             }
-            Some(_) => {}
         }
         known.rows += 1;
     }

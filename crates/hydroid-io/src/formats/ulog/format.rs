@@ -3,7 +3,8 @@
 use std::collections::HashMap;
 
 use crate::LONGEST_ARRAY;
-use crate::formats::number::{Number, text};
+use crate::formats::number::Number;
+use crate::formats::record::{Record, Scale};
 use crate::sink::Field;
 
 /// Depth of nested formats.
@@ -92,15 +93,10 @@ fn member(text: &str) -> Option<Member> {
     Some(Member { type_name: type_name.to_owned(), count, name: name.to_owned() })
 }
 
-/// Columns of the messages of a format.
+/// What is read of the messages of a format.
 #[derive(Debug, Default)]
 pub(super) struct Plan {
-    pub(super) fields: Vec<Field>,
-    columns: Vec<(usize, Number)>,
-    /// Texts with place and length.
-    texts: Vec<(String, usize, usize)>,
-    /// Place of `timestamp`.
-    time: Option<(usize, Number)>,
+    pub(super) record: Record,
     /// Place of `time_utc_usec`.
     utc: Option<(usize, Number)>,
     /// Length without the padding at the end, which PX4 does not write.
@@ -113,31 +109,10 @@ pub(super) struct Plan {
 }
 
 impl Plan {
-    pub(super) fn has_time(&self) -> bool {
-        self.time.is_some()
-    }
-
-    /// Time since the start of the device \[ns\]; `None` if there is none, or if it exceeds `i64`.
-    pub(super) fn time(&self, data: &[u8]) -> Option<i64> {
-        let (at, number) = self.time?;
-        number.integer(data, at)?.checked_mul(1000)
-    }
-
     /// UTC \[ns\] that a GNSS receiver states; `None` as long as it has none.
     pub(super) fn utc(&self, data: &[u8]) -> Option<i64> {
         let (at, number) = self.utc?;
         number.integer(data, at).filter(|&time| time > 0)?.checked_mul(1000)
-    }
-
-    pub(super) fn texts(&self, data: &[u8]) -> Vec<(String, String)> {
-        let value =
-            |at: usize, size: usize| data.get(at..at + size.min(LONGEST_TEXT)).map(text).unwrap_or_default();
-        self.texts.iter().map(|(name, at, size)| (name.clone(), value(*at, *size))).collect()
-    }
-
-    pub(super) fn read(&self, data: &[u8], values: &mut Vec<f64>) {
-        values.clear();
-        values.extend(self.columns.iter().map(|&(at, number)| number.read(data, at)));
     }
 }
 
@@ -163,7 +138,7 @@ impl Builder<'_> {
             self.step()?;
             let path = format!("{prefix}{}", member.name);
             if let ("char", Some(count)) = (&*member.type_name, member.count) {
-                self.plan.texts.push((path, self.at, count));
+                self.plan.record.texts.push((path, self.at, count.min(LONGEST_TEXT)));
                 self.advance(count, false)?;
             } else if let Some(number) = number(&member.type_name) {
                 self.numbers(member, path, number)?;
@@ -186,7 +161,7 @@ impl Builder<'_> {
             return self.advance(size * count, true);
         }
         if path == "timestamp" && member.count.is_none() {
-            self.plan.time = Some((self.at, number));
+            self.plan.record.time = Some((self.at, number, 1000));
             return self.advance(size, false);
         }
         if path == "time_utc_usec" && member.count.is_none() {
@@ -199,8 +174,8 @@ impl Builder<'_> {
         let unit = unit(&member.name);
         for i in 0..count {
             let name = if member.count.is_some() { format!("{path}[{i}]") } else { path.clone() };
-            self.plan.fields.push(Field { name, unit: unit.map(str::to_owned) });
-            self.plan.columns.push((self.at, number));
+            self.plan.record.fields.push(Field { name, unit: unit.map(str::to_owned) });
+            self.plan.record.columns.push((self.at, number, Scale::One));
             self.advance(size, false)?;
         }
         Ok(())

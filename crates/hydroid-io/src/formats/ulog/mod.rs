@@ -12,7 +12,7 @@ use super::stream::{Block, blocks};
 use super::time::{Offsets, STAMP_TOO_LARGE};
 use crate::error::IoError;
 use crate::input::Input;
-use crate::sink::{Clock, Sink, Summary, Topic};
+use crate::sink::{Sink, Summary};
 
 /// Length of the header of the file.
 const FILE_HEADER: usize = 16;
@@ -346,7 +346,7 @@ impl Reader {
         }
         let plan = self.formats.plan(name);
         // A format that cannot be read costs time, too.
-        self.fields += plan.as_ref().map_or(1000, |plan| plan.steps + plan.fields.len());
+        self.fields += plan.as_ref().map_or(1000, |plan| plan.steps + plan.record.fields.len());
         plan
     }
 
@@ -368,32 +368,19 @@ impl Reader {
             }
         };
         let plan = &known.plan;
-        let time = plan.time(data);
         if known.utc
-            && let (Some(utc), Some(time)) = (plan.utc(data), time)
+            && let (Some(utc), Some(time)) = (plan.utc(data), plan.record.time(data))
         {
             self.offsets.get_or_insert_with(Offsets::new).add(utc.saturating_sub(time));
         }
         let (topic, wanted) = *known.stated.get_or_insert_with(|| {
             let instance = if known.instance == 0 { String::new() } else { format!("[{}]", known.instance) };
-            let topic = Topic {
-                name: format!("{}{instance}", known.name),
-                type_name: known.name.clone(),
-                clock: if plan.has_time() { Clock::Boot } else { Clock::None },
-                fields: plan.fields.clone(),
-                texts: plan.texts(data),
-            };
+            let topic = plan.record.topic(format!("{}{instance}", known.name), &known.name, data);
             self.topics += 1;
             (self.topics - 1, sink.topic(self.topics - 1, &topic))
         });
-        if wanted {
-            let stamp = if plan.has_time() { time } else { Some(known.rows) };
-            if let Some(stamp) = stamp {
-                plan.read(data, &mut self.values);
-                sink.row(topic, stamp, None, &self.values);
-            } else {
-                self.summary.lose(place, length, STAMP_TOO_LARGE);
-            }
+        if wanted && !plan.record.give(topic, data, known.rows, &mut self.values, sink) {
+            self.summary.lose(place, length, STAMP_TOO_LARGE);
         }
         known.rows += 1;
     }
