@@ -1,7 +1,15 @@
 //! Units in the entry `ARROW:schema`, where pyarrow stores the metadata of the fields: Apache Arrow, "IPC Message
 //! Format" and `Schema.fbs`; `FlatBuffers`, "Internals".
 
+use base64::Engine;
+use base64::alphabet;
+use base64::engine::general_purpose::{GeneralPurpose, NO_PAD, STANDARD};
+
 use crate::sink::Field;
+
+/// Base64 without padding, whatever the bits behind the last byte.
+const LETTERS: GeneralPurpose =
+    GeneralPurpose::new(&alphabet::STANDARD, NO_PAD.with_decode_allow_trailing_bits(true));
 
 /// The entry in the metadata of a Parquet file.
 pub(super) const ENTRY: &[u8] = b"ARROW:schema";
@@ -13,31 +21,11 @@ const LONGEST_UNIT: usize = 64;
 
 /// Names of fields and their units. What cannot be decoded is left out.
 pub(super) fn units(entry: &[u8]) -> Vec<(String, String)> {
-    let message = base64(entry);
-    schema(&message).unwrap_or_default()
-}
-
-/// Bytes in letters (RFC 4648, section 4).
-fn base64(letters: &[u8]) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    let (mut bits, mut count) = (0_u32, 0);
-    for letter in letters {
-        let value = match letter {
-            b'A'..=b'Z' => letter - b'A',
-            b'a'..=b'z' => letter - b'a' + 26,
-            b'0'..=b'9' => letter - b'0' + 52,
-            b'+' => 62,
-            b'/' => 63,
-            _ => continue,
-        };
-        bits = bits << 6 | u32::from(value);
-        count += 6;
-        if count >= 8 {
-            count -= 8;
-            bytes.push((bits >> count & 255) as u8);
-        }
-    }
-    bytes
+    let is_letter = |letter: &u8| letter.is_ascii_alphanumeric() || matches!(letter, b'+' | b'/');
+    let mut letters: Vec<u8> = entry.iter().copied().filter(is_letter).collect();
+    // The first letter of four is less than a byte.
+    letters.truncate(letters.len() - usize::from(letters.len() % 4 == 1));
+    schema(&LETTERS.decode(letters).unwrap_or_default()).unwrap_or_default()
 }
 
 /// A table: the bytes, its place, and the place and size of its list of members.
@@ -163,7 +151,7 @@ pub(super) fn entry<'a>(columns: impl ExactSizeIterator<Item = &'a Field>) -> Ve
     let mut message = vec![255; 4];
     message.extend(u32_of(flat.data.len()));
     message.extend(flat.data);
-    to_base64(&message)
+    STANDARD.encode(message).into_bytes()
 }
 
 /// A buffer that is written from the root to the leaves. Members take four bytes each: a number, or the offset to what is
@@ -221,16 +209,4 @@ impl Flat {
 fn u32_of(size: usize) -> [u8; 4] {
     let [a, b, c, d, ..] = (size as u64).to_le_bytes();
     [a, b, c, d]
-}
-
-/// The inverse of [`base64`].
-fn to_base64(bytes: &[u8]) -> Vec<u8> {
-    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut letters = Vec::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let bits = (0..3).fold(0, |bits, i| bits << 8 | usize::from(chunk.get(i).copied().unwrap_or(0)));
-        let letter = |i: usize| if i <= chunk.len() { LETTERS[bits >> (18 - 6 * i) & 63] } else { b'=' };
-        letters.extend((0..4).map(letter));
-    }
-    letters
 }
