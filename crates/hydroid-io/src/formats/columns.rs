@@ -3,7 +3,7 @@
 use crate::sink::Clock;
 
 /// Nanoseconds of a unit of time.
-pub(crate) fn unit_ns(unit: &str) -> Option<i64> {
+fn unit_ns(unit: &str) -> Option<i64> {
     Some(match unit.trim() {
         "ns" => 1,
         "us" | "µs" | "μs" => 1_000,
@@ -39,9 +39,12 @@ pub(crate) fn time_name(name: &str) -> Option<&str> {
     (named && (unit.is_empty() || unit_ns(unit).is_some())).then_some(unit)
 }
 
-/// Scale and clock of a column of numbers whose first value is known. Without a unit, numbers are seconds unless they
-/// are a date of this century in a smaller unit. Times of this century are UTC, others those of a device.
-pub(crate) fn clock(first: f64, unit_ns: Option<i64>) -> (i64, Clock) {
+/// Scale and clock of a column of numbers by its first value, its unit, and that in its name. Without a unit, numbers are
+/// seconds unless they are a date of this century in a smaller unit. Times of this century are UTC, others those of a
+/// device.
+pub(crate) fn clock(first: Option<f64>, unit: Option<&str>, name: &str) -> (i64, Clock) {
+    let first = first.unwrap_or(0.0);
+    let unit_ns = unit.and_then(unit_ns).or_else(|| time_name(name).and_then(unit_ns));
     let this_century = |ns: i64| (946_684_800e9..4_102_444_800e9).contains(&(first * ns as f64));
     let stated = unit_ns.as_ref().map_or(&[1_000_000_000, 1_000_000, 1_000, 1][..], std::slice::from_ref);
     match stated.iter().find(|ns| this_century(**ns)) {

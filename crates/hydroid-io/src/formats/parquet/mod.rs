@@ -17,7 +17,7 @@ use std::path::Path;
 use self::codec::Codecs;
 use self::column::{Cells, Column, Shared};
 use self::footer::{Footer, Group, Leaf, Meaning, Physical};
-use super::columns::{clock, split_unit, stamp, time_name, unit_ns};
+use super::columns::{clock, split_unit, stamp, time_name};
 use crate::error::IoError;
 use crate::input::Input;
 use crate::sink::{Clock, Field, Sink, Summary, Topic};
@@ -125,10 +125,8 @@ fn find_time(
     let Some(column) = (0..columns.len()).find(named) else {
         return Ok((Time::Rows, Clock::None));
     };
-    let stated = fields[column].unit.as_deref().and_then(unit_ns);
-    let in_name = time_name(&fields[column].name).and_then(unit_ns);
-    let first = first_number(shared, footer, &columns[column])?.unwrap_or(0.0);
-    let (ns, clock) = clock(first, stated.or(in_name));
+    let first = first_number(shared, footer, &columns[column])?;
+    let (ns, clock) = clock(first, fields[column].unit.as_deref(), &fields[column].name);
     Ok((Time::Numbers { column, ns }, clock))
 }
 

@@ -4,7 +4,7 @@ use std::io::Read;
 
 use super::rows::{Cell, Row, Rows};
 use super::xml::Stop;
-use crate::formats::columns::{clock, looks_like_unit, split_unit, stamp, time_name, unit_ns};
+use crate::formats::columns::{clock, looks_like_unit, split_unit, stamp, time_name};
 use crate::formats::time::iso_stamp;
 use crate::sink::{Clock, Field, Sink, Summary, Topic};
 
@@ -158,10 +158,8 @@ impl<'a> Table<'a> {
             times.iter().copied().find(|column| cells(*column).any(|cell| number(cell).is_some()))
         {
             let first = cells(column).find_map(number);
-            let of_type = matches!(cells(column).next(), Some(Cell::Time(_))).then_some(1_000_000_000);
-            let stated =
-                of_type.or(unit(column).and_then(unit_ns)).or(time_name(name(column)).and_then(unit_ns));
-            let (ns, clock) = clock(first.unwrap_or(0.0), stated);
+            let of_type = matches!(cells(column).next(), Some(Cell::Time(_))).then_some("s");
+            let (ns, clock) = clock(first, of_type.or(unit(column)), name(column));
             (self.time, found) = (Time::Numbers(column, ns), clock);
         }
         let mut topic = Topic {
