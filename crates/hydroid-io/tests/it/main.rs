@@ -1,6 +1,7 @@
 //! Integration tests.
 
 mod dataflash;
+mod foreign;
 mod golden;
 mod hostile;
 mod mcap;
