@@ -20,14 +20,13 @@ pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, Io
     let [topics, messages, definitions] = database.tables(names, &mut output.summary)?;
     let topics = needed(&mut database, "topics", topics)?;
     let messages = needed(&mut database, "messages", messages)?;
-    let [topic, stamp, data] =
-        needed_columns(&mut database, "messages", &messages, ["topic_id", "timestamp", "data"])?;
+    let columns = needed_columns(&mut database, "messages", &messages, ["topic_id", "timestamp", "data"])?;
     bag.read_topics(&mut database, &topics, definitions.as_ref(), &mut output.summary)?;
     let mut rows = Rows::new(&messages);
-    bag.read_messages(&mut database, &mut rows, [topic, stamp, data], &mut output)?;
+    bag.read_messages(&mut database, &mut rows, columns, &mut output)?;
     if rows.damaged {
         let mut lost = Rows::lost();
-        let found = bag.read_messages(&mut database, &mut lost, [topic, stamp, data], &mut output)?;
+        let found = bag.read_messages(&mut database, &mut lost, columns, &mut output)?;
         output.summary.note(format!(
             "the table of messages is damaged; {found} messages were found outside of it and may be out of order"
         ));

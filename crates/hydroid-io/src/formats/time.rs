@@ -140,29 +140,25 @@ pub(crate) fn gps_utc_ns(week: i64, millisecond: i64) -> Option<i64> {
 
 /// Median of the differences between two clocks, in bounded memory: every second of the kept ones is dropped when
 /// they become too many, and from then on only every second is added.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Offsets {
     kept: Vec<i64>,
-    every: u64,
+    halvings: u32,
     seen: u64,
 }
 
 impl Offsets {
     const MOST: usize = 4096;
 
-    pub(crate) fn new() -> Self {
-        Self { kept: Vec::new(), every: 1, seen: 0 }
-    }
-
     pub(crate) fn add(&mut self, offset: i64) {
-        if self.seen.is_multiple_of(self.every) {
+        if self.seen.is_multiple_of(1 << self.halvings) {
             if self.kept.len() == Self::MOST {
                 let mut index = 0;
                 self.kept.retain(|_| {
                     index += 1;
                     index % 2 == 1
                 });
-                self.every *= 2;
+                self.halvings += 1;
             }
             self.kept.push(offset);
         }

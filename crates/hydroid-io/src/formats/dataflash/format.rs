@@ -127,7 +127,7 @@ pub(super) struct UnitLetters {
 }
 
 /// Units and factors by their letters (UNIT and MULT messages).
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Tables {
     pub(super) units: Vec<Option<String>>,
     pub(super) factors: Vec<f64>,

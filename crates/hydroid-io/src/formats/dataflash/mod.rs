@@ -106,6 +106,7 @@ struct Gap {
     zero: bool,
 }
 
+#[derive(Default)]
 struct Reader {
     kinds: Vec<Option<Box<Kind>>>,
     names: HashSet<String>,
@@ -121,18 +122,8 @@ struct Reader {
 
 impl Reader {
     fn new() -> Self {
-        let mut reader = Self {
-            kinds: (0..256).map(|_| None).collect(),
-            names: HashSet::new(),
-            tables: Tables::new(),
-            gap: None,
-            topics: 0,
-            fields: 0,
-            messages: 0,
-            offsets: Offsets::new(),
-            values: Vec::new(),
-            summary: Summary::default(),
-        };
+        let mut reader =
+            Self { kinds: (0..256).map(|_| None).collect(), tables: Tables::new(), ..Self::default() };
         // The FMT message of FMT itself, in case it is lost.
         let mut body = [0; FMT_LENGTH - HEADER];
         body[..11].copy_from_slice(b"\x80\x59FMT\0BBnNZ");

@@ -72,6 +72,7 @@ fn units(mut metadata: Fields<'_>) -> BTreeMap<String, String> {
 const MOST_UNITS: usize = 1000;
 
 /// A schema record.
+#[derive(Clone, Default)]
 struct SchemaRecord {
     name: String,
     encoding: String,
@@ -264,24 +265,9 @@ impl Reader<'_> {
         }
         let [topic, encoding] = [topic, encoding].map(|bytes| text(bytes, LONGEST_TOPIC));
         let units = units(Fields(fields.text().unwrap_or_default()));
-        let channel = match self.schemas.get(&schema) {
-            Some(SchemaRecord { name, encoding: definition_encoding, text }) => Channel {
-                topic,
-                type_name: name.clone(),
-                encoding,
-                definition_encoding: definition_encoding.clone(),
-                definition: text.clone(),
-                units,
-            },
-            None => Channel {
-                topic,
-                type_name: String::new(),
-                encoding,
-                definition_encoding: String::new(),
-                definition: String::new(),
-                units,
-            },
-        };
+        let SchemaRecord { name: type_name, encoding: definition_encoding, text: definition } =
+            self.schemas.get(&schema).cloned().unwrap_or_default();
+        let channel = Channel { topic, type_name, encoding, definition_encoding, definition, units };
         let topic = self.topics.add(channel, &mut self.output.summary);
         if self.channels.len() <= id {
             self.channels.resize(id + 1, None);

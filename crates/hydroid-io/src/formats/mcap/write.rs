@@ -85,12 +85,8 @@ struct ChunkIndex {
 }
 
 fn put_text(to: &mut Vec<u8>, text: &str) {
-    put_bytes(to, text.as_bytes());
-}
-
-fn put_bytes(to: &mut Vec<u8>, bytes: &[u8]) {
-    to.extend(u32::try_from(bytes.len()).unwrap_or(u32::MAX).to_le_bytes());
-    to.extend_from_slice(bytes);
+    to.extend(u32::try_from(text.len()).unwrap_or(u32::MAX).to_le_bytes());
+    to.extend_from_slice(text.as_bytes());
 }
 
 /// Appends a record, whose content `fill` appends.

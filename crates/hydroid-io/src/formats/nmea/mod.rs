@@ -72,13 +72,13 @@ pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, Io
             .summary
             .note(format!("sentences that are not read, with their numbers: {}", others.join(", ")));
     }
-    for known in &reader.topics {
-        let spread = reader.spread.spread(known.topic);
+    for (topic, known) in reader.topics.iter().enumerate() {
+        let spread = reader.spread.spread(topic);
         if spread > 0 {
             reader.summary.note(format!(
                 "{spread} of {} sentences {} come behind another one without a time between them, and are spread evenly up to the next time: record the time of arrival in front of each sentence",
                 known.count,
-                String::from_utf8_lossy(&known.formatter),
+                String::from_utf8_lossy(&known.sentence.formatter),
             ));
         }
     }
@@ -89,12 +89,10 @@ pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, Io
 /// A sentence of a talker.
 #[derive(Debug)]
 struct Known {
-    formatter: [u8; 3],
     talker: [u8; 2],
     /// Values of the fields that tell topics apart.
     variant: [u8; 4],
     sentence: &'static Sentence,
-    topic: usize,
     wanted: bool,
     checksum: bool,
     /// Number of sentences.
@@ -161,38 +159,28 @@ impl Reader {
             return Err("a sentence that is cut");
         }
         let variant = variant(sentence, fields);
-        let same = |known: &Known| known.formatter == formatter && known.talker == talker;
+        let same = |known: &Known| known.sentence.formatter == formatter && known.talker == talker;
         if !line.checksum && self.topics.iter().any(|known| same(known) && known.checksum) {
             return Err("a sentence that is cut");
         }
         let stamp = self.times.stamp(line.prefix, sentence, fields)?;
         self.sentences += 1;
         let found = self.topics.iter().position(|known| same(known) && known.variant == variant);
+        let topic = found.unwrap_or(self.topics.len());
         let known = match found {
             Some(index) => &mut self.topics[index],
             None if self.topics.len() >= MOST_TOPICS => {
                 return Err("a sentence of one more talker than are read");
             }
             None => {
-                let topic = self.topics.len();
                 let name = self.name(formatter, talker, variant);
                 let clock = self.times.clock();
                 let text = String::from_utf8_lossy(&formatter).into_owned();
                 let stated =
                     Topic { name, type_name: text, clock, fields: sentence.fields(), texts: Vec::new() };
                 let wanted = sink.topic(topic, &stated);
-                self.topics.push(Known {
-                    formatter,
-                    talker,
-                    variant,
-                    sentence,
-                    topic,
-                    wanted,
-                    checksum: false,
-                    count: 0,
-                });
-                let last = self.topics.len() - 1;
-                &mut self.topics[last]
+                let known = Known { talker, variant, sentence, wanted, checksum: false, count: 0 };
+                self.topics.push_mut(known)
             }
         };
         known.checksum |= line.checksum;
@@ -200,9 +188,9 @@ impl Reader {
         if known.wanted {
             known.sentence.read(fields, &mut self.values);
             if self.times.are_stated() {
-                self.spread.row(known.topic, stamp, &self.values, sink);
+                self.spread.row(topic, stamp, &self.values, sink);
             } else {
-                sink.row(known.topic, stamp, None, &self.values);
+                sink.row(topic, stamp, None, &self.values);
             }
         }
         Ok(())
@@ -211,7 +199,7 @@ impl Reader {
     /// The formatter, and in brackets what differs from the first topic of the sentence.
     fn name(&self, formatter: [u8; 3], talker: [u8; 2], variant: [u8; 4]) -> String {
         let text = |bytes: &[u8]| super::number::text(bytes);
-        let Some(first) = self.topics.iter().find(|known| known.formatter == formatter) else {
+        let Some(first) = self.topics.iter().find(|known| known.sentence.formatter == formatter) else {
             return text(&formatter);
         };
         let mut parts = Vec::new();

@@ -226,7 +226,7 @@ impl Runs {
 }
 
 /// Differences of integers in blocks: "Delta Encoding" (`DELTA_BINARY_PACKED`).
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Delta {
     at: usize,
     /// Miniblocks of a block, and values of each.
@@ -246,19 +246,7 @@ pub(super) struct Delta {
 
 impl Delta {
     fn new(page: &[u8], at: usize) -> Part<Self> {
-        let mut delta = Self {
-            at,
-            miniblocks: 0,
-            size: 0,
-            left: 0,
-            value: 0,
-            first: true,
-            least: 0,
-            widths: 0..0,
-            width: 0,
-            bit: 0,
-            in_miniblock: 0,
-        };
+        let mut delta = Self { at, first: true, ..Self::default() };
         let block = delta.varint(page).ok_or(ENDS)?;
         delta.miniblocks = delta.varint(page).ok_or(ENDS)?;
         delta.left = delta.varint(page).ok_or(ENDS)?;

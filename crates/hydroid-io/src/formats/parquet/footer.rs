@@ -81,7 +81,7 @@ pub(super) struct Leaf {
 }
 
 /// Content of the footer.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Footer<'a> {
     pub(super) leaves: Vec<Leaf>,
     /// Names of the nested columns and those of unknown types.
@@ -148,14 +148,7 @@ impl<'a> Footer<'a> {
     /// Parses `FileMetaData`.
     pub(super) fn parse(data: &'a [u8]) -> Part<Self> {
         let mut thrift = Thrift::new(data);
-        let mut footer = Self {
-            leaves: Vec::new(),
-            left_out: Vec::new(),
-            columns: 0,
-            arrow: None,
-            groups: thrift,
-            group_count: 0,
-        };
+        let mut footer = Self { groups: thrift, ..Self::default() };
         let mut id = 0;
         while let Some(kind) = thrift.member(&mut id)? {
             match id {

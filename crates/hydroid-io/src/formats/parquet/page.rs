@@ -3,7 +3,7 @@
 use super::thrift::{Kind, Part, STRUCT, Thrift};
 
 /// Kind of a page.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum PageKind {
     Data,
     /// Sizes of the levels, which are in front of the values and never compressed.
@@ -14,11 +14,12 @@ pub(super) enum PageKind {
     },
     Dictionary,
     /// An index, or a kind of the future.
+    #[default]
     Other,
 }
 
 /// Header of a page.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct PageHeader {
     pub(super) kind: PageKind,
     /// Size of the header itself.
@@ -35,16 +36,7 @@ pub(super) struct PageHeader {
 impl PageHeader {
     pub(super) fn parse(data: &[u8]) -> Part<Self> {
         let mut thrift = Thrift::new(data);
-        let mut header = Self {
-            kind: PageKind::Other,
-            size: 0,
-            unpacked: 0,
-            packed: 0,
-            crc: None,
-            values: 0,
-            encoding: -1,
-            levels: 3,
-        };
+        let mut header = Self { encoding: -1, levels: 3, ..Self::default() };
         let mut number = -1;
         let mut id = 0;
         while let Some(kind) = thrift.member(&mut id)? {

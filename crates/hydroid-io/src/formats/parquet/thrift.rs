@@ -22,7 +22,7 @@ pub(super) const LIST: Kind = 9;
 pub(super) const STRUCT: Kind = 12;
 
 /// Place in bytes of the compact protocol.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Thrift<'a> {
     data: &'a [u8],
     at: usize,

@@ -60,7 +60,7 @@ pub(crate) fn scan(input: &mut Input, sink: &mut dyn Sink) -> Result<Summary, Io
         input.seek((FILE_HEADER as u64).min(input.length()))?;
         return Err(input.damaged("no message of this ULog is whole", "download it again from the autopilot"));
     }
-    reader.summary.utc_offset_ns = reader.offsets.and_then(Offsets::median);
+    reader.summary.utc_offset_ns = reader.offsets.median();
     Ok(reader.summary)
 }
 
@@ -114,7 +114,7 @@ struct Reader {
     topics: usize,
     fields: usize,
     messages: u64,
-    offsets: Option<Offsets>,
+    offsets: Offsets,
     values: Vec<f64>,
     summary: Summary,
 }
@@ -371,7 +371,7 @@ impl Reader {
         if known.utc
             && let (Some(utc), Some(time)) = (plan.utc(data), plan.record.time(data))
         {
-            self.offsets.get_or_insert_with(Offsets::new).add(utc.saturating_sub(time));
+            self.offsets.add(utc.saturating_sub(time));
         }
         let (topic, wanted) = *known.stated.get_or_insert_with(|| {
             let instance = if known.instance == 0 { String::new() } else { format!("[{}]", known.instance) };

@@ -14,16 +14,18 @@ const FIRST_ROWS: usize = 50;
 const HIGHEST_HEADER: u64 = 1000;
 
 /// Where the stamps come from.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 enum Time {
     /// A column of dates or of texts with a date.
     Dates(usize),
     /// A column of numbers in units of nanoseconds.
     Numbers(usize, i64),
+    #[default]
     Rows,
 }
 
 /// A sheet while it is read.
+#[derive(Default)]
 pub(super) struct Table<'a> {
     name: &'a str,
     id: usize,
@@ -43,21 +45,7 @@ pub(super) struct Table<'a> {
 
 impl<'a> Table<'a> {
     pub(super) fn new(name: &'a str, id: usize) -> Self {
-        Self {
-            name,
-            id,
-            names: Vec::new(),
-            confirmed: false,
-            first: Vec::new(),
-            time: Time::Rows,
-            columns: Vec::new(),
-            values: Vec::new(),
-            lines: 0,
-            given: 0,
-            untimed: 0,
-            stated: false,
-            wanted: false,
-        }
+        Self { name, id, ..Self::default() }
     }
 
     /// Rows of the sheet that were read.
