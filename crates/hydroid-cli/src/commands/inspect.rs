@@ -99,8 +99,16 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
             };
             notes.extend(inspection.notes.iter().cloned());
             let trials = trials(&runs);
+            // A table without velocities may have sensors from which they are computed.
+            let proposal = (!is_recording && runs.is_empty() && reading.selection.outputs.is_empty())
+                .then(|| recording::of_table(file, &inspection, &reading))
+                .flatten();
             if global.json {
                 let mut document = serde_json::to_value(&inspection)?;
+                if let Some((survey, proposal)) = &proposal {
+                    document["proposal"] = json!(proposal);
+                    document["config"] = json!(proposal.to_toml(&survey.path));
+                }
                 document["trials"] = json!(trials);
                 document["excitation"] = lacks::json(&runs);
                 documents.push(document);
@@ -112,6 +120,9 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
                     lacks::show(&runs);
                 }
                 ui::print_notes(&notes, global);
+                if let Some((_, proposal)) = &proposal {
+                    recording::show_proposal(proposal);
+                }
             }
             all_runs.extend(runs);
         }

@@ -202,3 +202,63 @@ fn several_runs_have_the_names_of_their_logs() {
         assert_eq!(files(&folder.join(found)), names);
     }
 }
+
+/// A table of sensors with times of day and a row of units, past midnight, as a logger in German writes it.
+#[test]
+fn inspect_proposes_the_sensors_of_a_table_without_velocities() {
+
+    let folder = TempDir::new().unwrap();
+    let mut table = "Datum;Uhrzeit;Breite;Länge;Kompass;Fahrt ü. Grund;Kurs ü. Grund;ruder_cmd\n;;deg;deg;deg;kn;deg;deg\n".to_owned();
+    for k in 0..900 {
+        let t = 0.2 * f64::from(k);
+        let (day, s) = if t < 60.0 { (1, 86_340.0 + t) } else { (2, t - 60.0) };
+        let (sine, cosine) = (0.05 * t).sin_cos();
+        let (north, east) = (40.0 * sine, -40.0 * cosine);
+        let course = (0.05 * t).to_degrees() % 360.0;
+        let clock = format!("{:02}:{:02}:{:04.1}", (s / 3600.0).floor(), (s / 60.0).floor() % 60.0, s % 60.0);
+        let _ = writeln!(
+            table,
+            "0{day}.05.2026;{clock};{:.8};{:.8};{course:.2};3.888;{course:.2};{:.1}",
+            54.0 + north / 111_200.0,
+            8.0 + east / 65_400.0,
+            10.0 * (0.3 * t).sin()
+        );
+    }
+    std::fs::write(folder.path().join("tag.csv"), table).unwrap();
+    let output = run(folder.path(), "inspect tag.csv");
+    let said = text(&output.stdout);
+    for expected in [
+        "Fahrt ü. Grund             kn",
+        "latitude: Breite",
+        "speed: Fahrt ü. Grund",
+        "course: Kurs ü. Grund",
+        "command ruder_cmd",
+    ] {
+        assert!(said.contains(expected), "{expected}: {said}");
+    }
+    let output = run(folder.path(), "inspect tag.csv --json");
+    let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(document["config"].as_str().unwrap().contains("[log.sensors]"), "{document}");
+    run(folder.path(), "inspect tag.csv --write-config");
+    let output = run(folder.path(), "convert tag.csv --config hydroid.toml -o out.csv");
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let rows = std::fs::read_to_string(folder.path().join("out.csv")).unwrap();
+    let names: Vec<&str> = rows.lines().next().unwrap().split(',').collect();
+    let at = |name: &str| names.iter().position(|cell| cell.starts_with(name)).unwrap();
+    let middle: Vec<f64> =
+        rows.lines().nth(500).unwrap().split(',').map(|cell| cell.parse().unwrap()).collect();
+    assert!((middle[at("u ")] - 2.0).abs() < 0.05 && (middle[at("r ")] - 0.05).abs() < 0.005, "{middle:?}");
+    assert!(rows.lines().count() > 850, "{}", rows.lines().count());
+}
+
+/// Milliseconds since 1970 were the year 2262.
+#[test]
+fn a_time_in_milliseconds_without_a_unit_is_refused_in_recordings() {
+    let folder = TempDir::new().unwrap();
+    let rows: String =
+        (0..50).map(|k| format!("{},54.0,8.0,{}\n", 1_760_000_000_000_i64 + 200 * k, k)).collect();
+    std::fs::write(folder.path().join("ms.csv"), format!("timestamp,lat,lon,heading\n{rows}")).unwrap();
+    let output = run(folder.path(), "inspect ms.csv --write-config");
+    let said = text(&output.stderr);
+    assert!(!output.status.success() && said.contains("timestamp [ms]"), "{said}");
+}

@@ -75,6 +75,12 @@ pub struct Boat<L> {
     position_check: Option<PositionCheck>,
     /// Whether it was said that the position has jumped.
     told_jump: bool,
+    /// Whether it was said that the boat is outside of the geofence.
+    told_outside: bool,
+    /// Neutral commands of the inputs; empty if they are not known.
+    rest: Vec<f64>,
+    /// Time since which commands have not been neutral \[s\].
+    pushing_since: Option<f64>,
     /// The latest time that was given.
     now_ns: i64,
     planned_ns: i64,
@@ -135,6 +141,7 @@ impl<L: Link> Boat<L> {
         };
         let used: Vec<usize> = (0..count).filter(is_used).collect();
         let axes = steering::axes(&link, &settings, commands.columns());
+        let rest = axes.iter().flatten().map(|axis| axis.rest).collect();
         link.prepare(&used, axes);
         let explored = steering::explored(&link, &settings, commands.columns());
         Ok(Self {
@@ -147,6 +154,9 @@ impl<L: Link> Boat<L> {
             motion,
             position_check,
             told_jump: false,
+            told_outside: false,
+            rest,
+            pushing_since: None,
             now_ns,
             planned_ns: i64::MIN,
             commands,
@@ -441,7 +451,13 @@ impl<L: Link> Boat<L> {
         self.begin_planned(now_ns);
         let is_located = self.is_located(now_ns);
         let jump_m = self.jump_m().filter(|_| !is_located);
-        if self.is_commanding() && !is_located {
+        let stuck_s = self.pushing_since.and_then(|since| self.position_check.as_ref()?.stuck_s(since));
+        if let Some(stuck_s) = stuck_s.filter(|_| self.is_commanding()) {
+            let reason = format!(
+                "the position has not changed for {stuck_s:.0} s under command: check the GNSS receiver, and switch a static hold off"
+            );
+            self.hands_off(now_ns, Level::Warning, &reason);
+        } else if self.is_commanding() && !is_located {
             let max_age_s = self.settings.control.max_age.map(|age| age.0);
             let reason = if let Some(distance) = jump_m {
                 format!("the position jumps by {distance:.0} m")
@@ -453,6 +469,7 @@ impl<L: Link> Boat<L> {
             self.hands_off(now_ns, Level::Warning, &reason);
         }
         self.tell_jump(now_ns, jump_m);
+        self.tell_outside(now_ns);
         let Some(recording) = &self.recording else { return };
         let health = recording.health();
         let slow = "the disk is too slow".to_owned();
@@ -484,6 +501,20 @@ impl<L: Link> Boat<L> {
                 format!("the position is {distance:.0} m from where speed and heading have led: check the GNSS receiver"),
             ),
             None => self.say(now_ns, Level::Info, "the position agrees with speed and heading again"),
+        }
+    }
+
+    /// Says that the boat has left the geofence, or is inside again, whoever steers it.
+    fn tell_outside(&mut self, now_ns: i64) {
+        let Some([margin, _]) = self.margin() else { return };
+        if self.told_outside == (margin < 0.0) {
+            return;
+        }
+        self.told_outside = margin < 0.0;
+        if self.told_outside {
+            self.say(now_ns, Level::Error, "the boat is outside of the geofence");
+        } else {
+            self.say(now_ns, Level::Info, "the boat is inside the geofence again");
         }
     }
 

@@ -5,6 +5,9 @@
 //! prediction is not used (validation gate: Bar-Shalom, Li and Kirubarajan, *Estimation with Applications to Tracking and
 //! Navigation*, 2001, section 5.4), and commands end as without a position. Because the prediction gets worse without
 //! positions, those that stay outside of the gate are used after a while, as ArduPilot's filter does.
+//!
+//! A receiver that freezes repeats its last fix to the last digit, which noise does not let a working one do. While commands push the
+//! vessel, such a position is stuck after [`STUCK_S`] and four times the usual time between changes.
 
 use hydroid::log::{LogError, Sensors};
 use hydroid::recording::{LiveColumn, LiveMotion, LiveTopics};
@@ -18,6 +21,24 @@ const DEVIATIONS: f64 = 4.0;
 
 /// Positions outside of the gate are not used for this time \[s\].
 const UNUSED_S: f64 = 10.0;
+
+/// Shortest time without a change after which a position is stuck \[s\].
+const STUCK_S: f64 = 3.0;
+const CHANGES: f64 = 4.0;
+/// Longest time between changes that counts as usual \[s\], and the share of the newest one in the mean.
+const LONGEST_S: f64 = 2.0;
+const NEWEST: f64 = 0.2;
+
+/// Fixes that are the same to the last digit.
+#[derive(Clone, Copy, Debug)]
+struct Repeated {
+    values: [f64; 2],
+    /// Times of the first and the last one \[s\].
+    since: f64,
+    until: f64,
+    /// Usual time between changes \[s\].
+    usual: f64,
+}
 
 /// A position that is outside of the gate.
 #[derive(Clone, Copy, Debug)]
@@ -35,6 +56,7 @@ pub(super) struct PositionCheck {
     /// Place of the antenna forward and to starboard \[m\].
     antenna_m: [f64; 2],
     jump: Option<Jump>,
+    repeated: Option<Repeated>,
 }
 
 impl PositionCheck {
@@ -49,12 +71,36 @@ impl PositionCheck {
             },
         };
         let columns = [topics.column(named[0])?, topics.column(named[1])?];
-        Ok(Some(Self { columns, is_geographic, antenna_m: [ahead, starboard], jump: None }))
+        Ok(Some(Self { columns, is_geographic, antenna_m: [ahead, starboard], jump: None, repeated: None }))
     }
 
     /// The last position, if it is outside of the gate.
     pub(super) fn jump(&self) -> Option<Jump> {
         self.jump
+    }
+
+    /// Time for which the position has not changed \[s\], if it is stuck under commands that have pushed the vessel since a time \[s\].
+    pub(super) fn stuck_s(&self, pushing_since: f64) -> Option<f64> {
+        let Repeated { since, until, usual, .. } = self.repeated?;
+        let same_s = until - since.max(pushing_since);
+        (same_s > STUCK_S.max(CHANGES * usual)).then_some(same_s)
+    }
+
+    /// Takes a fix into account for [`stuck_s`](Self::stuck_s).
+    fn repeat(&mut self, t: f64, values: &[f64]) {
+        let fix = [0, 1].map(|k| values.get(self.columns[k].field).copied().unwrap_or(f64::NAN));
+        if fix.iter().any(|x| x.is_nan()) {
+            return;
+        }
+        self.repeated = Some(match self.repeated {
+            Some(last) if last.values == fix => Repeated { until: t.max(last.until), ..last },
+            Some(last) => {
+                let lasted = (t - last.since).clamp(0.0, LONGEST_S);
+                let usual = last.usual + NEWEST * (lasted - last.usual);
+                Repeated { values: fix, since: t, until: t, usual }
+            }
+            None => Repeated { values: fix, since: t, until: t, usual: 0.0 },
+        });
     }
 
     /// Tests the row of a topic at a time \[s\]; the answer is what takes its place if its position is not to be used.
@@ -68,6 +114,7 @@ impl PositionCheck {
         if self.columns.iter().any(|column| column.topic != topic) {
             return None;
         }
+        self.repeat(t, values);
         let distance = self.distance(t, values, motion)?;
         let (deviation, ..) = motion.uncertainty()?;
         if distance <= GATE_M + DEVIATIONS * deviation {

@@ -182,6 +182,9 @@ fn chain(error: &dyn std::error::Error) -> String {
     text
 }
 
+/// Time for which the course is extended to the geofence \[s\].
+const AHEAD_S: u32 = 30;
+
 /// Points of a path, for pictures and for the geofence.
 fn points(path: &Path) -> impl Iterator<Item = [f64; 2]> + '_ {
     (0..=POINTS).map(|k| path.at(path.length() * f64::from(k) / f64::from(POINTS)).position)
@@ -204,11 +207,23 @@ impl<L: Link> Boat<L> {
         Some(Fence::Circle { north, east, radius: limits.fence_m })
     }
 
+    /// Distance of the boat from the geofence \[m\], negative outside, and the time in which it reaches it on its present course
+    /// \[s\], infinite if that is more than [`AHEAD_S`]; `None` before the first position.
+    pub(super) fn margin(&self) -> Option<[f64; 2]> {
+        let (fence, row) = (self.fence()?, self.motion.at(self.motion.time())?);
+        let ([north, east, psi], [u, v, _]) = (row.pose, row.ground);
+        let (sine, cosine) = psi.sin_cos();
+        let [to_north, to_east] = [u * cosine - v * sine, u * sine + v * cosine];
+        let margin = |s: f64| fence.margin(north + s * to_north, east + s * to_east);
+        let reached = (0..=AHEAD_S).map(f64::from).find(|s| margin(*s) < 0.0);
+        Some([margin(0.0), reached.unwrap_or(f64::INFINITY)]).filter(|[margin, _]| margin.is_finite())
+    }
+
     /// Releases the helm. `level` is that of the message: information if it was asked for.
     pub(super) fn hands_off(&mut self, now_ns: i64, level: Level, reason: &str) {
         let was = !matches!(self.steering, Steering::Off);
         self.steering.end();
-        self.planned = None;
+        (self.planned, self.pushing_since) = (None, None);
         if let Some(active) = &mut self.active {
             active.release();
         }
@@ -339,6 +354,8 @@ impl<L: Link> Boat<L> {
             .map(|(column, value)| column.source.raw(*value))
             .collect();
         self.link.command(&raw, now_ns);
+        let t = super::seconds(self.begun_ns, now_ns);
+        self.pushing_since = (values != self.rest).then(|| self.pushing_since.unwrap_or(t));
     }
 
     pub(super) fn begin_steering(&mut self, now_ns: i64) -> Result<String, String> {

@@ -148,7 +148,11 @@ impl<L: Link> Boat<L> {
             },
             "experiments": EXPERIMENTS,
             "fence": self.fence().map(|fence| match fence {
-                Fence::Circle { north, east, radius } => json!({ "north": north, "east": east, "radius": radius }),
+                Fence::Circle { north, east, radius } => {
+                    let [margin, reached_s] = self.margin().map_or([None; 2], |of| of.map(Some));
+                    let reached_s = reached_s.filter(|s| s.is_finite());
+                    json!({ "north": north, "east": east, "radius": radius, "margin": margin, "reached_s": reached_s })
+                }
             }),
             "path": if let Steering::Path(path) = &self.steering { json!(path) } else { Value::Null },
             "helm": self.view_helm(now_ns),

@@ -2,7 +2,6 @@
 
 use std::borrow::Cow;
 use std::f64::consts::TAU;
-use std::ops::Range;
 
 use super::clock;
 use super::csv::{BadCell, RawColumn, RawLog};
@@ -52,8 +51,8 @@ pub(crate) struct Columns<'a> {
     pub(crate) heading: Option<Cow<'a, [f64]>>,
 }
 
-/// Largest plausible time \[s\]: seconds since 1970 are 1.7e9, milliseconds are 1.7e12.
-const LONGEST_TIME_S: f64 = 1e12;
+/// Largest plausible time \[s\]: seconds since 1970 are 1.7e9, milliseconds are 1.7e12, and nanoseconds end at 9.2e9 s.
+pub(crate) const LONGEST_TIME_S: f64 = 9e9;
 
 /// Seconds from which on a time counts from 1970: 2001-09-09.
 pub(crate) const SINCE_1970_S: f64 = 1e9;
@@ -232,17 +231,6 @@ fn blank(path: &str, source: &Source, kind: sentinel::Kind, values: &mut Cow<[f6
     sentinel::note(path, &source.channel.name, &found, raw)
 }
 
-/// Restricts a column to some of its rows.
-pub(crate) fn keep_rows(values: &mut Cow<[f64]>, rows: Range<usize>) {
-    match values {
-        Cow::Borrowed(values) => *values = &values[rows],
-        Cow::Owned(values) => {
-            values.truncate(rows.end);
-            values.drain(..rows.start);
-        }
-    }
-}
-
 /// Rejects a time column without times, and adds a note on stamps.
 fn check_times(log: &RawLog, time: &Time, notes: &mut Vec<Note>) -> Result<(), LogError> {
     let Time::Column { source, .. } = time else { return Ok(()) };
@@ -262,7 +250,11 @@ fn check_times(log: &RawLog, time: &Time, notes: &mut Vec<Note>) -> Result<(), L
         return Err(LogError::OneTime { path, line, column, value });
     }
     if let Some(first) = &column.stamps {
-        let zone = if first.zoned { "" } else { " (no zone is given: taken as UTC)" };
+        let zone = match (first.dated, first.zoned) {
+            (true, false) => " (no zone is given: taken as UTC)",
+            (true, true) => "",
+            (false, _) => " (a time of day)",
+        };
         notes.push(Note::info(format!("{}: times are seconds since {}{zone}", log.path, first.text)));
     }
     Ok(())
@@ -388,7 +380,7 @@ pub(super) fn checked_column(log: &RawLog, column: usize) -> Result<&RawColumn, 
                 line: stamp.line,
                 column: column.name.clone(),
                 text: stamp.text.clone(),
-                remedy: "only the time column may hold dates: choose another one",
+                remedy: "only the time column may hold dates and times of day: choose another one",
             })
         }
         (Some(bad), _) => Err(not_a_number(log, column, bad)),

@@ -102,13 +102,13 @@ pub enum LogError {
     )]
     DifferentUnits { column: String, first: String, second: String, units: String },
     #[error(
-        "{path}: no time column, as none is called t, time, t_s, time_s or timestamp: name it with {}, or give the step of equally spaced rows with {} in seconds. Its columns are: {columns}",
+        "{path}: no time column, as none is called t, time, t_s, time_s or timestamp, or is the only one of stamps: name it with {}, or give the step of equally spaced rows with {} in seconds. Its columns are: {columns}",
         key("time").is("COLUMN"),
         key("dt")
     )]
     NoTime { path: String, columns: String },
     #[error(
-        "{path}: no columns u, v, r to take as outputs; name the measured columns, for example {}. Its columns are: {columns}",
+        "{path}: no columns u, v, r to take as outputs; name the measured columns, for example {}, or, if it has positions and headings, the sensors from which they are computed (`hydroid inspect` proposes them). Its columns are: {columns}",
         key("outputs").is("u=SURGE,r=YAWRATE")
     )]
     NoOutputs { path: String, columns: String },

@@ -1,16 +1,14 @@
 //! One log on its way to runs: the clock, the parts between jumps, and the tables of each part.
 
-use std::borrow::Cow;
-
 use super::clock::Clock;
 use super::columns::Columns;
 use super::error::LogError;
 use super::gaps;
-use super::grid::Grid;
+use super::grid::Part;
 use super::note::{Note, count};
 use super::prepare::{FEWEST_SAMPLES, PrepareOptions};
 use super::resample::Resampling;
-use super::trajectory::{Channel, Table, Trajectory};
+use super::trajectory::Trajectory;
 use crate::key::key;
 
 /// Longest usual step \[s\] of a clock without a unit.
@@ -86,25 +84,25 @@ impl<'a> File<'a> {
                 short += part.1 - part.0;
                 continue;
             }
-            let mut grid = if native {
-                Grid::native(&mut self.columns, part, dt, options.command_timing, options.input_delay)?
+            let mut part = if native {
+                Part::native(&mut self.columns, part, dt, options.command_timing, options.input_delay)?
             } else {
                 resampling.run(&self.columns, part)?
             };
-            for (sum, n) in held.iter_mut().zip(&grid.held) {
+            for (sum, n) in held.iter_mut().zip(&part.held) {
                 *sum += n;
             }
-            absent += grid.absent;
-            let dropped = grid.drop_without_command();
+            absent += part.absent;
+            let dropped = part.drop_without_command();
             front += dropped.0;
             back += dropped.1;
-            let mut usable = gaps::usable(&grid.outputs, grid.rows, dt, self.max_gap_s);
+            let mut usable = gaps::usable(&part.run, self.max_gap_s);
             let before: usize = usable.iter().map(|p| p.1 - p.0).sum();
             usable.retain(|p| p.1 - p.0 >= FEWEST_SAMPLES);
             short += before - usable.iter().map(|p| p.1 - p.0).sum::<usize>();
-            note_cuts(path, &grid, &usable, notes);
+            note_cuts(path, &part.run, &usable, notes);
             pieces += 1;
-            self.cut(name, grid, &usable, &mut runs);
+            cut(name, part.run, &usable, &mut runs);
         }
         for (channel, n) in self.columns.input_channels.iter().zip(&held) {
             if *n > 0 {
@@ -129,47 +127,6 @@ impl<'a> File<'a> {
         }
         self.note_missing(&runs, notes);
         Ok(runs)
-    }
-
-    /// Adds the usable parts of a grid to the runs, each named after the part.
-    fn cut(&self, name: &str, grid: Grid<'_>, usable: &[(usize, usize)], runs: &mut Vec<Trajectory>) {
-        let Grid { t0, dt, rows, outputs, inputs, truth, heading, .. } = grid;
-        // A column is released when it is in the tables.
-        let tables = |channels: &[Channel], columns: Vec<Cow<[f64]>>| {
-            let width = columns.len();
-            let mut flat: Vec<Vec<f64>> =
-                usable.iter().map(|(from, to)| vec![0.0; (to - from) * width]).collect();
-            for (c, column) in columns.into_iter().enumerate() {
-                for (flat, &(from, to)) in flat.iter_mut().zip(usable) {
-                    for (cell, x) in flat[c..].iter_mut().step_by(width).zip(&column[from..to]) {
-                        *cell = *x;
-                    }
-                }
-            }
-            flat.into_iter().map(|flat| Table::new(channels.to_vec(), flat)).collect::<Vec<_>>()
-        };
-        let outputs = tables(&self.columns.output_channels, outputs);
-        let inputs = tables(&self.columns.input_channels, inputs);
-        let mut truth = truth.map(|truth| tables(&self.columns.output_channels, truth).into_iter());
-        let mut headings = heading.map(|heading| match (heading, usable) {
-            (Cow::Owned(heading), &[(0, to)]) if to == rows => vec![heading].into_iter(),
-            (heading, _) => {
-                let parts = usable.iter().map(|&(from, to)| heading[from..to].to_vec());
-                parts.collect::<Vec<_>>().into_iter()
-            }
-        });
-        for ((&(from, to), outputs), inputs) in usable.iter().zip(outputs).zip(inputs) {
-            let t0 = t0 + from as f64 * dt;
-            runs.push(Trajectory {
-                name: format!("{name} ({t0:.1} s to {:.1} s)", t0 + (to - from - 1) as f64 * dt),
-                t0,
-                dt,
-                outputs,
-                inputs,
-                truth: truth.as_mut().and_then(Iterator::next),
-                heading: headings.as_mut().and_then(Iterator::next),
-            });
-        }
     }
 
     /// Splits rows at jumps in time longer than the gap limit.
@@ -257,12 +214,27 @@ fn check_step(columns: &Columns<'_>, clock: &Clock, options: &PrepareOptions) ->
     }
 }
 
+/// Adds the usable parts of a run, each named after the part.
+fn cut(name: &str, run: Trajectory, usable: &[(usize, usize)], runs: &mut Vec<Trajectory>) {
+    let name_of = |from: usize, to: usize| {
+        let time = |k: usize| run.t0 + k as f64 * run.dt;
+        format!("{name} ({:.1} s to {:.1} s)", time(from), time(to - 1))
+    };
+    if let &[(0, to)] = usable
+        && to == run.len()
+    {
+        runs.push(Trajectory { name: name_of(0, to), ..run });
+    } else {
+        runs.extend(usable.iter().map(|&(from, to)| run.named_slice(from, to, name_of(from, to))));
+    }
+}
+
 /// Number of cuts of one part with a note of their own.
 const SHOWN_CUTS: usize = 5;
 
 /// Adds notes on the cuts between and around the usable parts.
-fn note_cuts(path: &str, grid: &Grid<'_>, usable: &[(usize, usize)], notes: &mut Vec<Note>) {
-    let time = |k: usize| grid.t0 + k as f64 * grid.dt;
+fn note_cuts(path: &str, run: &Trajectory, usable: &[(usize, usize)], notes: &mut Vec<Note>) {
+    let time = |k: usize| run.t0 + k as f64 * run.dt;
     let mut note_cut = |from: usize, to: usize, place: &str| {
         if from < to {
             notes.push(Note::warning(format!(
@@ -274,7 +246,7 @@ fn note_cuts(path: &str, grid: &Grid<'_>, usable: &[(usize, usize)], notes: &mut
         }
     };
     let (Some(first), Some(last)) = (usable.first(), usable.last()) else {
-        note_cut(0, grid.rows, "");
+        note_cut(0, run.len(), "");
         return;
     };
     note_cut(0, first.0, "at the beginning");
@@ -285,5 +257,5 @@ fn note_cuts(path: &str, grid: &Grid<'_>, usable: &[(usize, usize)], notes: &mut
         let (from, to) = (usable[SHOWN_CUTS].1, last.0);
         note_cut(from, to, &format!("in further cuts ({} in total)", count(usable.len() - 1, "cut")));
     }
-    note_cut(last.1, grid.rows, "at the end");
+    note_cut(last.1, run.len(), "at the end");
 }

@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use super::clock::median;
 use super::columns::Columns;
 use super::note::Note;
+use super::trajectory::{Table, Trajectory};
 use crate::key::key;
 
 /// Default gap limit in samples.
@@ -78,11 +79,12 @@ fn mean_spacing(columns: &Columns) -> f64 {
 /// Usable parts `from..to` of rows on a regular clock, without the rows between successive values of an output that are
 /// farther apart than the limit. Each part starts at the latest first value of all outputs and ends at the earliest
 /// last.
-pub(crate) fn usable(outputs: &[Cow<[f64]>], rows: usize, dt: f64, max_gap_s: f64) -> Vec<(usize, usize)> {
+pub(crate) fn usable(run: &Trajectory, max_gap_s: f64) -> Vec<(usize, usize)> {
+    let (outputs, rows, dt) = (&run.outputs, run.len(), run.dt);
     let mut cut = vec![false; rows];
-    for values in outputs {
+    for c in 0..outputs.width() {
         let mut last: Option<usize> = None;
-        for k in (0..rows).filter(|&k| !values[k].is_nan()) {
+        for k in outputs.column(c).enumerate().filter(|(_, x)| !x.is_nan()).map(|(k, _)| k) {
             if let Some(last) = last
                 && (k - last) as f64 * dt > max_gap_s * (1.0 + 1e-9)
             {
@@ -104,12 +106,12 @@ pub(crate) fn usable(outputs: &[Cow<[f64]>], rows: usize, dt: f64, max_gap_s: f6
 }
 
 /// The part of `from..to` in which every output has begun and none has ended.
-fn trim(outputs: &[Cow<[f64]>], from: usize, to: usize) -> Option<(usize, usize)> {
+fn trim(outputs: &Table, from: usize, to: usize) -> Option<(usize, usize)> {
     let (mut first, mut last) = (from, to);
-    for values in outputs {
-        let part = &values[from..to];
-        first = first.max(from + part.iter().position(|x| !x.is_nan())?);
-        last = last.min(from + part.iter().rposition(|x| !x.is_nan())? + 1);
+    for c in 0..outputs.width() {
+        let has = |k: &usize| !outputs.row(*k)[c].is_nan();
+        first = first.max((from..to).find(has)?);
+        last = last.min((from..to).rfind(has)? + 1);
     }
     (first < last).then_some((first, last))
 }

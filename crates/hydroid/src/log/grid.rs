@@ -3,33 +3,28 @@
 use std::borrow::Cow;
 
 use super::align::{CommandTiming, InputDelay, hold, shift};
-use super::columns::{Columns, keep_rows};
+use super::columns::Columns;
 use super::error::LogError;
+use super::trajectory::{Table, Trajectory};
 
 /// Maximum number of samples of a part: a step that is far too small is an error.
 pub(crate) const MOST_SAMPLES: f64 = 5e7;
 
-/// Samples on a regular clock; NaN is missing, in inputs as well.
+/// A part of a log on a regular clock before it is cut: NaN is missing, in inputs as well.
 #[derive(Clone, Debug)]
-pub(crate) struct Grid<'a> {
-    pub(crate) t0: f64,
-    pub(crate) dt: f64,
-    pub(crate) rows: usize,
-    pub(crate) outputs: Vec<Cow<'a, [f64]>>,
-    pub(crate) inputs: Vec<Cow<'a, [f64]>>,
-    pub(crate) truth: Option<Vec<Cow<'a, [f64]>>>,
-    pub(crate) heading: Option<Cow<'a, [f64]>>,
+pub(crate) struct Part {
+    pub(crate) run: Trajectory,
     /// Blank command cells that were filled with the command before, per input.
     pub(crate) held: Vec<usize>,
     /// Rows absent from the log.
     pub(crate) absent: usize,
 }
 
-impl<'a> Grid<'a> {
+impl Part {
     /// Rows `from..to` of a log with a regular clock. Absent rows are missing measurements. Over them the command of
     /// the row before acts on, or that of the row after ([`CommandTiming::After`]). If these are all rows of the log and
-    /// none is absent, the values are moved out of the columns.
-    pub(crate) fn native(
+    /// none is absent, the columns are released one after another.
+    pub(crate) fn native<'a>(
         columns: &mut Columns<'a>,
         (from, to): (usize, usize),
         step: f64,
@@ -65,9 +60,11 @@ impl<'a> Grid<'a> {
             Cow::Owned(placed)
         };
         let mut measured = |values: &mut Cow<'a, [f64]>| put(values, places.as_deref());
-        let outputs = columns.outputs.iter_mut().map(&mut measured).collect();
-        let truth = columns.truth.as_mut().map(|truth| truth.iter_mut().map(&mut measured).collect());
-        let heading = columns.heading.as_mut().map(measured);
+        let channels = &columns.output_channels;
+        let outputs = Table::of_columns(channels, columns.outputs.iter_mut().map(&mut measured), rows);
+        let truth = columns.truth.as_mut();
+        let truth = truth.map(|all| Table::of_columns(channels, all.iter_mut().map(&mut measured), rows));
+        let heading = columns.heading.as_mut().map(|heading| measured(heading).into_owned());
         // With `After`, the command of a row acts from the row before. It is placed one sample after that row, and the
         // shift moves it there.
         let begins: Option<Vec<usize>> = places.as_ref().map(|places| match timing {
@@ -77,8 +74,8 @@ impl<'a> Grid<'a> {
             }
         });
         let by = delay.samples(step).saturating_sub(i64::from(timing == CommandTiming::After));
-        let (mut inputs, mut held) = (Vec::new(), Vec::new());
-        for values in &mut columns.inputs {
+        let mut held = Vec::new();
+        let command = |values: &mut Cow<'a, [f64]>| {
             let mut input = put(values, begins.as_deref());
             let filled = if input.iter().any(|x| x.is_nan()) { hold(input.to_mut()) } else { 0 };
             held.push(match &begins {
@@ -92,26 +89,23 @@ impl<'a> Grid<'a> {
             if by != 0 {
                 shift(input.to_mut(), by);
             }
-            inputs.push(input);
-        }
-        let absent = rows - found;
-        Ok(Self { t0, dt: step, rows, outputs, inputs, truth, heading, held, absent })
+            input
+        };
+        let inputs = Table::of_columns(&columns.input_channels, columns.inputs.iter_mut().map(command), rows);
+        let run = Trajectory { name: String::new(), t0, dt: step, outputs, inputs, truth, heading };
+        Ok(Self { run, held, absent: rows - found })
     }
 
     /// Drops the rows without a command at both ends and returns their numbers.
     pub(crate) fn drop_without_command(&mut self) -> (usize, usize) {
-        let known = |k: &usize| self.inputs.iter().all(|values| !values[*k].is_nan());
-        let front = (0..self.rows).find(known).unwrap_or(self.rows);
-        let back = self.rows - (front..self.rows).rfind(known).map_or(front, |k| k + 1);
-        let end = self.rows - back;
-        let measured =
-            self.outputs.iter_mut().chain(self.truth.iter_mut().flatten()).chain(&mut self.heading);
-        for values in measured.chain(&mut self.inputs) {
-            keep_rows(values, front..end);
+        let rows = self.run.len();
+        let known = |k: &usize| self.run.inputs.row(*k).iter().all(|x| !x.is_nan());
+        let front = (0..rows).find(known).unwrap_or(rows);
+        let end = (front..rows).rfind(known).map_or(front, |k| k + 1);
+        if (front, end) != (0, rows) {
+            self.run = self.run.slice(front, end);
         }
-        self.t0 += front as f64 * self.dt;
-        self.rows = end - front;
-        (front, back)
+        (front, rows - end)
     }
 }
 
@@ -166,12 +160,12 @@ mod tests {
 
     fn native(columns: &Columns<'_>, timing: CommandTiming, delay: InputDelay) -> Vec<f64> {
         let rows = (0, columns.rows());
-        Grid::native(&mut columns.clone(), rows, STEP, timing, delay).unwrap().inputs.remove(0).into_owned()
+        Part::native(&mut columns.clone(), rows, STEP, timing, delay).unwrap().run.inputs.column(0).collect()
     }
 
     fn resampled(columns: &Columns<'_>, timing: CommandTiming, delay: InputDelay) -> Vec<f64> {
         let resampling = Resampling { dt: STEP, step: STEP, max_gap_s: 1e9, timing, delay };
-        resampling.run(columns, (0, columns.rows())).unwrap().inputs.remove(0).into_owned()
+        resampling.run(columns, (0, columns.rows())).unwrap().run.inputs.column(0).collect()
     }
 
     /// The values, with -1 for missing ones.

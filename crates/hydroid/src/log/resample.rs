@@ -18,7 +18,8 @@ use std::f64::consts::TAU;
 use super::align::{CommandTiming, InputDelay};
 use super::columns::Columns;
 use super::error::LogError;
-use super::grid::{Grid, check_size, truncate};
+use super::grid::{Part, check_size, truncate};
+use super::trajectory::{Table, Trajectory};
 
 /// Tolerance, in new steps, within which a stamp coincides with an instant.
 const AT: f64 = 1e-6;
@@ -39,51 +40,41 @@ pub(crate) struct Resampling {
 
 impl Resampling {
     /// Rows `from..to` of a log on the new clock, beginning at the first of them.
-    pub(crate) fn run<'a>(
-        &self,
-        columns: &Columns<'_>,
-        (from, to): (usize, usize),
-    ) -> Result<Grid<'a>, LogError> {
+    pub(crate) fn run(&self, columns: &Columns<'_>, (from, to): (usize, usize)) -> Result<Part, LogError> {
         let t = &columns.t[from..to];
         let (t0, last) = (t[0], t[t.len() - 1]);
         let span = (last - t0) / self.dt + AT;
         check_size(span, self.dt, columns)?;
         let rows = truncate(span) + 1;
         let instants = || (0..rows).map(|k| t0 + k as f64 * self.dt);
-        let measured = |channels: &[Cow<[f64]>]| -> Vec<Cow<'a, [f64]>> {
-            let units = columns.output_channels.iter().map(|c| c.unit == "rad");
-            channels
-                .iter()
-                .zip(units)
-                .map(|(values, angle)| Cow::Owned(self.interpolate(t, &values[from..to], instants(), angle)))
-                .collect()
+        let outputs = &columns.output_channels;
+        let measured = |channels: &[Cow<[f64]>]| {
+            let values = channels.iter().zip(outputs).map(|(values, channel)| {
+                let angle = channel.unit == "rad";
+                Cow::Owned(self.interpolate(t, &values[from..to], instants(), angle))
+            });
+            Table::of_columns(outputs, values, rows)
         };
         let stamps = self.command_times(t);
         let mut held = Vec::new();
-        let inputs = columns
-            .inputs
-            .iter()
-            .map(|values| {
-                let values = &values[from..to];
-                let first = values.iter().position(|x| !x.is_nan()).unwrap_or(values.len());
-                held.push(values[first..].iter().filter(|x| x.is_nan()).count());
-                Cow::Owned(self.command(&stamps, values, last, instants()))
-            })
-            .collect();
-        Ok(Grid {
+        let inputs = columns.inputs.iter().map(|values| {
+            let values = &values[from..to];
+            let first = values.iter().position(|x| !x.is_nan()).unwrap_or(values.len());
+            held.push(values[first..].iter().filter(|x| x.is_nan()).count());
+            Cow::Owned(self.command(&stamps, values, last, instants()))
+        });
+        let inputs = Table::of_columns(&columns.input_channels, inputs, rows);
+        let heading = columns.heading.as_ref();
+        let run = Trajectory {
+            name: String::new(),
             t0,
             dt: self.dt,
-            rows,
             outputs: measured(&columns.outputs),
             inputs,
             truth: columns.truth.as_ref().map(|truth| measured(truth)),
-            heading: columns
-                .heading
-                .as_ref()
-                .map(|heading| Cow::Owned(self.interpolate(t, &heading[from..to], instants(), true))),
-            held,
-            absent: 0,
-        })
+            heading: heading.map(|heading| self.interpolate(t, &heading[from..to], instants(), true)),
+        };
+        Ok(Part { run, held, absent: 0 })
     }
 
     /// Time from which each command of the log acts.

@@ -272,8 +272,10 @@ pub(crate) fn time(
     let spec = if let Some(text) = named {
         text.parse::<ChannelSpec>()?
     } else {
-        let guessed =
+        let named =
             TIME_NAMES.iter().find_map(|name| log.columns.iter().find(|c| c.name.eq_ignore_ascii_case(name)));
+        let mut stamps = log.columns.iter().filter(|column| column.stamps.is_some());
+        let guessed = named.or_else(|| stamps.next().filter(|_| stamps.next().is_none()));
         match (guessed, dt) {
             // A guessed column with a single value is not the time if the step is given.
             (Some(column), Some(dt)) if only_value(column).is_some() => return Ok(even(log, dt, notes)),

@@ -1,5 +1,6 @@
 //! One run of a vessel on a regular clock.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// A named quantity with its unit.
@@ -44,6 +45,20 @@ impl Table {
             "values do not fill whole rows"
         );
         Self { channels, values }
+    }
+
+    /// A table from its columns, each of which is released when it is in the table.
+    pub(crate) fn of_columns<'a>(
+        channels: &[Channel],
+        columns: impl IntoIterator<Item = Cow<'a, [f64]>>,
+        rows: usize,
+    ) -> Self {
+        let width = channels.len();
+        let mut values = vec![0.0; rows * width];
+        for (c, column) in columns.into_iter().enumerate() {
+            values.iter_mut().skip(c).step_by(width).zip(column.iter()).for_each(|(cell, x)| *cell = *x);
+        }
+        Self::new(channels.to_vec(), values)
     }
 
     /// The channels, in column order.
@@ -138,8 +153,12 @@ impl Trajectory {
 
     /// Samples `from..to` as a run of its own, named after the part.
     pub fn slice(&self, from: usize, to: usize) -> Self {
+        self.named_slice(from, to, format!("{}[{from}..{to}]", self.name))
+    }
+
+    pub(crate) fn named_slice(&self, from: usize, to: usize, name: String) -> Self {
         Self {
-            name: format!("{}[{from}..{to}]", self.name),
+            name,
             t0: self.t0 + from as f64 * self.dt,
             dt: self.dt,
             outputs: self.outputs.slice(from, to),

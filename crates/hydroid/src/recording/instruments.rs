@@ -30,49 +30,74 @@ const LONGEST_S: f64 = 1.0;
 /// Standard deviation of the components of the current before the first measurement \[m/s\].
 pub(super) const CURRENT_M_S: f64 = 0.5;
 
-/// A sensor channel in SI units.
-pub(super) struct Series {
-    t: Vec<f64>,
-    values: Vec<f64>,
-}
+/// Measurements of one sensor in SI units, in the order of time; NaN where a row has no measurement.
+#[derive(Default)]
+pub(super) struct Track(Vec<Event>);
 
-impl Series {
+impl Track {
+    fn new(t: &[f64], value: impl Fn(usize) -> [f64; 2]) -> Self {
+        Self(t.iter().enumerate().map(|(k, &t)| Event { t, sensor: 0, value: value(k) }).collect())
+    }
+
+    /// Times and values that are measured.
+    fn measured(&self) -> impl Iterator<Item = &Event> {
+        self.0.iter().filter(|event| event.value.iter().all(|x| x.is_finite()))
+    }
+
+    /// Times and first values that are measured.
     pub(super) fn pairs(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
-        self.t.iter().copied().zip(self.values.iter().copied()).filter(|(_, x)| !x.is_nan())
+        self.measured().map(|event| (event.t, event.value[0]))
+    }
+
+    fn values_mut(&mut self) -> impl Iterator<Item = &mut [f64; 2]> {
+        self.0.iter_mut().map(|event| &mut event.value)
     }
 
     fn len(&self) -> usize {
-        self.pairs().count()
+        self.measured().count()
     }
 
     fn step(&self) -> Option<f64> {
         log::Clock::usual_step(&self.pairs().map(|(t, _)| t).collect::<Vec<_>>())
     }
 
+    /// The last value at or before a time.
+    fn at(&self, t: f64) -> f64 {
+        let next = self.0.partition_point(|event| event.t <= t);
+        next.checked_sub(1).map_or(f64::NAN, |k| self.0[k].value[0])
+    }
+
     /// Means over steps of [`AVERAGED_S`] of a faster sensor.
-    fn averaged(&self) -> Self {
+    fn averaged(self) -> Self {
         if self.step().is_none_or(|step| step > 0.75 * AVERAGED_S) {
-            return Self { t: self.t.clone(), values: self.values.clone() };
+            return self;
         }
-        let mut out = Self { t: Vec::new(), values: Vec::new() };
-        let (mut bin, mut sum_t, mut sum, mut n) = (f64::NAN, 0.0, 0.0, 0.0);
-        for (t, x) in self.pairs().chain([(f64::INFINITY, 0.0)]) {
+        let mut out = Vec::new();
+        let (mut bin, mut sum_t, mut sum, mut n) = (f64::NAN, 0.0, [0.0; 2], 0.0);
+        let end = Event { t: f64::INFINITY, sensor: 0, value: [0.0; 2] };
+        for &Event { t, value, .. } in self.measured().chain([&end]) {
             let of = (t / AVERAGED_S).floor();
             if of != bin {
                 if n > 0.0 {
                     // Sums of stamps since 1970 lose digits: the offset from the step is summed.
-                    out.t.push(bin * AVERAGED_S + sum_t / n);
-                    out.values.push(sum / n);
+                    let t = bin * AVERAGED_S + sum_t / n;
+                    out.push(Event { t, sensor: 0, value: sum.map(|sum| sum / n) });
                 }
-                (bin, sum_t, sum, n) = (of, 0.0, 0.0, 0.0);
+                (bin, sum_t, sum, n) = (of, 0.0, [0.0; 2], 0.0);
             }
             sum_t += t - bin * AVERAGED_S;
-            sum += x;
+            sum = [sum[0] + value[0], sum[1] + value[1]];
             n += 1.0;
         }
-        out
+        Self(out)
     }
 }
+
+/// Headings are stuck if one value lasts for longer \[s\], in this multiple of the usual number of rows, while the courses over
+/// ground spread by this angle \[rad\] about their mean and the vessel has half of its usual speed.
+const STUCK_S: f64 = 10.0;
+const UNUSUAL: usize = 10;
+const TURNING_RAD: f64 = 0.5;
 
 /// Angle between the heading and the direction of the motion on the whole that no misalignment of a compass has \[deg\].
 const BESIDE_DEG: f64 = 60.0;
@@ -82,12 +107,12 @@ pub(super) struct Instruments {
     pub(super) path: String,
     /// Time \[s\] of the first measurement.
     pub(super) origin: f64,
-    pub(super) position: Option<[Series; 2]>,
-    pub(super) quality: Option<Series>,
-    pub(super) velocity: Option<[Series; 2]>,
-    pub(super) heading: Option<Series>,
-    pub(super) yaw_rate: Option<Series>,
-    force: Option<[Series; 2]>,
+    pub(super) position: Option<Track>,
+    pub(super) quality: Option<Track>,
+    pub(super) velocity: Option<Track>,
+    pub(super) heading: Option<Track>,
+    pub(super) yaw_rate: Option<Track>,
+    force: Option<Track>,
 }
 
 /// Quantities of sensors, as the unit of their SI values.
@@ -109,10 +134,10 @@ pub(super) const UNITS: [(&str, &str); 13] = [
 
 /// Leaves out the rows of a table that repeat the last fix of a slower receiver, which are no measurements of their own, and
 /// gives the number of rows that a fix lasts: the median over the fixes. At rest, the receiver has a fix after as many rows, too.
-fn leave_repeats(position: &mut [Series; 2], velocity: Option<&mut [Series; 2]>) -> Option<usize> {
-    let fix = |row: usize| [0, 1].map(|i| position[i].values[row]);
+fn leave_repeats(position: &mut Track, velocity: Option<&mut Track>) -> Option<usize> {
+    let fix = |row: usize| position.0[row].value;
     let rows: Vec<usize> =
-        (0..position[0].t.len()).filter(|&row| fix(row).iter().all(|x| !x.is_nan())).collect();
+        (0..position.0.len()).filter(|&row| fix(row).iter().all(|x| !x.is_nan())).collect();
     let mut lasted: Vec<usize> = rows.chunk_by(|a, b| fix(*a) == fix(*b)).map(<[_]>::len).collect();
     // The last one may be cut.
     lasted.pop();
@@ -127,9 +152,9 @@ fn leave_repeats(position: &mut [Series; 2], velocity: Option<&mut [Series; 2]>)
             same.iter().enumerate().filter(|(k, _)| !k.is_multiple_of(usual)).map(|(_, row)| *row)
         })
         .collect();
-    for series in position.iter_mut().chain(velocity.into_iter().flatten()) {
+    for track in [position].into_iter().chain(velocity) {
         for &row in &repeats {
-            series.values[row] = f64::NAN;
+            track.0[row].value = [f64::NAN; 2];
         }
     }
     Some(usual)
@@ -144,8 +169,8 @@ const ALIKE: f64 = 0.1;
 fn find_unit(
     header: &RawLog,
     spec: &ChannelSpec,
-    position: Option<&[Series; 2]>,
-    velocity: &mut [Series; 2],
+    position: Option<&Track>,
+    velocity: &mut Track,
 ) -> Result<Option<Note>, LogError> {
     if !log::channel(header, spec, &mut Vec::new())?.channel.unit.is_empty() {
         return Ok(None);
@@ -157,9 +182,7 @@ fn find_unit(
         factor.and_then(|factor| SPEED_UNITS.iter().find(|(_, of)| (factor / of - 1.0).abs() < ALIKE));
     let note = match found {
         Some((unit, si)) => {
-            for x in velocity.iter_mut().flat_map(|series| &mut series.values) {
-                *x *= si;
-            }
+            velocity.values_mut().flatten().for_each(|x| *x *= si);
             Note::info(format!(
                 "{path}: `{column}` has no unit, and is taken as {unit}, in which the positions move as fast"
             ))
@@ -171,14 +194,14 @@ fn find_unit(
     Ok(Some(note.with_remedy(format!("state its unit: speed = \"{column} [kn]\""))))
 }
 
-/// A sensor in SI units.
-fn series(
-    recording: &Recording,
+/// Stamps and SI values of a column.
+fn values<'a>(
+    recording: &'a Recording,
     (name, spec): (&str, &ChannelSpec),
     notes: &mut Vec<Note>,
-) -> Result<Series, LogError> {
+) -> Result<(&'a [f64], Vec<f64>), LogError> {
     let at = recording.position(spec)?;
-    let source = log::channel(&recording.header, spec, notes)?;
+    let source = log::channel(&recording.log, spec, notes)?;
     let (t, values) = recording.series(at);
     let si = UNITS.iter().find(|(of, _)| *of == name).map_or("", |(_, unit)| unit);
     let found = &source.channel.unit;
@@ -190,7 +213,7 @@ fn series(
         notes.push(
             Note::info(format!(
                 "{}: `{}` has no unit and is above 2 pi: it is taken as degrees",
-                recording.header.path, spec.column
+                recording.log.path, spec.column
             ))
             .with_remedy(format!("state its unit: {name} = \"{} [deg]\"", spec.column)),
         );
@@ -198,7 +221,7 @@ fn series(
         factor = TAU;
     } else if !found.is_empty() && !si.is_empty() && found != si {
         return Err(LogError::Unusable {
-            path: recording.header.path.clone(),
+            path: recording.log.path.clone(),
             reason: format!("the {name} `{}` is in {found}, which is not a unit of {si}", spec.column),
             remedy: format!("name another column, or state the unit: {name} = \"{} [{si}]\"", spec.column),
         });
@@ -209,10 +232,10 @@ fn series(
         let raw = |x: f64| source.raw(x / factor);
         let found = sentinel::find(values.iter().copied(), kind, TAU + ROUNDING_RAD, raw);
         values.iter_mut().filter(|x| found.iter().any(|(of, _)| of == *x)).for_each(|x| *x = f64::NAN);
-        notes.extend(sentinel::note(&recording.header.path, &spec.column, &found, raw));
+        notes.extend(sentinel::note(&recording.log.path, &spec.column, &found, raw));
     }
     check_size(recording, name, spec, si, &values)?;
-    Ok(Series { t: t.to_vec(), values })
+    Ok((t, values))
 }
 
 /// Share of the values that errors of a sensor may have.
@@ -238,7 +261,7 @@ fn check_size(
     }
     let fastest = measured().fold(0.0, |fastest: f64, x| fastest.max(x.abs()));
     Err(LogError::Unusable {
-        path: recording.header.path.clone(),
+        path: recording.log.path.clone(),
         reason: format!(
             "the {name} `{}` is up to {fastest:.1} {si}, and no vessel is faster than {limit} {si}",
             spec.column
@@ -254,16 +277,11 @@ fn check_size(
 ///
 /// # Errors
 /// If they are out of range as degrees, and are not of this form.
-fn from_minutes(
-    path: &str,
-    [latitude, longitude]: &mut [Series; 2],
-    notes: &mut Vec<Note>,
-) -> Result<(), LogError> {
+fn from_minutes(path: &str, position: &mut Track, notes: &mut Vec<Note>) -> Result<(), LogError> {
     let degrees = |x: f64| x * (180.0 / PI);
     let limits = [90.0, 180.0];
-    let is_fix = |(a, b): &(f64, f64)| a.is_finite() && b.is_finite() && (*a != 0.0 || *b != 0.0);
-    let pairs = latitude.values.iter().copied().zip(longitude.values.iter().copied());
-    let fixes: Vec<[f64; 2]> = pairs.filter(is_fix).map(|(a, b)| [degrees(a), degrees(b)]).collect();
+    let fixes = position.measured().map(|event| event.value).filter(|fix| *fix != [0.0; 2]);
+    let fixes: Vec<[f64; 2]> = fixes.map(|fix| fix.map(degrees)).collect();
     let is_out = |fix: &&[f64; 2]| fix[0].abs() > limits[0] || fix[1].abs() > 2.0 * limits[1];
     // A few positions out of range are errors of the receiver.
     if 2 * fixes.iter().filter(is_out).count() <= fixes.len() {
@@ -292,7 +310,7 @@ fn from_minutes(
             remedy: "state the factor in the section [log.sensors]: latitude = \"COLUMN [deg] * 1e-7\", and the same for longitude".to_owned(),
         });
     }
-    for x in latitude.values.iter_mut().chain(&mut longitude.values) {
+    for x in position.values_mut().flatten() {
         let size = degrees(x.abs());
         let whole = (size / 100.0).floor();
         *x = (whole + (size - 100.0 * whole) / 60.0).copysign(*x) * (PI / 180.0);
@@ -313,10 +331,10 @@ impl Instruments {
         sensors: &Sensors,
         notes: &mut Vec<Note>,
     ) -> Result<Self, LogError> {
-        let path = recording.header.path.clone();
+        let path = recording.log.path.clone();
         let mut found = Vec::new();
         let mut get = |name: &'static str, spec: &Option<ChannelSpec>| {
-            spec.as_ref().map(|spec| series(recording, (name, spec), &mut found)).transpose()
+            spec.as_ref().map(|spec| values(recording, (name, spec), &mut found)).transpose()
         };
         let latitude = get("latitude", &sensors.latitude)?;
         let longitude = get("longitude", &sensors.longitude)?;
@@ -333,8 +351,10 @@ impl Instruments {
         let starboard = get("acceleration_starboard", &sensors.acceleration_starboard)?;
         // Conversions of units are many, and expected.
         notes.extend(found.into_iter().filter(|note| note.is_warning() || note.remedy.is_some()));
-        let both = |a: Option<Series>, b: Option<Series>, names: &str| match (a, b) {
-            (Some(a), Some(b)) if a.t == b.t => Ok(Some([a, b])),
+        let one = |of: Option<(&[f64], Vec<f64>)>| of.map(|(t, x)| Track::new(t, |k| [x[k], 0.0]));
+        type Column<'a> = Option<(&'a [f64], Vec<f64>)>;
+        let both = |a: Column<'_>, b: Column<'_>, names: &str| match (a, b) {
+            (Some((t, a)), Some((other, b))) if t == other => Ok(Some(Track::new(t, |k| [a[k], b[k]]))),
             (None, None) => Ok(None),
             _ => Err(LogError::Unusable {
                 path: path.clone(),
@@ -343,27 +363,29 @@ impl Instruments {
             }),
         };
         let mut position = match both(latitude, longitude, "latitude and longitude")? {
-            Some(mut both) => {
-                from_minutes(&path, &mut both, notes)?;
-                let [latitude, longitude] = both;
-                Some(local(latitude, longitude))
+            Some(mut fixes) => {
+                from_minutes(&path, &mut fixes, notes)?;
+                local(&mut fixes);
+                Some(fixes)
             }
             None => both(north, east, "north and east")?,
         };
         let mut velocity = match both(speed, course, "speed and course")? {
-            Some([mut speed, mut course]) => {
-                for (v, angle) in speed.values.iter_mut().zip(&mut course.values) {
-                    (*v, *angle) = (*v * angle.cos(), *v * angle.sin());
+            Some(mut track) => {
+                for value in track.values_mut() {
+                    let [speed, course] = *value;
+                    *value = [speed * course.cos(), speed * course.sin()];
                 }
-                Some([speed, course])
+                Some(track)
             }
             None => both(velocity_north, velocity_east, "velocity_north and velocity_east")?,
         };
         if let (Some(spec), Some(velocity)) = (&sensors.speed, &mut velocity) {
-            notes.extend(find_unit(&recording.header, spec, position.as_ref(), velocity)?);
+            notes.extend(find_unit(&recording.log, spec, position.as_ref(), velocity)?);
         }
         if let Some(fixes) = &mut position {
-            let velocity = velocity.as_mut().filter(|velocity| velocity[0].t == fixes[0].t);
+            let is_same = |of: &&mut Track| of.0.iter().map(|e| e.t).eq(fixes.0.iter().map(|e| e.t));
+            let velocity = velocity.as_mut().filter(is_same);
             if let Some(rows) = leave_repeats(fixes, velocity) {
                 notes.push(Note::info(format!(
                     "{path}: the position changes every {rows} rows: those between repeat a fix of the receiver, and are left out"
@@ -371,15 +393,16 @@ impl Instruments {
             }
         }
         let force = both(forward, starboard, "acceleration_forward and acceleration_starboard")?;
-        let used = |series: &Option<[Series; 2]>| series.as_ref().is_some_and(|s| s[0].len() > 1);
-        if !used(&position) && !used(&velocity) {
+        let (quality, heading, yaw_rate) = (one(quality), one(heading), one(yaw_rate));
+        let is_used = |track: &Option<Track>| track.as_ref().is_some_and(|track| track.len() > 1);
+        if !is_used(&position) && !is_used(&velocity) {
             return Err(LogError::Unusable {
                 path,
                 reason: "there is neither a position nor a velocity".to_owned(),
                 remedy: "name the columns of the GNSS in the section [log.sensors], such as latitude and longitude; `hydroid inspect` lists the columns".to_owned(),
             });
         }
-        if heading.as_ref().is_none_or(|s| s.len() < 2) && yaw_rate.as_ref().is_none_or(|s| s.len() < 2) {
+        if !is_used(&heading) && !is_used(&yaw_rate) {
             return Err(LogError::Unusable {
                 path,
                 reason:
@@ -398,42 +421,81 @@ impl Instruments {
             });
         }
         let mut all = Self { path, origin: 0.0, position, quality, velocity, heading, yaw_rate, force };
-        all.yaw_rate = all.yaw_rate.map(|s| s.averaged());
-        all.force = all.force.map(|mut both| {
-            // A row without one of them has none, so that both have the same averages.
-            let [a, b] = &mut both;
-            for (a, b) in a.values.iter_mut().zip(&mut b.values) {
-                if a.is_nan() || b.is_nan() {
-                    (*a, *b) = (f64::NAN, f64::NAN);
-                }
-            }
-            both.map(|s| s.averaged())
-        });
+        all.leave_stuck_headings(notes);
+        all.yaw_rate = all.yaw_rate.map(Track::averaged);
+        all.force = all.force.map(Track::averaged);
         all.origin =
-            all.series().filter_map(|s| s.pairs().next()).map(|(t, _)| t).fold(f64::INFINITY, f64::min);
+            all.tracks().filter_map(|s| s.pairs().next()).map(|(t, _)| t).fold(f64::INFINITY, f64::min);
         let origin = all.origin;
-        all.series_mut().for_each(|s| s.t.iter_mut().for_each(|t| *t -= origin));
+        all.tracks_mut().flat_map(|track| &mut track.0).for_each(|event| event.t -= origin);
         Ok(all)
+    }
+
+    /// Leaves out headings that repeat one value while the vessel turns.
+    fn leave_stuck_headings(&mut self, notes: &mut Vec<Note>) {
+        let (Some(moves), Some(heading)) = (self.velocity.as_ref().or(self.position.as_ref()), &self.heading)
+        else {
+            return;
+        };
+        let moves: Vec<(f64, [f64; 2])> = match &self.velocity {
+            Some(velocity) => velocity.measured().map(|event| (event.t, event.value)).collect(),
+            None => displacements(moves, moves).into_iter().map(|(t, rate, _)| (t, rate)).collect(),
+        };
+        let speed = |of: &[(f64, [f64; 2])]| {
+            (of.iter().map(|(_, v)| v[0] * v[0] + v[1] * v[1]).sum::<f64>() / of.len() as f64).sqrt()
+        };
+        let usual_speed = speed(&moves);
+        let measured: Vec<&Event> = heading.measured().collect();
+        let blocks: Vec<&[&Event]> = measured.chunk_by(|a, b| a.value == b.value).collect();
+        let mut lengths: Vec<usize> = blocks.iter().map(|block| block.len()).collect();
+        lengths.sort_unstable();
+        let usual = lengths.get(lengths.len() / 2).copied().unwrap_or(0);
+        let is_stuck = |block: &&&[&Event]| {
+            let [from, to] = [block[0].t, block[block.len() - 1].t];
+            let at = |t: f64| moves.partition_point(|(of, _)| *of < t);
+            let own = &moves[at(from)..at(to)];
+            let sum = own.iter().fold([0.0; 2], |sum, (_, v)| [sum[0] + v[0], sum[1] + v[1]]);
+            let way: f64 = own.iter().map(|(_, v)| v[0].hypot(v[1])).sum();
+            block.len() > UNUSUAL * usual
+                && to - from > STUCK_S
+                && speed(own) > 0.5 * usual_speed
+                && sum[0].hypot(sum[1]) < TURNING_RAD.cos() * way
+        };
+        let stuck: Vec<[f64; 2]> =
+            blocks.iter().filter(is_stuck).map(|block| [block[0].t, block[block.len() - 1].t]).collect();
+        let (Some([from, to]), Some(heading)) = (stuck.first(), &mut self.heading) else { return };
+        let is_out = |t: f64| stuck.iter().any(|[from, to]| (*from..=*to).contains(&t));
+        heading.0.iter_mut().filter(|event| is_out(event.t)).for_each(|event| event.value[0] = f64::NAN);
+        let more = match stuck.len() {
+            1 => String::new(),
+            n => format!(", and {} more times", n - 1),
+        };
+        let text = super::table::time_text;
+        notes.push(
+            Note::warning(format!(
+                "{}: the heading has one value from {} to {}{more}, while the vessel turns: the sensor is stuck, and these headings are left out",
+                self.path, text(*from), text(*to)
+            ))
+            .with_remedy("repair the compass or its connection"),
+        );
     }
 
     /// Leaves the measurements that are in some parts of the recording, on its clock.
     pub(super) fn keep(&mut self, kept: &Kept) {
         let origin = self.origin;
-        for series in self.series_mut() {
-            for (_, x) in series.t.iter().zip(&mut series.values).filter(|(t, _)| !kept.has(**t + origin)) {
-                *x = f64::NAN;
-            }
+        for event in self.tracks_mut().flat_map(|track| &mut track.0).filter(|e| !kept.has(e.t + origin)) {
+            event.value = [f64::NAN; 2];
         }
     }
 
-    fn series(&self) -> impl Iterator<Item = &Series> {
-        let pairs = self.position.iter().chain(&self.velocity).chain(&self.force).flatten();
-        pairs.chain(&self.quality).chain(&self.heading).chain(&self.yaw_rate)
+    fn tracks(&self) -> impl Iterator<Item = &Track> {
+        let all = [&self.position, &self.velocity, &self.force, &self.quality, &self.heading, &self.yaw_rate];
+        all.into_iter().flatten()
     }
 
-    fn series_mut(&mut self) -> impl Iterator<Item = &mut Series> {
-        let pairs = self.position.iter_mut().chain(&mut self.velocity).chain(&mut self.force).flatten();
-        pairs.chain(&mut self.quality).chain(&mut self.heading).chain(&mut self.yaw_rate)
+    fn tracks_mut(&mut self) -> impl Iterator<Item = &mut Track> {
+        let Self { position, velocity, force, quality, heading, yaw_rate, .. } = self;
+        [position, velocity, force, quality, heading, yaw_rate].into_iter().flatten()
     }
 
     /// Turns the axes of an inertial unit with axes forward, port, up, whose yaw rate has the opposite sign of the
@@ -442,12 +504,12 @@ impl Instruments {
         let (Some(heading), Some(yaw_rate)) = (&self.heading, &mut self.yaw_rate) else { return };
         let Some(slope) = slope(heading, yaw_rate) else { return };
         if slope < 0.0 {
-            yaw_rate.values.iter_mut().for_each(|x| *x = -*x);
+            yaw_rate.values_mut().for_each(|[rate, _]| *rate = -*rate);
             let mut turned =
                 "the yaw rate has the opposite sign of the change of the heading: its sign is changed"
                     .to_owned();
-            if let Some([_, starboard]) = &mut self.force {
-                starboard.values.iter_mut().for_each(|x| *x = -*x);
+            if let Some(force) = &mut self.force {
+                force.values_mut().for_each(|[_, starboard]| *starboard = -*starboard);
                 turned += ", and that of acceleration_starboard (axes forward, port, up)";
             }
             notes.push(
@@ -474,11 +536,11 @@ impl Instruments {
     pub(super) fn check_heading(&self) -> Result<(), LogError> {
         let (Some(position), Some(heading)) = (&self.position, &self.heading) else { return Ok(()) };
         let along = |side: f64| {
-            let part = |of: fn(f64) -> f64, factor: f64| Series {
-                t: heading.t.clone(),
-                values: heading.values.iter().map(|x| factor * of(*x)).collect(),
+            let ahead = |event: &Event| Event {
+                value: [event.value[0].cos(), side * event.value[0].sin()],
+                ..*event
             };
-            gain(&displacements(position, &[part(f64::cos, 1.0), part(f64::sin, side)]))
+            gain(&displacements(position, &Track(heading.0.iter().map(ahead).collect())))
         };
         let found = along(1.0);
         let direct = found.map_or(1.0, |gain| gain.unexplained);
@@ -536,7 +598,7 @@ impl Instruments {
     pub(super) fn check_gnss(&self) -> Option<String> {
         let (position, velocity) = (self.position.as_ref()?, self.velocity.as_ref()?);
         let parts = displacements(position, velocity);
-        let exchanged: Vec<_> = parts.iter().map(|&([a, b], v)| ([b, a], v)).collect();
+        let exchanged: Vec<_> = parts.iter().map(|&(t, [a, b], v)| (t, [b, a], v)).collect();
         let (direct, swapped) = (gain(&parts), gain(&exchanged));
         let unexplained = direct.map_or(1.0, |gain| gain.unexplained);
         if swapped.is_some_and(|swapped| swapped.unexplained < 0.5 * unexplained) {
@@ -555,32 +617,17 @@ impl Instruments {
 
     /// Measurements of a part in the order of time, and the prior. Kinds of position fixes come first among the sensors.
     pub(super) fn run(&self, part: &Part, all: &[Sensor], qualities: &[f64]) -> Run {
-        let mut events = Vec::new();
         let places = qualities.len().max(1);
-        if let Some([north, east]) = &self.position {
-            for (k, (&t, (&x, &y))) in north.t.iter().zip(north.values.iter().zip(&east.values)).enumerate() {
-                let sensor = self.quality.as_ref().map_or(0, |quality| {
-                    let value = if quality.t == north.t { quality.values[k] } else { quality.at(t) };
-                    qualities.iter().position(|q| *q == value).unwrap_or(0)
-                });
-                events.push(Event { t, sensor, value: [x, y] });
-            }
-        }
-        let mut pairs = |series: &Option<[Series; 2]>, sensor: usize| {
-            if let Some([a, b]) = series {
-                events.extend((0..a.t.len()).map(|k| Event {
-                    t: a.t[k],
-                    sensor,
-                    value: [a.values[k], b.values[k]],
-                }));
-            }
+        let fix = |event: &Event| {
+            let quality = self.quality.as_ref().map(|quality| quality.at(event.t));
+            quality.and_then(|value| qualities.iter().position(|q| *q == value)).unwrap_or(0)
         };
-        pairs(&self.velocity, places);
-        pairs(&self.force, places + 3);
-        for (series, sensor) in [(&self.heading, places + 1), (&self.yaw_rate, places + 2)] {
-            for (t, x) in series.iter().flat_map(Series::pairs) {
-                events.push(Event { t, sensor, value: [x, 0.0] });
-            }
+        let fixes = self.position.iter().flat_map(|track| &track.0);
+        let mut events: Vec<Event> = fixes.map(|event| Event { sensor: fix(event), ..*event }).collect();
+        let others = [(&self.velocity, 0), (&self.force, 3), (&self.heading, 1), (&self.yaw_rate, 2)];
+        for (track, sensor) in others {
+            let of = track.iter().flat_map(|track| &track.0);
+            events.extend(of.map(|event| Event { sensor: places + sensor, ..*event }));
         }
         events.retain(|event| event.value.iter().all(|x| x.is_finite()) && part.has(event.t));
         events.sort_by(|a, b| a.t.total_cmp(&b.t));
@@ -592,17 +639,16 @@ impl Instruments {
     /// measurement whose stamp is far from all others is in no part.
     pub(super) fn parts(&self, dt: Option<f64>, notes: &mut Vec<Note>) -> Result<Vec<Part>, LogError> {
         let step = dt.or_else(|| {
-            let heading = self.heading.as_ref().and_then(Series::step);
-            let pair = |s: &Option<[Series; 2]>| s.as_ref().and_then(|s| s[0].step());
-            let usual = heading.or_else(|| pair(&self.position)).or_else(|| pair(&self.velocity));
+            let usual = [&self.heading, &self.position, &self.velocity];
+            let usual = usual.into_iter().flatten().find_map(Track::step);
             usual.map(|usual| rounded(usual).max(SHORTEST_S))
         });
         let step = step.filter(|step| *step > 0.0 && step.is_finite()).unwrap_or(SHORTEST_S);
-        let place = self.position.iter().chain(&self.velocity).map(|both| &both[0]);
+        let place = self.position.iter().chain(&self.velocity);
         let (place, direction) = (times(place), times(self.heading.iter().chain(&self.yaw_rate)));
-        let (all, limit) = stretches(&self.series().collect::<Vec<_>>());
+        let (all, limit) = stretches(&self.tracks().collect::<Vec<_>>());
         // All sensors have begun at the first row.
-        let begun = self.series().filter_map(|s| s.pairs().next()).map(|(t, _)| t).fold(0.0, f64::max);
+        let begun = self.tracks().filter_map(|s| s.pairs().next()).map(|(t, _)| t).fold(0.0, f64::max);
         // The first measurement, the first time at which place and direction are known, and the last measurement.
         let mut both: Vec<[f64; 3]> = Vec::new();
         for [begin, to] in all {
@@ -652,7 +698,7 @@ impl Instruments {
     pub(super) fn cut_outages(&self, rows: &mut Vec<Row>, max_gap_s: Option<f64>, notes: &mut Vec<Note>) {
         let (Some(first), Some(end)) = (rows.first(), rows.last()) else { return };
         let ends = [first.t, end.t];
-        let place = self.position.iter().chain(&self.velocity).map(|both| &both[0]);
+        let place = self.position.iter().chain(&self.velocity);
         let direction = self.heading.iter().chain(&self.yaw_rate);
         let mut all: Vec<(&str, [f64; 2], Range<usize>)> = Vec::new();
         for (name, times) in
@@ -714,20 +760,15 @@ impl Instruments {
     /// Says where measurements are missing, and which ones are left out.
     fn tell_gaps(&self, parts: &[Part], limit: f64, notes: &mut Vec<Note>) {
         let text = |t: f64| super::table::time_text(t + self.origin);
-        let pair = |of: &'static str, both: &Option<[Series; 2]>| {
-            both.as_ref().map(|both| (of, both[0].pairs().map(|(t, _)| t).collect::<Vec<f64>>()))
-        };
-        let single = |of: &'static str, one: &Option<Series>| {
-            one.as_ref().map(|one| (of, one.pairs().map(|(t, _)| t).collect::<Vec<f64>>()))
-        };
         let all = [
-            pair("positions", &self.position),
-            pair("velocities", &self.velocity),
-            single("headings", &self.heading),
-            single("yaw rates", &self.yaw_rate),
-            pair("accelerations", &self.force),
+            ("positions", &self.position),
+            ("velocities", &self.velocity),
+            ("headings", &self.heading),
+            ("yaw rates", &self.yaw_rate),
+            ("accelerations", &self.force),
         ];
-        for (name, times) in all.into_iter().flatten() {
+        for (name, track) in all {
+            let times: Vec<f64> = track.iter().flat_map(Track::pairs).map(|(t, _)| t).collect();
             let is_outside = |t: &&f64| {
                 let next = parts.partition_point(|part| part.to < **t);
                 parts.get(next).is_none_or(|part| !part.has(**t))
@@ -828,16 +869,16 @@ impl Part {
 }
 
 /// Times of the measurements of some sensors, in order.
-fn times<'a>(sensors: impl Iterator<Item = &'a Series>) -> Vec<f64> {
-    let mut times: Vec<f64> = sensors.flat_map(|series| series.pairs().map(|(t, _)| t)).collect();
+fn times<'a>(sensors: impl Iterator<Item = &'a Track>) -> Vec<f64> {
+    let mut times: Vec<f64> = sensors.flat_map(Track::pairs).map(|(t, _)| t).collect();
     times.retain(|t| t.is_finite());
     times.sort_by(f64::total_cmp);
     times
 }
 
 /// The stretches of time in which one of some sensors is measured, and the longest time between measurements in them.
-fn stretches(sensors: &[&Series]) -> (Vec<[f64; 2]>, f64) {
-    let steps = sensors.iter().filter_map(|series| series.step());
+fn stretches(sensors: &[&Track]) -> (Vec<[f64; 2]>, f64) {
+    let steps = sensors.iter().filter_map(|track| track.step());
     let limit = steps.map(|step| LONGEST_STEPS * step).fold(LONGEST_S, f64::max);
     let times = times(sensors.iter().copied());
     let mut all: Vec<[f64; 2]> = Vec::new();
@@ -850,25 +891,17 @@ fn stretches(sensors: &[&Series]) -> (Vec<[f64; 2]>, f64) {
     (all, limit)
 }
 
-impl Series {
-    /// The last value at or before a time.
-    fn at(&self, t: f64) -> f64 {
-        let next = self.t.partition_point(|of| *of <= t);
-        next.checked_sub(1).map_or(f64::NAN, |k| self.values[k])
-    }
-}
-
 /// A step without the noise of stamps: two digits.
 fn rounded(step: f64) -> f64 {
     format!("{step:.1e}").parse().unwrap_or(step)
 }
 
-/// Positions north and east of the first fix \[m\]. Increments are added, with the radii of curvature at each latitude, so
+/// Changes latitudes and longitudes to positions north and east of the first fix \[m\]. Increments are added, with the radii of curvature at each latitude, so
 /// that the axes are north and east at each place.
-fn local(mut latitude: Series, mut longitude: Series) -> [Series; 2] {
+fn local(position: &mut Track) {
     let mut last: Option<(f64, f64)> = None;
     let (mut north, mut east) = (0.0, 0.0);
-    for (phi, lambda) in latitude.values.iter_mut().zip(&mut longitude.values) {
+    for [phi, lambda] in position.values_mut() {
         // Receivers without a fix write zeros.
         let is_fix = phi.abs() <= PI / 2.0 && lambda.abs() <= TAU && (*phi != 0.0 || *lambda != 0.0);
         if !is_fix {
@@ -883,7 +916,6 @@ fn local(mut latitude: Series, mut longitude: Series) -> [Series; 2] {
         last = Some((*phi, *lambda));
         (*phi, *lambda) = (north, east);
     }
-    [latitude, longitude]
 }
 
 /// The way between two fixes to the north and east \[m\], with the radii of curvature in their middle.
@@ -903,29 +935,26 @@ const SIGNIFICANT: f64 = 20.0;
 /// Duration of the parts \[s\].
 const PART_S: f64 = 5.0;
 
-/// Mean rates of change of positions in parts of some seconds, and the mean velocities in them \[m/s\].
-fn displacements(position: &[Series; 2], velocity: &[Series; 2]) -> Vec<([f64; 2], [f64; 2])> {
-    let whole = |both: &[Series; 2]| -> Vec<(f64, [f64; 2])> {
-        let values = both[0].values.iter().zip(&both[1].values).map(|(a, b)| [*a, *b]);
-        both[0].t.iter().copied().zip(values).filter(|(_, x)| x.iter().all(|x| x.is_finite())).collect()
-    };
-    let (places, speeds) = (whole(position), whole(velocity));
+/// Middle times of parts of some seconds \[s\], and the mean rates of change of positions and the mean velocities in them \[m/s\].
+fn displacements(position: &Track, velocity: &Track) -> Vec<(f64, [f64; 2], [f64; 2])> {
+    let [places, speeds] = [position, velocity].map(|track| track.measured().collect::<Vec<_>>());
     let mut parts = Vec::new();
     let mut from = 0;
     for k in 1..places.len() {
         let (start, end) = (places[from], places[k]);
-        let dt = end.0 - start.0;
+        let dt = end.t - start.t;
         if dt < PART_S {
             continue;
         }
         from = k;
-        let part = |t: f64| speeds.partition_point(|speed| speed.0 < t);
-        let within = &speeds[part(start.0)..part(end.0)];
+        let part = |t: f64| speeds.partition_point(|speed| speed.t < t);
+        let within = &speeds[part(start.t)..part(end.t)];
         // A gap has no mean.
         if dt < 2.0 * PART_S && within.len() > 1 {
             let mean =
-                [0, 1].map(|i| within.iter().map(|speed| speed.1[i]).sum::<f64>() / within.len() as f64);
-            parts.push(([0, 1].map(|i| (end.1[i] - start.1[i]) / dt), mean));
+                [0, 1].map(|i| within.iter().map(|speed| speed.value[i]).sum::<f64>() / within.len() as f64);
+            let rate = [0, 1].map(|i| (end.value[i] - start.value[i]) / dt);
+            parts.push((0.5 * (start.t + end.t), rate, mean));
         }
     }
     parts
@@ -942,9 +971,9 @@ struct Gain {
 }
 
 /// Regression of displacements on velocities, as complex numbers; none if they are not clearly related.
-fn gain(parts: &[([f64; 2], [f64; 2])]) -> Option<Gain> {
+fn gain(parts: &[(f64, [f64; 2], [f64; 2])]) -> Option<Gain> {
     let n = parts.len() as f64;
-    let sum = |of: &dyn Fn([f64; 2], [f64; 2]) -> f64| parts.iter().map(|(d, v)| of(*d, *v)).sum::<f64>();
+    let sum = |of: &dyn Fn([f64; 2], [f64; 2]) -> f64| parts.iter().map(|(_, d, v)| of(*d, *v)).sum::<f64>();
     let along = sum(&|d, v| d[0] * v[0] + d[1] * v[1]);
     let across = sum(&|d, v| d[1] * v[0] - d[0] * v[1]);
     let (dd, vv) = (sum(&|d, _| d[0] * d[0] + d[1] * d[1]), sum(&|_, v| v[0] * v[0] + v[1] * v[1]));
@@ -958,7 +987,7 @@ fn gain(parts: &[([f64; 2], [f64; 2])]) -> Option<Gain> {
 
 /// Slope of the change of the heading over that of the integrated yaw rate, in parts of some seconds, where they are
 /// clearly related.
-fn slope(heading: &Series, yaw_rate: &Series) -> Option<f64> {
+fn slope(heading: &Track, yaw_rate: &Track) -> Option<f64> {
     let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
     let turns: Vec<(f64, f64)> = heading.pairs().collect();
     let rates: Vec<(f64, f64)> = yaw_rate.pairs().collect();

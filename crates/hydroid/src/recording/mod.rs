@@ -76,7 +76,7 @@ where
         let mut part = |done| progress((i as f64 + done) / sources.len() as f64);
         progress::report(&mut part, 0.0)?;
         tables.push(if is_recording(source)? {
-            table::of_outputs(&open::read(source, selection, &mut notes, &mut part)?, selection, &mut notes)?
+            table::of_outputs(open::read(source, selection, &mut notes, &mut part)?, selection, &mut notes)?
         } else {
             let mut log = log::read(source)?;
             log::keep_parts(&mut log, selection, options.dt, &mut notes)?;

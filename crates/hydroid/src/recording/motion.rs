@@ -337,13 +337,13 @@ fn others(recording: &Recording, selection: &Selection) -> Result<Vec<Other>, Lo
             continue;
         }
         let column = recording.position(spec)?;
-        let name = &recording.header.columns[column].name;
+        let name = &recording.log.columns[column].name;
         if !columns.iter().any(|column| column.name == *name) {
             columns.push(recording.column(column, Vec::new()));
             others.push(Other { column, held, period: recording.period(spec, direction)? });
         }
     }
-    let header = RawLog::without_rows(&recording.header.path, columns);
+    let header = RawLog::without_rows(&recording.log.path, columns);
     Resolved::new(&header, selection, None, &mut Vec::new())?;
     Ok(others)
 }

@@ -1,25 +1,24 @@
 //! Reading of recordings into memory.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use hydroid_io::{Clock, Field, Format, IoError, LogFile, Sink, Summary, Topic};
 
 use super::clock::Clocks;
 use crate::key::key;
-use crate::log::line::Time;
-use crate::log::{self, ChannelSpec, LogError, Note, RawColumn, RawLog, SINCE_1970_S, Selection};
+use crate::log::line::{Source, Time};
+use crate::log::{
+    self, ChannelSpec, LONGEST_TIME_S, LogError, Note, RawColumn, RawLog, SINCE_1970_S, Selection,
+};
 use crate::progress::{self, Progress};
 
 /// The chosen columns of a recording.
 #[derive(Clone, Debug)]
 pub(super) struct Recording {
-    /// All columns of all topics, without values.
-    pub(super) header: RawLog,
+    /// All columns of all topics. Those that are chosen have a value for each stamp of their topic, and the others none.
+    pub(super) log: RawLog,
     /// Topic of each column.
     pub(super) topic_of: Vec<usize>,
-    /// Values of the chosen columns, by the index of the column.
-    pub(super) values: BTreeMap<usize, Vec<f64>>,
     /// Topics.
     pub(super) topics: Vec<Times>,
 }
@@ -223,8 +222,9 @@ fn csv(
     if let Some(source) = source {
         check_time(&log, &log.columns[source.column], notes)?;
     }
+    let is_dated = |source: &Source| log.columns[source.column].stamps.as_ref().is_some_and(|s| s.dated);
     let clock = match source {
-        Some(source) if log.columns[source.column].stamps.is_some() => Clock::Utc,
+        Some(source) if is_dated(source) => Clock::Utc,
         Some(_) => Clock::Boot,
         None => Clock::None,
     };
@@ -252,6 +252,9 @@ fn csv(
         let t = source.map_or(k as f64, |source| source.si(log.columns[source.column].values[k]));
         if t.is_nan() {
             continue;
+        }
+        if t.abs() > LONGEST_TIME_S {
+            return Err(LogError::AbsurdTime { path: log.path.clone(), line: log.lines.get(k), time: t });
         }
         for (value, column) in values.iter_mut().zip(&kept) {
             *value = column.values[k];
@@ -331,37 +334,42 @@ struct Collected {
     topic: Topic,
     stamps: Vec<i64>,
     received: Vec<i64>,
-    /// Values by field.
-    columns: BTreeMap<usize, Vec<f64>>,
+    columns: Vec<RawColumn>,
+    /// Fields that are chosen.
+    chosen: Vec<usize>,
 }
 
 impl Sink for Collector<'_> {
     fn topic(&mut self, id: usize, topic: &Topic) -> bool {
         if id == self.topics.len() {
             self.topics.push(Collected {
-                topic: Topic { fields: Vec::new(), ..topic.clone() },
+                topic: topic.clone(),
                 stamps: Vec::new(),
                 received: Vec::new(),
-                columns: BTreeMap::new(),
+                columns: Vec::new(),
+                chosen: Vec::new(),
             });
         }
         let kept = &mut self.topics[id];
-        for (i, field) in topic.fields.iter().enumerate().skip(kept.topic.fields.len()) {
+        for (i, field) in topic.fields.iter().enumerate().skip(kept.columns.len()) {
             let name = qualified(&topic.name, &field.name);
+            let mut values = Vec::new();
             if self.all || self.names.contains(&name) || self.names.contains(&field.name) {
-                kept.columns.insert(i, vec![f64::NAN; kept.stamps.len()]);
+                values.resize(kept.stamps.len(), f64::NAN);
+                kept.chosen.push(i);
             }
+            kept.columns.push(RawColumn::of(&field.name, None, values));
         }
         kept.topic = topic.clone();
-        !kept.columns.is_empty()
+        !kept.chosen.is_empty()
     }
 
     fn row(&mut self, id: usize, stamp_ns: i64, received_ns: Option<i64>, values: &[f64]) {
         let kept = &mut self.topics[id];
         kept.stamps.push(stamp_ns);
         kept.received.extend(received_ns);
-        for (field, column) in &mut kept.columns {
-            column.push(values.get(*field).copied().unwrap_or(f64::NAN));
+        for &field in &kept.chosen {
+            kept.columns[field].values.push(values.get(field).copied().unwrap_or(f64::NAN));
         }
     }
 
@@ -396,12 +404,8 @@ pub(super) fn read(
     let shown = source.name();
     note_losses(&shown, &summary, &clocks, notes);
     let single = collector.topics.len() == 1;
-    let mut recording = Recording {
-        header: RawLog::without_rows(&shown, Vec::new()),
-        topic_of: Vec::new(),
-        values: BTreeMap::new(),
-        topics: Vec::new(),
-    };
+    let mut recording =
+        Recording { log: RawLog::without_rows(&shown, Vec::new()), topic_of: Vec::new(), topics: Vec::new() };
     let mut times: Vec<Vec<f64>> =
         collector.topics.iter().map(|collected| times(collected, &summary, &shown, notes)).collect();
     let orders = clocks.order(&mut times);
@@ -454,26 +458,23 @@ fn times(collected: &Collected, summary: &Summary, path: &str, notes: &mut Vec<N
 
 impl Recording {
     fn add(&mut self, collected: Collected, t: &[f64], order: &[usize], single: bool, notes: &mut Vec<Note>) {
-        let Collected { topic, columns, .. } = collected;
+        let Collected { topic, columns, chosen, .. } = collected;
         let left_out = t.len() - order.len();
         if left_out > 0 {
             notes.push(Note::warning(format!(
                 "{}: {left_out} of {} rows of `{}` have the stamp of another row or one of another day, and are left out",
-                self.header.path,
+                self.log.path,
                 t.len(),
                 topic.name
             )));
         }
         let sorted: Vec<f64> = order.iter().map(|&k| t[k]).collect();
         let index = self.topics.len();
-        for (i, field) in topic.fields.iter().enumerate() {
+        for (i, (field, column)) in topic.fields.iter().zip(columns).enumerate() {
             let name = if single { field.name.clone() } else { qualified(&topic.name, &field.name) };
-            if let Some(values) = columns.get(&i) {
-                let values =
-                    order.iter().map(|&k| values[k]).map(|x| if x.is_finite() { x } else { f64::NAN });
-                self.values.insert(self.header.columns.len(), values.collect());
-            }
-            self.header.columns.push(RawColumn::of(&name, field.unit.as_deref(), Vec::new()));
+            let finite = |&k: &usize| Some(column.values[k]).filter(|x| x.is_finite()).unwrap_or(f64::NAN);
+            let values = if chosen.contains(&i) { order.iter().map(finite).collect() } else { Vec::new() };
+            self.log.columns.push(RawColumn::of(&name, field.unit.as_deref(), values));
             self.topic_of.push(index);
         }
         self.topics.push(Times { clock: topic.clock, t: sorted });
@@ -481,21 +482,23 @@ impl Recording {
 
     /// Adds the yaw angle of a quaternion as a column.
     fn add_yaw(&mut self, name: &str) {
-        if self.header.position(name).is_some() {
+        if self.log.position(name).is_some() {
             return;
         }
         for components in quaternion(name).into_iter().flatten() {
-            let found = components.map(|component| self.header.position(&component));
+            let found = components.map(|component| self.log.position(&component));
             let [Some(x), Some(y), Some(z), Some(w)] = found else { continue };
             let topic = self.topic_of[x];
             if [y, z, w].iter().any(|i| self.topic_of[*i] != topic) {
                 continue;
             }
-            let place = [x, y, z, w].map(|i| self.values.get(&i));
-            let [Some(x), Some(y), Some(z), Some(w)] = place else { continue };
-            let values = (0..x.len()).map(|k| yaw([x[k], y[k], z[k], w[k]])).collect();
-            self.values.insert(self.header.columns.len(), values);
-            self.header.columns.push(RawColumn::of(name, Some("rad"), Vec::new()));
+            let rows = self.topics[topic].t.len();
+            let parts = [x, y, z, w].map(|i| &self.log.columns[i].values);
+            if parts.iter().any(|values| values.len() < rows) {
+                continue;
+            }
+            let values = (0..rows).map(|k| yaw(parts.map(|values| values[k]))).collect();
+            self.log.columns.push(RawColumn::of(name, Some("rad"), values));
             self.topic_of.push(topic);
             return;
         }

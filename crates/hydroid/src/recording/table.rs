@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use hydroid_io::Clock;
 
-use super::open::{Recording, names};
+use super::open::{Recording, Times, names};
 use crate::log::line::{Resolved, Time};
 use crate::log::parts::{Kept, Parts};
 use crate::log::{
@@ -18,14 +18,13 @@ pub(super) const STEPS: f64 = 5.0;
 impl Recording {
     /// The column that a specification names.
     pub(super) fn position(&self, spec: &ChannelSpec) -> Result<usize, LogError> {
-        let found = names(spec).find_map(|name| self.header.position(&name));
-        found.ok_or_else(|| unknown_column(&self.header, &spec.column))
+        let found = names(spec).find_map(|name| self.log.position(&name));
+        found.ok_or_else(|| unknown_column(&self.log, &spec.column))
     }
 
     /// Stamps and values of a column.
     pub(super) fn series(&self, column: usize) -> (&[f64], &[f64]) {
-        let values = self.values.get(&column).map_or(&[][..], Vec::as_slice);
-        (&self.topics[self.topic_of[column]].t, values)
+        (&self.topics[self.topic_of[column]].t, &self.log.columns[column].values)
     }
 
     /// Mean over each step of a command that is held until it changes; NaN before its first value.
@@ -109,34 +108,27 @@ impl Recording {
             );
         }
         let date = (zero >= SINCE_1970_S).then_some(zero);
-        selection.parts.of(&self.header.path, zero, date, changes)
+        selection.parts.of(&self.log.path, zero, date, changes)
     }
 
-    /// The rows of a table that are used. `t` are their times on the clock of the recording.
-    fn used(
-        &self,
-        mut log: RawLog,
-        t: &[f64],
-        selection: &Selection,
-        notes: &mut Vec<Note>,
-    ) -> Result<RawLog, LogError> {
-        if !selection.parts.is_all() {
-            let kept = self.parts(selection, t.first().copied().unwrap_or(0.0))?;
-            let rows: Vec<bool> = t.iter().map(|t| kept.has(*t)).collect();
-            parts::keep_rows(&mut log, &rows, t, &selection.parts, notes)?;
+    /// Which of the rows at these times, on the clock of the recording, are used; none if all are.
+    fn used(&self, t: &[f64], selection: &Selection) -> Result<Option<Vec<bool>>, LogError> {
+        if selection.parts.is_all() {
+            return Ok(None);
         }
-        Ok(log)
+        let kept = self.parts(selection, t.first().copied().unwrap_or(0.0))?;
+        Ok(Some(t.iter().map(|t| kept.has(*t)).collect()))
     }
 
     /// A column of a table with the name and unit of one of the recording.
     pub(super) fn column(&self, column: usize, values: Vec<f64>) -> RawColumn {
-        let RawColumn { name, unit, .. } = &self.header.columns[column];
+        let RawColumn { name, unit, .. } = &self.log.columns[column];
         RawColumn::of(name, unit.as_deref(), values)
     }
 
     /// The period of a column that is an angle, in its unit. `direction` is whether a column without a unit is one.
     pub(super) fn period(&self, spec: &ChannelSpec, direction: bool) -> Result<Option<f64>, LogError> {
-        let source = log::channel(&self.header, spec, &mut Vec::new())?;
+        let source = log::channel(&self.log, spec, &mut Vec::new())?;
         let unit = &source.channel.unit;
         let angle = unit == "rad" || (direction && unit.is_empty());
         Ok(angle.then(|| TAU / source.unit_factor()))
@@ -146,35 +138,38 @@ impl Recording {
 /// A table on the stamps of the topic of the first output. Other outputs are interpolated, inputs are the mean over each
 /// step of the held command. A recording of one topic is a table as it is.
 pub(super) fn of_outputs(
-    recording: &Recording,
+    recording: Recording,
     selection: &Selection,
     notes: &mut Vec<Note>,
 ) -> Result<RawLog, LogError> {
-    let path = recording.header.path.clone();
-    if recording.topics.len() == 1 {
-        let mut columns: Vec<RawColumn> = Vec::new();
-        let topic = &recording.topics[0];
-        if topic.clock != Clock::None {
-            columns.push(time(&topic.t));
+    let path = recording.log.path.clone();
+    let finish = |columns: Vec<RawColumn>, used: Option<Vec<bool>>, t: &[f64], notes: &mut Vec<Note>| {
+        let mut log = RawLog::from_columns(&path, columns)?;
+        if let Some(used) = used {
+            parts::keep_rows(&mut log, &used, t, &selection.parts, notes)?;
         }
-        columns.extend(
-            recording.values.iter().map(|(column, values)| recording.column(*column, values.clone())),
-        );
+        Ok(log)
+    };
+    if let [Times { clock, t }] = &recording.topics[..] {
+        let used = recording.used(t, selection)?;
+        let has_time = *clock != Clock::None;
         // A column `t` of the file is the same time, or none.
-        let taken = topic.clock != Clock::None;
-        let mut first = true;
-        columns.retain(|c| !taken || c.name != "t" || std::mem::take(&mut first));
-        let log = RawLog::from_columns(&path, columns)?;
-        return recording.used(log, &topic.t, selection, notes);
+        let chosen = |c: &RawColumn| c.values.len() == t.len() && !(has_time && c.name == "t");
+        let mut columns = recording.log.columns;
+        columns.retain(chosen);
+        if has_time {
+            columns.insert(0, time(t));
+        }
+        return finish(columns, used, t, notes);
     }
     let Some(first) = selection.outputs.first() else {
         return Err(LogError::Unusable {
             reason: format!("it has {} topics, and no output is named", recording.topics.len()),
             remedy: format!(
                 "name outputs, or sensors in the section [log.sensors]; `hydroid inspect {path}` proposes them, or says what the recording lacks. Its columns are: {}",
-                all_names(&recording.header)
+                all_names(&recording.log)
             ),
-            path,
+            path: path.clone(),
         });
     };
     let base = recording.topic_of[recording.position(first)?];
@@ -185,7 +180,7 @@ pub(super) fn of_outputs(
     let mut columns = vec![time(t)];
     let mut add = |spec: &ChannelSpec, held: bool, direction: bool| -> Result<(), LogError> {
         let at = recording.position(spec)?;
-        let name = &recording.header.columns[at].name;
+        let name = &recording.log.columns[at].name;
         if columns.iter().any(|c| c.name == *name) {
             return Ok(());
         }
@@ -215,8 +210,7 @@ pub(super) fn of_outputs(
         add(heading, false, true)?;
     }
     notes.push(start(&path, t[0]));
-    let log = RawLog::from_columns(&path, columns)?;
-    recording.used(log, t, selection, notes)
+    finish(columns, recording.used(t, selection)?, t, notes)
 }
 
 /// The column of the time \[s\] from the first row.

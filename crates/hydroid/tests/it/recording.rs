@@ -378,6 +378,42 @@ fn exchanged_axes_of_the_positions_are_named() {
     }
 }
 
+/// A compass that froze for a minute gave 3.3 rad/s and a current, with small deviations.
+#[test]
+fn a_heading_that_is_stuck_while_the_vessel_turns_is_left_out() {
+    let folder = TempDir::new().unwrap();
+    let write = |stuck: bool, speed: f64| {
+        let mut table = "t [s],north [m],east [m],heading [rad]\n".to_owned();
+        let mut noise = Noise(8);
+        for k in 0..1500 {
+            let t = 0.2 * f64::from(k);
+            let held = if stuck && (120.0..180.0).contains(&t) { 120.0 } else { t };
+            let heading = 0.05 * held + if held == t { 0.01 * noise.draw() } else { 0.0 };
+            let (sine, cosine) = (0.05 * t).sin_cos();
+            let place = [20.0 * speed * sine, -20.0 * speed * cosine].map(|x| x + 0.05 * noise.draw());
+            let _ = writeln!(table, "{t:.1},{},{},{heading}", place[0], place[1]);
+        }
+        std::fs::write(folder.path().join("day.csv"), table).unwrap();
+    };
+    let sensors = Sensors {
+        north: Some(spec("north")),
+        east: Some(spec("east")),
+        heading: Some(spec("heading")),
+        ..Sensors::default()
+    };
+    for (stuck, speed) in [(false, 2.0), (true, 2.0), (true, 0.0)] {
+        write(stuck, speed);
+        let (log, notes) =
+            one(&folder.path().join("day.csv"), &with_sensors(sensors.clone(), "none")).unwrap();
+        let said = notes.iter().any(|note| note.message.contains("the heading has one value from 120"));
+        assert_eq!(said, stuck && speed > 0.0, "{notes:?}");
+        if speed > 0.0 {
+            let worst = column(&log, "r").iter().map(|r| (r - 0.05).abs()).fold(0.0, f64::max);
+            assert!(worst < 0.03, "{stuck}: {worst}");
+        }
+    }
+}
+
 /// Sensors that contradict each other, and what cannot be observed, are said.
 #[test]
 fn contradictions_of_sensors_are_warned_of() {

@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use hydroid::recording::{FieldSurvey, Proposal, Survey, TopicSurvey};
+use hydroid::log::Inspection;
+use hydroid::model::Reading;
+use hydroid::recording::{FieldSurvey, Proposal, Survey, TopicSurvey, survey};
 use serde_json::json;
 
 use crate::args::Global;
@@ -24,6 +26,23 @@ pub fn show(survey: &Survey, proposal: &Proposal, global: Global) {
         show_topic(topic);
     }
     ui::print_notes(&survey.notes, global);
+    show_proposal(proposal);
+}
+
+/// What is proposed for a table that has no velocities, if it has a position or a heading.
+pub fn of_table(file: &Path, inspection: &Inspection, reading: &Reading) -> Option<(Survey, Proposal)> {
+    let has = |name: &str| inspection.columns.iter().any(|column| column.name == name);
+    if ["u", "v", "r"].into_iter().any(has) {
+        return None;
+    }
+    let survey = survey(file, reading.selection.time.as_deref()).ok()?;
+    let proposal = survey.proposal();
+    let is_any =
+        proposal.selection.sensors.as_ref().is_some_and(|sensors| sensors.columns().next().is_some());
+    is_any.then_some((survey, proposal))
+}
+
+pub fn show_proposal(proposal: &Proposal) {
     outln!("\nproposal (a guess from names; --write-config writes it to a file):");
     for remark in &proposal.remarks {
         outln!("  {remark}");

@@ -246,6 +246,14 @@ const map = new Plots.Chart($("chart"));
 
 const place = (north, east) => (number(north) === null || number(east) === null ? null : [north, east]);
 
+/** Where the boat is with respect to the geofence. */
+function margin(fence) {
+  const [left, reached] = [number(fence.margin), number(fence.reached_s)];
+  if (left === null) return "";
+  if (left < 0) return ` The boat is ${m(-left)} m OUTSIDE of it.`;
+  return reached === null ? ` The boat is ${m(left)} m inside.` : ` The boat is ${m(left)} m inside, and leaves it in ${m(reached)} s on this course.`;
+}
+
 /** Outline and description of the geofence. */
 function fenceOf(s) {
   const fence = fields(s.fence);
@@ -253,7 +261,7 @@ function fenceOf(s) {
   if (number(fence.radius) > 0) {
     const [n, e, r] = [number(fence.north) ?? 0, number(fence.east) ?? 0, fence.radius];
     const outline = Array.from({ length: 73 }, (_, i) => [n + r * Math.cos((i * Math.PI) / 36), e + r * Math.sin((i * Math.PI) / 36)]);
-    return { outline, text: `Geofence: radius ${m(r)} m around north ${m(n)} m, east ${m(e)} m.` };
+    return { outline, text: `Geofence: radius ${m(r)} m around north ${m(n)} m, east ${m(e)} m.${margin(fence)}` };
   }
   const sides = [...list(fence.north).slice(0, 2), ...list(fence.east).slice(0, 2)].map(number);
   if (sides.length < 4 || sides.includes(null)) return { outline: [], text: s.fence ? "The geofence cannot be shown." : "No geofence is set." };

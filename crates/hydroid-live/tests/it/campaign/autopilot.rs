@@ -40,6 +40,8 @@ pub(super) struct SensorFaults {
     pub(super) jump_m: [f64; 2],
     /// A heading that is shown in place of the true one.
     pub(super) frozen: Option<f64>,
+    /// A fix that a frozen receiver repeats: north, east \[m\], and velocities \[m/s\].
+    pub(super) fix: Option<[f64; 4]>,
 }
 
 /// The autopilot with its boat.
@@ -269,6 +271,7 @@ impl Autopilot {
                     self.water.pose[k] + self.water.drift_m[k] + self.faults.jump_m[k] + 0.1 * normal(rng)
                 });
                 let [vn, ve] = self.water.velocity().map(|v| v + 0.05 * normal(rng));
+                let [n, e, vn, ve] = self.faults.fix.unwrap_or([n, e, vn, ve]);
                 let mut m = GPS_RAW_INT_DATA::DEFAULT;
                 m.time_usec = us;
                 [m.lat, m.lon] = geographic([n, e]);
@@ -282,6 +285,11 @@ impl Autopilot {
             }
             _ => return None,
         })
+    }
+
+    pub(super) fn freeze_receiver(&mut self) {
+        let ([north, east, _], [vn, ve]) = (self.water.pose, self.water.velocity());
+        self.faults.fix = Some([north, east, vn, ve]);
     }
 
     fn heartbeat(&self) -> HEARTBEAT_DATA {

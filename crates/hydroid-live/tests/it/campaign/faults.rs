@@ -16,6 +16,7 @@ pub(super) enum Recovery {
     Fix,
     Jump,
     Compass,
+    Receiver,
     Disk,
     Mode,
     Arm,
@@ -23,13 +24,14 @@ pub(super) enum Recovery {
 }
 
 /// Names of the faults.
-const FAULTS: [&str; 13] = [
+const FAULTS: [&str; 14] = [
     "silence",
     "bad link",
     "no fix",
     "short jump",
     "jump that stays",
     "frozen compass",
+    "frozen receiver",
     "clock step",
     "restart",
     "failsafe",
@@ -88,6 +90,10 @@ impl Day {
                 self.autopilot.faults.frozen = Some(self.autopilot.water.pose[2]);
                 self.recover_after(2.0..60.0, Recovery::Compass);
             }
+            "frozen receiver" if !self.is_awaited(Recovery::Receiver) => {
+                self.autopilot.freeze_receiver();
+                self.recover_after(1.0..60.0, Recovery::Receiver);
+            }
             "clock step" => {
                 // The clock of the autopilot goes forward, or back.
                 let step_ns = self.rng.random_range(-20 * S..20 * S);
@@ -135,6 +141,7 @@ impl Day {
                 Recovery::Fix => autopilot.faults.has_no_fix = false,
                 Recovery::Jump => autopilot.faults.jump_m = [0.0; 2],
                 Recovery::Compass => autopilot.faults.frozen = None,
+                Recovery::Receiver => autopilot.faults.fix = None,
                 Recovery::Disk => self.give_disk(),
                 Recovery::Mode => autopilot.set_mode(self.watch.required_mode()),
                 Recovery::Arm => autopilot.set_armed(true),

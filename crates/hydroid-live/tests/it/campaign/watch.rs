@@ -30,6 +30,10 @@ const RELEASE_NS: i64 = S;
 const JUMP_M: f64 = 30.0;
 const JUMP_NS: i64 = 3 * S;
 
+/// A position that is frozen while commands push the boat ends them within this time: the sum of that to find it, of an older fix, and of
+/// lost messages.
+const FROZEN_NS: i64 = 8 * S;
+
 const LEAVE: u16 = u16::MAX;
 
 /// Who may command.
@@ -63,6 +67,9 @@ pub(super) struct Watch {
     /// Whether the positions are off, and since when they are under a command that has not ended since.
     has_jumped: bool,
     jumped_ns: Option<i64>,
+    /// Since when the receiver is frozen, and commands are not neutral.
+    frozen_ns: Option<i64>,
+    pushing_ns: Option<i64>,
     /// Commands, without releases.
     pub(super) count: u64,
 }
@@ -90,6 +97,8 @@ impl Watch {
             unfit_since_ns: None,
             has_jumped: false,
             jumped_ns: None,
+            frozen_ns: None,
+            pushing_ns: None,
             count: 0,
         }
     }
@@ -120,6 +129,8 @@ impl Watch {
             self.jumped_ns = None;
         }
         self.has_jumped = has_jumped;
+        let is_frozen = truth.faults.fix.is_some() && !truth.faults.has_no_fix;
+        self.frozen_ns = is_frozen.then(|| self.frozen_ns.unwrap_or(truth.now_ns));
     }
 
     /// A message that hydroid takes now.
@@ -166,7 +177,7 @@ impl Watch {
     }
 
     fn end(&mut self, now_ns: i64, why: String) {
-        (self.asked_to_steer, self.jumped_ns) = (false, None);
+        (self.asked_to_steer, self.jumped_ns, self.pushing_ns) = (false, None, None);
         if self.phase == Phase::Commanding {
             self.phase = Phase::Ended { at_ns: now_ns, sent: 0, why };
         }
@@ -210,8 +221,10 @@ impl Watch {
     }
 
     /// Conditions of a command that is not a release.
-    fn judge(&mut self, now_ns: i64) -> Result<(), String> {
+    fn judge(&mut self, is_neutral: bool, now_ns: i64) -> Result<(), String> {
         self.count += 1;
+        self.pushing_ns = (!is_neutral).then(|| self.pushing_ns.unwrap_or(now_ns));
+        let stuck_ns = self.frozen_ns.and_then(|frozen_ns| Some(frozen_ns.max(self.pushing_ns?)));
         let seconds = |since_ns: i64| (now_ns - since_ns) as f64 / 1e9;
         if !self.told.is_some_and(|told| self.is_fit(told)) {
             return Err(format!("a command although {:?} was told", self.told));
@@ -229,6 +242,7 @@ impl Watch {
         for (what, since_ns, longest_ns) in [
             ("the autopilot has been unfit for it", self.unfit_since_ns, TRUTH_NS),
             ("the position has jumped", self.jumped_ns, JUMP_NS),
+            ("the receiver is frozen", stuck_ns, FROZEN_NS),
         ] {
             if let Some(since_ns) = since_ns.filter(|since_ns| now_ns - since_ns > longest_ns) {
                 return Err(format!("a command although {what} since {:.2} s", seconds(since_ns)));
@@ -267,7 +281,8 @@ impl Watch {
                     return Err(format!("channel {} is not within {low} to {high}", place + 1));
                 }
             }
-            return self.judge(now_ns);
+            let is_neutral = self.channels.iter().all(|&(place, .., rest)| pulses[place] == rest);
+            return self.judge(is_neutral, now_ns);
         }
         self.release(now_ns)?;
         // The pilot has a receiver, and steers in another mode.
@@ -299,7 +314,7 @@ impl Watch {
             if !values.iter().zip(&self.set_points).all(is_within) {
                 return Err(format!("not within {:?}", self.set_points));
             }
-            return self.judge(now_ns);
+            return self.judge(values == [0.0; 2], now_ns);
         }
         let number = self.release(now_ns)?;
         let is_required = self.told.is_some_and(|(mode, ..)| mode == self.required_mode());

@@ -5,10 +5,11 @@ use std::io::{self, Read};
 use rayon::prelude::*;
 
 use super::super::error::LogError;
+use super::super::stamp;
 use super::super::summary::{PairSummary, Summary};
 use super::cell::text;
 use super::chunks::{Chunk, Chunks};
-use super::header::{delimiter, has_decimal_comma, header_columns, name_the_nameless, title};
+use super::header::{delimiter, has_decimal_comma, header_columns, name_the_nameless, take_units, title};
 use super::rows::{self, Defect, Format, Kind, Part, Rows};
 use super::{Plan, RawColumn, RawLog};
 
@@ -109,13 +110,17 @@ fn header(chunks: &mut Chunks<impl Read>, path: &str) -> Result<Header, LogError
                 continue;
             }
             let header: Vec<String> = record.iter().map(|cell| text(cell).to_owned()).collect();
-            let columns = header_columns(&header, path)?;
+            let mut columns = header_columns(&header, path)?;
             let needed = header.iter().rposition(|cell| !cell.is_empty()).map_or(0, |at| at + 1);
-            let read = usize::try_from(reader.position().byte()).unwrap_or(bytes.len());
-            let mut rows =
-                std::iter::from_fn(|| reader.read_byte_record(&mut record).ok()?.then_some(record.len()));
+            let mut read = reader.position().byte();
+            let mut found = reader.read_byte_record(&mut record).unwrap_or(false);
+            if found && take_units(&mut columns, &record) {
+                read = reader.position().byte();
+                found = reader.read_byte_record(&mut record).unwrap_or(false);
+            }
+            let read = usize::try_from(read).unwrap_or(bytes.len());
             let format = Format {
-                omits: rows.next().is_some_and(|first| first < needed),
+                omits: found && record.len() < needed,
                 delimiter,
                 decimal_comma: delimiter != b',' && has_decimal_comma(bytes, delimiter, end_of_line),
                 end_of_line,
@@ -215,6 +220,11 @@ impl Table<'_> {
     }
 
     fn finish(&mut self) {
+        for column in &mut self.log.columns {
+            if column.stamps.as_ref().is_some_and(|first| !first.dated) {
+                stamp::pass_midnight(&mut column.values);
+            }
+        }
         self.log.columns.iter_mut().filter_map(|column| column.left_out.as_mut()).for_each(Summary::finish);
         self.log.rest.pairs.iter_mut().for_each(|(_, _, pair)| pair.finish());
     }

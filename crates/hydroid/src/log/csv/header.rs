@@ -124,6 +124,23 @@ pub fn header_columns(header: &[String], path: &str) -> Result<Vec<RawColumn>, L
     Ok(columns)
 }
 
+/// Whether a row below the header holds units: no numbers, and at least two known units, which are most of its cells. They become those of
+/// the columns whose header states none.
+pub(super) fn take_units(columns: &mut [RawColumn], row: &csv::ByteRecord) -> bool {
+    let cells = || row.iter().map(|cell| text(cell).trim_matches(['[', ']', '(', ')']).trim());
+    let is_number = |cell: &str| cell.parse::<f64>().is_ok() || stamp::parse(cell).is_some();
+    let known = cells().filter(|cell| units::is_unit_in_parentheses(cell)).count();
+    if cells().any(is_number) || known < 2 || 2 * known < cells().filter(|cell| !cell.is_empty()).count() {
+        return false;
+    }
+    for (column, unit) in
+        columns.iter_mut().zip(cells()).filter(|(_, cell)| units::is_unit_in_parentheses(cell))
+    {
+        column.unit.get_or_insert_with(|| unit.to_owned());
+    }
+    true
+}
+
 /// Names columns without a name by their number.
 pub fn name_the_nameless(columns: &mut [RawColumn]) {
     for i in 0..columns.len() {

@@ -72,7 +72,7 @@ pub struct RawColumn {
     pub name: String,
     /// Unit from the header (`name [unit]`).
     pub unit: Option<String>,
-    /// One value per row in the unit of the file; NaN without a finite number. Stamps are seconds since 1970 (UTC).
+    /// One value per row in the unit of the file; NaN without a finite number. Stamps are seconds since 1970 (UTC), and times of day since the first midnight.
     /// Empty if the values were left out.
     pub values: Vec<f64>,
     /// The first cell that is neither blank nor a finite number.
@@ -108,6 +108,8 @@ pub struct FirstStamp {
     pub line: u64,
     /// Text of the cell.
     pub text: String,
+    /// Whether the stamp has a date; without one, it is a time of day.
+    pub dated: bool,
     /// Whether the stamp contains a time zone; the default is UTC.
     pub zoned: bool,
 }

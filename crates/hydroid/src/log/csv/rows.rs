@@ -54,6 +54,7 @@ impl Part {
                 self.stamps.get_or_insert_with(|| FirstStamp {
                     line,
                     text: cell.to_owned(),
+                    dated: stamp.dated,
                     zoned: stamp.zoned,
                 });
                 stamp.seconds

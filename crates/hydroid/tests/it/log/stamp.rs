@@ -62,8 +62,24 @@ fn dates_that_do_not_exist_are_refused() {
         "2020-8-3T11:04:37",
         "2020-",
         "",
+        "11:04",
+        "24:00:00",
+        "11:60:00",
+        "11:4:00",
+        "11:04:61",
+        "11:04:1e1",
+        "11:04:37:00",
         "\u{fffd}020-08",
     ] {
         assert!(parse(text).is_none(), "{text}");
+    }
+}
+
+#[test]
+fn a_time_of_day_counts_from_midnight() {
+    for (text, expected) in [("00:00:00", 0.0), ("9:05:00.5", 32_700.5), ("23:59:59,25", 86_399.25)] {
+        let stamp = parse(text).unwrap();
+        assert_eq!((stamp.seconds, stamp.dated, stamp.zoned), (expected, false, false), "{text}");
+        assert!(looks_like(text));
     }
 }
