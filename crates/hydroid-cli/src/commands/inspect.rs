@@ -15,7 +15,7 @@ use hydroid::log::{self, Inspection, Trajectory};
 use hydroid::manoeuvre::{Recognised, recognise};
 use hydroid::model::{self, Description, Model, NamedEquations, Port, Reading};
 use hydroid::plant::{find_roles, input_values};
-use hydroid::recording::{is_recording, survey};
+use hydroid::recording::{Proposal, Survey, is_recording, survey};
 use hydroid_core::craft::CraftParameter;
 use hydroid_core::model::recurrent::{BaseModel, Scaling, Tensor};
 use hydroid_live::black_box::{BlackBox, is_black_box};
@@ -98,23 +98,15 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
                 (log::inspect_file(file, &reading.selection, &reading.options)?, Vec::new())
             };
             notes.extend(inspection.notes.iter().cloned());
-            let trials = trials(&runs);
             // A table without velocities may have sensors from which they are computed.
             let proposal = (!is_recording && runs.is_empty() && reading.selection.outputs.is_empty())
                 .then(|| recording::of_table(file, &inspection, &reading))
                 .flatten();
             if global.json {
-                let mut document = serde_json::to_value(&inspection)?;
-                if let Some((survey, proposal)) = &proposal {
-                    document["proposal"] = json!(proposal);
-                    document["config"] = json!(proposal.to_toml(&survey.path));
-                }
-                document["trials"] = json!(trials);
-                document["excitation"] = lacks::json(&runs);
-                documents.push(document);
+                documents.push(log_json(&inspection, &runs, proposal.as_ref())?);
             } else {
                 show_log(&inspection);
-                show_trials(&trials);
+                show_trials(&trials(&runs));
                 // Logs are identified together: what one of them lacks, another one may have.
                 if args.files.len() == 1 {
                     lacks::show(&runs);
@@ -138,6 +130,21 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
         print_documents(&documents)?;
     }
     Ok(Outcome::Done)
+}
+
+fn log_json(
+    inspection: &Inspection,
+    runs: &[Trajectory],
+    proposal: Option<&(Survey, Proposal)>,
+) -> anyhow::Result<serde_json::Value> {
+    let mut document = serde_json::to_value(inspection)?;
+    document["trials"] = json!(trials(runs));
+    document["excitation"] = lacks::json(runs);
+    if let Some((survey, proposal)) = proposal {
+        document["proposal"] = json!(proposal);
+        document["config"] = json!(proposal.to_toml(&survey.path));
+    }
+    Ok(document)
 }
 
 fn print_documents(documents: &[serde_json::Value]) -> anyhow::Result<()> {

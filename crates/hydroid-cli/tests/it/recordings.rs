@@ -206,7 +206,6 @@ fn several_runs_have_the_names_of_their_logs() {
 /// A table of sensors with times of day and a row of units, past midnight, as a logger in German writes it.
 #[test]
 fn inspect_proposes_the_sensors_of_a_table_without_velocities() {
-
     let folder = TempDir::new().unwrap();
     let mut table = "Datum;Uhrzeit;Breite;Länge;Kompass;Fahrt ü. Grund;Kurs ü. Grund;ruder_cmd\n;;deg;deg;deg;kn;deg;deg\n".to_owned();
     for k in 0..900 {
@@ -255,8 +254,10 @@ fn inspect_proposes_the_sensors_of_a_table_without_velocities() {
 #[test]
 fn a_time_in_milliseconds_without_a_unit_is_refused_in_recordings() {
     let folder = TempDir::new().unwrap();
-    let rows: String =
-        (0..50).map(|k| format!("{},54.0,8.0,{}\n", 1_760_000_000_000_i64 + 200 * k, k)).collect();
+    let mut rows = String::new();
+    for k in 0..50 {
+        let _ = writeln!(rows, "{},54.0,8.0,{k}", 1_760_000_000_000_i64 + 200 * k);
+    }
     std::fs::write(folder.path().join("ms.csv"), format!("timestamp,lat,lon,heading\n{rows}")).unwrap();
     let output = run(folder.path(), "inspect ms.csv --write-config");
     let said = text(&output.stderr);

@@ -77,7 +77,7 @@ pub struct Boat<L> {
     told_jump: bool,
     /// Whether it was said that the boat is outside of the geofence.
     told_outside: bool,
-    /// Neutral commands of the inputs; empty if they are not known.
+    /// Neutral commands of the inputs, as they are sent; empty if they are not known.
     rest: Vec<f64>,
     /// Time since which commands have not been neutral \[s\].
     pushing_since: Option<f64>,
@@ -107,6 +107,9 @@ pub struct Boat<L> {
     /// Words of the last remark on a sample.
     remark: String,
 }
+
+/// Distance from the geofence at which a boat that has left it is inside again \[m\].
+const INSIDE_M: f64 = 2.0;
 
 /// A remark without its numbers: the same one with others is not news.
 fn words(remark: &str) -> String {
@@ -469,7 +472,9 @@ impl<L: Link> Boat<L> {
             self.hands_off(now_ns, Level::Warning, &reason);
         }
         self.tell_jump(now_ns, jump_m);
-        self.tell_outside(now_ns);
+        if is_located {
+            self.tell_outside(now_ns);
+        }
         let Some(recording) = &self.recording else { return };
         let health = recording.health();
         let slow = "the disk is too slow".to_owned();
@@ -507,11 +512,13 @@ impl<L: Link> Boat<L> {
     /// Says that the boat has left the geofence, or is inside again, whoever steers it.
     fn tell_outside(&mut self, now_ns: i64) {
         let Some([margin, _]) = self.margin() else { return };
-        if self.told_outside == (margin < 0.0) {
+        // Noise at the fence is no news.
+        let is_outside = margin < if self.told_outside { INSIDE_M } else { 0.0 };
+        if self.told_outside == is_outside {
             return;
         }
-        self.told_outside = margin < 0.0;
-        if self.told_outside {
+        self.told_outside = is_outside;
+        if is_outside {
             self.say(now_ns, Level::Error, "the boat is outside of the geofence");
         } else {
             self.say(now_ns, Level::Info, "the boat is inside the geofence again");
@@ -605,6 +612,7 @@ impl<L: Link> Boat<L> {
                 }
                 HelmEvent::HandsOff(reason) => {
                     self.steering.end();
+                    self.pushing_since = None;
                     if let Some(active) = &mut self.active {
                         active.release();
                     }

@@ -26,7 +26,7 @@ const UNUSED_S: f64 = 10.0;
 const STUCK_S: f64 = 3.0;
 const CHANGES: f64 = 4.0;
 /// Longest time between changes that counts as usual \[s\], and the share of the newest one in the mean.
-const LONGEST_S: f64 = 2.0;
+const LONGEST_S: f64 = 5.0;
 const NEWEST: f64 = 0.2;
 
 /// Fixes that are the same to the last digit.
@@ -99,7 +99,7 @@ impl PositionCheck {
                 let usual = last.usual + NEWEST * (lasted - last.usual);
                 Repeated { values: fix, since: t, until: t, usual }
             }
-            None => Repeated { values: fix, since: t, until: t, usual: 0.0 },
+            None => Repeated { values: fix, since: t, until: t, usual: 1.0 },
         });
     }
 

@@ -252,6 +252,7 @@ impl<L: Link> Boat<L> {
     /// Takes the helm, unless it is a dry run.
     fn begin_commands(&mut self, now_ns: i64) -> Result<(), String> {
         self.check_commands(now_ns)?;
+        self.pushing_since = None;
         if self.settings.is_dry_run {
             return Ok(());
         }
@@ -354,8 +355,11 @@ impl<L: Link> Boat<L> {
             .map(|(column, value)| column.source.raw(*value))
             .collect();
         self.link.command(&raw, now_ns);
+        // A dry run sends nothing.
+        let is_neutral = |(value, rest): (&f64, &f64)| (value - rest).abs() <= 1e-6 * (1.0 + rest.abs());
+        let pushes = !self.settings.is_dry_run && !raw.iter().zip(&self.rest).all(is_neutral);
         let t = super::seconds(self.begun_ns, now_ns);
-        self.pushing_since = (values != self.rest).then(|| self.pushing_since.unwrap_or(t));
+        self.pushing_since = pushes.then(|| self.pushing_since.unwrap_or(t));
     }
 
     pub(super) fn begin_steering(&mut self, now_ns: i64) -> Result<String, String> {

@@ -1,4 +1,4 @@
-//! Logs in which an input acts otherwise than in the other ones: with the opposite sign, in the place of another input, in another
+//! Logs in which an input acts differently than in the other ones: with the opposite sign, in the place of another input, in another
 //! unit, or not at all, as after a change of wiring or of settings between two days.
 //!
 //! # Method
@@ -16,12 +16,16 @@
 //! take up loads and batteries, and are not reported: a change is stated only if these explain less.
 //!
 //! *Valid* for logs that were recorded separately, with errors that are independent over windows that do not overlap. Therefore, a
-//! change is looked for only where its inputs move often, and stated only if it also explains half of the variance of an output in that log that the inputs as logged do not.
-//! Which logs are the wrong ones is not known: most of their windows are taken as right.
+//! change is looked for only where its inputs move often and the vessel moves as in other logs, and stated only if it also
+//! explains half of the variance of an output in that log that the inputs as logged do not. Disturbances, settings and angles
+//! beyond 90 degrees, as of azimuth thrusters, are not changed. Which logs are the wrong ones is not known: those of most windows
+//! are taken as right.
+
+use std::f64::consts::FRAC_PI_2;
 
 use rayon::prelude::*;
 
-use crate::boat::Boat;
+use crate::boat::{Boat, Role};
 use crate::committee::ridge::{Moments, solve};
 use crate::key::key;
 use crate::log::{Channel, Note, Trajectory};
@@ -42,6 +46,9 @@ const MOVE: f64 = 0.2;
 
 /// Most windows of all logs.
 const MOST_WINDOWS: usize = 5000;
+
+/// Most operations of the solutions of a round.
+const MOST_WORK: f64 = 2e10;
 
 /// Most changes that are made.
 const MOST_CHANGES: usize = 20;
@@ -86,9 +93,12 @@ pub(super) fn warnings(runs: &[&Trajectory], boat: &Boat, horizon: usize) -> Vec
     let neutral = |(j, channel): (usize, &Channel)| {
         let values = || runs.iter().flat_map(|run| run.inputs.column(j));
         let seen = [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)];
-        boat.value(channel, Some(seen)).map_or(0.0, |value| value.neutral)
+        let is_angle = channel.unit == "rad" && seen.iter().any(|x| x.abs() > FRAC_PI_2);
+        let is_other = matches!(boat.role(&channel.name), Some(Role::Disturbance | Role::Setting));
+        (boat.value(channel, Some(seen)).map_or(0.0, |value| value.neutral), !is_angle && !is_other)
     };
-    let neutral: Vec<f64> = first.inputs.channels().iter().enumerate().map(neutral).collect();
+    let (neutral, changeable): (Vec<f64>, Vec<bool>) =
+        first.inputs.channels().iter().enumerate().map(neutral).unzip();
     let mut logs: Vec<(&str, Vec<&Trajectory>)> = Vec::new();
     for run in runs {
         match logs.iter_mut().find(|(name, _)| *name == run.log()) {
@@ -102,7 +112,7 @@ pub(super) fn warnings(runs: &[&Trajectory], boat: &Boat, horizon: usize) -> Vec
     let lengths = [8, 4, 2, 1].map(|part| (horizon / part).max(1));
     let problems = lengths.into_iter().filter_map(|h| Problem::new(&logs, &neutral, h));
     let best = problems.max_by(|a, b| a.evidence().total_cmp(&b.evidence()));
-    best.map_or_else(Vec::new, |problem| problem.notes(&logs))
+    best.map_or_else(Vec::new, |problem| problem.notes(&logs, &changeable))
 }
 
 /// The regression over all logs.
@@ -135,9 +145,24 @@ impl Problem {
 
     /// Logarithm of the likelihood ratio against no effect.
     fn evidence(&self) -> f64 {
-        let sums: Vec<Sums> = self.logs.iter().map(|windows| windows.sums(|u| u.to_vec())).collect();
+        let sums: Vec<Sums> = self.logs.iter().map(|windows| windows.sums(<[f64]>::to_vec)).collect();
         let total = Sums::total(&sums);
         total.residuals().map_or(0.0, |residuals| self.log_ratio(&total.squares, &residuals))
+    }
+
+    /// Whether half of the windows of a log begin within the outputs of other logs: a vessel that sails astern in one log alone is no
+    /// conflict.
+    fn is_usual(&self, log: usize) -> bool {
+        let others = || self.logs.iter().enumerate().filter(|(i, _)| *i != log).flat_map(|(_, w)| &w.outputs);
+        let outputs = others().next().map_or(0, Vec::len);
+        let range = |o: usize| {
+            others().map(|y| y[o]).fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)])
+        };
+        let ranges: Vec<[f64; 2]> = (0..outputs).map(range).collect();
+        let is_inside =
+            |y: &&Vec<f64>| y.iter().zip(&ranges).all(|(x, [low, high])| (low..=high).contains(&x));
+        let own = &self.logs[log].outputs;
+        2 * own.iter().filter(is_inside).count() > own.len()
     }
 
     /// Inputs of each log that move often.
@@ -184,21 +209,25 @@ impl Problem {
         })
     }
 
-    fn notes(&self, names: &[(&str, Vec<&Trajectory>)]) -> Vec<Note> {
+    fn notes(&self, names: &[(&str, Vec<&Trajectory>)], changeable: &[bool]) -> Vec<Note> {
         let changes = changes(self.scale.len());
-        let mut current: Vec<Sums> = self.logs.iter().map(|windows| windows.sums(|u| u.to_vec())).collect();
+        let mut current: Vec<Sums> = self.logs.iter().map(|windows| windows.sums(<[f64]>::to_vec)).collect();
         let logged = current.clone();
         let moving = self.moving();
+        let is_open = |(i, change): &(usize, Change)| {
+            self.is_usual(*i) && change.inputs(self.scale.len()).all(|j| changeable[j] && moving[*i][j])
+        };
+        let all = (0..self.logs.len()).flat_map(|i| changes.iter().map(move |change| (i, *change)));
+        let mut open: Vec<(usize, Change)> = all.filter(is_open).collect();
+        let size = terms(self.logs[0].outputs.first().map_or(0, Vec::len), self.scale.len());
+        if open.len() as f64 * (size as f64).powi(3) > MOST_WORK {
+            return Vec::new();
+        }
         let mut made: Vec<(usize, Vec<Change>)> = Vec::new();
         let threshold = (ODDS * (changes.len() * self.logs.len()) as f64).ln();
         for _ in 0..MOST_CHANGES.min(self.logs.len()) {
             let total = Sums::total(&current);
             let Some(before) = total.residuals() else { break };
-            let open = (0..self.logs.len()).filter(|i| made.iter().all(|(done, _)| done != i));
-            let trials: Vec<(usize, Change)> = open
-                .flat_map(|i| changes.iter().map(move |change| (i, *change)))
-                .filter(|(i, change)| change.inputs(self.scale.len()).all(|j| moving[*i][j]))
-                .collect();
             let odds = |&(i, change): &(usize, Change)| {
                 let mut trial = total.clone();
                 trial.add(&current[i], -1.0);
@@ -206,14 +235,27 @@ impl Problem {
                 let after = trial.residuals()?;
                 Some((self.log_ratio(&before, &after), i, change))
             };
-            let found: Vec<(f64, usize, Change)> = trials.par_iter().filter_map(odds).collect();
-            let Some(&(most, i, change)) = found.iter().max_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+            let found: Vec<(f64, usize, Change)> = open.par_iter().filter_map(odds).collect();
+            let most = found.iter().map(|one| one.0).fold(f64::NEG_INFINITY, f64::max);
             if most < threshold {
                 break;
             }
-            let alike = |other: &&(f64, usize, Change)| other.1 == i && most - other.0 < ODDS.ln();
-            made.push((i, found.iter().filter(alike).map(|other| other.2).collect()));
-            current[i] = self.changed(&self.logs[i], change);
+            // Of logs whose changes explain the same, the shortest.
+            let alike = |other: &&(f64, usize, Change)| most - other.0 < ODDS.ln();
+            let length = |i: usize| self.logs[i].inputs.len();
+            let Some(i) = found.iter().filter(alike).map(|one| one.1).min_by_key(|i| length(*i)) else {
+                break;
+            };
+            let own: Vec<_> = found.iter().filter(alike).filter(|one| one.1 == i).collect();
+            let best = own.iter().max_by(|a, b| a.0.total_cmp(&b.0)).map(|one| one.2);
+            current[i] =
+                best.map_or_else(|| current[i].clone(), |change| self.changed(&self.logs[i], change));
+            made.push((i, own.iter().map(|one| one.2).collect()));
+            // What does not count at first is not tried again.
+            let counts = |pair: &(usize, Change)| {
+                pair.0 != i && found.iter().any(|one| (one.1, one.2) == *pair && one.0 > 0.5 * threshold)
+            };
+            open.retain(counts);
         }
         let Some(coefficients) = Sums::total(&current).coefficients() else { return Vec::new() };
         let note = |(i, alike): &(usize, Vec<Change>)| {
@@ -225,7 +267,7 @@ impl Problem {
             others.add(&current[*i], -1.0);
             let [logged, after, elsewhere] =
                 [&logged[*i], &current[*i], &others].map(|sums| sums.explained(&coefficients));
-            let gain = |o: &usize| after[*o] - logged[*o];
+            let gain = |o: &usize| after[*o] - logged[*o].max(0.0);
             let o = (0..after.len())
                 .filter(|o| after[*o] >= SHARE * elsewhere[*o])
                 .max_by(|a, b| gain(a).total_cmp(&gain(b)))?;
@@ -259,12 +301,13 @@ fn text(
     let [logged, after, elsewhere] = shares;
     let y = &parts[0].outputs.channels()[output].name;
     let others = if logs == 2 { "the other log" } else { "the other logs" };
+    let which = if logs == 2 { "one of both" } else { "this log" };
     Note::warning(format!(
-        "{name}: the inputs act otherwise than in {others}: {}. In the sense of {others}, they explain {after:.0} % of the changes of {y} in this log with this change, {logged:.0} % as logged, and {elsewhere:.0} % in {others}",
+        "{name}: the inputs act differently than in {others}: {}. With the coefficients of {others}, they explain {after:.0} % of the variance of the increments of {y} in this log with this change, and {logged:.0} % as logged; in {others}, they explain {elsewhere:.0} %",
         words.join(", or "),
     ))
     .with_remedy(format!(
-        "find out which log is right, and mend the columns of the wrong one or leave it out ({}); the model of both is that of no vessel",
+        "if {which} is wrong, mend its columns or leave it out ({}): a model of all of them describes no vessel",
         key("exclude")
     ))
 }
@@ -393,7 +436,9 @@ impl Sums {
                 Self::zero(sums.moments.right.len() / outputs.max(1), outputs)
             },
         );
-        all.iter().for_each(|sums| total.add(sums, 1.0));
+        for sums in all {
+            total.add(sums, 1.0);
+        }
         total
     }
 
@@ -443,11 +488,13 @@ mod tests {
     use super::*;
     use crate::log::{self, Table};
 
+    type Change = fn(&mut [f64], &mut [f64]);
+
     /// Four logs of a boat with two thrusters and noise, with a change of the third one: of the inputs as logged, and of the thrust.
     fn logs(change: impl Fn(&mut [f64], &mut [f64])) -> Vec<Trajectory> {
         let mut state = 1u64;
         let mut random = move || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
         };
         let mut log = |i: usize| {
@@ -487,9 +534,9 @@ mod tests {
     }
 
     #[test]
-    fn a_log_whose_inputs_act_otherwise_is_named_with_the_change() {
+    fn a_log_whose_inputs_act_differently_is_named_with_the_change() {
         assert_eq!(messages(|_, _| (), 0), Vec::<String>::new());
-        let cases: [(fn(&mut [f64], &mut [f64]), &str); 5] = [
+        let cases: [(Change, &str); 5] = [
             (|n, _| n[1] = -n[1], "'starboard' with the opposite sign"),
             (|n, _| n.swap(0, 1), "'port' and 'starboard' exchanged"),
             (|n, _| n.iter_mut().for_each(|n| *n = -*n), "all inputs with the opposite sign"),

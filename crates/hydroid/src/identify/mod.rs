@@ -287,14 +287,7 @@ fn try_identify(job: &Job, watch: OnStage<'_>) -> Result<IdentifyResult, Identif
     let shown: &Candidate = &candidates[best.unwrap_or(0)];
     let verdicts = verdicts(shown.judged());
     warnings.extend(verdict::spikes(&parts.train, &job.sindy));
-    warnings.extend(conflict::warnings(
-        &parts_of(&job.split).concat(),
-        &shown.model.description.boat,
-        job.horizon,
-    ));
-    let data = data_summary(&job.split);
-    warnings.extend(verdict::warnings(shown, &verdicts, &data, &job.split.test));
-    warnings.extend(collinearity::warnings(shown, &data, &job.split.train));
+    warnings.extend(of_data(job, shown, &verdicts));
     Ok(IdentifyResult {
         for_trials: ForTrials::of(&mut candidates, &parts.train).filter(|_| missing.is_none()),
         candidates,
@@ -306,6 +299,16 @@ fn try_identify(job: &Job, watch: OnStage<'_>) -> Result<IdentifyResult, Identif
         currents,
         missing,
     })
+}
+
+/// Warnings of the data, and of what the model that is shown makes of them.
+fn of_data(job: &Job, shown: &Candidate, verdicts: &[Verdict]) -> Vec<Note> {
+    let runs = parts_of(&job.split).concat();
+    let mut warnings = conflict::warnings(&runs, &shown.model.description.boat, job.horizon);
+    let data = data_summary(&job.split);
+    warnings.extend(verdict::warnings(shown, verdicts, &data, &job.split.test));
+    warnings.extend(collinearity::warnings(shown, &data, &job.split.train));
+    warnings
 }
 
 /// Standard deviation of a measured shaft speed, relative to its mean, up to which it is that of one order.

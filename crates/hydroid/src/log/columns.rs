@@ -284,7 +284,11 @@ pub(super) fn row_times(log: &RawLog, time: &Time) -> (Vec<f64>, Option<f64>) {
     let column = &log.columns[source.column];
     let first = column.values.iter().copied().find(|x| !x.is_nan()).unwrap_or(0.0);
     if column.stamps.is_some() {
-        return (column.values.iter().map(|x| ((x - first) * 1e6).round() / 1e6).collect(), Some(first));
+        let dated = column.stamps.as_ref().is_some_and(|stamp| stamp.dated);
+        return (
+            column.values.iter().map(|x| ((x - first) * 1e6).round() / 1e6).collect(),
+            dated.then_some(first),
+        );
     }
     let t = column.values.iter().map(|x| source.si(*x)).collect();
     (t, (source.si(first) >= SINCE_1970_S).then_some(0.0))

@@ -102,9 +102,7 @@ impl Part {
         let known = |k: &usize| self.run.inputs.row(*k).iter().all(|x| !x.is_nan());
         let front = (0..rows).find(known).unwrap_or(rows);
         let end = (front..rows).rfind(known).map_or(front, |k| k + 1);
-        if (front, end) != (0, rows) {
-            self.run = self.run.slice(front, end);
-        }
+        self.run.keep(front, end);
         (front, rows - end)
     }
 }

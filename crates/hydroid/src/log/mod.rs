@@ -40,6 +40,7 @@ mod trajectory;
 pub mod units;
 
 pub use align::{CommandTiming, InputDelay};
+pub(crate) use clock::median;
 pub(crate) use columns::{LONGEST_TIME_S, SINCE_1970_S, checked};
 pub use condition::Condition;
 pub use csv::{RawColumn, RawLog, ShortRows, read, read_from};

@@ -43,7 +43,8 @@ impl FromStr for Stretch {
         let (log, times) = text.rsplit_once('=').map_or((None, text), |(log, times)| (Some(log), times));
         let form = "write START:END in seconds, as in 120:480, 120: or :480, or two stamps as in 2024-05-01T10:00:00Z/2024-05-01T10:20:00Z; with the name of a log, day1.csv=120:480";
         let (ends, is_date) = if let Some((from, to)) = times.split_once('/') {
-            let end = |text: &str| stamp::parse(text.trim()).map(|stamp| stamp.seconds);
+            let end =
+                |text: &str| stamp::parse(text.trim()).filter(|stamp| stamp.dated).map(|stamp| stamp.seconds);
             (end(from).zip(end(to)), true)
         } else {
             let end = |text: &str, open: f64| match text.trim() {

@@ -272,10 +272,14 @@ pub(crate) fn time(
     let spec = if let Some(text) = named {
         text.parse::<ChannelSpec>()?
     } else {
-        let named =
-            TIME_NAMES.iter().find_map(|name| log.columns.iter().find(|c| c.name.eq_ignore_ascii_case(name)));
-        let mut stamps = log.columns.iter().filter(|column| column.stamps.is_some());
-        let guessed = named.or_else(|| stamps.next().filter(|_| stamps.next().is_none()));
+        // A column of text is no time.
+        let is_text = |column: &RawColumn| column.bad.is_some() && !column.has_values();
+        let called = |name: &&str| {
+            log.columns.iter().find(|column| column.name.eq_ignore_ascii_case(name) && !is_text(column))
+        };
+        let mut stamps = log.columns.iter().filter(|column| column.is_mostly_stamps());
+        let only = stamps.next().filter(|_| dt.is_none() && stamps.next().is_none());
+        let guessed = TIME_NAMES.iter().find_map(called).or(only);
         match (guessed, dt) {
             // A guessed column with a single value is not the time if the step is given.
             (Some(column), Some(dt)) if only_value(column).is_some() => return Ok(even(log, dt, notes)),

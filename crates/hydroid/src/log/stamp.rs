@@ -20,7 +20,7 @@ pub fn looks_like(cell: &str) -> bool {
     matches!((digits, cell.as_bytes().get(digits)), (4, Some(b'-')) | (1 | 2, Some(b':')))
 }
 
-/// Seconds of a time of day with hours, minutes and seconds: `9:05:00`, `23:59:59.9`, `23:59:59,9`.
+/// Seconds of a time of day, or a duration, with hours, minutes and seconds: `9:05:00`, `23:59:59.9`, `23:59:59,9`, `31:00:00`.
 fn time_of_day(cell: &str) -> Option<f64> {
     let mut parts = cell.split(':');
     let (hours, minutes, seconds) = (parts.next()?, parts.next()?, parts.next()?);
@@ -30,15 +30,15 @@ fn time_of_day(cell: &str) -> Option<f64> {
     if minutes.len() != 2 || parts.next().is_some() {
         return None;
     }
-    Some(f64::from(3600 * whole(hours, 24)? + 60 * whole(minutes, 60)?) + rest)
+    Some(f64::from(3600 * whole(hours, 100)? + 60 * whole(minutes, 60)?) + rest)
 }
 
 /// Lets times of day go on after midnight.
-pub(super) fn pass_midnight(seconds: &mut [f64]) {
+pub fn pass_midnight(seconds: &mut [f64]) {
     let (mut last, mut days) = (f64::NAN, 0.0);
     for x in seconds.iter_mut().filter(|x| !x.is_nan()) {
         if !last.is_nan() {
-            days -= ((*x - last) / DAY_S).round();
+            days = (days - ((*x - last) / DAY_S).round()).max(0.0);
         }
         last = *x;
         *x += DAY_S * days;

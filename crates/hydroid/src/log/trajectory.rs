@@ -127,8 +127,30 @@ pub struct Trajectory {
 impl Trajectory {
     /// Name of the log, without that of the part: `a.csv` of `a.csv (0.0 s to 12.0 s)` and of `a.csv[0..100]`.
     pub(crate) fn log(&self) -> &str {
-        let name = self.name.split_once('[').map_or(&*self.name, |(log, _)| log);
-        name.rsplit_once(" (").map_or(name, |(log, _)| log)
+        let mut name = &*self.name;
+        while let Some((log, part)) = name.strip_suffix(']').and_then(|name| name.rsplit_once('['))
+            && part.split_once("..").is_some_and(|(a, b)| [a, b].iter().all(|x| x.parse::<usize>().is_ok()))
+        {
+            name = log;
+        }
+        match name.strip_suffix(" s)").and_then(|name| name.rsplit_once(" (")) {
+            Some((log, part)) if part.contains(" s to ") => log,
+            _ => name,
+        }
+    }
+
+    /// Leaves samples `from..to`.
+    pub(super) fn keep(&mut self, from: usize, to: usize) {
+        let tables = [&mut self.outputs, &mut self.inputs].into_iter().chain(&mut self.truth);
+        for Table { channels, values } in tables {
+            values.truncate(to * channels.len());
+            values.drain(..from * channels.len());
+        }
+        if let Some(heading) = &mut self.heading {
+            heading.truncate(to);
+            heading.drain(..from);
+        }
+        self.t0 += from as f64 * self.dt;
     }
 
     /// Number of samples.

@@ -93,11 +93,12 @@ impl Track {
     }
 }
 
-/// Headings are stuck if one value lasts for longer \[s\], in this multiple of the usual number of rows, while the courses over
-/// ground spread by this angle \[rad\] about their mean and the vessel has half of its usual speed.
+/// Headings are stuck if one value lasts for longer \[s\], in this multiple of the usual number of rows, while the vessel turns by this angle
+/// \[rad\]. Its course over ground turns with it where it is faster than this \[m/s\].
 const STUCK_S: f64 = 10.0;
 const UNUSUAL: usize = 10;
-const TURNING_RAD: f64 = 0.5;
+const TURNING_RAD: f64 = 1.0;
+const SAILING_M_S: f64 = 0.5;
 
 /// Angle between the heading and the direction of the motion on the whole that no misalignment of a compass has \[deg\].
 const BESIDE_DEG: f64 = 60.0;
@@ -325,6 +326,9 @@ fn from_minutes(path: &str, position: &mut Track, notes: &mut Vec<Note>) -> Resu
     Ok(())
 }
 
+/// Stamps and values of a column that is named.
+type Column<'a> = Option<(&'a [f64], Vec<f64>)>;
+
 impl Instruments {
     pub(super) fn new(
         recording: &Recording,
@@ -351,8 +355,7 @@ impl Instruments {
         let starboard = get("acceleration_starboard", &sensors.acceleration_starboard)?;
         // Conversions of units are many, and expected.
         notes.extend(found.into_iter().filter(|note| note.is_warning() || note.remedy.is_some()));
-        let one = |of: Option<(&[f64], Vec<f64>)>| of.map(|(t, x)| Track::new(t, |k| [x[k], 0.0]));
-        type Column<'a> = Option<(&'a [f64], Vec<f64>)>;
+        let one = |of: Column<'_>| of.map(|(t, x)| Track::new(t, |k| [x[k], 0.0]));
         let both = |a: Column<'_>, b: Column<'_>, names: &str| match (a, b) {
             (Some((t, a)), Some((other, b))) if t == other => Ok(Some(Track::new(t, |k| [a[k], b[k]]))),
             (None, None) => Ok(None),
@@ -431,38 +434,19 @@ impl Instruments {
         Ok(all)
     }
 
-    /// Leaves out headings that repeat one value while the vessel turns.
+    /// Leaves out headings that repeat one value while the vessel turns, by its gyro or else by its course over ground.
     fn leave_stuck_headings(&mut self, notes: &mut Vec<Note>) {
-        let (Some(moves), Some(heading)) = (self.velocity.as_ref().or(self.position.as_ref()), &self.heading)
-        else {
-            return;
-        };
-        let moves: Vec<(f64, [f64; 2])> = match &self.velocity {
-            Some(velocity) => velocity.measured().map(|event| (event.t, event.value)).collect(),
-            None => displacements(moves, moves).into_iter().map(|(t, rate, _)| (t, rate)).collect(),
-        };
-        let speed = |of: &[(f64, [f64; 2])]| {
-            (of.iter().map(|(_, v)| v[0] * v[0] + v[1] * v[1]).sum::<f64>() / of.len() as f64).sqrt()
-        };
-        let usual_speed = speed(&moves);
+        let Some(heading) = &self.heading else { return };
         let measured: Vec<&Event> = heading.measured().collect();
         let blocks: Vec<&[&Event]> = measured.chunk_by(|a, b| a.value == b.value).collect();
         let mut lengths: Vec<usize> = blocks.iter().map(|block| block.len()).collect();
         lengths.sort_unstable();
+        lengths.pop();
         let usual = lengths.get(lengths.len() / 2).copied().unwrap_or(0);
-        let is_stuck = |block: &&&[&Event]| {
-            let [from, to] = [block[0].t, block[block.len() - 1].t];
-            let at = |t: f64| moves.partition_point(|(of, _)| *of < t);
-            let own = &moves[at(from)..at(to)];
-            let sum = own.iter().fold([0.0; 2], |sum, (_, v)| [sum[0] + v[0], sum[1] + v[1]]);
-            let way: f64 = own.iter().map(|(_, v)| v[0].hypot(v[1])).sum();
-            block.len() > UNUSUAL * usual
-                && to - from > STUCK_S
-                && speed(own) > 0.5 * usual_speed
-                && sum[0].hypot(sum[1]) < TURNING_RAD.cos() * way
-        };
-        let stuck: Vec<[f64; 2]> =
-            blocks.iter().filter(is_stuck).map(|block| [block[0].t, block[block.len() - 1].t]).collect();
+        let is_long = |[from, to]: [f64; 2]| to - from > STUCK_S;
+        let long = blocks.iter().filter(|block| block.len() > UNUSUAL * usual);
+        let long = long.map(|block| [block[0].t, block[block.len() - 1].t]).filter(|ends| is_long(*ends));
+        let stuck: Vec<[f64; 2]> = long.filter(|ends| self.turn(*ends).abs() > TURNING_RAD).collect();
         let (Some([from, to]), Some(heading)) = (stuck.first(), &mut self.heading) else { return };
         let is_out = |t: f64| stuck.iter().any(|[from, to]| (*from..=*to).contains(&t));
         heading.0.iter_mut().filter(|event| is_out(event.t)).for_each(|event| event.value[0] = f64::NAN);
@@ -478,6 +462,41 @@ impl Instruments {
             ))
             .with_remedy("repair the compass or its connection"),
         );
+    }
+
+    /// Largest turn of the vessel since the beginning of a stretch of time \[rad\], by the gyro relative to its median, else by the course over ground where it
+    /// changes steadily.
+    fn turn(&self, [from, to]: [f64; 2]) -> f64 {
+        let within = |track: &Track| -> Vec<Event> {
+            track.measured().filter(|event| (from..=to).contains(&event.t)).copied().collect()
+        };
+        let changes: Vec<f64> = if let Some(yaw_rate) = &self.yaw_rate {
+            let rates = within(yaw_rate);
+            // A bias turns nothing.
+            let usual = log::median(yaw_rate.pairs().map(|(_, rate)| rate).collect()).unwrap_or(0.0);
+            let turn = |[a, b]: [&Event; 2]| (0.5 * (a.value[0] + b.value[0]) - usual) * (b.t - a.t);
+            rates.windows(2).map(|pair| turn([&pair[0], &pair[1]])).collect()
+        } else if let Some(track) = self.position.as_ref().or(self.velocity.as_ref()) {
+            let own = Track(within(track));
+            let moves: Vec<[f64; 2]> = match &self.position {
+                Some(_) => displacements(&own, &own).into_iter().map(|(_, rate, _)| rate).collect(),
+                None => own.0.iter().map(|event| event.value).collect(),
+            };
+            let sails = |v: &[f64; 2]| v[0].hypot(v[1]) > SAILING_M_S;
+            let change = |pair: &[[f64; 2]]| {
+                let [a, b] = [pair[0], pair[1]];
+                let turn = (a[0] * b[1] - a[1] * b[0]).atan2(a[0] * b[0] + a[1] * b[1]);
+                if pair.iter().all(sails) && turn.abs() < TURNING_RAD { turn } else { 0.0 }
+            };
+            moves.windows(2).map(change).collect()
+        } else {
+            Vec::new()
+        };
+        let sums = changes.iter().scan(0.0, |sum: &mut f64, change| {
+            *sum += change;
+            Some(*sum)
+        });
+        sums.fold(0.0, |most: f64, sum| if sum.abs() > most.abs() { sum } else { most })
     }
 
     /// Leaves the measurements that are in some parts of the recording, on its clock.

@@ -248,13 +248,15 @@ fn csv(
         return Ok(named);
     }
     let mut values = vec![0.0; kept.len()];
+    let mut absurd = Vec::new();
     for k in 0..log.rows() {
         let t = source.map_or(k as f64, |source| source.si(log.columns[source.column].values[k]));
         if t.is_nan() {
             continue;
         }
         if t.abs() > LONGEST_TIME_S {
-            return Err(LogError::AbsurdTime { path: log.path.clone(), line: log.lines.get(k), time: t });
+            absurd.push(k);
+            continue;
         }
         for (value, column) in values.iter_mut().zip(&kept) {
             *value = column.values[k];
@@ -262,6 +264,17 @@ fn csv(
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         let stamp_ns = (t * 1e9).round() as i64;
         sink.row(0, stamp_ns, None, &values);
+    }
+    if let (Some(&k), Some(source)) = (absurd.first(), source) {
+        let (path, line, time) =
+            (log.path.clone(), log.lines.get(k), source.si(log.columns[source.column].values[k]));
+        if 2 * absurd.len() > log.rows() {
+            return Err(LogError::AbsurdTime { path, line, time });
+        }
+        notes.push(Note::warning(format!(
+            "{path}: {} rows are left out, the first in line {line}: a time of {time:e} s is not plausible",
+            absurd.len()
+        )));
     }
     Ok(named)
 }

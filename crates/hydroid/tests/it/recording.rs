@@ -658,12 +658,21 @@ fn the_same_run_from_all_formats() {
     }
 }
 
-/// Velocities of all field runs of two vessels, from nothing but the files of the instruments and their places.
+/// Velocities of all field runs of five vessels, from nothing but the files of the instruments and their places, and the share of
+/// their errors in the stated bands of 90 %.
 #[test]
 #[ignore = "slow tier: .ci/run runs it"]
 fn the_field_runs_give_the_velocities() {
     let Some(fleet) = fleet() else { return };
-    for (name, bounds) in [("otter", [0.045, 0.04, 0.003]), ("clarke83", [0.08, 0.12, 0.002])] {
+    let vessels = [
+        ("otter", [0.045, 0.04, 0.003]),
+        ("clarke83", [0.08, 0.12, 0.002]),
+        ("tanker", [9.0, 9.0, 9.0]),
+        ("transit", [9.0, 9.0, 9.0]),
+        ("zefakkel", [9.0, 9.0, 9.0]),
+    ];
+    for (name, bounds) in vessels {
+        let mut held = [[0.0_f64; 2]; 3];
         let folder = fleet.join(name);
         let runs: Vec<PathBuf> = (1..=6).map(|run| folder.join(format!("field/run{run}"))).collect();
         let selection = placed(proposed(&runs[0]), &folder.join("vessel.toml"));
@@ -673,22 +682,27 @@ fn the_field_runs_give_the_velocities() {
             println!("{}", note.message);
         }
         for (run, (log, path)) in logs.iter().zip(&runs).enumerate() {
-            // No current flows in every other run.
+            // No current flows in every other run. Of slow ships, it is not known in each.
             let marker = format!("{}: the current flows with ", path.display());
-            let current = notes.iter().find_map(|note| note.message.strip_prefix(&marker)).unwrap();
-            let mut components = current.split(" m/s to the ").map(|part| part.rsplit(' ').next().unwrap());
-            let mut component = || components.next().unwrap().parse::<f64>().unwrap();
-            let speed = component().hypot(component());
-            assert_eq!(speed < 0.15, run % 2 == 0, "{name}, run {}: {current}", run + 1);
+            let current = notes.iter().find_map(|note| note.message.strip_prefix(&marker));
+            assert!(current.is_some() || !["otter", "clarke83"].contains(&name), "{name}, run {}", run + 1);
+            if let Some(current) = current {
+                let mut components =
+                    current.split(" m/s to the ").map(|part| part.rsplit(' ').next().unwrap());
+                let mut component = || components.next().unwrap().parse::<f64>().unwrap();
+                let speed = component().hypot(component());
+                assert_eq!(speed < 0.15, run % 2 == 0, "{name}, run {}: {current}", run + 1);
+            }
             let truth = read(&folder.join(format!("truth/run{}.csv", run + 1))).unwrap();
             let marker = format!("{}: t = 0 is ", path.display());
             let start = notes.iter().find_map(|note| note.message.strip_prefix(&marker)).unwrap();
             let start = hydroid::log::stamp::parse(start).unwrap().seconds;
             // The truth has steps of 0.2 s, the log of 0.1 s: the log is interpolated.
             let t = column(log, "t");
-            for (channel, bound) in ["u", "v", "r"].into_iter().zip(bounds) {
+            for ((channel, bound), held) in ["u", "v", "r"].into_iter().zip(bounds).zip(&mut held) {
                 let of = column(log, channel);
-                let at = |time: f64| {
+                let deviation = column(log, &format!("deviation_{channel}"));
+                let at = |of: &[f64], time: f64| {
                     let k = t.partition_point(|x| *x < time).clamp(1, t.len() - 1);
                     let w = (time - t[k - 1]) / (t[k] - t[k - 1]);
                     of[k - 1] + w * (of[k] - of[k - 1])
@@ -696,11 +710,18 @@ fn the_field_runs_give_the_velocities() {
                 let rows = truth.columns[0].values.iter().zip(column(&truth, channel));
                 let rows = rows.map(|(time, x)| (time - start, x));
                 let rows = rows.filter(|(time, _)| *time > 20.0 && *time < t[t.len() - 1]);
-                let error = rms(rows.map(|(time, x)| at(time) - x));
+                for (time, x) in rows.clone() {
+                    held[0] += f64::from((at(of, time) - x).abs() < 1.645 * at(deviation, time));
+                    held[1] += 1.0;
+                }
+                let error = rms(rows.map(|(time, x)| at(of, time) - x));
                 println!("{name}, run {}: RMSE of {channel} {error:.5}", run + 1);
                 assert!(error < bound, "{name}, run {}: RMSE of {channel} {error}", run + 1);
             }
         }
+        let shares = held.map(|[inside, all]| inside / all);
+        println!("{name}: {shares:.3?} of the errors of u, v and r within the bands of 90 %");
+        assert!(shares.iter().all(|share| (0.7..=0.99).contains(share)), "{name}: {shares:?}");
     }
 }
 

@@ -124,18 +124,16 @@ pub fn header_columns(header: &[String], path: &str) -> Result<Vec<RawColumn>, L
     Ok(columns)
 }
 
-/// Whether a row below the header holds units: no numbers, and at least two known units, which are most of its cells. They become those of
-/// the columns whose header states none.
+/// Whether a row below the header holds units: at least two known ones, and nothing else but `1`, `-` and empty cells. They become those of the
+/// columns whose header states none.
 pub(super) fn take_units(columns: &mut [RawColumn], row: &csv::ByteRecord) -> bool {
     let cells = || row.iter().map(|cell| text(cell).trim_matches(['[', ']', '(', ')']).trim());
-    let is_number = |cell: &str| cell.parse::<f64>().is_ok() || stamp::parse(cell).is_some();
-    let known = cells().filter(|cell| units::is_unit_in_parentheses(cell)).count();
-    if cells().any(is_number) || known < 2 || 2 * known < cells().filter(|cell| !cell.is_empty()).count() {
+    let is_unit = |cell: &str| units::is_unit_in_parentheses(cell);
+    let is_other = |cell: &str| !is_unit(cell) && !["", "-", "1"].contains(&cell);
+    if cells().any(is_other) || cells().filter(|cell| is_unit(cell)).count() < 2 {
         return false;
     }
-    for (column, unit) in
-        columns.iter_mut().zip(cells()).filter(|(_, cell)| units::is_unit_in_parentheses(cell))
-    {
+    for (column, unit) in columns.iter_mut().zip(cells()).filter(|(_, cell)| is_unit(cell)) {
         column.unit.get_or_insert_with(|| unit.to_owned());
     }
     true

@@ -201,6 +201,11 @@ impl RawColumn {
         Self { name: name.to_owned(), unit: unit.map(str::to_owned), values, ..Self::default() }
     }
 
+    /// Whether most of the rows have a stamp.
+    pub(crate) fn is_mostly_stamps(&self) -> bool {
+        self.stamps.is_some() && 2 * self.values.iter().filter(|x| !x.is_nan()).count() > self.values.len()
+    }
+
     /// Whether the values were left out.
     pub(super) fn is_left_out(&self) -> bool {
         self.left_out.is_some()

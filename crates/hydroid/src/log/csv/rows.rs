@@ -4,6 +4,7 @@ use memchr::{memchr, memchr_iter, memchr3_iter};
 
 use super::super::error::LogError;
 use super::super::lines::Lines;
+use super::super::stamp::Stamp;
 use super::cell::{Cell, number, text};
 use super::chunks::{Chunk, Endless, LONGEST_LINE};
 use super::{BadCell, FirstStamp, ShortRows};
@@ -23,13 +24,20 @@ pub(super) struct Format {
     pub(super) omits: bool,
 }
 
-/// What a column holds, known from its first cell that is not missing. A column does not mix stamps and numbers.
+/// What a column holds, known from its first cell that is not missing. A column does not mix numbers, dates and times of day.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Kind {
     #[default]
     Unknown,
     Numbers,
     Stamps,
+    TimesOfDay,
+}
+
+impl Kind {
+    fn of(stamp: &Stamp) -> Self {
+        if stamp.dated { Self::Stamps } else { Self::TimesOfDay }
+    }
 }
 
 /// A part of one column.
@@ -45,12 +53,12 @@ pub(super) struct Part {
 impl Part {
     fn push(&mut self, cell: &str, line: u64, decimal_comma: bool) {
         let value = match number(cell, decimal_comma) {
-            Cell::Number(x) if self.kind != Kind::Stamps => {
+            Cell::Number(x) if [Kind::Unknown, Kind::Numbers].contains(&self.kind) => {
                 self.kind = Kind::Numbers;
                 x
             }
-            Cell::Stamp(stamp) if self.kind != Kind::Numbers => {
-                self.kind = Kind::Stamps;
+            Cell::Stamp(stamp) if [Kind::Unknown, Kind::of(&stamp)].contains(&self.kind) => {
+                self.kind = Kind::of(&stamp);
                 self.stamps.get_or_insert_with(|| FirstStamp {
                     line,
                     text: cell.to_owned(),

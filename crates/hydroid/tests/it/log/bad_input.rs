@@ -57,8 +57,19 @@ fn text_elsewhere_is_no_error() {
 }
 
 #[test]
-fn rows_of_units_and_dates_have_their_own_messages() {
-    says(&error("t,u,n\ns,m/s,rpm\n0,1,2\n1,2,2\n2,1,3\n"), &["line 2", "`name [unit]`"]);
+fn a_row_of_units_is_read_and_dates_have_their_own_message() {
+    for units in ["s,kn,rpm", "[s],[kn],(rpm)", "s,kn,rpm,", "sec,kn,rpm"] {
+        let run = prepared(&format!("t,u,n\n{units}\n0,2,60\n1,2,60\n2,1,90\n3,1,90\n")).runs.remove(0);
+        assert_eq!(
+            (run.outputs.row(0), run.inputs.row(0)),
+            (&[2.0 * 1852.0 / 3600.0][..], &[1.0][..]),
+            "{units}"
+        );
+    }
+    // A row of states, and one with a single unit, are none.
+    for text in ["t,u,n\nN/A,off,m\n0,1,2\n1,2,2\n2,1,3\n", "t,u,n\nstart,m/s,x\n0,1,2\n1,2,2\n2,1,3\n"] {
+        says(&error(text), &["line 2"]);
+    }
     let dated = "t,u,n\n03/08/2020 11:04:37,1,2\n03/08/2020 11:04:38,2,2\n";
     says(&error(dated), &["line 2", "column `t`", "as seconds"]);
 }

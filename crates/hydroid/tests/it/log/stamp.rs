@@ -1,6 +1,6 @@
 //! Dates as time stamps.
 
-use hydroid::log::stamp::{looks_like, parse};
+use hydroid::log::stamp::{looks_like, parse, pass_midnight};
 
 fn seconds(text: &str) -> f64 {
     parse(text).unwrap_or_else(|| panic!("{text}")).seconds
@@ -63,7 +63,7 @@ fn dates_that_do_not_exist_are_refused() {
         "2020-",
         "",
         "11:04",
-        "24:00:00",
+        "100:00:00",
         "11:60:00",
         "11:4:00",
         "11:04:61",
@@ -77,9 +77,25 @@ fn dates_that_do_not_exist_are_refused() {
 
 #[test]
 fn a_time_of_day_counts_from_midnight() {
-    for (text, expected) in [("00:00:00", 0.0), ("9:05:00.5", 32_700.5), ("23:59:59,25", 86_399.25)] {
+    for (text, expected) in
+        [("00:00:00", 0.0), ("31:00:00", 111_600.0), ("9:05:00.5", 32_700.5), ("23:59:59,25", 86_399.25)]
+    {
         let stamp = parse(text).unwrap();
         assert_eq!((stamp.seconds, stamp.dated, stamp.zoned), (expected, false, false), "{text}");
         assert!(looks_like(text));
     }
+}
+
+#[test]
+fn times_of_day_pass_midnight_and_pauses() {
+    let after = |hours: &[f64]| {
+        let mut seconds: Vec<f64> = hours.iter().map(|hour| 3600.0 * hour).collect();
+        pass_midnight(&mut seconds);
+        seconds.iter().map(|s| s / 3600.0).collect::<Vec<_>>()
+    };
+    assert_eq!(after(&[23.0, 23.9, 0.1, 12.0, 23.9, 1.0]), [23.0, 23.9, 24.1, 36.0, 47.9, 49.0]);
+    assert_eq!(after(&[6.0, 18.5, 19.0, 7.0]), [6.0, 18.5, 19.0, 31.0]);
+    // A late row about midnight.
+    assert_eq!(after(&[23.9, 0.1, 23.95, 0.2]), [23.9, 24.1, 23.95, 24.2]);
+    assert_eq!(after(&[23.0, 24.5, 31.0]), [23.0, 24.5, 31.0]);
 }
