@@ -12,6 +12,7 @@ use hydroid::atomic;
 use hydroid::boat::Boat;
 use hydroid::config;
 use hydroid::log::line::{Cell, header_columns, number};
+use hydroid::log::stamp::pass_midnight;
 use hydroid::log::units::{self, Unit};
 use hydroid::log::{self, BadCell, LogError, Note, PrepareOptions, RawColumn, RawLog, Selection, Trajectory};
 use hydroid::model::{Model, Reading};
@@ -239,8 +240,9 @@ struct Column {
     values: Vec<f64>,
     bad: Option<BadCell>,
     bad_cells: usize,
-    /// Whether the values are seconds since 1970.
+    /// Whether the values are seconds since 1970, or of the day.
     stamps: bool,
+    of_the_day: bool,
 }
 
 impl Column {
@@ -254,6 +256,7 @@ impl Column {
             Cell::Missing => f64::NAN,
             Cell::Stamp(stamp) => {
                 self.stamps = true;
+                self.of_the_day |= !stamp.dated;
                 stamp.seconds
             }
             Cell::Bad { infinite } => {
@@ -330,6 +333,9 @@ fn filled(headings: &[String], values: Vec<Column>, name: &str) -> PyResult<Vec<
             column.unit = Some("s".to_owned());
         }
         column.values = from.values;
+        if from.of_the_day {
+            pass_midnight(&mut column.values);
+        }
         column.bad = from.bad;
         column.bad_cells = from.bad_cells;
     }

@@ -41,6 +41,10 @@ def test_times_of_data_frames_are_seconds(voyages):
     assert run.dt == pytest.approx(DT) and run.t[0] == pytest.approx(pandas.Timestamp("2024-05-01").timestamp())
     arrays = {name: frame[name].to_numpy() for name in frame}
     assert hydroid.Log(arrays)["time"][1] == pytest.approx(run.t[1])
+    # Times of day go on after midnight.
+    frame["time"] = (pandas.Timestamp("2024-05-01T23:59:55") + pandas.to_timedelta(np.round(1e3 * voyages[0]["t [s]"]), unit="ms")).strftime("%H:%M:%S.%f")
+    [run] = hydroid.prepare(hydroid.Log(frame), time="time", **CHANNELS)
+    assert run.dt == pytest.approx(DT) and len(run) == len(frame) and run.t[-1] > 86_400
 
 
 @pytest.mark.parametrize(

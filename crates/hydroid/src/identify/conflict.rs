@@ -17,7 +17,7 @@
 //!
 //! *Valid* for logs that were recorded separately, with errors that are independent over windows that do not overlap. Therefore, a
 //! change is looked for only where its inputs move often and the vessel moves as in other logs, and stated only if it also
-//! explains half of the variance of an output in that log that the inputs as logged do not. Disturbances, settings and angles
+//! explains half as much of an output in that log as the inputs do in the others, and the inputs as logged do not. Disturbances, settings and angles
 //! beyond 90 degrees, as of azimuth thrusters, are not changed. Which logs are the wrong ones is not known: those of most windows
 //! are taken as right.
 
@@ -36,7 +36,8 @@ const ODDS: f64 = 1000.0;
 /// Ridge penalty, relative to the mean square of each term.
 const RIDGE: f64 = 1e-6;
 
-/// Share of an output's variance that a change must explain.
+/// Share of an output's variance that the inputs explain in the other logs, and the part of it that a change must explain.
+const LEAST: f64 = 0.2;
 const SHARE: f64 = 0.5;
 
 /// Fewest moves of an input in a log, by a fifth of its range, from which on a change of it is looked for: the windows
@@ -269,10 +270,10 @@ impl Problem {
                 [&logged[*i], &current[*i], &others].map(|sums| sums.explained(&coefficients));
             let gain = |o: &usize| after[*o] - logged[*o].max(0.0);
             let o = (0..after.len())
-                .filter(|o| after[*o] >= SHARE * elsewhere[*o])
+                .filter(|o| elsewhere[*o] >= LEAST && gain(o) >= SHARE * elsewhere[*o])
                 .max_by(|a, b| gain(a).total_cmp(&gain(b)))?;
             let shares = [logged[o], after[o], elsewhere[o]].map(|share| 100.0 * share.max(0.0));
-            (gain(&o) >= SHARE).then(|| text(&names[*i], alike, o, shares, names.len()))
+            Some(text(&names[*i], alike, o, shares, names.len()))
         };
         made.iter().filter_map(note).collect()
     }

@@ -272,14 +272,16 @@ pub(crate) fn time(
     let spec = if let Some(text) = named {
         text.parse::<ChannelSpec>()?
     } else {
-        // A column of text is no time.
+        // A column of text is the time only if there is no other one.
         let is_text = |column: &RawColumn| column.bad.is_some() && !column.has_values();
-        let called = |name: &&str| {
-            log.columns.iter().find(|column| column.name.eq_ignore_ascii_case(name) && !is_text(column))
+        let called = |text: bool| {
+            let named =
+                |name: &&str| log.columns.iter().find(|column| column.name.eq_ignore_ascii_case(name));
+            TIME_NAMES.iter().filter_map(named).find(|column| is_text(column) == text)
         };
         let mut stamps = log.columns.iter().filter(|column| column.is_mostly_stamps());
         let only = stamps.next().filter(|_| dt.is_none() && stamps.next().is_none());
-        let guessed = TIME_NAMES.iter().find_map(called).or(only);
+        let guessed = called(false).or(only).or_else(|| called(true));
         match (guessed, dt) {
             // A guessed column with a single value is not the time if the step is given.
             (Some(column), Some(dt)) if only_value(column).is_some() => return Ok(even(log, dt, notes)),
