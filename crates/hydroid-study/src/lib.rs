@@ -44,8 +44,10 @@ pub struct Status<'a> {
     pub what: &'a str,
     /// Completed fraction of the task.
     pub fraction: f64,
-    pub done: usize,
-    pub of: usize,
+    /// Share of the study before this experiment, by usual computing times.
+    pub before: f64,
+    /// Share of this experiment in the study.
+    pub share: f64,
 }
 
 /// Progress callback, called from any thread; [`ControlFlow::Break`] stops the study.
@@ -99,9 +101,13 @@ pub fn run(
     let mut runner = Runner::new(plan, &store, watch);
     let chosen: Vec<&(String, Experiment)> =
         plan.experiments.iter().filter(|(name, _)| only.is_empty() || only.contains(name)).collect();
+    let all: f64 = chosen.iter().map(|(name, _)| plan::usual_time(name)).sum::<f64>().max(f64::MIN_POSITIVE);
+    let mut before = 0.0;
     let (mut done, mut seconds) = (Vec::new(), Vec::new());
-    for (i, (name, experiment)) in chosen.iter().enumerate() {
-        runner.place = (i, chosen.len());
+    for (name, experiment) in &chosen {
+        let share = plan::usual_time(name) / all;
+        runner.place = (before, share);
+        before += share;
         runner.at.clone_from(name);
         let clock = Instant::now();
         let outcome = experiment.run.run(&runner).map_err(|error| match error {

@@ -177,23 +177,32 @@ pub struct Plan {
     pub quick: bool,
 }
 
-/// Order of the page; other experiments follow by name.
-const ORDER: [&str; 14] = [
-    "fig1",
-    "fig2",
-    "fig3",
-    "fig4",
-    "fig5",
-    "fig6",
-    "fig7",
-    "fig8",
-    "fig9",
-    "sindy",
-    "amount",
-    "cost",
-    "forgetting",
-    "table1",
+/// Order of the page, and computing time relative to the whole, as in the short version; other experiments follow by
+/// name.
+const ORDER: [(&str, f64); 15] = [
+    ("fig1", 0.0),
+    ("fig2", 0.0),
+    ("fig3", 0.0),
+    ("fig4", 0.12),
+    ("fig5", 0.25),
+    ("fig5_10ms", 0.04),
+    ("fig6", 0.15),
+    ("fig7", 0.0),
+    ("fig8", 0.02),
+    ("fig9", 0.1),
+    ("sindy", 0.01),
+    ("amount", 0.03),
+    ("cost", 0.02),
+    ("forgetting", 0.13),
+    ("table1", 0.13),
 ];
+/// Relative time of an experiment that is not built in.
+const OTHER: f64 = 0.1;
+
+/// Usual computing time of an experiment, relative to the whole study.
+pub(super) fn usual_time(name: &str) -> f64 {
+    ORDER.iter().find(|(known, _)| *known == name).map_or(OTHER, |(_, time)| *time)
+}
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -261,7 +270,7 @@ impl Plan {
                 _ => plan.experiments.push((name, small(&text, &path, quick)?)),
             }
         }
-        let place = |name: &str| ORDER.iter().position(|known| *known == name).unwrap_or(ORDER.len());
+        let place = |name: &str| ORDER.iter().position(|(known, _)| *known == name).unwrap_or(ORDER.len());
         plan.experiments.sort_by(|(a, _), (b, _)| (place(a), a).cmp(&(place(b), b)));
         plan.check()?;
         Ok(plan)

@@ -52,8 +52,8 @@ pub struct Runner<'a> {
     plan: &'a Plan,
     pub(super) store: &'a Store,
     watch: Watch<'a>,
-    /// Number of earlier experiments, and of all.
-    pub(super) place: (usize, usize),
+    /// Share of the earlier experiments in the study, and of this one, by usual computing times.
+    pub(super) place: (f64, f64),
     pub(super) at: String,
     records: Mutex<BTreeMap<String, Arc<LoadedRecord>>>,
     models: Mutex<BTreeMap<String, Arc<Vec<Learned>>>>,
@@ -63,7 +63,7 @@ impl<'a> Runner<'a> {
     /// A runner without records and models.
     pub fn new(plan: &'a Plan, store: &'a Store, watch: Watch<'a>) -> Self {
         let (records, models) = (Mutex::default(), Mutex::default());
-        Self { plan, store, watch, place: (0, 1), at: String::new(), records, models }
+        Self { plan, store, watch, place: (0.0, 1.0), at: String::new(), records, models }
     }
 
     pub(super) fn plan(&self) -> &'a Plan {
@@ -72,7 +72,8 @@ impl<'a> Runner<'a> {
 
     /// Reports progress; an error if the study is cancelled.
     pub(super) fn tell(&self, what: &str, fraction: f64) -> Result<(), Cancelled> {
-        let status = Status { experiment: &self.at, what, fraction, done: self.place.0, of: self.place.1 };
+        let (before, share) = self.place;
+        let status = Status { experiment: &self.at, what, fraction, before, share };
         match (self.watch)(&status) {
             ControlFlow::Continue(()) => Ok(()),
             ControlFlow::Break(()) => Err(Cancelled),

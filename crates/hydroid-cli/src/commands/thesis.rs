@@ -1,5 +1,6 @@
 //! `hydroid thesis`.
 
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Mutex;
@@ -30,17 +31,17 @@ pub fn run(args: &Thesis, global: Global) -> anyhow::Result<Outcome> {
     let clock = Instant::now();
     let bar = ui::Bar::new("study", global);
     // Several threads report progress.
-    let last = Mutex::new(String::new());
+    let last = Mutex::new((String::new(), Progress::default()));
     let report = |status: &Status<'_>| {
-        let fraction = status.done as f64 / status.of.max(1) as f64;
         let text = format!("{}: {}", status.experiment, status.what);
-        if let Ok(mut last) = last.lock()
-            && *last != text
-        {
-            bar.set_message(&text);
-            *last = text;
+        if let Ok(mut last) = last.lock() {
+            let (shown, progress) = &mut *last;
+            bar.set_fraction(progress.after(status));
+            if *shown != text {
+                bar.set_message(&text);
+                *shown = text;
+            }
         }
-        bar.set_fraction(fraction);
         if interrupt::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let summary = hydroid_study::run(&plan, &args.only, &args.output, program, &command(args), &report)?;
@@ -51,6 +52,28 @@ pub fn run(args: &Thesis, global: Global) -> anyhow::Result<Outcome> {
         show(&summary, clock.elapsed().as_secs_f64());
     }
     Ok(Outcome::Done)
+}
+
+/// Progress of a study. The number of tasks of an experiment is not known before; each one takes a third of what
+/// remains of the experiment, so that the fraction never falls.
+#[derive(Default)]
+struct Progress {
+    experiment: String,
+    tasks: BTreeMap<String, f64>,
+}
+
+impl Progress {
+    fn after(&mut self, status: &Status<'_>) -> f64 {
+        if self.experiment != status.experiment {
+            status.experiment.clone_into(&mut self.experiment);
+            self.tasks.clear();
+        }
+        let task = self.tasks.entry(status.what.to_owned()).or_default();
+        *task = task.max(status.fraction);
+        let remaining: f64 =
+            self.tasks.values().map(|fraction| 1.0 - fraction.clamp(0.0, 1.0) / 3.0).product();
+        status.before + status.share * (1.0 - remaining)
+    }
 }
 
 /// The command of one experiment, without its name.
@@ -99,4 +122,23 @@ fn show(summary: &Summary, seconds: f64) {
     let words: Vec<String> = slow.iter().map(|(name, seconds)| format!("{name} {seconds:.1} s")).collect();
     outln!("\n{seconds:.1} s{}{}", if words.is_empty() { "" } else { ": " }, words.join(", "));
     outln!("{}", summary.page.display());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn progress_never_falls_and_stays_in_the_share_of_the_experiment() {
+        let mut progress = Progress::default();
+        let mut last = 0.0;
+        let places = [("a", 0.0, 0.75), ("b", 0.75, 0.25)];
+        for (experiment, before, share) in places {
+            for (what, fraction) in [("x", 0.0), ("x", 0.5), ("y", 0.0), ("x", 1.0), ("y", 0.5), ("x", 0.0)] {
+                let now = progress.after(&Status { experiment, what, fraction, before, share });
+                assert!(now >= last && now >= before && now < before + share, "{experiment} {what} {now}");
+                last = now;
+            }
+        }
+    }
 }
