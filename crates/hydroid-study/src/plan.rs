@@ -14,7 +14,7 @@ use super::experiment::Kind;
 use hydroid::identify::{GivenRanges, Method, NetworkOptions, SindyOptions};
 use hydroid::toml_file;
 
-const BUILT_IN: [(&str, &str); 17] = [
+const BUILT_IN: [(&str, &str); 18] = [
     ("records.toml", include_str!("../experiments/records.toml")),
     ("models.toml", include_str!("../experiments/models.toml")),
     ("claims.toml", include_str!("../experiments/claims.toml")),
@@ -23,6 +23,7 @@ const BUILT_IN: [(&str, &str); 17] = [
     ("fig3.toml", include_str!("../experiments/fig3.toml")),
     ("fig4.toml", include_str!("../experiments/fig4.toml")),
     ("fig5.toml", include_str!("../experiments/fig5.toml")),
+    ("fig5_10ms.toml", include_str!("../experiments/fig5_10ms.toml")),
     ("fig6.toml", include_str!("../experiments/fig6.toml")),
     ("fig7.toml", include_str!("../experiments/fig7.toml")),
     ("fig8.toml", include_str!("../experiments/fig8.toml")),
