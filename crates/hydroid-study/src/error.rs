@@ -33,6 +33,8 @@ pub enum StudyError {
     },
     #[error("the model '{model}' has no seeds: give at least one")]
     NoSeeds { model: String },
+    #[error("the {whose} has no measures: give at least one `[[claim.measures]]`")]
+    NoMeasures { whose: String },
     #[error("there are no experiments: `hydroid thesis --write-experiments FOLDER` writes the built-in ones")]
     Nothing,
     #[error("{} exists with other content: name another folder, or remove the file", path.display())]

@@ -6,6 +6,7 @@
 
 #![allow(missing_docs, clippy::missing_errors_doc, reason = "its users are the programs of hydroid")]
 
+mod claim;
 mod claims;
 mod error;
 mod error_k;
@@ -30,10 +31,11 @@ use serde::Serialize;
 use hydroid::atomic;
 use outcome::{Outcome, Picture, Sheet};
 
-pub use claims::{Holds, Judged};
+pub use claim::{Bound, Claim, Measure, Reasons};
+pub use claims::{Holds, Judged, Measured};
 pub use error::StudyError;
 pub use experiment::Kind;
-pub use plan::{Bound, Claim, Drive, Experiment, ModelPlan, Plan, Record};
+pub use plan::{Drive, Experiment, ModelPlan, Plan, Record};
 pub use runner::{Learned, LoadedRecord, Runner};
 pub use store::{Store, program};
 

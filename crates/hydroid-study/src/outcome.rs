@@ -111,6 +111,12 @@ pub(super) struct Outcome {
     pub(super) sheets: Vec<Sheet>,
     /// Measured values by name, for the claims.
     pub(super) measures: BTreeMap<String, f64>,
+    /// Seeds and records of each measured value.
+    pub(super) over: BTreeMap<String, String>,
+    /// Seeds and records of the values that are measured next.
+    pub(super) basis: String,
+    /// Results in words by name, for the reasons of the claims.
+    pub(super) words: BTreeMap<String, String>,
     pub(super) remarks: Vec<String>,
 }
 
@@ -126,5 +132,17 @@ impl Outcome {
 
     pub(super) fn measure(&mut self, name: &str, value: f64) {
         self.measures.insert(name.to_owned(), value);
+        self.over.insert(name.to_owned(), self.basis.clone());
+    }
+
+    /// States the seeds and records of the values that are measured next.
+    pub(super) fn basis(&mut self, seeds: usize, records: &[impl AsRef<str>]) {
+        let seeds = if seeds == 1 { "1 seed".to_owned() } else { format!("{seeds} seeds") };
+        let records: Vec<&str> = records.iter().map(AsRef::as_ref).collect();
+        self.basis = match records[..] {
+            [] => seeds,
+            [one] => format!("{seeds}, record {one}"),
+            _ => format!("{seeds}, {} records ({})", records.len(), records.join(", ")),
+        };
     }
 }

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 use serde::Serialize;
 use serde_json::Value;
 
-use super::claims::{Holds, Judged};
+use super::claims::{Holds, Judged, Measured};
 use super::outcome::{Cell, Outcome, Picture, Sheet};
 use super::plan::{Experiment, Plan, Record};
 use super::{Done, StudyError};
@@ -48,7 +48,7 @@ fn summary(plan: &Plan, done: &[Done<'_>], claims: &[Judged]) -> Markup {
         @if !claims.is_empty() {
             p {
                 strong { (count(Holds::Reproduced)) " claims reproduced, " (count(Holds::InPart)) " in part, " (count(Holds::NotReproduced)) " not." @if count(Holds::NotMeasured) > 0 { " " (count(Holds::NotMeasured)) " could not be measured." } }
-                " The thesis states its claims in words. Each verdict compares one measured value, for the stated output, with bounds that hydroid has set. " a href="#claims" { "The bounds and the reasons" } " are at the end of the page."
+                " The thesis states its claims in words. Each verdict is the worst of the verdicts on the measured values of the claim, which are compared with bounds that hydroid has set. " a href="#claims" { "The bounds and the reasons" } " are at the end of the page."
             }
             (claims_table(claims, false))
         } @else {
@@ -71,26 +71,56 @@ fn claims_table(claims: &[Judged], reasons: bool) -> Markup {
         div.scroll tabindex="0" {
             table.claims {
                 thead { tr {
-                    th scope="col" { "verdict" } th.n scope="col" { "value" } th scope="col" { "claim of the thesis" } th scope="col" { "measured quantity" }
-                    @if reasons { th scope="col" { "reproduced" } th scope="col" { "in part" } th scope="col" { "because" } }
+                    th scope="col" { "verdict" } th scope="col" { "claim of the thesis" } th.n scope="col" { "value" } th scope="col" { "measured quantity" }
+                    @if reasons { th scope="col" { "reproduced" } th scope="col" { "in part" } th scope="col" { "seeds and records" } th scope="col" { "because" } }
                 } }
                 tbody {
                     @for claim in claims {
-                        tr {
-                            td { (verdict(claim.verdict)) }
-                            td.n { (claim.figure.map_or_else(|| number::NONE.to_owned(), |figure| number::text(figure, 3))) }
-                            td.words { a href={ "#" (claim.experiment) } { (claim.claim) } }
-                            td.words { (claim.measured) }
-                            @if reasons {
-                                td { (claim.bounds[0].words()) } td { (claim.bounds[1].words()) }
-                                td.words { (claim.because) }
-                            }
-                        }
+                        @if reasons { (claim_rows(claim)) } @else { (claim_row(claim)) }
                     }
                 }
             }
         }
     }
+}
+
+fn figure_of(measured: &Measured) -> String {
+    measured.figure.map_or_else(|| number::NONE.to_owned(), |figure| number::text(figure, 3))
+}
+
+/// A claim with the value that decides.
+fn claim_row(claim: &Judged) -> Markup {
+    html! {
+        tr {
+            td { (verdict(claim.verdict)) }
+            td.words { a href={ "#" (claim.experiment) } { (claim.claim) } }
+            @if let Some(one) = claim.deciding() {
+                td.n { (figure_of(one)) } td.words { (quantity(one)) }
+            } @else { td.n { (number::NONE) } td {} }
+        }
+    }
+}
+
+/// A claim with a row for each value.
+fn claim_rows(claim: &Judged) -> Markup {
+    let rows = claim.measures.len();
+    html! {
+        @for (i, one) in claim.measures.iter().enumerate() {
+            tr {
+                @if i == 0 {
+                    td rowspan=(rows) { (verdict(claim.verdict)) }
+                    td.words rowspan=(rows) { a href={ "#" (claim.experiment) } { (claim.claim) } }
+                }
+                td.n { (figure_of(one)) } td.words { (quantity(one)) }
+                td { (one.bounds[0].words()) } td { (one.bounds[1].words()) } td.words { (one.over) }
+                @if i == 0 { td.words rowspan=(rows) { (claim.because) } }
+            }
+        }
+    }
+}
+
+fn quantity(one: &Measured) -> String {
+    if one.of.is_empty() { one.measured.clone() } else { format!("{}: {}", one.of, one.measured) }
 }
 
 fn experiment(
@@ -169,7 +199,7 @@ fn method(plan: &Plan, done: &[Done<'_>]) -> Markup {
     models.dedup();
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     html! {
-        p { "All records are simulated: the integration is a Runge-Kutta method of order 4 with steps of 10 ms, and the sample time is 0.1 s unless stated otherwise. White noise has standard deviations of 1 cm/s, 1 cm/s and 1 deg/s on u, v and r. Commands are mixtures of steps, ramps, chirps, triangles and binary sequences, or those of a lawn-mower track in closed loop. Rollouts start from measured samples unless stated otherwise, and are compared with the true outputs." }
+        p { "All records are simulated: the integration is a Runge-Kutta method of order 4 with steps of 10 ms, and the sample time is 0.1 s unless stated otherwise. White noise has standard deviations of 1 cm/s, 1 cm/s and 1 deg/s on u, v and r. Commands are mixtures of constant zero, steps, ramps, chirps, triangles and binary sequences, or those of a lawn-mower track in closed loop. Rollouts start from measured samples unless stated otherwise, and are compared with the true outputs." }
         p { "The documentation of hydroid contains the equations of the plants, the networks, the filter and the guard, with their sources. Settings are chosen on validation records, never on test records." }
         h3 { "Models" }
         div.scroll tabindex="0" {

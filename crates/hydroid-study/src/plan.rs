@@ -10,6 +10,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::StudyError;
+use super::claim::Claim;
 use super::experiment::Kind;
 use hydroid::identify::{GivenRanges, Method, NetworkOptions, SindyOptions};
 use hydroid::toml_file;
@@ -110,60 +111,6 @@ pub struct Experiment {
     /// Question, and how to read the result.
     pub text: String,
     pub run: Kind,
-}
-
-/// A claim of the thesis with its bounds.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Claim {
-    /// Text of the claim.
-    pub claim: String,
-    /// Name of the experiment.
-    pub experiment: String,
-    /// Name of the measured value.
-    pub measure: String,
-    /// Bound of *reproduced*.
-    pub reproduced: Bound,
-    /// Bound of *in part*.
-    pub partly: Bound,
-    /// Description of the measured value.
-    pub measured: String,
-    /// Reason for the verdict.
-    pub because: String,
-}
-
-/// A bound on a measured value.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Bound {
-    AtMost(f64),
-    AtLeast(f64),
-}
-
-impl Bound {
-    /// Whether a value is within the bound; false for NaN.
-    pub fn holds(self, figure: f64) -> bool {
-        match self {
-            Self::AtMost(most) => figure <= most,
-            Self::AtLeast(least) => figure >= least,
-        }
-    }
-
-    /// The bound in words.
-    pub fn words(self) -> String {
-        match self {
-            Self::AtMost(most) => format!("≤ {most}"),
-            Self::AtLeast(least) => format!("≥ {least}"),
-        }
-    }
-
-    /// Ratio of value and bound, at least 1 within the bound.
-    pub fn margin(self, figure: f64) -> f64 {
-        match self {
-            Self::AtMost(most) => most / figure,
-            Self::AtLeast(least) => figure / least,
-        }
-    }
 }
 
 /// A study.
@@ -303,7 +250,11 @@ impl Plan {
         }
         let experiments: Vec<String> = self.experiments.iter().map(|(name, _)| name.clone()).collect();
         for claim in &self.claims {
-            known(&format!("claim '{}'", claim.claim), "experiment", &claim.experiment, experiments.iter())?;
+            let whose = format!("claim '{}'", claim.claim);
+            known(&whose, "experiment", &claim.experiment, experiments.iter())?;
+            if claim.measures.is_empty() {
+                return Err(StudyError::NoMeasures { whose });
+            }
         }
         Ok(())
     }

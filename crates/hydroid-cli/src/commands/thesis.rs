@@ -114,7 +114,8 @@ fn show(summary: &Summary, seconds: f64) {
             Holds::NotReproduced => "-",
             Holds::NotMeasured => "?",
         };
-        let figure = claim.figure.map_or_else(|| String::from("–"), |figure| format!("{figure:.3}"));
+        let figure = claim.deciding().and_then(|one| one.figure);
+        let figure = figure.map_or_else(|| String::from("–"), |figure| format!("{figure:.3}"));
         outln!("{sign} {:14} {figure:<9} {}", claim.verdict.word(), claim.claim);
     }
     let mut slow: Vec<_> = summary.seconds.iter().filter(|(_, seconds)| *seconds >= 0.1).collect();

@@ -23,6 +23,10 @@ const WARM_UP: usize = 100;
 const TRANSITION: f64 = 2.5;
 /// Smaller errors are drawn at this value.
 const LEAST: f64 = 1e-3;
+/// Largest time between an origin and a change of mode that it is near to \[s\].
+const NEAR_S: f64 = 4.0;
+/// Share of the errors that are its peaks.
+const WORST: f64 = 0.05;
 /// Half-width of an 80 % band of a normal distribution \[standard deviations\].
 const BAND_80: f64 = 1.281_55;
 
@@ -30,9 +34,10 @@ const BAND_80: f64 = 1.281_55;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Along {
-    /// The network; its first seed is shown.
+    /// The network; its first seed is drawn.
     pub model: String,
-    pub record: String,
+    /// The records; the first is drawn.
+    pub records: Vec<String>,
     /// Horizon \[samples\].
     pub steps: usize,
 }
@@ -52,13 +57,31 @@ struct Adaptation {
 
 impl Along {
     pub(super) fn run(&self, runner: &Runner<'_>) -> Result<Outcome, StudyError> {
-        let loaded = runner.record(&self.record)?;
+        let records = runner.records(&self.records)?;
         let models = runner.models(&self.model)?;
-        let Some(learned) = models.first() else { return Ok(Outcome::default()) };
-        runner.fits(learned, &loaded)?;
-        let key = runner.store.key("along", self, &[learned.key, loaded.key]);
-        let adaptation = runner.store.get("along", key, || self.adapt(learned, &loaded))?;
+        let pairs: Vec<(&Learned, &LoadedRecord)> = models
+            .iter()
+            .flat_map(|learned| records.iter().map(move |loaded| (learned, &**loaded)))
+            .collect();
+        let all =
+            runner.each(&format!("{} along the records", self.model), &pairs, |&(learned, loaded)| {
+                runner.fits(learned, loaded)?;
+                let key = runner.store.key("along", &self.steps, &[learned.key, loaded.key]);
+                runner.store.get("along", key, || self.adapt(learned, loaded))
+            })?;
+        let (Some(adaptation), Some(loaded)) = (all.first(), records.first()) else {
+            return Ok(Outcome::default());
+        };
         let mut outcome = Outcome::default();
+        outcome.basis(models.len(), &self.records);
+        self.draw(adaptation, loaded, &mut outcome);
+        let each: Vec<(&Adaptation, &LoadedRecord)> =
+            all.iter().zip(&pairs).map(|(adaptation, (_, loaded))| (adaptation, *loaded)).collect();
+        measures(&each, &mut outcome);
+        Ok(outcome)
+    }
+
+    fn draw(&self, adaptation: &Adaptation, loaded: &LoadedRecord, outcome: &mut Outcome) {
         let names = ["frozen", "adapted", "guarded"];
         let mut sheet = Sheet::new(
             "along",
@@ -66,7 +89,7 @@ impl Along {
         );
         for (way, errors) in names.iter().zip(&adaptation.errors) {
             for (t, error) in adaptation.t.iter().zip(errors) {
-                let u = speed(&loaded, *t);
+                let u = speed(loaded, *t);
                 let [a, b, c] = *error;
                 sheet.row(vec![(*t).into(), u.into(), (*way).into(), a.into(), b.into(), c.into()]);
             }
@@ -75,19 +98,18 @@ impl Along {
         let steps = self.steps;
         outcome.chart(
             "error_over_time",
-            self.figure(&adaptation, &loaded),
+            self.figure(adaptation, loaded),
             format!(
                 "{}, trained at low speed, along {}: error against the truth of the prediction {steps} steps ({:.1} s) ahead, at the time of its origin, for u, v and r. Curves are means over eight origins (4 s). The frozen network never adapts to flight; the adapted one has been adapted to it after the first take-off. Vertical lines mark the times at which the guard changes the model that predicts.",
                 palette::title(&self.model),
-                self.record,
+                loaded.name,
                 steps as f64 * loaded.run.dt,
             ),
         );
         let coverage = adaptation.coverage();
-        outcome.measure("band_80_holds", coverage);
         outcome.chart(
             "bands",
-            self.bands(&adaptation, loaded.run.dt),
+            self.bands(adaptation, loaded.run.dt),
             format!(
                 "Prediction of the adapted network {steps} steps ahead with its 80 % band, and measurements at the predicted time, around the first flight. Along the whole record the bands of u, v and r together contain {:.0} % of the measurements.",
                 100.0 * coverage
@@ -95,17 +117,9 @@ impl Along {
         );
         outcome.chart(
             "track",
-            track(&loaded),
-            format!("Track of {}: grey in displacement mode, black while flying.", self.record),
+            track(loaded),
+            format!("Track of {}: grey in displacement mode, black while flying.", loaded.name),
         );
-        let flying = |errors: &[[f64; 3]]| {
-            let aloft = adaptation.t.iter().zip(errors).filter(|(t, _)| speed(&loaded, **t) > TRANSITION);
-            aloft.map(|(_, error)| error[0]).collect::<Vec<f64>>()
-        };
-        let (frozen, adapted) = (flying(&adaptation.errors[0]), flying(&adaptation.errors[1]));
-        let late = |errors: &[f64]| median(errors[errors.len() / 2..].to_vec());
-        outcome.measure("flying_left", late(&adapted) / late(&frozen));
-        Ok(outcome)
     }
 
     fn adapt(&self, learned: &Learned, loaded: &LoadedRecord) -> Result<Adaptation, StudyError> {
@@ -224,7 +238,66 @@ impl Along {
     }
 }
 
+/// Medians over seeds and records: errors while flying, in the second half of the record, adapted divided by frozen;
+/// share of the peaks of the adapted error near a change of mode; share of the time that is near one.
+fn measures(each: &[(&Adaptation, &LoadedRecord)], outcome: &mut Outcome) {
+    outcome.measure("band_80_holds", median(each.iter().map(|(one, _)| one.coverage()).collect()));
+    let near: Vec<Vec<bool>> =
+        each.iter().map(|(one, loaded)| near_changes(&one.t, &changes(loaded))).collect();
+    let of_time = median(near.iter().map(|near| share(near.iter().copied())).collect());
+    outcome.measure("time_near", of_time);
+    let mut least = f64::INFINITY;
+    for (c, (output, _)) in OUTPUTS.iter().enumerate() {
+        let left = each.iter().map(|(one, loaded)| {
+            let [frozen, adapted] = [0, 1].map(|way| one.late_while_flying(loaded, way, c));
+            adapted / frozen
+        });
+        outcome.measure(&format!("flying_{output}_left"), median(left.collect()));
+        let at_changes = each.iter().zip(&near).map(|((one, _), near)| {
+            let errors: Vec<f64> = one.errors[1].iter().map(|error| error[c]).collect();
+            share(peaks(&errors).into_iter().map(|i| near[i]))
+        });
+        let at_changes = median(at_changes.collect());
+        outcome.measure(&format!("peaks_{output}_near"), at_changes);
+        least = least.min(at_changes / of_time);
+    }
+    outcome.measure("peaks_over_time", least);
+}
+
+/// Times at which the true speed crosses that of the change of mode \[s\].
+fn changes(loaded: &LoadedRecord) -> Vec<f64> {
+    let flies: Vec<bool> = loaded.simulated.states().iter().map(|state| state.u > TRANSITION).collect();
+    let crossed = flies.windows(2).enumerate().filter(|(_, pair)| pair[0] != pair[1]);
+    crossed.map(|(k, _)| loaded.run.t0 + (k as f64 + 0.5) * loaded.run.dt).collect()
+}
+
+fn near_changes(t: &[f64], changes: &[f64]) -> Vec<bool> {
+    t.iter().map(|t| changes.iter().any(|change| (t - change).abs() <= NEAR_S)).collect()
+}
+
+/// Places of the largest errors.
+fn peaks(errors: &[f64]) -> Vec<usize> {
+    let mut places: Vec<usize> = (0..errors.len()).collect();
+    places.sort_by(|&a, &b| errors[b].total_cmp(&errors[a]));
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a number of errors, rounded up
+    places.truncate((WORST * errors.len() as f64).ceil() as usize);
+    places
+}
+
+fn share(which: impl Iterator<Item = bool>) -> f64 {
+    let (all, chosen) =
+        which.fold((0.0, 0.0), |(all, chosen), one| (all + 1.0, chosen + f64::from(u8::from(one))));
+    chosen / all
+}
+
 impl Adaptation {
+    /// Median error of an output while flying, in the second half of these errors.
+    fn late_while_flying(&self, loaded: &LoadedRecord, way: usize, c: usize) -> f64 {
+        let aloft = self.t.iter().zip(&self.errors[way]).filter(|(t, _)| speed(loaded, **t) > TRANSITION);
+        let errors: Vec<f64> = aloft.map(|(_, error)| error[c]).collect();
+        median(errors[errors.len() / 2..].to_vec())
+    }
+
     /// Share of the measurements inside their 80 % band.
     fn coverage(&self) -> f64 {
         let (mut inside, mut all) = (0.0, 0.0);
@@ -278,4 +351,20 @@ fn smoothed(t: &[f64], values: impl Iterator<Item = f64>) -> Vec<(f64, f64)> {
         .zip(values.chunks(8))
         .map(|(t, v)| (t[0], (v.iter().sum::<f64>() / v.len() as f64).max(LEAST).log10()))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn peaks_are_the_worst_twentieth_and_near_is_four_seconds() {
+        let t: Vec<f64> = (0..40).map(f64::from).collect();
+        let near = near_changes(&t, &[10.5]);
+        assert_eq!(share(near.iter().copied()), 8.0 / 40.0);
+        let mut errors = vec![0.1; 40];
+        (errors[12], errors[30]) = (2.0, 1.0);
+        assert_eq!(peaks(&errors), [12, 30]);
+        assert_eq!(share(peaks(&errors).into_iter().map(|i| near[i])), 0.5);
+    }
 }

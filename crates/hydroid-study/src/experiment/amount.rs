@@ -64,6 +64,7 @@ impl Amount {
                     middle(2).into(),
                     median(models.iter().map(|learned| learned.about.seconds).collect()).into(),
                 ]);
+                outcome.basis(models.len(), &[&plan.test]);
                 outcome.measure(&format!("{name}_u_20"), middle(0));
             }
             let stroke = palette::line(&series.models[0]);

@@ -67,15 +67,10 @@ impl Blocks {
                 let mut row = vec![palette::title(name).into(), (*word).into(), count.into()];
                 row.extend((0..3).map(|c| Cell::Number(of(c, |b| b.model))));
                 table.row(row);
-                if place == 2 && name == &self.models[0] {
-                    for (c, (output, _)) in OUTPUTS.iter().enumerate() {
-                        outcome.measure(&format!("above_{output}"), of(c, |b| b.model));
-                        outcome.measure(
-                            &format!("c0_over_model_{output}"),
-                            of(c, |b| b.c0) / of(c, |b| b.model),
-                        );
-                    }
-                }
+            }
+            if name == &self.models[0] {
+                outcome.basis(models.len(), &[&self.record]);
+                measures(&all, &mut outcome);
             }
             if let (None, Some(blocks)) = (&plants, all.first()) {
                 plants = Some(blocks.clone());
@@ -107,6 +102,28 @@ impl Blocks {
         outcome.sheets.push(sheet);
         outcome.table(table, "Mean of Error(k) over the blocks, median over seeds.");
         Ok(outcome)
+    }
+}
+
+/// Mean errors above the change of mode divided by those below it, of C0 and of the network, and those of C0 above
+/// divided by those of the network; medians over seeds.
+fn measures(all: &[Vec<Block>], outcome: &mut Outcome) {
+    let mean_of = |blocks: &[Block], place: usize, of: &dyn Fn(&Block) -> f64| {
+        mean(blocks.iter().filter(|block| error_k::is(block, place)).map(of))
+    };
+    let middle = |value: &dyn Fn(&Vec<Block>) -> f64| median(all.iter().map(value).collect());
+    for (c, (output, _)) in OUTPUTS.iter().enumerate() {
+        let (model, c0) = (|block: &Block| block.model[c], |block: &Block| block.c0[c]);
+        let above_over_below =
+            |of: &dyn Fn(&Block) -> f64| middle(&|blocks| mean_of(blocks, 2, of) / mean_of(blocks, 1, of));
+        outcome.measure(&format!("model_{output}_above_over_below"), above_over_below(&model));
+        outcome.measure(&format!("c0_{output}_above_over_below"), above_over_below(&c0));
+        outcome.measure(&format!("{output}_above"), middle(&|blocks| mean_of(blocks, 2, &model)));
+        outcome.measure(&format!("{output}_below"), middle(&|blocks| mean_of(blocks, 1, &model)));
+        outcome.measure(
+            &format!("c0_over_model_{output}"),
+            middle(&|blocks| mean_of(blocks, 2, &c0) / mean_of(blocks, 2, &model)),
+        );
     }
 }
 

@@ -74,7 +74,8 @@ impl Circles {
     }
 
     pub(super) fn run(&self, runner: &Runner<'_>) -> Result<Outcome, StudyError> {
-        let mut outcome = Outcome::default();
+        let basis = format!("first seed of training, {} seeds of noise", self.seeds.len());
+        let mut outcome = Outcome { basis, ..Outcome::default() };
         let mut table = Sheet::new(
             "circles",
             &[

@@ -45,6 +45,7 @@ impl Cost {
                 .x_decades();
         for name in &self.models {
             let models = runner.models(name)?;
+            outcome.basis(models.len(), &[&self.record]);
             let mut points = Vec::new();
             for words in &self.covariances {
                 let covariance: CovarianceForm = words.parse().map_err(|error| {

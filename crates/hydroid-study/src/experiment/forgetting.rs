@@ -9,20 +9,22 @@ use super::super::StudyError;
 use super::super::outcome::{Cell, Outcome, Sheet};
 use super::super::palette;
 use super::super::runner::{Learned, LoadedRecord, Runner};
-use super::median;
+use super::{OUTPUTS, median, range};
 use hydroid::adapt::{self, KalmanOptions, Options};
 use hydroid_report::figure::{Figure, Key, Line, Mark, Panel};
 
 /// Horizon \[samples\].
 const STEPS: usize = 20;
+/// Error of a filter that has diverged beyond it, or to numbers that are not finite.
+const DIVERGED: f64 = 1e6;
 
 /// Epochs along a record, then evaluation under the training conditions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Forgetting {
     pub models: Vec<String>,
-    /// The record of the adaptation.
-    pub sea: String,
+    /// The records of the adaptation, each from the weights of the training.
+    pub seas: Vec<String>,
     /// A record under the training conditions.
     pub known: String,
     /// A training record, the beginning of which the guarded sessions rehearse.
@@ -33,23 +35,25 @@ pub struct Forgetting {
 }
 
 /// Result of a network, unguarded and guarded: error during adaptation in each epoch, and errors under training
-/// conditions before and after, with the final weights frozen and with continued adaptation.
+/// conditions before and after, with the final weights frozen and with continued adaptation. `last` are the errors of
+/// the final weights, frozen, along the record of the adaptation, without guard.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Story {
     epochs: [Vec<[f64; 3]>; 2],
     before: [f64; 3],
     held: [[f64; 3]; 2],
     on: [[f64; 3]; 2],
+    last: [f64; 3],
 }
 
 impl Forgetting {
     pub(super) fn uses(&self) -> (Vec<&String>, Vec<&String>) {
-        (vec![&self.sea, &self.known, &self.shore], self.models.iter().collect())
+        (self.seas.iter().chain([&self.known, &self.shore]).collect(), self.models.iter().collect())
     }
 
     pub(super) fn run(&self, runner: &Runner<'_>) -> Result<Outcome, StudyError> {
-        let [sea, known, shore] =
-            [runner.record(&self.sea)?, runner.record(&self.known)?, runner.record(&self.shore)?];
+        let seas = runner.records(&self.seas)?;
+        let [known, shore] = [runner.record(&self.known)?, runner.record(&self.shore)?];
         let mut outcome = Outcome::default();
         let mut table = Sheet::new(
             "forgetting",
@@ -66,19 +70,20 @@ impl Forgetting {
         );
         let mut panel = Panel::new("error of u during adaptation, 20 steps [m/s]").height(200.0).decades();
         let mut figure = Figure::new("Epochs over one record", "epoch").x_range(1.0, self.epochs as f64);
-        let (mut worse, mut epochs) = (Vec::new(), Vec::new());
+        let mut ratios = Ratios::default();
         for name in &self.models {
             let models = runner.models(name)?;
-            let stories =
-                runner.each(&format!("{name} over {} epochs", self.epochs), &models, |learned| {
-                    let settings = (self.shore_s, self.epochs);
-                    let key = runner.store.key(
-                        "forgetting",
-                        &settings,
-                        &[learned.key, sea.key, known.key, shore.key],
-                    );
-                    runner.store.get("forgetting", key, || self.story(runner, learned, &sea, &known, &shore))
-                })?;
+            outcome.basis(models.len(), &self.seas);
+            let pairs: Vec<(&Learned, &LoadedRecord)> =
+                models.iter().flat_map(|model| seas.iter().map(move |sea| (model, &**sea))).collect();
+            let what = format!("{name} over {} epochs", self.epochs);
+            let stories = runner.each(&what, &pairs, |&(learned, sea)| {
+                let settings = (self.shore_s, self.epochs);
+                let on = [learned.key, sea.key, known.key, shore.key];
+                let key = runner.store.key("forgetting", &settings, &on);
+                runner.store.get("forgetting", key, || self.story(runner, learned, sea, &known, &shore))
+            })?;
+            ratios.add(&stories);
             let middle = |of: &dyn Fn(&Story) -> f64| median(stories.iter().map(of).collect());
             for (way, word) in ["without guard", "guarded, after rehearsal"].into_iter().enumerate() {
                 let curve: Vec<f64> = (0..self.epochs).map(|e| middle(&|s| s.epochs[way][e][0])).collect();
@@ -94,10 +99,7 @@ impl Forgetting {
                     after.into(),
                     Cell::Number(on),
                 ]);
-                if way == 0 {
-                    epochs.push(curve[self.epochs - 1] / curve[0]);
-                    worse.push(after / before);
-                } else {
+                if way == 1 {
                     outcome.measure(&format!("{name}_guarded_on_over_before"), on / before);
                 }
                 let mut stroke = palette::line(name);
@@ -109,20 +111,19 @@ impl Forgetting {
                 figure = figure.key(Key::Line(stroke), format!("{}, {word}", palette::title(name)));
             }
         }
-        outcome.measure("epochs_last_over_first", epochs.iter().copied().fold(0.0, f64::max));
-        outcome.measure("forgetting", median(worse));
+        ratios.measures(&mut outcome);
         outcome.chart(
             "forgetting",
             figure.panel(panel),
             format!(
-                "Mean absolute error of u, 20 steps ahead, in each of {} epochs over {}; medians over seeds. The thesis reports that the filter diverges over several epochs. v and r are not judged.",
-                self.epochs, self.sea
+                "Mean absolute error of u, 20 steps ahead, in each of {} epochs over {}; medians over seeds and records. The thesis reports that the filter diverges over several epochs.",
+                self.epochs, self.seas.join(", ")
             ),
         );
         outcome.table(
             table,
             format!(
-                "Training conditions: along {}, a record at low speed. “Weights frozen”: the weights that predict after the last epoch are frozen, and only the state is filtered. “Adapting”: the session continues to adapt. Guarded: the session first rehearses {} s of a training record, and the guard selects the model that predicts. All errors are those of u.",
+                "Training conditions: along {}, a record at low speed. “Weights frozen”: the weights that predict after the last epoch are frozen, and only the state is filtered. “Adapting”: the session continues to adapt. Guarded: the session first rehearses {} s of a training record, and the guard selects the model that predicts. All errors of this table are those of u; the claims below judge v and r as well.",
                 self.known, self.shore_s
             ),
         );
@@ -139,8 +140,13 @@ impl Forgetting {
     ) -> Result<Story, StudyError> {
         let model = &learned.model;
         [sea, known, shore].into_iter().try_for_each(|record| runner.fits(learned, record))?;
-        let mut story =
-            Story { epochs: Default::default(), before: [0.0; 3], held: [[0.0; 3]; 2], on: [[0.0; 3]; 2] };
+        let mut story = Story {
+            epochs: Default::default(),
+            before: [0.0; 3],
+            held: [[0.0; 3]; 2],
+            on: [[0.0; 3]; 2],
+            last: [0.0; 3],
+        };
         for (way, guarded) in [false, true].into_iter().enumerate() {
             let options = if guarded { Options::default().guarded(model) } else { Options::default() };
             let mut session = adapt::adapter(model, &options, &[&sea.run])?.0;
@@ -159,9 +165,50 @@ impl Forgetting {
             }
             let weights = session.guard().map_or_else(|| session.weights(), |guard| guard.active_weights());
             story.held[way] = held(learned, weights, known)?;
+            if !guarded {
+                story.last = held(learned, weights, sea)?;
+            }
             story.on[way] = errors(session.as_mut(), known);
         }
         Ok(story)
+    }
+}
+
+/// Ratios of errors without guard, by output, with a value for each network: a median over seeds and records.
+#[derive(Default)]
+struct Ratios {
+    /// Last epoch divided by the first.
+    epochs: [Vec<f64>; 3],
+    /// Final weights, frozen, divided by adapting, along the record of the adaptation in the last epoch.
+    greed: [Vec<f64>; 3],
+    /// Under training conditions, after the adaptation divided by before.
+    forgetting: [Vec<f64>; 3],
+}
+
+impl Ratios {
+    fn add(&mut self, stories: &[Story]) {
+        let middle = |of: &dyn Fn(&Story) -> f64| median(stories.iter().map(of).collect());
+        for c in 0..3 {
+            let last = |story: &Story| story.epochs[0].last().map_or(f64::NAN, |errors| errors[c]);
+            let first = |story: &Story| story.epochs[0].first().map_or(f64::NAN, |errors| errors[c]);
+            self.epochs[c].push(middle(&|story| last(story) / first(story)));
+            self.greed[c].push(middle(&|story| story.last[c] / last(story)));
+            self.forgetting[c].push(middle(&|story| story.held[0][c] / story.before[c]));
+        }
+    }
+
+    /// The largest ratio of the epochs, because a filter has diverged if one output of one network has; the smallest
+    /// ratios of greed and forgetting, because the claims are about every network.
+    fn measures(&self, outcome: &mut Outcome) {
+        let mut diverged = 0.0f64;
+        for (c, (output, _)) in OUTPUTS.iter().enumerate() {
+            let (_, epochs) = range(&self.epochs[c]);
+            diverged = diverged.max(epochs);
+            outcome.measure(&format!("epochs_{output}_last_over_first"), epochs);
+            outcome.measure(&format!("greed_{output}"), range(&self.greed[c]).0);
+            outcome.measure(&format!("forgetting_{output}"), range(&self.forgetting[c]).0);
+        }
+        outcome.measure("epochs_last_over_first", diverged);
     }
 }
 
@@ -184,7 +231,7 @@ fn held(learned: &Learned, weights: &[f64], loaded: &LoadedRecord) -> Result<[f6
     Ok(errors(session.as_mut(), loaded))
 }
 
-/// Mean absolute errors 20 steps ahead; an adapter adapts along the record.
+/// Mean absolute errors 20 steps ahead, at most [`DIVERGED`]; an adapter adapts along the record.
 fn errors(session: &mut dyn Adapter, loaded: &LoadedRecord) -> [f64; 3] {
     let run = &loaded.run;
     let truth = run.truth.as_ref().unwrap_or(&run.outputs);
@@ -203,5 +250,6 @@ fn errors(session: &mut dyn Adapter, loaded: &LoadedRecord) -> [f64; 3] {
         }
         session.advance(run.inputs.row(k));
     }
-    sums.map(|sum| sum / count)
+    // The minimum of NaN and a number is the number.
+    sums.map(|sum| (sum / count).min(DIVERGED))
 }

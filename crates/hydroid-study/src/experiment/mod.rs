@@ -49,7 +49,7 @@ impl Kind {
             Self::Circles(circles) => circles.uses(),
             Self::Blocks(blocks) => (vec![&blocks.record], blocks.models.iter().collect()),
             Self::Horizons(horizons) => (horizons.records.iter().collect(), horizons.models.iter().collect()),
-            Self::Along(along) => (vec![&along.record], vec![&along.model]),
+            Self::Along(along) => (along.records.iter().collect(), vec![&along.model]),
             Self::Recipe(recipe) => (vec![&recipe.train, &recipe.test], vec![&recipe.ours]),
             Self::Forgetting(forgetting) => forgetting.uses(),
             Self::Amount(amount) => amount.uses(),
@@ -71,11 +71,16 @@ impl Kind {
             Self::Blocks(blocks) => some("models", blocks.models.len()),
             Self::Horizons(horizons) => {
                 some("models", horizons.models.len())?;
-                some("records", horizons.records.len())
+                some("records", horizons.records.len())?;
+                horizons.check()
             }
-            Self::Along(along) => some("steps", along.steps),
+            Self::Along(along) => {
+                some("records", along.records.len())?;
+                some("steps", along.steps)
+            }
             Self::Forgetting(forgetting) => {
                 some("models", forgetting.models.len())?;
+                some("records", forgetting.seas.len())?;
                 some("epochs", forgetting.epochs)
             }
             Self::Amount(amount) => {

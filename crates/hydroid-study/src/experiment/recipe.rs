@@ -96,12 +96,9 @@ impl Recipe {
         }
         let ours_20 = median(found.iter().flatten().map(|errors| errors[0][0]).collect());
         let works = rows.iter().filter(|row| row.verdict == Verdict::WorksModerately);
-        let best = works
-            .clone()
-            .filter_map(|row| row.errors.as_ref())
-            .map(|e| e[0][0])
-            .fold(f64::INFINITY, f64::min);
-        outcome.measure("failing_share", 1.0 - works.count() as f64 / rows.len() as f64);
+        let best = works.filter_map(|row| row.errors.as_ref()).map(|e| e[0][0]).fold(f64::INFINITY, f64::min);
+        outcome.basis = format!("{} settings, records {} and {}", rows.len(), self.train, self.test);
+        shares(&rows, &mut outcome);
         outcome.measure("recipe_over_ours_u_20", best / ours_20);
         outcome.chart(
             "sindy_hydrofoil",
@@ -114,6 +111,23 @@ impl Recipe {
         );
         Ok(outcome)
     }
+}
+
+/// Shares of the settings by verdict. Only diverged and collapsed ones fail in the sense of the thesis.
+fn shares(rows: &[Row], outcome: &mut Outcome) {
+    let share = |verdict: Verdict| {
+        rows.iter().filter(|row| row.verdict == verdict).count() as f64 / rows.len() as f64
+    };
+    for (name, verdict) in [
+        ("collapsed", Verdict::Collapsed),
+        ("diverging", Verdict::Diverges),
+        ("no_propeller", Verdict::LostItsPropeller),
+        ("hardly_better", Verdict::HardlyBetterThanPersistence),
+        ("moderate", Verdict::WorksModerately),
+    ] {
+        outcome.measure(&format!("{name}_share"), share(verdict));
+    }
+    outcome.measure("failing_share", share(Verdict::Collapsed) + share(Verdict::Diverges));
 }
 
 fn errors(found: Option<&recipe::Errors>) -> Vec<Cell> {

@@ -1,9 +1,11 @@
 //! Table 1: all methods, measured.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
+use hydroid_core::adapt::kalman::KalmanNetwork;
 use hydroid_core::predict::Workspace;
 
 use super::super::StudyError;
@@ -11,9 +13,10 @@ use super::super::outcome::{Cell, Outcome, Sheet};
 use super::super::palette;
 use super::super::runner::{Learned, LoadedRecord, Runner};
 use super::adaptation::{adaptation, options};
-use super::{OUTPUTS, median};
-use hydroid::adapt;
+use super::{OUTPUTS, median, range};
+use hydroid::adapt::{self, KalmanOptions};
 use hydroid::evaluate::{self, Against, evaluate};
+use hydroid::model::Body;
 use hydroid_report::figure::{Figure, Mark, Panel, Points, Sign};
 
 /// Comparison of all methods.
@@ -75,7 +78,7 @@ impl Comparison {
         let mut rows = Vec::new();
         for method in &self.methods {
             let row = Row::new(method, runner)?;
-            row.tell(&mut outcome);
+            row.tell(runner, &mut outcome)?;
             if let (Some(found), Some(name)) = (&row.hydrofoil, &method.hydrofoil) {
                 panel = panel.mark(Mark::Points(Points {
                     points: vec![(found.seconds.max(1e-3).log10(), found.judged.at_20[0].log10())],
@@ -87,6 +90,7 @@ impl Comparison {
             }
             rows.push(row);
         }
+        exponents(&self.methods, runner, &mut outcome)?;
         outcome.chart(
             "accuracy_time",
             Figure::new("Accuracy against training time", "training [s]").x_decades().panel(panel),
@@ -133,14 +137,19 @@ impl<'a> Row<'a> {
         self.hydrofoil.as_ref().or(self.simple.as_ref())
     }
 
-    fn tell(&self, outcome: &mut Outcome) {
+    fn tell(&self, runner: &Runner<'_>, outcome: &mut Outcome) -> Result<(), StudyError> {
         let Self { method, simple, hydrofoil, fast, learning } = self;
+        let seeds = |name: &str| runner.models(name).map(|models| models.len());
         if let (Some(found), Some(name)) = (hydrofoil, &method.hydrofoil) {
+            outcome.basis(seeds(name)?, &[] as &[&str]);
             outcome.measure(&format!("{name}_training_s"), found.seconds);
         }
         for (name, found) in [(&method.simple, simple), (&method.hydrofoil, hydrofoil), (&method.fast, fast)]
         {
             let (Some(name), Some(Found { judged, .. })) = (name, found) else { continue };
+            let tests: Vec<&String> =
+                runner.plan().models.get(name).map(|plan| &plan.test).into_iter().collect();
+            outcome.basis(seeds(name)?, &tests);
             for (c, (output, _)) in OUTPUTS.iter().enumerate() {
                 outcome.measure(&format!("{name}_{output}_20"), judged.at_20[c]);
             }
@@ -152,10 +161,56 @@ impl<'a> Row<'a> {
             }
         }
         if let (Some(name), Some(learning)) = (&method.learns, learning) {
+            outcome.basis(seeds(name)?, &method.sea.iter().collect::<Vec<_>>());
             outcome.measure(&format!("{name}_learning_us"), learning.us);
             outcome.measure(&format!("{name}_learning_left"), learning.left);
         }
+        Ok(())
     }
+}
+
+/// Exponents of the number of weights in the size of the full covariance of the Kalman filter, from each pair of
+/// recurrent networks with different numbers of weights. The size depends on the form of the network alone.
+fn exponents(methods: &[MethodRow], runner: &Runner<'_>, outcome: &mut Outcome) -> Result<(), StudyError> {
+    let mut sizes: Vec<(String, f64, f64)> = Vec::new();
+    for method in methods {
+        let Some(name) = &method.learns else { continue };
+        let Some(learned) = runner.models(name)?.first().map(covariance_len).transpose()?.flatten() else {
+            continue;
+        };
+        let (weights, numbers) = learned;
+        sizes.push((format!("{} {weights}", method.name), weights as f64, numbers as f64));
+    }
+    let pairs = sizes.iter().enumerate().flat_map(|(i, a)| sizes[..i].iter().map(move |b| (a, b)));
+    let exponents: Vec<f64> = pairs
+        .filter(|(a, b)| a.1 != b.1)
+        .map(|((_, weights_a, numbers_a), (_, weights_b, numbers_b))| {
+            (numbers_a / numbers_b).ln() / (weights_a / weights_b).ln()
+        })
+        .collect();
+    if exponents.is_empty() {
+        return Ok(());
+    }
+    let (least, largest) = range(&exponents);
+    outcome.basis =
+        format!("{} pairs of networks; the size does not depend on seeds and records", exponents.len());
+    outcome.measure("covariance_exponent_least", least);
+    outcome.measure("covariance_exponent_largest", largest);
+    let weights = sizes.iter().map(|(words, ..)| words.as_str()).collect::<Vec<_>>().join(", ");
+    outcome.words.insert("covariance_weights".to_owned(), weights);
+    Ok(())
+}
+
+/// Number of weights of a recurrent network, and of the numbers of the full covariance of its filter.
+fn covariance_len(learned: &Learned) -> Result<Option<(usize, usize)>, StudyError> {
+    let Body::Recurrent(network) = &learned.model.body else { return Ok(None) };
+    // The size does not depend on the noise.
+    let noise = Some(vec![1.0; learned.model.description.outputs.len()]);
+    let options = KalmanOptions { noise, ..KalmanOptions::default() };
+    let options = adapt::network_filter_options(&learned.model, network, &options)?;
+    let adapter = KalmanNetwork::with_rehearsal(Arc::clone(network), options, None)
+        .map_err(|error| StudyError::Result(error.to_string()))?;
+    Ok(Some((network.weights.len(), adapter.filter().covariance_len())))
 }
 
 fn number(x: Option<f64>) -> Cell {
