@@ -135,9 +135,9 @@ fn missed(measures: &[Measured]) -> String {
         .iter()
         .filter(|one| one.verdict != Holds::Reproduced && (measures.len() > 1 || one.figure.is_none()))
         .map(|one| {
-            let name = if one.of.is_empty() { &one.measured } else { &one.of };
+            let name = if one.of.is_empty() { format!("{}:", one.measured) } else { one.of.clone() };
             let figure = one.figure.map_or_else(|| "not measured".to_owned(), |x| number::text(x, 3));
-            format!("{name}: {figure} ({} is required)", one.bounds[0].words())
+            format!("{name} {figure} ({} is required)", one.bounds[0].words())
         })
         .collect();
     if missed.is_empty() { String::new() } else { format!("Beyond the bound: {}.", missed.join("; ")) }
@@ -272,7 +272,7 @@ mod tests {
         assert_eq!(judged.verdict, Holds::NotMeasured);
         let verdicts: Vec<Holds> = judged.measures.iter().map(|one| one.verdict).collect();
         assert_eq!(verdicts, [Holds::Reproduced, Holds::NotMeasured, Holds::NotMeasured]);
-        assert!(judged.because.contains("v: not measured") && !judged.because.contains("u: 1"), "{judged:?}");
+        assert!(judged.because.contains("v not measured") && !judged.because.contains("u 1"), "{judged:?}");
     }
 
     #[test]

@@ -111,7 +111,9 @@ fn claim_rows(claim: &Judged) -> Markup {
                     td rowspan=(rows) { (verdict(claim.verdict)) }
                     td.words rowspan=(rows) { a href={ "#" (claim.experiment) } { (claim.claim) } }
                 }
-                td.n { (figure_of(one)) } td.words { (quantity(one)) }
+                td.n { (figure_of(one)) }
+                // A description that repeats the one above is left out.
+                td.words { @if i > 0 && claim.measures[i - 1].measured == one.measured { (one.of) } @else { (quantity(one)) } }
                 td { (one.bounds[0].words()) } td { (one.bounds[1].words()) } td.words { (one.over) }
                 @if i == 0 { td.words rowspan=(rows) { (claim.because) } }
             }
