@@ -10,15 +10,14 @@
 //!
 //! with `u` the mean of the inputs over the window, and a constant `c_i` for each log `i`, which holds its trim and current. `h` is
 //! the eighth, quarter, half or whole of the horizon with the largest likelihood ratio against `A = 0`. For each log and each
-//! change of its inputs (gain -1, 0, 1/2, 2, 57.3, 100 or their inverses for one input; -1, 0, 1/2 or 2 for all; two inputs
-//! exchanged), the regression of all logs is solved anew. The change with the largest likelihood is made, and the next one is
+//! change of its inputs (gain -1, 0, 1/2, 2, 57.3, 100 or their inverses for one input or for all; two inputs exchanged), the regression of all logs is solved anew. The change with the largest likelihood is made, and the next one is
 //! looked for, as long as its odds are [`ODDS`] against one for as many changes as were tried (Bonferroni). Gains of 1/2 and 2
 //! take up loads and batteries, and are not reported: a change is stated only if these explain less.
 //!
 //! *Valid* for logs that were recorded separately, with errors that are independent over windows that do not overlap. Therefore, a
 //! change is looked for only where its inputs move often and the vessel moves as in other logs, and stated only if it also
-//! explains half as much of an output in that log as the inputs do in the others, and the inputs as logged do not. Disturbances, settings and angles
-//! beyond 90 degrees, as of azimuth thrusters, are not changed. Which logs are the wrong ones is not known: those of most windows
+//! explains half as much of an output in that log as the inputs do in the others, and the inputs as logged do not. Disturbances and settings are not
+//! changed, and vessels with angles beyond 90 degrees, as of azimuth thrusters, not judged: their effect is not linear. Which logs are the wrong ones is not known: those of most windows
 //! are taken as right.
 
 use std::f64::consts::FRAC_PI_2;
@@ -88,15 +87,16 @@ struct Sums {
     squares: Vec<f64>,
 }
 
-/// Warnings of logs in which inputs act otherwise than in most others.
+/// Warnings of logs in which inputs act differently than in most others.
 pub(super) fn warnings(runs: &[&Trajectory], boat: &Boat, horizon: usize) -> Vec<Note> {
     let Some(first) = runs.first() else { return Vec::new() };
+    let mut is_azimuth = false;
     let neutral = |(j, channel): (usize, &Channel)| {
         let values = || runs.iter().flat_map(|run| run.inputs.column(j));
         let seen = [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)];
-        let is_angle = channel.unit == "rad" && seen.iter().any(|x| x.abs() > FRAC_PI_2);
+        is_azimuth |= channel.unit == "rad" && seen.iter().any(|x| x.abs() > FRAC_PI_2);
         let is_other = matches!(boat.role(&channel.name), Some(Role::Disturbance | Role::Setting));
-        (boat.value(channel, Some(seen)).map_or(0.0, |value| value.neutral), !is_angle && !is_other)
+        (boat.value(channel, Some(seen)).map_or(0.0, |value| value.neutral), !is_other)
     };
     let (neutral, changeable): (Vec<f64>, Vec<bool>) =
         first.inputs.channels().iter().enumerate().map(neutral).unzip();
@@ -107,7 +107,7 @@ pub(super) fn warnings(runs: &[&Trajectory], boat: &Boat, horizon: usize) -> Vec
             None => logs.push((run.log(), vec![run])),
         }
     }
-    if logs.len() < 2 {
+    if logs.len() < 2 || is_azimuth {
         return Vec::new();
     }
     let lengths = [8, 4, 2, 1].map(|part| (horizon / part).max(1));
@@ -191,14 +191,12 @@ impl Problem {
 
     /// Inputs of a log with a change, in their scale.
     fn changed(&self, windows: &Windows, change: Change) -> Sums {
-        let mean = |j: usize| windows.inputs.iter().map(|u| u[j]).sum::<f64>() / windows.inputs.len() as f64;
-        let means: Vec<f64> = (0..self.scale.len()).map(mean).collect();
         windows.sums(|u| {
             let mut u = u.to_vec();
             match change {
                 Change::Gain(_, gain) => {
                     for j in change.inputs(u.len()) {
-                        u[j] = if gain == 0.0 { means[j] } else { gain * u[j] };
+                        u[j] *= gain;
                     }
                 }
                 Change::Swap(a, b) => {
@@ -298,7 +296,10 @@ fn text(
         }
         Change::Swap(a, b) => format!("'{}' and '{}' exchanged", inputs[a].name, inputs[b].name),
     };
-    let words: Vec<String> = alike.iter().map(of).collect();
+    // A very small gain is none.
+    let is_none = |change: &&Change| matches!(change, Change::Gain(_, 0.0));
+    let is_any = alike.iter().any(|change| is_none(&change));
+    let words: Vec<String> = alike.iter().filter(|change| !is_any || is_none(change)).map(of).collect();
     let [logged, after, elsewhere] = shares;
     let y = &parts[0].outputs.channels()[output].name;
     let others = if logs == 2 { "the other log" } else { "the other logs" };
@@ -318,7 +319,7 @@ fn changes(inputs: usize) -> Vec<Change> {
     let degrees = 1f64.to_degrees();
     let gains = [-1.0, 0.0, 0.5, 2.0, degrees, 1.0 / degrees, 100.0, 0.01];
     let one = (0..inputs).flat_map(|j| gains.map(|gain| Change::Gain(Some(j), gain)));
-    let all = gains[..4].iter().map(|gain| Change::Gain(None, *gain)).filter(|_| inputs > 1);
+    let all = gains.into_iter().map(|gain| Change::Gain(None, gain)).filter(|_| inputs > 1);
     let swaps = (0..inputs).flat_map(|a| (a + 1..inputs).map(move |b| Change::Swap(a, b)));
     one.chain(all).chain(swaps).collect()
 }
