@@ -86,6 +86,7 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
                     }
                 }
                 if args.write_config.is_some()
+                    || survey.topics.iter().all(|topic| topic.fields.is_empty())
                     || (reading.selection.outputs.is_empty() && survey.topics.len() != 1)
                 {
                     continue;

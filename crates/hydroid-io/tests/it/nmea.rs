@@ -376,6 +376,18 @@ fn topics_are_told_apart_by_talker_and_source() {
     assert_eq!((log.column("HDT", "heading"), log.column("HDT[GP]", "heading")), (vec![1.0, 3.0], vec![2.0]));
 }
 
+/// libais_types.nmea, in which each line is whole, was refused.
+#[test]
+fn fields_behind_the_checksum_belong_to_the_receiver() {
+    let text =
+        "!AIVDM,1,1,,A,15N1u<PP1FJuvSRHOE6QIwwh0HQ6,0*30,d-080,S2118,t050056.00,r003669946,1325394001\n";
+    let log = Recorder::of_bytes(text.as_bytes()).expect("a log");
+    assert_eq!(log.summary.lost_parts, 0);
+    assert_eq!(log.summary.notes[0], "sentences that are not read, with their numbers: AIVDM 1");
+    let cut = Recorder::of_bytes(text.replace("*30,", "*3,").as_bytes());
+    assert!(cut.is_err(), "{:?}", cut.map(|log| log.summary));
+}
+
 #[test]
 fn sentences_without_checksum_are_read() {
     let text = "$HEHDT,1.5,T\n$HEHDT,2\n$GPGGA,074400,0111.5,N\n$HEROT,2.5,A\n";

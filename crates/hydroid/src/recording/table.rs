@@ -151,6 +151,13 @@ pub(super) fn of_outputs(
         Ok(log)
     };
     if let [Times { clock, t }] = &recording.topics[..] {
+        if recording.log.columns.is_empty() {
+            return Err(LogError::Unusable {
+                path,
+                reason: "its only topic holds no numbers".to_owned(),
+                remedy: "name a recording with numbers; `hydroid inspect` lists topics and fields".to_owned(),
+            });
+        }
         let used = recording.used(t, selection)?;
         let has_time = *clock != Clock::None;
         // A column `t` of the file is the same time, or none.

@@ -27,7 +27,10 @@ impl<'a> Line<'a> {
         let star = memchr::memchr(b'*', sentence);
         let body = &sentence[..star.unwrap_or(sentence.len())];
         if let Some(star) = star {
-            let Some(stated) = hex(&sentence[star + 1..]) else { return Err("a sentence that is cut") };
+            // Receivers of AIS add fields of their own behind the checksum.
+            let (digits, rest) = sentence[star + 1..].split_at((sentence.len() - star - 1).min(2));
+            let stated = hex(digits).filter(|_| rest.is_empty() || rest[0] == b',');
+            let Some(stated) = stated else { return Err("a sentence that is cut") };
             if body.iter().fold(0, |sum, byte| sum ^ byte) != stated {
                 return Err("a sentence with a wrong checksum");
             }
