@@ -53,7 +53,7 @@ pub(super) fn reports(runs: &[Trajectory], repeated: f64, notes: &mut Vec<Note>)
             .map(|_| (-second[1].0 / 4.0).max(0.0).sqrt())
             .filter(|s| *s > 0.0 && repeated < super::MANY_REPEATS);
         let mostly_noise = increment_correlation.is_some_and(|r| r < -0.25);
-        let smoothing_window = smoothing_window(&third);
+        let smoothing_window = smoothing_window(&third).filter(|window| !is_clock(runs, *window));
         if mostly_noise && let Some(std) = noise_std {
             notes.push(
                 Note::info(format!(
@@ -220,6 +220,24 @@ fn correlation(covariances: &[(f64, usize)], lag: usize) -> Option<f64> {
     (n >= 20 && r.is_finite()).then_some(r)
 }
 
+/// Whether an input is a command that changes at intervals of so many samples: the responses to its steps repeat with them.
+fn is_clock(runs: &[Trajectory], interval: usize) -> bool {
+    let inputs = runs.first().map_or(0, |run| run.inputs.width());
+    (0..inputs).any(|i| {
+        let (mut steps, mut apart, mut samples) = (0, 0, 0);
+        for run in runs {
+            let values: Vec<f64> = run.inputs.column(i).collect();
+            let has_step = |k: usize| k > 0 && values.get(k).is_some_and(|x| *x != values[k - 1]);
+            let own: Vec<usize> = (1..values.len()).filter(|k| has_step(*k)).collect();
+            steps += own.len();
+            apart +=
+                own.iter().filter(|k| (interval - 1..=interval + 1).any(|lag| has_step(*k + lag))).count();
+            samples += values.len();
+        }
+        steps > 0 && 2 * apart >= steps && interval * steps <= 2 * samples
+    })
+}
+
 /// The lag of an isolated peak of the autocorrelation.
 fn smoothing_window(differences: &[(f64, usize)]) -> Option<usize> {
     let r: Vec<f64> =
@@ -235,7 +253,43 @@ fn smoothing_window(differences: &[(f64, usize)]) -> Option<usize> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::trajectory::{Channel, Table};
     use super::*;
+
+    /// A command on a clock made "smoothed over about 50 samples" of a gyro without any filter.
+    #[test]
+    fn responses_to_commands_on_a_clock_are_not_smoothed() {
+        let mut state = 1u64;
+        let mut random = move || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+        };
+        let (mut r, mut command) = (0.0, 0.0);
+        let (mut outputs, mut inputs) = (Vec::new(), Vec::new());
+        for k in 0..3000 {
+            if k % 50 == 0 {
+                command = random();
+            }
+            r += 0.2 * (command - r);
+            outputs.push(r + 0.003 * random());
+            inputs.push(command);
+        }
+        let window = |inputs: Vec<f64>| {
+            let table = |name: &str, values: Vec<f64>| Table::new(vec![Channel::new(name, "")], values);
+            let run = Trajectory {
+                name: String::new(),
+                t0: 0.0,
+                dt: 0.2,
+                outputs: table("r", outputs.clone()),
+                inputs: table("n", inputs),
+                truth: None,
+                heading: None,
+            };
+            reports(&[run], 0.0, &mut Vec::new()).remove(0).smoothing_window
+        };
+        assert_eq!(window(inputs), None);
+        assert!(window(vec![0.0; 3000]).is_some(), "the test does not show the peak");
+    }
 
     #[test]
     fn sums_side_by_side_are_the_sums_of_the_definition_to_the_last_bit() {
