@@ -577,7 +577,8 @@ class SINDy(_Dynamics):
     library : str, optional
         Library by name: ``"marine"``, ``"degree 2 + x|x|"``.
     degree : int, optional
-        Degree of the polynomial library.
+        Degree of the polynomial library; default: up to 3 for data of no vessel, where no output is called u, v or r or
+        has a unit of velocity.
     signed_squares : bool, optional
         Whether the library has signed squares ``x |x|``.
     constant : bool, optional
@@ -600,7 +601,7 @@ class SINDy(_Dynamics):
         Central differences instead of the weak form.
     lag, gate : str or dict, optional
         ``"auto"``, ``"none"``, or time constants [s] by input, ``{{"n": 1.5}}``; for a gate
-        ``{{"output": "u", "centre": 2.5, "slope": 12}}``.
+        ``{{"output": "u", "centre": 2.5, "slope": 12}}``. Default: ``"auto"``, and no gate for data of no vessel.
     refine : bool or "auto", optional
         Refinement on predictions over the horizon.
     members : int, optional

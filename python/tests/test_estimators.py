@@ -10,11 +10,16 @@ from conftest import DT, sail
 
 
 def lorenz(start, samples, dt):
-    """The Lorenz system with the classical parameters, by Runge-Kutta steps a fifth of the sample time long."""
+    """The Lorenz system with the classical parameters."""
     def rate(s):
         return np.array([10.0 * (s[1] - s[0]), s[0] * (28.0 - s[2]) - s[1], s[0] * s[1] - 8.0 / 3.0 * s[2]])
 
-    states, s, h = np.empty((samples, 3)), np.array(start), dt / 5
+    return simulated(rate, start, samples, dt)
+
+
+def simulated(rate, start, samples, dt):
+    """States of a system, by Runge-Kutta steps a fifth of the sample time long."""
+    states, s, h = np.empty((samples, len(start))), np.array(start), dt / 5
     for k in range(samples):
         states[k] = s
         for _ in range(5):
@@ -74,6 +79,26 @@ def test_the_lorenz_example_of_pysindy(capsys):
     np.testing.assert_allclose(ours.predict(x[:100]), theirs.predict(x[:100]), rtol=5e-3, atol=0.2)
     np.testing.assert_allclose(ours.simulate(x[0], dt * np.arange(200)), x[:200], rtol=0.02, atol=0.02)
     assert ours.score(x, t=dt) > 0.99
+
+
+TEXTBOOK = {
+    "Van der Pol": (lambda x, y: (y, 2 * (1 - x * x) * y - x), (2.0, 0.0), 0.02, {"x0": {"x1"}, "x1": {"x0", "x1", "x0^2 x1"}}),
+    "Duffing": (lambda x, y: (y, -0.1 * y - x - 5 * x**3), (1.0, 0.0), 0.01, {"x0": {"x1"}, "x1": {"x0", "x1", "x0^3"}}),
+    "Lotka-Volterra": (lambda x, y: (1.1 * x - 0.4 * x * y, 0.1 * x * y - 0.4 * y), (5.0, 3.0), 0.02, {"x0": {"x0", "x0 x1"}, "x1": {"x1", "x0 x1"}}),
+}
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+@pytest.mark.parametrize("name", TEXTBOOK)
+def test_textbook_systems_have_their_terms_without_options(name, noise):
+    rate, start, dt, terms = TEXTBOOK[name]
+    x = simulated(lambda s: np.array(rate(*s)), start, 3000, dt)
+    x = x + noise * x.std(axis=0) * np.random.default_rng(0).normal(size=x.shape)
+    fitted = hydroid.SINDy().fit(x, dt)
+    found = {}
+    for output, term, *_ in fitted.model_.coefficients():
+        found.setdefault(output, set()).add(term)
+    assert found == terms, fitted.equations()
 
 
 def test_a_ship_by_the_script_of_pysindy(ship):

@@ -40,10 +40,10 @@ pub struct SindyOptions {
     #[cfg_attr(feature = "arguments", arg(long, help_heading = EQUATIONS))]
     #[serde(skip_serializing_if = "written::is_off")]
     pub dissipative: bool,
-    /// Degree of the polynomial library (default: 1 and 2 are compared)
+    /// Degree of the polynomial library (default: 1 and 2 are compared; up to 3 where no output is a velocity)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=6), help_heading = EQUATIONS, conflicts_with = "library"))]
     pub degree: Option<u8>,
-    /// Whether the polynomial library has signed squares x |x| (default: both are compared)
+    /// Whether the polynomial library has signed squares x |x| (default: both are compared; none where no output is a velocity)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "true|false", help_heading = EQUATIONS, conflicts_with = "library"))]
     pub signed_squares: Option<bool>,
     /// Whether the library has the constant 1, a steady force or a sensor offset (default: true)
@@ -53,7 +53,7 @@ pub struct SindyOptions {
     #[cfg_attr(feature = "arguments", arg(long, value_name = "auto|none|LIST", help_heading = EQUATIONS))]
     #[serde(deserialize_with = "written::optional")]
     pub lag: Option<LagOption>,
-    /// Gate between two regimes: auto, none, or OUTPUT=CENTRE/SLOPE: u=2.5/12 (default: auto)
+    /// Gate between two regimes: auto, none, or OUTPUT=CENTRE/SLOPE: u=2.5/12 (default: auto; none where no output is a velocity)
     #[cfg_attr(feature = "arguments", arg(long, value_name = "auto|none|GATE", help_heading = EQUATIONS))]
     #[serde(deserialize_with = "written::optional")]
     pub gate: Option<GateOption>,
@@ -256,7 +256,8 @@ impl SindyOptions {
             None | Some(GateOption::Keyword(Keyword::Auto)) => {
                 // Nested gates are not supported.
                 let lists = training.first().map_or(Ok(false), |run| self.lists_gates(run))?;
-                return Ok(if lists { StructureSpec::Absent } else { StructureSpec::Search });
+                let is_generic = self.gate.is_none() && training.first().is_some_and(|run| is_generic(run));
+                return Ok(if lists || is_generic { StructureSpec::Absent } else { StructureSpec::Search });
             }
             Some(GateOption::Keyword(Keyword::None)) => return Ok(StructureSpec::Absent),
             Some(GateOption::Fixed(given)) => given,
@@ -299,7 +300,11 @@ impl SindyOptions {
             };
             match (self.degree, self.signed_squares) {
                 (Some(degree), Some(squares)) => vec![polynomial(degree, squares)],
+                (Some(degree), None) if is_generic(run) => vec![polynomial(degree, false)],
                 (Some(degree), None) => vec![polynomial(degree, false), polynomial(degree, true)],
+                (None, squares) if is_generic(run) => {
+                    (1..=3).map(|degree| polynomial(degree, squares == Some(true))).collect()
+                }
                 (None, Some(squares)) => vec![polynomial(1, squares), polynomial(2, squares)],
                 (None, None) => {
                     vec![polynomial(1, true), Library::marine(), polynomial(2, false), polynomial(2, true)]
@@ -341,8 +346,14 @@ impl SindyOptions {
         };
         let mut structures: Vec<Structure> =
             if plain { libraries.iter().cloned().map(Structure::from).collect() } else { Vec::new() };
+        let has_rich = libraries.iter().any(is_rich);
+        let largest = libraries.len().saturating_sub(2);
         for structure in found {
-            let rich = libraries.iter().filter(|library| libraries.len() < 3 || is_rich(library));
+            let rich = libraries
+                .iter()
+                .enumerate()
+                .filter(|(i, library)| libraries.len() < 3 || is_rich(library) || !has_rich && *i >= largest);
+            let rich = rich.map(|(_, library)| library);
             structures
                 .extend(rich.map(|library| Structure { library: library.clone(), ..structure.clone() }));
         }
@@ -367,6 +378,15 @@ impl SindyOptions {
             }),
         }
     }
+}
+
+/// Whether the outputs are no velocities of a vessel: none is called `u`, `v` or `r`, or has a unit of velocity. Their equations are
+/// polynomials.
+fn is_generic(run: &Trajectory) -> bool {
+    run.outputs.channels().iter().all(|channel| {
+        !["u", "v", "r"].contains(&channel.name.as_str())
+            && !["m/s", "rad/s"].contains(&channel.unit.as_str())
+    })
 }
 
 pub(super) fn reference(libraries: &[Library]) -> Library {
