@@ -217,9 +217,10 @@ fn inspect_proposes_the_sensors_of_a_table_without_velocities() {
         let clock = format!("{:02}:{:02}:{:04.1}", (s / 3600.0).floor(), (s / 60.0).floor() % 60.0, s % 60.0);
         let _ = writeln!(
             table,
-            "0{day}.05.2026;{clock};{:.8};{:.8};{course:.2};3.888;{course:.2};{:.1}",
+            "0{day}.05.2026;{clock};{:.8};{:.8};{course:.2};{:.3};{course:.2};{:.1}",
             54.0 + north / 111_200.0,
             8.0 + east / 65_400.0,
+            3.888 + 0.02 * f64::from(k).sin(),
             10.0 * (0.3 * t).sin()
         );
     }
