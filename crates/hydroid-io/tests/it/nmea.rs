@@ -376,7 +376,7 @@ fn topics_are_told_apart_by_talker_and_source() {
     assert_eq!((log.column("HDT", "heading"), log.column("HDT[GP]", "heading")), (vec![1.0, 3.0], vec![2.0]));
 }
 
-/// libais_types.nmea, in which each line is whole, was refused.
+/// `libais_types.nmea`, in which each line is whole, was refused.
 #[test]
 fn fields_behind_the_checksum_belong_to_the_receiver() {
     let text =
