@@ -85,10 +85,8 @@ pub fn run(args: &Inspect, global: Global) -> anyhow::Result<Outcome> {
                         outln!("written to {}", path.display());
                     }
                 }
-                if args.write_config.is_some()
-                    || survey.topics.iter().all(|topic| topic.fields.is_empty())
-                    || (reading.selection.outputs.is_empty() && survey.topics.len() != 1)
-                {
+                let is_table = matches!(&survey.topics[..], [topic] if !topic.fields.is_empty());
+                if args.write_config.is_some() || reading.selection.outputs.is_empty() && !is_table {
                     continue;
                 }
             }
