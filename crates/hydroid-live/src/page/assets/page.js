@@ -248,6 +248,7 @@ const place = (north, east) => (number(north) === null || number(east) === null 
 
 /** Where the boat is with respect to the geofence. */
 function margin(fence) {
+  const m = (x) => figure(x, 0);
   const [left, reached] = [number(fence.margin), number(fence.reached_s)];
   if (left === null) return "";
   if (left < 0) return ` The boat is ${m(-left)} m OUTSIDE of it.`;
