@@ -220,7 +220,7 @@ fn correlation(covariances: &[(f64, usize)], lag: usize) -> Option<f64> {
     (n >= 20 && r.is_finite()).then_some(r)
 }
 
-/// Whether an input is a command that changes at intervals of so many samples: the responses to its steps repeat with them.
+/// Whether an input is a command that changes at such intervals \[samples\]: the responses to its steps repeat with them.
 fn is_clock(runs: &[Trajectory], interval: usize) -> bool {
     let inputs = runs.first().map_or(0, |run| run.inputs.width());
     (0..inputs).any(|i| {
