@@ -114,7 +114,9 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
         Returns
         -------
         self
-            If no model is found, `model_` is None, `reason_` and a warning say why, predictions and score are NaN.
+            If nothing could be fitted, `model_` is None, `reason_` and a warning say why, predictions and score are NaN. Equations
+            that explain the data to within their noise, and diverge from measured states, have a warning and the score
+            minus infinity.
         """
         for argument in unknown:
             remedy = _REMEDIES.get(argument, "the arguments are x, t, u and feature_names")
@@ -161,9 +163,14 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
                 warnings.warn("the runs are short: the model is chosen by predictions of one sample", stacklevel=2)
         assert found is not None
         best = found.best
-        if best is None and found.not_enough_data is not None:
-            # The model is fitted; a warning says that there are too few data to judge it.
-            best = next(iter(found.models.values()), None)
+        fitted = next(iter(found.models.values()), None)
+        explained = any(model.get("noise_ratio") for model in found.summary["models"])
+        if best is None and (explained or found.not_enough_data is not None):
+            # Equations that explain the data and diverge from measured states, or a model with too few data to judge it.
+            best = fitted
+            for warning in found.warnings if explained else []:
+                if warning["severity"] == "warning":
+                    warnings.warn(warning["message"], stacklevel=2)
         self.identification_ = found
         self.model_ = best
         self.reason_ = None

@@ -1,4 +1,5 @@
 import copy
+import functools
 import pickle
 import warnings
 
@@ -82,23 +83,72 @@ def test_the_lorenz_example_of_pysindy(capsys):
 
 
 TEXTBOOK = {
-    "Van der Pol": (lambda x, y: (y, 2 * (1 - x * x) * y - x), (2.0, 0.0), 0.02, {"x0": {"x1"}, "x1": {"x0", "x1", "x0^2 x1"}}),
-    "Duffing": (lambda x, y: (y, -0.1 * y - x - 5 * x**3), (1.0, 0.0), 0.01, {"x0": {"x1"}, "x1": {"x0", "x1", "x0^3"}}),
-    "Lotka-Volterra": (lambda x, y: (1.1 * x - 0.4 * x * y, 0.1 * x * y - 0.4 * y), (5.0, 3.0), 0.02, {"x0": {"x0", "x0 x1"}, "x1": {"x1", "x0 x1"}}),
+    "Lorenz": (
+        lambda x, y, z: (10 * (y - x), x * (28 - z) - y, x * y - 8 / 3 * z),
+        (-8.0, 8.0, 27.0), 0.005, 4000,
+        {"x0": {"x0": -10, "x1": 10}, "x1": {"x0": 28, "x1": -1, "x0 x2": -1}, "x2": {"x2": -8 / 3, "x0 x1": 1}},
+    ),
+    "Roessler": (
+        lambda x, y, z: (-y - z, x + 0.2 * y, 0.2 + z * (x - 5.7)),
+        (1.0, 1.0, 0.0), 0.02, 5000,
+        {"x0": {"x1": -1, "x2": -1}, "x1": {"x0": 1, "x1": 0.2}, "x2": {"1": 0.2, "x2": -5.7, "x0 x2": 1}},
+    ),
+    "Van der Pol": (lambda x, y: (y, 2 * (1 - x * x) * y - x), (2.0, 0.0), 0.02, 3000, {"x0": {"x1": 1}, "x1": {"x0": -1, "x1": 2, "x0^2 x1": -2}}),
+    "Duffing": (lambda x, y: (y, -0.1 * y - x - 5 * x**3), (1.0, 0.0), 0.01, 3000, {"x0": {"x1": 1}, "x1": {"x0": -1, "x1": -0.1, "x0^3": -5}}),
+    "Lotka-Volterra": (lambda x, y: (1.1 * x - 0.4 * x * y, 0.1 * x * y - 0.4 * y), (5.0, 3.0), 0.02, 3000, {"x0": {"x0": 1.1, "x0 x1": -0.4}, "x1": {"x0 x1": 0.1, "x1": -0.4}}),
 }
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.01])
-@pytest.mark.parametrize("name", TEXTBOOK)
-def test_textbook_systems_have_their_terms_without_options(name, noise):
-    rate, start, dt, terms = TEXTBOOK[name]
-    x = simulated(lambda s: np.array(rate(*s)), start, 3000, dt)
-    x = x + noise * x.std(axis=0) * np.random.default_rng(0).normal(size=x.shape)
-    fitted = hydroid.SINDy().fit(x, dt)
+@functools.cache
+def textbook(name):
+    rate, start, dt, samples, _ = TEXTBOOK[name]
+    return simulated(lambda s: np.array(rate(*s)), start, samples, dt)
+
+
+def textbook_errors(rows, true):
+    """Relative errors of the coefficients; None if the terms are not those of the system."""
     found = {}
-    for output, term, *_ in fitted.model_.coefficients():
-        found.setdefault(output, set()).add(term)
-    assert found == terms, fitted.equations()
+    for output, term, value in rows:
+        found.setdefault(output, {})[term] = value
+    if {output: set(terms) for output, terms in found.items()} != {output: set(terms) for output, terms in true.items()}:
+        return None
+    return [abs(found[output][term] / value - 1) for output, terms in true.items() for term, value in terms.items()]
+
+
+@pytest.mark.filterwarnings("ignore:the equations explain:UserWarning")
+@pytest.mark.parametrize("noise, seeds, right", [(0.0, 1, 1), (0.01, 5, 5), (0.05, 5, 5), (0.1, 5, 4)])
+@pytest.mark.parametrize("name", TEXTBOOK)
+def test_textbook_systems_have_their_terms_without_options(name, noise, seeds, right):
+    *_, dt, _, true = TEXTBOOK[name]
+    clean, errors = textbook(name), []
+    for seed in range(seeds):
+        x = clean + noise * clean.std(axis=0) * np.random.default_rng(seed).normal(size=clean.shape)
+        fitted = hydroid.SINDy().fit(x, dt)
+        errors.append(textbook_errors([row[:3] for row in fitted.model_.coefficients()], true))
+        if noise > 0:
+            assert max(fitted.identification_.summary["models"][0]["noise_ratio"]) < 2
+    known = [max(of) for of in errors if of is not None]
+    print(f"{name}, noise {noise:.0%}: terms {len(known)} of {seeds}, largest error of a coefficient {np.median(known):.2%} (median)")
+    assert len(known) >= right and np.median(known) < 0.01 + noise
+
+
+def test_textbook_terms_need_a_setting_of_pysindy():
+    ps = pytest.importorskip("pysindy")
+    right = {}
+    for name, (*_, dt, samples, true) in TEXTBOOK.items():
+        clean, times = textbook(name), dt * np.arange(samples)
+        x = clean + 0.05 * clean.std(axis=0) * np.random.default_rng(0).normal(size=clean.shape)
+        np.random.seed(0)
+        library = ps.WeakPDELibrary(
+            function_library=ps.PolynomialLibrary(degree=3), spatiotemporal_grid=times, is_uniform=True, K=500, H_xt=[times[-1] / 40]
+        )
+        for threshold in (0.03, 0.05, 0.1, 0.2):
+            theirs = ps.SINDy(optimizer=ps.STLSQ(threshold=threshold), feature_library=library).fit(x, t=dt)
+            names, table = theirs.get_feature_names(), theirs.coefficients()
+            rows = [(f"x{i}", names[j], table[i, j]) for i, j in zip(*np.nonzero(table))]
+            right[threshold] = right.get(threshold, 0) + (textbook_errors(rows, true) is not None)
+    print("PySINDy's weak form, noise 5%, systems with their terms by threshold:", right)
+    assert max(right.values()) < len(TEXTBOOK)
 
 
 def test_a_ship_by_the_script_of_pysindy(ship):

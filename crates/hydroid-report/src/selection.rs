@@ -39,6 +39,9 @@ fn choice(candidate: &Candidate, found: &SearchResult) -> Result<Markup, ReportE
     if found.trials.is_empty() {
         return Ok(nothing("No settings were tried."));
     }
+    if let (false, Some(trial)) = (found.noise_ratio.is_empty(), found.trials.get(found.chosen)) {
+        return Ok(explained(candidate, found, trial));
+    }
     let diverged = found.trials.iter().filter(|t| t.score.is_none()).count();
     let finalists = found.trials.iter().filter(|t| t.finalist).count();
     let (drawing, above) = chart(&found.trials, found.chosen);
@@ -71,6 +74,18 @@ fn choice(candidate: &Candidate, found: &SearchResult) -> Result<Markup, ReportE
         }
         (columns(&[chart, best(&found.trials, found.chosen, dt)]))
     })
+}
+
+/// The only setting, if its equations explain the data to within their noise.
+fn explained(candidate: &Candidate, found: &SearchResult, trial: &Trial) -> Markup {
+    let dt = candidate.model.description.dt;
+    html! {
+        p {
+            "The terms are the best subset of " (trial.structure.to_string()) " by the extended Bayesian criterion (" (regression(trial.regression, dt)) "). "
+            @if let Some(text) = found.explained() { "They give " (text) ". No other setting was tried. " }
+            @if let Some(text) = found.refinement.describe(dt) { "The coefficients were " (text) ". " }
+        }
+    }
 }
 
 /// The settings of single equations, and the effect on the score.
@@ -216,6 +231,7 @@ fn best(trials: &[Trial], chosen: usize, dt: f64) -> Markup {
                     Optimizer::Stlsq(threshold) => format!("≥ {}", trimmed(threshold)),
                     Optimizer::Criterion(Criterion::Aic) => "AIC".to_owned(),
                     Optimizer::Criterion(Criterion::Bic) => "BIC".to_owned(),
+                    Optimizer::Subset => "best subset".to_owned(),
                 },
                 ridge(trial.ridge),
                 number::count(trial.terms),
@@ -262,6 +278,7 @@ pub(super) fn optimizer(optimizer: Optimizer) -> String {
         Optimizer::Stlsq(threshold) => format!("threshold {}", trimmed(threshold)),
         Optimizer::Criterion(Criterion::Aic) => "stepwise, AIC".to_owned(),
         Optimizer::Criterion(Criterion::Bic) => "stepwise, BIC".to_owned(),
+        Optimizer::Subset => "best subset, extended BIC".to_owned(),
     }
 }
 

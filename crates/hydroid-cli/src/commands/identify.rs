@@ -12,6 +12,7 @@ use hydroid::identify::{self, Candidate, IdentifyResult, Job, SindyOptions, Trai
 use hydroid::log::Note;
 use hydroid::model;
 use hydroid::simulate::Options;
+use hydroid::sindy::SearchResult;
 use hydroid_core::craft::Craft;
 use hydroid_report::Context;
 use serde::Serialize;
@@ -285,6 +286,9 @@ fn show(folder: &Path, identified: &IdentifyResult) {
             candidate.training.effort(),
             candidate.train_seconds
         );
+        if let Some(text) = candidate.found().and_then(SearchResult::explained) {
+            outln!("  {text}");
+        }
         let refinement = candidate.found().map(|found| &found.refinement);
         if let Some(text) = refinement.and_then(|refinement| refinement.describe(model.description.dt)) {
             outln!("  coefficients {text}");

@@ -10,7 +10,7 @@ use crate::log::Trajectory;
 use crate::progress::Progress;
 use crate::sindy::{
     Library, Optimizer, RegressionForm, SearchError, SearchGrid, SearchOptions, SearchResult, Structure,
-    StructureSpec, Variables, search, structure_search,
+    StructureSpec, Variables, noise_ratio, search, structure_search,
 };
 
 /// Largest number of samples for the refinement of delivered equations.
@@ -54,6 +54,9 @@ pub(super) fn memoryless(
     // A structure given by the user is kept; a structure that was found competes with equations without it.
     let said = matches!(lags, StructureSpec::Fixed(_)) || matches!(gate, StructureSpec::Fixed(_));
     let all = libraries(job, train[0])?;
+    if !said && let Some(found) = sparsest(job, parts, &all, progress)? {
+        return Ok(found);
+    }
     // One search for each form of the commands: equations combined from two searches could not be inverted.
     let searches: Vec<Vec<Library>> = if job.sindy.for_control {
         control_affine::libraries(&all, &Variables::of(train[0]))
@@ -80,6 +83,28 @@ pub(super) fn memoryless(
         }
     }
     best
+}
+
+/// Data are explained if at most half of the mean squared residual is not their noise.
+const MAX_NOISE_RATIO: f64 = 2.0;
+
+/// The sparsest equations of the richest library, if they explain the data to within their noise (discrepancy principle: Morozov,
+/// Soviet Math. Dokl. 7 (1966) 414). Rollouts cannot select here: the noise of their first samples covers the differences.
+fn sparsest(
+    job: &Job,
+    parts: &Parts<'_>,
+    libraries: &[Library],
+    progress: Progress<'_>,
+) -> Result<Option<Arc<SearchResult>>, IdentifyError> {
+    let train = &parts.train;
+    let grid = libraries.last().and_then(|library| job.sindy.sparsest(train, job.horizon, library));
+    let Some(grid) = grid else { return Ok(None) };
+    let Ok(ratios) = noise_ratio(train, &grid) else { return Ok(None) };
+    if ratios.iter().any(|ratio| *ratio > MAX_NOISE_RATIO) {
+        return Ok(None);
+    }
+    let found = searched(job, parts, &grid, progress)?;
+    Ok(Some(Arc::new(SearchResult { noise_ratio: ratios, ..found })))
 }
 
 pub(super) fn lagged(
@@ -129,7 +154,7 @@ pub(super) fn whole(
             break;
         }
     }
-    outcome
+    outcome.map(Arc::new)
 }
 
 fn run(
@@ -143,7 +168,7 @@ fn run(
     let train = &parts.train;
     let mut grid = job.sindy.grid(train, job.horizon, libraries, structures, plain);
     grid.constraints = job.sindy.coefficient_constraints(train[0], libraries)?;
-    searched(job, parts, &grid, progress)
+    searched(job, parts, &grid, progress).map(Arc::new)
 }
 
 fn searched(
@@ -151,7 +176,7 @@ fn searched(
     parts: &Parts<'_>,
     grid: &SearchGrid,
     progress: Progress<'_>,
-) -> Result<Arc<SearchResult>, IdentifyError> {
+) -> Result<SearchResult, IdentifyError> {
     let train = &parts.train;
     let inputs = data_summary::input_ranges(train);
     let judge = SearchOptions {
@@ -163,5 +188,5 @@ fn searched(
         ensemble_size: job.sindy.members.unwrap_or(super::options::MEMBERS),
         refine_samples: if parts.draft { DRAFT_REFINE_SAMPLES } else { REFINE_SAMPLES },
     };
-    Ok(Arc::new(search(train, &judge, grid, progress)?))
+    Ok(search(train, &judge, grid, progress)?)
 }

@@ -308,6 +308,7 @@ fn of_data(job: &Job, shown: &Candidate, verdicts: &[Verdict]) -> Vec<Note> {
     let data = data_summary(&job.split);
     warnings.extend(verdict::warnings(shown, verdicts, &data, &job.split.test));
     warnings.extend(collinearity::warnings(shown, &data, &job.split.train));
+    warnings.extend(verdict::of_no_vessel(job, shown));
     warnings
 }
 

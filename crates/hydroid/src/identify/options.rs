@@ -11,7 +11,7 @@ use super::expressions::channel_index;
 use crate::log::Trajectory;
 use crate::sindy::{
     Criterion, Family, GateSpec, Lag, Library, Loss, Optimizer, RefineScope, RegressionForm, SearchGrid,
-    Structure, StructureSpec, weak_form_from_noise,
+    Structure, StructureSpec, weak_form_from_noise, white_noise_std,
 };
 use crate::written;
 
@@ -320,6 +320,33 @@ impl SindyOptions {
         Ok(libraries.map(|library| library.with(Family::Listed(listed.clone()))).collect())
     }
 
+    /// The grid of the sparsest equations that explain data of no vessel to within white noise; none without such noise, and with
+    /// options that the grid would not follow.
+    pub(super) fn sparsest(
+        &self,
+        training: &[&Trajectory],
+        horizon: usize,
+        library: &Library,
+    ) -> Option<SearchGrid> {
+        let settings = [self.threshold, self.ridge, self.huber, self.window];
+        let is_constrained = self.dissipative || !self.constraints.is_empty();
+        if settings.iter().any(Option::is_some)
+            || self.central_differences
+            || self.for_control
+            || is_constrained
+        {
+            return None;
+        }
+        training.first().filter(|run| is_generic(run))?;
+        Some(SearchGrid {
+            noise: Some(white_noise_std(training)?),
+            regressions: vec![weak_form_from_noise(training)?],
+            optimizers: vec![Optimizer::Subset],
+            ridges: vec![0.0],
+            ..self.grid(training, horizon, std::slice::from_ref(library), &[], true)
+        })
+    }
+
     /// Search grid for a horizon \[samples\]. Lags and gates in `found` are combined only with the richer libraries;
     /// `plain` adds all libraries without them.
     pub fn grid(
@@ -370,6 +397,7 @@ impl SindyOptions {
             ridges: self.ridge.map_or_else(|| vec![1e-6, 1e-2, 0.1, 0.3, 1.0], |ridge| vec![ridge]),
             loss: self.huber.map_or(Loss::Squares, Loss::Huber),
             constraints: Vec::new(),
+            noise: None,
             // Given options are not varied.
             refine: (self.refine != Some(false)).then_some(RefineScope {
                 lags: !matches!(self.lag, Some(LagOption::Fixed(_))),
@@ -382,7 +410,7 @@ impl SindyOptions {
 
 /// Whether the outputs are no velocities of a vessel: none is called `u`, `v` or `r`, or has a unit of velocity. Their equations are
 /// polynomials.
-fn is_generic(run: &Trajectory) -> bool {
+pub(super) fn is_generic(run: &Trajectory) -> bool {
     run.outputs.channels().iter().all(|channel| {
         !["u", "v", "r"].contains(&channel.name.as_str())
             && !["m/s", "rad/s"].contains(&channel.unit.as_str())

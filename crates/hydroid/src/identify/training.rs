@@ -154,6 +154,7 @@ pub(super) fn train_by(
         serde_json::json!({
             "chosen": found.trials[found.chosen],
             "refinement": found.refinement,
+            "noise_ratio": found.noise_ratio,
             "asked": job.sindy,
             "horizon": job.horizon,
         })

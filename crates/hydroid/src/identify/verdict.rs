@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::data_summary::ChannelSummary;
-use super::{Candidate, SindyOptions};
+use super::options::is_generic;
+use super::{Candidate, Job, SindyOptions};
 use crate::evaluate::{Evaluation, MIN_WINDOWS, RunErrors};
 use crate::key::key;
 use crate::log::{Note, Trajectory};
@@ -127,6 +128,31 @@ pub(super) fn spikes(training: &[&Trajectory], settings: &SindyOptions) -> Optio
             key("gate")
         ))
     })
+}
+
+/// Notes on data without velocities of a vessel: the libraries, and equations that are right and diverge.
+pub(super) fn of_no_vessel(job: &Job, shown: &Candidate) -> Vec<Note> {
+    let mut notes = Vec::new();
+    let Some(found) = shown.found() else { return notes };
+    let SindyOptions { library, degree, terms, gate, .. } = &job.sindy;
+    let is_chosen = library.is_some() || degree.is_some() || !terms.is_empty() || gate.is_some();
+    if !is_chosen && job.split.train.first().is_some_and(is_generic) {
+        notes.push(
+            Note::info("no output is called u, v or r, or has a unit of velocity: polynomials up to degree 3 were tried, and no change of mode")
+                .with_remedy(format!("for a vessel give the outputs these names or units, or set {} and {}", key("library"), key("gate"))),
+        );
+    }
+    let judged = shown.judged();
+    if !found.noise_ratio.is_empty() && judged.diverged > 0 {
+        notes.push(
+            Note::warning(format!(
+                "the equations explain the training runs to within their noise, and {} of {} rollouts from measured states diverge",
+                judged.diverged, judged.windows
+            ))
+            .with_remedy(format!("start simulations from filtered states; {} selects other equations by their rollouts", key("ridge"))),
+        );
+    }
+    notes
 }
 
 pub(super) fn warnings(

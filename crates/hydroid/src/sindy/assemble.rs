@@ -38,6 +38,8 @@ pub struct AssemblyOptions<'a> {
     pub groups: usize,
     /// Weight of each sample of each run; empty for unit weights. A row has the smallest weight of its samples.
     pub weights: &'a [Vec<f64>],
+    /// Weight of each row of each run, in place of the weights of samples; empty for none.
+    pub row_weights: &'a [Vec<f64>],
     /// Equations for a robust loss: rows with large residuals get smaller weights.
     pub robust: Option<HuberWeights>,
 }
@@ -190,8 +192,13 @@ impl<'a> TaskScratch<'a> {
             if let Some(huber) = &self.options.robust {
                 huber.apply(&mut self.block, self.program.len(), &mut part.residuals);
             }
-            if let Some(weights) = self.options.weights.get(index) {
-                good -= self.weigh(weights, rows, first, count);
+            if let Some(weights) = self.options.row_weights.get(index) {
+                good -= self.weigh(rows, first, count, |at| weights[at / rows.stride]);
+            } else if let Some(weights) = self.options.weights.get(index) {
+                let samples = rows.kernel.outputs.len();
+                let least =
+                    |at: usize| weights[at..at + samples].iter().copied().fold(f64::INFINITY, f64::min);
+                good -= self.weigh(rows, first, count, least);
             }
             part.qr.append_rows(&mut self.block, good);
         }
@@ -199,12 +206,10 @@ impl<'a> TaskScratch<'a> {
     }
 
     /// Multiplies the rows by the square roots of their weights. Returns the number of rows that become zero.
-    fn weigh(&mut self, weights: &[f64], rows: &Rows, first: usize, count: usize) -> usize {
+    fn weigh(&mut self, rows: &Rows, first: usize, count: usize, weight: impl Fn(usize) -> f64) -> usize {
         let mut lost = 0;
         for i in 0..count {
-            let at = first + i * rows.stride;
-            let samples = &weights[at..at + rows.kernel.outputs.len()];
-            let weight = samples.iter().copied().fold(f64::INFINITY, f64::min);
+            let weight = weight(first + i * rows.stride);
             let mut zero = true;
             for column in self.block.chunks_exact_mut(BLOCK_ROWS) {
                 zero &= column[i] == 0.0;

@@ -12,6 +12,7 @@ use super::regression_form::RegressionForm;
 use super::robust::{Loss, assemble_huber};
 use super::stepwise::stepwise;
 use super::stlsq::{SparseSolution, stlsq};
+use super::subset::best_subset;
 use crate::log::Trajectory;
 
 /// An assembled regression, which can be solved for many thresholds.
@@ -87,8 +88,13 @@ impl LinearRegression {
         let program = Program::new(&terms, outputs + inputs + signals.len())?;
         check_defined(runs, &terms, signals)?;
         check_weights(runs, options.weights)?;
-        let assembly =
-            AssemblyOptions { signals, groups: options.groups, weights: options.weights, robust: None };
+        let assembly = AssemblyOptions {
+            signals,
+            groups: options.groups,
+            weights: options.weights,
+            row_weights: options.row_weights,
+            robust: None,
+        };
         let assembled = match options.loss {
             Loss::Squares => assemble_with(&program, runs, regression, &assembly),
             Loss::Huber(k) if k > 0.0 => assemble_huber(&program, runs, regression, &assembly, k),
@@ -255,6 +261,7 @@ impl LinearRegression {
                 stepwise_bidirectional(ridged, count, target, criterion, self.effective)
             }
             Optimizer::Stlsq(threshold) => stlsq(plain, ridged, count, target, threshold),
+            Optimizer::Subset => best_subset(plain, count, target, self.effective),
         }
     }
 

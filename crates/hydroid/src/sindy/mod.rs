@@ -14,6 +14,7 @@ mod nelder_mead;
 mod noise;
 mod options;
 mod parsimony;
+mod propagated_noise;
 mod qr;
 pub(crate) mod refine;
 mod regression_form;
@@ -25,6 +26,7 @@ mod stlsq;
 mod structure;
 mod structure_constraints;
 mod structure_search;
+mod subset;
 mod substitution;
 
 pub use constraints::{Constraints, Sign};
@@ -45,19 +47,21 @@ pub use {
     expression::{Constraint, ExpressionError, ExpressionParser, Relation},
     library::VariableKind,
     nelder_mead::{NelderMeadOptions, nelder_mead},
-    noise::{noise_std, weak_form_from_noise},
+    noise::{noise_std, weak_form_from_noise, white_noise_std},
     qr::{BLOCK_ROWS, QrFactor},
     refine::{Outcome, RefineOptions, RefinedEquations, Refinement, noise_excess, refine},
     regression_form::{RowWeights, Rows},
     robust::Loss,
     search::{
-        RefineScope, SearchError, SearchGrid, SearchOptions, SearchResult, Trial, refit, search, substeps,
+        RefineScope, SearchError, SearchGrid, SearchOptions, SearchResult, Trial, noise_ratio, refit, search,
+        substeps,
     },
     stability::{StabilityCheck, StabilityOptions, stability_check},
     stepwise::stepwise,
     stlsq::stlsq,
     structure::{GateSpec, Lag, Structure},
     structure_constraints::dissipative,
+    subset::best_subset,
     substitution::{gated, substitute_variable},
 };
 

@@ -34,6 +34,28 @@ pub fn noise_std(runs: &[&Trajectory]) -> Vec<f64> {
         .collect()
 }
 
+/// As [`noise_std`], if the noise of an output is white and covers the motion in its third differences: their lag-one correlation
+/// is `-0.75` for white noise and positive for motion. The deviations of other outputs are upper bounds.
+pub fn white_noise_std(runs: &[&Trajectory]) -> Option<Vec<f64>> {
+    let deviations = noise_std(runs);
+    let is_white = |channel: usize| {
+        let (mut products, mut squares) = (0.0, 0.0);
+        for run in runs {
+            let y: Vec<f64> = run.outputs.column(channel).collect();
+            let third: Vec<f64> = y.windows(4).map(|w| w[3] - w[0] - 3.0 * (w[2] - w[1])).collect();
+            for pair in third.windows(2).filter(|pair| pair.iter().all(|d| d.is_finite())) {
+                products += pair[0] * pair[1];
+                squares += pair[0] * pair[0];
+            }
+        }
+        products < WHITE * squares
+    };
+    (0..deviations.len()).any(is_white).then_some(deviations)
+}
+
+/// Lag-one correlation of third differences in which the motion has a tenth of the variance of the noise.
+const WHITE: f64 = (0.1 - 0.75) / 1.1;
+
 /// Third differences above this multiple of their noise indicate a spike.
 const SPIKE_LIMIT: f64 = 10.0;
 

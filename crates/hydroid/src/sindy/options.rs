@@ -33,6 +33,8 @@ pub enum Optimizer {
     /// Bidirectional elimination by an information criterion, whose tolerance follows from the number of independent
     /// rows ([`RegressionForm::effective_rows`]). Terms below 1e-5 of the right-hand side are removed as well.
     Criterion(Criterion),
+    /// The best subset of terms by the extended Bayesian criterion, without a ridge.
+    Subset,
 }
 
 /// Options of a fit.
@@ -59,6 +61,9 @@ pub struct RegressionOptions<'a> {
     pub loss: Loss,
     /// Weight of each sample of each run; empty for unit weights. A row has the smallest weight of its samples.
     pub weights: &'a [Vec<f64>],
+    /// Weight of each row of each run, in the order of [`RegressionForm::rows`], in place of the weights of samples; empty
+    /// for none.
+    pub row_weights: &'a [Vec<f64>],
     /// Number of contiguous groups of rows for the block bootstrap, each of `8 (terms + outputs)^2` bytes; 0 for none.
     pub groups: usize,
 }

@@ -8,10 +8,12 @@ use hydroid::excitation::Excitation;
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::simulate::{Options, simulate};
 use hydroid::sindy::{
-    Constraints, Criterion, Fit, FitOptions, Library, LinearRegression, Optimizer, RegressionForm, Scaling,
-    Variables, noise_std, weak_form_from_noise,
+    Constraints, Criterion, Fit, FitOptions, Library, LinearRegression, Loss, Optimizer, RegressionForm,
+    Scaling, SearchGrid, Variables, assemble, best_subset, noise_ratio, noise_std, weak_form_from_noise,
+    white_noise_std,
 };
 use hydroid_core::craft::Craft;
+use hydroid_core::model::sparse::Program;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -175,5 +177,60 @@ fn noise_is_told_from_motion() {
             assert!(clean[i] < 1e-3 * deviation, "{}", clean[i]);
             assert!((told[i] / (level * deviation) - 1.0).abs() < 0.06, "{} at {level}", told[i]);
         }
+    }
+}
+
+/// Mean squared residuals relative to the noise, of equations from polynomials of a degree.
+fn ratios(run: &Trajectory, degree: u8) -> Vec<f64> {
+    let grid = SearchGrid {
+        structures: vec![Library::polynomial(degree).into()],
+        regressions: vec![weak_form_from_noise(&[run]).unwrap()],
+        optimizers: vec![Optimizer::Subset],
+        ridges: vec![0.0],
+        loss: Loss::Squares,
+        constraints: Vec::new(),
+        noise: white_noise_std(&[run]),
+        refine: None,
+    };
+    noise_ratio(&[run], &grid).unwrap()
+}
+
+#[test]
+fn true_equations_leave_the_noise_and_a_library_without_their_terms_more() {
+    assert_eq!(white_noise_std(&[&lorenz(0.0, 0)]), None);
+    for level in [0.01, 0.05, 0.1] {
+        let run = lorenz(level, 4);
+        let (right, wrong) = (ratios(&run, 3), ratios(&run, 1));
+        assert!(right.iter().all(|ratio| (0.7..1.4).contains(ratio)), "{right:?} at {level}");
+        // The products of the second and third equation are missing.
+        assert!(wrong[1] > 2.0 && wrong[2] > 2.0, "{wrong:?} at {level}");
+    }
+}
+
+#[test]
+fn no_subset_of_the_same_size_is_better_than_the_best_one() {
+    let run = lorenz(0.1, 1);
+    let terms = Library::polynomial(3).terms(&Variables::plain(3, 0));
+    let regression = weak_form_from_noise(&[&run]).unwrap();
+    let qr = assemble(&Program::new(&terms, 3).unwrap(), &[&run], regression).qr;
+    for output in 0..3 {
+        let target = terms.len() + output;
+        let found = best_subset(&qr, terms.len(), target, regression.effective_rows(qr.rows()));
+        let size = found.coefficients.iter().filter(|c| **c != 0.0).count();
+        let mut subsets: Vec<Vec<usize>> = vec![Vec::new()];
+        for _ in 0..size {
+            let longer = |s: &Vec<usize>| {
+                (s.last().map_or(0, |last| last + 1)..terms.len())
+                    .map(|j| [&s[..], &[j]].concat())
+                    .collect::<Vec<_>>()
+            };
+            subsets = subsets.iter().flat_map(longer).collect();
+        }
+        let least = subsets.iter().map(|s| qr.solve(s, target).residual).fold(f64::INFINITY, f64::min);
+        assert!(
+            (2..=4).contains(&size) && found.residual <= least * (1.0 + 1e-9),
+            "{size} {} {least}",
+            found.residual
+        );
     }
 }

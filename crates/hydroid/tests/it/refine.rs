@@ -279,6 +279,7 @@ fn searched(run: &Trajectory, degree: u8, refine: Option<bool>, ensemble_size: u
         ridges: vec![1e-6],
         loss: Loss::Squares,
         constraints: Vec::new(),
+        noise: None,
         refine: refine.map(|always| RefineScope { lags: true, gate: true, always }),
     };
     let (validation, outputs) = (one_mode(99, 1.0), ranges(run));

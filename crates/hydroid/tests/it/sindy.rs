@@ -375,6 +375,7 @@ fn grid(degree: u8) -> SearchGrid {
         ridges: vec![0.0, 1e-6],
         loss: Loss::Squares,
         constraints: Vec::new(),
+        noise: None,
         refine: None,
     }
 }

@@ -9,6 +9,7 @@ mod judge;
 mod refinement;
 mod refit;
 mod selection;
+mod weighted;
 mod windows;
 
 use std::sync::Arc;
@@ -38,6 +39,7 @@ use excerpts::SCORE_SAMPLES;
 use judge::{Judge, TrialScore};
 
 pub use refit::refit;
+pub use weighted::noise_ratio;
 
 /// The grid of options.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,6 +56,9 @@ pub struct SearchGrid {
     pub loss: Loss,
     /// Constraints on the coefficients, in all trials, supported by the solver.
     pub constraints: Vec<Constraint>,
+    /// Standard deviation of the white noise of each output: rows have the weights of the noise that the equations
+    /// propagate. None for equal weights.
+    pub noise: Option<Vec<f64>>,
     /// Scope of the refinement of the selected equations; none for no refinement.
     pub refine: Option<RefineScope>,
 }
@@ -149,6 +154,19 @@ pub struct SearchResult {
     pub refinement: Refinement,
     /// The grid of the search.
     pub grid: SearchGrid,
+    /// Mean squared residual of each equation relative to the noise that the equations propagate, if they explain the data to
+    /// within the noise; else empty.
+    pub noise_ratio: Vec<f64>,
+}
+
+impl SearchResult {
+    /// That the equations explain the data to within their noise, for the user; none if they were selected by rollouts.
+    pub fn explained(&self) -> Option<String> {
+        let largest = self.noise_ratio.iter().copied().reduce(f64::max)?;
+        Some(format!(
+            "the sparsest equations that explain the training runs to within their white noise: the mean squared residual is at most {largest:.2} times that of the noise"
+        ))
+    }
 }
 
 /// Failure of the search.
@@ -216,7 +234,8 @@ pub fn search(
     };
     let (fitted, first_error) = fit_all(training, &search.variables, grid, &mut |f| progress(0.4 * f))?;
     search.halve(fitted, &mut |f| progress(0.4 + 0.5 * f))?;
-    if search.finalists().next().is_none() {
+    // Rollouts from noisy samples do not judge equations that explain the data to within the noise.
+    if search.finalists().next().is_none() && (grid.noise.is_none() || search.tried.is_empty()) {
         return Err(match first_error {
             Some(error) if search.tried.is_empty() => error,
             _ if search.tried.is_empty() => SearchError::Empty,
@@ -235,25 +254,23 @@ fn fit_all<'a>(
     grid: &'a SearchGrid,
     progress: Progress<'_>,
 ) -> Result<(Vec<Fitted<'a>>, Option<SearchError>), SearchError> {
-    let dt = training.first().map_or(1.0, |run| run.dt);
     let (mut fitted, mut first_error) = (Vec::new(), None);
     let pairs = grid.structures.len() * grid.regressions.len();
     for (index, (structure, &regression)) in
         grid.structures.iter().flat_map(|s| grid.regressions.iter().map(move |r| (s, r))).enumerate()
     {
         progress::report(progress, index as f64 / pairs as f64)?;
-        let prepared = match prepare(training, variables, structure, regression, grid.loss, 0) {
+        let prepared = match prepare(training, variables, structure, regression, (grid.loss, 0), &[]) {
             Ok(prepared) => Arc::new(prepared),
             Err(error) => {
                 first_error.get_or_insert(error);
                 continue;
             }
         };
-        let constraints = structure.constraints(&grid.constraints, variables);
-        let fits = |ridge: f64| -> Vec<(TrialSettings<'a>, Result<Fit, FitError>)> {
+        let fits = |ridge: f64| -> Vec<(TrialSettings<'a>, Result<Fit, SearchError>)> {
             let of = |&optimizer: &Optimizer| {
                 let settings = TrialSettings { structure, regression, optimizer, ridge };
-                (settings, prepared.fit(&fit_options(optimizer, ridge, dt, &constraints)))
+                (settings, settings.fit(training, variables, grid, &prepared))
             };
             let mut fits: Vec<_> = grid.optimizers.iter().map(of).collect();
             // A stricter optimizer with an unchanged result is not evaluated again.
@@ -265,7 +282,7 @@ fn fit_all<'a>(
             match fit {
                 Ok(fit) => fitted.push(Fitted { settings, fit, prepared: Arc::clone(&prepared) }),
                 Err(error) => {
-                    first_error.get_or_insert(error.into());
+                    first_error.get_or_insert(error);
                 }
             }
         }
@@ -282,12 +299,13 @@ fn prepare(
     variables: &Variables,
     structure: &Structure,
     regression: RegressionForm,
-    loss: Loss,
-    groups: usize,
+    (loss, groups): (Loss, usize),
+    row_weights: &[Vec<f64>],
 ) -> Result<LinearRegression, SearchError> {
     structure.check_size(variables)?;
     let signals = structure.signals(variables);
-    let preparation = RegressionOptions { signals: &signals, loss, groups, ..RegressionOptions::default() };
+    let preparation =
+        RegressionOptions { signals: &signals, loss, groups, row_weights, ..RegressionOptions::default() };
     Ok(LinearRegression::with(runs, structure.terms(variables), regression, &preparation)?)
 }
 

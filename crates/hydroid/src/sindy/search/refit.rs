@@ -2,7 +2,7 @@
 
 use super::refinement::{constraints_of, refined_excerpts, take_refined};
 use super::selection::ensemble;
-use super::{SearchError, SearchResult, Trial, Variables, fit_options, prepare};
+use super::{SearchError, SearchResult, Trial, TrialSettings, Variables, prepare};
 use crate::evaluate::DesignRange;
 use crate::log::Trajectory;
 use crate::progress;
@@ -34,9 +34,10 @@ pub fn refit(
     for &index in &found.equations {
         if fitted.iter().all(|(known, _)| *known != index) {
             let Trial { structure, regression, optimizer, ridge, .. } = &found.trials[index];
-            let prepared = prepare(runs, &variables, structure, *regression, grid.loss, 0)?;
-            let constraints = structure.constraints(&grid.constraints, &variables);
-            fitted.push((index, prepared.fit(&fit_options(*optimizer, *ridge, run.dt, &constraints))?));
+            let (regression, optimizer, ridge) = (*regression, *optimizer, *ridge);
+            let settings = TrialSettings { structure, regression, optimizer, ridge };
+            let prepared = prepare(runs, &variables, structure, regression, (grid.loss, 0), &[])?;
+            fitted.push((index, settings.fit(runs, &variables, grid, &prepared)?));
         }
     }
     let of = |index: &usize| fitted.iter().find(|(known, _)| known == index).map(|(_, fit)| fit);

@@ -7,8 +7,10 @@ use super::{
 use crate::log::Trajectory;
 use crate::progress::Progress;
 use crate::sindy::ensemble::{BootstrapOptions, Ensemble};
+use crate::sindy::error::FitError;
 use crate::sindy::fit::Fit;
 use crate::sindy::parsimony::combine_equations;
+use crate::sindy::propagated_noise::propagated_noise;
 use crate::sindy::structure_constraints::couples_outputs;
 
 /// Number of other trials whose equation of one output is tried in place of the selected one.
@@ -72,6 +74,7 @@ impl Search<'_> {
             refinement,
             fit,
             grid: grid.clone(),
+            noise_ratio: Vec::new(),
         })
     }
 
@@ -137,7 +140,13 @@ pub(super) fn ensemble(
     let mut whole = Ensemble::zero(resamples, trials.len(), terms.len());
     for (output, trial) in trials.iter().enumerate() {
         let Trial { structure, regression, .. } = trial;
-        let prepared = prepare(training, &variables, structure, *regression, grid.loss, BOOTSTRAP_BLOCKS)?;
+        let noise = grid.noise.as_ref().map(|noise| {
+            let noise = propagated_noise(training, *regression, noise, &fit.equations)?;
+            Ok::<_, FitError>(noise.into_iter().nth(output).map(|noise| noise.weights).unwrap_or_default())
+        });
+        let weights = noise.transpose()?.unwrap_or_default();
+        let groups = (grid.loss, BOOTSTRAP_BLOCKS);
+        let prepared = prepare(training, &variables, structure, *regression, groups, &weights)?;
         let constraints = structure.constraints(&grid.constraints, &variables);
         let options = fit_options(trial.optimizer, trial.ridge, run.dt, &constraints);
         let ensemble = prepared.ensemble(&options, &bootstrap)?;
