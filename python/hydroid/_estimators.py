@@ -168,9 +168,6 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
         if best is None and (explained or found.not_enough_data is not None):
             # Equations that explain the data and diverge from measured states, or a model with too few data to judge it.
             best = fitted
-            for warning in found.warnings if explained else []:
-                if warning["severity"] == "warning":
-                    warnings.warn(warning["message"], stacklevel=2)
         self.identification_ = found
         self.model_ = best
         self.reason_ = None
@@ -576,8 +573,9 @@ def _derivatives(model: Model, outputs: NDArray[np.float64], inputs: NDArray[np.
 class SINDy(_Dynamics):
     __doc__ = f"""Sparse identification of nonlinear dynamics: ``dy/dt = Xi theta(y, c)``.
 
-    Without options, library, regression, thresholds, lags of actuators and a change of mode are selected by the errors
-    of predictions on runs that are left out.
+    Data of no vessel with white noise have the best subset of polynomials that leaves nothing but this noise, if there is
+    one. Otherwise, library, regression, thresholds, lags of actuators and a change of mode are selected by the errors of
+    predictions on runs that are left out, where they are not given.
 
     Parameters
     ----------

@@ -115,7 +115,6 @@ def textbook_errors(rows, true):
     return [abs(found[output][term] / value - 1) for output, terms in true.items() for term, value in terms.items()]
 
 
-@pytest.mark.filterwarnings("ignore:the equations explain:UserWarning")
 @pytest.mark.parametrize("noise, seeds, right", [(0.0, 1, 1), (0.01, 5, 5), (0.05, 5, 5), (0.1, 5, 4)])
 @pytest.mark.parametrize("name", TEXTBOOK)
 def test_textbook_systems_have_their_terms_without_options(name, noise, seeds, right):
@@ -126,7 +125,8 @@ def test_textbook_systems_have_their_terms_without_options(name, noise, seeds, r
         fitted = hydroid.SINDy().fit(x, dt)
         errors.append(textbook_errors([row[:3] for row in fitted.model_.coefficients()], true))
         if noise > 0:
-            assert max(fitted.identification_.summary["models"][0]["noise_ratio"]) < 2
+            ratios = fitted.identification_.summary["models"][0]["noise_ratio"]
+            assert 0.6 < min(ratios) and max(ratios) < 1.7, ratios
     known = [max(of) for of in errors if of is not None]
     print(f"{name}, noise {noise:.0%}: terms {len(known)} of {seeds}, largest error of a coefficient {np.median(known):.2%} (median)")
     assert len(known) >= right and np.median(known) < 0.01 + noise

@@ -39,7 +39,7 @@ fn choice(candidate: &Candidate, found: &SearchResult) -> Result<Markup, ReportE
     if found.trials.is_empty() {
         return Ok(nothing("No settings were tried."));
     }
-    if let (false, Some(trial)) = (found.noise_ratio.is_empty(), found.trials.get(found.chosen)) {
+    if let (Some(_), Some(trial)) = (&found.noise_ratio, found.trials.get(found.chosen)) {
         return Ok(explained(candidate, found, trial));
     }
     let diverged = found.trials.iter().filter(|t| t.score.is_none()).count();

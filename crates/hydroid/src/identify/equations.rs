@@ -1,5 +1,6 @@
 //! Searches for memoryless equations and for equations with past values.
 
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use super::control_affine;
@@ -85,10 +86,17 @@ pub(super) fn memoryless(
     best
 }
 
-/// Data are explained if at most half of the mean squared residual is not their noise.
-const MAX_NOISE_RATIO: f64 = 2.0;
+/// Data are explained if at most half of the mean squared residual is not their noise, and the residual is at least half of it.
+const NOISE_RATIOS: RangeInclusive<f64> = 0.5..=2.0;
 
-/// The sparsest equations of the richest library, if they explain the data to within their noise (discrepancy principle: Morozov,
+/// Most terms of a library for the search for the best subset.
+const MOST_TERMS: usize = 100;
+
+pub(super) fn is_explained(ratios: &[f64]) -> bool {
+    ratios.iter().all(|ratio| NOISE_RATIOS.contains(ratio))
+}
+
+/// The best subsets of the richest library, if they explain the data to within their noise (discrepancy principle: Morozov,
 /// Soviet Math. Dokl. 7 (1966) 414). Rollouts cannot select here: the noise of their first samples covers the differences.
 fn sparsest(
     job: &Job,
@@ -99,12 +107,19 @@ fn sparsest(
     let train = &parts.train;
     let grid = libraries.last().and_then(|library| job.sindy.sparsest(train, job.horizon, library));
     let Some(grid) = grid else { return Ok(None) };
-    let Ok(ratios) = noise_ratio(train, &grid) else { return Ok(None) };
-    if ratios.iter().any(|ratio| *ratio > MAX_NOISE_RATIO) {
+    let is_small = grid.structures.iter().all(|s| s.terms(&Variables::of(train[0])).len() <= MOST_TERMS);
+    if !is_small || !noise_ratio(train, &grid, None).is_ok_and(|ratios| is_explained(&ratios)) {
         return Ok(None);
     }
-    let found = searched(job, parts, &grid, progress)?;
-    Ok(Some(Arc::new(SearchResult { noise_ratio: ratios, ..found })))
+    let mut found = searched(job, parts, &grid, progress)?;
+    let has_terms = |equation: &[f64]| equation.iter().any(|c| *c != 0.0);
+    let equations = &found.fit.equations;
+    if !equations.coefficients().chunks(equations.terms().len()).all(has_terms) {
+        return Ok(None);
+    }
+    found.noise_ratio =
+        noise_ratio(train, &grid, Some(&found.fit)).ok().filter(|ratios| is_explained(ratios));
+    Ok(found.noise_ratio.is_some().then(|| Arc::new(found)))
 }
 
 pub(super) fn lagged(

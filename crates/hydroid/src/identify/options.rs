@@ -320,8 +320,8 @@ impl SindyOptions {
         Ok(libraries.map(|library| library.with(Family::Listed(listed.clone()))).collect())
     }
 
-    /// The grid of the sparsest equations that explain data of no vessel to within white noise; none without such noise, and with
-    /// options that the grid would not follow.
+    /// The grid of the best subsets for data of no vessel with white noise; none without such noise, and with options that the grid
+    /// would not follow.
     pub(super) fn sparsest(
         &self,
         training: &[&Trajectory],
@@ -330,11 +330,11 @@ impl SindyOptions {
     ) -> Option<SearchGrid> {
         let settings = [self.threshold, self.ridge, self.huber, self.window];
         let is_constrained = self.dissipative || !self.constraints.is_empty();
-        if settings.iter().any(Option::is_some)
-            || self.central_differences
-            || self.for_control
-            || is_constrained
-        {
+        // A search for lags or a change of mode that is asked for takes place.
+        let is_searched = self.gate == Some(GateOption::Keyword(Keyword::Auto))
+            || self.lag == Some(LagOption::Keyword(Keyword::Auto));
+        let is_other = self.central_differences || self.for_control || is_constrained || is_searched;
+        if is_other || settings.iter().any(Option::is_some) {
             return None;
         }
         training.first().filter(|run| is_generic(run))?;

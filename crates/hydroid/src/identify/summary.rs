@@ -18,7 +18,7 @@ impl IdentifyResult {
                 "weights": candidate.model.weights(),
                 "boat": candidate.model.description.boat,
                 "refinement": candidate.found().map(|found| &found.refinement),
-                "noise_ratio": candidate.found().map(|found| &found.noise_ratio),
+                "noise_ratio": candidate.found().and_then(|found| found.noise_ratio.as_ref()),
                 "train_seconds": candidate.train_seconds,
                 "training": candidate.training.network().map(|trained| json!({
                     "epochs": trained.history.len(),

@@ -19,7 +19,7 @@ use crate::grey_box::GreyBox;
 use crate::log::{Channel, Note, Trajectory, noise_level};
 use crate::model::{Body, Description, Members, Model, Port, Provenance, Reading};
 use crate::progress::{self, Progress};
-use crate::sindy::{SearchError, SearchResult, refit, subsample};
+use crate::sindy::{SearchError, SearchResult, noise_ratio, refit, subsample};
 use crate::train;
 
 /// Record of a training.
@@ -74,7 +74,12 @@ impl Training {
     pub fn effort(&self) -> String {
         match self {
             Self::Equations(found) | Self::Recursive(found) => {
-                format!("chosen among {} settings", found.trials.len())
+                let tried = found.trials.len();
+                if tried == 1 {
+                    "from one setting".to_owned()
+                } else {
+                    format!("chosen among {tried} settings")
+                }
             }
             Self::Committee(chosen) => format!(
                 "chosen among {} candidates by cross-validation and fitted on all training and validation runs",
@@ -148,16 +153,20 @@ pub(super) fn train_by(
 ) -> Result<Trained, IdentifyError> {
     let clock = Instant::now();
     // The best equations so far are the base model of networks and the initial model of adaptation.
-    let equations = before.iter().filter(|t| matches!(t.training, Training::Equations(_)));
+    let equations =
+        before.iter().filter(|t| matches!(t.training, Training::Equations(_)) && t.score.is_finite());
     let sparse = equations.min_by(|a, b| a.score.total_cmp(&b.score)).and_then(|t| t.training.found());
     let of_search = |found: &SearchResult| {
-        serde_json::json!({
+        let mut record = serde_json::json!({
             "chosen": found.trials[found.chosen],
             "refinement": found.refinement,
-            "noise_ratio": found.noise_ratio,
             "asked": job.sindy,
             "horizon": job.horizon,
-        })
+        });
+        if let Some(ratios) = &found.noise_ratio {
+            record["noise_ratio"] = serde_json::json!(ratios);
+        }
+        record
     };
     let score = |found: &SearchResult| found.trials[found.chosen].validation.unwrap_or(f64::INFINITY);
     let mut left_out = Vec::new();
@@ -342,6 +351,10 @@ fn cross_validated_equations(
     progress::report(progress, 1.0).map_err(SearchError::Cancelled)?;
     let mut found = Arc::unwrap_or_clone(found);
     (found.fit, found.ensemble) = (fit, ensemble);
+    if found.noise_ratio.is_some() {
+        let ratios = noise_ratio(&parts.train, &found.grid, Some(&found.fit))?;
+        found.noise_ratio = Some(ratios).filter(|ratios| equations::is_explained(ratios));
+    }
     Ok((Arc::new(found), left_out))
 }
 

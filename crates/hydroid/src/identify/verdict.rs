@@ -142,12 +142,13 @@ pub(super) fn of_no_vessel(job: &Job, shown: &Candidate) -> Vec<Note> {
                 .with_remedy(format!("for a vessel give the outputs these names or units, or set {} and {}", key("library"), key("gate"))),
         );
     }
-    let judged = shown.judged();
-    if !found.noise_ratio.is_empty() && judged.diverged > 0 {
+    let of_test = shown.test.as_ref();
+    let diverged = shown.validation.diverged + of_test.map_or(0, |test| test.diverged);
+    let windows = shown.validation.windows + of_test.map_or(0, |test| test.windows);
+    if found.noise_ratio.is_some() && diverged > 0 {
         notes.push(
             Note::warning(format!(
-                "the equations explain the training runs to within their noise, and {} of {} rollouts from measured states diverge",
-                judged.diverged, judged.windows
+                "the equations explain the training runs to within their noise, and {diverged} of {windows} rollouts from measured states diverge: no model is selected as best"
             ))
             .with_remedy(format!("start simulations from filtered states; {} selects other equations by their rollouts", key("ridge"))),
         );
@@ -197,7 +198,7 @@ pub(super) fn warnings(
                 )),
             );
         }
-        if evaluation.diverged > 0 {
+        if evaluation.diverged > 0 && candidate.found().is_none_or(|found| found.noise_ratio.is_none()) {
             let place = evaluation.divergences.first().map_or_else(String::new, |d| {
                 format!(
                     ", first in {} from {:.1} s at step {} in '{}'",

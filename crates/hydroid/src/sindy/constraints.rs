@@ -150,7 +150,8 @@ fn solve_group(
     let mut excluded: Vec<Vec<bool>> =
         equations.iter().map(|&i| (0..count).map(|j| constraints.sign(i, j).is_none()).collect()).collect();
     // The factor from which the optimizer computes its coefficients.
-    let source = if matches!(options.optimizer, Optimizer::Stlsq(_)) { plain } else { ridged };
+    let is_plain = matches!(options.optimizer, Optimizer::Stlsq(_) | Optimizer::Subset);
+    let source = if is_plain { plain } else { ridged };
     // Inverse residual with all terms, bounded for exact data.
     let weights: Vec<f64> = equations
         .iter()

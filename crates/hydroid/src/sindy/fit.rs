@@ -87,7 +87,9 @@ impl LinearRegression {
         let signals = options.signals;
         let program = Program::new(&terms, outputs + inputs + signals.len())?;
         check_defined(runs, &terms, signals)?;
-        check_weights(runs, options.weights)?;
+        check_weights(runs, options.weights, Trajectory::len)?;
+        let rows = |run: &Trajectory| regression.rows(run.len(), run.dt).iter().map(|rows| rows.count).sum();
+        check_weights(runs, options.row_weights, rows)?;
         let assembly = AssemblyOptions {
             signals,
             groups: options.groups,
@@ -265,6 +267,41 @@ impl LinearRegression {
         }
     }
 
+    /// Coefficients of the best subset of terms of one equation, in physical units.
+    pub(super) fn best_subset(&self, equation: usize) -> Vec<f64> {
+        let count = self.terms.len();
+        let found = best_subset(&self.plain, count, count + equation, self.effective);
+        found.coefficients.iter().enumerate().map(|(j, c)| c * self.unit(equation, j)).collect()
+    }
+
+    /// RMS residual of coefficients in physical units, in that of the output per second.
+    pub(super) fn residual_rms(&self, equation: usize, coefficients: &[f64]) -> f64 {
+        let columns: Vec<usize> = (0..self.terms.len()).collect();
+        let scaled: Vec<f64> =
+            coefficients.iter().enumerate().map(|(j, c)| c / self.unit(equation, j)).collect();
+        let residual = self.plain.residual(&columns, &scaled, columns.len() + equation);
+        residual * self.output_scale[equation] / (self.rows() as f64).sqrt()
+    }
+
+    /// The fit with given coefficients in physical units, `outputs x terms`.
+    pub(super) fn with_coefficients(&self, coefficients: Vec<f64>, substeps: usize) -> Result<Fit, FitError> {
+        let count = self.terms.len();
+        let of = |i: usize| &coefficients[i * count..(i + 1) * count];
+        let residual_rms = (0..self.outputs).map(|i| self.residual_rms(i, of(i))).collect();
+        let scaled = |i: usize| of(i).iter().enumerate().map(move |(j, c)| c / self.unit(i, j));
+        let scaled = (0..self.outputs).flat_map(scaled).collect();
+        let equations = Equations::with_signals(
+            self.terms.clone(),
+            coefficients,
+            self.outputs,
+            self.inputs,
+            self.signals.clone(),
+            self.dt,
+            substeps,
+        )?;
+        Ok(Fit { equations, residual_rms, scaled })
+    }
+
     fn ridged(&self, plain: &QrFactor, ridge: f64) -> QrFactor {
         if ridge == 0.0 {
             return plain.clone();
@@ -279,30 +316,11 @@ impl LinearRegression {
     }
 
     fn in_physical_units(&self, solutions: Vec<SparseSolution>, substeps: usize) -> Result<Fit, FitError> {
-        let count = self.terms.len();
-        let mut coefficients = Vec::with_capacity(self.outputs * count);
-        let mut scaled = Vec::with_capacity(self.outputs * count);
-        let mut residual_rms = Vec::with_capacity(self.outputs);
-        let columns: Vec<usize> = (0..count).collect();
-        for (i, (solution, scale)) in solutions.into_iter().zip(&self.output_scale).enumerate() {
-            // The residual of the data without the ridge penalty.
-            let residual = self.plain.residual(&columns, &solution.coefficients, count + i);
-            coefficients
-                .extend(solution.coefficients.iter().zip(&self.term_scale).map(|(c, s)| c * scale / s));
-            scaled.extend(solution.coefficients);
-            residual_rms.push(residual * scale / (self.rows() as f64).sqrt());
-        }
-        let terms = self.terms.clone();
-        let equations = Equations::with_signals(
-            terms,
-            coefficients,
-            self.outputs,
-            self.inputs,
-            self.signals.clone(),
-            self.dt,
-            substeps,
-        )?;
-        Ok(Fit { equations, residual_rms, scaled })
+        let coefficients = solutions.into_iter().enumerate().flat_map(|(i, solution)| {
+            let of = move |(j, c): (usize, f64)| c * self.unit(i, j);
+            solution.coefficients.into_iter().enumerate().map(of)
+        });
+        self.with_coefficients(coefficients.collect(), substeps)
     }
 }
 
@@ -352,12 +370,16 @@ fn series(run: &Trajectory, variable: usize, signals: &[Signal]) -> Option<(Vec<
     Some((signal.series(&source, run.dt), signal.is_held(n)))
 }
 
-fn check_weights(runs: &[&Trajectory], weights: &[Vec<f64>]) -> Result<(), FitError> {
+fn check_weights(
+    runs: &[&Trajectory],
+    weights: &[Vec<f64>],
+    count: impl Fn(&Trajectory) -> usize,
+) -> Result<(), FitError> {
     if weights.is_empty() {
         return Ok(());
     }
     let sound = |run: &Trajectory, weights: &[f64]| {
-        weights.len() == run.len() && weights.iter().all(|w| w.is_finite() && *w >= 0.0)
+        weights.len() == count(run) && weights.iter().all(|w| w.is_finite() && *w >= 0.0)
     };
     for (index, run) in runs.iter().enumerate() {
         if !weights.get(index).is_some_and(|weights| sound(run, weights)) {

@@ -34,23 +34,29 @@ pub fn noise_std(runs: &[&Trajectory]) -> Vec<f64> {
         .collect()
 }
 
-/// As [`noise_std`], if the noise of an output is white and covers the motion in its third differences: their lag-one correlation
-/// is `-0.75` for white noise and positive for motion. The deviations of other outputs are upper bounds.
+/// Standard deviation of the white noise of each output beside the motion, if an output has such noise that covers the motion in
+/// its third differences. Their lag-one covariance is `-15 sigma^2` for white noise, their variance `20 sigma^2`, and slow motion
+/// adds the same to both: the difference is free of it.
 pub fn white_noise_std(runs: &[&Trajectory]) -> Option<Vec<f64>> {
-    let deviations = noise_std(runs);
-    let is_white = |channel: usize| {
+    let mut is_white = false;
+    let upper = noise_std(runs);
+    let deviation = |(channel, upper): (usize, f64)| {
         let (mut products, mut squares) = (0.0, 0.0);
+        let mut count: f64 = 0.0;
         for run in runs {
             let y: Vec<f64> = run.outputs.column(channel).collect();
             let third: Vec<f64> = y.windows(4).map(|w| w[3] - w[0] - 3.0 * (w[2] - w[1])).collect();
             for pair in third.windows(2).filter(|pair| pair.iter().all(|d| d.is_finite())) {
                 products += pair[0] * pair[1];
-                squares += pair[0] * pair[0];
+                squares += 0.5 * (pair[0] * pair[0] + pair[1] * pair[1]);
+                count += 1.0;
             }
         }
-        products < WHITE * squares
+        is_white |= products < WHITE * squares;
+        ((squares - products).max(0.0) / (35.0 * count.max(1.0))).sqrt().min(upper)
     };
-    (0..deviations.len()).any(is_white).then_some(deviations)
+    let deviations = upper.into_iter().enumerate().map(deviation).collect();
+    is_white.then_some(deviations)
 }
 
 /// Lag-one correlation of third differences in which the motion has a tenth of the variance of the noise.

@@ -61,8 +61,7 @@ pub struct RegressionOptions<'a> {
     pub loss: Loss,
     /// Weight of each sample of each run; empty for unit weights. A row has the smallest weight of its samples.
     pub weights: &'a [Vec<f64>],
-    /// Weight of each row of each run, in the order of [`RegressionForm::rows`], in place of the weights of samples; empty
-    /// for none.
+    /// Weight of each row of each run, a stride apart, in place of the weights of samples; empty for none.
     pub row_weights: &'a [Vec<f64>],
     /// Number of contiguous groups of rows for the block bootstrap, each of `8 (terms + outputs)^2` bytes; 0 for none.
     pub groups: usize,

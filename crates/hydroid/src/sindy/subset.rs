@@ -5,10 +5,10 @@
 //! with the smallest extended Bayesian criterion (Chen and Chen, Biometrika 95 (2008) 759) is selected:
 //!
 //! ```text
-//! n ln(RSS/n) + k ln n + 2 ln binomial(p, k)
+//! n ln(RSS/n) + n k ln n/(n - k - 2) + 2 ln binomial(p, k)
 //! ```
 //!
-//! for `n` independent rows and `p` terms. The last part accounts for the number of subsets among which the best one is
+//! for `n` independent rows, with the correction for few rows of [`super::criterion`], and `p` terms. The last part accounts for the number of subsets among which the best one is
 //! found.
 
 use std::collections::BTreeMap;
@@ -73,8 +73,8 @@ impl Moments {
         let mut beam: Vec<Vec<usize>> = vec![Vec::new()];
         for k in 1..=self.count {
             choose += ((self.count - k + 1) as f64 / k as f64).ln();
-            // No subset of this size is better than all columns.
-            if rows <= (k + 1) as f64 || self.criterion(rows, self.least, k, choose) >= best.0 {
+            // No subset of this size or larger is better than all columns.
+            if rows <= (k + 2) as f64 || self.criterion(rows, self.least, k, 0.0) >= best.0 {
                 break;
             }
             let added = narrowed(beam.iter().flat_map(|subset| self.additions(subset, &[])).collect());
@@ -99,7 +99,8 @@ impl Moments {
     fn criterion(&self, rows: f64, residual: f64, terms: usize, choose: f64) -> f64 {
         // Rounding errors of the sum of squares.
         let least = f64::EPSILON * self.total + f64::MIN_POSITIVE;
-        rows * (residual.max(least) / rows).ln() + terms as f64 * rows.ln() + 2.0 * choose
+        let k = terms as f64;
+        rows * (residual.max(least) / rows).ln() + rows * k * rows.ln() / (rows - k - 2.0) + 2.0 * choose
     }
 
     /// The subsets with one more column, in ascending order, and their residual sums of squares.
@@ -125,9 +126,11 @@ impl Moments {
                 let orthogonal = 1.0 - own.iter().map(|x| x * x).sum::<f64>();
                 let known: f64 = own.iter().zip(&solved).map(|(a, b)| a * b).sum();
                 let gain = (self.target[j] - known).powi(2) / orthogonal;
-                let mut larger = subset.to_vec();
-                larger.insert(larger.partition_point(|&i| i < j), j);
-                (orthogonal > DEPENDENT).then_some((larger, residual - gain))
+                (orthogonal > DEPENDENT).then(|| {
+                    let mut larger = subset.to_vec();
+                    larger.insert(larger.partition_point(|&i| i < j), j);
+                    (larger, residual - gain)
+                })
             })
             .collect()
     }

@@ -192,7 +192,7 @@ fn ratios(run: &Trajectory, degree: u8) -> Vec<f64> {
         noise: white_noise_std(&[run]),
         refine: None,
     };
-    noise_ratio(&[run], &grid).unwrap()
+    noise_ratio(&[run], &grid, None).unwrap()
 }
 
 #[test]

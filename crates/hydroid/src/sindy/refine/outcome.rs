@@ -60,7 +60,7 @@ impl Refinement {
 
     /// Description for the user, for a sample time of `dt` seconds; none if no refinement was requested.
     pub fn describe(&self, dt: f64) -> Option<String> {
-        let before = self.before.map_or_else(String::new, |before| format!(" {before:.4}"));
+        let before = self.before.map_or_else(|| String::from(" diverges"), |before| format!(" {before:.4}"));
         let taken = self.taken.and_then(|at| self.attempts.get(at));
         Some(match (self.outcome, taken) {
             (Outcome::Off, _) => return None,

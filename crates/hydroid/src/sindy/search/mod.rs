@@ -154,17 +154,17 @@ pub struct SearchResult {
     pub refinement: Refinement,
     /// The grid of the search.
     pub grid: SearchGrid,
-    /// Mean squared residual of each equation relative to the noise that the equations propagate, if they explain the data to
-    /// within the noise; else empty.
-    pub noise_ratio: Vec<f64>,
+    /// Mean squared residual of each equation relative to the noise that the equations propagate, if they explain the training
+    /// runs to within it.
+    pub noise_ratio: Option<Vec<f64>>,
 }
 
 impl SearchResult {
     /// That the equations explain the data to within their noise, for the user; none if they were selected by rollouts.
     pub fn explained(&self) -> Option<String> {
-        let largest = self.noise_ratio.iter().copied().reduce(f64::max)?;
+        let largest = self.noise_ratio.iter().flatten().copied().reduce(f64::max)?;
         Some(format!(
-            "the sparsest equations that explain the training runs to within their white noise: the mean squared residual is at most {largest:.2} times that of the noise"
+            "equations that explain the training runs to within their white noise: the mean squared residual is at most {largest:.2} times that of the noise"
         ))
     }
 }
@@ -267,10 +267,11 @@ fn fit_all<'a>(
                 continue;
             }
         };
+        let constraints = structure.constraints(&grid.constraints, variables);
         let fits = |ridge: f64| -> Vec<(TrialSettings<'a>, Result<Fit, SearchError>)> {
             let of = |&optimizer: &Optimizer| {
                 let settings = TrialSettings { structure, regression, optimizer, ridge };
-                (settings, settings.fit(training, variables, grid, &prepared))
+                (settings, settings.fit(training, variables, grid, &prepared, &constraints))
             };
             let mut fits: Vec<_> = grid.optimizers.iter().map(of).collect();
             // A stricter optimizer with an unchanged result is not evaluated again.

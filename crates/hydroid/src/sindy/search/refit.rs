@@ -37,7 +37,8 @@ pub fn refit(
             let (regression, optimizer, ridge) = (*regression, *optimizer, *ridge);
             let settings = TrialSettings { structure, regression, optimizer, ridge };
             let prepared = prepare(runs, &variables, structure, regression, (grid.loss, 0), &[])?;
-            fitted.push((index, settings.fit(runs, &variables, grid, &prepared)?));
+            let constraints = structure.constraints(&grid.constraints, &variables);
+            fitted.push((index, settings.fit(runs, &variables, grid, &prepared, &constraints)?));
         }
     }
     let of = |index: &usize| fitted.iter().find(|(known, _)| known == index).map(|(_, fit)| fit);

@@ -7,7 +7,6 @@ use super::{
 use crate::log::Trajectory;
 use crate::progress::Progress;
 use crate::sindy::ensemble::{BootstrapOptions, Ensemble};
-use crate::sindy::error::FitError;
 use crate::sindy::fit::Fit;
 use crate::sindy::parsimony::combine_equations;
 use crate::sindy::propagated_noise::propagated_noise;
@@ -74,7 +73,7 @@ impl Search<'_> {
             refinement,
             fit,
             grid: grid.clone(),
-            noise_ratio: Vec::new(),
+            noise_ratio: None,
         })
     }
 
@@ -138,15 +137,15 @@ pub(super) fn ensemble(
     let terms = fit.equations.terms();
     let bootstrap = BootstrapOptions { resamples, seed, ..BootstrapOptions::default() };
     let mut whole = Ensemble::zero(resamples, trials.len(), terms.len());
+    let noise = match (&grid.noise, trials.first()) {
+        (Some(noise), Some(trial)) => propagated_noise(training, trial.regression, noise, &fit.equations)?,
+        _ => Vec::new(),
+    };
     for (output, trial) in trials.iter().enumerate() {
         let Trial { structure, regression, .. } = trial;
-        let noise = grid.noise.as_ref().map(|noise| {
-            let noise = propagated_noise(training, *regression, noise, &fit.equations)?;
-            Ok::<_, FitError>(noise.into_iter().nth(output).map(|noise| noise.weights).unwrap_or_default())
-        });
-        let weights = noise.transpose()?.unwrap_or_default();
+        let weights = noise.get(output).map_or(&[][..], |noise| &noise.weights);
         let groups = (grid.loss, BOOTSTRAP_BLOCKS);
-        let prepared = prepare(training, &variables, structure, *regression, groups, &weights)?;
+        let prepared = prepare(training, &variables, structure, *regression, groups, weights)?;
         let constraints = structure.constraints(&grid.constraints, &variables);
         let options = fit_options(trial.optimizer, trial.ridge, run.dt, &constraints);
         let ensemble = prepared.ensemble(&options, &bootstrap)?;
