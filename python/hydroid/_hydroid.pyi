@@ -66,10 +66,7 @@ class Log:
 
 @final
 class Run:
-    """A run on a regular clock, in SI units. `hydroid.prepare` makes runs from logs.
-
-    Runs are not pickled: logs are.
-    """
+    """A run on a regular clock, in SI units. `hydroid.prepare` makes runs from logs."""
 
     @property
     def name(self) -> str:
@@ -291,7 +288,7 @@ class Model:
 class Session:
     """A session of a model on one run: ``observe(y[0])``, ``advance(c[0])``, ``observe(y[1])``, ...
 
-    `Model.session` starts one. A copy is a `fork`; `snapshot` has the numbers of a session for a pickle.
+    `Model.session` starts one. A copy is a `fork`; a pickle has the model and the `snapshot`.
     """
 
     def reset(self) -> None:

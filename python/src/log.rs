@@ -519,6 +519,12 @@ pub(crate) fn prepare(
     Ok(runs.into_iter().map(Run::of).collect())
 }
 
+/// Names and units of the channels of a table, and its values, row by row.
+type Part<'py> = (Vec<(String, String)>, Bound<'py, PyAny>);
+
+/// Name, first time and sample time; outputs, inputs, true outputs and headings.
+type Saved<'py> = ((String, f64, f64), Part<'py>, Part<'py>, Option<Part<'py>>, Option<Bound<'py, PyAny>>);
+
 #[pyclass(frozen, module = "hydroid")]
 pub(crate) struct Run {
     pub(crate) trajectory: Arc<Trajectory>,
@@ -591,6 +597,53 @@ impl Run {
 
     fn __len__(&self) -> usize {
         self.trajectory.len()
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Saved<'py>)> {
+        let run = &self.trajectory;
+        let part = |of: &log::Table| -> PyResult<Part<'py>> {
+            let channels = of.channels().iter().map(|c| (c.name.clone(), c.unit.clone())).collect();
+            Ok((channels, PyArray1::from_slice(py, of.rows(0, of.len())).into_any()))
+        };
+        let truth = run.truth.as_ref().map(part).transpose()?;
+        let heading = run.heading.as_ref().map(|heading| PyArray1::from_slice(py, heading).into_any());
+        let start = (run.name.clone(), run.t0, run.dt);
+        let saved = (start, part(&run.outputs)?, part(&run.inputs)?, truth, heading);
+        Ok((py.get_type::<Self>().getattr("_restored")?, saved))
+    }
+
+    #[staticmethod]
+    fn _restored(
+        start: (String, f64, f64),
+        outputs: Part<'_>,
+        inputs: Part<'_>,
+        truth: Option<Part<'_>>,
+        heading: Option<Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let table = |(channels, values): Part<'_>| -> PyResult<log::Table> {
+            let channels: Vec<log::Channel> =
+                channels.into_iter().map(|(name, unit)| log::Channel::new(name, unit)).collect();
+            let values = doubles("values", &values)?.as_slice()?.to_vec();
+            if values.len() % channels.len().max(1) != 0 || channels.is_empty() && !values.is_empty() {
+                return Err(unfit("values", "whole rows", values.len()));
+            }
+            Ok(log::Table::new(channels, values))
+        };
+        let (name, t0, dt) = start;
+        let (outputs, inputs) = (table(outputs)?, table(inputs)?);
+        let truth = truth.map(table).transpose()?;
+        let heading = heading.map(|of| Ok::<_, PyErr>(doubles("heading", &of)?.as_slice()?.to_vec()));
+        let heading = heading.transpose()?;
+        let rows = outputs.len();
+        let lengths = [
+            (inputs.width() > 0).then(|| inputs.len()),
+            truth.as_ref().map(log::Table::len),
+            heading.as_ref().map(Vec::len),
+        ];
+        if let Some(other) = lengths.into_iter().flatten().find(|length| *length != rows) {
+            return Err(unfit("rows", format!("{rows} rows in all parts of a run"), other));
+        }
+        Ok(Self::of(Trajectory { name, t0, dt, outputs, inputs, truth, heading }))
     }
 
     fn __repr__(&self) -> String {

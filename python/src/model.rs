@@ -350,7 +350,7 @@ impl Model {
     }
 
     fn session(&self) -> Session {
-        Session::of(self.model.session())
+        Session::of(&self.model, self.model.session())
     }
 
     /// Rollouts from origins along runs: for each run the origins and `origins x horizon x outputs`.
@@ -471,11 +471,12 @@ fn follow(
 pub(crate) struct Session {
     pub(crate) session: Box<dyn Predictor>,
     work: Workspace,
+    model: Arc<model::Model>,
 }
 
 impl Session {
-    fn of(session: Box<dyn Predictor>) -> Self {
-        Self { session, work: Workspace::new() }
+    fn of(model: &Arc<model::Model>, session: Box<dyn Predictor>) -> Self {
+        Self { session, work: Workspace::new(), model: Arc::clone(model) }
     }
 }
 
@@ -515,7 +516,7 @@ impl Session {
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let (c, [steps, _]) =
             shaped("commands", commands, [None, Some(self.session.inputs())], "samples, inputs")?;
-        let (q, c, Self { session, work }) = (self.session.outputs(), c.as_slice()?, self);
+        let (q, c, Self { session, work, .. }) = (self.session.outputs(), c.as_slice()?, self);
         let mut y = vec![0.0; steps * q];
         py.detach(|| session.rollout(c, work, &mut y));
         table(py, y, q)
@@ -529,7 +530,7 @@ impl Session {
         let inputs = self.session.inputs();
         let (c, [count, steps, _]) =
             shaped("commands", commands, [None, None, Some(inputs)], "sequences, samples, inputs")?;
-        let (q, c, Self { session, work }) = (self.session.outputs(), c.as_slice()?, self);
+        let (q, c, Self { session, work, .. }) = (self.session.outputs(), c.as_slice()?, self);
         let mut y = vec![0.0; count * steps * q];
         py.detach(|| session.rollout_batch(count, c, work, &mut y));
         PyArray1::from_vec(py, y).reshape([count, steps, q])
@@ -551,7 +552,22 @@ impl Session {
     }
 
     fn fork(&self) -> Self {
-        Self::of(self.session.fork())
+        Self::of(&self.model, self.session.fork())
+    }
+
+    fn __reduce__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<(Bound<'py, PyAny>, (Model, Bound<'py, PyArray1<f64>>))> {
+        let model = Model { model: Arc::clone(&self.model) };
+        Ok((py.get_type::<Self>().getattr("_restored")?, (model, self.snapshot(py))))
+    }
+
+    #[staticmethod]
+    fn _restored(model: &Model, snapshot: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let mut session = model.session();
+        session.restore(snapshot)?;
+        Ok(session)
     }
 
     fn snapshot<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {

@@ -66,6 +66,23 @@ def test_models_survive_files_and_pickles(model, tmp_path):
         hydroid.Model.from_bytes(b"no model")
 
 
+def test_runs_and_sessions_survive_pickles(files, model):
+    run = hydroid.prepare(files[:1], **CHANNELS)[0]
+    for again in (pickle.loads(pickle.dumps(run)), copy.deepcopy(run)):
+        assert repr(again) == repr(run) and again.units == run.units and again.t.tolist() == run.t.tolist()
+        np.testing.assert_array_equal(again.outputs, run.outputs)
+        np.testing.assert_array_equal(again.inputs, run.inputs)
+    session = model.session()
+    for y, c in zip(run.outputs[:30], run.inputs[:30]):
+        session.observe(y)
+        session.advance(c)
+    ahead = run.inputs[30:60]
+    for again in (pickle.loads(pickle.dumps(session)), copy.deepcopy(session)):
+        np.testing.assert_array_equal(again.rollout(ahead), session.rollout(ahead))
+        again.advance(run.inputs[30])
+    np.testing.assert_array_equal(session.rollout(ahead), session.fork().rollout(ahead))
+
+
 def test_the_jacobian_is_the_derivative_of_the_motion(model):
     y, c = np.array([1.5, 0.1]), np.array([60.0, 0.2])
     a, b = model.jacobian(y, c)

@@ -264,3 +264,53 @@ fn a_time_in_milliseconds_without_a_unit_is_refused_in_recordings() {
     let said = text(&output.stderr);
     assert!(!output.status.success() && said.contains("timestamp [ms]"), "{said}");
 }
+
+/// Position, heading and two pulse widths of a catamaran: a model and a steered boat without a configuration by hand.
+#[test]
+fn a_table_of_one_day_becomes_a_steered_boat() {
+    let folder = TempDir::new().unwrap();
+    let mut table = "time,latitude,longitude,heading,speed,port_pwm,starboard_pwm\n".to_owned();
+    // Numbers between -1 and 1 without a pattern.
+    let scatter = |k: i32, of: f64| 2.0 * ((f64::from(k) * of).sin() * 43_758.547).rem_euclid(1.0) - 1.0;
+    let ([mut north, mut east, mut psi], [mut u, mut r]) = ([0.0, 0.0, 0.3_f64], [0.0_f64, 0.0]);
+    for k in 0..3000 {
+        let pulse = |of: f64| 100.0 * (1.0 + 3.5 * scatter(k / 25, of)).round();
+        let (port, starboard) = (pulse(12.9898), pulse(78.233));
+        let _ = writeln!(
+            table,
+            "{:.1},{:.9},{:.9},{:.2},{:.3},{:.0},{:.0}",
+            0.2 * f64::from(k),
+            54.0 + (north + 0.03 * scatter(k, 3.7)) / 111_320.0,
+            8.0 + (east + 0.03 * scatter(k, 5.3)) / 65_433.0,
+            (psi.to_degrees() + 0.5 * scatter(k, 7.1)).rem_euclid(360.0),
+            u.abs(),
+            1500.0 + port,
+            1500.0 + starboard
+        );
+        for _ in 0..4 {
+            let (sum, difference) = ((port + starboard) / 400.0, (port - starboard) / 400.0);
+            u += 0.05 * (0.6 * sum - 0.3 * u - 0.25 * u * u.abs());
+            r += 0.05 * (0.9 * difference - 1.2 * r);
+            psi += 0.05 * r;
+            north += 0.05 * u * psi.cos();
+            east += 0.05 * u * psi.sin();
+        }
+    }
+    std::fs::write(folder.path().join("day1.csv"), table).unwrap();
+    for command in [
+        "inspect day1.csv --write-config",
+        "identify day1.csv --methods committee -o out",
+        "control out/committee.safetensors --controller pid --task lawn-mower -o steered",
+    ] {
+        let output = run(folder.path(), command);
+        assert!(output.status.success(), "{command}: {}", text(&output.stderr));
+    }
+    let steered = std::fs::read(folder.path().join("steered/control.json")).unwrap();
+    let steered: Value = serde_json::from_slice(&steered).unwrap();
+    let off = steered["rms_position"].as_f64();
+    assert!(steered["arrived"] == true && off.is_some_and(|off| off < 0.3), "{steered}");
+    // The neutral pulse is a guess: no boat is commanded with it.
+    let output = run(folder.path(), "control out/committee.safetensors --controller pid --task lawn-mower -");
+    let said = text(&output.stderr);
+    assert!(!output.status.success() && said.contains("--neutral port_pwm"), "{said}");
+}

@@ -336,3 +336,68 @@ fn numbers_for_missing_values_of_channels_are_none() {
         assert!(!says(&prepared.notes, "stands for a missing value"), "{:?}", prepared.notes);
     }
 }
+
+/// Recordings of vessels, ground vehicles and aircraft, and the fields that are proposed as commands: outputs to
+/// actuators, their orders, or their state; never a measurement of the vessel.
+const COMMANDS: [(&str, &[&str]); 18] = [
+    ("fleet/formats/otter.BIN", &["RCOU.C1", "RCOU.C3"]),
+    ("fleet/formats/otter.ulg", &["actuator_outputs.output[0]", "actuator_outputs.output[1]"]),
+    ("fleet/formats/otter_lz4.mcap", &["/actuators.pwm_us[0]", "/actuators.pwm_us[1]"]),
+    ("fleet/formats/otter_ros1.bag", &["/actuators.pwm_us[0]", "/actuators.pwm_us[1]"]),
+    ("fleet/formats/otter_ros2_sqlite", &["/actuators.pwm_us[0]", "/actuators.pwm_us[1]"]),
+    ("fleet/formats/otter_truncated.mcap", &["/actuators.pwm_us[0]", "/actuators.pwm_us[1]"]),
+    ("fleet/formats/tanker.nmea", &["RSA.starboard", "RPM.speed"]),
+    ("wild/delorean_00000041.BIN", &["RCOU.C1", "RCOU.C2", "RCOU.C3", "RCOU.C4"]),
+    ("wild/small.BIN", &["RCOU.C1", "RCOU.C2", "RCOU.C3", "RCOU.C4"]),
+    (
+        "wild/mcap_test_ulog.ulg",
+        &["actuator_motors.control[0]", "actuator_servos.control[0]", "actuator_servos.control[1]"],
+    ),
+    (
+        "wild/sample_log_small.ulg",
+        &[
+            "actuator_outputs.output[0]",
+            "actuator_outputs.output[1]",
+            "actuator_outputs.output[2]",
+            "actuator_outputs.output[3]",
+            "actuator_outputs.output[4]",
+            "actuator_outputs.output[5]",
+            "actuator_outputs.output[6]",
+            "actuator_outputs.output[7]",
+        ],
+    ),
+    (
+        "wild/example.bag",
+        &[
+            "/turtle2/cmd_vel.linear.x",
+            "/turtle2/cmd_vel.angular.z",
+            "/turtle1/cmd_vel.linear.x",
+            "/turtle1/cmd_vel.angular.z",
+        ],
+    ),
+    ("wild/rowdy_part.csv", &["Rudder"]),
+    ("wild/kolmak_2023_09_07.csv", &[]),
+    ("wild/astra_regata.log", &[]),
+    ("wild/gofree-merrimac.log", &[]),
+    ("wild/psaros0821.TXT", &[]),
+    ("wild/tinylog.txt", &[]),
+];
+
+#[test]
+fn no_proposed_command_of_a_recording_is_a_measurement() {
+    let Some(folder) = std::env::var_os("HYDROID_DATA") else {
+        eprintln!("skipped: no HYDROID_DATA");
+        return;
+    };
+    for (file, expected) in COMMANDS {
+        let path = std::path::Path::new(&folder).join(file);
+        let proposal = survey(path.as_path(), None).unwrap_or_else(|e| panic!("{file}: {e}")).proposal();
+        let found: Vec<String> = proposal
+            .selection
+            .inputs
+            .iter()
+            .map(|spec| spec.to_string().rsplit('=').next().unwrap_or_default().to_owned())
+            .collect();
+        assert_eq!(found, expected, "{file}");
+    }
+}
