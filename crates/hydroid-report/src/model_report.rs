@@ -1,7 +1,7 @@
 //! The page of a model: what it is, its errors on logs, its trials, and driving it.
 
 use hydroid::evaluate::Evaluation;
-use hydroid::identify::verdicts;
+use hydroid::identify::{Grade, verdicts};
 use hydroid::manoeuvre::{Comparison, Trials};
 use hydroid::model::{Model, Port};
 use hydroid::plant::InputMap;
@@ -71,7 +71,13 @@ fn title(model: &Model) -> String {
 fn summary(subject: &ModelReport<'_>) -> Section {
     let model = subject.model;
     let d = &model.description;
-    let grades = subject.evaluation.map(verdicts).unwrap_or_default();
+    let mut grades = subject.evaluation.map(|judged| verdicts(judged, &[])).unwrap_or_default();
+    // The runs of the evaluation are not here; the model knows which outputs their sensors do not determine.
+    for verdict in grades.iter_mut().filter(|of| matches!(of.grade, Grade::Good | Grade::Usable)) {
+        if let Some(why) = d.provenance.not_identified.get(&verdict.channel) {
+            (verdict.grade, verdict.reason) = (Grade::NotJudged, Some(why.clone()));
+        }
+    }
     let runs = &d.provenance.training;
     let body = html! {
         header {

@@ -126,7 +126,7 @@ fn warnings(report: &Report) -> Vec<Note> {
                 .with_remedy(remedy),
         );
     }
-    let lost: Vec<String> = verdicts(&report.adapted)
+    let lost: Vec<String> = verdicts(&report.adapted, &[])
         .into_iter()
         .filter(|verdict| verdict.grade == Grade::NotIdentified)
         .map(|verdict| format!("'{}'", verdict.channel))

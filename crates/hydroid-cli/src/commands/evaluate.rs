@@ -43,7 +43,7 @@ pub fn run(args: &Evaluate, global: Global) -> anyhow::Result<Outcome> {
     let horizons = table::horizons(&evaluation);
     let band = evaluate::band_coverage(&model.member_sessions(), &runs, &options, &horizons);
     let coverage = bands.map(|bands| bands.coverage(&evaluation));
-    let verdicts = verdicts(&evaluation);
+    let verdicts = verdicts(&evaluation, &runs);
     if global.json {
         super::print_json(&Document {
             evaluation: &evaluation,

@@ -305,6 +305,14 @@ fn a_table_of_one_day_becomes_a_steered_boat() {
         let output = run(folder.path(), command);
         assert!(output.status.success(), "{command}: {}", text(&output.stderr));
     }
+    // Without an inertial unit or velocities, the sway of a slow boat is that which the smoother assumes.
+    let found = std::fs::read(folder.path().join("out/identify.json")).unwrap();
+    let found: Value = serde_json::from_slice(&found).unwrap();
+    let grades: Vec<&str> =
+        found["verdicts"].as_array().unwrap().iter().map(|of| of["grade"].as_str().unwrap()).collect();
+    assert_eq!(grades, ["good", "not_judged", "good"], "{found}");
+    let reason = found["verdicts"][1]["reason"].as_str().unwrap();
+    assert!(reason.contains("the sensors do not determine it"), "{reason}");
     let steered = std::fs::read(folder.path().join("steered/control.json")).unwrap();
     let steered: Value = serde_json::from_slice(&steered).unwrap();
     let off = steered["rms_position"].as_f64();

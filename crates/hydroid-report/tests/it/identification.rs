@@ -219,7 +219,7 @@ fn without_windows_trials_or_variation_there_is_a_page() {
     for table in [&mut test.nrmse, &mut test.mae, &mut test.rmse] {
         table.clear();
     }
-    poor.verdicts = verdicts(candidate.judged());
+    poor.verdicts = verdicts(candidate.judged(), &[]);
     let text = page(&poor, &job.split);
     assert!(text.contains("This model was not judged.") && text.contains("No settings were tried."));
 
@@ -253,7 +253,7 @@ fn errors_that_are_not_finite_are_told_as_such() {
     found_mut(candidate).fit.scaled.clear();
     found_mut(candidate).unidentifiable =
         vec![Term::constant(), Term::monomial(&[0]), Term::monomial(&[10_000])];
-    wild.verdicts = verdicts(candidate.judged());
+    wild.verdicts = verdicts(candidate.judged(), &[]);
     let text = page(&wild, &job.split);
     assert!(text.contains('∞') && text.contains("cannot distinguish some terms"));
 }

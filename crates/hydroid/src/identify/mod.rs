@@ -285,7 +285,7 @@ fn try_identify(job: &Job, watch: OnStage<'_>) -> Result<IdentifyResult, Identif
     warnings
         .extend(currents.as_ref().and_then(|found| through_water::note(found, best.map(|i| &candidates[i]))));
     let shown: &Candidate = &candidates[best.unwrap_or(0)];
-    let verdicts = verdicts(shown.judged());
+    let verdicts = verdicts(shown.judged(), &parts_of(&job.split).concat());
     warnings.extend(verdict::spikes(&parts.train, &job.sindy));
     warnings.extend(of_data(job, shown, &verdicts));
     Ok(IdentifyResult {
@@ -342,7 +342,8 @@ fn describe_one(candidate: &mut Candidate, train: &[&Trajectory]) {
         }
     }
     candidate.model.description.boat = find_roles(&candidate.model);
-    candidate.model.description.provenance.not_identified = verdict::not_identified(candidate.judged());
+    candidate.model.description.provenance.not_identified =
+        verdict::not_identified(candidate.judged(), train);
 }
 
 /// Sets the errors of the models in the trials of the runs that were left out.

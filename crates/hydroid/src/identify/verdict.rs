@@ -56,14 +56,18 @@ impl Verdict {
 
 /// Outputs that are not identified beside the mean alone, with the figures that say so: over a short horizon, persistence may be as
 /// good as a model that tells a trial.
-pub(super) fn not_identified(judged: &Evaluation) -> BTreeMap<String, String> {
+pub(super) fn not_identified(judged: &Evaluation, runs: &[&Trajectory]) -> BTreeMap<String, String> {
     let is_useless = |verdict: &Verdict| {
         let is_no_better = verdict.reason.is_some() || verdict.nrmse > USABLE;
         verdict.grade == Grade::NotIdentified && is_no_better
     };
     let horizon_s = horizon_s(judged);
-    let useless = verdicts(judged).into_iter().filter(is_useless);
-    useless.map(|verdict| (verdict.channel.clone(), verdict.why(horizon_s))).collect()
+    let useless = verdicts(judged, &[]).into_iter().enumerate().filter_map(|(channel, verdict)| {
+        let why = undetermined(runs, channel);
+        let why = why.or_else(|| is_useless(&verdict).then(|| verdict.why(horizon_s)))?;
+        Some((verdict.channel, why))
+    });
+    useless.collect()
 }
 
 /// Error relative to that of the best trivial prediction, up to which a prediction is usable.
@@ -75,20 +79,24 @@ fn horizon_s(judged: &Evaluation) -> f64 {
 }
 
 /// Grades each output at the longest horizon against the better of persistence and the mean (NRMSE 1). There is no grade from
-/// fewer than [`MIN_WINDOWS`] windows without overlap.
-pub fn verdicts(test: &Evaluation) -> Vec<Verdict> {
+/// fewer than [`MIN_WINDOWS`] windows without overlap, and none of an output that the sensors of the runs do not determine: its stated
+/// variance exceeds its variance over the runs.
+pub fn verdicts(test: &Evaluation, runs: &[&Trajectory]) -> Vec<Verdict> {
     let (Some(errors), Some(kept)) = (test.nrmse.last(), test.persistence.nrmse.last()) else {
         return Vec::new();
     };
     test.channels
         .iter()
         .zip(errors.iter().zip(kept))
-        .map(|(channel, (&nrmse, &persistence))| {
+        .enumerate()
+        .map(|(index, (channel, (&nrmse, &persistence)))| {
             let trivial = if persistence.is_finite() { persistence.min(1.0) } else { 1.0 };
             let (grade, reason) = if test.independent < MIN_WINDOWS {
                 let found = test.independent;
                 let reason =
                     format!("windows without overlap: {found} of the {MIN_WINDOWS} that a grade needs");
+                (Grade::NotJudged, Some(reason))
+            } else if let Some(reason) = undetermined(runs, index) {
                 (Grade::NotJudged, Some(reason))
             } else if nrmse.is_nan() {
                 (Grade::NotJudged, Some(String::from("the output does not vary over the judged windows")))
@@ -105,6 +113,25 @@ pub fn verdicts(test: &Evaluation) -> Vec<Verdict> {
             Verdict { channel: channel.clone(), grade, nrmse, persistence, reason }
         })
         .collect()
+}
+
+/// Why the sensors do not determine an output: the stated variance of its values exceeds their variance over the runs, so that less
+/// than half of its motion is measured.
+fn undetermined(runs: &[&Trajectory], channel: usize) -> Option<String> {
+    let (mut squares, mut samples, mut values) = (0.0, 0.0, Vec::new());
+    for run in runs {
+        squares += run.outputs.deviation(channel)?.powi(2) * run.len() as f64;
+        samples += run.len() as f64;
+        values.extend(run.outputs.column(channel).filter(|x| x.is_finite()));
+    }
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let spread = (values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count).sqrt();
+    let stated = (squares / samples).sqrt();
+    let unit = &runs.first()?.outputs.channels()[channel].unit;
+    (stated > spread).then(|| {
+        format!("the sensors do not determine it: its standard deviation is {stated:.2e} {unit}, and it varies by {spread:.2e} {unit}")
+    })
 }
 
 const MIN_SPIKE_SHARE: f64 = 0.005;
@@ -179,7 +206,7 @@ pub(super) fn warnings(
         let reason = verdict.reason.as_deref().unwrap_or_default();
         notes.push(
             Note::warning(format!("'{}' is not judged: {reason}", verdict.channel))
-                .with_remedy("leave it out of the outputs, or log runs in which it varies"),
+                .with_remedy("leave it out of the outputs, log runs in which it varies, or add sensors that measure it (an inertial unit, velocities)"),
         );
     }
     let of_test = candidate.test.as_ref().map(|test| (test, "test"));

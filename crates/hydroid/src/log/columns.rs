@@ -45,6 +45,8 @@ pub(crate) struct Columns<'a> {
     pub(crate) input_channels: Vec<Channel>,
     /// One vector per output; NaN is missing.
     pub(crate) outputs: Vec<Cow<'a, [f64]>>,
+    /// Standard deviation of each output, RMS over the log, where a column `deviation_NAME` states it.
+    pub(crate) deviations: Vec<Option<f64>>,
     /// One vector per input; NaN is missing.
     pub(crate) inputs: Vec<Cow<'a, [f64]>>,
     pub(crate) truth: Option<Vec<Cow<'a, [f64]>>>,
@@ -185,6 +187,8 @@ impl<'a> Columns<'a> {
             Some((source, false)) => taker.take(source).ok(),
             None => None,
         };
+        let deviations =
+            resolved.outputs.iter().map(|source| deviation(taker.origin.log(), source)).collect();
         taker.release();
         Ok(Self {
             path,
@@ -199,6 +203,7 @@ impl<'a> Columns<'a> {
             output_channels: resolved.output_channels(),
             input_channels: resolved.input_channels(),
             outputs,
+            deviations,
             inputs,
             truth,
             heading,
@@ -218,6 +223,17 @@ impl<'a> Columns<'a> {
         }
         self.lines = self.lines.of(rows);
     }
+}
+
+/// Standard deviation of an output that another column states, RMS over the log \[SI\].
+fn deviation(log: &RawLog, source: &Source) -> Option<f64> {
+    let own = &log.columns[source.column];
+    let name = format!("deviation_{}", own.name);
+    let stated = log.columns.iter().find(|column| column.name == name && column.unit == own.unit)?;
+    let squares =
+        || stated.values.iter().map(|x| (source.si(*x) - source.si(0.0)).powi(2)).filter(|x| x.is_finite());
+    let count = squares().count();
+    (count > 0).then(|| (squares().sum::<f64>() / count as f64).sqrt())
 }
 
 /// Blanks the values of a column that stand for a missing one.

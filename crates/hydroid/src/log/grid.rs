@@ -61,7 +61,8 @@ impl Part {
         };
         let mut measured = |values: &mut Cow<'a, [f64]>| put(values, places.as_deref());
         let channels = &columns.output_channels;
-        let outputs = Table::of_columns(channels, columns.outputs.iter_mut().map(&mut measured), rows);
+        let outputs = Table::of_columns(channels, columns.outputs.iter_mut().map(&mut measured), rows)
+            .with_deviations(columns.deviations.clone());
         let truth = columns.truth.as_mut();
         let truth = truth.map(|all| Table::of_columns(channels, all.iter_mut().map(&mut measured), rows));
         let heading = columns.heading.as_mut().map(|heading| measured(heading).into_owned());
@@ -150,6 +151,7 @@ mod tests {
             output_channels: vec![Channel::new("u", "m/s")],
             input_channels: vec![Channel::new("n", "rps")],
             outputs: vec![places.iter().map(|p| *p as f64).collect()],
+            deviations: Vec::new(),
             inputs: vec![inputs.into()],
             truth: None,
             heading: None,

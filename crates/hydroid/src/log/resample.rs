@@ -69,7 +69,7 @@ impl Resampling {
             name: String::new(),
             t0,
             dt: self.dt,
-            outputs: measured(&columns.outputs),
+            outputs: measured(&columns.outputs).with_deviations(columns.deviations.clone()),
             inputs,
             truth: columns.truth.as_ref().map(|truth| measured(truth)),
             heading: heading.map(|heading| self.interpolate(t, &heading[from..to], instants(), true)),

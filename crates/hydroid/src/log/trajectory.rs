@@ -31,6 +31,8 @@ impl Channel {
 pub struct Table {
     channels: Arc<[Channel]>,
     values: Vec<f64>,
+    /// Stated standard deviation of each channel, RMS over the log; empty if none is stated.
+    deviations: Vec<Option<f64>>,
 }
 
 impl Table {
@@ -44,7 +46,18 @@ impl Table {
             if channels.is_empty() { values.is_empty() } else { values.len().is_multiple_of(channels.len()) },
             "values do not fill whole rows"
         );
-        Self { channels, values }
+        Self { channels, values, deviations: Vec::new() }
+    }
+
+    /// The table with the standard deviations that its log states for the channels, RMS over the log.
+    #[must_use]
+    pub(crate) fn with_deviations(self, deviations: Vec<Option<f64>>) -> Self {
+        Self { deviations, ..self }
+    }
+
+    /// Standard deviation of the values of a channel, RMS over the log, if the log states it.
+    pub fn deviation(&self, channel: usize) -> Option<f64> {
+        self.deviations.get(channel).copied().flatten()
     }
 
     /// A table from its columns, each of which is released when it is in the table.
@@ -100,7 +113,11 @@ impl Table {
 
     /// Rows `from..to` as a table of their own.
     pub fn slice(&self, from: usize, to: usize) -> Self {
-        Self { channels: Arc::clone(&self.channels), values: self.rows(from, to).to_vec() }
+        Self {
+            channels: Arc::clone(&self.channels),
+            values: self.rows(from, to).to_vec(),
+            deviations: self.deviations.clone(),
+        }
     }
 }
 
@@ -142,7 +159,7 @@ impl Trajectory {
     /// Leaves samples `from..to`.
     pub(super) fn keep(&mut self, from: usize, to: usize) {
         let tables = [&mut self.outputs, &mut self.inputs].into_iter().chain(&mut self.truth);
-        for Table { channels, values } in tables {
+        for Table { channels, values, .. } in tables {
             values.truncate(to * channels.len());
             values.drain(..from * channels.len());
         }

@@ -75,7 +75,7 @@ impl Simulate {
                 Some(duration) => from.saturating_add(samples(duration, run.dt)?).min(run.len()),
                 None => run.len(),
             };
-            return Ok(GivenCommands::Log { run: run.slice(0, end), from });
+            return Ok(GivenCommands::Log { run: Box::new(run.slice(0, end)), from });
         }
         if self.start.is_some() {
             return wrong(format!(

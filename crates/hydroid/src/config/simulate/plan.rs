@@ -44,7 +44,7 @@ pub(super) enum GivenCommands {
     Rows(Vec<f64>),
     /// A log with the outputs of the model, up to the end of the simulation.
     Log {
-        run: Trajectory,
+        run: Box<Trajectory>,
         from: usize,
     },
 }
