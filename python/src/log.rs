@@ -519,8 +519,8 @@ pub(crate) fn prepare(
     Ok(runs.into_iter().map(Run::of).collect())
 }
 
-/// Names and units of the channels of a table, and its values, row by row.
-type Part<'py> = (Vec<(String, String)>, Bound<'py, PyAny>);
+/// Names, units and stated deviations of the channels of a table, and its values, row by row.
+type Part<'py> = (Vec<(String, String, Option<f64>)>, Bound<'py, PyAny>);
 
 /// Name, first time and sample time; outputs, inputs, true outputs and headings.
 type Saved<'py> = ((String, f64, f64), Part<'py>, Part<'py>, Option<Part<'py>>, Option<Bound<'py, PyAny>>);
@@ -602,7 +602,8 @@ impl Run {
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Saved<'py>)> {
         let run = &self.trajectory;
         let part = |of: &log::Table| -> PyResult<Part<'py>> {
-            let channels = of.channels().iter().map(|c| (c.name.clone(), c.unit.clone())).collect();
+            let channel = |(i, c): (usize, &log::Channel)| (c.name.clone(), c.unit.clone(), of.deviation(i));
+            let channels = of.channels().iter().enumerate().map(channel).collect();
             Ok((channels, PyArray1::from_slice(py, of.rows(0, of.len())).into_any()))
         };
         let truth = run.truth.as_ref().map(part).transpose()?;
@@ -621,13 +622,15 @@ impl Run {
         heading: Option<Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let table = |(channels, values): Part<'_>| -> PyResult<log::Table> {
-            let channels: Vec<log::Channel> =
-                channels.into_iter().map(|(name, unit)| log::Channel::new(name, unit)).collect();
+            let (channels, deviations): (Vec<log::Channel>, Vec<Option<f64>>) = channels
+                .into_iter()
+                .map(|(name, unit, deviation)| (log::Channel::new(name, unit), deviation))
+                .unzip();
             let values = doubles("values", &values)?.as_slice()?.to_vec();
             if values.len() % channels.len().max(1) != 0 || channels.is_empty() && !values.is_empty() {
                 return Err(unfit("values", "whole rows", values.len()));
             }
-            Ok(log::Table::new(channels, values))
+            Ok(log::Table::new(channels, values).with_deviations(deviations))
         };
         let (name, t0, dt) = start;
         let (outputs, inputs) = (table(outputs)?, table(inputs)?);
@@ -642,6 +645,11 @@ impl Run {
         ];
         if let Some(other) = lengths.into_iter().flatten().find(|length| *length != rows) {
             return Err(unfit("rows", format!("{rows} rows in all parts of a run"), other));
+        }
+        let is_alike = truth.as_ref().is_none_or(|truth| truth.channels() == outputs.channels());
+        let is_held = inputs.rows(0, inputs.len()).iter().all(|x| x.is_finite());
+        if !(t0.is_finite() && dt.is_finite() && dt > 0.0 && is_alike && is_held) {
+            return Err(expected("run", "that of a pickle of hydroid", name));
         }
         Ok(Self::of(Trajectory { name, t0, dt, outputs, inputs, truth, heading }))
     }

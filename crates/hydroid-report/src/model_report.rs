@@ -1,7 +1,7 @@
 //! The page of a model: what it is, its errors on logs, its trials, and driving it.
 
 use hydroid::evaluate::Evaluation;
-use hydroid::identify::{Grade, verdicts};
+use hydroid::identify::Verdict;
 use hydroid::manoeuvre::{Comparison, Trials};
 use hydroid::model::{Model, Port};
 use hydroid::plant::InputMap;
@@ -21,6 +21,8 @@ pub struct ModelReport<'a> {
     pub model: &'a Model,
     /// Its errors on logs, if there are logs.
     pub evaluation: Option<&'a Evaluation>,
+    /// Its grades on these logs.
+    pub verdicts: &'a [Verdict],
     /// Trials in the logs beside their predictions.
     pub comparisons: &'a [Comparison],
     /// Simulated trials, or why the model cannot run them.
@@ -71,13 +73,6 @@ fn title(model: &Model) -> String {
 fn summary(subject: &ModelReport<'_>) -> Section {
     let model = subject.model;
     let d = &model.description;
-    let mut grades = subject.evaluation.map(|judged| verdicts(judged, &[])).unwrap_or_default();
-    // The runs of the evaluation are not here; the model knows which outputs their sensors do not determine.
-    for verdict in grades.iter_mut().filter(|of| matches!(of.grade, Grade::Good | Grade::Usable)) {
-        if let Some(why) = d.provenance.not_identified.get(&verdict.channel) {
-            (verdict.grade, verdict.reason) = (Grade::NotJudged, Some(why.clone()));
-        }
-    }
     let runs = &d.provenance.training;
     let body = html! {
         header {
@@ -91,7 +86,7 @@ fn summary(subject: &ModelReport<'_>) -> Section {
             @if !runs.is_empty() { dt { "Fitted to" } dd.files { (readable(&runs.join(", "))) } }
             @if d.current.is_some() { dt { "Motion" } dd { "Through the water; the model estimates the current." } }
         }
-        @if !grades.is_empty() { div.tiles { @for verdict in &grades { (tile(verdict, &d.outputs)) } } }
+        @if !subject.verdicts.is_empty() { div.tiles { @for verdict in subject.verdicts { (tile(verdict, &d.outputs)) } } }
         (channels(model))
     };
     Section::new("summary", "Summary", body)

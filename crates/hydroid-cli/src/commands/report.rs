@@ -7,6 +7,7 @@ use hydroid::atomic;
 use hydroid::boat::StatedRoles;
 use hydroid::config;
 use hydroid::evaluate::Evaluation;
+use hydroid::identify::{Verdict, verdicts};
 use hydroid::manoeuvre::{self, Comparison};
 use hydroid::model::{self, Model};
 use hydroid::plant::{InputMap, Motion};
@@ -42,12 +43,14 @@ pub fn run(args: &Report, global: Global) -> anyhow::Result<Outcome> {
         Err(error) => Err(format!("{error:#}")),
     };
     let map = InputMap::with(&model, &args.push, &args.turn).map_err(|error| error.to_string());
-    let (evaluation, comparisons) = judged.unzip();
+    let (evaluation, verdicts, comparisons) = judged
+        .map_or_else(Default::default, |(judged, verdicts, trials)| (Some(judged), verdicts, Some(trials)));
     let command = ui::command_line();
     let page = model_report(&ModelReport {
         command: &command,
         model: &model,
         evaluation: evaluation.as_ref(),
+        verdicts: &verdicts,
         comparisons: comparisons.as_deref().unwrap_or_default(),
         trials: trials.as_ref().map_err(String::as_str),
         map: map.as_ref().map_err(String::as_str),
@@ -68,8 +71,12 @@ pub fn run(args: &Report, global: Global) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// The errors on the logs, and their trials.
-fn judge(args: &Report, model: &mut Model, global: Global) -> anyhow::Result<(Evaluation, Vec<Comparison>)> {
+/// The errors on the logs, the grades, and the trials of the logs.
+fn judge(
+    args: &Report,
+    model: &mut Model,
+    global: Global,
+) -> anyhow::Result<(Evaluation, Vec<Verdict>, Vec<Comparison>)> {
     let mut reading = args.log.clone().over(model.description.reading.clone(), &model.description.boat)?;
     let (_, prepared) = logs::prepare(&args.logs, &mut reading, global)
         .with_context(|| logs::cannot_use(&args.model, model))?;
@@ -87,5 +94,6 @@ fn judge(args: &Report, model: &mut Model, global: Global) -> anyhow::Result<(Ev
         Err(_) => Vec::new(),
     };
     drop(bar);
-    Ok((evaluation, comparisons))
+    let verdicts = verdicts(&evaluation, &runs);
+    Ok((evaluation, verdicts, comparisons))
 }

@@ -277,7 +277,7 @@ fn try_identify(job: &Job, watch: OnStage<'_>) -> Result<IdentifyResult, Identif
     if let Some(found) = &mut currents {
         candidates = through_water::choose(candidates, found);
     }
-    describe(&mut candidates, &parts.train);
+    describe(&mut candidates, &parts.train, &parts_of(&job.split).concat());
     measure_trials(&mut candidates, folds.as_ref(), &job.split.train);
     let missing = MissingData::for_judgement(job, &candidates);
     let best = select_best(&candidates).filter(|_| missing.is_none());
@@ -317,9 +317,11 @@ const STEADY: f64 = 0.02;
 
 /// Completes the descriptions of models by what their inputs do, and by the outputs that they do not predict; a constant input is
 /// a setting, and so is a shaft speed that hardly varies.
-fn describe(candidates: &mut [Candidate], train: &[&Trajectory]) {
+fn describe(candidates: &mut [Candidate], train: &[&Trajectory], all: &[&Trajectory]) {
     for candidate in candidates {
         describe_one(candidate, train);
+        candidate.model.description.provenance.not_identified =
+            verdict::not_identified(candidate.judged(), all);
     }
 }
 
@@ -342,8 +344,6 @@ fn describe_one(candidate: &mut Candidate, train: &[&Trajectory]) {
         }
     }
     candidate.model.description.boat = find_roles(&candidate.model);
-    candidate.model.description.provenance.not_identified =
-        verdict::not_identified(candidate.judged(), train);
 }
 
 /// Sets the errors of the models in the trials of the runs that were left out.

@@ -96,10 +96,10 @@ pub fn verdicts(test: &Evaluation, runs: &[&Trajectory]) -> Vec<Verdict> {
                 let reason =
                     format!("windows without overlap: {found} of the {MIN_WINDOWS} that a grade needs");
                 (Grade::NotJudged, Some(reason))
-            } else if let Some(reason) = undetermined(runs, index) {
-                (Grade::NotJudged, Some(reason))
             } else if nrmse.is_nan() {
                 (Grade::NotJudged, Some(String::from("the output does not vary over the judged windows")))
+            } else if let Some(reason) = undetermined(runs, index) {
+                (Grade::NotJudged, Some(reason))
             } else if 2 * test.diverged > test.windows {
                 let reason = format!("{} of {} rollouts diverge", test.diverged, test.windows);
                 (Grade::NotIdentified, Some(reason))
@@ -130,7 +130,7 @@ fn undetermined(runs: &[&Trajectory], channel: usize) -> Option<String> {
     let stated = (squares / samples).sqrt();
     let unit = &runs.first()?.outputs.channels()[channel].unit;
     (stated > spread).then(|| {
-        format!("the sensors do not determine it: its standard deviation is {stated:.2e} {unit}, and it varies by {spread:.2e} {unit}")
+        format!("the sensors do not determine it (standard deviation {stated:.2e} {unit}, spread over the runs {spread:.2e} {unit})")
     })
 }
 
@@ -204,9 +204,13 @@ pub(super) fn warnings(
     let is_constant = |v: &&Verdict| v.grade == Grade::NotJudged && test.independent >= MIN_WINDOWS;
     for verdict in verdicts.iter().filter(is_constant) {
         let reason = verdict.reason.as_deref().unwrap_or_default();
+        let remedy = if verdict.nrmse.is_nan() {
+            "leave it out of the outputs, or log runs in which it varies"
+        } else {
+            "what follows from it is not valid; record velocities, or the accelerations of an inertial unit"
+        };
         notes.push(
-            Note::warning(format!("'{}' is not judged: {reason}", verdict.channel))
-                .with_remedy("leave it out of the outputs, log runs in which it varies, or add sensors that measure it (an inertial unit, velocities)"),
+            Note::warning(format!("'{}' is not judged: {reason}", verdict.channel)).with_remedy(remedy),
         );
     }
     let of_test = candidate.test.as_ref().map(|test| (test, "test"));

@@ -45,7 +45,7 @@ pub(crate) struct Columns<'a> {
     pub(crate) input_channels: Vec<Channel>,
     /// One vector per output; NaN is missing.
     pub(crate) outputs: Vec<Cow<'a, [f64]>>,
-    /// Standard deviation of each output, RMS over the log, where a column `deviation_NAME` states it.
+    /// Standard deviation of each output, where `deviation_u`, `deviation_v` or `deviation_r` states it.
     pub(crate) deviations: Vec<Option<f64>>,
     /// One vector per input; NaN is missing.
     pub(crate) inputs: Vec<Cow<'a, [f64]>>,
@@ -225,15 +225,25 @@ impl<'a> Columns<'a> {
     }
 }
 
-/// Standard deviation of an output that another column states, RMS over the log \[SI\].
+/// Share of the rows with the largest deviations that does not count: the beginning of a run is less certain.
+const LEAST_CERTAIN: f64 = 0.05;
+
+/// Standard deviation of a velocity that another column of the table states, RMS over the log without the least certain rows \[SI\].
 fn deviation(log: &RawLog, source: &Source) -> Option<f64> {
     let own = &log.columns[source.column];
+    if !["u", "v", "r"].contains(&own.name.as_str()) {
+        return None;
+    }
     let name = format!("deviation_{}", own.name);
     let stated = log.columns.iter().find(|column| column.name == name && column.unit == own.unit)?;
-    let squares =
-        || stated.values.iter().map(|x| (source.si(*x) - source.si(0.0)).powi(2)).filter(|x| x.is_finite());
-    let count = squares().count();
-    (count > 0).then(|| (squares().sum::<f64>() / count as f64).sqrt())
+    let si = |x: &f64| source.si(*x) - source.si(0.0);
+    let mut sizes: Vec<f64> = stated.values.iter().map(si).filter(|x| x.is_finite() && *x >= 0.0).collect();
+    sizes.sort_by(f64::total_cmp);
+    // A share of a length.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    sizes.truncate(((1.0 - LEAST_CERTAIN) * sizes.len() as f64).ceil() as usize);
+    let mean = sizes.iter().map(|x| x * x).sum::<f64>() / sizes.len() as f64;
+    (!sizes.is_empty()).then(|| mean.sqrt())
 }
 
 /// Blanks the values of a column that stand for a missing one.

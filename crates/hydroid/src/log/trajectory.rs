@@ -31,7 +31,7 @@ impl Channel {
 pub struct Table {
     channels: Arc<[Channel]>,
     values: Vec<f64>,
-    /// Stated standard deviation of each channel, RMS over the log; empty if none is stated.
+    /// Stated standard deviation of each channel over the log; empty if none is stated.
     deviations: Vec<Option<f64>>,
 }
 
@@ -49,13 +49,13 @@ impl Table {
         Self { channels, values, deviations: Vec::new() }
     }
 
-    /// The table with the standard deviations that its log states for the channels, RMS over the log.
+    /// The table with the standard deviations that its log states for the channels, one for each, or none.
     #[must_use]
-    pub(crate) fn with_deviations(self, deviations: Vec<Option<f64>>) -> Self {
+    pub fn with_deviations(self, deviations: Vec<Option<f64>>) -> Self {
         Self { deviations, ..self }
     }
 
-    /// Standard deviation of the values of a channel, RMS over the log, if the log states it.
+    /// Standard deviation of the values of a channel over the log (RMS without the least certain rows), if the log states it.
     pub fn deviation(&self, channel: usize) -> Option<f64> {
         self.deviations.get(channel).copied().flatten()
     }

@@ -150,7 +150,8 @@ pub struct Provenance {
     pub validation: Vec<String>,
     /// Selected options.
     pub settings: serde_json::Value,
-    /// Outputs that the model predicts no better than their means, or with rollouts that diverge, with the figures that say so.
+    /// Outputs that the model predicts no better than their means, or with rollouts that diverge, or that the sensors do not
+    /// determine, with the figures that say so.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub not_identified: BTreeMap<String, String>,
     /// Whether the model was found not to be for trials and control.
