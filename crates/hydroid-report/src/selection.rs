@@ -39,7 +39,7 @@ fn choice(candidate: &Candidate, found: &SearchResult) -> Result<Markup, ReportE
     if found.trials.is_empty() {
         return Ok(nothing("No settings were tried."));
     }
-    if let (Some(_), Some(trial)) = (&found.noise_ratio, found.trials.get(found.chosen)) {
+    if let (Some(_), Some(trial)) = (&found.grid.noise, found.trials.get(found.chosen)) {
         return Ok(explained(candidate, found, trial));
     }
     let diverged = found.trials.iter().filter(|t| t.score.is_none()).count();
@@ -76,13 +76,14 @@ fn choice(candidate: &Candidate, found: &SearchResult) -> Result<Markup, ReportE
     })
 }
 
-/// The only setting, if its equations explain the data to within their noise.
+/// The only setting, of equations that were selected by the noise.
 fn explained(candidate: &Candidate, found: &SearchResult, trial: &Trial) -> Markup {
     let dt = candidate.model.description.dt;
     html! {
         p {
             "The terms are the best subset of " (trial.structure.to_string()) " by the extended Bayesian criterion (" (regression(trial.regression, dt)) "). "
-            @if let Some(text) = found.explained() { "They give " (text) ". No other setting was tried. " }
+            @if let Some(text) = found.explained() { "They give " (text) ". " } @else { "They explain a part of the training runs to within their noise, and all of them together not. " }
+            "No other setting was tried. "
             @if let Some(text) = found.refinement.describe(dt) { "The coefficients were " (text) ". " }
         }
     }

@@ -90,7 +90,7 @@ pub(super) fn memoryless(
 const NOISE_RATIOS: RangeInclusive<f64> = 0.5..=2.0;
 
 /// Most terms of a library for the search for the best subset.
-const MOST_TERMS: usize = 100;
+const SUBSET_TERMS: usize = 100;
 
 pub(super) fn is_explained(ratios: &[f64]) -> bool {
     ratios.iter().all(|ratio| NOISE_RATIOS.contains(ratio))
@@ -107,7 +107,7 @@ fn sparsest(
     let train = &parts.train;
     let grid = libraries.last().and_then(|library| job.sindy.sparsest(train, job.horizon, library));
     let Some(grid) = grid else { return Ok(None) };
-    let is_small = grid.structures.iter().all(|s| s.terms(&Variables::of(train[0])).len() <= MOST_TERMS);
+    let is_small = grid.structures.iter().all(|s| s.terms(&Variables::of(train[0])).len() <= SUBSET_TERMS);
     if !is_small || !noise_ratio(train, &grid, None).is_ok_and(|ratios| is_explained(&ratios)) {
         return Ok(None);
     }

@@ -352,8 +352,8 @@ fn cross_validated_equations(
     let mut found = Arc::unwrap_or_clone(found);
     (found.fit, found.ensemble) = (fit, ensemble);
     if found.noise_ratio.is_some() {
-        let ratios = noise_ratio(&parts.train, &found.grid, Some(&found.fit))?;
-        found.noise_ratio = Some(ratios).filter(|ratios| equations::is_explained(ratios));
+        let ratios = noise_ratio(&parts.train, &found.grid, Some(&found.fit)).ok();
+        found.noise_ratio = ratios.filter(|ratios| equations::is_explained(ratios));
     }
     Ok((Arc::new(found), left_out))
 }

@@ -169,6 +169,12 @@ pub(super) fn of_no_vessel(job: &Job, shown: &Candidate) -> Vec<Note> {
                 .with_remedy(format!("for a vessel give the outputs these names or units, or set {} and {}", key("library"), key("gate"))),
         );
     }
+    if found.grid.noise.is_some() && found.noise_ratio.is_none() {
+        notes.push(
+            Note::warning("the equations explain a part of the training runs to within their noise, and all of them together not")
+                .with_remedy(format!("{} selects equations by their rollouts", key("ridge"))),
+        );
+    }
     let of_test = shown.test.as_ref();
     let diverged = shown.validation.diverged + of_test.map_or(0, |test| test.diverged);
     let windows = shown.validation.windows + of_test.map_or(0, |test| test.windows);

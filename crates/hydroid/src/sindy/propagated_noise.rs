@@ -14,6 +14,7 @@ use hydroid_core::model::sparse::{Equations, Jacobian};
 
 use super::error::FitError;
 use super::regression_form::RegressionForm;
+use crate::key::key;
 use crate::log::Trajectory;
 
 /// Weights of the rows of one equation.
@@ -45,7 +46,11 @@ pub(super) fn propagated_noise(
         let used = || weights.iter().flatten().filter(|w| **w > 0.0);
         let mean_inverse = used().sum::<f64>() / used().count() as f64;
         if !mean_inverse.is_finite() {
-            return Err(FitError::Setting(format!("no noise reaches the equation of output {output}")));
+            return Err(FitError::Setting(format!(
+                "no noise reaches the equation of output {}: set {} for equations that are selected by rollouts",
+                output + 1,
+                key("ridge")
+            )));
         }
         weights.iter_mut().flatten().for_each(|w| *w /= mean_inverse);
         Ok(PropagatedNoise { weights, mean_inverse })

@@ -8,8 +8,8 @@
 //! n ln(RSS/n) + n k ln n/(n - k - 2) + 2 ln binomial(p, k)
 //! ```
 //!
-//! for `n` independent rows, with the correction for few rows of [`super::criterion`], and `p` terms. The last part accounts for the number of subsets among which the best one is
-//! found.
+//! for `n` independent rows, with the correction for few rows of [`super::criterion`], and `p` terms. The last part
+//! accounts for the number of subsets among which the best one is found.
 
 use std::collections::BTreeMap;
 
@@ -109,13 +109,12 @@ impl Moments {
         // Rows of the Cholesky factor, and the right-hand side.
         let mut factor: Vec<Vec<f64>> = Vec::with_capacity(n);
         let mut solved: Vec<f64> = Vec::with_capacity(n);
-        for (row, &i) in subset.iter().enumerate() {
+        for &i in subset {
             let mut own = self.forward(&factor, subset, i);
             let pivot = (1.0 - own.iter().map(|x| x * x).sum::<f64>()).max(f64::MIN_POSITIVE).sqrt();
             let known: f64 = own.iter().zip(&solved).map(|(a, b)| a * b).sum();
             solved.push((self.target[i] - known) / pivot);
             own.push(pivot);
-            debug_assert_eq!(own.len(), row + 1);
             factor.push(own);
         }
         let residual = self.total - solved.iter().map(|x| x * x).sum::<f64>();

@@ -4,7 +4,7 @@ use super::{SearchError, SearchGrid, TrialSettings, Variables, fit_options, prep
 use crate::log::Trajectory;
 use crate::sindy::constraints::Constraints;
 use crate::sindy::fit::{Fit, LinearRegression};
-use crate::sindy::propagated_noise::propagated_noise;
+use crate::sindy::propagated_noise::{PropagatedNoise, propagated_noise};
 
 impl TrialSettings<'_> {
     /// Equations from the regression of the trial. With the noise of the grid, each is the best subset on rows that are weighted by
@@ -43,8 +43,7 @@ impl TrialSettings<'_> {
         let deviations = grid.noise.as_deref().unwrap_or_default();
         let noise = propagated_noise(runs, self.regression, deviations, &fit.equations)?;
         let count = fit.equations.terms().len();
-        let ratio = |(equation, noise): (usize, _)| {
-            let noise: &crate::sindy::propagated_noise::PropagatedNoise = noise;
+        let ratio = |(equation, noise): (usize, &PropagatedNoise)| {
             let rows =
                 prepare(runs, variables, self.structure, self.regression, (grid.loss, 0), &noise.weights)?;
             let own = &fit.equations.coefficients()[equation * count..(equation + 1) * count];
