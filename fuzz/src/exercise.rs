@@ -88,6 +88,7 @@ pub(crate) fn run(model: &Model) -> Trajectory {
         inputs: table(description.inputs.iter().map(|port| port.channel.clone()).collect(), 1.0),
         truth: None,
         heading: Some((0..SAMPLES).map(|k| 0.1 * k as f64).collect()),
+        position: None,
     }
 }
 

@@ -522,8 +522,11 @@ pub(crate) fn prepare(
 /// Names, units and stated deviations of the channels of a table, and its values, row by row.
 type Part<'py> = (Vec<(String, String, Option<f64>)>, Bound<'py, PyAny>);
 
-/// Name, first time and sample time; outputs, inputs, true outputs and headings.
-type Saved<'py> = ((String, f64, f64), Part<'py>, Part<'py>, Option<Part<'py>>, Option<Bound<'py, PyAny>>);
+/// Headings and positions.
+type Pose<'py> = [Option<Bound<'py, PyAny>>; 2];
+
+/// Name, first time and sample time; outputs, inputs, true outputs and pose.
+type Saved<'py> = ((String, f64, f64), Part<'py>, Part<'py>, Option<Part<'py>>, Pose<'py>);
 
 #[pyclass(frozen, module = "hydroid")]
 pub(crate) struct Run {
@@ -608,8 +611,9 @@ impl Run {
         };
         let truth = run.truth.as_ref().map(part).transpose()?;
         let heading = run.heading.as_ref().map(|heading| PyArray1::from_slice(py, heading).into_any());
+        let position = run.position.as_ref().map(|of| PyArray1::from_slice(py, of.as_flattened()).into_any());
         let start = (run.name.clone(), run.t0, run.dt);
-        let saved = (start, part(&run.outputs)?, part(&run.inputs)?, truth, heading);
+        let saved = (start, part(&run.outputs)?, part(&run.inputs)?, truth, [heading, position]);
         Ok((py.get_type::<Self>().getattr("_restored")?, saved))
     }
 
@@ -619,7 +623,7 @@ impl Run {
         outputs: Part<'_>,
         inputs: Part<'_>,
         truth: Option<Part<'_>>,
-        heading: Option<Bound<'_, PyAny>>,
+        pose: Pose<'_>,
     ) -> PyResult<Self> {
         let table = |(channels, values): Part<'_>| -> PyResult<log::Table> {
             let (channels, deviations): (Vec<log::Channel>, Vec<Option<f64>>) = channels
@@ -635,13 +639,18 @@ impl Run {
         let (name, t0, dt) = start;
         let (outputs, inputs) = (table(outputs)?, table(inputs)?);
         let truth = truth.map(table).transpose()?;
-        let heading = heading.map(|of| Ok::<_, PyErr>(doubles("heading", &of)?.as_slice()?.to_vec()));
-        let heading = heading.transpose()?;
+        let values = |of: Option<Bound<'_, PyAny>>, name| {
+            of.map(|of| Ok::<_, PyErr>(doubles(name, &of)?.as_slice()?.to_vec())).transpose()
+        };
+        let [heading, position] = pose;
+        let (heading, position) = (values(heading, "heading")?, values(position, "position")?);
+        let position = position.map(|flat| flat.as_chunks().0.to_vec());
         let rows = outputs.len();
         let lengths = [
             (inputs.width() > 0).then(|| inputs.len()),
             truth.as_ref().map(log::Table::len),
             heading.as_ref().map(Vec::len),
+            position.as_ref().map(Vec::len),
         ];
         if let Some(other) = lengths.into_iter().flatten().find(|length| *length != rows) {
             return Err(unfit("rows", format!("{rows} rows in all parts of a run"), other));
@@ -651,7 +660,7 @@ impl Run {
         if !(t0.is_finite() && dt.is_finite() && dt > 0.0 && is_alike && is_held) {
             return Err(expected("run", "that of a pickle of hydroid", name));
         }
-        Ok(Self::of(Trajectory { name, t0, dt, outputs, inputs, truth, heading }))
+        Ok(Self::of(Trajectory { name, t0, dt, outputs, inputs, truth, heading, position }))
     }
 
     fn __repr__(&self) -> String {

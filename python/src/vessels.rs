@@ -348,6 +348,10 @@ struct ComparedFigure<'a> {
     not_valid: Option<&'a str>,
     low: Option<f64>,
     high: Option<f64>,
+    measured_low: Option<f64>,
+    measured_high: Option<f64>,
+    error: Option<f64>,
+    uncertainty: Option<f64>,
 }
 
 #[pymethods]
@@ -361,7 +365,8 @@ impl Comparisons {
         let mut records = Vec::new();
         for (number, comparison) in self.comparisons.iter().enumerate() {
             for (measured, predicted) in comparison.measured.iter().zip(&comparison.predicted) {
-                let (low, high) = ends(predicted);
+                let ((low, high), (measured_low, measured_high)) = (ends(predicted), ends(measured));
+                let error = comparison.errors.iter().find(|error| error.name == measured.name);
                 records.push(ComparedFigure {
                     trial: number,
                     run: &comparison.run,
@@ -375,6 +380,10 @@ impl Comparisons {
                     not_valid: predicted.not_valid.as_deref(),
                     low,
                     high,
+                    measured_low,
+                    measured_high,
+                    error: error.map(|error| error.error),
+                    uncertainty: error.and_then(|error| error.uncertainty),
                 });
             }
         }

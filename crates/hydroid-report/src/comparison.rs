@@ -103,7 +103,7 @@ fn summary(subject: &ComparisonReport<'_>) -> Section {
 }
 
 fn values(comparison: &Comparison) -> Markup {
-    let heads = ["", "measured", "predicted", "interval", "unit"].map(cell);
+    let heads = ["", "measured", "±", "predicted", "interval", "E", "U", "unit"].map(cell);
     let value = |value: Option<f64>| value.map_or_else(|| String::from("–"), |value| text(value, 3));
     let rows: Vec<Vec<Markup>> = comparison
         .measured
@@ -117,11 +117,16 @@ fn values(comparison: &Comparison) -> Markup {
             });
             let none = || predicted.no_interval.as_ref().map(|reason| format!("none: {reason}"));
             let mark = if predicted.extrapolated && predicted.value.is_some() { " *" } else { "" };
+            let half = measured.interval.map(|[low, high]| text(0.5 * (high - low), 2));
+            let error = comparison.errors.iter().find(|error| error.name == measured.name);
             [
                 name,
                 value(measured.value),
+                half.unwrap_or_default(),
                 format!("{}{mark}", value(predicted.value)),
                 interval.or_else(none).unwrap_or_default(),
+                error.map(|error| text(error.error, 2)).unwrap_or_default(),
+                error.and_then(|error| error.uncertainty).map(|of| text(of, 2)).unwrap_or_default(),
                 unit.to_owned(),
             ]
             .map(cell)
@@ -131,13 +136,20 @@ fn values(comparison: &Comparison) -> Markup {
     let [north, east] = comparison.current;
     html! {
         (table(&heads, &rows, 1))
+        p.small {
+            "Measured path: " (comparison.path_words()) ". Approach: " (text(comparison.approach.speed_m_s, 3)) " m/s over ground."
+        }
+        @for doubt in &comparison.doubts { p.warning { "Doubtful: " (doubt) "." } }
         @if let Some(reason) = comparison.measured.iter().find_map(|figure| figure.not_valid.as_ref()) {
             p.warning { "Figures without a value are not measured: " (reason) "." }
         }
         @if let Some(reason) = &comparison.tracks[1].not_valid { p.warning { "The prediction is not valid: " (reason) "." } }
         @if comparison.in_training { p.warning { "The model was fitted to a run of this name." } }
         @if [north, east] != [0.0; 2] {
-            p.small { "In an estimated current of " (text(north, 2)) " m/s north and " (text(east, 2)) " m/s east." }
+            p.small {
+                "In a current of " (text(north, 2)) " m/s north and " (text(east, 2)) " m/s east, "
+                @if comparison.current_of_turn { "that of the turn itself." } @else { "estimated before the trial." }
+            }
         }
         @for outside in &comparison.outside { p.small { "* " (outside) "." } }
         @if let Some(words) = interval_words(&comparison.predicted, comparison.members) {
@@ -181,7 +193,8 @@ fn definitions(subject: &ComparisonReport<'_>) -> Section {
         p {
             "Each prediction starts from the measurements up to the first sample of the trial, and has the measured commands. A zigzag is reversed at the measured headings. "
             "Advance and transfer are the distances along and across the initial course up to a change of heading by 90°, the tactical diameter is that across up to 180°. "
-            "An overshoot is the change of heading in the old direction after the steering was reversed."
+            "An overshoot is the change of heading in the old direction after the steering was reversed. "
+            "± is half the 90 % interval that the noise of the positions leaves, E the measured less the predicted value, and U the uncertainty of this comparison: the root of the sum of the squares of half of both intervals. An error below it is not one of the model with certainty."
         }
         details {
             summary { "Command that reproduces this page" }

@@ -161,6 +161,8 @@ fn summary(subject: &ManoeuvreReport<'_>) -> Section {
         (false, false) if !is_open => "",
         _ => " Directional stability is not decided.",
     };
+    let not_judged = |figure: &&Value| figure.not_judged.is_some();
+    let without = trials.trials.iter().flat_map(|trial| &trial.figures).filter(not_judged).count();
     let (class, heading, words) = if judged.is_empty() {
         (
             "usable",
@@ -172,8 +174,16 @@ fn summary(subject: &ManoeuvreReport<'_>) -> Section {
             }),
         )
     } else if missed == 0 {
-        let words = format!("All {} criteria of IMO resolution MSC.137(76) are met.", judged.len());
-        if open == 0 {
+        let words = match without {
+            0 => format!("All {} criteria of IMO resolution MSC.137(76) are met.", judged.len()),
+            _ => format!(
+                "{} criteria of IMO resolution MSC.137(76) are met, and {without} are not judged, because their figures are not reached.",
+                judged.len()
+            ),
+        };
+        if without > 0 {
+            ("usable", "Criteria not all judged.", words)
+        } else if open == 0 {
             ("good", "Criteria met.", words)
         } else {
             let words = format!("{words} The intervals of {open} reach beyond the limit, or are not known.");
@@ -233,7 +243,9 @@ fn values(subject: &ManoeuvreReport<'_>, trials: &[&Trial]) -> Markup {
     let mut heads = vec![cell("")];
     heads.extend(trials.iter().map(|trial| cell(side(trial))));
     heads.push(cell("unit"));
-    let limits = trials.iter().any(|trial| trial.figures.iter().any(|figure| figure.criterion.is_some()));
+    let limits = trials
+        .iter()
+        .any(|trial| trial.figures.iter().any(|f| f.criterion.is_some() || f.not_judged.is_some()));
     if limits {
         heads.push(cell("limit"));
     }
@@ -264,6 +276,9 @@ fn values(subject: &ManoeuvreReport<'_>, trials: &[&Trial]) -> Markup {
                     };
                     format!("{} {mark}", text(criterion.limit, 3))
                 });
+                let open = trials.iter().find_map(|trial| trial.figures[i].not_judged);
+                let open = open.map(|limit| format!("{} not judged", text(limit, 3)));
+                let limit = open.or(limit);
                 row.push(cell(limit.unwrap_or_default()));
             }
             row

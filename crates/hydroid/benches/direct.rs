@@ -38,6 +38,7 @@ fn run(samples: usize, phase: f64) -> Trajectory {
         inputs: Table::new(channels(&["n", "delta"]), inputs),
         truth: None,
         heading: None,
+        position: None,
     }
 }
 

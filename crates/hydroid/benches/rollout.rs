@@ -135,6 +135,7 @@ fn evaluate_7300_samples_at_horizon_100(bencher: Bencher, active: usize) {
         inputs: Table::new(channels("c", INPUTS), (0..7_300).flat_map(command).collect()),
         truth: None,
         heading: None,
+        position: None,
     };
     let ranges = [DesignRange { low: -2.0, high: 2.0 }; OUTPUTS];
     bencher.counter(ItemsCount::new(7_200usize * 100)).bench_local(|| {

@@ -28,6 +28,7 @@ fn run(samples: usize, outputs: usize, inputs: usize) -> Trajectory {
         inputs: table("c", inputs, outputs),
         truth: None,
         heading: None,
+        position: None,
     }
 }
 

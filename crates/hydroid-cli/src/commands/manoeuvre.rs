@@ -3,7 +3,7 @@
 use anyhow::{Context as _, bail};
 use hydroid::atomic::{self, Lock};
 use hydroid::log::Note;
-use hydroid::manoeuvre::{self, Comparison, LeftOut, Trial, Trials};
+use hydroid::manoeuvre::{self, Comparison, ComparisonError, LeftOut, Trial, Trials};
 use hydroid::model::{self, Model};
 use hydroid_report::{ComparisonReport, ManoeuvreReport};
 use serde_json::json;
@@ -88,7 +88,7 @@ fn compare(args: &Manoeuvre, model: &Model, global: Global) -> anyhow::Result<Ou
     }
     if all.is_empty() {
         outln!(
-            "the logs contain no trial: no turn by 90 deg or more under constant commands, and no zigzag of three commands or more"
+            "the logs contain no trial: no turn by 90 deg or more under constant commands, and no zigzag of three commands or more, from a straight course"
         );
     }
     if let Some(folder) = &args.output {
@@ -104,12 +104,18 @@ fn print_comparison(comparison: &Comparison) {
     let water = if *north == 0.0 && *east == 0.0 {
         String::new()
     } else {
-        format!(", in an estimated current of {north:.2}, {east:.2} m/s (north, east)")
+        let of = if comparison.current_of_turn { "of the turn itself" } else { "estimated before it" };
+        format!(", in a current of {north:.2}, {east:.2} m/s (north, east), {of}")
     };
     outln!("{run}, {at_s:.1} s: {title}{water}{fitted}");
     let intervals = manoeuvre::interval_words(&comparison.predicted, *members);
     let intervals = intervals.map(|words| format!(" interval: {words}")).unwrap_or_default();
-    outln!("  {:<28} {:>11} {:>11} {:<6}{intervals}", "", "measured", "predicted", "");
+    outln!("  measured path: {}", comparison.path_words());
+    outln!("  approach: {:.3} m/s over ground", comparison.approach.speed_m_s);
+    for doubt in &comparison.doubts {
+        outln!("  doubtful: {doubt}");
+    }
+    outln!("  {:<28} {:>19} {:>11} {:<6} {:<18}{intervals}", "", "measured", "predicted", "", "E, U");
     for (measured, predicted) in comparison.measured.iter().zip(&comparison.predicted) {
         if let Some(value) = measured.value {
             let (name, unit) = measured.name_and_unit();
@@ -120,7 +126,16 @@ fn print_comparison(comparison: &Comparison) {
                 interval.map(|[low, high]| format!("   {low:.2} to {high:.2}{}", predicted.left_out_text()));
             let none = predicted.no_interval.as_ref().map(|reason| format!("   no interval: {reason}"));
             let interval = interval.or(none).unwrap_or_default();
-            let line = format!("  {name:<28} {value:>11.2} {other:>11} {unit:<6}{interval}");
+            let half =
+                measured.interval.map(|[low, high]| format!("{value:.2} +- {:.2}", 0.5 * (high - low)));
+            let value = half.unwrap_or_else(|| format!("{value:.2}"));
+            let error = comparison.errors.iter().find(|error| error.name == measured.name);
+            let error = error.map(|ComparisonError { error, uncertainty, .. }| match uncertainty {
+                Some(uncertainty) => format!("{error:.2}, {uncertainty:.2}"),
+                None => format!("{error:.2}, unknown"),
+            });
+            let error = error.unwrap_or_default();
+            let line = format!("  {name:<28} {value:>19} {other:>11} {unit:<6} {error:<18}{interval}");
             let mark = if predicted.extrapolated && predicted.value.is_some() { " *" } else { "" };
             outln!("{}{mark}", line.trim_end());
         } else if let Some(reason) = &measured.not_valid {
@@ -153,6 +168,7 @@ fn print(model: &Model, trials: &Trials) {
             let criterion = figure
                 .criterion
                 .map(|c| format!("   limit {:.2}: {}", c.limit, c.words()))
+                .or_else(|| Some(format!("   limit {:.2}: not judged", figure.not_judged?)))
                 .unwrap_or_default();
             let mark = if figure.extrapolated && figure.value.is_some() { " *" } else { "" };
             let line = format!("  {name:<28} {value:>11} {unit:<6}{interval}{criterion}");

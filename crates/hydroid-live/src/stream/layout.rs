@@ -173,6 +173,7 @@ impl Layout {
             inputs: Table::new(inputs, Vec::new()),
             truth: None,
             heading: None,
+            position: None,
         }])?;
         let pose = position.map(|position| PoseColumns::find(&log, reading, position)).transpose()?;
         if model.description.current.is_none() || pose.is_some() {

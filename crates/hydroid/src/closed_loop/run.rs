@@ -158,6 +158,7 @@ impl Run {
             inputs: Table::new(self.inputs.clone(), self.commands.clone()),
             truth: Some(Table::new(outputs.to_vec(), rows(&self.truth))),
             heading: Some(self.samples.iter().map(|sample| sample.eta[2]).collect()),
+            position: Some(self.samples.iter().map(|sample| [sample.eta[0], sample.eta[1]]).collect()),
         }
     }
 }

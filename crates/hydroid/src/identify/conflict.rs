@@ -524,6 +524,7 @@ mod tests {
                 inputs: Table::new(channels(["port", "starboard"]), inputs),
                 truth: None,
                 heading: None,
+                position: None,
             }
         };
         (0..4).map(&mut log).collect()

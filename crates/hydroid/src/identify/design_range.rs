@@ -155,6 +155,7 @@ mod tests {
             inputs: table("n", "rps", vec![-1.0, 3.0, f64::NAN]),
             truth: None,
             heading: None,
+            position: None,
         }
     }
 

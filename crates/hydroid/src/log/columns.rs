@@ -51,6 +51,7 @@ pub(crate) struct Columns<'a> {
     pub(crate) inputs: Vec<Cow<'a, [f64]>>,
     pub(crate) truth: Option<Vec<Cow<'a, [f64]>>>,
     pub(crate) heading: Option<Cow<'a, [f64]>>,
+    pub(crate) position: Option<[Cow<'a, [f64]>; 2]>,
 }
 
 /// Largest plausible time \[s\]: seconds since 1970 are 1.7e9, milliseconds are 1.7e12, and nanoseconds end at 9.2e9 s.
@@ -187,6 +188,10 @@ impl<'a> Columns<'a> {
             Some((source, false)) => taker.take(source).ok(),
             None => None,
         };
+        let position = match &resolved.position {
+            Some([x, y]) => taker.take(x).ok().zip(taker.take(y).ok()).map(<[_; 2]>::from),
+            None => None,
+        };
         let deviations =
             resolved.outputs.iter().map(|source| deviation(taker.origin.log(), source)).collect();
         taker.release();
@@ -207,6 +212,7 @@ impl<'a> Columns<'a> {
             inputs,
             truth,
             heading,
+            position,
         })
     }
 
@@ -217,7 +223,8 @@ impl<'a> Columns<'a> {
     /// Leaves some rows.
     pub(crate) fn keep(&mut self, rows: &[bool]) {
         let values = self.outputs.iter_mut().chain(&mut self.inputs).chain(self.truth.iter_mut().flatten());
-        for values in values.chain(&mut self.heading).chain([&mut self.t]) {
+        let position = self.position.iter_mut().flatten();
+        for values in values.chain(&mut self.heading).chain(position).chain([&mut self.t]) {
             let mut used = rows.iter();
             values.to_mut().retain(|_| used.next() == Some(&true));
         }

@@ -66,6 +66,8 @@ impl Part {
         let truth = columns.truth.as_mut();
         let truth = truth.map(|all| Table::of_columns(channels, all.iter_mut().map(&mut measured), rows));
         let heading = columns.heading.as_mut().map(|heading| measured(heading).into_owned());
+        let position = columns.position.as_mut().map(|axes| axes.each_mut().map(&mut measured));
+        let position = position.map(|[x, y]| x.iter().zip(&*y).map(|(x, y)| [*x, *y]).collect());
         // With `After`, the command of a row acts from the row before. It is placed one sample after that row, and the
         // shift moves it there.
         let begins: Option<Vec<usize>> = places.as_ref().map(|places| match timing {
@@ -93,7 +95,7 @@ impl Part {
             input
         };
         let inputs = Table::of_columns(&columns.input_channels, columns.inputs.iter_mut().map(command), rows);
-        let run = Trajectory { name: String::new(), t0, dt: step, outputs, inputs, truth, heading };
+        let run = Trajectory { name: String::new(), t0, dt: step, outputs, inputs, truth, heading, position };
         Ok(Self { run, held, absent: rows - found })
     }
 
@@ -155,6 +157,7 @@ mod tests {
             inputs: vec![inputs.into()],
             truth: None,
             heading: None,
+            position: None,
         }
     }
 

@@ -53,7 +53,7 @@ pub(super) fn choose(
 }
 
 /// Slope of the change of the heading over windows against the integral of the yaw rate; `None` if the runs hardly turn.
-fn turn_ratio(runs: &[Trajectory], yaw: usize) -> Option<f64> {
+pub(crate) fn turn_ratio(runs: &[Trajectory], yaw: usize) -> Option<f64> {
     let (mut products, mut squares, mut windows) = (0.0, 0.0, 0_u32);
     for run in runs {
         let heading = run.heading.as_ref()?;

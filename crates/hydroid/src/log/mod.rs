@@ -47,6 +47,7 @@ pub use csv::{RawColumn, RawLog, ShortRows, read, read_from};
 pub(crate) use csv::{Rows, Shortest, bytes};
 pub use error::LogError;
 pub(crate) use fastest::shortest_change;
+pub(crate) use heading::turn_ratio;
 pub use inspect::{Inspection, inspect, inspect_file, inspect_owned};
 pub(crate) use note::count;
 pub use note::{Note, Severity};

@@ -65,6 +65,10 @@ impl Resampling {
         });
         let inputs = Table::of_columns(&columns.input_channels, inputs, rows);
         let heading = columns.heading.as_ref();
+        let position = columns.position.as_ref().map(|axes| {
+            let [x, y] = axes.each_ref().map(|axis| self.interpolate(t, &axis[from..to], instants(), false));
+            x.into_iter().zip(y).map(|(x, y)| [x, y]).collect()
+        });
         let run = Trajectory {
             name: String::new(),
             t0,
@@ -73,6 +77,7 @@ impl Resampling {
             inputs,
             truth: columns.truth.as_ref().map(|truth| measured(truth)),
             heading: heading.map(|heading| self.interpolate(t, &heading[from..to], instants(), true)),
+            position,
         };
         Ok(Part { run, held, absent: 0 })
     }

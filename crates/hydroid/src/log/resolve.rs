@@ -34,6 +34,11 @@ impl Source {
         Self { column, factor: unit.factor, offset: 0.0, scale: 1.0, channel }
     }
 
+    /// A column as a length \[m\]: a factor times the difference from a value.
+    pub(crate) fn metres(column: usize, name: &str, factor: f64, offset: f64) -> Self {
+        Self { column, factor, offset, scale: 1.0, channel: Channel::new(name, "m") }
+    }
+
     /// The SI value of a value in the log.
     pub fn si(&self, value: f64) -> f64 {
         (value - self.offset) * self.factor
@@ -96,6 +101,8 @@ pub struct Resolved {
     pub truth: Option<Vec<Source>>,
     /// The heading, if there is one, and whether the selection names it.
     pub heading: Option<(Source, bool)>,
+    /// Two axes of the only position of the log beside the channels.
+    pub position: Option<[Source; 2]>,
 }
 
 impl Resolved {
@@ -118,7 +125,8 @@ impl Resolved {
             Err(e) => return Err(e),
         };
         let truth = truth(log, &outputs)?;
-        let mut resolved = Self { time, outputs, inputs, wind, truth, heading: None };
+        let mut resolved = Self { time, outputs, inputs, wind, truth, heading: None, position: None };
+        resolved.position = super::inspect::position(log, &resolved);
         resolved.heading = heading(log, selection, &resolved, notes)?;
         if selection.inputs.is_empty() {
             notes.extend(unused(log, &resolved));
@@ -140,8 +148,9 @@ impl Resolved {
             Time::Even(_) => None,
         };
         let channels = self.outputs.iter().chain(&self.inputs).chain(self.wind.iter().flatten());
-        let rest = self.truth.iter().flatten().chain(self.heading.iter().map(|(source, _)| source));
-        time.into_iter().chain(channels).chain(rest)
+        let heading = self.heading.iter().map(|(source, _)| source);
+        let pose = heading.chain(self.position.iter().flatten());
+        time.into_iter().chain(channels).chain(self.truth.iter().flatten()).chain(pose)
     }
 
     /// The outputs.

@@ -139,6 +139,9 @@ pub struct Trajectory {
     pub truth: Option<Table>,
     /// Heading \[rad\] of each sample, clockwise from north; NaN where it is missing. `None` without a heading.
     pub heading: Option<Vec<f64>>,
+    /// Position \[m\] of each sample in two axes, as logged: their order and directions are not known; NaN where it is missing.
+    /// `None` without a position.
+    pub position: Option<Vec<[f64; 2]>>,
 }
 
 impl Trajectory {
@@ -166,6 +169,10 @@ impl Trajectory {
         if let Some(heading) = &mut self.heading {
             heading.truncate(to);
             heading.drain(..from);
+        }
+        if let Some(position) = &mut self.position {
+            position.truncate(to);
+            position.drain(..from);
         }
         self.t0 += from as f64 * self.dt;
     }
@@ -204,6 +211,7 @@ impl Trajectory {
             inputs: self.inputs.slice(from, to),
             truth: self.truth.as_ref().map(|t| t.slice(from, to)),
             heading: self.heading.as_ref().map(|heading| heading[from..to].to_vec()),
+            position: self.position.as_ref().map(|position| position[from..to].to_vec()),
         }
     }
 }

@@ -24,7 +24,8 @@ pub struct Figure {
     /// Time since the order at which the figure is known \[s\]; `None` for the end of the trial.
     #[serde(skip)]
     pub(super) at_s: Option<f64>,
-    /// 5 % and 95 % quantile over the members of the ensemble or committee, joined with the errors of trials that were left out.
+    /// 5 % and 95 % quantile over the members of the ensemble or committee, joined with the errors of trials that were left out;
+    /// of a measured figure, over draws of the path given the positions.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub interval: Option<[f64; 2]>,
     /// Number of trials that were left out of the fit, whose errors are in the interval.
@@ -36,6 +37,9 @@ pub struct Figure {
     /// Criterion of IMO resolution MSC.137(76).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub criterion: Option<Criterion>,
+    /// The limit of a criterion that is not judged, because the figure has no value.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub not_judged: Option<f64>,
 }
 
 /// An upper limit.
@@ -72,7 +76,8 @@ impl Criterion {
 
 impl Figure {
     pub(super) fn new(name: impl Into<String>, value: impl Into<Option<f64>>) -> Self {
-        let (name, value) = (name.into(), value.into());
+        let (name, value): (_, Option<f64>) = (name.into(), value.into());
+        let value = value.filter(|value| value.is_finite());
         Self {
             name,
             value,
@@ -83,6 +88,7 @@ impl Figure {
             left_out_trials: 0,
             no_interval: None,
             criterion: None,
+            not_judged: None,
         }
     }
 
@@ -119,6 +125,7 @@ impl Figure {
 
     /// The figure with an upper limit.
     pub(super) fn limit(&mut self, limit: f64) {
+        self.not_judged = self.value.is_none().then_some(limit);
         self.criterion = self.value.map(|value| {
             let passed = value <= limit;
             let known = self.interval.filter(|_| self.left_out_trials > 0 && !self.extrapolated);
@@ -160,9 +167,16 @@ impl Figure {
     }
 }
 
-/// Figures without a value where the sway velocity is not known, and those among them that a simulation without sway has.
-pub(super) const NO_SWAY_FIGURES: [&str; 5] =
-    ["drift_angle_deg", "advance_m", "transfer_m", "tactical_diameter_m", "initial_turning_distance_m"];
+/// Figures without a value where the sway velocity is not known; a simulation without sway has all but the first.
+pub(super) const NO_SWAY_FIGURES: [&str; 7] = [
+    "drift_angle_deg",
+    "advance_m",
+    "transfer_m",
+    "tactical_diameter_m",
+    "initial_turning_distance_m",
+    "steady_radius_m",
+    "speed_loss_percent",
+];
 
 /// Why a log has none.
 pub(super) const NO_SWAY: &str = "there is no sway velocity v";

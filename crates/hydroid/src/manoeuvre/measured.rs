@@ -9,12 +9,13 @@ use serde::Serialize;
 use super::error::ManoeuvreError;
 use super::figure::{Figure, Figures, NO_SWAY, NO_SWAY_FIGURES, set_intervals};
 use super::left_out::widen;
+use super::located::{self, Located};
 use super::recognised::{Recognised, RecognisedKind, recognise};
 use super::track::Track;
-use super::trials::{commands_outside, mark_extrapolated, not_valid, outside};
+use super::trials::{beyond, commands_outside, mark_extrapolated, not_valid, outside};
 use super::turning_circle::TurningCircle;
 use super::zigzag::Zigzag;
-use crate::log::{Shortest, Trajectory};
+use crate::log::{Shortest, Trajectory, turn_ratio};
 use crate::model::{MOTION, Model};
 use crate::plant::{Outside, PlantError, Simulation, current_before, find_roles};
 use crate::progress::{Progress, report};
@@ -29,13 +30,27 @@ pub struct Comparison {
     /// The trial.
     #[serde(flatten)]
     pub trial: Recognised,
-    /// Figures of the measured motion.
+    /// Figures of the measured motion; their intervals hold the noise of the positions.
     pub measured: Vec<Figure>,
+    /// Positions that the measured path is taken from; without them it is the integral of the velocities.
+    pub positions: Option<Located>,
+    /// Why the positions of the log are not used.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub no_positions: Option<String>,
     /// Figures predicted from the first sample, under the measured commands. A zigzag is reversed at the measured headings,
     /// with the commands that were measured after each execute.
     pub predicted: Vec<Figure>,
-    /// Current that the prediction assumes, north and east \[m/s\]: the estimate from the samples before the trial.
+    /// What makes figures of the log doubtful.
+    pub doubts: Vec<String>,
+    /// Comparison errors of the figures that have both values.
+    pub errors: Vec<ComparisonError>,
+    /// The approach.
+    pub approach: MeasuredApproach,
+    /// Current that the prediction assumes, north and east \[m/s\]: that of a measured turn, else the estimate of the model from the
+    /// samples before the trial.
     pub current: [f64; 2],
+    /// Whether the current is that of the measured turn.
+    pub current_of_turn: bool,
     /// Whether the model was fitted to a run of this name.
     pub in_training: bool,
     /// Number of members of the ensemble or committee whose predictions give the intervals.
@@ -50,8 +65,126 @@ pub struct Comparison {
     pub member_tracks: Vec<Track>,
 }
 
+/// The approach of a measured trial.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct MeasuredApproach {
+    /// Mean speed over ground before the order \[m/s\].
+    pub speed_m_s: f64,
+    /// Time over which it is a mean \[s\]: a tenth of the duration of the trial. 0 if the log begins with the order.
+    pub over_s: f64,
+    /// Change of the speed in this time, relative to it; `None` if the log begins with the order.
+    pub change: Option<f64>,
+}
+
+/// Change of the speed of an approach that is not steady.
+const STEADY: f64 = 0.1;
+
+impl MeasuredApproach {
+    /// Why it is not known to be steady.
+    fn doubt(&self) -> Option<String> {
+        let Some(change) = self.change else {
+            return Some(
+                "the log begins with the order: whether the approach is steady is not known".to_owned(),
+            );
+        };
+        (change.abs() > STEADY).then(|| {
+            format!(
+                "the approach is not steady: the speed changes by {:.0} % in the {:.1} s before the order",
+                100.0 * change,
+                self.over_s
+            )
+        })
+    }
+
+    /// The approach of a track of which a sample is the order, from where the track is then left.
+    fn of(track: &mut Track, order: usize) -> Self {
+        // Before the order the velocities are means; from the order on they change, and a straight line shows the first ones.
+        let samples = if order > 0 { order } else { track.len().div_ceil(20).max(3).min(track.len()) };
+        let lines = [0, 1].map(|i| line((0..samples).map(|k| (k as f64, track.nu[k][i]))));
+        let middle = if order > 0 { 0.5 * (samples - 1) as f64 } else { 0.0 };
+        let [u, v] = lines.map(|[start, slope]| start + middle * slope);
+        let speed = u.hypot(v);
+        let change = (u * lines[0][1] + v * lines[1][1]) / speed * samples as f64 / speed;
+        track.keep(order, track.len() - 1);
+        let [x, y, _] = track.eta[0];
+        track.eta.iter_mut().for_each(|eta| (eta[0], eta[1]) = (eta[0] - x, eta[1] - y));
+        track.approach = Some([u, v]);
+        Self {
+            speed_m_s: speed,
+            over_s: order as f64 * track.dt,
+            change: (order > 0).then_some(change).filter(|change| change.is_finite()),
+        }
+    }
+}
+
+/// Why the headings of a run, or its yaw rates, are doubtful.
+fn heading_doubt(run: &Trajectory) -> Option<String> {
+    let ratio = turn_ratio(std::slice::from_ref(run), output(run, MOTION[2])?)?;
+    ((ratio - 1.0).abs() > DIFFERENT_RATE).then(|| {
+        format!("the heading of the log changes by {ratio:.3} times the integral of the yaw rate: one of them is wrong, and the figures are those of the yaw rate")
+    })
+}
+
+/// The current in the last whole turn of 450 degrees or more, north and east: the velocity over ground is a steady one in the body
+/// frame and a drift. It is none if the drift does not halve the residuals: the speed still falls in a part of a turn, which a
+/// drift may explain.
+fn current_of_turn(track: &Track, order: usize) -> Option<[f64; 2]> {
+    let turned = |k: usize| (track.eta[k][2] - track.eta[order][2]).abs();
+    let end = turned(track.len() - 1);
+    let from = (order..track.len()).find(|k| end >= 1.25 * TAU && turned(*k) >= end - TAU)?;
+    // Complex sums: the velocity over ground is w e^(i psi) + c.
+    let (mut phase, mut drift, mut product, mut squares, mut count) =
+        ([0.0; 2], [0.0; 2], [0.0; 2], 0.0, 0.0);
+    for k in from..track.len() {
+        let ([u, v, _], (sin, cos)) = (track.nu[k], track.eta[k][2].sin_cos());
+        let ground = [u * cos - v * sin, u * sin + v * cos];
+        for (sum, value) in [(&mut phase, [cos, sin]), (&mut drift, ground), (&mut product, [u, v])] {
+            (sum[0], sum[1]) = (sum[0] + value[0], sum[1] + value[1]);
+        }
+        squares += u * u + v * v;
+        count += 1.0;
+    }
+    let [phase, drift, product] = [phase, drift, product].map(|sum| sum.map(|x| x / count));
+    let squares = squares / count;
+    // Of the means: product = w + c conj(phase), drift = w phase + c.
+    let across = 1.0 - phase[0] * phase[0] - phase[1] * phase[1];
+    let steady_drift =
+        [product[0] * phase[0] - product[1] * phase[1], product[0] * phase[1] + product[1] * phase[0]];
+    let current = [0, 1].map(|i| (drift[i] - steady_drift[i]) / across);
+    let conjugate =
+        [current[0] * phase[0] + current[1] * phase[1], current[1] * phase[0] - current[0] * phase[1]];
+    let water = [0, 1].map(|i| product[i] - conjugate[i]);
+    let without = squares - product[0] * product[0] - product[1] * product[1];
+    let explained =
+        water[0] * product[0] + water[1] * product[1] + current[0] * drift[0] + current[1] * drift[1];
+    (across > 0.1 && squares - explained < 0.25 * without && without > 1e-4 * squares).then_some(current)
+}
+
+/// The comparison error of a figure, and the uncertainty of the comparison (ITTC 7.5-02-06-04; ASME V&V 20). A smaller error than
+/// the uncertainty is not an error of the model with certainty.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ComparisonError {
+    /// Name of the figure.
+    pub name: String,
+    /// `E`: measured less predicted value.
+    pub error: f64,
+    /// `U`: the root of the sum of the squares of half the intervals of both. `None` without either of them.
+    pub uncertainty: Option<f64>,
+}
+
+impl ComparisonError {
+    fn of(measured: &Figure, predicted: &Figure) -> Option<Self> {
+        let half = |figure: &Figure| figure.interval.map(|[low, high]| 0.5 * (high - low));
+        let uncertainty = half(measured).zip(half(predicted)).map(|(a, b)| a.hypot(b));
+        Some(Self { name: measured.name.clone(), error: measured.value? - predicted.value?, uncertainty })
+    }
+}
+
 /// Longest past that a prediction takes into account \[samples\].
 const PAST: usize = 2_000;
+
+/// Difference of the rates of positions and velocities that is stated.
+const DIFFERENT_RATE: f64 = 0.02;
 
 /// Duration of a prediction relative to that of the measured trial.
 const LONGER: f64 = 1.5;
@@ -60,26 +193,42 @@ pub(super) fn output(run: &Trajectory, name: &str) -> Option<usize> {
     run.outputs.channels().iter().position(|channel| channel.name == name)
 }
 
-/// Integral of the yaw rate from the first sample on \[rad\]; a missing value keeps the last one.
-pub(super) fn heading(run: &Trajectory) -> Option<Vec<f64>> {
-    let r = output(run, MOTION[2])?;
-    let mut heading = Vec::with_capacity(run.len());
-    let (mut psi, mut before) = (0.0, 0.0);
-    for (k, rate) in run.outputs.column(r).enumerate() {
-        let rate = if rate.is_finite() { rate } else { before };
-        if k > 0 {
-            psi += 0.5 * (before + rate) * run.dt;
+/// A column with its missing values on straight lines between their neighbours; those at the ends are the nearest ones.
+pub(super) fn filled(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut values: Vec<f64> = values.collect();
+    let mut known: Option<usize> = None;
+    for k in 0..values.len() {
+        if !values[k].is_finite() {
+            continue;
         }
-        before = rate;
-        heading.push(psi);
+        let from = known.map_or(0, |before| before + 1);
+        let before = known.map_or(values[k], |before| values[before]);
+        for gap in from..k {
+            let share = (gap + 1 - from) as f64 / (k + 1 - from) as f64;
+            values[gap] = before + share * (values[k] - before);
+        }
+        known = Some(k);
     }
-    Some(heading)
+    let last = known.map_or(0.0, |last| values[last]);
+    values[known.map_or(0, |last| last + 1)..].fill(last);
+    values
+}
+
+/// Integral of the yaw rate from the first sample on \[rad\].
+pub(super) fn heading(run: &Trajectory) -> Option<Vec<f64>> {
+    let rates = filled(run.outputs.column(output(run, MOTION[2])?));
+    let mut psi = 0.0;
+    let steps = rates.windows(2).map(|pair| {
+        psi += 0.5 * (pair[0] + pair[1]) * run.dt;
+        psi
+    });
+    Some(std::iter::once(0.0).chain(steps).take(rates.len()).collect())
 }
 
 impl Track {
     /// The measured motion from one sample to another. The heading is the integral of the yaw rate, corrected by a straight
     /// line through its differences from the measured heading, if there is one; the path is the integral of the body
-    /// velocities over ground. Missing values are the last ones. `None` without surge or yaw rate.
+    /// velocities over ground. Missing values are on straight lines between their neighbours. `None` without surge or yaw rate.
     pub fn measured(run: &Trajectory, from: usize, to: usize) -> Option<Self> {
         let part = run.slice(from, to + 1);
         let mut psi = heading(&part)?;
@@ -99,33 +248,27 @@ impl Track {
                 }
             }
         }
-        let columns = [output(run, MOTION[0]), output(run, MOTION[1]), output(run, MOTION[2])];
-        let (u, r) = (columns[0]?, columns[2]?);
-        let mut track = Self { dt: run.dt, ..Self::default() };
-        let mut nu = [0.0; 3];
+        let column = |name: &str| output(&part, name).map(|column| filled(part.outputs.column(column)));
+        let (surge, yaw) = (column(MOTION[0])?, column(MOTION[2])?);
+        let sway = column(MOTION[1]).unwrap_or_else(|| vec![0.0; surge.len()]);
+        let mut track = Self { dt: run.dt, steering: vec![f64::NAN; psi.len()], ..Self::default() };
         for (k, psi) in psi.iter().copied().enumerate() {
-            let before = nu;
-            let row = part.outputs.row(k);
-            for (own, column) in nu.iter_mut().zip([Some(u), columns[1], Some(r)]) {
-                *own = column.map(|column| row[column]).filter(|x| x.is_finite()).unwrap_or(*own);
-            }
             let [mut x, mut y, last] = track.eta.last().copied().unwrap_or([0.0, 0.0, psi]);
             if k > 0 {
-                let [surge, sway] = [0, 1].map(|i| 0.5 * (before[i] + nu[i]) * run.dt);
+                let [along, across] = [&surge, &sway].map(|of| 0.5 * (of[k - 1] + of[k]) * run.dt);
                 let (sin, cos) = (0.5 * (last + psi)).sin_cos();
-                x += surge * cos - sway * sin;
-                y += surge * sin + sway * cos;
+                x += along * cos - across * sin;
+                y += along * sin + across * cos;
             }
             track.eta.push([x, y, psi]);
-            track.nu.push(nu);
-            track.steering.push(f64::NAN);
+            track.nu.push([surge[k], sway[k], yaw[k]]);
         }
         Some(track)
     }
 }
 
 /// Intercept and slope of the straight line through points.
-fn line(points: impl Iterator<Item = (f64, f64)> + Clone) -> [f64; 2] {
+pub(super) fn line(points: impl Iterator<Item = (f64, f64)> + Clone) -> [f64; 2] {
     let count = points.clone().count().max(1) as f64;
     let (x, y) = points.clone().fold((0.0, 0.0), |sum, p| (sum.0 + p.0, sum.1 + p.1));
     let (x, y) = (x / count, y / count);
@@ -136,11 +279,50 @@ fn line(points: impl Iterator<Item = (f64, f64)> + Clone) -> [f64; 2] {
 }
 
 impl Comparison {
+    /// What the measured path is taken from, in words, and with a remedy where it is doubtful.
+    pub fn path_words(&self) -> String {
+        if let Some(Located { fixes, outliers, deviation_m, turned_deg, aside_deg, rate, .. }) =
+            &self.positions
+        {
+            let parts = [
+                Some(format!("{fixes} positions with a standard deviation of {deviation_m:.3} m")),
+                (*outliers > 0).then(|| format!(", {outliers} outliers left out")),
+                (*turned_deg != 0.0)
+                    .then(|| format!(", whose axes are turned by {turned_deg:.1} deg against the heading")),
+                aside_deg.map(|aside| {
+                    let side = if aside > 0.0 { "starboard" } else { "port" };
+                    format!(
+                        ", whose course in the approach is {:.1} deg to {side} of the heading: distances are along and across it",
+                        aside.abs()
+                    )
+                }),
+                ((rate - 1.0).abs() > DIFFERENT_RATE).then(|| {
+                    let ratio = 1.0 / rate;
+                    format!(
+                        "; the velocities of the log, which the model predicts, are {ratio:.3} times theirs"
+                    )
+                }),
+            ];
+            return parts.into_iter().flatten().collect();
+        }
+        let integral = "the integral of the velocities";
+        match &self.no_positions {
+            Some(reason) => format!("{integral}; the positions of the log are not used, because {reason}"),
+            None => format!("{integral}; the log has no single position beside them"),
+        }
+    }
+
     /// The comparison of a ship whose lengths are `scale` times those of the vessel in the log, by Froude's law.
     fn scaled(mut self, scale: f64) -> Self {
         self.measured.iter_mut().chain(&mut self.predicted).for_each(|figure| figure.scale(scale));
         self.tracks.iter_mut().chain(&mut self.member_tracks).for_each(|track| track.scale(scale));
         self.current = self.current.map(|velocity| velocity * scale.sqrt());
+        self.approach.speed_m_s *= scale.sqrt();
+        self.approach.over_s *= scale.sqrt();
+        let pairs = self.measured.iter().zip(&self.predicted);
+        self.errors =
+            pairs.filter_map(|(measured, predicted)| ComparisonError::of(measured, predicted)).collect();
+        self.positions.iter_mut().for_each(|positions| positions.deviation_m *= scale);
         self
     }
 }
@@ -183,9 +365,22 @@ fn comparison(
     trial: Recognised,
 ) -> Result<Option<Comparison>, ManoeuvreError> {
     let start = trial.executes[0];
-    let current = current_before(model, run, start);
-    let Some(mut measured) = Track::measured(run, start, trial.end) else { return Ok(None) };
+    let order = start.min((trial.end - start).div_ceil(10));
+    let Some(mut measured) = Track::measured(run, start - order, trial.end) else { return Ok(None) };
+    let (mut positions, mut no_positions, mut draws) = (None, None, Vec::new());
+    match located::path(run, start - order, trial.end) {
+        Some(Ok(path)) => (measured, positions, draws) = (path.track, Some(path.located), path.draws),
+        Some(Err(reason)) => no_positions = Some(reason),
+        None => {}
+    }
+    let of_turn =
+        (trial.kind == RecognisedKind::TurningCircle).then(|| current_of_turn(&measured, order)).flatten();
+    let current = of_turn.unwrap_or_else(|| current_before(model, run, start));
+    if let Some(positions) = &mut positions {
+        positions.aside_deg = located::align(&mut measured, &mut draws, order, current);
+    }
     measured.current = current;
+    let approach = MeasuredApproach::of(&mut measured, order);
     let side = trial.heading_deg.signum();
     let figures = |track: &Track, executes: &[usize]| match trial.kind {
         RecognisedKind::TurningCircle => TurningCircle::of(track, side).figures(),
@@ -207,29 +402,51 @@ fn comparison(
         }
         (figures, track)
     };
-    let (mut predicted, track): (Vec<Figure>, Track) = prediction(Simulation::new(model)?);
+    let (mut predicted, mut track): (Vec<Figure>, Track) = prediction(Simulation::new(model)?);
     let members: Vec<(Vec<Figure>, Track)> = members.into_par_iter().map(prediction).collect();
     let of_members: Vec<&[Figure]> = members.iter().map(|(figures, _)| &figures[..]).collect();
     let count = set_intervals(&mut predicted, &of_members, of_members.len());
     widen(&mut predicted, trial.kind, &model.description.trial_errors);
     let mut outside = outside(model, std::slice::from_ref(&track));
     let commands = (start..trial.end.max(start + 1)).map(|sample| run.inputs.row(sample));
-    outside.extend(commands_outside(model, &commands.enumerate().map(|(k, row)| (k as f64 * run.dt, row))));
+    let inputs = commands_outside(model, &commands.enumerate().map(|(k, row)| (k as f64 * run.dt, row)));
+    outside.extend(inputs.iter().cloned());
     mark_extrapolated(&mut predicted, &outside);
+    let beyond = beyond(&mut predicted, &inputs);
+    track.not_valid = track.not_valid.or(beyond);
     let executes: Vec<usize> = trial.executes.iter().map(|sample| sample - start).collect();
+    let mut of_log = figures(&measured, &executes);
+    let draws = draws.into_iter().map(|mut draw| {
+        MeasuredApproach::of(&mut draw, order);
+        figures(&Track { current, ..draw }, &executes)
+    });
+    let draws: Vec<Vec<Figure>> = draws.collect();
+    let draws: Vec<&[Figure]> = draws.iter().map(|figures| &figures[..]).collect();
+    set_intervals(&mut of_log, &draws, draws.len());
+    if output(run, MOTION[1]).is_none() && positions.is_none() {
+        for figure in &mut of_log {
+            figure.without_sway(&NO_SWAY_FIGURES, NO_SWAY);
+        }
+    }
+    if let Some(reason) = approach.doubt().filter(|_| approach.change.is_some()) {
+        of_log
+            .iter_mut()
+            .filter(|figure| figure.name == "speed_loss_percent")
+            .for_each(|figure| figure.withdraw(&reason));
+    }
+    let pairs = of_log.iter().zip(&predicted);
+    let errors = pairs.filter_map(|(measured, predicted)| ComparisonError::of(measured, predicted)).collect();
     let provenance = &model.description.provenance;
     Ok(Some(Comparison {
         run: run.name.clone(),
         at_s: run.t0 + start as f64 * run.dt,
-        measured: {
-            let mut of_log = figures(&measured, &executes);
-            if output(run, MOTION[1]).is_none() {
-                for figure in &mut of_log {
-                    figure.without_sway(&NO_SWAY_FIGURES, NO_SWAY);
-                }
-            }
-            of_log
-        },
+        measured: of_log,
+        positions,
+        no_positions,
+        errors,
+        doubts: approach.doubt().into_iter().chain(heading_doubt(run)).collect(),
+        approach,
+        current_of_turn: of_turn.is_some(),
         predicted,
         current,
         trial,

@@ -4,9 +4,9 @@ use std::f64::consts::FRAC_PI_2;
 
 use serde::Serialize;
 
-use super::measured::{heading, output};
+use super::measured::{filled, heading, line, output};
 use crate::boat::{Boat, Role};
-use crate::log::{Channel, Trajectory, shortest_change};
+use crate::log::{Channel, Trajectory, median, shortest_change};
 use crate::model::MOTION;
 
 /// A trial in a run.
@@ -21,6 +21,8 @@ pub struct Recognised {
     /// Change of the heading in a turn, or at which a zigzag is reversed (the mean) \[deg\]; positive if the vessel turns to
     /// starboard first.
     pub heading_deg: f64,
+    /// Changes of the heading at the reversals of a zigzag \[deg\], positive to starboard.
+    pub reversals_deg: Vec<f64>,
     /// The first commands of the inputs that turn the vessel.
     pub turned_by: Vec<Ordered>,
 }
@@ -69,7 +71,16 @@ impl Recognised {
         let by = commands.collect::<Vec<_>>().join(", ");
         match self.kind {
             RecognisedKind::TurningCircle => format!("turn by {size:.0} deg to {side} by {by}"),
-            RecognisedKind::Zigzag => format!("zigzag of {size:.0} deg, first to {side} by {by}"),
+            RecognisedKind::Zigzag => {
+                let sizes = || self.reversals_deg.iter().map(|angle| angle.abs());
+                let (least, most) = (sizes().fold(f64::INFINITY, f64::min), sizes().fold(0.0, f64::max));
+                let size = if most - least > UNEQUAL * size {
+                    format!("reversed at {least:.0} to {most:.0} deg")
+                } else {
+                    format!("of {size:.0} deg")
+                };
+                format!("zigzag {size}, first to {side} by {by}")
+            }
         }
     }
 }
@@ -93,6 +104,9 @@ const LEAST_SAMPLES: usize = 3;
 
 /// Least number of commands of a zigzag.
 const LEAST_COMMANDS: usize = 3;
+
+/// Spread of the headings at which a zigzag is reversed, relative to their mean, that is stated.
+const UNEQUAL: f64 = 0.2;
 
 /// Least change of heading at which a zigzag is reversed \[rad\].
 const LEAST_HEADING: f64 = 0.03;
@@ -126,6 +140,9 @@ struct Held {
 /// is measured. Disturbances and settings do not count.
 pub fn recognise(run: &Trajectory, boat: &Boat) -> Vec<Recognised> {
     let Some(heading) = heading(run).filter(|_| output(run, MOTION[2]).is_some()) else { return Vec::new() };
+    let rates: Vec<f64> = output(run, MOTION[2]).map_or_else(Vec::new, |r| {
+        filled(run.outputs.column(r)).into_iter().map(|rate| rate * run.dt).collect()
+    });
     let channels = run.inputs.channels().iter();
     let roles: Vec<Option<Role>> = channels.map(|channel| boat.role(&channel.name)).collect();
     if !roles.iter().any(|role| role.is_none_or(Role::turns)) {
@@ -162,31 +179,34 @@ pub fn recognise(run: &Trajectory, boat: &Boat) -> Vec<Recognised> {
             continue;
         }
         let mut zigzag = zigzag_length(&held[i..], &heading, same);
-        if zigzag > 1 && !is_straight(&heading, held[i].execute, held[i + 1].execute) {
+        if zigzag > 1 && !is_straight(&heading, &rates, held[i].execute, held[i + 1].execute) {
             zigzag = 0;
         }
         if zigzag >= LEAST_COMMANDS {
             let part = &held[i..i + zigzag];
             let start = heading[part[0].execute];
             let at = |held: &Held| heading[held.execute] - start;
-            let mean = part[1..].iter().map(|held| at(held).abs()).sum::<f64>() / (zigzag - 1) as f64;
+            let reversals_deg: Vec<f64> = part[1..].iter().map(|held| at(held).to_degrees()).collect();
+            let mean = reversals_deg.iter().map(|angle| angle.abs()).sum::<f64>() / (zigzag - 1) as f64;
             found.push(Recognised {
                 kind: RecognisedKind::Zigzag,
                 executes: part.iter().map(|held| held.execute).collect(),
                 end: end(i + zigzag - 1),
-                heading_deg: (mean * at(&part[1]).signum()).to_degrees(),
+                heading_deg: mean * at(&part[1]).signum(),
+                reversals_deg,
                 turned_by: turned_by(&part[0]),
             });
             i += zigzag;
             continue;
         }
         let change = heading[end(i)] - heading[held[i].execute];
-        if change.abs() >= FRAC_PI_2 && is_straight(&heading, held[i].execute, end(i)) {
+        if change.abs() >= FRAC_PI_2 && is_straight(&heading, &rates, held[i].execute, end(i)) {
             found.push(Recognised {
                 kind: RecognisedKind::TurningCircle,
                 executes: vec![held[i].execute],
                 end: end(i),
                 heading_deg: change.to_degrees(),
+                reversals_deg: Vec::new(),
                 turned_by: turned_by(&held[i]),
             });
         }
@@ -196,11 +216,18 @@ pub fn recognise(run: &Trajectory, boat: &Boat) -> Vec<Recognised> {
 }
 
 /// Whether the vessel turns before a turn, or the first leg of a zigzag, at less than a tenth of its mean rate there, over as many
-/// samples as a tenth of it has.
-fn is_straight(heading: &[f64], execute: usize, end: usize) -> bool {
-    let before = execute.saturating_sub((end - execute).div_ceil(10));
+/// samples as a tenth of it has. A run that has fewer before it shows the rate at the order by a straight line through the rates
+/// in the first twentieth.
+fn is_straight(heading: &[f64], rates: &[f64], execute: usize, end: usize) -> bool {
+    let samples = (end - execute).div_ceil(10);
     let rate = |from: usize, to: usize| (heading[to] - heading[from]) / (to - from).max(1) as f64;
-    rate(before, execute).abs() <= STRAIGHT * rate(execute, end).abs()
+    let before = if let Some(before) = execute.checked_sub(samples) {
+        rate(before, execute)
+    } else {
+        let first = rates[execute..].iter().take((end - execute).div_ceil(20).max(LEAST_SAMPLES));
+        line(first.enumerate().map(|(k, rate)| (k as f64, *rate)))[0]
+    };
+    before.abs() <= STRAIGHT * rate(execute, end).abs()
 }
 
 impl Command {
@@ -211,14 +238,27 @@ impl Command {
         // Ramps have no second differences. Those of white noise have six times its variance, and a normal number is beyond
         // 0.6745 deviations as often as not.
         let second = values.windows(3).map(|x| (x[2] - 2.0 * x[1] + x[0]).abs());
-        let deviation = median(second.collect()) / (0.6745 * 6.0_f64.sqrt());
+        let deviation = median(second.collect()).unwrap_or(0.0) / (0.6745 * 6.0_f64.sqrt());
         let same = (part * largest).max(NOISE * deviation);
         let passing = shortest_change(values.iter().copied(), 2.0 * same).filter(|_| same > 0.0).unwrap_or(0);
         Self { values, same, passing }
     }
 
     fn level(&self, from: usize, to: usize) -> f64 {
-        median(self.values[from..to].to_vec())
+        median(self.values[from..to].to_vec()).unwrap_or(0.0)
+    }
+
+    /// The sample at which a change to a level begins that ends at a sample: back as long as the command moves as fast as an
+    /// order. Helm that was given slowly before is none.
+    fn begins(&self, new: f64, first: usize, end: usize) -> Option<usize> {
+        let step = 2 * self.passing.max(1);
+        let away = |k: usize| (self.values[k] - new).abs();
+        let mut k = end;
+        while k >= first + step && away(k - step) > away(k) + self.same {
+            k -= step;
+        }
+        let earliest = k.saturating_sub(step.max(LEAST_SAMPLES)).max(first);
+        (k < end).then(|| self.leaves(self.level(earliest, k + 1), new, earliest, end))
     }
 
     /// The sample at which the command leaves a level on its way to another one, before a sample at which it is there: the way
@@ -234,14 +274,6 @@ impl Command {
         let begin = left.saturating_sub(back as usize).max(from);
         begin + 1
     }
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 /// Parts with held commands, in their order.
@@ -277,11 +309,8 @@ fn held(commands: &[Command], samples: usize) -> Vec<Held> {
         if is_held {
             let level: Vec<f64> = commands.iter().map(|command| command.level(from, to)).collect();
             let execute = all.last().map_or(from, |before: &Held| {
-                let begins = commands.iter().enumerate().filter_map(|(c, command)| {
-                    let middle = before.from + (before.to - before.from) / 2;
-                    let (old, new) = (command.level(middle, before.to), level[c]);
-                    ((old - new).abs() > command.same).then(|| command.leaves(old, new, middle, from))
-                });
+                let begins =
+                    commands.iter().zip(&level).filter_map(|(c, new)| c.begins(*new, before.from, from));
                 begins.min().unwrap_or(from)
             });
             let split = all.last_mut().filter(|before| {

@@ -24,6 +24,8 @@ pub struct Track {
     pub not_valid: Option<String>,
     /// Sample at which the trial begins, after the approach.
     pub execute: usize,
+    /// Mean surge and sway of a measured approach \[m/s\].
+    pub approach: Option<[f64; 2]>,
 }
 
 /// An instant between two samples: the sample before it, and the share of the sample time after it.
@@ -60,9 +62,28 @@ impl Track {
         u.hypot(v)
     }
 
+    /// Leaves the samples from one to another.
+    pub(super) fn keep(&mut self, from: usize, to: usize) {
+        self.eta = self.eta[from..=to].to_vec();
+        self.nu = self.nu[from..=to].to_vec();
+        self.steering = self.steering[from..=to].to_vec();
+    }
+
     /// Body velocities through the water at a sample: surge and sway \[m/s\].
     pub fn through_water(&self, sample: usize) -> [f64; 2] {
-        let ([u, v, _], [surge, sway]) = (self.nu[sample], in_body(self.current, self.eta[sample][2]));
+        let [u, v, _] = self.nu[sample];
+        self.relative([u, v], sample)
+    }
+
+    /// Surge and sway of the approach over ground \[m/s\].
+    pub(super) fn approach(&self) -> [f64; 2] {
+        let [u, v, _] = self.nu[self.execute];
+        self.approach.unwrap_or([u, v])
+    }
+
+    /// Velocities over ground at the heading of a sample, through the water.
+    pub(super) fn relative(&self, [u, v]: [f64; 2], sample: usize) -> [f64; 2] {
+        let [surge, sway] = in_body(self.current, self.eta[sample][2]);
         [u - surge, v - sway]
     }
 
@@ -74,6 +95,7 @@ impl Track {
         self.eta.iter_mut().for_each(|[x, y, _]| (*x, *y) = (*x * scale, *y * scale));
         self.nu.iter_mut().for_each(|[u, v, r]| (*u, *v, *r) = (*u * root, *v * root, *r / root));
         self.current = self.current.map(|velocity| velocity * root);
+        self.approach = self.approach.map(|velocities| velocities.map(|velocity| velocity * root));
     }
 
     /// Change of the heading since the execute \[rad\], positive to the side (1 starboard, -1 port).
@@ -150,6 +172,7 @@ impl<'a> Run<'a> {
             current: simulation.current(),
             not_valid: None,
             execute: 0,
+            approach: None,
         };
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
         let longest = (longest_s / simulation.dt()) as usize;

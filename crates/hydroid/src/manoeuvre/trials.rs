@@ -350,9 +350,11 @@ fn trial(
     options: &TrialOptions,
 ) -> Trial {
     let mut outside = outside(model, &outcome.tracks);
-    outside.extend(inputs_outside(model, map, kind, propulsion, &outcome.tracks));
+    let inputs = inputs_outside(model, map, kind, propulsion, &outcome.tracks);
+    outside.extend(inputs.iter().cloned());
     let mut outcome = outcome;
     mark_extrapolated(&mut outcome.figures, &outside);
+    outcome.not_valid = beyond(&mut outcome.figures, &inputs).or(outcome.not_valid);
     let not_valid = not_valid(model);
     let (outcome, others) = (outcome.scaled(options.scale), others.into_iter());
     let others: Vec<Outcome> = others.map(|other| other.scaled(options.scale)).collect();
@@ -383,13 +385,12 @@ fn trial(
             let distances = figures
                 .iter_mut()
                 .filter(|figure| no_sway.is_some() && NO_SWAY_FIGURES.contains(&&*figure.name));
-            distances.for_each(|figure| figure.criterion = None);
+            distances.for_each(|figure| (figure.criterion, figure.not_judged) = (None, None));
         }
     }
-    // What follows from given parameters is as certain as they are.
-    for criterion in
-        figures.iter_mut().filter_map(|figure| figure.criterion.as_mut()).filter(|_| model.is_vessel())
-    {
+    // What follows from given parameters is as certain as they are; estimates have errors that no interval holds.
+    let is_given = model.is_vessel() && !model.has_estimates();
+    for criterion in figures.iter_mut().filter_map(|figure| figure.criterion.as_mut()).filter(|_| is_given) {
         criterion.is_certain.get_or_insert(true);
     }
     let of_members: Vec<Option<bool>> = others.iter().map(|other| other.stable).collect();
@@ -421,6 +422,20 @@ pub(super) fn mark_extrapolated(figures: &mut [Figure], outside: &[Outside]) {
     for figure in figures {
         figure.extrapolated = figure.at_s.unwrap_or(f64::MAX) > from_s;
     }
+}
+
+/// Withdraws the figures that are known only after an input has left the range in which the model can be believed, and states
+/// the reason.
+pub(super) fn beyond(figures: &mut [Figure], inputs: &[Outside]) -> Option<String> {
+    let beyond = inputs.iter().filter(|outside| !outside.is_believed());
+    let first = beyond.min_by(|a, b| a.from_s.total_cmp(&b.from_s))?;
+    let reason = first.reason();
+    for figure in figures.iter_mut().filter(|figure| figure.not_valid.is_none()) {
+        if figure.at_s.unwrap_or(f64::MAX) > first.from_s {
+            figure.withdraw(&reason);
+        }
+    }
+    Some(reason)
 }
 
 /// Outputs that leave the training range along tracks.

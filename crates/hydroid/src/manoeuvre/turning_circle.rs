@@ -74,7 +74,7 @@ impl TurningCircle {
         let end = track.len() - 1;
         let mut circle = Self {
             steering: s,
-            approach_speed_m_s: track.speed(track.execute),
+            approach_speed_m_s: track.approach()[0].hypot(track.approach()[1]),
             advance_m: quarter.map(|at| track.offset(at)[0]),
             transfer_m: quarter.map(aside),
             tactical_diameter_m: half.map(aside),
@@ -89,11 +89,8 @@ impl TurningCircle {
             let samples = from.sample..=end;
             let count = samples.clone().count() as f64;
             let mean = |value: &dyn Fn(usize) -> f64| samples.clone().map(value).sum::<f64>() / count;
-            let speed_of = |k: usize| {
-                let [u, v] = track.through_water(k);
-                u.hypot(v)
-            };
-            let speed = mean(&speed_of);
+            let size = |[u, v]: [f64; 2]| u.hypot(v);
+            let speed = mean(&|k| size(track.through_water(k)));
             let rate = mean(&|k| track.nu[k][2]);
             circle.steady = Some(SteadyTurn {
                 radius_m: speed / rate.abs(),
@@ -104,7 +101,7 @@ impl TurningCircle {
                     v.atan2(u)
                 })
                 .to_degrees(),
-                speed_loss: 1.0 - speed / speed_of(track.execute),
+                speed_loss: 1.0 - speed / size(track.relative(track.approach(), track.execute)),
             });
         }
         circle

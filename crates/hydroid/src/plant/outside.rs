@@ -111,6 +111,23 @@ impl Outside {
 }
 
 impl Outside {
+    /// Why the motion is not to be believed from its time on.
+    pub fn reason(&self) -> String {
+        let Self { name, from_s, .. } = self;
+        let ([low, high], [least, most], unit) = self.shown();
+        format!(
+            "from {from_s:.1} s on: {name} goes from {low} to {high}{unit}, and only from {least} to {most}{unit} in the logs of the model"
+        )
+    }
+
+    /// What is reached and what was seen, with the unit; angles in degrees.
+    fn shown(&self) -> ([f64; 2], [f64; 2], String) {
+        let (factor, unit) = scale(&self.unit);
+        let [reached, range] =
+            [self.reached, self.range].map(|range| range.map(|value| rounded(factor * value)));
+        (reached, range, unit)
+    }
+
     /// Whether a motion can be believed up to the values that are reached.
     pub fn is_believed(&self) -> bool {
         let Self { reached: [low, high], range: [least, most], .. } = *self;
@@ -122,10 +139,8 @@ impl Outside {
 impl Display for Outside {
     /// What is reached and what was seen; angles in degrees.
     fn fmt(&self, out: &mut Formatter<'_>) -> Result {
-        let Self { name, unit, from_s, reached, range } = self;
-        let (factor, unit) = scale(unit);
-        let [[low, high], [least, most]] =
-            [*reached, *range].map(|range| range.map(|value| rounded(factor * value)));
+        let Self { name, from_s, .. } = self;
+        let ([low, high], [least, most], unit) = self.shown();
         write!(
             out,
             "the model extrapolates from {from_s:.1} s on: {name} goes from {low} to {high}{unit}, and from {least} to {most}{unit} in its logs"

@@ -937,13 +937,16 @@ fn local(position: &mut Track) {
     }
 }
 
+/// Metres of a radian of latitude and of one of longitude, at a latitude \[rad\].
+pub(crate) fn metres_per_radian(latitude: f64) -> [f64; 2] {
+    let w = 1.0 - ECCENTRICITY_2 * latitude.sin().powi(2);
+    [SEMI_MAJOR_M * (1.0 - ECCENTRICITY_2) / (w * w.sqrt()), SEMI_MAJOR_M / w.sqrt() * latitude.cos()]
+}
+
 /// The way between two fixes to the north and east \[m\], with the radii of curvature in their middle.
 pub(super) fn local_step(from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
     let middle = 0.5 * (to[0] + from[0]);
-    let sine = middle.sin();
-    let w = 1.0 - ECCENTRICITY_2 * sine * sine;
-    let meridian = SEMI_MAJOR_M * (1.0 - ECCENTRICITY_2) / (w * w.sqrt());
-    let parallel = SEMI_MAJOR_M / w.sqrt() * middle.cos();
+    let [meridian, parallel] = metres_per_radian(middle);
     let turn = to[1] - from[1];
     [(to[0] - from[0]) * meridian, (turn - TAU * (turn / TAU).round()) * parallel]
 }

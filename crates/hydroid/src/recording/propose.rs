@@ -179,8 +179,9 @@ impl Survey {
         }
         self.inertial(&mut sensors, &mut doubts);
         let has_motion = self.motion(&mut proposal.selection);
-        let has_position =
-            sensors.latitude.is_some() || sensors.speed.is_some() || sensors.velocity_north.is_some();
+        let has_position = [&sensors.latitude, &sensors.north, &sensors.speed, &sensors.velocity_north]
+            .iter()
+            .any(|of| of.is_some());
         let has_sensors = has_position && (sensors.heading.is_some() || sensors.yaw_rate.is_some());
         // A table with velocities needs no sensors; an estimate on board is worse than the sensors.
         if has_sensors && !(has_motion && topics.len() == 1) {
@@ -289,6 +290,19 @@ impl Survey {
             };
             (sensors.latitude, sensors.longitude) = (of(Quantity::Latitude), of(Quantity::Longitude));
             sensors.quality = topic.of(Quantity::Quality).and_then(|field| spec(&field.column));
+        }
+        if let ([table], None) = (&self.topics[..], position)
+            && let (Some(north), Some(east)) = (table.of(Quantity::PlaceNorth), table.of(Quantity::PlaceEast))
+        {
+            // Letters are axes only in metres.
+            let is_place = |field: &FieldSurvey| {
+                let named = units::from_name(&field.column, false).map(|(_, unit)| unit);
+                let unit = field.unit.as_deref().or(named).and_then(|unit| Unit::parse(unit).ok());
+                unit.and_then(|unit| unit.quantity) == Some(units::Quantity::Length) && field.varies()
+            };
+            if table.type_name.is_empty() && is_place(north) && is_place(east) {
+                (sensors.north, sensors.east) = (spec(&with_unit(north, "m")), spec(&with_unit(east, "m")));
+            }
         }
         let first = position.into_iter();
         let named = |topic: &&TopicSurvey| {

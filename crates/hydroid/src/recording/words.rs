@@ -12,6 +12,8 @@ pub(super) enum Quantity {
     Course,
     North,
     East,
+    PlaceNorth,
+    PlaceEast,
     Heading,
     YawRate,
     Forward,
@@ -61,6 +63,24 @@ const QUANTITIES: &[(Quantity, &[&str])] = &[
     ),
     (Quantity::North, &["veln", "velocitynorth", "vn", "velnorth", "vnorth", "northvelocity"]),
     (Quantity::East, &["vele", "velocityeast", "ve", "veleast", "veast", "eastvelocity"]),
+    (
+        Quantity::PlaceNorth,
+        &[
+            "north",
+            "northing",
+            "positionnorth",
+            "posnorth",
+            "northposition",
+            "posn",
+            "x",
+            "positionx",
+            "posx",
+        ],
+    ),
+    (
+        Quantity::PlaceEast,
+        &["east", "easting", "positioneast", "poseast", "eastposition", "y", "positiony", "posy"],
+    ),
     (
         Quantity::Heading,
         &[

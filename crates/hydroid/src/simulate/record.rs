@@ -141,6 +141,7 @@ impl Simulated {
             inputs: Table::new(inputs, self.commands.iter().flat_map(|c| [c.pp, c.rd]).collect()),
             truth: Some(Table::new(channels, truth)),
             heading: Some(self.states.iter().map(|state| state.psi).collect()),
+            position: Some(self.states.iter().map(|state| [state.x, state.y]).collect()),
         })
     }
 

@@ -175,7 +175,16 @@ mod tests {
         let table =
             |c: &str| Table::new([Channel::new(c, "")], (0..samples).map(|k| k as f64).collect::<Vec<_>>());
         let (outputs, inputs) = (table("y"), table("c"));
-        Trajectory { name: name.to_owned(), t0: 0.3, dt: 0.1, outputs, inputs, truth: None, heading: None }
+        Trajectory {
+            name: name.to_owned(),
+            t0: 0.3,
+            dt: 0.1,
+            outputs,
+            inputs,
+            truth: None,
+            heading: None,
+            position: None,
+        }
     }
 
     #[test]

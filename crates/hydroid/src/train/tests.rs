@@ -34,6 +34,7 @@ fn run(samples: usize, phase: f64, missing: &[(usize, usize)]) -> Trajectory {
         inputs: Table::new([Channel::new("n", "1/s")], input),
         truth: None,
         heading: None,
+        position: None,
     }
 }
 

@@ -161,6 +161,7 @@ mod tests {
             inputs: Table::new([Channel::new("n", "1/s")], x),
             truth: None,
             heading: None,
+            position: None,
         };
         let one = vec![1.0, 1.0];
         let scaling = Scaling {

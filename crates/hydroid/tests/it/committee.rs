@@ -74,6 +74,7 @@ fn run(gain: f64, from: usize, samples: usize) -> Trajectory {
         inputs: table(&["n", "delta"], inputs),
         truth,
         heading: None,
+        position: None,
     }
 }
 
@@ -187,6 +188,7 @@ fn known_difference_equations_are_found() {
             inputs: table(&["c"], c),
             truth: None,
             heading: None,
+            position: None,
         }
     };
     let runs: Vec<_> = [0, 1000, 2000].map(|from| simulated(from, 400)).into();

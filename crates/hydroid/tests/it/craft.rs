@@ -234,6 +234,7 @@ fn trajectory(vessel: &CraftFile, seed: u64, duration_s: f64, dt: f64) -> Trajec
         inputs: Table::new(record.inputs.clone(), record.commands.clone()),
         truth: None,
         heading: None,
+        position: None,
     }
 }
 

@@ -167,6 +167,7 @@ fn an_adapting_session_keeps_its_coefficients_for_the_next_run() {
             inputs: Table::new(channel("c"), vec![0.0; len as usize]),
             truth: None,
             heading: None,
+            position: None,
         }
     };
     // The first run is too short for a window, but the session learns from it.

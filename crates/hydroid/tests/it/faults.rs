@@ -16,6 +16,7 @@ fn run() -> Trajectory {
         inputs,
         truth: None,
         heading: None,
+        position: None,
     }
 }
 

@@ -28,7 +28,16 @@ fn run(samples: usize, phase: f64, driven: bool) -> Trajectory {
     }
     let inputs = if driven { Table::new([Channel::new("n", "1/s")], inputs) } else { Table::new([], vec![]) };
     let outputs = Table::new([Channel::new("u", "m/s"), Channel::new("v", "m/s")], outputs);
-    Trajectory { name: format!("run {phase}"), t0: 0.0, dt: 0.1, outputs, inputs, truth: None, heading: None }
+    Trajectory {
+        name: format!("run {phase}"),
+        t0: 0.0,
+        dt: 0.1,
+        outputs,
+        inputs,
+        truth: None,
+        heading: None,
+        position: None,
+    }
 }
 
 /// A job of small networks on runs of given lengths.

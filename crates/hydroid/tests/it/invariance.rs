@@ -106,6 +106,7 @@ fn trajectory(outputs: Vec<f64>, inputs: Vec<f64>, dt: f64) -> Trajectory {
         inputs: Table::new(second, inputs),
         truth: None,
         heading: None,
+        position: None,
     }
 }
 

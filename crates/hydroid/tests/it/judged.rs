@@ -24,6 +24,7 @@ pub(crate) fn run(name: &str, outputs: &[Vec<f64>]) -> Trajectory {
         inputs: table(&["k"], "", &numbers),
         truth: None,
         heading: None,
+        position: None,
     }
 }
 

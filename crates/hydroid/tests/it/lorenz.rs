@@ -61,6 +61,7 @@ fn lorenz(level: f64, seed: u64) -> Trajectory {
         inputs: Table::new(Vec::new(), Vec::new()),
         truth: None,
         heading: None,
+        position: None,
     }
 }
 
@@ -142,6 +143,7 @@ fn simple_runs() -> Vec<(&'static str, Trajectory)> {
                 inputs: table(&["PP", "RD"], &read(&path, &["PP_cmd", "RD_cmd"])),
                 truth: None,
                 heading: None,
+                position: None,
             };
             (name, run)
         })

@@ -10,8 +10,8 @@ use hydroid::config::Manoeuvre;
 use hydroid::evaluate::{DesignRange, PredictionBands};
 use hydroid::log::{Channel, Table, Trajectory};
 use hydroid::manoeuvre::{
-    Approach, Options, Recognised, RecognisedKind, Trial, TrialKind, TrialOptions, compare, pull_out,
-    recognise, spiral, trials, turning_circle, zigzag,
+    Approach, Comparison, Options, Recognised, RecognisedKind, Trial, TrialKind, TrialOptions, compare,
+    pull_out, recognise, spiral, trials, turning_circle, zigzag,
 };
 use hydroid::model::{Body, Description, Members, Model, Port, Provenance, Reading};
 use hydroid::plant::{Commands, InputMap, PlantError, Record, RecordOptions, Simulation, record};
@@ -19,6 +19,9 @@ use hydroid::progress::silent;
 use hydroid_core::craft::Craft;
 use hydroid_core::model::sparse::{Equations, Term};
 use hydroid_core::predict::Workspace;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 
 pub(crate) fn port(name: &str, unit: &str, low: f64, high: f64) -> Port {
     Port {
@@ -447,7 +450,7 @@ fn particulars_of_the_boat_count_where_no_option_does() {
     let at = |model: &Model| compare(model, std::slice::from_ref(&log), &mut silent()).unwrap().remove(0);
     let ship = at(&model);
     let own = at(&Manoeuvre { scale: Some(1.0), ..Manoeuvre::default() }.for_logs(model.clone()).unwrap());
-    let period = |found: &hydroid::manoeuvre::Comparison| {
+    let period = |found: &Comparison| {
         let of = |figures: &[hydroid::manoeuvre::Figure]| {
             figures.iter().find(|figure| figure.name == "initial_turning_time_s").unwrap().value.unwrap()
         };
@@ -599,6 +602,7 @@ fn log() -> Trajectory {
     let mut simulation = Simulation::new(&model).unwrap();
     simulation.start([0.0; 3], &[0.0, 1.4], &[0.5, 0.5]);
     let (mut outputs, mut inputs, mut heading) = (Vec::new(), Vec::new(), Vec::new());
+    let mut position = Vec::new();
     let mut command = [0.5, 0.5];
     let (mut start, mut reversals) = (0.0, 0);
     for k in 0..900 {
@@ -622,6 +626,7 @@ fn log() -> Trajectory {
         outputs.extend_from_slice(simulation.outputs());
         inputs.extend(command);
         heading.push(psi.rem_euclid(std::f64::consts::TAU));
+        position.push([simulation.eta()[0], simulation.eta()[1]]);
         simulation.advance(&command);
     }
     let channels = |ports: &[Port]| ports.iter().map(|port| port.channel.clone()).collect::<Vec<_>>();
@@ -633,6 +638,7 @@ fn log() -> Trajectory {
         inputs: Table::new(channels(&model.description.inputs), inputs),
         truth: None,
         heading: Some(heading),
+        position: Some(position),
     }
 }
 
@@ -662,6 +668,125 @@ fn trials_in_a_log_are_recognised_and_predicted() {
             assert!(close, "{}: {value} against {measured_value}", measured.name);
         }
     }
+}
+
+fn noise(seed: u64) -> impl FnMut() -> f64 {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    move || StandardNormal.sample(&mut rng)
+}
+
+#[test]
+fn a_measured_path_is_that_of_the_positions() {
+    let exact = log();
+    let of = |run: Trajectory| {
+        let compared = compare(&twin(), &[run], &mut silent()).unwrap();
+        compared.into_iter().find(|of| of.trial.kind == RecognisedKind::TurningCircle).unwrap()
+    };
+    let names = ["advance_m", "transfer_m", "tactical_diameter_m"];
+    let value = |comparison: &Comparison, name: &str| {
+        comparison.measured.iter().find(|figure| figure.name == name).unwrap().clone()
+    };
+    let truth = of(exact.clone());
+    let positions = truth.positions.as_ref().unwrap();
+    assert!(positions.deviation_m < 1e-3 && (positions.rate - 1.0).abs() < 1e-3, "{positions:?}");
+    // Velocities that are 6 % too small, and a heading that is 4 degrees off: the integral has the wrong size.
+    let wrong = || {
+        let mut run = exact.clone();
+        let rows: Vec<f64> =
+            (0..run.len()).flat_map(|k| [run.outputs.row(k)[0], 0.94 * run.outputs.row(k)[1]]).collect();
+        run.outputs = Table::new(run.outputs.channels().to_vec(), rows);
+        run
+    };
+    let integral = of(Trajectory { position: None, ..wrong() });
+    assert!(integral.positions.is_none() && value(&integral, "advance_m").not_valid.is_some());
+    let mut random = noise(5);
+    let all = exact.position.clone().unwrap();
+    let mut kinds: Vec<(&str, Vec<[f64; 2]>, f64)> = Vec::new();
+    kinds.push(("exact", all.clone(), 0.01));
+    kinds.push(("east first", all.iter().map(|[x, y]| [*y, *x]).collect(), 0.01));
+    let (sin, cos) = 0.6_f64.sin_cos();
+    kinds.push((
+        "turned",
+        all.iter().map(|[x, y]| [cos * x + sin * y, cos * y - sin * x + 400.0]).collect(),
+        0.05,
+    ));
+    let noisy: Vec<[f64; 2]> = all.iter().map(|p| p.map(|x| x + 0.1 * random())).collect();
+    kinds.push(("noisy", noisy.clone(), 0.25));
+    let seldom = |k: usize| k.is_multiple_of(5);
+    let missing = |(k, p): (usize, &[f64; 2])| if seldom(k) { *p } else { [f64::NAN; 2] };
+    kinds.push(("missing", noisy.iter().enumerate().map(missing).collect(), 0.4));
+    kinds.push(("held", (0..all.len()).map(|k| noisy[k - k % 5]).collect(), 0.4));
+    let outlier = |(k, p): (usize, &[f64; 2])| if k % 53 == 7 { [p[0] + 40.0, p[1]] } else { *p };
+    kinds.push(("outliers", noisy.iter().enumerate().map(outlier).collect(), 0.25));
+    for (kind, position, tolerance) in kinds {
+        let found = of(Trajectory { position: Some(position), ..wrong() });
+        let located = found.positions.clone().unwrap_or_else(|| panic!("{kind}: {:?}", found.no_positions));
+        assert!((located.rate - 1.0 / 0.94).abs() < 0.03, "{kind}: {located:?}");
+        assert_eq!(located.east_first, kind == "east first");
+        let turned = if kind == "turned" { 0.6_f64.to_degrees() } else { 0.0 };
+        assert!((located.turned_deg - turned).abs() < 0.5, "{kind}: {located:?}");
+        assert_eq!(located.outliers > 0, kind == "outliers", "{kind}: {located:?}");
+        let is_noisy = !["exact", "east first", "turned"].contains(&kind);
+        assert!(!is_noisy || (0.07..0.13).contains(&located.deviation_m), "{kind}: {located:?}");
+        for name in names {
+            let (measured, right) = (value(&found, name), value(&truth, name).value.unwrap());
+            let [low, high] = measured.interval.unwrap();
+            let own = measured.value.unwrap();
+            assert!((own - right).abs() < tolerance, "{kind}, {name}: {own} against {right}");
+            assert!(
+                high - low < 4.0 * tolerance && low <= own && own <= high,
+                "{kind}, {name}: {low} to {high}"
+            );
+        }
+        let words = found.path_words();
+        assert!(
+            words.contains("0.94") && words.contains("positions with a standard deviation of"),
+            "{words}"
+        );
+        let errors: Vec<&str> = found.errors.iter().map(|error| error.name.as_str()).collect();
+        assert!(names.iter().all(|name| errors.contains(name)), "{errors:?}");
+    }
+    // Another datum in the turn, and positions of another vessel, are not used.
+    let datum = |(k, p): (usize, &[f64; 2])| if k > 500 { [p[0] + 30.0, p[1]] } else { *p };
+    let jumps = of(Trajectory { position: Some(all.iter().enumerate().map(datum).collect()), ..wrong() });
+    assert!(
+        jumps.positions.is_none() && jumps.no_positions.as_ref().unwrap().contains("jump"),
+        "{:?}",
+        jumps.no_positions
+    );
+    let other = (0..all.len()).map(|k| [20.0 * (0.1 * k as f64).sin(), 0.3 * k as f64]).collect();
+    let other = of(Trajectory { position: Some(other), ..wrong() });
+    assert!(other.positions.is_none(), "{:?}", other.positions);
+    assert!(other.path_words().contains("positions of the log are not used"), "{}", other.path_words());
+}
+
+#[test]
+fn intervals_of_measured_figures_hold_the_truth_as_often_as_they_say() {
+    let exact = log();
+    let all = exact.position.clone().unwrap();
+    let compared = |run: Trajectory| compare(&twin(), &[run], &mut silent()).unwrap();
+    let truth = compared(exact.clone());
+    let (mut inside, mut count) = (0, 0);
+    for seed in 0..30 {
+        let mut random = noise(seed);
+        let position = all.iter().map(|p| p.map(|x| x + 0.2 * random())).collect();
+        let rows =
+            (0..exact.len()).flat_map(|k| [exact.outputs.row(k)[0], 0.97 * exact.outputs.row(k)[1] + 0.01]);
+        let outputs = Table::new(exact.outputs.channels().to_vec(), rows.collect());
+        let found = compared(Trajectory { position: Some(position), outputs, ..exact.clone() });
+        for (found, truth) in found.iter().zip(&truth) {
+            for (figure, right) in found.measured.iter().zip(&truth.measured) {
+                let (Some([low, high]), Some(right)) = (figure.interval, right.value) else { continue };
+                // Times and overshoots follow from the headings, which are exact.
+                if high - low > 1e-9 {
+                    count += 1;
+                    inside += usize::from((low..=high).contains(&right));
+                }
+            }
+        }
+    }
+    let share = f64::from(u32::try_from(inside).unwrap()) / f64::from(count);
+    assert!(count > 120 && (0.84..0.97).contains(&share), "{inside} of {count}");
 }
 
 /// How a ship with a rudder and a shaft is logged.
@@ -732,6 +857,7 @@ fn ship(logged: Logged, angle: f64, is_zigzag: bool) -> (Trajectory, Vec<usize>)
         inputs: Table::new([channel("rpm", ""), channel("rudder", "")].to_vec(), inputs),
         truth: None,
         heading: None,
+        position: None,
     };
     (run, orders)
 }

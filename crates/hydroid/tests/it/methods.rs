@@ -104,6 +104,7 @@ fn reversals(period_s: f64, seed: u64) -> Trajectory {
         inputs: table([("n", "rps"), ("delta", "rad")], inputs),
         truth: None,
         heading: None,
+        position: None,
     }
 }
 
@@ -264,6 +265,7 @@ fn runs_of_different_parts_that_share_data_are_refused() {
             inputs,
             truth: None,
             heading: None,
+            position: None,
         }
     };
     let wave = |n: u32, shift: f64| (0..n).map(|k| (0.1 * f64::from(k) + shift).sin()).collect::<Vec<_>>();

@@ -72,6 +72,7 @@ fn logged([shaft_rate, rate]: [f64; 2], seed: u64, is_measured: bool) -> Traject
         inputs: table([("n", "rps"), ("delta", "rad")], inputs),
         truth: None,
         heading: None,
+        position: None,
     }
 }
 

@@ -124,6 +124,7 @@ pub fn coarse(run: &Trajectory, stride: usize, held: Held) -> Vec<Trajectory> {
                 inputs: Table::new(run.inputs.channels().to_vec(), inputs),
                 truth: None,
                 heading: None,
+                position: None,
             }
         })
         .collect()

@@ -33,6 +33,7 @@ fn run(dt: f64, outputs: &[Vec<f64>], inputs: &[Vec<f64>]) -> Trajectory {
         inputs: table("c", inputs, width(inputs)),
         truth: None,
         heading: None,
+        position: None,
     }
 }
 

@@ -45,6 +45,7 @@ fn simple(noisy: bool) -> Trajectory {
         inputs: table(&["PP", "RD"], &[column("PP_cmd"), column("RD_cmd")]),
         truth: None,
         heading: None,
+        position: None,
     }
 }
 
@@ -136,6 +137,7 @@ fn lorenz_coefficients_equal_pysindy() {
         inputs: table_without_columns(),
         truth: None,
         heading: None,
+        position: None,
     };
     let terms = names(&run);
     for (case, result) in reference["results"].as_object().unwrap() {

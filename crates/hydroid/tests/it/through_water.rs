@@ -64,6 +64,7 @@ fn run(current: [f64; 2], seed: u64) -> Trajectory {
         inputs: table([("n", "rps"), ("delta", "rad")], inputs),
         truth: None,
         heading: Some(headings),
+        position: None,
     }
 }
 

@@ -28,7 +28,16 @@ fn run(name: &str, samples: usize, size: f64, seed: u64) -> Trajectory {
     }
     let table = |name: &str, values| Table::new([Channel::new(name, "")], values);
     let (outputs, inputs) = (table("u", outputs), table("n", inputs));
-    Trajectory { name: name.to_owned(), t0: 0.0, dt: 0.1, outputs, inputs, truth: None, heading: None }
+    Trajectory {
+        name: name.to_owned(),
+        t0: 0.0,
+        dt: 0.1,
+        outputs,
+        inputs,
+        truth: None,
+        heading: None,
+        position: None,
+    }
 }
 
 /// A slow training run and a fast validation run.

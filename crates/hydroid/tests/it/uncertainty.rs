@@ -170,7 +170,16 @@ fn run(seed: u64) -> Trajectory {
     }
     let table = |name: &str, values| Table::new(vec![Channel::new(name, "")], values);
     let (outputs, inputs) = (table("y", outputs), table("c", inputs));
-    Trajectory { name: String::new(), t0: 0.0, dt: DT, outputs, inputs, truth: None, heading: None }
+    Trajectory {
+        name: String::new(),
+        t0: 0.0,
+        dt: DT,
+        outputs,
+        inputs,
+        truth: None,
+        heading: None,
+        position: None,
+    }
 }
 
 fn identified(seed: u64) -> Model {

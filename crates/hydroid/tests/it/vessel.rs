@@ -24,7 +24,16 @@ pub(crate) fn sail(
     }
     let outputs = measured(outputs);
     let inputs = Table::new([Channel::new("n", "1/s")], inputs);
-    Trajectory { name: name.to_owned(), t0: 0.0, dt: 0.1, outputs, inputs, truth: None, heading: None }
+    Trajectory {
+        name: name.to_owned(),
+        t0: 0.0,
+        dt: 0.1,
+        outputs,
+        inputs,
+        truth: None,
+        heading: None,
+        position: None,
+    }
 }
 
 pub(crate) fn measured(values: Vec<f64>) -> Table {

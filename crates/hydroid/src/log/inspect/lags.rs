@@ -363,6 +363,7 @@ mod tests {
             inputs: Table::new(channels(&["a", "b", "c"]), inputs),
             truth: None,
             heading: None,
+            position: None,
         }
     }
 

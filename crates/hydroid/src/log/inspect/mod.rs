@@ -14,7 +14,7 @@ mod stats;
 pub use delay::{Confidence, DelayEstimate};
 pub use excitation::InputReport;
 pub use noise::{NoiseReport, noise_level};
-pub(super) use pose::heading;
+pub(super) use pose::{heading, position};
 pub use stats::{ColumnReport, Disagreement};
 
 use std::borrow::Cow;
@@ -219,7 +219,7 @@ fn inspect_runs(
     let (mut of_pose, mut of_neutral) = (Vec::new(), Vec::new());
     let of_time = || {
         // Without the true values and the heading, which are not needed here.
-        let channels = Resolved { truth: None, heading: None, ..resolved.clone() };
+        let channels = Resolved { truth: None, heading: None, position: None, ..resolved.clone() };
         if let Ok(columns) = Columns::new(Origin::Borrowed(&log), &channels, &mut Vec::new()) {
             clock_report(inspection, &columns, options);
             repeats(inspection, &columns);

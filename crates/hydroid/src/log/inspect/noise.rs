@@ -284,6 +284,7 @@ mod tests {
                 inputs: table("n", inputs),
                 truth: None,
                 heading: None,
+                position: None,
             };
             reports(&[run], 0.0, &mut Vec::new()).remove(0).smoothing_window
         };

@@ -32,6 +32,11 @@ impl Model {
         if let Body::Craft(craft) = &self.body { Some(&craft.file) } else { None }
     }
 
+    /// Whether numbers of its vessel file are estimates.
+    pub fn has_estimates(&self) -> bool {
+        self.craft_file().is_some_and(|file| file.estimate.iter().any(|number| number.deviation.is_some()))
+    }
+
     /// Whether the model is a vessel with given parameters, and not identified.
     pub fn is_vessel(&self) -> bool {
         matches!(self.body, Body::Craft(_))

@@ -45,6 +45,7 @@ mod tests {
             inputs,
             truth: None,
             heading: None,
+            position: None,
         }
     }
 

@@ -14,7 +14,16 @@ pub(crate) fn table(prefix: &str, rows: &[Vec<f64>]) -> Table {
 
 pub(crate) fn run(dt: f64, outputs: &[Vec<f64>], inputs: &[Vec<f64>]) -> Trajectory {
     let (outputs, inputs) = (table("y", outputs), table("c", inputs));
-    Trajectory { name: String::from("made"), t0: 0.0, dt, outputs, inputs, truth: None, heading: None }
+    Trajectory {
+        name: String::from("made"),
+        t0: 0.0,
+        dt,
+        outputs,
+        inputs,
+        truth: None,
+        heading: None,
+        position: None,
+    }
 }
 
 pub(crate) struct Normal(ChaCha8Rng);

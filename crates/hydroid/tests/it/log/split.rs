@@ -12,6 +12,7 @@ fn run(name: &str, samples: usize) -> Trajectory {
         inputs: table("n"),
         truth: None,
         heading: None,
+        position: None,
     }
 }
 

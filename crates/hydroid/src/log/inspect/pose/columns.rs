@@ -5,6 +5,7 @@ use std::f64::consts::{PI, TAU};
 use super::super::super::csv::{RawColumn, RawLog};
 use super::super::super::resolve::{Resolved, Source};
 use super::super::super::units::{self, Quantity, Unit};
+use crate::recording::metres_per_radian;
 
 /// Columns of a pose, each the only one of its kind in the log.
 pub(super) struct PoseColumns {
@@ -57,19 +58,44 @@ pub(super) fn find(log: &RawLog, resolved: &Resolved) -> Option<PoseColumns> {
     let parts = parts(&log.columns[*column]);
     let has = |names: &[&str]| parts.iter().any(|part| names.contains(&part.as_str()));
     let pairs = position_pairs(log, free);
-    let (position, north_east) = match pairs.as_slice() {
-        [(x, y, north_east)] => {
-            let source = |i: usize| Some(Source::of(i, &log.columns[i].name, &length(&log.columns[i])?));
-            (source(*x).zip(source(*y)).map(|(x, y)| [x, y]), *north_east)
-        }
-        _ => (None, false),
-    };
+    let north_east = matches!(pairs.as_slice(), [(_, _, true)]);
+    let position = axes(log, &pairs);
     Some(PoseColumns {
         heading: Source::of(*column, &log.columns[*column].name, unit),
         position,
         compass: has(&["heading", "hdg", "compass"]),
         psi: has(&["psi"]),
         north_east,
+    })
+}
+
+/// The only position of a log.
+pub(super) fn position(log: &RawLog, resolved: &Resolved) -> Option<[Source; 2]> {
+    let channels = || resolved.outputs.iter().chain(&resolved.inputs);
+    axes(log, &position_pairs(log, |i| !channels().any(|source| source.column == i)))
+}
+
+/// The axes of the only pair of columns that are a position \[m\]; degrees are those from the mean of a log.
+fn axes(log: &RawLog, pairs: &[(usize, usize, bool)]) -> Option<[Source; 2]> {
+    let [(x, y, _)] = pairs else { return None };
+    let (first, second) = (&log.columns[*x], &log.columns[*y]);
+    let name = |column: &RawColumn| column.name.clone();
+    if let Some((x_unit, y_unit)) = length(first).zip(length(second)) {
+        return Some([Source::of(*x, &name(first), &x_unit), Source::of(*y, &name(second), &y_unit)]);
+    }
+    let (latitude, longitude) = degrees(first).zip(degrees(second))?;
+    let mean = |column: &RawColumn| {
+        let (sum, count) =
+            column.values.iter().filter(|x| x.is_finite()).fold((0.0, 0.0), |s, x| (s.0 + x, s.1 + 1.0));
+        sum / count
+    };
+    let (middle, across) = (mean(first), mean(second));
+    let [north, east] = metres_per_radian(latitude.factor * middle);
+    (middle.is_finite() && across.is_finite()).then(|| {
+        let source =
+            |column, of: &RawColumn, factor, offset| Source::metres(column, &of.name, factor, offset);
+        let [north, east] = [north * latitude.factor, east * longitude.factor];
+        [source(*x, first, north, middle), source(*y, second, east, across)]
     })
 }
 
@@ -129,22 +155,40 @@ fn length(column: &RawColumn) -> Option<Unit> {
     of_quantity(stated(column).unwrap_or("m"), Quantity::Length)
 }
 
-/// Pairs of columns whose names differ in `x` and `y`, or in `north` and `east`.
+/// The unit of a latitude or a longitude; without a stated one, degrees.
+fn degrees(column: &RawColumn) -> Option<Unit> {
+    let plausible = column.values.iter().all(|x| x.is_nan() || x.abs() <= 360.0);
+    of_quantity(stated(column).unwrap_or("deg"), Quantity::Angle).filter(|_| plausible)
+}
+
+/// Pairs of columns whose names differ in `x` and `y`, or in `north` and `east`; without any, in `lat` and `lon`.
 fn position_pairs(log: &RawLog, free: impl Fn(usize) -> bool) -> Vec<(usize, usize, bool)> {
-    const AXES: &[(&str, &str, bool)] =
+    const PLANE: &[(&str, &str, bool)] =
         &[("x", "y", false), ("north", "east", true), ("northing", "easting", true)];
+    const GLOBE: &[(&str, &str, bool)] =
+        &[("lat", "lon", true), ("lat", "lng", true), ("lat", "long", true), ("latitude", "longitude", true)];
+    let found = pairs(log, &free, PLANE, length);
+    if found.is_empty() { pairs(log, &free, GLOBE, degrees) } else { found }
+}
+
+fn pairs(
+    log: &RawLog,
+    free: &impl Fn(usize) -> bool,
+    axes: &[(&str, &str, bool)],
+    unit: fn(&RawColumn) -> Option<Unit>,
+) -> Vec<(usize, usize, bool)> {
     let parts: Vec<Vec<String>> = log.columns.iter().map(parts).collect();
     let fits = |i: usize| {
         let usual = parts[i].iter().all(|part| {
-            POSITION.contains(&part.as_str()) || AXES.iter().any(|(x, y, _)| [x, y].contains(&&part.as_str()))
+            POSITION.contains(&part.as_str()) || axes.iter().any(|(x, y, _)| [x, y].contains(&&part.as_str()))
         });
         let measured = !parts[i].iter().any(|part| NOT_MEASURED.contains(&part.as_str()));
         let column = &log.columns[i];
-        free(i) && measured && length(column).is_some() && (usual || stated(column).is_some())
+        free(i) && measured && unit(column).is_some() && (usual || stated(column).is_some())
     };
     let mut found = Vec::new();
     for (i, own) in parts.iter().enumerate().filter(|(i, _)| fits(*i)) {
-        for (x, y, north_east) in AXES {
+        for (x, y, north_east) in axes {
             let Some(at) = own.iter().position(|part| part == x) else { continue };
             let mut other = own.clone();
             (*y).clone_into(&mut other[at]);

@@ -71,6 +71,11 @@ pub(in crate::log) fn heading(log: &RawLog, resolved: &Resolved) -> Option<Sourc
     columns::find(log, resolved).map(|pose| pose.heading)
 }
 
+/// The axes of the only position of a log.
+pub(in crate::log) fn position(log: &RawLog, resolved: &Resolved) -> Option<[Source; 2]> {
+    columns::position(log, resolved)
+}
+
 /// An output and the motion that its name states.
 struct Checked {
     source: Source,
@@ -100,6 +105,7 @@ fn read(
         wind: None,
         truth: None,
         heading: None,
+        position: None,
     };
     let columns = Columns::new(Origin::Borrowed(log), &pose_and_channels, &mut Vec::new()).ok()?;
     super::super::clock::check_order(&columns).ok()?;
