@@ -6,13 +6,12 @@
 //! Navigation*, 2001, section 5.4), and commands end as without a position. Because the prediction gets worse without
 //! positions, those that stay outside of the gate are used after a while, as ArduPilot's filter does.
 //!
-//! A receiver that freezes repeats its last fix to the last digit, which noise does not let a working one do. While commands push the
-//! vessel, such a position is stuck after [`STUCK_S`] and four times the usual time between changes.
+//! While commands push the vessel, a position that [repeats](Repeats) is stuck.
 
 use hydroid::log::{LogError, Sensors};
 use hydroid::recording::{LiveColumn, LiveMotion, LiveTopics};
 
-use hydroid::closed_loop::local_position;
+use hydroid::closed_loop::{Repeats, local_position};
 
 /// Half width of the gate \[m\], to which standard deviations of the predicted position are added. Usual errors of a
 /// receiver without corrections are smaller.
@@ -21,24 +20,6 @@ const DEVIATIONS: f64 = 4.0;
 
 /// Positions outside of the gate are not used for this time \[s\].
 const UNUSED_S: f64 = 10.0;
-
-/// Shortest time without a change after which a position is stuck \[s\].
-const STUCK_S: f64 = 3.0;
-const CHANGES: f64 = 4.0;
-/// Longest time between changes that counts as usual \[s\], and the share of the newest one in the mean.
-const LONGEST_S: f64 = 5.0;
-const NEWEST: f64 = 0.2;
-
-/// Fixes that are the same to the last digit.
-#[derive(Clone, Copy, Debug)]
-struct Repeated {
-    values: [f64; 2],
-    /// Times of the first and the last one \[s\].
-    since: f64,
-    until: f64,
-    /// Usual time between changes \[s\].
-    usual: f64,
-}
 
 /// A position that is outside of the gate.
 #[derive(Clone, Copy, Debug)]
@@ -56,7 +37,9 @@ pub(super) struct PositionCheck {
     /// Place of the antenna forward and to starboard \[m\].
     antenna_m: [f64; 2],
     jump: Option<Jump>,
-    repeated: Option<Repeated>,
+    repeats: Repeats,
+    /// Time of the last fix \[s\].
+    last: Option<f64>,
 }
 
 impl PositionCheck {
@@ -71,7 +54,14 @@ impl PositionCheck {
             },
         };
         let columns = [topics.column(named[0])?, topics.column(named[1])?];
-        Ok(Some(Self { columns, is_geographic, antenna_m: [ahead, starboard], jump: None, repeated: None }))
+        Ok(Some(Self {
+            columns,
+            is_geographic,
+            antenna_m: [ahead, starboard],
+            jump: None,
+            repeats: Repeats::default(),
+            last: None,
+        }))
     }
 
     /// The last position, if it is outside of the gate.
@@ -81,26 +71,17 @@ impl PositionCheck {
 
     /// Time for which the position has not changed \[s\], if it is stuck under commands that have pushed the vessel since a time \[s\].
     pub(super) fn stuck_s(&self, pushing_since: f64) -> Option<f64> {
-        let Repeated { since, until, usual, .. } = self.repeated?;
-        let same_s = until - since.max(pushing_since);
-        (same_s > STUCK_S.max(CHANGES * usual)).then_some(same_s)
+        self.repeats.stuck_s(self.last? - pushing_since)
     }
 
     /// Takes a fix into account for [`stuck_s`](Self::stuck_s).
     fn repeat(&mut self, t: f64, values: &[f64]) {
         let fix = [0, 1].map(|k| values.get(self.columns[k].field).copied().unwrap_or(f64::NAN));
-        if fix.iter().any(|x| x.is_nan()) {
-            return;
+        if fix.iter().all(|x| !x.is_nan()) {
+            let last = self.last.map_or(t, |last| last.max(t));
+            self.repeats.take(last - self.last.unwrap_or(t), fix);
+            self.last = Some(last);
         }
-        self.repeated = Some(match self.repeated {
-            Some(last) if last.values == fix => Repeated { until: t.max(last.until), ..last },
-            Some(last) => {
-                let lasted = (t - last.since).clamp(0.0, LONGEST_S);
-                let usual = last.usual + NEWEST * (lasted - last.usual);
-                Repeated { values: fix, since: t, until: t, usual }
-            }
-            None => Repeated { values: fix, since: t, until: t, usual: 1.0 },
-        });
     }
 
     /// Tests the row of a topic at a time \[s\]; the answer is what takes its place if its position is not to be used.

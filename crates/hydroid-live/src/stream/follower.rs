@@ -69,6 +69,12 @@ pub(crate) struct Follower {
     told_s: f64,
     /// Time that has passed for the commands since the last line that was used \[s\].
     since_s: f64,
+    /// Stamp, `u`, `v` and `r` of the last line.
+    last_t: f64,
+    last: [f64; 3],
+    /// Time since the last line \[s\], and by how much lines are late \[s\].
+    real_s: f64,
+    late_s: f64,
 }
 
 impl Follower {
@@ -100,6 +106,10 @@ impl Follower {
             waited_s: 0.0,
             told_s: 0.0,
             since_s: 0.0,
+            last_t: f64::NAN,
+            last: [f64::NAN; 3],
+            real_s: 0.0,
+            late_s: 0.0,
         })
     }
 
@@ -145,6 +155,55 @@ impl Follower {
                     *command = f64::NAN;
                 }
             }
+        }
+    }
+
+    /// What is not to be steered by counts as missing: a velocity that changes by more than the whole range of the model from one
+    /// sample to the next, and a pose that was held up by a silence which its stamp does not show.
+    pub(super) fn screen(&mut self, sample: &mut Sample) {
+        let Some(pilot) = self.session.pilot() else { return };
+        let (motion, limit_s) = (pilot.motion(), pilot.liveness().limit_s());
+        let elapsed = sample.t - self.last_t;
+        let ports = &self.model.description.outputs;
+        for (last, place) in self.last.iter_mut().zip(motion) {
+            let (value, port) = (sample.outputs[place], &ports[place]);
+            let DesignRange { low, high } = port.training_range.unwrap_or(port.range);
+            let is_next = elapsed <= self.max_gap_s;
+            if is_next && (value - *last).abs() > high - low {
+                say(
+                    &mut self.note,
+                    format_args!(
+                        "{} goes from {last} to {value}, by more than the range of the model, and is not used",
+                        port.channel.name
+                    ),
+                );
+                sample.outputs[place] = f64::NAN;
+            } else if value.is_finite() {
+                *last = value;
+            }
+        }
+        // Later than by the silence no line can be that was sent before its end.
+        let waited = std::mem::take(&mut self.real_s);
+        if elapsed.is_finite() && elapsed > 0.0 {
+            if waited > limit_s {
+                self.late_s += (waited - elapsed).max(0.0);
+            } else {
+                self.late_s = (self.late_s - (elapsed - waited).max(0.0)).max(0.0);
+            }
+            if elapsed > self.max_gap_s {
+                self.late_s = 0.0;
+            }
+        }
+        self.last_t = sample.t;
+        if self.late_s > limit_s {
+            say(
+                &mut self.note,
+                format_args!(
+                    "this line is {:.1} s late, by the silence before it, and its pose is not used",
+                    self.late_s
+                ),
+            );
+            sample.pose.fill(f64::NAN);
         }
     }
 
@@ -280,6 +339,7 @@ impl Follower {
     /// Time passes \[s\] in which no line arrives.
     pub(super) fn wait(&mut self, seconds: f64) {
         self.waited_s += seconds;
+        self.real_s += seconds;
         self.pass(seconds);
         self.told_s += seconds;
     }
@@ -287,6 +347,7 @@ impl Follower {
     /// A line arrives after some more time \[s\]. What it holds decides how much time counts.
     pub(super) fn arrive_after(&mut self, seconds: f64) {
         self.waited_s += seconds;
+        self.real_s += seconds;
     }
 
     /// What arrived was no line: the time in which it was awaited passes.
@@ -335,6 +396,15 @@ impl Follower {
         if let Some(stop) = pilot.stop() {
             let why = stop.text();
             say(&mut self.note, format_args!("{why}: the commands rest until the service is started anew"));
+        }
+        if pilot.stuck_s() > 0.0 {
+            say(
+                &mut self.note,
+                format_args!(
+                    "the position has been the same to the last digit for {:.1} s under commands that move the vessel, and is not used: check the receiver",
+                    pilot.stuck_s()
+                ),
+            );
         }
         let [position_m, heading_rad] = pilot.contradicted();
         if position_m > 0.0 {

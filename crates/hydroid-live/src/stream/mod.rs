@@ -309,6 +309,7 @@ impl Stream {
             return Ok(true);
         }
         self.follower.refuse_absurd_commands(&mut self.sample);
+        self.follower.screen(&mut self.sample);
         let status = self.follower.follow(&self.sample);
         if !matches!(status, Status::Used(_) | Status::Constant | Status::Reset) {
             self.answer_unused(number, Some(self.sample.t), status);

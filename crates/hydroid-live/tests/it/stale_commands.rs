@@ -269,6 +269,78 @@ fn each_quantity_has_its_age() {
     }
 }
 
+/// A receiver that froze repeated its position with velocities of zero, and the vessel left at full speed for a minute and more.
+#[test]
+fn a_position_that_repeats_under_commands_is_not_steered_by() {
+    for (noise, is_stuck) in [(0.0, true), (0.01, false)] {
+        let mut watch = Watch::new(setup());
+        let before = sail(&mut watch, 0, 40);
+        assert_ne!(before["command"]["PP_cmd"], 0.0, "{before}");
+        let mut rested = None;
+        for k in 0..100 {
+            let mut sent = line(3.9);
+            sent["t"] = (4.0 + 0.1 * f64::from(k)).into();
+            sent["x"] = (1.5 * 3.9 + noise * f64::from(k % 3)).into();
+            (sent["u"], sent["r"]) = (0.0.into(), (1e-3 * f64::from(k % 5)).into());
+            watch.wait(0.1).unwrap();
+            let answer = watch.send(Line::Whole(sent.to_string().as_bytes())).unwrap().unwrap();
+            if answer["note"].as_str().is_some_and(|note| note.contains("the same to the last digit")) {
+                rested.get_or_insert(k);
+            }
+            let found = rested.is_some_and(|since| k > since + 11);
+            assert!(!found || watch.is_neutral && answer["control"] == "blind", "{k}: {answer}");
+        }
+        assert_eq!(rested.is_some_and(|k| k < 33), is_stuck, "{noise}: {rested:?}");
+    }
+}
+
+/// After a link had stalled for four seconds, lines came four seconds late for ever, and were steered by as if they were new.
+#[test]
+fn lines_that_a_silence_held_back_are_not_steered_by_until_they_have_caught_up() {
+    let mut watch = Watch::new(setup());
+    sail(&mut watch, 0, 40);
+    watch.wait(4.0).unwrap();
+    for k in 40..140 {
+        let answer = sail(&mut watch, k, k + 1);
+        let note = answer["note"].as_str().unwrap();
+        assert!(note.contains("s late, by the silence before it"), "{k}: {answer}");
+        assert!(watch.is_neutral, "{k}: {answer}");
+    }
+    // The queue empties.
+    for k in 140..180 {
+        watch.send(Line::Whole(line(0.1 * f64::from(k)).to_string().as_bytes())).unwrap();
+    }
+    let again = sail(&mut watch, 180, 190);
+    assert!(again.get("lost").is_none() && again["command"]["PP_cmd"] != 0.0, "{again}");
+    // A sender that was silent itself is not late.
+    watch.wait(4.0).unwrap();
+    let after = sail(&mut watch, 230, 235);
+    assert!(after.get("lost").is_none() && after["command"]["PP_cmd"] != 0.0, "{after}");
+}
+
+/// A single wrong yaw rate turned the dead reckoning for good, and ended the mission.
+#[test]
+fn one_wrong_velocity_does_not_end_the_mission() {
+    for key in ["u", "v", "r"] {
+        let port = setup().model.description.outputs.iter().find(|port| port.channel.name == key).unwrap();
+        let range = port.training_range.unwrap_or(port.range);
+        let value = line(4.0)[key].as_f64().unwrap() + 1.1 * (range.high - range.low);
+        let mut watch = Watch::new(setup());
+        sail(&mut watch, 0, 40);
+        let mut sent = line(4.0);
+        sent[key] = value.into();
+        watch.wait(0.1).unwrap();
+        let answer = watch.send(Line::Whole(sent.to_string().as_bytes())).unwrap().unwrap();
+        let note = answer["note"].as_str().unwrap_or_default();
+        assert!(note.contains("by more than the range of the model"), "{key} = {value}: {answer}");
+        for k in 41..300 {
+            let answer = sail(&mut watch, k, k + 1);
+            assert!(answer.get("lost").is_none() && answer["control"] != "blind", "{key}, {k}: {answer}");
+            assert_ne!(answer["control"], "stopped", "{key}, {k}: {answer}");
+        }
+    }
+}
+
 /// A log that is sent faster than real time has the same answers each time.
 #[test]
 fn a_log_in_a_pipe_has_answers_of_its_own() {

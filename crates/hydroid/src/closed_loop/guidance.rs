@@ -91,9 +91,9 @@ impl Guidance {
         self.generator.plan(Pose { position, course: psi, curvature: 0.0 }, nu[0], radius)
     }
 
-    /// The reference stands and waits for the vessel, or moves on.
-    pub fn wait(&mut self, waits: bool) {
-        self.generator.wait(waits);
+    /// The reference moves with a part of the speed of its profile; with 0 it stands and waits for the vessel.
+    pub fn pace(&mut self, pace: f64) {
+        self.generator.pace(pace);
     }
 
     /// What is left of the way to the task \[m\]; 0 on the task.

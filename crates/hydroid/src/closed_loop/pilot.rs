@@ -12,6 +12,7 @@ use super::controller::{ClosedLoopController, ModelSession};
 use super::error::ClosedLoopError;
 use super::guidance::{Guidance, Guided, Measured};
 use super::options::ControllerOptions;
+use super::repeats::Repeats;
 use super::track::Track;
 use crate::key::key;
 
@@ -34,6 +35,11 @@ pub struct Pilot {
     eta: [f64; 3],
     nu: [f64; 3],
     liveness: Liveness<5>,
+    repeats: Repeats,
+    /// Time for which commands other than the neutral ones have been in force \[s\].
+    pushing_s: f64,
+    /// Time without a change of a position that is stuck \[s\]; 0 otherwise.
+    stuck_s: f64,
     /// `None` for an estimated pose.
     reckoning: Option<DeadReckoning>,
     /// Time constant of the filter of a measured pose \[s\].
@@ -122,6 +128,9 @@ impl Pilot {
             eta: [f64::NAN; 3],
             nu: [0.0; 3],
             liveness: Liveness::new(options.max_age_s),
+            repeats: Repeats::default(),
+            pushing_s: 0.0,
+            stuck_s: 0.0,
             reckoning: Some(DeadReckoning::new(track_speed, limits.stall_s)),
             smoothing_s: options.tolerance / track_speed,
             drift: [0.0; 3],
@@ -236,6 +245,7 @@ impl Pilot {
             Elapsed::Gap(gap_s) => gap_s,
         };
         let mut pose = seen.pose;
+        self.leave_stuck(elapsed_s, &mut pose);
         if let Some(reckoning) = &mut self.reckoning {
             if !matches!(elapsed, Elapsed::Steps(_)) {
                 reckoning.reset();
@@ -281,7 +291,7 @@ impl Pilot {
             if let Some([left_m, duration_s]) = self.guidance.plan(self.eta, self.nu, self.turning_radius) {
                 self.set_out = left_m;
                 self.supervisor.planned(left_m, duration_s);
-                self.guidance.wait(false);
+                self.guidance.pace(1.0);
             } else {
                 self.supervisor.stop(Stop::NoWay);
             }
@@ -303,8 +313,10 @@ impl Pilot {
         let guided = self.guidance.command(self.law.as_mut(), &measured, &mut self.command);
         self.guided = Some(guided);
         let near = guided.distance <= self.tolerance;
-        // The reference waits for a vessel that is off its way.
-        self.guidance.wait(!near);
+        // The reference waits for a vessel that is off its way, and slows down before (scaling of a trajectory in time: Dahl and
+        // Nielsen, IEEE Trans. Robotics and Automation 6 (1990) 554): one that stands and runs in turn would keep the vessel at
+        // the tolerance.
+        self.guidance.pace((2.0 - 2.0 * guided.distance / self.tolerance).clamp(0.0, 1.0));
         let done = self.guidance.is_done();
         let place = if self.guidance.track().is_station {
             let is_coming = self.mode() == Mode::Approach && guided.distance <= self.set_out + self.tolerance;
@@ -322,6 +334,30 @@ impl Pilot {
             self.command.copy_from_slice(&self.rest);
         }
         self.keep_rates(&before, moving_s);
+    }
+
+    /// A measured position that does not change to the last digit while commands push the vessel counts as missing until it changes.
+    fn leave_stuck(&mut self, elapsed_s: f64, pose: &mut [f64; 3]) {
+        if self.reckoning.is_none() {
+            return;
+        }
+        let elapsed_s = if elapsed_s.is_finite() { elapsed_s } else { 0.0 };
+        self.pushing_s = if self.command == self.rest { 0.0 } else { self.pushing_s + elapsed_s };
+        if self.repeats.take(elapsed_s, [pose[0], pose[1]]) {
+            self.stuck_s = 0.0;
+        } else if self.stuck_s > 0.0 {
+            self.stuck_s += elapsed_s;
+        } else if let Some(stuck_s) = self.repeats.stuck_s(self.pushing_s) {
+            self.stuck_s = stuck_s;
+        }
+        if self.stuck_s > 0.0 {
+            pose[..2].fill(f64::NAN);
+        }
+    }
+
+    /// Time for which the position has not changed, where it is stuck and counts as missing \[s\]; 0 otherwise.
+    pub const fn stuck_s(&self) -> f64 {
+        self.stuck_s
     }
 
     /// Keeps the limits of the rates from the command before: the law does not know those at rest. A time that is not known counts
@@ -403,6 +439,9 @@ impl Pilot {
         memory.numbers(&mut self.drift);
         memory.numbers(&mut self.nu);
         self.liveness.visit_state(memory);
+        self.repeats.visit_state(memory);
+        memory.number(&mut self.pushing_s);
+        memory.number(&mut self.stuck_s);
         if let Some(reckoning) = &mut self.reckoning {
             reckoning.visit_state(memory);
         }

@@ -37,15 +37,15 @@ pub(super) struct ReferenceGenerator {
     range: f64,
     /// Arc length of the vessel's projection on the way, or on the path of the task \[m\].
     s: f64,
-    /// Whether the reference stands and waits for the vessel.
-    waits: bool,
+    /// Speed of the reference relative to that of its profile: 0 while it stands and waits for the vessel.
+    pace: f64,
 }
 
 impl ReferenceGenerator {
     pub(super) fn new(track: Track, timing: Timing, dt_s: f64) -> Self {
         let range = (RANGE * dt_s * track.cruise).max(LEAST_RANGE_M);
         let (walker, follower) = (TimedReference::new(&track.profile), PathReference::new(0.0, range));
-        Self { track, timing, way: None, walker, follower, range, s: 0.0, waits: false }
+        Self { track, timing, way: None, walker, follower, range, s: 0.0, pace: 1.0 }
     }
 
     /// Reference for a controlled point at `point`, and the cross-track error \[m\], positive to starboard.
@@ -61,11 +61,7 @@ impl ReferenceGenerator {
         let foot = self.follower.project(path, point);
         self.s = foot.s;
         let reference = match self.timing {
-            Timing::Clock if self.waits => {
-                let s = self.walker.s(profile);
-                Reference::new(s, &path.at(s), 0.0, 0.0)
-            }
-            Timing::Clock => self.walker.reference(path, profile),
+            Timing::Clock => paced(self.walker.reference(path, profile), self.pace),
             Timing::Path => {
                 // Who drifts back from the start of an open path leaves it.
                 let (s, pose) =
@@ -85,15 +81,11 @@ impl ReferenceGenerator {
             return;
         }
         match self.timing {
-            Timing::Clock if self.waits => {
-                let s = self.walker.s(profile);
-                into.fill(Reference::new(s, &path.at(s), 0.0, 0.0));
-            }
             Timing::Clock => {
                 let mut walker = self.walker;
                 for reference in into {
-                    (0..step).for_each(|_| walker.advance(profile, dt_s));
-                    *reference = walker.reference(path, profile);
+                    (0..step).for_each(|_| walker.advance(profile, self.pace * dt_s));
+                    *reference = paced(walker.reference(path, profile), self.pace);
                 }
             }
             Timing::Path => {
@@ -111,11 +103,11 @@ impl ReferenceGenerator {
     }
 
     pub(super) fn advance(&mut self, dt_s: f64) {
-        if self.track.is_station || self.waits {
+        if self.track.is_station {
             return;
         }
         let (_, profile) = along(self.way.as_ref(), &self.track);
-        self.walker.advance(profile, dt_s);
+        self.walker.advance(profile, self.pace * dt_s);
         // The first lap of a closed path belongs to the way.
         let ended = |way: &Way| self.track.path.is_closed() && self.place(&way.profile) >= way.path.length();
         if self.way.as_ref().is_some_and(ended) {
@@ -125,9 +117,9 @@ impl ReferenceGenerator {
         }
     }
 
-    /// The reference waits for the vessel, or moves on.
-    pub(super) const fn wait(&mut self, waits: bool) {
-        self.waits = waits;
+    /// The reference moves with a part of the speed of its profile: the trajectory is scaled in time.
+    pub(super) const fn pace(&mut self, pace: f64) {
+        self.pace = pace;
     }
 
     /// Plans a way from a pose to the task, with turns of a radius \[m\]; the reference begins there with the speed \[m/s\] of
@@ -215,7 +207,7 @@ impl ReferenceGenerator {
         if memory.is_loading() {
             self.way = is_under_way.then(|| Way::plan(&self.track, start).ok()).flatten();
         }
-        memory.flag(&mut self.waits);
+        memory.number(&mut self.pace);
         self.walker.visit_state(along(self.way.as_ref(), &self.track).1, memory);
         memory.number(&mut self.s);
         self.follower = PathReference::new(self.s, self.range);
@@ -228,6 +220,16 @@ impl ReferenceGenerator {
             Timing::Clock => self.walker.is_done(profile),
             Timing::Path => self.s >= path.length(),
         }
+    }
+}
+
+/// A reference of a trajectory that is scaled in time.
+fn paced(reference: Reference, pace: f64) -> Reference {
+    Reference {
+        speed: pace * reference.speed,
+        velocity: reference.velocity.map(|velocity| pace * velocity),
+        acceleration: reference.acceleration.map(|acceleration| pace * pace * acceleration),
+        ..reference
     }
 }
 

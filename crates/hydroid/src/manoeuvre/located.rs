@@ -13,9 +13,10 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::Serialize;
 
-use super::measured::line;
+use super::measured::{line, output};
 use super::track::Track;
 use crate::log::{Trajectory, median};
+use crate::model::MOTION;
 
 /// Positions that a measured trial was taken from.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -211,7 +212,13 @@ pub(super) fn path(run: &Trajectory, from: usize, to: usize) -> Option<Result<Pa
         let own = Track::measured(run, from, to)?;
         Frame::of(&own, &positions[from..=to])
     };
-    Some(frame.and_then(|frame| by_positions(run, positions, frame, from, to)))
+    // Without the sway velocity, the drift in turns is no angle of the axes.
+    let turned = |frame: Frame| if output(run, MOTION[1]).is_some() { frame.turned } else { 0.0 };
+    Some(
+        frame.and_then(|frame| {
+            by_positions(run, positions, Frame { turned: turned(frame), ..frame }, from, to)
+        }),
+    )
 }
 
 fn by_positions(
@@ -271,7 +278,7 @@ fn by_positions(
         outliers,
         deviation_m: walk.deviation,
         east_first: frame.exchanged,
-        turned_deg: -frame.turned.to_degrees(),
+        turned_deg: if run.heading.is_some() { -frame.turned.to_degrees() } else { 0.0 },
         aside_deg: None,
         rate: frame.rate,
     };
@@ -293,10 +300,16 @@ fn new_fixes(positions: &[[f64; 2]]) -> Vec<usize> {
 
 /// Turns a path, and draws from its distribution, so that the course of the approach through the water is the heading: advance and
 /// transfer are along and across the original course, and an error of the heading is not in them.
-/// The angle \[deg\], positive to starboard; `None` if it may be chance, or is not known within a degree.
-pub(super) fn align(track: &mut Track, draws: &mut [Track], order: usize, current: [f64; 2]) -> Option<f64> {
+/// An angle that may be chance, or is not known within a degree, is none; a large one is that of the axes.
+pub(super) fn align(
+    located: &mut Located,
+    track: &mut Track,
+    draws: &mut [Track],
+    order: usize,
+    current: [f64; 2],
+) {
     if order < 2 {
-        return None;
+        return;
     }
     let aside = |track: &Track| {
         let way =
@@ -309,15 +322,22 @@ pub(super) fn align(track: &mut Track, draws: &mut [Track], order: usize, curren
     let squares: f64 = draws.iter().map(|draw| (aside(draw) - own).powi(2)).sum();
     let deviation = (squares / draws.len() as f64).sqrt();
     if !(deviation < KNOWN && own.abs() > CERTAIN * deviation) {
-        return None;
+        return;
     }
     for track in draws.iter_mut().chain([track]) {
         let angle = aside(track);
         for eta in &mut track.eta {
             [eta[0], eta[1]] = in_body([eta[0], eta[1]], angle);
         }
+        for nu in track.nu.iter_mut().filter(|_| own.abs() > TURNED) {
+            [nu[0], nu[1]] = in_body([nu[0], nu[1]], angle);
+        }
     }
-    Some(own.to_degrees())
+    if own.abs() > TURNED {
+        located.turned_deg -= own.to_degrees();
+    } else {
+        located.aside_deg = Some(own.to_degrees());
+    }
 }
 
 /// Leaves out errors far from the median of their neighbours, and counts them.
@@ -331,10 +351,10 @@ fn leave_outliers(errors: &mut [Option<[f64; 2]>], track: &Track) -> usize {
         })
         .collect();
     let usual = [0, 1].map(|axis| 1.4826 * middle(apart.iter().map(|apart| apart[axis].abs())));
-    // Velocities may be wrong by a tenth.
+    // Velocities may be wrong by half of the speed, as without sway.
     let way = middle((0..track.len()).map(|k| track.speed(k))) * track.dt;
     let steps = middle(known.windows(2).map(|pair| (pair[1].0 - pair[0].0) as f64));
-    let slope = 0.1 * way * steps * BESIDE as f64;
+    let slope = 0.5 * way * steps * BESIDE as f64;
     let mut count = 0;
     for ((k, _), apart) in known.iter().zip(&apart) {
         if (0..2).any(|axis| apart[axis].abs() > OUTLIER * usual[axis] + slope) {

@@ -125,6 +125,17 @@ fn heading_doubt(run: &Trajectory) -> Option<String> {
     })
 }
 
+/// That a prediction turns to the other side than the vessel did.
+fn other_side(predicted: &Track, trial: &Recognised) -> Option<String> {
+    let side = trial.heading_deg.signum();
+    let turned = (0..predicted.len()).map(|k| predicted.turned(k, side).to_degrees());
+    let (least, most) = turned.fold((0.0, 0.0), |(low, high): (f64, f64), x| (low.min(x), high.max(x)));
+    (-least > 0.5 * trial.heading_deg.abs() && most < 0.1 * trial.heading_deg.abs()).then(|| {
+        "the prediction turns to the other side: the steering of this log has the opposite sign to that in the logs of the model"
+            .to_owned()
+    })
+}
+
 /// The current in the last whole turn of 450 degrees or more, north and east: the velocity over ground is a steady one in the body
 /// frame and a drift. It is none if the drift does not halve the residuals: the speed still falls in a part of a turn, which a
 /// drift may explain.
@@ -377,7 +388,7 @@ fn comparison(
         (trial.kind == RecognisedKind::TurningCircle).then(|| current_of_turn(&measured, order)).flatten();
     let current = of_turn.unwrap_or_else(|| current_before(model, run, start));
     if let Some(positions) = &mut positions {
-        positions.aside_deg = located::align(&mut measured, &mut draws, order, current);
+        located::align(positions, &mut measured, &mut draws, order, current);
     }
     measured.current = current;
     let approach = MeasuredApproach::of(&mut measured, order);
@@ -444,7 +455,10 @@ fn comparison(
         positions,
         no_positions,
         errors,
-        doubts: approach.doubt().into_iter().chain(heading_doubt(run)).collect(),
+        doubts: [approach.doubt(), heading_doubt(run), other_side(&track, &trial)]
+            .into_iter()
+            .flatten()
+            .collect(),
         approach,
         current_of_turn: of_turn.is_some(),
         predicted,
@@ -534,4 +548,70 @@ pub fn write_comparisons_csv(comparisons: &[Comparison], writer: impl Write) -> 
         }
     }
     out.flush()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A turn of two rounds after a straight course, whose speed falls from 2 to 1.2 m/s in the first quarter, in a current.
+    fn turn(current: [f64; 2], gain_m_s2: f64) -> (Track, usize) {
+        let (dt, order) = (0.5, 40);
+        let mut track = Track { dt, ..Track::default() };
+        let (mut eta, mut r) = ([0.0, 0.0, 0.7], 0.0);
+        for k in 0..340_u32 {
+            let since = (f64::from(k) - order as f64) * dt;
+            let slow = if since < 0.0 { 0.0 } else { 1.0 - (-since / 4.0).exp() };
+            let water = [2.0 - 0.8 * slow + gain_m_s2 * since.min(0.0), -0.4 * slow];
+            let (sin, cos) = f64::sin_cos(eta[2]);
+            let ground =
+                [water[0] * cos - water[1] * sin + current[0], water[0] * sin + water[1] * cos + current[1]];
+            track.eta.push(eta);
+            track.nu.push([ground[0] * cos + ground[1] * sin, ground[1] * cos - ground[0] * sin, r]);
+            track.steering.push(0.0);
+            r = 0.1 * slow;
+            eta = [eta[0] + dt * ground[0], eta[1] + dt * ground[1], eta[2] + dt * r];
+        }
+        (track, order)
+    }
+
+    #[test]
+    fn a_turn_shows_the_current_in_which_it_was_sailed() {
+        for current in [[0.3, -0.2], [-0.6, 0.0], [0.0, 0.1]] {
+            let (track, order) = turn(current, 0.0);
+            let found = current_of_turn(&track, order).unwrap();
+            assert!((0..2).all(|i| (found[i] - current[i]).abs() < 0.02), "{found:?} for {current:?}");
+        }
+        let (calm, order) = turn([0.0; 2], 0.0);
+        assert_eq!(current_of_turn(&calm, order), None);
+        let (mut short, order) = turn([0.3, 0.0], 0.0);
+        short.keep(0, 160);
+        assert_eq!(current_of_turn(&short, order), None, "one round is not enough");
+    }
+
+    #[test]
+    fn the_approach_is_a_mean_and_its_change_is_stated() {
+        let (mut track, order) = turn([0.0; 2], 0.0);
+        let approach = MeasuredApproach::of(&mut track, order);
+        assert!((approach.speed_m_s - 2.0).abs() < 1e-9 && approach.doubt().is_none(), "{approach:?}");
+        assert_eq!(track.eta[0][..2], [0.0; 2]);
+        let circle = TurningCircle::of(&track, 1.0);
+        assert!((circle.approach_speed_m_s - 2.0).abs() < 1e-9);
+        let (mut track, order) = turn([0.0; 2], 0.04);
+        let approach = MeasuredApproach::of(&mut track, order);
+        assert!((approach.change.unwrap() - 0.8 / 1.6).abs() < 0.05, "{approach:?}");
+        assert!(approach.doubt().unwrap().contains("is not steady"));
+        let (mut track, order) = turn([0.0; 2], 0.0);
+        track.keep(order, track.len() - 1);
+        let approach = MeasuredApproach::of(&mut track, 0);
+        assert!((approach.speed_m_s - 2.0).abs() < 0.1, "{approach:?}");
+        assert!(approach.doubt().unwrap().contains("begins with the order"));
+    }
+
+    #[test]
+    fn missing_values_are_on_straight_lines_between_their_neighbours() {
+        let none = f64::NAN;
+        let all = filled([none, 1.0, none, none, 4.0, none].into_iter());
+        assert_eq!(all, [1.0, 1.0, 2.0, 3.0, 4.0, 4.0]);
+    }
 }

@@ -789,6 +789,52 @@ fn intervals_of_measured_figures_hold_the_truth_as_often_as_they_say() {
     assert!(count > 120 && (0.84..0.97).contains(&share), "{inside} of {count}");
 }
 
+#[test]
+fn a_trial_without_its_beginning_is_none() {
+    let run = log();
+    let kinds = |run: &Trajectory| -> Vec<RecognisedKind> {
+        recognise(run, &Boat::default()).iter().map(|trial| trial.kind).collect()
+    };
+    assert_eq!(kinds(&run.slice(400, 900)), [RecognisedKind::TurningCircle], "it begins with the order");
+    for begin in [410, 430, 500] {
+        assert_eq!(kinds(&run.slice(begin, 900)), [], "{begin}");
+    }
+    assert_eq!(kinds(&run.slice(60, 380)), []);
+    let compared = compare(&twin(), &[run.slice(400, 900)], &mut silent()).unwrap();
+    assert!(compared[0].doubts[0].contains("begins with the order"), "{:?}", compared[0].doubts);
+}
+
+/// Missing velocities were zero, and the loss of speed minus infinity.
+#[test]
+fn missing_velocities_are_interpolated() {
+    let exact = log();
+    let whole = compare(&twin(), std::slice::from_ref(&exact), &mut silent()).unwrap();
+    let mut random = noise(1);
+    for seldom in [2, 5] {
+        let rows: Vec<f64> = (0..exact.len())
+            .flat_map(|k| {
+                let [r, u] = [exact.outputs.row(k)[0], exact.outputs.row(k)[1]];
+                [r, if k % seldom == 1 { u + 1e-3 * random() } else { f64::NAN }]
+            })
+            .collect();
+        let outputs = Table::new(exact.outputs.channels().to_vec(), rows);
+        for position in [exact.position.clone(), None] {
+            let run = Trajectory { outputs: outputs.clone(), position: position.clone(), ..exact.clone() };
+            let found = compare(&twin(), &[run], &mut silent()).unwrap();
+            for (found, whole) in found.iter().zip(&whole) {
+                for (figure, right) in found.measured.iter().zip(&whole.measured) {
+                    let (Some(value), Some(right)) = (figure.value, right.value) else {
+                        assert!(position.is_none() || figure.value.is_some() == right.value.is_some());
+                        continue;
+                    };
+                    let close = (value - right).abs() < 0.02 * right.abs().max(1.0);
+                    assert!(close, "{seldom}, {}: {value} against {right}", figure.name);
+                }
+            }
+        }
+    }
+}
+
 /// How a ship with a rudder and a shaft is logged.
 #[derive(Clone, Copy, Debug)]
 struct Logged {
