@@ -194,7 +194,7 @@ fn definitions(subject: &ComparisonReport<'_>) -> Section {
             "Each prediction starts from the measurements up to the first sample of the trial, and has the measured commands. A zigzag is reversed at the measured headings. "
             "Advance and transfer are the distances along and across the initial course up to a change of heading by 90°, the tactical diameter is that across up to 180°. "
             "An overshoot is the change of heading in the old direction after the steering was reversed. "
-            "± is half the 90 % interval that the noise of the positions leaves, E the measured less the predicted value, and U the uncertainty of this comparison: the root of the sum of the squares of half of both intervals. An error below it is not one of the model with certainty."
+            "± is half the 90 % interval that the noise of the positions leaves, E the measured less the predicted value, and U the uncertainty of this comparison: the root of the sum of the squares of half of both intervals. A smaller error may be that of the measurement."
         }
         details {
             summary { "Command that reproduces this page" }

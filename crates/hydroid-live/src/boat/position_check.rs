@@ -78,9 +78,12 @@ impl PositionCheck {
     fn repeat(&mut self, t: f64, values: &[f64]) {
         let fix = [0, 1].map(|k| values.get(self.columns[k].field).copied().unwrap_or(f64::NAN));
         if fix.iter().all(|x| !x.is_nan()) {
-            let last = self.last.map_or(t, |last| last.max(t));
-            self.repeats.take(last - self.last.unwrap_or(t), fix);
-            self.last = Some(last);
+            let elapsed = t - self.last.unwrap_or(t);
+            if elapsed < 0.0 {
+                self.repeats = Repeats::default();
+            }
+            self.repeats.take(elapsed, fix);
+            self.last = Some(t);
         }
     }
 

@@ -69,10 +69,10 @@ pub(crate) struct Follower {
     told_s: f64,
     /// Time that has passed for the commands since the last line that was used \[s\].
     since_s: f64,
-    /// Stamp, `u`, `v` and `r` of the last line.
-    last_t: f64,
+    /// `u`, `v` and `r` that were used last, and those of the last line.
     last: [f64; 3],
-    /// Time since the last line \[s\], and by how much lines are late \[s\].
+    raw: [f64; 3],
+    /// Time since the last line that was used \[s\], and by how much lines are late \[s\].
     real_s: f64,
     late_s: f64,
 }
@@ -106,8 +106,8 @@ impl Follower {
             waited_s: 0.0,
             told_s: 0.0,
             since_s: 0.0,
-            last_t: f64::NAN,
             last: [f64::NAN; 3],
+            raw: [f64::NAN; 3],
             real_s: 0.0,
             late_s: 0.0,
         })
@@ -158,18 +158,18 @@ impl Follower {
         }
     }
 
-    /// What is not to be steered by counts as missing: a velocity that changes by more than the whole range of the model from one
-    /// sample to the next, and a pose that was held up by a silence which its stamp does not show.
+    /// A velocity that changes by more than the whole range of the model from one sample to the next counts as missing, unless the line
+    /// before had it, too.
     pub(super) fn screen(&mut self, sample: &mut Sample) {
         let Some(pilot) = self.session.pilot() else { return };
-        let (motion, limit_s) = (pilot.motion(), pilot.liveness().limit_s());
-        let elapsed = sample.t - self.last_t;
         let ports = &self.model.description.outputs;
-        for (last, place) in self.last.iter_mut().zip(motion) {
+        for ((last, before), place) in self.last.iter_mut().zip(&mut self.raw).zip(pilot.motion()) {
             let (value, port) = (sample.outputs[place], &ports[place]);
-            let DesignRange { low, high } = port.training_range.unwrap_or(port.range);
-            let is_next = elapsed <= self.max_gap_s;
-            if is_next && (value - *last).abs() > high - low {
+            let widths =
+                port.training_range.into_iter().chain([port.range]).map(|range| range.high - range.low);
+            let width = widths.fold(0.0, f64::max);
+            let is_far = |from: f64| (value - from).abs() > width && width > 0.0;
+            if is_far(*last) && (is_far(*before) || before.is_nan()) {
                 say(
                     &mut self.note,
                     format_args!(
@@ -181,20 +181,35 @@ impl Follower {
             } else if value.is_finite() {
                 *last = value;
             }
+            *before = value;
         }
-        // Later than by the silence no line can be that was sent before its end.
+    }
+
+    /// Time passes to a line that is used: true if it is late.
+    fn is_late_after(&mut self, arrival: Arrival) -> bool {
+        let elapsed = match arrival {
+            Arrival::First => f64::INFINITY,
+            Arrival::Next(steps) => steps as f64 * self.model.description.dt,
+            Arrival::Gap(gap) => gap,
+            Arrival::SetBack(_) => self.max_gap_s,
+            Arrival::Late(_) | Arrival::Ahead(_) | Arrival::Between => return false,
+        };
+        self.pass_used(elapsed);
+        // The true time since the last sample of a clock that was set is not known.
+        self.is_late(if matches!(arrival, Arrival::SetBack(_)) { f64::INFINITY } else { elapsed })
+    }
+
+    /// Takes a line that is used into account, a time by its stamp after the one before \[s\]: true if it is late. Later than by a silence
+    /// no line can be that was sent before its end, and lines that come faster than their stamps catch up.
+    fn is_late(&mut self, elapsed: f64) -> bool {
+        let Some(pilot) = self.session.pilot() else { return false };
+        let limit_s = pilot.liveness().limit_s();
         let waited = std::mem::take(&mut self.real_s);
-        if elapsed.is_finite() && elapsed > 0.0 {
-            if waited > limit_s {
-                self.late_s += (waited - elapsed).max(0.0);
-            } else {
-                self.late_s = (self.late_s - (elapsed - waited).max(0.0)).max(0.0);
-            }
-            if elapsed > self.max_gap_s {
-                self.late_s = 0.0;
-            }
+        if waited > limit_s {
+            self.late_s = (self.late_s + waited - elapsed).max(0.0);
+        } else {
+            self.late_s = (self.late_s - (elapsed - waited).max(0.0)).max(0.0);
         }
-        self.last_t = sample.t;
         if self.late_s > limit_s {
             say(
                 &mut self.note,
@@ -203,8 +218,8 @@ impl Follower {
                     self.late_s
                 ),
             );
-            sample.pose.fill(f64::NAN);
         }
+        self.late_s > limit_s
     }
 
     /// Says that the commands that acted are not those of the answers, for longer than measurements may be old.
@@ -239,13 +254,9 @@ impl Follower {
         self.compare_commands(sample);
         let before = self.clock.seen();
         let arrival = self.clock.arrive(sample.t);
-        match arrival {
-            Arrival::First => self.pass_used(f64::INFINITY),
-            Arrival::Next(steps) => self.pass_used(steps as f64 * self.model.description.dt),
-            Arrival::Gap(gap) => self.pass_used(gap),
-            Arrival::SetBack(_) => self.pass_used(self.max_gap_s),
-            Arrival::Late(_) | Arrival::Ahead(_) | Arrival::Between => {}
-        }
+        let is_late = self.is_late_after(arrival);
+        let late = is_late.then(|| Sample { pose: [f64::NAN; 3], ..sample.clone() });
+        let sample = late.as_ref().unwrap_or(sample);
         let (max_gap, commands) = (self.max_gap_s, &mut self.commands);
         let (transition, reset) = match arrival {
             Arrival::Late(by) => {

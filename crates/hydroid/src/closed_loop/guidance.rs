@@ -28,6 +28,8 @@ pub struct Guided {
     pub reference: Reference,
     /// Distance of the controlled point from its reference \[m\].
     pub distance: f64,
+    /// Part of it along the course of the reference \[m\], positive if the vessel is behind.
+    pub lag: f64,
     /// Cross-track error of the controlled point \[m\], positive to starboard of the path.
     pub cross_track: f64,
     /// Status of the controller.
@@ -78,8 +80,10 @@ impl Guidance {
             session: measured.session,
         };
         let status = controller.command(&observation, command);
-        let distance = (point[0] - reference.position[0]).hypot(point[1] - reference.position[1]);
-        Guided { reference, distance, cross_track, status }
+        let [north, east] = [0, 1].map(|axis| reference.position[axis] - point[axis]);
+        let (sin, cos) = reference.course.sin_cos();
+        let (distance, lag) = (north.hypot(east), north * cos + east * sin);
+        Guided { reference, distance, lag, cross_track, status }
     }
 
     /// Plans a way from the pose of the vessel to its task, with turns of a radius \[m\]. Returns its length without the part

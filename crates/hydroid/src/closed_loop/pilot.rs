@@ -245,7 +245,7 @@ impl Pilot {
             Elapsed::Gap(gap_s) => gap_s,
         };
         let mut pose = seen.pose;
-        self.leave_stuck(elapsed_s, &mut pose);
+        self.leave_stuck(elapsed, elapsed_s, &mut pose);
         if let Some(reckoning) = &mut self.reckoning {
             if !matches!(elapsed, Elapsed::Steps(_)) {
                 reckoning.reset();
@@ -316,7 +316,11 @@ impl Pilot {
         // The reference waits for a vessel that is off its way, and slows down before (scaling of a trajectory in time: Dahl and
         // Nielsen, IEEE Trans. Robotics and Automation 6 (1990) 554): one that stands and runs in turn would keep the vessel at
         // the tolerance.
-        self.guidance.pace((2.0 - 2.0 * guided.distance / self.tolerance).clamp(0.0, 1.0));
+        self.guidance.pace(if near {
+            (2.0 - 2.0 * guided.lag / self.tolerance).clamp(0.0, 1.0)
+        } else {
+            0.0
+        });
         let done = self.guidance.is_done();
         let place = if self.guidance.track().is_station {
             let is_coming = self.mode() == Mode::Approach && guided.distance <= self.set_out + self.tolerance;
@@ -336,18 +340,25 @@ impl Pilot {
         self.keep_rates(&before, moving_s);
     }
 
-    /// A measured position that does not change to the last digit while commands push the vessel counts as missing until it changes.
-    fn leave_stuck(&mut self, elapsed_s: f64, pose: &mut [f64; 3]) {
+    /// A measured position that does not change to the last digit while commands push the vessel counts as missing until it changes,
+    /// or a new run begins. From rest, the vessel has the time of its tolerance at the speed of the task.
+    fn leave_stuck(&mut self, elapsed: Elapsed, elapsed_s: f64, pose: &mut [f64; 3]) {
         if self.reckoning.is_none() {
             return;
         }
+        if !matches!(elapsed, Elapsed::Steps(_)) {
+            (self.repeats, self.pushing_s, self.stuck_s) = (Repeats::default(), 0.0, 0.0);
+        }
         let elapsed_s = if elapsed_s.is_finite() { elapsed_s } else { 0.0 };
         self.pushing_s = if self.command == self.rest { 0.0 } else { self.pushing_s + elapsed_s };
+        if pose[..2].iter().any(|x| x.is_nan()) {
+            return;
+        }
         if self.repeats.take(elapsed_s, [pose[0], pose[1]]) {
             self.stuck_s = 0.0;
         } else if self.stuck_s > 0.0 {
             self.stuck_s += elapsed_s;
-        } else if let Some(stuck_s) = self.repeats.stuck_s(self.pushing_s) {
+        } else if let Some(stuck_s) = self.repeats.stuck_s(self.pushing_s - self.smoothing_s) {
             self.stuck_s = stuck_s;
         }
         if self.stuck_s > 0.0 {

@@ -27,10 +27,10 @@ impl Default for Repeats {
 }
 
 impl Repeats {
-    /// Time passes \[s\] to a position, whose values are NaN if it is missing. True if it has changed.
+    /// Time passes \[s\] to a measured position. True if it has changed.
     pub fn take(&mut self, elapsed_s: f64, values: [f64; 2]) -> bool {
         let lasted = self.same_s + elapsed_s.max(0.0);
-        if values.iter().any(|x| x.is_nan()) || values == self.values {
+        if values == self.values {
             self.same_s = lasted;
             return false;
         }

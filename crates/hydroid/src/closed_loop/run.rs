@@ -240,7 +240,7 @@ pub fn run(
         let begun = Instant::now();
         let guided = guidance.command(controller, &measurement, &mut command);
         let time_us = 1e6 * begun.elapsed().as_secs_f64();
-        let Guided { reference, distance, cross_track, status } = guided;
+        let Guided { reference, distance, cross_track, status, .. } = guided;
         run.samples.push(Sample {
             t: time(k, dt),
             eta,

@@ -94,7 +94,12 @@ pub fn through_water(run: &Trajectory, motion: [usize; 3], current: [f64; 2]) ->
         row[motion[0]] -= surge;
         row[motion[1]] -= sway;
     }
-    Trajectory { outputs: Table::new(run.outputs.channels().to_vec(), values), truth: None, ..run.clone() }
+    Trajectory {
+        outputs: Table::new(run.outputs.channels().to_vec(), values),
+        truth: None,
+        position: None,
+        ..run.clone()
+    }
 }
 
 /// Estimates the currents of runs with headings, for predictions up to `horizon` samples ahead. `None` if the runs are too

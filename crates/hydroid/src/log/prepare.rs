@@ -171,11 +171,6 @@ fn resolve_all(
             r.heading = None;
         }
     }
-    if all.iter().any(|r| r.position.is_none()) {
-        for r in &mut all {
-            r.position = None;
-        }
-    }
     let with_truth = all.iter().filter(|r| r.truth.is_some()).count();
     if with_truth > 0 && with_truth < all.len() {
         notes.push(Note::info(

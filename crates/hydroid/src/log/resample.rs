@@ -67,7 +67,23 @@ impl Resampling {
         let heading = columns.heading.as_ref();
         let position = columns.position.as_ref().map(|axes| {
             let [x, y] = axes.each_ref().map(|axis| self.interpolate(t, &axis[from..to], instants(), false));
-            x.into_iter().zip(y).map(|(x, y)| [x, y]).collect()
+            let mut position: Vec<[f64; 2]> = x.into_iter().zip(y).map(|(x, y)| [x, y]).collect();
+            // There are no more positions than in the log: between two of them, an interpolated one is no measurement.
+            let mut measured = vec![false; rows];
+            let mut before = [f64::NAN; 2];
+            for (t, (x, y)) in t.iter().zip(axes[0][from..to].iter().zip(&axes[1][from..to])) {
+                let nearest = ((t - t0) / self.dt).round();
+                if [*x, *y] != before && !x.is_nan() && !y.is_nan() && nearest >= 0.0 {
+                    measured.get_mut(truncate(nearest)).into_iter().for_each(|at| *at = true);
+                    before = [*x, *y];
+                }
+            }
+            position
+                .iter_mut()
+                .zip(measured)
+                .filter(|(_, known)| !known)
+                .for_each(|(at, _)| *at = [f64::NAN; 2]);
+            position
         });
         let run = Trajectory {
             name: String::new(),

@@ -2,10 +2,10 @@
 //!
 //! The path by velocities and heading is `p_k`; the positions, turned into its frame, are `p_k + d_k` with white noise. The error
 //! `d_k` of the velocities is a random walk whose rate is a random walk as well. Its spectral density and the variance of the noise
-//! have the largest likelihood (Rauch, Tung and Striebel 1965; de Jong 1988 for the concentrated form), and the errors of figures
-//! are those over draws of `d_k` given the positions (Durbin and Koopman 2002).
+//! have the largest likelihood (concentrated form: de Jong 1988), and the errors of figures are those over draws of `d_k` given the
+//! positions (Durbin and Koopman 2002).
 
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 use hydroid_core::current::in_body;
 use rand::SeedableRng;
@@ -35,6 +35,8 @@ pub struct Located {
     pub aside_deg: Option<f64>,
     /// Way by the positions relative to that by the velocities.
     pub rate: f64,
+    /// Time by which they seem to be later than the velocities \[s\].
+    pub late_s: Option<f64>,
 }
 
 /// Least part of the motion of the positions that the velocities explain.
@@ -58,9 +60,15 @@ const OUTLIER: f64 = 6.0;
 /// Number of draws from the distribution of a path.
 const DRAWS: usize = 100;
 
-/// Variance of a state that is not known, and limits of the ratio of the variances in a step; that of the noise is 1.
-const UNKNOWN: f64 = 1e12;
+/// Limits of the ratio of the variances in a step; that of the noise is 1.
 const RATIO: [f64; 2] = [1e-12, 1e6];
+
+/// Variance of a first state relative to the square of the largest value.
+const UNKNOWN: f64 = 1e4;
+
+/// Part of the motion that velocities explain whose integral the positions are, and the difference of the rates.
+const INTEGRAL: f64 = 1e-6;
+const SAME_RATE: f64 = 1e-3;
 
 type Complex = [f64; 2];
 
@@ -101,6 +109,9 @@ impl Frame {
                 "the velocities explain {:.0} % of their motion",
                 100.0 * fit.explained.max(0.0)
             ));
+        }
+        if 1.0 - fit.explained < INTEGRAL && (fit.frame.rate - 1.0).abs() < SAME_RATE {
+            return Err("they are the integral of the velocities".to_owned());
         }
         if !(0.5..=2.0).contains(&fit.frame.rate) {
             return Err(format!("they move {:.3} times as fast as the velocities say", fit.frame.rate));
@@ -196,6 +207,8 @@ impl Fit {
 
 /// A measured trial by its positions: the track, what it was taken from, and draws from its distribution.
 pub(super) struct Path {
+    /// Whether the axes of the positions only follow from the course of the approach.
+    pub(super) is_turned: bool,
     pub(super) track: Track,
     pub(super) located: Located,
     pub(super) draws: Vec<Track>,
@@ -213,12 +226,13 @@ pub(super) fn path(run: &Trajectory, from: usize, to: usize) -> Option<Result<Pa
         Frame::of(&own, &positions[from..=to])
     };
     // Without the sway velocity, the drift in turns is no angle of the axes.
-    let turned = |frame: Frame| if output(run, MOTION[1]).is_some() { frame.turned } else { 0.0 };
-    Some(
-        frame.and_then(|frame| {
-            by_positions(run, positions, Frame { turned: turned(frame), ..frame }, from, to)
-        }),
-    )
+    let is_turned = |frame: Frame| output(run, MOTION[1]).is_none() && frame.turned != 0.0;
+    Some(frame.and_then(|frame| {
+        let is_turned = is_turned(frame);
+        let turned = if is_turned { 0.0 } else { frame.turned };
+        let path = by_positions(run, positions, Frame { turned, ..frame }, from, to)?;
+        Ok(Path { is_turned, ..path })
+    }))
 }
 
 fn by_positions(
@@ -233,9 +247,9 @@ fn by_positions(
     let (first, last) = (from.saturating_sub(beside), (to + beside).min(run.len() - 1));
     let track = Track::measured(run, first, last).ok_or("there is no motion")?;
     let mut errors: Vec<Option<[f64; 2]>> = vec![None; track.len()];
-    for k in new_fixes(&positions[first..=last]) {
-        let [x, y] = frame.turn_back(positions[first + k]);
-        errors[k] = Some([x - track.eta[k][0], y - track.eta[k][1]]);
+    for k in new_fixes(positions).into_iter().filter(|k| (first..=last).contains(k)) {
+        let ([x, y], eta) = (frame.turn_back(positions[k]), track.eta[k - first]);
+        errors[k - first] = Some([x - eta[0], y - eta[1]]);
     }
     let outliers = leave_outliers(&mut errors, &track);
     check_jumps(&track, &errors)?;
@@ -245,6 +259,10 @@ fn by_positions(
     }
     let walk = Walk::most_likely(&errors);
     let means = walk.smoothed(&errors);
+    let is_finite = |means: &[Complex; 2]| means.iter().flatten().all(|x| x.is_finite());
+    if !means.iter().all(is_finite) {
+        return Err("they are too far apart in time".to_owned());
+    }
     let moved = |means: &[[Complex; 2]]| {
         let mut moved = track.clone();
         let dt = track.dt;
@@ -281,8 +299,9 @@ fn by_positions(
         turned_deg: if run.heading.is_some() { -frame.turned.to_degrees() } else { 0.0 },
         aside_deg: None,
         rate: frame.rate,
+        late_s: late_s(&track, &errors, walk.deviation),
     };
-    Ok(Path { track: moved(&means), located, draws })
+    Ok(Path { is_turned: false, track: moved(&means), located, draws })
 }
 
 /// Samples with a position that is not that of an earlier one, repeated.
@@ -300,17 +319,14 @@ fn new_fixes(positions: &[[f64; 2]]) -> Vec<usize> {
 
 /// Turns a path, and draws from its distribution, so that the course of the approach through the water is the heading: advance and
 /// transfer are along and across the original course, and an error of the heading is not in them.
-/// An angle that may be chance, or is not known within a degree, is none; a large one is that of the axes.
-pub(super) fn align(
-    located: &mut Located,
-    track: &mut Track,
-    draws: &mut [Track],
-    order: usize,
-    current: [f64; 2],
-) {
+/// An angle that may be chance, or is not known within a degree, is none, as is that of a vessel that goes astern; where the axes only
+/// follow from it, a large one is theirs. Whether the path was turned.
+pub(super) fn align(path: &mut Path, order: usize, current: [f64; 2]) -> bool {
+    let Path { is_turned, track, located, draws } = path;
     if order < 2 {
-        return;
+        return false;
     }
+    let are_axes = |angle: f64| *is_turned && angle.abs() > TURNED;
     let aside = |track: &Track| {
         let way =
             [0, 1].map(|i| track.eta[order][i] - track.eta[0][i] - current[i] * order as f64 * track.dt);
@@ -319,25 +335,57 @@ pub(super) fn align(
         across.atan2(ahead)
     };
     let own = aside(track);
-    let squares: f64 = draws.iter().map(|draw| (aside(draw) - own).powi(2)).sum();
+    let near = |angle: f64| angle - TAU * (angle / TAU).round();
+    let squares: f64 = draws.iter().map(|draw| near(aside(draw) - own).powi(2)).sum();
     let deviation = (squares / draws.len() as f64).sqrt();
-    if !(deviation < KNOWN && own.abs() > CERTAIN * deviation) {
-        return;
+    let is_astern = own.abs() > FRAC_PI_2 && !are_axes(own);
+    if !(deviation < KNOWN && own.abs() > CERTAIN * deviation) || is_astern {
+        return false;
     }
     for track in draws.iter_mut().chain([track]) {
         let angle = aside(track);
         for eta in &mut track.eta {
             [eta[0], eta[1]] = in_body([eta[0], eta[1]], angle);
         }
-        for nu in track.nu.iter_mut().filter(|_| own.abs() > TURNED) {
+        for nu in track.nu.iter_mut().filter(|_| are_axes(own)) {
             [nu[0], nu[1]] = in_body([nu[0], nu[1]], angle);
         }
     }
-    if own.abs() > TURNED {
-        located.turned_deg -= own.to_degrees();
+    if are_axes(own) {
+        located.turned_deg = -own.to_degrees();
     } else {
         located.aside_deg = Some(own.to_degrees());
     }
+    true
+}
+
+/// By how much positions are late \[s\]: their errors are a part of the velocity over ground. `None` if that does not explain most of
+/// the errors, or is less than their noise.
+fn late_s(track: &Track, errors: &[Option<[f64; 2]>], deviation: f64) -> Option<f64> {
+    let known: Vec<(Complex, Complex)> = errors
+        .iter()
+        .enumerate()
+        .filter_map(|(k, error)| {
+            let ([u, v, _], (sin, cos)) = (track.nu[k], track.eta[k][2].sin_cos());
+            Some(([u * cos - v * sin, u * sin + v * cos], (*error)?))
+        })
+        .collect();
+    let count = known.len() as f64;
+    let mean = |of: &dyn Fn(&(Complex, Complex)) -> Complex| {
+        [0, 1].map(|i| known.iter().map(|pair| of(pair)[i]).sum::<f64>() / count)
+    };
+    let (ground, error) = (mean(&|pair| pair.0), mean(&|pair| pair.1));
+    let (mut squares, mut product, mut all) = (0.0, 0.0, 0.0);
+    for (v, e) in &known {
+        for i in 0..2 {
+            let (v, e) = (v[i] - ground[i], e[i] - error[i]);
+            (squares, product, all) = (squares + v * v, product + v * e, all + e * e);
+        }
+    }
+    let late = -product / squares;
+    let speed = (squares / count).sqrt();
+    (product * product > 0.8 * squares * all && late.abs() * speed > deviation && late.abs() > track.dt)
+        .then_some(late)
 }
 
 /// Leaves out errors far from the median of their neighbours, and counts them.
@@ -378,7 +426,7 @@ fn check_jumps(track: &Track, errors: &[Option<[f64; 2]>]) -> Result<(), String>
         let (a, b) = (pair[0].0, pair[1].0);
         let way: f64 = (a..b).map(|k| track.speed(k).max(track.speed(k + 1)) * track.dt).sum();
         if *step > way + OUTLIER * usual {
-            return Err(format!("they jump by {step:.1} m"));
+            return Err(format!("they jump by {step:.1} m in the log"));
         }
     }
     Ok(())
@@ -441,6 +489,10 @@ struct Walk {
     ratio: f64,
     /// Standard deviation of the noise.
     deviation: f64,
+    /// Unit of the values: about the deviation of the noise.
+    unit: f64,
+    /// Variances of the first value and of its rate, in this unit.
+    first: [f64; 2],
 }
 
 /// Covariance of a value and its rate.
@@ -451,45 +503,52 @@ struct Covariance {
     rate: f64,
 }
 
-/// Value and rate of both axes at a sample, before and after it is seen.
+/// Value and rate of both axes before a sample is seen, their covariance, and what is new in the sample.
 struct Step {
-    predicted: ([Complex; 2], Covariance),
-    filtered: ([Complex; 2], Covariance),
+    state: [Complex; 2],
+    covariance: Covariance,
+    new: Option<Complex>,
 }
 
 impl Walk {
     fn most_likely(seen: &[Option<[f64; 2]>]) -> Self {
+        let known: Vec<(f64, [f64; 2])> =
+            seen.iter().enumerate().filter_map(|(k, value)| Some((k as f64, (*value)?))).collect();
+        let both = |of: &dyn Fn(usize) -> f64| of(0).abs().max(of(1).abs());
+        let largest = known.iter().map(|(_, value)| both(&|axis| value[axis])).fold(0.0, f64::max);
+        let rates = known
+            .windows(2)
+            .map(|pair| both(&|axis| (pair[1].1[axis] - pair[0].1[axis]) / (pair[1].0 - pair[0].0)));
+        let fastest = rates.fold(0.0, f64::max);
+        let second = known.windows(3).flat_map(|seen| {
+            [0, 1].map(|axis| (seen[2].1[axis] - 2.0 * seen[1].1[axis] + seen[0].1[axis]).abs())
+        });
+        let noise = 1.4826 * middle(second) / 6.0_f64.sqrt();
+        let unit = noise.max(1e-9 * largest).max(f64::MIN_POSITIVE.sqrt());
+        let first = [largest, fastest].map(|most| UNKNOWN * (1.0 + (most / unit).powi(2)));
+        let likelihood = |log: f64| Self { ratio: log.exp(), deviation: unit, unit, first }.filtered(seen).1;
         let [low, high] = RATIO.map(f64::ln);
         let step = (high - low) / 24.0;
-        let likelihood = |log: f64| {
-            let walk = Self { ratio: log.exp(), deviation: 1.0 };
-            walk.filtered(seen).1
-        };
-        let better = |a: f64, b: f64| likelihood(a).0 >= likelihood(b).0;
-        let mut best = low;
-        for k in 1..=24 {
-            let other = low + f64::from(k) * step;
-            if !better(best, other) {
-                best = other;
-            }
-        }
+        let grid = (0..=24).map(|k| low + f64::from(k) * step).map(|log| (log, likelihood(log).0));
+        let (best, _) =
+            grid.fold((low, f64::NEG_INFINITY), |best, next| if next.1 > best.1 { next } else { best });
         let (mut left, mut right) = ((best - step).max(low), (best + step).min(high));
         for _ in 0..12 {
             let third = (right - left) / 3.0;
-            if better(left + third, right - third) {
+            if likelihood(left + third).0 >= likelihood(right - third).0 {
                 right -= third;
             } else {
                 left += third;
             }
         }
         let log = 0.5 * (left + right);
-        Self { ratio: log.exp(), deviation: likelihood(log).1 }
+        Self { ratio: log.exp(), deviation: unit * likelihood(log).1, unit, first }
     }
 
-    /// The states by the values up to each sample, and the concentrated likelihood with the deviation of the noise.
+    /// The states by the values before each sample, and the concentrated likelihood with the deviation of the noise in the unit.
     fn filtered(&self, seen: &[Option<[f64; 2]>]) -> (Vec<Step>, (f64, f64)) {
         let mut state = [[0.0; 2]; 2];
-        let mut p = Covariance { value: UNKNOWN, both: 0.0, rate: UNKNOWN };
+        let mut p = Covariance { value: self.first[0], both: 0.0, rate: self.first[1] };
         let (mut squares, mut logs, mut count) = (0.0, 0.0, 0_u32);
         let mut steps = Vec::with_capacity(seen.len());
         for (k, value) in seen.iter().enumerate() {
@@ -501,11 +560,11 @@ impl Walk {
                     rate: p.rate + self.ratio,
                 };
             }
-            let predicted = (state, p);
-            if let Some(value) = value {
+            let new = value.map(|value| [0, 1].map(|axis| value[axis] / self.unit - state[0][axis]));
+            steps.push(Step { state, covariance: p, new });
+            if let Some(new) = new {
                 let s = p.value + 1.0;
                 let gain = [p.value / s, p.both / s];
-                let new = [0, 1].map(|axis| value[axis] - state[0][axis]);
                 for (state, gain) in state.iter_mut().zip(gain) {
                     *state = [0, 1].map(|axis| state[axis] + gain * new[axis]);
                 }
@@ -517,34 +576,29 @@ impl Walk {
                 }
                 count += 1;
             }
-            steps.push(Step { predicted, filtered: (state, p) });
         }
         let degrees = 2.0 * f64::from(count.saturating_sub(2).max(1));
         let variance = (squares / degrees).max(f64::MIN_POSITIVE);
         (steps, (-0.5 * degrees * variance.ln() - logs, variance.sqrt()))
     }
 
-    /// The states by all values.
+    /// The states by all values (the smoother of Bryson and Frazier in its modified form: Bierman, Automatica 9 (1973) 503).
     fn smoothed(&self, seen: &[Option<[f64; 2]>]) -> Vec<[Complex; 2]> {
         let (steps, _) = self.filtered(seen);
-        let mut all: Vec<[Complex; 2]> = steps.iter().map(|step| step.filtered.0).collect();
-        for k in (0..all.len().saturating_sub(1)).rev() {
-            let (own, p) = steps[k].filtered;
-            let (ahead, q) = &steps[k + 1].predicted;
-            let determinant = q.value * q.rate - q.both * q.both;
-            // P F^T Q^-1
-            let rows = [[p.value + p.both, p.both], [p.both + p.rate, p.rate]];
-            let gain = rows.map(|[a, b]| {
-                [(a * q.rate - b * q.both) / determinant, (b * q.value - a * q.both) / determinant]
-            });
-            let next = all[k + 1];
-            for (state, gain) in gain.iter().enumerate() {
-                all[k][state] = [0, 1].map(|axis| {
-                    own[state][axis]
-                        + gain[0] * (next[0][axis] - ahead[0][axis])
-                        + gain[1] * (next[1][axis] - ahead[1][axis])
-                });
+        let mut adjoint = [[0.0; 2]; 2];
+        let mut all = vec![[[0.0; 2]; 2]; steps.len()];
+        for (Step { state, covariance: p, new }, smoothed) in steps.iter().zip(&mut all).rev() {
+            if let Some(new) = new {
+                let s = p.value + 1.0;
+                adjoint[0] =
+                    [0, 1].map(|axis| (new[axis] + adjoint[0][axis] - p.both * adjoint[1][axis]) / s);
             }
+            for axis in 0..2 {
+                let [value, rate] = [adjoint[0][axis], adjoint[1][axis]];
+                smoothed[0][axis] = self.unit * (state[0][axis] + p.value * value + p.both * rate);
+                smoothed[1][axis] = self.unit * (state[1][axis] + p.both * value + p.rate * rate);
+            }
+            adjoint[1] = [0, 1].map(|axis| adjoint[0][axis] + adjoint[1][axis]);
         }
         all
     }
@@ -552,6 +606,7 @@ impl Walk {
     /// A draw from the distribution of the states given the values, less its mean.
     fn draw(&self, seen: &[Option<[f64; 2]>], rng: &mut ChaCha8Rng) -> Vec<[Complex; 2]> {
         let mut normal = || -> f64 { StandardNormal.sample(rng) };
+        let (noise, step) = (self.deviation, self.deviation * self.ratio.sqrt());
         let mut state = [[0.0; 2]; 2];
         let (mut states, mut values) = (Vec::with_capacity(seen.len()), Vec::with_capacity(seen.len()));
         for (k, value) in seen.iter().enumerate() {
@@ -559,17 +614,18 @@ impl Walk {
                 for axis in 0..2 {
                     // The covariance of both changes is [[1/3, 1/2], [1/2, 1]].
                     let (a, b) = (normal(), normal());
-                    state[0][axis] += state[1][axis] + self.ratio.sqrt() * (0.5 * a + b / 12.0_f64.sqrt());
-                    state[1][axis] += self.ratio.sqrt() * a;
+                    state[0][axis] += state[1][axis] + step * (0.5 * a + b / 12.0_f64.sqrt());
+                    state[1][axis] += step * a;
                 }
             }
             states.push(state);
-            values.push(value.is_some().then(|| [state[0][0] + normal(), state[0][1] + normal()]));
+            values.push(value.is_some().then(|| [0, 1].map(|axis| state[0][axis] + noise * normal())));
         }
         let means = self.smoothed(&values);
-        let apart = states.iter().zip(means).map(|(state, mean)| {
-            [0, 1].map(|i| [0, 1].map(|axis| self.deviation * (state[i][axis] - mean[i][axis])))
-        });
+        let apart = states
+            .iter()
+            .zip(means)
+            .map(|(state, mean)| [0, 1].map(|i| [0, 1].map(|axis| state[i][axis] - mean[i][axis])));
         apart.collect()
     }
 }

@@ -72,14 +72,21 @@ pub struct MeasuredApproach {
     pub speed_m_s: f64,
     /// Time over which it is a mean \[s\]: a tenth of the duration of the trial. 0 if the log begins with the order.
     pub over_s: f64,
-    /// Change of the speed in this time, relative to it; `None` if the log begins with the order.
+    /// Change of the speed in this time, relative to it; `None` if the log begins with the order, or at rest.
     pub change: Option<f64>,
+    /// Whether the log begins later than a tenth of the duration of the trial before the order.
+    #[serde(skip)]
+    is_short: bool,
 }
 
 /// Change of the speed of an approach that is not steady.
 const STEADY: f64 = 0.1;
 
 impl MeasuredApproach {
+    fn is_unsteady(&self) -> bool {
+        !self.is_short && self.change.is_some_and(|change| change.abs() > STEADY)
+    }
+
     /// Why it is not known to be steady.
     fn doubt(&self) -> Option<String> {
         let Some(change) = self.change else {
@@ -96,7 +103,7 @@ impl MeasuredApproach {
         })
     }
 
-    /// The approach of a track of which a sample is the order, from where the track is then left.
+    /// The approach of a track of which a sample is the order. The track is left from there on.
     fn of(track: &mut Track, order: usize) -> Self {
         // Before the order the velocities are means; from the order on they change, and a straight line shows the first ones.
         let samples = if order > 0 { order } else { track.len().div_ceil(20).max(3).min(track.len()) };
@@ -113,6 +120,7 @@ impl MeasuredApproach {
             speed_m_s: speed,
             over_s: order as f64 * track.dt,
             change: (order > 0).then_some(change).filter(|change| change.is_finite()),
+            is_short: order < 3 || 11 * order < track.len(),
         }
     }
 }
@@ -121,8 +129,18 @@ impl MeasuredApproach {
 fn heading_doubt(run: &Trajectory) -> Option<String> {
     let ratio = turn_ratio(std::slice::from_ref(run), output(run, MOTION[2])?)?;
     ((ratio - 1.0).abs() > DIFFERENT_RATE).then(|| {
-        format!("the heading of the log changes by {ratio:.3} times the integral of the yaw rate: one of them is wrong, and the figures are those of the yaw rate")
+        format!("the heading of the log changes by {ratio:.3} times the integral of the yaw rate: one of them is wrong. The figures have the yaw rate, and the compass in the mean")
     })
+}
+
+/// Why positions are doubtful that seem to be late.
+fn late_doubt(positions: &Located) -> Option<String> {
+    let late_s = positions.late_s?;
+    let word = if late_s > 0.0 { "later" } else { "earlier" };
+    Some(format!(
+        "the positions are {:.2} s {word} than the velocities, and so are the places of the figures: check the clock of the receiver",
+        late_s.abs()
+    ))
 }
 
 /// That a prediction turns to the other side than the vessel did.
@@ -171,8 +189,8 @@ fn current_of_turn(track: &Track, order: usize) -> Option<[f64; 2]> {
     (across > 0.1 && squares - explained < 0.25 * without && without > 1e-4 * squares).then_some(current)
 }
 
-/// The comparison error of a figure, and the uncertainty of the comparison (ITTC 7.5-02-06-04; ASME V&V 20). A smaller error than
-/// the uncertainty is not an error of the model with certainty.
+/// The comparison error of a figure, and the uncertainty of the comparison (ITTC 7.5-02-06-04; ASME V&V 20): a smaller error may be
+/// that of the measurement.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ComparisonError {
     /// Name of the figure.
@@ -319,7 +337,7 @@ impl Comparison {
         let integral = "the integral of the velocities";
         match &self.no_positions {
             Some(reason) => format!("{integral}; the positions of the log are not used, because {reason}"),
-            None => format!("{integral}; the log has no single position beside them"),
+            None => format!("{integral}; the run has no single position beside them"),
         }
     }
 
@@ -330,6 +348,7 @@ impl Comparison {
         self.current = self.current.map(|velocity| velocity * scale.sqrt());
         self.approach.speed_m_s *= scale.sqrt();
         self.approach.over_s *= scale.sqrt();
+        self.doubts.splice(0..0, self.approach.doubt());
         let pairs = self.measured.iter().zip(&self.predicted);
         self.errors =
             pairs.filter_map(|(measured, predicted)| ComparisonError::of(measured, predicted)).collect();
@@ -369,6 +388,72 @@ pub(super) fn compare_alone(model: &Model, run: &Trajectory) -> Result<Vec<Compa
     trials.filter_map(|trial| comparison(model, Vec::new(), run, trial).transpose()).collect()
 }
 
+/// A measured trial.
+struct Measurement {
+    track: Track,
+    /// Draws from the distribution of the track given the positions.
+    draws: Vec<Track>,
+    positions: Option<Located>,
+    no_positions: Option<String>,
+    approach: MeasuredApproach,
+    current_of_turn: bool,
+    has_sway: bool,
+}
+
+impl Measurement {
+    fn of(model: &Model, run: &Trajectory, trial: &Recognised) -> Option<Self> {
+        let start = trial.executes[0];
+        let order = start.min((trial.end - start).div_ceil(10));
+        let mut track = Track::measured(run, start - order, trial.end)?;
+        let has_sway = output(run, MOTION[1]).is_some();
+        let is_turn = trial.kind == RecognisedKind::TurningCircle;
+        let of_turn = |track: &Track| if is_turn { current_of_turn(track, order) } else { None };
+        let estimate = current_before(model, run, start);
+        let (mut positions, mut no_positions, mut draws) = (None, None, Vec::new());
+        match located::path(run, start - order, trial.end) {
+            Some(Ok(mut path)) => {
+                // The axes are known before a current only with a sway velocity.
+                let current = if has_sway { of_turn(&path.track).unwrap_or(estimate) } else { [0.0; 2] };
+                if located::align(&mut path, order, current) || !path.is_turned {
+                    (track, positions, draws) = (path.track, Some(path.located), path.draws);
+                } else {
+                    let reason = "without a sway velocity and a straight approach their axes are not known";
+                    no_positions = Some(reason.to_owned());
+                }
+            }
+            Some(Err(reason)) => no_positions = Some(reason),
+            None => {}
+        }
+        let of_turn = of_turn(&track);
+        track.current = of_turn.unwrap_or(estimate);
+        let approach = MeasuredApproach::of(&mut track, order);
+        for draw in &mut draws {
+            draw.current = track.current;
+            MeasuredApproach::of(draw, order);
+        }
+        let current_of_turn = of_turn.is_some();
+        Some(Self { track, draws, positions, no_positions, approach, current_of_turn, has_sway })
+    }
+
+    /// The figures of the trial, by a function of its track.
+    fn figures(&self, of: impl Fn(&Track) -> Vec<Figure>) -> Vec<Figure> {
+        let mut figures = of(&self.track);
+        let draws: Vec<Vec<Figure>> = self.draws.iter().map(of).collect();
+        let draws: Vec<&[Figure]> = draws.iter().map(|figures| &figures[..]).collect();
+        set_intervals(&mut figures, &draws, draws.len());
+        for figure in &mut figures {
+            figure.no_interval = None;
+            if !self.has_sway && self.positions.is_none() {
+                figure.without_sway(&NO_SWAY_FIGURES, NO_SWAY);
+            }
+            if figure.name == "speed_loss_percent" && self.approach.is_unsteady() {
+                figure.withdraw("the approach is not steady");
+            }
+        }
+        figures
+    }
+}
+
 fn comparison(
     model: &Model,
     members: Vec<Simulation>,
@@ -376,22 +461,9 @@ fn comparison(
     trial: Recognised,
 ) -> Result<Option<Comparison>, ManoeuvreError> {
     let start = trial.executes[0];
-    let order = start.min((trial.end - start).div_ceil(10));
-    let Some(mut measured) = Track::measured(run, start - order, trial.end) else { return Ok(None) };
-    let (mut positions, mut no_positions, mut draws) = (None, None, Vec::new());
-    match located::path(run, start - order, trial.end) {
-        Some(Ok(path)) => (measured, positions, draws) = (path.track, Some(path.located), path.draws),
-        Some(Err(reason)) => no_positions = Some(reason),
-        None => {}
-    }
-    let of_turn =
-        (trial.kind == RecognisedKind::TurningCircle).then(|| current_of_turn(&measured, order)).flatten();
-    let current = of_turn.unwrap_or_else(|| current_before(model, run, start));
-    if let Some(positions) = &mut positions {
-        located::align(positions, &mut measured, &mut draws, order, current);
-    }
-    measured.current = current;
-    let approach = MeasuredApproach::of(&mut measured, order);
+    let Some(measurement) = Measurement::of(model, run, &trial) else { return Ok(None) };
+    let measured = &measurement.track;
+    let current = measured.current;
     let side = trial.heading_deg.signum();
     let figures = |track: &Track, executes: &[usize]| match trial.kind {
         RecognisedKind::TurningCircle => TurningCircle::of(track, side).figures(),
@@ -400,7 +472,7 @@ fn comparison(
         }
     };
     let prediction = |simulation: Simulation| {
-        let (mut track, executes) = predict(simulation.with_current(current), run, &trial, &measured);
+        let (mut track, executes) = predict(simulation.with_current(current), run, &trial, measured);
         let reason = track.not_valid.as_ref();
         let reason = reason.map(|reason| format!("from {:.1} s on: {reason}", track.time_s(track.len())));
         let mut figures: Vec<Figure> =
@@ -426,27 +498,12 @@ fn comparison(
     let beyond = beyond(&mut predicted, &inputs);
     track.not_valid = track.not_valid.or(beyond);
     let executes: Vec<usize> = trial.executes.iter().map(|sample| sample - start).collect();
-    let mut of_log = figures(&measured, &executes);
-    let draws = draws.into_iter().map(|mut draw| {
-        MeasuredApproach::of(&mut draw, order);
-        figures(&Track { current, ..draw }, &executes)
-    });
-    let draws: Vec<Vec<Figure>> = draws.collect();
-    let draws: Vec<&[Figure]> = draws.iter().map(|figures| &figures[..]).collect();
-    set_intervals(&mut of_log, &draws, draws.len());
-    if output(run, MOTION[1]).is_none() && positions.is_none() {
-        for figure in &mut of_log {
-            figure.without_sway(&NO_SWAY_FIGURES, NO_SWAY);
-        }
-    }
-    if let Some(reason) = approach.doubt().filter(|_| approach.change.is_some()) {
-        of_log
-            .iter_mut()
-            .filter(|figure| figure.name == "speed_loss_percent")
-            .for_each(|figure| figure.withdraw(&reason));
-    }
+    let of_log = measurement.figures(|track| figures(track, &executes));
     let pairs = of_log.iter().zip(&predicted);
     let errors = pairs.filter_map(|(measured, predicted)| ComparisonError::of(measured, predicted)).collect();
+    let Measurement { track: measured, positions, no_positions, approach, current_of_turn, .. } = measurement;
+    let doubts = [heading_doubt(run), positions.as_ref().and_then(late_doubt), other_side(&track, &trial)];
+    let doubts = doubts.into_iter().flatten().collect();
     let provenance = &model.description.provenance;
     Ok(Some(Comparison {
         run: run.name.clone(),
@@ -455,12 +512,9 @@ fn comparison(
         positions,
         no_positions,
         errors,
-        doubts: [approach.doubt(), heading_doubt(run), other_side(&track, &trial)]
-            .into_iter()
-            .flatten()
-            .collect(),
+        doubts,
         approach,
-        current_of_turn: of_turn.is_some(),
+        current_of_turn,
         predicted,
         current,
         trial,
@@ -605,7 +659,7 @@ mod tests {
         track.keep(order, track.len() - 1);
         let approach = MeasuredApproach::of(&mut track, 0);
         assert!((approach.speed_m_s - 2.0).abs() < 0.1, "{approach:?}");
-        assert!(approach.doubt().unwrap().contains("begins with the order"));
+        assert!(approach.doubt().unwrap().contains("begins 0.0 s before the order"));
     }
 
     #[test]

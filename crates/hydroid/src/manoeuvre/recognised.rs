@@ -216,18 +216,20 @@ pub fn recognise(run: &Trajectory, boat: &Boat) -> Vec<Recognised> {
 }
 
 /// Whether the vessel turns before a turn, or the first leg of a zigzag, at less than a tenth of its mean rate there, over as many
-/// samples as a tenth of it has. A run that has fewer before it shows the rate at the order by a straight line through the rates
-/// in the first twentieth.
+/// samples as a tenth of it has, or the run has before it. Without any, a straight line through the first rates shows the one at the
+/// order: those in the first twentieth, and before half of the mean rate.
 fn is_straight(heading: &[f64], rates: &[f64], execute: usize, end: usize) -> bool {
-    let samples = (end - execute).div_ceil(10);
+    let samples = execute.min((end - execute).div_ceil(10));
     let rate = |from: usize, to: usize| (heading[to] - heading[from]) / (to - from).max(1) as f64;
-    let before = if let Some(before) = execute.checked_sub(samples) {
-        rate(before, execute)
+    let mean = rate(execute, end);
+    let before = if samples >= LEAST_SAMPLES {
+        rate(execute - samples, execute)
     } else {
-        let first = rates[execute..].iter().take((end - execute).div_ceil(20).max(LEAST_SAMPLES));
-        line(first.enumerate().map(|(k, rate)| (k as f64, *rate)))[0]
+        let rising = rates[execute..].iter().position(|rate| rate.abs() >= 0.5 * mean.abs());
+        let first = (end - execute).div_ceil(20).min(rising.unwrap_or(usize::MAX)).max(LEAST_SAMPLES);
+        line(rates[execute..].iter().take(first).enumerate().map(|(k, rate)| (k as f64, *rate)))[0]
     };
-    before.abs() <= STRAIGHT * rate(execute, end).abs()
+    before.abs() <= STRAIGHT * mean.abs()
 }
 
 impl Command {

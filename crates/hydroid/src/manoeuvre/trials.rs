@@ -354,7 +354,8 @@ fn trial(
     outside.extend(inputs.iter().cloned());
     let mut outcome = outcome;
     mark_extrapolated(&mut outcome.figures, &outside);
-    outcome.not_valid = beyond(&mut outcome.figures, &inputs).or(outcome.not_valid);
+    let beyond = beyond(&mut outcome.figures, &inputs);
+    outcome.not_valid = outcome.not_valid.or(beyond);
     let not_valid = not_valid(model);
     let (outcome, others) = (outcome.scaled(options.scale), others.into_iter());
     let others: Vec<Outcome> = others.map(|other| other.scaled(options.scale)).collect();

@@ -131,7 +131,8 @@ impl Outside {
     /// Whether a motion can be believed up to the values that are reached.
     pub fn is_believed(&self) -> bool {
         let Self { reached: [low, high], range: [least, most], .. } = *self;
-        let room = BELIEVED * (most - least);
+        // A constant input has no width.
+        let room = (BELIEVED * (most - least)).max(ROOM * least.abs().max(most.abs()));
         low >= least - room && high <= most + room
     }
 }

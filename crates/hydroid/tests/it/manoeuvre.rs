@@ -670,6 +670,12 @@ fn trials_in_a_log_are_recognised_and_predicted() {
     }
 }
 
+/// A run whose speeds are 3 % too small.
+fn slowed(run: Trajectory) -> Trajectory {
+    let rows = (0..run.len()).flat_map(|k| [run.outputs.row(k)[0], 0.97 * run.outputs.row(k)[1]]).collect();
+    Trajectory { outputs: Table::new(run.outputs.channels().to_vec(), rows), ..run }
+}
+
 fn noise(seed: u64) -> impl FnMut() -> f64 {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     move || StandardNormal.sample(&mut rng)
@@ -687,8 +693,9 @@ fn a_measured_path_is_that_of_the_positions() {
         comparison.measured.iter().find(|figure| figure.name == name).unwrap().clone()
     };
     let truth = of(exact.clone());
-    let positions = truth.positions.as_ref().unwrap();
-    assert!(positions.deviation_m < 1e-3 && (positions.rate - 1.0).abs() < 1e-3, "{positions:?}");
+    assert!(truth.path_words().contains("are the integral of the velocities"), "{}", truth.path_words());
+    let truth = of(slowed(exact.clone()));
+    assert!(truth.positions.as_ref().unwrap().deviation_m < 1e-3, "{:?}", truth.positions);
     // Velocities that are 6 % too small, and a heading that is 4 degrees off: the integral has the wrong size.
     let wrong = || {
         let mut run = exact.clone();
@@ -765,7 +772,7 @@ fn intervals_of_measured_figures_hold_the_truth_as_often_as_they_say() {
     let exact = log();
     let all = exact.position.clone().unwrap();
     let compared = |run: Trajectory| compare(&twin(), &[run], &mut silent()).unwrap();
-    let truth = compared(exact.clone());
+    let truth = compared(slowed(exact.clone()));
     let (mut inside, mut count) = (0, 0);
     for seed in 0..30 {
         let mut random = noise(seed);
@@ -801,14 +808,14 @@ fn a_trial_without_its_beginning_is_none() {
     }
     assert_eq!(kinds(&run.slice(60, 380)), []);
     let compared = compare(&twin(), &[run.slice(400, 900)], &mut silent()).unwrap();
-    assert!(compared[0].doubts[0].contains("begins with the order"), "{:?}", compared[0].doubts);
+    assert!(compared[0].doubts[0].contains("begins 0.0 s before the order"), "{:?}", compared[0].doubts);
 }
 
 /// Missing velocities were zero, and the loss of speed minus infinity.
 #[test]
 fn missing_velocities_are_interpolated() {
     let exact = log();
-    let whole = compare(&twin(), std::slice::from_ref(&exact), &mut silent()).unwrap();
+    let whole = compare(&twin(), &[slowed(exact.clone())], &mut silent()).unwrap();
     let mut random = noise(1);
     for seldom in [2, 5] {
         let rows: Vec<f64> = (0..exact.len())

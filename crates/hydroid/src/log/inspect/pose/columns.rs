@@ -1,10 +1,11 @@
 //! Columns of a log that hold the pose: heading and position.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use super::super::super::csv::{RawColumn, RawLog};
 use super::super::super::resolve::{Resolved, Source};
 use super::super::super::units::{self, Quantity, Unit};
+use crate::log::median;
 use crate::recording::metres_per_radian;
 
 /// Columns of a pose, each the only one of its kind in the log.
@@ -75,7 +76,7 @@ pub(super) fn position(log: &RawLog, resolved: &Resolved) -> Option<[Source; 2]>
     axes(log, &position_pairs(log, |i| !channels().any(|source| source.column == i)))
 }
 
-/// The axes of the only pair of columns that are a position \[m\]; degrees are those from the mean of a log.
+/// The axes of the only pair of columns that are a position \[m\]; degrees are those from the middle of a log.
 fn axes(log: &RawLog, pairs: &[(usize, usize, bool)]) -> Option<[Source; 2]> {
     let [(x, y, _)] = pairs else { return None };
     let (first, second) = (&log.columns[*x], &log.columns[*y]);
@@ -84,10 +85,12 @@ fn axes(log: &RawLog, pairs: &[(usize, usize, bool)]) -> Option<[Source; 2]> {
         return Some([Source::of(*x, &name(first), &x_unit), Source::of(*y, &name(second), &y_unit)]);
     }
     let (latitude, longitude) = degrees(first).zip(degrees(second))?;
+    if first.values.iter().any(|x| latitude.factor * x.abs() > FRAC_PI_2) {
+        return None;
+    }
+    // Rows before the first fix are often zero.
     let mean = |column: &RawColumn| {
-        let (sum, count) =
-            column.values.iter().filter(|x| x.is_finite()).fold((0.0, 0.0), |s, x| (s.0 + x, s.1 + 1.0));
-        sum / count
+        median(column.values.iter().copied().filter(|x| x.is_finite()).collect()).unwrap_or(f64::NAN)
     };
     let (middle, across) = (mean(first), mean(second));
     let [north, east] = metres_per_radian(latitude.factor * middle);
