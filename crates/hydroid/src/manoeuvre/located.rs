@@ -37,6 +37,8 @@ pub struct Located {
     pub rate: f64,
     /// Time by which they seem to be later than the velocities \[s\].
     pub late_s: Option<f64>,
+    /// Mean velocity of the positions less that of the velocities, north and east \[m/s\].
+    pub drift: [f64; 2],
 }
 
 /// Least part of the motion of the positions that the velocities explain.
@@ -66,9 +68,8 @@ const RATIO: [f64; 2] = [1e-12, 1e6];
 /// Variance of a first state relative to the square of the largest value.
 const UNKNOWN: f64 = 1e4;
 
-/// Part of the motion that velocities explain whose integral the positions are, and the difference of the rates.
-const INTEGRAL: f64 = 1e-6;
-const SAME_RATE: f64 = 1e-3;
+/// Errors of positions relative to those of an integral of the noise of the velocities, below which they have the same noise.
+const INTEGRAL: f64 = 0.2;
 
 type Complex = [f64; 2];
 
@@ -104,17 +105,18 @@ impl Frame {
             }
         }
         let fit = best.ok_or("there are too few of them")?;
+        // Ratios beyond those of noise are those of another unit.
+        if !(0.1..=10.0).contains(&fit.ratio) {
+            return Err(faster(fit.ratio));
+        }
         if fit.explained < EXPLAINED {
             return Err(format!(
                 "the velocities explain {:.0} % of their motion",
                 100.0 * fit.explained.max(0.0)
             ));
         }
-        if 1.0 - fit.explained < INTEGRAL && (fit.frame.rate - 1.0).abs() < SAME_RATE {
-            return Err("they are the integral of the velocities".to_owned());
-        }
         if !(0.5..=2.0).contains(&fit.frame.rate) {
-            return Err(format!("they move {:.3} times as fast as the velocities say", fit.frame.rate));
+            return Err(faster(fit.frame.rate));
         }
         Ok(fit.frame)
     }
@@ -126,9 +128,15 @@ impl Frame {
     }
 }
 
+fn faster(rate: f64) -> String {
+    format!("they move {rate:.3} times as fast as the velocities say")
+}
+
 struct Fit {
     frame: Frame,
     explained: f64,
+    /// Median of the ratios of the ways.
+    ratio: f64,
 }
 
 impl Fit {
@@ -143,6 +151,7 @@ impl Fit {
                 (way(a, b), if exchanged { [y, x] } else { [x, y] })
             })
             .collect();
+        let ratio = middle(parts.iter().map(|(d, f)| f[0].hypot(f[1]) / d[0].hypot(d[1])));
         // The way of another datum, or of an outlier, is none of the vessel.
         let apart = |(d, f): &(Complex, Complex)| (f[0].hypot(f[1]) - d[0].hypot(d[1])).abs();
         let usual = 1.4826 * middle(parts.iter().map(apart));
@@ -200,8 +209,8 @@ impl Fit {
             });
             (0.0, rate, left)
         };
-        (total > 0.0)
-            .then(|| Self { frame: Frame { exchanged, turned, rate }, explained: 1.0 - left / total })
+        let explained = 1.0 - left / total;
+        (total > 0.0).then_some(Self { frame: Frame { exchanged, turned, rate }, explained, ratio })
     }
 }
 
@@ -226,9 +235,9 @@ pub(super) fn path(run: &Trajectory, from: usize, to: usize) -> Option<Result<Pa
         Frame::of(&own, &positions[from..=to])
     };
     // Without the sway velocity, the drift in turns is no angle of the axes.
-    let is_turned = |frame: Frame| output(run, MOTION[1]).is_none() && frame.turned != 0.0;
+    let has_sway = output(run, MOTION[1]).is_some();
     Some(frame.and_then(|frame| {
-        let is_turned = is_turned(frame);
+        let is_turned = !has_sway && frame.turned != 0.0;
         let turned = if is_turned { 0.0 } else { frame.turned };
         let path = by_positions(run, positions, Frame { turned, ..frame }, from, to)?;
         Ok(Path { is_turned, ..path })
@@ -256,6 +265,9 @@ fn by_positions(
     let fixes = errors.iter().flatten().count();
     if fixes < LEAST_PARTS {
         return Err("there are too few of them".to_owned());
+    }
+    if are_integral(&track, &errors) {
+        return Err("they are the integral of the velocities".to_owned());
     }
     let walk = Walk::most_likely(&errors);
     let means = walk.smoothed(&errors);
@@ -300,6 +312,10 @@ fn by_positions(
         aside_deg: None,
         rate: frame.rate,
         late_s: late_s(&track, &errors, walk.deviation),
+        drift: {
+            let duration = (to - from).max(1) as f64 * track.dt;
+            [0, 1].map(|axis| (means[to - first][0][axis] - means[from - first][0][axis]) / duration)
+        },
     };
     Ok(Path { is_turned: false, track: moved(&means), located, draws })
 }
@@ -357,6 +373,18 @@ pub(super) fn align(path: &mut Path, order: usize, current: [f64; 2]) -> bool {
         located.aside_deg = Some(own.to_degrees());
     }
     true
+}
+
+/// Whether positions have the noise of the velocities: their errors do not grow as the integral of this noise does.
+fn are_integral(track: &Track, errors: &[Option<[f64; 2]>]) -> bool {
+    let second = track.nu.windows(3).map(|nu| (nu[2][0] - 2.0 * nu[1][0] + nu[0][0]).abs());
+    let noise = 1.4826 * middle(second) / 6.0_f64.sqrt() * track.dt;
+    let samples = errors.len() / 8;
+    let growth = errors.iter().zip(&errors[samples..]).filter_map(|(before, after)| {
+        let (before, after) = ((*before)?, (*after)?);
+        Some((after[0] - before[0]).abs().max((after[1] - before[1]).abs()))
+    });
+    1.4826 * middle(growth) < INTEGRAL * noise * (samples as f64).sqrt()
 }
 
 /// By how much positions are late \[s\]: their errors are a part of the velocity over ground. `None` if that does not explain most of

@@ -89,18 +89,18 @@ impl MeasuredApproach {
 
     /// Why it is not known to be steady.
     fn doubt(&self) -> Option<String> {
-        let Some(change) = self.change else {
-            return Some(
-                "the log begins with the order: whether the approach is steady is not known".to_owned(),
-            );
-        };
-        (change.abs() > STEADY).then(|| {
-            format!(
-                "the approach is not steady: the speed changes by {:.0} % in the {:.1} s before the order",
-                100.0 * change,
+        if self.is_short {
+            return Some(format!(
+                "the log begins {:.1} s before the order: whether the approach is steady is not known",
                 self.over_s
-            )
-        })
+            ));
+        }
+        let change = self.change.filter(|_| self.is_unsteady())?;
+        Some(format!(
+            "the approach is not steady: the speed changes by {:.0} % in the {:.1} s before the order",
+            100.0 * change,
+            self.over_s
+        ))
     }
 
     /// The approach of a track of which a sample is the order. The track is left from there on.
@@ -141,6 +141,14 @@ fn late_doubt(positions: &Located) -> Option<String> {
         "the positions are {:.2} s {word} than the velocities, and so are the places of the figures: check the clock of the receiver",
         late_s.abs()
     ))
+}
+
+/// That velocities are through the water where positions show the current.
+fn water_doubt(positions: &Located, current: [f64; 2]) -> Option<String> {
+    let apart = (positions.drift[0] - current[0]).hypot(positions.drift[1] - current[1]);
+    (apart < 0.5 * current[0].hypot(current[1])).then(|| {
+        "the velocities of the log are through the water, and the prediction takes them for those over ground".to_owned()
+    })
 }
 
 /// That a prediction turns to the other side than the vessel did.
@@ -352,7 +360,11 @@ impl Comparison {
         let pairs = self.measured.iter().zip(&self.predicted);
         self.errors =
             pairs.filter_map(|(measured, predicted)| ComparisonError::of(measured, predicted)).collect();
-        self.positions.iter_mut().for_each(|positions| positions.deviation_m *= scale);
+        if let Some(positions) = &mut self.positions {
+            positions.deviation_m *= scale;
+            positions.late_s = positions.late_s.map(|late_s| late_s * scale.sqrt());
+            positions.drift = positions.drift.map(|velocity| velocity * scale.sqrt());
+        }
         self
     }
 }
@@ -502,7 +514,13 @@ fn comparison(
     let pairs = of_log.iter().zip(&predicted);
     let errors = pairs.filter_map(|(measured, predicted)| ComparisonError::of(measured, predicted)).collect();
     let Measurement { track: measured, positions, no_positions, approach, current_of_turn, .. } = measurement;
-    let doubts = [heading_doubt(run), positions.as_ref().and_then(late_doubt), other_side(&track, &trial)];
+    let of_water = positions.as_ref().filter(|_| current_of_turn);
+    let doubts = [
+        heading_doubt(run),
+        positions.as_ref().and_then(late_doubt),
+        of_water.and_then(|positions| water_doubt(positions, current)),
+        other_side(&track, &trial),
+    ];
     let doubts = doubts.into_iter().flatten().collect();
     let provenance = &model.description.provenance;
     Ok(Some(Comparison {

@@ -149,7 +149,8 @@ pub(super) fn tables(
     if let (Some(one), Some(last)) = (instruments.first(), smoothed.last()) {
         let path =
             if instruments.len() == 1 { one.path.clone() } else { format!("the {} logs", instruments.len()) };
-        states(&path, one, last, &calibrations, notes);
+        let is_known = selection.sensors.as_ref().is_some_and(|sensors| sensors.known.is_some());
+        states(&path, one, last, (&calibrations, is_known), notes);
     }
     for (one, smoothed) in instruments.iter().zip(&smoothed) {
         outliers(&one.path, &runs.sensors, smoothed, notes);
@@ -383,7 +384,7 @@ fn states(
     path: &str,
     one: &Instruments,
     smoothed: &Smoothed,
-    calibrations: &[Calibration],
+    (calibrations, is_known): (&[Calibration], bool),
     notes: &mut Vec<Note>,
 ) {
     let of = |state: State| smoothed.end[state as usize];
@@ -391,11 +392,17 @@ fn states(
     for calibration in calibrations {
         let (value, deviation) = (calibration.whole.0, calibration.deviation());
         let is_delay = calibration.state == State::Delay;
+        // What is known of the sensors is that of other logs.
+        let source = if is_known { ", by the logs of the model" } else { "" };
         let text = if is_delay {
-            format!("the GNSS is {value:.3} ± {deviation:.3} s late")
+            format!("the GNSS is {value:.3} ± {deviation:.3} s late{source}")
         } else {
             let degree = 180.0 / PI;
-            format!("the compass shows {:.2} ± {:.2} deg too much", degree * value, degree * deviation)
+            format!(
+                "the compass shows {:.2} ± {:.2} deg too much{source}",
+                degree * value,
+                degree * deviation
+            )
         };
         if calibration.is_open() {
             let assumed = if calibration.is_determined { "this" } else { "zero" };

@@ -693,9 +693,8 @@ fn a_measured_path_is_that_of_the_positions() {
         comparison.measured.iter().find(|figure| figure.name == name).unwrap().clone()
     };
     let truth = of(exact.clone());
-    assert!(truth.path_words().contains("are the integral of the velocities"), "{}", truth.path_words());
-    let truth = of(slowed(exact.clone()));
-    assert!(truth.positions.as_ref().unwrap().deviation_m < 1e-3, "{:?}", truth.positions);
+    let positions = truth.positions.as_ref().unwrap();
+    assert!(positions.deviation_m < 1e-3 && (positions.rate - 1.0).abs() < 1e-3, "{positions:?}");
     // Velocities that are 6 % too small, and a heading that is 4 degrees off: the integral has the wrong size.
     let wrong = || {
         let mut run = exact.clone();
@@ -765,6 +764,52 @@ fn a_measured_path_is_that_of_the_positions() {
     let other = of(Trajectory { position: Some(other), ..wrong() });
     assert!(other.positions.is_none(), "{:?}", other.positions);
     assert!(other.path_words().contains("positions of the log are not used"), "{}", other.path_words());
+}
+
+/// Positions that are the integral of the velocities say nothing of their errors, and those of a late receiver are doubted.
+#[test]
+fn positions_without_information_and_late_ones_are_stated() {
+    let exact = log();
+    let mut random = noise(11);
+    let motion = |run: &Trajectory, k: usize| [run.outputs.row(k)[0], run.outputs.row(k)[1]];
+    let rows =
+        (0..exact.len()).flat_map(|k| [motion(&exact, k)[0], 0.95 * motion(&exact, k)[1] + 0.02 * random()]);
+    let outputs = Table::new(exact.outputs.channels().to_vec(), rows.collect());
+    let run = Trajectory { outputs, ..exact.clone() };
+    let heading = exact.heading.clone().unwrap();
+    let mut place = [0.0; 2];
+    let integral = (0..run.len()).map(|k| {
+        let before = place;
+        let way = run.dt * motion(&run, k)[1];
+        place = [place[0] + way * heading[k].cos(), place[1] + way * heading[k].sin()];
+        before
+    });
+    let of = |position: Vec<[f64; 2]>| {
+        let run = Trajectory { position: Some(position), ..run.clone() };
+        let compared = compare(&twin(), &[run], &mut silent()).unwrap();
+        compared.into_iter().find(|of| of.trial.kind == RecognisedKind::TurningCircle).unwrap()
+    };
+    let odometry = of(integral.collect());
+    assert!(
+        odometry.path_words().contains("they are the integral of the velocities"),
+        "{}",
+        odometry.path_words()
+    );
+    let exact = exact.position.unwrap();
+    let right = of(exact.iter().map(|p| p.map(|x| x + 0.01 * random())).collect());
+    assert!(
+        right.doubts.is_empty() && right.positions.is_some(),
+        "{:?}, {}",
+        right.doubts,
+        right.path_words()
+    );
+    let late =
+        of((0..exact.len()).map(|k| exact[k.saturating_sub(8)].map(|x| x + 0.01 * random())).collect());
+    assert!(
+        late.doubts.iter().any(|doubt| doubt.contains("s later than the velocities")),
+        "{:?}",
+        late.doubts
+    );
 }
 
 #[test]

@@ -247,6 +247,41 @@ fn headings_are_interpolated_the_short_way() {
     assert_eq!(&degrees[..5], [350.0, 0.0, 10.0, 20.0, 30.0]);
 }
 
+/// Positions are metres from the middle of the log, whatever rows before the first fix hold; the only pair of them counts.
+#[test]
+fn a_run_has_the_positions_of_its_log() {
+    let position = |header: &str, row: &dyn Fn(f64) -> String, dt: Option<f64>| {
+        let rows: String = (0..40).map(|k| format!("{k},1,{}\n", row(f64::from(k)))).collect();
+        let log = log(&format!("t,n,u [m/s],{header}\n{rows}"));
+        let selection = Selection::of("u", "n").unwrap();
+        let options = PrepareOptions { dt, ..PrepareOptions::default() };
+        prepare(&[log], &selection, &options).unwrap().runs[0].position.clone()
+    };
+    let way = |position: Option<Vec<[f64; 2]>>| {
+        let position = position.unwrap();
+        [0, 1].map(|axis| position[30][axis] - position[20][axis])
+    };
+    let plane = |k: f64| format!("{},{},{}", 1.0 + 0.1 * k, 2.0 * k, 5.0 - k);
+    for header in ["north [m],east [m]", "x,y", "pos_x [m],pos_y [m]", "northing,easting"] {
+        assert_eq!(way(position(header, &plane, None)), [20.0, -10.0], "{header}");
+    }
+    // WGS 84 at 34 degrees south: 110.9 m and 92.4 m for a thousandth of a degree.
+    let globe = |k: f64| {
+        let fix = if k < 5.0 { [0.0, 0.0] } else { [-34.0 + 1e-4 * k, 151.0 - 1e-4 * k] };
+        format!("{},{},{}", 1.0 + 0.1 * k, fix[0], fix[1])
+    };
+    for header in ["lat,lon", "latitude [deg],longitude [deg]", "gps_lat [deg],gps_lon [deg]"] {
+        let [north, east] = way(position(header, &globe, None));
+        assert!((north - 110.92).abs() < 0.1 && (east + 92.39).abs() < 0.1, "{header}: {north}, {east}");
+    }
+    for header in ["x_ref,y_ref", "target_x [m],target_y [m]", "x,z", "x [m/s],y [m/s]"] {
+        assert_eq!(position(header, &plane, None), None, "{header}");
+    }
+    // An interpolated position is no measurement.
+    let finer = position("x,y", &plane, Some(0.5)).unwrap();
+    assert_eq!(finer.iter().filter(|place| place[0].is_finite()).count(), 40);
+}
+
 #[test]
 fn an_after_log_is_shifted_by_one() {
     let p = prepared_with(&table(10, u, n), &delayed(CommandTiming::After, InputDelay::default()));

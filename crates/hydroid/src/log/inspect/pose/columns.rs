@@ -81,7 +81,8 @@ fn axes(log: &RawLog, pairs: &[(usize, usize, bool)]) -> Option<[Source; 2]> {
     let [(x, y, _)] = pairs else { return None };
     let (first, second) = (&log.columns[*x], &log.columns[*y]);
     let name = |column: &RawColumn| column.name.clone();
-    if let Some((x_unit, y_unit)) = length(first).zip(length(second)) {
+    let in_metres = length(first).zip(length(second)).filter(|_| !is_geographic(first));
+    if let Some((x_unit, y_unit)) = in_metres {
         return Some([Source::of(*x, &name(first), &x_unit), Source::of(*y, &name(second), &y_unit)]);
     }
     let (latitude, longitude) = degrees(first).zip(degrees(second))?;
@@ -164,12 +165,19 @@ fn degrees(column: &RawColumn) -> Option<Unit> {
     of_quantity(stated(column).unwrap_or("deg"), Quantity::Angle).filter(|_| plausible)
 }
 
+/// Whether a column is a latitude by its name.
+fn is_geographic(column: &RawColumn) -> bool {
+    parts(column).iter().any(|part| GLOBE.iter().any(|(latitude, ..)| part == latitude))
+}
+
+/// Axes of positions by their names, and whether these are north and east.
+const PLANE: &[(&str, &str, bool)] =
+    &[("x", "y", false), ("north", "east", true), ("northing", "easting", true)];
+const GLOBE: &[(&str, &str, bool)] =
+    &[("lat", "lon", true), ("lat", "lng", true), ("lat", "long", true), ("latitude", "longitude", true)];
+
 /// Pairs of columns whose names differ in `x` and `y`, or in `north` and `east`; without any, in `lat` and `lon`.
 fn position_pairs(log: &RawLog, free: impl Fn(usize) -> bool) -> Vec<(usize, usize, bool)> {
-    const PLANE: &[(&str, &str, bool)] =
-        &[("x", "y", false), ("north", "east", true), ("northing", "easting", true)];
-    const GLOBE: &[(&str, &str, bool)] =
-        &[("lat", "lon", true), ("lat", "lng", true), ("lat", "long", true), ("latitude", "longitude", true)];
     let found = pairs(log, &free, PLANE, length);
     if found.is_empty() { pairs(log, &free, GLOBE, degrees) } else { found }
 }
