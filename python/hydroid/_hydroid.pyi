@@ -87,6 +87,9 @@ class Run:
     def heading(self) -> Array | None:
         """Heading [rad], clockwise from north, shape (samples,)."""
     @property
+    def position(self) -> Array | None:
+        """Position [m] in two axes, as they are in the log, shape (samples, 2); NaN where there is none."""
+    @property
     def output_names(self) -> list[str]:
         """Names of the columns of `outputs`."""
     @property

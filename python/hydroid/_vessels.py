@@ -217,8 +217,9 @@ class Comparisons(_Figures):
         All results without the tracks, as in ``comparisons.json``.
     figures : list of dict
         One record for each figure: ``trial`` (number), ``run``, ``at_s`` (time in the run), ``title``, ``in_training``,
-        ``figure``, ``unit``, ``measured``, ``predicted``, ``not_valid`` (why there is no prediction, or None), and
-        ``low`` and ``high`` of the prediction, as for simulated trials.
+        ``figure``, ``unit``, ``measured``, ``predicted``, ``not_valid`` (why there is no prediction, or None),
+        ``low`` and ``high`` of the prediction, as for simulated trials, ``measured_low`` and ``measured_high`` (90 % by
+        the noise of positions and headings, or None), ``error`` (measured less predicted) and its ``uncertainty``.
     """
 
     _inner: _hydroid.Comparisons

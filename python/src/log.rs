@@ -579,6 +579,12 @@ impl Run {
     }
 
     #[getter]
+    fn position<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        let position = self.trajectory.position.as_ref();
+        position.map(|of| table(py, of.as_flattened().to_vec(), 2)).transpose()
+    }
+
+    #[getter]
     fn output_names(&self) -> Vec<&str> {
         names(&self.trajectory.outputs)
     }

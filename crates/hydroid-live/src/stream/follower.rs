@@ -1,5 +1,6 @@
 //! A model that follows a vessel: from each sample to status, estimate and predictions.
 
+use std::collections::VecDeque;
 use std::fmt::Write as _;
 
 use hydroid_core::adapt::{Adapter, Outcome, Rejection};
@@ -27,6 +28,9 @@ const MOST_WIDTHS: f64 = 10.0;
 /// Part of the range of an actuator by which an echoed command may be rounded, and by which it is another command.
 const BEYOND: f64 = 0.01;
 const UNLIKE: f64 = 0.05;
+
+/// Largest number of answers that a command is compared with.
+const MOST_ANSWERS: usize = 1000;
 
 /// The commands that an input accepts. An input that hardly moved in the training has the scale of its values, at least 1
 /// in its unit, as the range of a constant channel.
@@ -69,6 +73,8 @@ pub(crate) struct Follower {
     told_s: f64,
     /// Time that has passed for the commands since the last line that was used \[s\].
     since_s: f64,
+    /// Commands of the last answers, with the times of the lines after them.
+    answered: VecDeque<(f64, Vec<f64>)>,
     /// `u`, `v` and `r` that were used last, and those of the last line.
     last: [f64; 3],
     raw: [f64; 3],
@@ -106,6 +112,7 @@ impl Follower {
             waited_s: 0.0,
             told_s: 0.0,
             since_s: 0.0,
+            answered: VecDeque::new(),
             last: [f64::NAN; 3],
             raw: [f64::NAN; 3],
             real_s: 0.0,
@@ -222,15 +229,24 @@ impl Follower {
         self.late_s > limit_s
     }
 
-    /// Says that the commands that acted are not those of the answers, for longer than measurements may be old.
+    /// Says that the commands that acted are not those of the answers, for longer than measurements may be old. Commands may act later
+    /// by as much.
     fn compare_commands(&mut self, sample: &Sample) {
         let Some(pilot) = self.session.pilot() else { return };
+        let limit_s = pilot.liveness().limit_s();
+        self.answered.push_back((sample.t, pilot.command().to_vec()));
+        let is_old = |(t, _): &(f64, Vec<f64>)| !(sample.t - limit_s..=sample.t).contains(t);
+        while self.answered.len() > MOST_ANSWERS || self.answered.front().is_some_and(is_old) {
+            self.answered.pop_front();
+        }
         let ports = &self.model.description.inputs;
         let mut other = None;
         for &place in &self.commanded {
             let (acted, answered) = (sample.inputs[place], pilot.command()[place]);
             let width = pilot.limits()[place].high - pilot.limits()[place].low;
-            if (acted - answered).abs() > UNLIKE * width {
+            let all = self.answered.iter().map(|(_, command)| command[place]);
+            let (low, high) = all.fold((answered, answered), |(low, high), x| (low.min(x), high.max(x)));
+            if acted < low - UNLIKE * width || acted > high + UNLIKE * width {
                 other = Some((&ports[place].channel.name, acted, answered));
             }
         }

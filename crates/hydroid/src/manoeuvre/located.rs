@@ -379,41 +379,48 @@ pub(super) fn align(path: &mut Path, order: usize, current: [f64; 2]) -> bool {
 fn are_integral(track: &Track, errors: &[Option<[f64; 2]>]) -> bool {
     let second = track.nu.windows(3).map(|nu| (nu[2][0] - 2.0 * nu[1][0] + nu[0][0]).abs());
     let noise = 1.4826 * middle(second) / 6.0_f64.sqrt() * track.dt;
-    let samples = errors.len() / 8;
-    let growth = errors.iter().zip(&errors[samples..]).filter_map(|(before, after)| {
-        let (before, after) = ((*before)?, (*after)?);
-        Some((after[0] - before[0]).abs().max((after[1] - before[1]).abs()))
+    let known: Vec<(usize, [f64; 2])> =
+        errors.iter().enumerate().filter_map(|(k, error)| Some((k, (*error)?))).collect();
+    let apart = known.len() / 8;
+    let growth = known.iter().zip(&known[apart..]).map(|((k, before), (later, after))| {
+        let growth = (after[0] - before[0]).abs().max((after[1] - before[1]).abs());
+        growth / ((later - k).max(1) as f64).sqrt()
     });
-    1.4826 * middle(growth) < INTEGRAL * noise * (samples as f64).sqrt()
+    apart > 0 && 1.4826 * middle(growth) < INTEGRAL * noise
 }
 
-/// By how much positions are late \[s\]: their errors are a part of the velocity over ground. `None` if that does not explain most of
-/// the errors, or is less than their noise.
+/// By how much positions are late \[s\]: regression of their errors on the velocity over ground, beside a part of the path, which is a
+/// scale of the velocities. `None` if that does not explain most of the errors, or the delay is within their noise.
 fn late_s(track: &Track, errors: &[Option<[f64; 2]>], deviation: f64) -> Option<f64> {
-    let known: Vec<(Complex, Complex)> = errors
+    // Velocity, place and error.
+    let mut known: Vec<[Complex; 3]> = errors
         .iter()
         .enumerate()
         .filter_map(|(k, error)| {
-            let ([u, v, _], (sin, cos)) = (track.nu[k], track.eta[k][2].sin_cos());
-            Some(([u * cos - v * sin, u * sin + v * cos], (*error)?))
+            let ([u, v, _], [x, y, psi]) = (track.nu[k], track.eta[k]);
+            let (sin, cos) = psi.sin_cos();
+            Some([[u * cos - v * sin, u * sin + v * cos], [x, y], (*error)?])
         })
         .collect();
     let count = known.len() as f64;
-    let mean = |of: &dyn Fn(&(Complex, Complex)) -> Complex| {
-        [0, 1].map(|i| known.iter().map(|pair| of(pair)[i]).sum::<f64>() / count)
-    };
-    let (ground, error) = (mean(&|pair| pair.0), mean(&|pair| pair.1));
-    let (mut squares, mut product, mut all) = (0.0, 0.0, 0.0);
-    for (v, e) in &known {
-        for i in 0..2 {
-            let (v, e) = (v[i] - ground[i], e[i] - error[i]);
-            (squares, product, all) = (squares + v * v, product + v * e, all + e * e);
-        }
+    let sums = known.iter().fold([[0.0; 2]; 3], |sums, row| {
+        [0, 1, 2].map(|of| [0, 1].map(|axis| sums[of][axis] + row[of][axis] / count))
+    });
+    for row in &mut known {
+        *row = [0, 1, 2].map(|of| [0, 1].map(|axis| row[of][axis] - sums[of][axis]));
     }
-    let late = -product / squares;
-    let speed = (squares / count).sqrt();
-    (product * product > 0.8 * squares * all && late.abs() * speed > deviation && late.abs() > track.dt)
-        .then_some(late)
+    let product = |a: usize, b: usize| {
+        known.iter().map(|row| row[a][0] * row[b][0] + row[a][1] * row[b][1]).sum::<f64>()
+    };
+    let [vv, vp, pp, ve, pe, ee] =
+        [product(0, 0), product(0, 1), product(1, 1), product(0, 2), product(1, 2), product(2, 2)];
+    let determinant = vv * pp - vp * vp;
+    let [late, scale] = [(ve * pp - pe * vp) / determinant, (pe * vv - ve * vp) / determinant];
+    let left = ee - late * ve - scale * pe;
+    let without = ee - pe * pe / pp;
+    let is_most = left < 0.2 * ee && left < 0.5 * without;
+    let is_beyond = late.abs() * (vv / count).sqrt() > deviation && late.abs() > track.dt;
+    (is_most && is_beyond).then_some(-late)
 }
 
 /// Leaves out errors far from the median of their neighbours, and counts them.

@@ -780,8 +780,10 @@ fn positions_without_information_and_late_ones_are_stated() {
     let mut place = [0.0; 2];
     let integral = (0..run.len()).map(|k| {
         let before = place;
-        let way = run.dt * motion(&run, k)[1];
-        place = [place[0] + way * heading[k].cos(), place[1] + way * heading[k].sin()];
+        let next = (k + 1).min(run.len() - 1);
+        let way = 0.5 * run.dt * (motion(&run, k)[1] + motion(&run, next)[1]);
+        let psi = heading[k] + 0.5 * run.dt * motion(&run, k)[0];
+        place = [place[0] + way * psi.cos(), place[1] + way * psi.sin()];
         before
     });
     let of = |position: Vec<[f64; 2]>| {
