@@ -103,8 +103,8 @@ fn summary(subject: &ComparisonReport<'_>) -> Section {
 }
 
 fn values(comparison: &Comparison) -> Markup {
-    let heads = ["", "measured", "±", "predicted", "interval", "E", "U", "unit"].map(cell);
-    let value = |value: Option<f64>| value.map_or_else(|| String::from("–"), |value| text(value, 3));
+    let heads = ["", "measured", "predicted", "E", "U"].map(cell);
+    let value = |value: Option<f64>| value.map_or_else(|| String::from("–"), |value| text(value, 4));
     let rows: Vec<Vec<Markup>> = comparison
         .measured
         .iter()
@@ -112,25 +112,23 @@ fn values(comparison: &Comparison) -> Markup {
         .filter(|(measured, _)| measured.value.is_some() || measured.not_valid.is_some())
         .map(|(measured, predicted)| {
             let (name, unit) = measured.name_and_unit();
-            let interval = predicted.interval.map(|[low, high]| {
-                format!("{} to {}{}", text(low, 3), text(high, 3), predicted.left_out_text())
-            });
-            let none = || predicted.no_interval.as_ref().map(|reason| format!("none: {reason}"));
             let mark = if predicted.extrapolated && predicted.value.is_some() { " *" } else { "" };
-            let half = measured.interval.map(|[low, high]| text(0.5 * (high - low), 2));
             let error = comparison.errors.iter().find(|error| error.name == measured.name);
-            [
-                name,
-                value(measured.value),
-                half.unwrap_or_default(),
-                format!("{}{mark}", value(predicted.value)),
-                interval.or_else(none).unwrap_or_default(),
-                error.map(|error| text(error.error, 2)).unwrap_or_default(),
-                error.and_then(|error| error.uncertainty).map(|of| text(of, 2)).unwrap_or_default(),
-                unit.to_owned(),
+            let uncertainty = error.and_then(|error| error.uncertainty);
+            vec![
+                html! { (name) br; span.small { "[" (unit) "]" } },
+                html! {
+                    (value(measured.value))
+                    @if let Some([low, high]) = measured.interval { br; span.small { "± " (text(0.5 * (high - low), 2)) } }
+                },
+                html! {
+                    (value(predicted.value)) (mark)
+                    @if let Some([low, high]) = predicted.interval { br; span.small { (text(low, 3)) " to " (text(high, 3)) (predicted.left_out_text()) } }
+                    @if let Some(reason) = &predicted.no_interval { br; span.small { "no interval: " (reason) } }
+                },
+                cell(error.map(|error| text(error.error, 2)).unwrap_or_default()),
+                cell(uncertainty.map(|of| text(of, 2)).unwrap_or_default()),
             ]
-            .map(cell)
-            .to_vec()
         })
         .collect();
     let [north, east] = comparison.current;

@@ -455,6 +455,10 @@ impl Measurement {
         set_intervals(&mut figures, &draws, draws.len());
         for figure in &mut figures {
             figure.no_interval = None;
+            // The bias of the gyro is not known.
+            if figure.name == "steady_yaw_rate_deg_s" {
+                figure.interval = None;
+            }
             if !self.has_sway && self.positions.is_none() {
                 figure.without_sway(&NO_SWAY_FIGURES, NO_SWAY);
             }
