@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use hydroid::atomic;
-use hydroid::manoeuvre::{Comparison, RecognisedKind, Track, interval_words, write_comparisons_csv};
+use hydroid::manoeuvre::{
+    Comparison, Figure as Value, RecognisedKind, Track, interval_words, write_comparisons_csv,
+};
 use hydroid::model::Model;
 use maud::{Markup, html};
 use serde_json::Value as Document;
@@ -124,7 +126,7 @@ fn values(comparison: &Comparison) -> Markup {
                 html! {
                     (value(predicted.value)) (mark)
                     @if let Some([low, high]) = predicted.interval { br; span.small { (text(low, 3)) " to " (text(high, 3)) (predicted.left_out_text()) } }
-                    @if let Some(reason) = &predicted.no_interval { br; span.small { "no interval: " (reason) } }
+                    @if predicted.no_interval.is_some() { br; span.small { "no interval" } }
                 },
                 cell(error.map(|error| text(error.error, 2)).unwrap_or_default()),
                 cell(uncertainty.map(|of| text(of, 2)).unwrap_or_default()),
@@ -150,10 +152,27 @@ fn values(comparison: &Comparison) -> Markup {
             }
         }
         @for outside in &comparison.outside { p.small { "* " (outside) "." } }
+        @for (names, reason) in &no_interval(&comparison.predicted) {
+            p.small { "No interval of " (names.join(", ")) ": " (reason) "." }
+        }
         @if let Some(words) = interval_words(&comparison.predicted, comparison.members) {
             p.small { "Intervals: " (words) "." }
         }
     }
+}
+
+/// Figures without an interval, by their reasons.
+fn no_interval(figures: &[Value]) -> Vec<(Vec<String>, &str)> {
+    let mut all: Vec<(Vec<String>, &str)> = Vec::new();
+    for (figure, reason) in figures.iter().filter_map(|figure| Some((figure, figure.no_interval.as_deref()?)))
+    {
+        let name = figure.name_and_unit().0;
+        match all.iter_mut().find(|(_, known)| *known == reason) {
+            Some((names, _)) => names.push(name),
+            None => all.push((vec![name], reason)),
+        }
+    }
+    all
 }
 
 fn tracks(comparison: &Comparison) -> Figure {

@@ -78,9 +78,6 @@ pub(crate) struct Follower {
     /// `u`, `v` and `r` that were used last, and those of the last line.
     last: [f64; 3],
     raw: [f64; 3],
-    /// Time since the last line that was used \[s\], and by how much lines are late \[s\].
-    real_s: f64,
-    late_s: f64,
 }
 
 impl Follower {
@@ -115,8 +112,6 @@ impl Follower {
             answered: VecDeque::new(),
             last: [f64::NAN; 3],
             raw: [f64::NAN; 3],
-            real_s: 0.0,
-            late_s: 0.0,
         })
     }
 
@@ -192,43 +187,6 @@ impl Follower {
         }
     }
 
-    /// Time passes to a line that is used: true if it is late.
-    fn is_late_after(&mut self, arrival: Arrival) -> bool {
-        let elapsed = match arrival {
-            Arrival::First => f64::INFINITY,
-            Arrival::Next(steps) => steps as f64 * self.model.description.dt,
-            Arrival::Gap(gap) => gap,
-            Arrival::SetBack(_) => self.max_gap_s,
-            Arrival::Late(_) | Arrival::Ahead(_) | Arrival::Between => return false,
-        };
-        self.pass_used(elapsed);
-        // The true time since the last sample of a clock that was set is not known.
-        self.is_late(if matches!(arrival, Arrival::SetBack(_)) { f64::INFINITY } else { elapsed })
-    }
-
-    /// Takes a line that is used into account, a time by its stamp after the one before \[s\]: true if it is late. Later than by a silence
-    /// no line can be that was sent before its end, and lines that come faster than their stamps catch up.
-    fn is_late(&mut self, elapsed: f64) -> bool {
-        let Some(pilot) = self.session.pilot() else { return false };
-        let limit_s = pilot.liveness().limit_s();
-        let waited = std::mem::take(&mut self.real_s);
-        if waited > limit_s {
-            self.late_s = (self.late_s + waited - elapsed).max(0.0);
-        } else {
-            self.late_s = (self.late_s - (elapsed - waited).max(0.0)).max(0.0);
-        }
-        if self.late_s > limit_s {
-            say(
-                &mut self.note,
-                format_args!(
-                    "this line is {:.1} s late, by the silence before it, and its pose is not used",
-                    self.late_s
-                ),
-            );
-        }
-        self.late_s > limit_s
-    }
-
     /// Says that the commands that acted are not those of the answers, for longer than measurements may be old. Commands may act later
     /// by as much.
     fn compare_commands(&mut self, sample: &Sample) {
@@ -270,9 +228,13 @@ impl Follower {
         self.compare_commands(sample);
         let before = self.clock.seen();
         let arrival = self.clock.arrive(sample.t);
-        let is_late = self.is_late_after(arrival);
-        let late = is_late.then(|| Sample { pose: [f64::NAN; 3], ..sample.clone() });
-        let sample = late.as_ref().unwrap_or(sample);
+        match arrival {
+            Arrival::First => self.pass_used(f64::INFINITY),
+            Arrival::Next(steps) => self.pass_used(steps as f64 * self.model.description.dt),
+            Arrival::Gap(gap) => self.pass_used(gap),
+            Arrival::SetBack(_) => self.pass_used(self.max_gap_s),
+            Arrival::Late(_) | Arrival::Ahead(_) | Arrival::Between => {}
+        }
         let (max_gap, commands) = (self.max_gap_s, &mut self.commands);
         let (transition, reset) = match arrival {
             Arrival::Late(by) => {
@@ -366,7 +328,6 @@ impl Follower {
     /// Time passes \[s\] in which no line arrives.
     pub(super) fn wait(&mut self, seconds: f64) {
         self.waited_s += seconds;
-        self.real_s += seconds;
         self.pass(seconds);
         self.told_s += seconds;
     }
@@ -374,7 +335,6 @@ impl Follower {
     /// A line arrives after some more time \[s\]. What it holds decides how much time counts.
     pub(super) fn arrive_after(&mut self, seconds: f64) {
         self.waited_s += seconds;
-        self.real_s += seconds;
     }
 
     /// What arrived was no line: the time in which it was awaited passes.

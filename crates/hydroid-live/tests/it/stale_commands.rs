@@ -294,30 +294,6 @@ fn a_position_that_repeats_under_commands_is_not_steered_by() {
     }
 }
 
-/// After a link had stalled for four seconds, lines came four seconds late for ever, and were steered by as if they were new.
-#[test]
-fn lines_that_a_silence_held_back_are_not_steered_by_until_they_have_caught_up() {
-    let mut watch = Watch::new(setup());
-    sail(&mut watch, 0, 40);
-    watch.wait(4.0).unwrap();
-    for k in 40..140 {
-        let answer = sail(&mut watch, k, k + 1);
-        let note = answer["note"].as_str().unwrap();
-        assert!(note.contains("s late, by the silence before it"), "{k}: {answer}");
-        assert!(watch.is_neutral, "{k}: {answer}");
-    }
-    // The queue empties.
-    for k in 140..180 {
-        watch.send(Line::Whole(line(0.1 * f64::from(k)).to_string().as_bytes())).unwrap();
-    }
-    let again = sail(&mut watch, 180, 190);
-    assert!(again.get("lost").is_none() && again["command"]["PP_cmd"] != 0.0, "{again}");
-    // A sender that was silent itself is not late.
-    watch.wait(4.0).unwrap();
-    let after = sail(&mut watch, 230, 235);
-    assert!(after.get("lost").is_none() && after["command"]["PP_cmd"] != 0.0, "{after}");
-}
-
 /// A single wrong yaw rate turned the dead reckoning for good, and ended the mission.
 #[test]
 fn one_wrong_velocity_does_not_end_the_mission() {

@@ -10,12 +10,10 @@ use super::open::Recording;
 use crate::key::key;
 use crate::log::parts::Kept;
 use crate::log::sentinel::{self, Kind as Sentinel};
-use crate::log::{self, ChannelSpec, FASTEST_M_S, FASTEST_RAD_S, LogError, Note, RawLog, Sensors};
+use crate::log::{
+    self, ChannelSpec, FASTEST_M_S, FASTEST_RAD_S, LogError, Note, RawLog, Sensors, metres_per_radian,
+};
 use crate::navigate::{Event, Kind, Row, Run, Sensor};
-
-/// Mean earth axes of WGS 84: semi-major axis \[m\] and squared eccentricity.
-const SEMI_MAJOR_M: f64 = 6_378_137.0;
-const ECCENTRICITY_2: f64 = 6.694_379_990_14e-3;
 
 /// Inertial measurements are averaged over this time \[s\]: a vessel moves less than that, and a filter step costs the same
 /// for each.
@@ -935,12 +933,6 @@ fn local(position: &mut Track) {
         last = Some((*phi, *lambda));
         (*phi, *lambda) = (north, east);
     }
-}
-
-/// Metres of a radian of latitude and of one of longitude, at a latitude \[rad\].
-pub(crate) fn metres_per_radian(latitude: f64) -> [f64; 2] {
-    let w = 1.0 - ECCENTRICITY_2 * latitude.sin().powi(2);
-    [SEMI_MAJOR_M * (1.0 - ECCENTRICITY_2) / (w * w.sqrt()), SEMI_MAJOR_M / w.sqrt() * latitude.cos()]
 }
 
 /// The way between two fixes to the north and east \[m\], with the radii of curvature in their middle.

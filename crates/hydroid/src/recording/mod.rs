@@ -28,7 +28,6 @@ use hydroid_io::LogFile;
 use crate::log::{self, LogError, Note, PrepareOptions, RawLog, Selection};
 use crate::progress::{self, Progress};
 
-pub(crate) use instruments::metres_per_radian;
 pub use live::{LiveColumn, LiveInputs, LiveMotion, LiveTopics, SensorHealth};
 pub use open::is_recording;
 pub use propose::Proposal;

@@ -6,7 +6,7 @@ use super::super::super::csv::{RawColumn, RawLog};
 use super::super::super::resolve::{Resolved, Source};
 use super::super::super::units::{self, Quantity, Unit};
 use crate::log::median;
-use crate::recording::metres_per_radian;
+use crate::log::metres_per_radian;
 
 /// Columns of a pose, each the only one of its kind in the log.
 pub(super) struct PoseColumns {
