@@ -29,11 +29,13 @@ pub enum Stop {
     Outside,
     /// Position or heading contradict the velocities.
     Contradiction,
+    /// The position does not change while the commands move the vessel.
+    Stuck,
 }
 
 impl Stop {
     /// All causes.
-    pub const ALL: [Self; 4] = [Self::Task, Self::NoWay, Self::Outside, Self::Contradiction];
+    pub const ALL: [Self; 5] = [Self::Task, Self::NoWay, Self::Outside, Self::Contradiction, Self::Stuck];
 
     /// The cause in words.
     pub const fn text(self) -> &'static str {
@@ -42,6 +44,7 @@ impl Stop {
             Self::NoWay => "there is no way to the task within the fence",
             Self::Outside => "the vessel is outside the fence",
             Self::Contradiction => "position or heading contradict the velocities",
+            Self::Stuck => "the position does not change while the commands move the vessel",
         }
     }
 }

@@ -40,6 +40,8 @@ pub struct Pilot {
     pushing_s: f64,
     /// Time without a change of a position that is stuck \[s\]; 0 otherwise.
     stuck_s: f64,
+    /// Longest time for which a sensor may be wrong, or the reference stand still \[s\].
+    stall_s: f64,
     /// `None` for an estimated pose.
     reckoning: Option<DeadReckoning>,
     /// Time constant of the filter of a measured pose \[s\].
@@ -131,6 +133,7 @@ impl Pilot {
             repeats: Repeats::default(),
             pushing_s: 0.0,
             stuck_s: 0.0,
+            stall_s: limits.stall_s,
             reckoning: Some(DeadReckoning::new(track_speed, limits.stall_s)),
             smoothing_s: options.tolerance / track_speed,
             drift: [0.0; 3],
@@ -286,6 +289,9 @@ impl Pilot {
         }
         if self.reckoning.as_ref().is_some_and(DeadReckoning::is_unsettled) {
             self.supervisor.stop(Stop::Contradiction);
+        }
+        if self.stuck_s > self.stall_s {
+            self.supervisor.stop(Stop::Stuck);
         }
         if self.supervisor.begin(self.liveness.is_alive(), elapsed_s) {
             if let Some([left_m, duration_s]) = self.guidance.plan(self.eta, self.nu, self.turning_radius) {
