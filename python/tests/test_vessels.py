@@ -244,8 +244,11 @@ def test_trials_in_logs_are_compared_as_by_the_command(model, model_file, tmp_pa
     figures = {figure["figure"]: figure for figure in compared.figures}
     rate = figures["steady_yaw_rate_deg_s"]
     assert rate["predicted"] == pytest.approx(rate["measured"], rel=0.05) and not rate["in_training"]
-    # A log without sway does not measure distances.
-    assert figures["advance_m"]["measured"] is None
+    # A log without sway measures distances by its positions.
+    advance = figures["advance_m"]
+    assert advance["measured_low"] <= advance["measured"] <= advance["measured_high"]
+    assert advance["error"] == pytest.approx(advance["measured"] - advance["predicted"])
+    assert log.columns.count("x") == 1
     [tracks] = compared.tracks
     assert tracks.measured.t[0] == 0.0 and tracks.predicted.outputs.shape == (len(tracks.predicted.t), 3)
     assert tracks.measured.commands is None and "advance_m" in repr(compared)
