@@ -89,7 +89,8 @@ fn summary(subject: &ComparisonReport<'_>) -> Section {
             "{trained} of {all} trials are in runs that the model was fitted to: those predictions are better than predictions of new runs."
         ),
     };
-    let class = if all.is_empty() || trained > 0 { "usable" } else { "good" };
+    let is_doubtful = |of: &Comparison| !of.doubts.is_empty() || of.tracks[1].not_valid.is_some();
+    let class = if all.is_empty() || trained > 0 || all.iter().any(is_doubtful) { "usable" } else { "good" };
     let body = html! {
         header {
             p.kicker { "hydroid · manoeuvring trials" }
@@ -211,7 +212,7 @@ fn definitions(subject: &ComparisonReport<'_>) -> Section {
             "Each prediction starts from the measurements up to the first sample of the trial, and has the measured commands. A zigzag is reversed at the measured headings. "
             "Advance and transfer are the distances along and across the initial course up to a change of heading by 90°, the tactical diameter is that across up to 180°. "
             "An overshoot is the change of heading in the old direction after the steering was reversed. "
-            "± is half the 90 % interval that the noise of the positions leaves, E the measured less the predicted value, and U the uncertainty of this comparison: the root of the sum of the squares of half of both intervals. A smaller error may be that of the measurement."
+            "± is half the 90 % interval that the noise of positions and headings leaves, E the measured less the predicted value, and U the uncertainty of this comparison: the root of the sum of the squares of half of both intervals. A smaller error may be that of the measurement."
         }
         details {
             summary { "Command that reproduces this page" }

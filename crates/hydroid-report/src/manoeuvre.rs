@@ -163,7 +163,7 @@ fn summary(subject: &ManoeuvreReport<'_>) -> Section {
     };
     let not_judged = |figure: &&Value| figure.not_judged.is_some();
     let without = trials.trials.iter().flat_map(|trial| &trial.figures).filter(not_judged).count();
-    let (class, heading, words) = if judged.is_empty() {
+    let (class, heading, words) = if judged.is_empty() && without == 0 {
         (
             "usable",
             "Predicted by the model.",
@@ -177,7 +177,7 @@ fn summary(subject: &ManoeuvreReport<'_>) -> Section {
         let words = match without {
             0 => format!("All {} criteria of IMO resolution MSC.137(76) are met.", judged.len()),
             _ => format!(
-                "{} criteria of IMO resolution MSC.137(76) are met, and {without} are not judged, because their figures are not reached.",
+                "{} criteria of IMO resolution MSC.137(76) are met, and {without} are not judged, because their figures have no value.",
                 judged.len()
             ),
         };

@@ -138,7 +138,7 @@ fn late_doubt(positions: &Located) -> Option<String> {
     let late_s = positions.late_s?;
     let word = if late_s > 0.0 { "later" } else { "earlier" };
     Some(format!(
-        "the positions are {:.2} s {word} than the velocities, and so are the places of the figures: check the clock of the receiver",
+        "the positions of the log are {:.2} s {word} than the velocities, and so are the places of the figures: check the clock of the receiver",
         late_s.abs()
     ))
 }

@@ -35,6 +35,7 @@ mod spiral;
 mod track;
 mod trials;
 mod turning_circle;
+mod walk;
 mod zigzag;
 
 pub use approach::{Approach, Options};
