@@ -31,11 +31,14 @@ pub enum Stop {
     Contradiction,
     /// The position does not change while the commands move the vessel.
     Stuck,
+    /// It does not answer to the commands.
+    Unanswered,
 }
 
 impl Stop {
     /// All causes.
-    pub const ALL: [Self; 5] = [Self::Task, Self::NoWay, Self::Outside, Self::Contradiction, Self::Stuck];
+    pub const ALL: [Self; 6] =
+        [Self::Task, Self::NoWay, Self::Outside, Self::Contradiction, Self::Stuck, Self::Unanswered];
 
     /// The cause in words.
     pub const fn text(self) -> &'static str {
@@ -45,6 +48,7 @@ impl Stop {
             Self::Outside => "the vessel is outside the fence",
             Self::Contradiction => "position or heading contradict the velocities",
             Self::Stuck => "the position does not change while the commands move the vessel",
+            Self::Unanswered => "the vessel does not answer to its commands",
         }
     }
 }
@@ -76,7 +80,7 @@ impl Mode {
 /// | approach | the time of the way is over | stopped |
 /// | approach, on task | a new way is the fourth one in a row that is no shorter than the best one | stopped |
 /// | on task | the end of the task | arrived |
-/// | blind, approach, on task | the vessel is outside its fence, no way stays within it, or its pose contradicts the velocities for long | stopped |
+/// | blind, approach, on task | the vessel is outside its fence, no way stays within it, its pose contradicts the velocities for long, or it does not answer to the commands | stopped |
 ///
 /// *Off its way* is a distance from the reference above the tolerance. A way has twice its planned time and ten times the
 /// patience. Ways count as shorter by the progress at least, so that the number of ways, and with it the time in which the
@@ -159,6 +163,11 @@ impl Supervisor {
             within: false,
             cause: Stop::Task,
         }
+    }
+
+    /// Time off the way after which a new one is planned \[s\].
+    pub const fn patience_s(&self) -> f64 {
+        self.limits.patience_s
     }
 
     /// The present mode.

@@ -466,7 +466,8 @@ impl<L: Link> Boat<L> {
         let Steering::Path(_) = self.steering else { return };
         let Some(active) = &self.active else { return };
         let Some(pilot) = active.pilot() else { return };
-        let (status, command, stop) = (pilot.status(), pilot.command().to_vec(), pilot.stop());
+        let (status, command) = (pilot.status(), pilot.command().to_vec());
+        let stop = active.follower().why_stopped();
         let [n, e, _] = active.sample().pose;
         let at = [n + active.path_origin[0], e + active.path_origin[1]];
         let [u, v, r] = pilot.motion().map(|place| active.sample().outputs[place]);
@@ -486,7 +487,7 @@ impl<L: Link> Boat<L> {
                 ),
             );
         } else if let Some(stop) = stop {
-            self.hands_off(now_ns, Level::Warning, stop.text());
+            self.hands_off(now_ns, Level::Warning, &stop);
         } else if status == "arrived" {
             self.hands_off(now_ns, Level::Info, "the end of the path is reached");
         } else {

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::fmt::Write as _;
 
 use hydroid_core::adapt::{Adapter, Outcome, Rejection};
+use hydroid_core::control::Stop;
 
 use super::answer::{Status, Writer};
 use super::clock::{Arrival, Clock};
@@ -13,7 +14,7 @@ use super::session::{Session, Transition};
 use super::{StreamError, names};
 use hydroid::adapt::events::EventText;
 use hydroid::boat::{Raw, Role};
-use hydroid::closed_loop::{Pilot, longest_gap};
+use hydroid::closed_loop::{ActuatorCheck, ActuatorFault, Pilot, longest_gap};
 use hydroid::evaluate::DesignRange;
 use hydroid::log::{CommandTiming, LogError, PrepareOptions};
 use hydroid::model::{Model, Port};
@@ -132,7 +133,7 @@ impl Follower {
                 (*low, *high) = (low.min(limits.low), high.max(limits.high));
             }
         }
-        self.session.steer_by(pilot);
+        self.session.steer_by(pilot, &self.model);
         Ok(())
     }
 
@@ -380,8 +381,7 @@ impl Follower {
     /// Says why the commands rest.
     pub(super) fn explain_lost(&mut self) {
         let Some(pilot) = self.session.pilot() else { return };
-        if let Some(stop) = pilot.stop() {
-            let why = stop.text();
+        if let Some(why) = self.why_stopped() {
             say(&mut self.note, format_args!("{why}: the commands rest until the service is started anew"));
         }
         if pilot.stuck_s() > 0.0 {
@@ -420,6 +420,19 @@ impl Follower {
             format!("the age of the last measurement of {names} is not known: the commands rest")
         };
         say(&mut self.note, format_args!("{remark}"));
+    }
+
+    /// Why the vessel was stopped, in words.
+    pub(crate) fn why_stopped(&self) -> Option<String> {
+        let stop = self.session.pilot()?.stop()?;
+        let name = |input: usize| &self.model.description.inputs[input].channel.name;
+        let found = self.session.check().and_then(ActuatorCheck::found).filter(|_| stop == Stop::Unanswered);
+        let which = found.map(|fault| match fault {
+            ActuatorFault::Lost(input) => format!("{} acts as if it had no effect", name(input)),
+            ActuatorFault::Reversed(input) => format!("{} acts as if it were reversed", name(input)),
+            ActuatorFault::AllLost => String::from("it moves as if no command had an effect"),
+        });
+        Some(which.map_or_else(|| stop.text().to_owned(), |which| format!("{}: {which}", stop.text())))
     }
 
     fn add_remarks(&mut self, transition: Transition) {

@@ -221,6 +221,26 @@ impl Stream {
         out.write_all(line).and_then(|()| out.flush()).map_err(StreamError::Output)
     }
 
+    /// States that no line will follow, for a reason in words. While commands are not at their neutral values, a line with the status
+    /// `lost` and the next ones on the way there is written and flushed. Returns the time to the next call \[s\]; `None` if none is
+    /// needed.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn end(&mut self, reason: &str, out: &mut dyn Write) -> Result<Option<f64>, StreamError> {
+        let rests_in_s = |stream: &Self| stream.follower.session.pilot().and_then(Pilot::rests_in_s);
+        if self.row == 0 || rests_in_s(self).is_none() {
+            return Ok(None);
+        }
+        self.follower.note.clear();
+        self.follower.wait(f64::INFINITY);
+        say(&mut self.follower.note, format_args!("{reason}: the commands rest"));
+        self.answer_unused(self.line, None, Status::Lost);
+        let line = self.follower.writer.end(None);
+        out.write_all(line).and_then(|()| out.flush()).map_err(StreamError::Output)?;
+        Ok(rests_in_s(self))
+    }
+
     /// States that the next line has arrived after some more time \[s\] without one.
     pub fn arrive_after(&mut self, seconds: f64) {
         self.follower.arrive_after(seconds);

@@ -8,8 +8,9 @@ use super::commands::Commands;
 use super::line::Sample;
 use crate::black_box::{BlackBoxError, Recorder, RecordingAdapter};
 use hydroid::adapt::{BAND_80, BAND_95};
-use hydroid::closed_loop::{Elapsed, ModelSession, Pilot, Seen};
+use hydroid::closed_loop::{ActuatorCheck, Elapsed, ModelSession, Pilot, Seen};
 use hydroid::log::Note;
+use hydroid::model::Model;
 
 /// The adapter along a stream. It does not allocate after the first sample.
 pub(super) struct Session {
@@ -36,6 +37,8 @@ pub(super) struct Session {
     /// Measurements with a one-step band, and those inside the 80 % and 95 % bands.
     banded: [usize; 3],
     pilot: Option<Pilot>,
+    /// Whether the vessel answers to the commands.
+    check: Option<ActuatorCheck>,
     /// Planned commands of a pilot.
     plan: Vec<f64>,
     /// Predicted poses at the horizons, and standard deviations of position \[m\] and heading \[rad\].
@@ -87,6 +90,7 @@ impl Session {
             work: Workspace::new(),
             banded: [0; 3],
             pilot: None,
+            check: None,
             plan: Vec::new(),
             track: Vec::new(),
             track_deviations: Vec::new(),
@@ -124,8 +128,9 @@ impl Session {
         &self.horizons
     }
 
-    /// Steers from now on.
-    pub(super) fn steer_by(&mut self, pilot: Pilot) {
+    /// Steers from now on, with sessions of this model.
+    pub(super) fn steer_by(&mut self, pilot: Pilot, model: &Model) {
+        self.check = ActuatorCheck::new(model, pilot.limits(), pilot.patience_s());
         self.plan = vec![f64::NAN; self.commands.len()];
         self.predict_track_of(pilot.motion());
         self.pilot = Some(pilot);
@@ -133,7 +138,12 @@ impl Session {
 
     /// Steers no more.
     pub(super) fn release(&mut self) {
-        self.pilot = None;
+        (self.pilot, self.check) = (None, None);
+    }
+
+    /// Whether the vessel answers to the commands; `None` without a controller, and for a model without prediction bands.
+    pub(super) fn check(&self) -> Option<&ActuatorCheck> {
+        self.check.as_ref()
     }
 
     /// Predicts the track, with `u`, `v` and `r` in these places among the outputs.
@@ -164,6 +174,9 @@ impl Session {
         if let Some(pilot) = &mut self.pilot {
             pilot.visit_state(memory);
         }
+        if let Some(check) = &mut self.check {
+            check.visit_state(memory);
+        }
     }
 
     /// Time passes \[s\] without a sample that is used.
@@ -178,6 +191,9 @@ impl Session {
     pub(super) fn begin(&mut self, commands: &mut Commands, sample: &Sample, gap: Option<f64>) -> Transition {
         self.adapter.to(sample.t, 0, self.dt);
         self.adapter.reset();
+        if let Some(check) = &mut self.check {
+            check.reset();
+        }
         self.samples = 0;
         commands.restart();
         let held = commands.begin(&sample.inputs);
@@ -195,15 +211,29 @@ impl Session {
         self.adapter.to(sample.t, steps.saturating_sub(1), self.dt);
         let ahead = std::mem::take(&mut self.ahead) && steps == 1;
         let Self {
-            adapter, missing, expected, expected_deviations, work, deviations, commands: planned, ..
+            adapter,
+            missing,
+            expected,
+            expected_deviations,
+            work,
+            deviations,
+            commands: planned,
+            check,
+            ..
         } = self;
         let mut lost = false;
         let held = commands.advance_to(steps, &sample.inputs, |step, command| {
             if command.iter().any(|c| c.is_nan()) {
                 adapter.reset();
+                if let Some(check) = check {
+                    check.reset();
+                }
                 expected.fill(f64::NAN);
                 lost = true;
                 return;
+            }
+            if let Some(check) = check {
+                check.advance(command);
             }
             let last = step + 1 == steps;
             if last && ahead && planned.starts_with(command) {
@@ -217,6 +247,9 @@ impl Session {
                 adapter.output(expected);
             } else {
                 adapter.observe(missing);
+                if let Some(check) = check {
+                    check.observe(f64::NAN, missing);
+                }
             }
         });
         self.adapter.to(sample.t, 0, self.dt);
@@ -246,6 +279,12 @@ impl Session {
             self.adapter.to(sample.t, 0, self.dt);
             self.adapter.observe_heading(sample.heading);
             self.adapter.observe(&sample.outputs);
+        }
+        if let Some(check) = &mut self.check {
+            check.observe(sample.heading, &sample.outputs);
+            if let (Some(_), Some(pilot)) = (check.found(), &mut self.pilot) {
+                pilot.stop_unanswered();
+            }
         }
         self.predict(commands, sample, elapsed);
         unsound

@@ -6,6 +6,7 @@ use std::sync::OnceLock;
 use hydroid::closed_loop::{ControlMethod, QUANTITIES};
 use hydroid::config::Duration;
 use hydroid::config::control::{ClosedLoopOptions, NamedModel, Setup};
+use hydroid::evaluate::PredictionBands;
 use hydroid_live::stream::{Line, Options, Position, Stream};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
@@ -26,6 +27,14 @@ fn steered(max_age_s: Option<f64>) -> Setup {
     };
     let model = NamedModel::read("hydrofoil".as_ref()).unwrap();
     Setup::new(options, Some(model), None).unwrap()
+}
+
+/// What is wrong with the rudder.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Fault {
+    None,
+    Lost,
+    Reversed,
 }
 
 /// A service, its virtual time, and what an observer of it knows.
@@ -292,6 +301,78 @@ fn a_position_that_repeats_under_commands_is_not_steered_by() {
         }
         assert_eq!(rested.is_some_and(|k| k < 33), is_stuck, "{noise}: {rested:?}");
     }
+}
+
+/// A thruster that was lost or reversed was named by nothing; the vessel drove round until it had lost its path.
+#[test]
+fn a_vessel_that_does_not_answer_to_its_commands_is_stopped_and_the_input_named() {
+    let mut named = NamedModel::read("hydrofoil".as_ref()).unwrap();
+    let bands = PredictionBands {
+        levels: vec![0.5, 0.8, 0.9],
+        horizons: vec![1, 100],
+        half_widths: vec![vec![vec![0.05, 0.05, 0.02, 0.05]; 2]; 3],
+    };
+    named.model.description.bands = Some(bands);
+    let options = ClosedLoopOptions {
+        controller: ControlMethod::FeedbackLinearization,
+        task: hydroid::config::control::TaskKind::LawnMower,
+        ..ClosedLoopOptions::default()
+    };
+    let setup = Setup::new(options, Some(named), None).unwrap();
+    for (of, as_if) in [
+        (Fault::None, ""),
+        (Fault::Lost, "RD_ang acts as if it had no effect"),
+        (Fault::Reversed, "RD_ang acts as if it were reversed"),
+    ] {
+        let mut watch = Watch::new(&setup);
+        let mut vessel = setup.model.session();
+        let mut y = vec![0.0; vessel.outputs()];
+        vessel.observe(&y);
+        let (mut eta, mut named) = ([0.0, 3.0, 0.5], None);
+        for k in 0..600 {
+            vessel.output(&mut y);
+            let [u, v, r] = [y[0], y[1], y[2]];
+            let sent = json!({ "t": 0.1 * f64::from(k), "x": eta[0], "y": eta[1], "psi": eta[2], "u": u, "v": v, "r": r });
+            watch.wait(0.1).unwrap();
+            let answer = watch.send(Line::Whole(sent.to_string().as_bytes())).unwrap().unwrap();
+            let command = &answer["command"];
+            if answer["control"] == "stopped" {
+                assert!(watch.is_neutral, "{answer}");
+                named.get_or_insert((k, answer["note"].as_str().unwrap().to_owned()));
+            }
+            let [push, mut rudder] = ["PP_cmd", "RD_ang"].map(|name| command[name].as_f64().unwrap());
+            if k >= 150 {
+                rudder *= match of {
+                    Fault::None => 1.0,
+                    Fault::Lost => 0.0,
+                    Fault::Reversed => -1.0,
+                };
+            }
+            vessel.advance(&[push, rudder]);
+            let (sin, cos) = (eta[2] + 0.05 * r).sin_cos();
+            eta = [eta[0] + 0.1 * (u * cos - v * sin), eta[1] + 0.1 * (u * sin + v * cos), eta[2] + 0.1 * r];
+        }
+        match named {
+            None => assert_eq!(of, Fault::None),
+            Some((k, note)) => assert!((150..300).contains(&k) && note.contains(as_if), "{k}: {note}"),
+        }
+    }
+}
+
+/// At the end of the input the last command stayed in force.
+#[test]
+fn the_end_of_the_input_leaves_neutral_commands() {
+    let mut watch = Watch::new(setup());
+    let before = sail(&mut watch, 0, 40);
+    assert_ne!(before["command"]["PP_cmd"], 0.0, "{before}");
+    let mut out = Vec::new();
+    assert_eq!(watch.stream.end("the input has ended", &mut out).unwrap(), None);
+    let last: Value = serde_json::from_slice(&out).unwrap();
+    assert_eq!((&last["status"], &last["command"]["PP_cmd"]), (&json!("lost"), &json!(0.0)), "{last}");
+    assert!(last["note"].as_str().unwrap().contains("the input has ended: the commands rest"), "{last}");
+    out.clear();
+    assert_eq!(watch.stream.end("the input has ended", &mut out).unwrap(), None);
+    assert!(out.is_empty());
 }
 
 /// A single wrong yaw rate turned the dead reckoning for good, and ended the mission.

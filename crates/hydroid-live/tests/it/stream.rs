@@ -303,7 +303,8 @@ fn a_state_is_encoded_exactly_and_another_format_is_named() {
     assert_eq!(State::decode(bytes).unwrap().encode().unwrap(), bytes);
     let text = String::from_utf8_lossy(bytes);
     let mut changed = bytes.to_vec();
-    changed[text.find("version\\\":9").unwrap() + "version\\\":".len()] = b'7';
+    let version = "version\\\":";
+    changed[text.find(version).unwrap() + version.len()] = b'7';
     assert!(State::decode(&changed).unwrap_err().contains("format 7"));
 }
 

@@ -25,6 +25,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod actuator_check;
 mod autopilot;
 mod channel_map;
 mod controller;
@@ -53,6 +54,7 @@ mod tuning;
 mod way;
 mod waypoints;
 
+pub use actuator_check::{ActuatorCheck, ActuatorFault};
 pub use autopilot::AutopilotGains;
 pub use controller::{ClosedLoopController, ControlLaw, ModelSession, Observation};
 pub use disturbance::{Conditions, Wind};

@@ -211,6 +211,16 @@ impl Pilot {
         (self.command != self.rest).then_some(self.dt_s)
     }
 
+    /// Time off its way after which a new way is planned \[s\].
+    pub const fn patience_s(&self) -> f64 {
+        self.supervisor.patience_s()
+    }
+
+    /// The vessel does not answer to its commands: it is stopped.
+    pub const fn stop_unanswered(&mut self) {
+        self.supervisor.stop(Stop::Unanswered);
+    }
+
     /// Status of the command.
     pub fn status(&self) -> &'static str {
         match self.supervisor.mode() {

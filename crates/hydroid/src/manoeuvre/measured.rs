@@ -520,6 +520,7 @@ fn comparison(
     let Measurement { track: measured, positions, no_positions, approach, current_of_turn, .. } = measurement;
     let of_water = positions.as_ref().filter(|_| current_of_turn);
     let doubts = [
+        trial.straight_doubt(),
         heading_doubt(run),
         positions.as_ref().and_then(late_doubt),
         of_water.and_then(|positions| water_doubt(positions, current)),

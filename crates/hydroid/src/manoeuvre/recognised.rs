@@ -25,6 +25,8 @@ pub struct Recognised {
     pub reversals_deg: Vec<f64>,
     /// The first commands of the inputs that turn the vessel.
     pub turned_by: Vec<Ordered>,
+    /// Size of the yaw rate before the trial, relative to the mean one in its turn or first leg.
+    pub turning_before: f64,
 }
 
 /// A command of an input.
@@ -57,6 +59,16 @@ impl RecognisedKind {
 }
 
 impl Recognised {
+    /// Why the vessel is not known to sail straight before the trial.
+    pub(super) fn straight_doubt(&self) -> Option<String> {
+        (self.turning_before > STRAIGHT).then(|| {
+            format!(
+                "the course of the approach is not straight: the vessel turns before the order at {:.0} % of the mean yaw rate in the first leg",
+                100.0 * self.turning_before
+            )
+        })
+    }
+
     /// Kind and size of the trial, and its commands, in words: `zigzag of 20 deg, first to port by delta -20 deg`.
     pub fn title(&self) -> String {
         let side = if self.heading_deg > 0.0 { "starboard" } else { "port" };
@@ -98,6 +110,9 @@ const HALF: f64 = 0.5;
 
 /// Yaw rate before a trial, relative to the mean one in its turn or first leg, on a straight course.
 const STRAIGHT: f64 = 0.1;
+
+/// The largest one before a zigzag. A leg that is not the first one begins at the rate of the one before.
+const ZIGZAG_STRAIGHT: f64 = 0.5;
 
 /// Least number of samples of a held command.
 const LEAST_SAMPLES: usize = 3;
@@ -179,7 +194,9 @@ pub fn recognise(run: &Trajectory, boat: &Boat) -> Vec<Recognised> {
             continue;
         }
         let mut zigzag = zigzag_length(&held[i..], &heading, same);
-        if zigzag > 1 && !is_straight(&heading, &rates, held[i].execute, held[i + 1].execute) {
+        let turning = |end: usize| turning_before(&heading, &rates, held[i].execute, end);
+        let before_leg = held.get(i + 1).map_or(f64::INFINITY, |next| turning(next.execute));
+        if before_leg > ZIGZAG_STRAIGHT {
             zigzag = 0;
         }
         if zigzag >= LEAST_COMMANDS {
@@ -195,12 +212,14 @@ pub fn recognise(run: &Trajectory, boat: &Boat) -> Vec<Recognised> {
                 heading_deg: mean * at(&part[1]).signum(),
                 reversals_deg,
                 turned_by: turned_by(&part[0]),
+                turning_before: before_leg,
             });
             i += zigzag;
             continue;
         }
         let change = heading[end(i)] - heading[held[i].execute];
-        if change.abs() >= FRAC_PI_2 && is_straight(&heading, &rates, held[i].execute, end(i)) {
+        let turning_before = turning(end(i));
+        if change.abs() >= FRAC_PI_2 && turning_before <= STRAIGHT {
             found.push(Recognised {
                 kind: RecognisedKind::TurningCircle,
                 executes: vec![held[i].execute],
@@ -208,6 +227,7 @@ pub fn recognise(run: &Trajectory, boat: &Boat) -> Vec<Recognised> {
                 heading_deg: change.to_degrees(),
                 reversals_deg: Vec::new(),
                 turned_by: turned_by(&held[i]),
+                turning_before,
             });
         }
         i += 1;
@@ -215,10 +235,10 @@ pub fn recognise(run: &Trajectory, boat: &Boat) -> Vec<Recognised> {
     found
 }
 
-/// Whether the vessel turns before a turn, or the first leg of a zigzag, at less than a tenth of its mean rate there, over as many
-/// samples as a tenth of it has, or the run has before it. Without any, a straight line through the first rates shows the one at the
-/// order: those in the first twentieth, and before half of the mean rate.
-fn is_straight(heading: &[f64], rates: &[f64], execute: usize, end: usize) -> bool {
+/// Size of the yaw rate before a turn, or the first leg of a zigzag, relative to its mean rate there: over as many samples as a tenth
+/// of it has, or the run has before it. Without any, a straight line through the first rates shows the one at the order: those in the
+/// first twentieth, and before half of the mean rate.
+fn turning_before(heading: &[f64], rates: &[f64], execute: usize, end: usize) -> f64 {
     let samples = execute.min((end - execute).div_ceil(10));
     let rate = |from: usize, to: usize| (heading[to] - heading[from]) / (to - from).max(1) as f64;
     let mean = rate(execute, end);
@@ -229,7 +249,7 @@ fn is_straight(heading: &[f64], rates: &[f64], execute: usize, end: usize) -> bo
         let first = (end - execute).div_ceil(20).min(rising.unwrap_or(usize::MAX)).max(LEAST_SAMPLES);
         line(rates[execute..].iter().take(first).enumerate().map(|(k, rate)| (k as f64, *rate)))[0]
     };
-    before.abs() <= STRAIGHT * mean.abs()
+    if before == 0.0 { 0.0 } else { (before / mean).abs() }
 }
 
 impl Command {

@@ -1,5 +1,6 @@
 //! Integration tests of the library.
 
+mod actuator_check;
 mod adapt;
 #[cfg(unix)]
 mod atomic;

@@ -23,6 +23,9 @@ use super::super::Outcome;
 use crate::args::{Adapt, Against, Global, Horizon, Origin};
 use crate::ui;
 
+/// Longest time for which an interrupted service brings commands to their neutral values.
+const LONGEST_REST: Duration = Duration::from_secs(5);
+
 /// State of the service, shared with the interruption handler.
 pub struct Service {
     pub stream: Stream,
@@ -33,6 +36,8 @@ pub struct Service {
     pub output: Option<PathBuf>,
     pub global: Global,
     pub finished: bool,
+    /// Whether the lines come as time passes: from a pipe.
+    pub is_live: bool,
     /// Of the files that are written under way.
     pub locks: Vec<Lock>,
 }
@@ -48,6 +53,11 @@ impl Lined {
         let piped = log == Path::new("-");
         let name = if piped { "standard input".to_owned() } else { log.display().to_string() };
         Self { name, piped }
+    }
+
+    /// Whether it is standard input.
+    pub const fn is_piped(&self) -> bool {
+        self.piped
     }
 
     pub fn open(&self) -> anyhow::Result<Box<dyn BufRead + Send>> {
@@ -153,6 +163,7 @@ pub fn run(
         output: args.output.clone(),
         global,
         finished: false,
+        is_live: source.is_piped(),
         locks,
     };
     serve(reader, service)
@@ -207,9 +218,11 @@ pub fn serve(reader: Box<dyn BufRead + Send>, service: Service) -> anyhow::Resul
     }
     // State and model are written even if answers cannot be.
     let finished = if service.stream.has_begun() { service.finish() } else { Ok(()) };
+    let outcome = if service.stream.is_left_without_task() { Outcome::Missed } else { Outcome::Done };
+    service.rest("the input has ended");
     answered?;
     finished?;
-    Ok(if service.stream.is_left_without_task() { Outcome::Missed } else { Outcome::Done })
+    Ok(outcome)
 }
 
 /// A line that waits for its answer; `None` is one that is too long.
@@ -288,7 +301,25 @@ impl Service {
                 2
             }
         };
-        std::process::exit(status);
+        // The reader of the answers may not read: the program ends nevertheless.
+        std::thread::scope(|scope| {
+            let rest = scope.spawn(|| self.rest("the service was interrupted"));
+            let begun = Instant::now();
+            while !rest.is_finished() && begun.elapsed() < LONGEST_REST {
+                std::thread::sleep(Duration::from_millis(5));
+            }
+            std::process::exit(status);
+        });
+    }
+
+    /// Brings the commands of a steered vessel to their neutral values, step by step as time passes. Nobody need read them.
+    fn rest(&mut self, reason: &str) {
+        let mut out = io::stdout();
+        while let Ok(Some(next_s)) = self.stream.end(reason, &mut out) {
+            if self.is_live {
+                std::thread::sleep(Duration::try_from_secs_f64(next_s).unwrap_or_default());
+            }
+        }
     }
 
     fn finish(&mut self) -> anyhow::Result<()> {

@@ -107,6 +107,7 @@ pub(super) fn run(args: &Control, global: Global, steered: &Steered<'_>) -> anyh
         model: model.clone(),
         learning,
         used,
+        is_live: source.is_piped(),
         name: source.name,
         output: None,
         global,
