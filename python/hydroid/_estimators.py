@@ -122,9 +122,10 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
             remedy = _REMEDIES.get(argument, "the arguments are x, t, u and feature_names")
             raise TypeError(f"{argument}: {type(self).__name__}.fit does not take it; {remedy}")
         t = self._times(x, y, t)
+        # What fails leaves no model of earlier data.
+        for name in ("model_", "identification_", "reason_", "horizon_", "n_features_in_", "feature_names_in_"):
+            vars(self).pop(name, None)
         self._columns, self._factors = (None, None), (1.0, None)
-        if hasattr(self, "feature_names_in_"):
-            del self.feature_names_in_
         logs, outputs, inputs = self._logs(x, t, u, feature_names, least=3)
         options = {
             name: value
@@ -142,7 +143,7 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
                 seed=self.random_state,
                 log=self.log,
                 sections={self._method: options} if options else None,
-                threads=None if self.n_jobs == -1 else self.n_jobs,
+                threads=_threads(self.n_jobs),
             )
 
         found, error = None, None
@@ -243,6 +244,8 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
             results = []
             for a, b in zip(items, commands):
                 self._check_columns(a, b)
+                if function is _next_outputs:
+                    _check_clock(a, model.dt)
                 results.append(function(model, of_x * _table("x", a, q, name), _scaled(_table("u", b, m, name), of_u)))
         else:
             several = isinstance(x, (list, tuple))
@@ -312,7 +315,7 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
                 raise ValueError(
                     f"t: expected the sample time of the model, {model.dt:g} s, got {np.median(steps):g} s"
                 )
-        return evaluate(model, logs, **{"horizon": self.horizon_, "threads": None if self.n_jobs == -1 else self.n_jobs, **options})
+        return evaluate(model, logs, **{"horizon": self.horizon_, "threads": _threads(self.n_jobs), **options})
 
     def simulate(self, x0: ArrayLike, t: Any, u: Any = None) -> NDArray[np.float64]:
         """Simulate the outputs from `x0` under commands.
@@ -356,7 +359,7 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
                     f"{argument}: the columns should be those of fit, in the same order: expected {', '.join(known)}, "
                     f"got {', '.join(names)}"
                 )
-        dates = [_dates(frame, None) for frame in (x, u)]
+        dates = [_dates(frame) for frame in (x, u)]
         if all(date is not None for date in dates) and not dates[0].equals(dates[1]):
             raise ValueError("x and u: expected data frames with the same dates; reindex one of them to the other")
 
@@ -384,7 +387,7 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
             self._check_columns(run, commands_of_run)
         items = [_table("x", item, width, name, least) for item in given]
         times = [
-            _time(_dates(run, self.dt) if time is None else time, len(item))
+            _time((self.dt if _dates(run) is None else _dates(run)) if time is None else time, len(item))
             for run, item, time in zip(
                 given, items, _matched("t", t, len(items), several and isinstance(t, (list, tuple)))
             )
@@ -469,8 +472,9 @@ def _scaled(values: NDArray[np.float64], factors: Any) -> NDArray[np.float64]:
 
 
 def _frame_names(given: Any) -> list[str] | None:
-    """The names of the columns of a data frame."""
-    return [str(name) for name in given.columns] if hasattr(given, "columns") else None
+    """The names of the columns of a data frame, where they are texts, as scikit-learn takes them."""
+    columns = getattr(given, "columns", None)
+    return None if columns is None or not all(isinstance(name, str) for name in columns) else list(columns)
 
 
 def _matched(argument: str, given: Any, runs: int, several: bool) -> list[Any]:
@@ -490,6 +494,8 @@ def _table(argument: str, given: Any, columns: int | None, name: str, least: int
         if columns:
             raise ValueError(f"{argument}: expected {columns} columns of commands, got None")
         return np.empty((0, 0))
+    if isinstance(given, np.ma.MaskedArray):
+        given = given.astype(np.float64).filled(np.nan)
     if argument == "u" and np.ndim(given) == 1:
         # One command, or a function of time that gives numbers.
         given = np.reshape(given, (-1, 1))
@@ -517,17 +523,41 @@ def _is_time(y: Any) -> bool:
 def _seconds(given: Any) -> NDArray[Any]:
     """Dates as seconds after the first one; anything else as it is."""
     times = np.asarray(given)
-    if times.dtype == object and hasattr(given, "tz_convert"):
-        times = np.asarray(given.tz_convert(None))
-    if times.dtype.kind in "mM" and times.size:
+    if times.dtype == object and times.ndim == 1 and times.size and hasattr(times[0], "utcoffset"):
+        # Dates of Python or pandas, also with a time zone.
+        dates = [(date - date.utcoffset()).replace(tzinfo=None) if date.tzinfo else date for date in times]
+        times = np.array(dates, dtype="datetime64[ns]")
+    if times.dtype.kind == "m" and times.ndim == 0:
+        times = times / np.timedelta64(1, "s")
+    elif times.dtype.kind in "mM" and times.size:
         times = (times - times.flat[0]) / np.timedelta64(1, "s")
     return times
 
 
-def _dates(run: Any, dt: float | None) -> Any:
-    """The times of a run without `t`: the dates of a data frame, or the sample time."""
+def _dates(run: Any) -> Any:
+    """The dates of a data frame."""
     index = getattr(run, "index", None)
-    return index if dt is None and getattr(getattr(index, "dtype", None), "kind", "") in ("m", "M") else dt
+    return index if getattr(getattr(index, "dtype", None), "kind", "") in ("m", "M") else None
+
+
+def _check_clock(run: Any, dt: float) -> None:
+    """Refuses data frames whose dates are not those of consecutive samples of a model."""
+    dates = _dates(run)
+    steps = np.empty(0) if dates is None else np.diff(_seconds(dates))
+    if not np.allclose(steps, dt, rtol=0.5, atol=0.0) or steps.size and not np.isclose(np.median(steps), dt, rtol=1e-3, atol=0.0):
+        raise ValueError(
+            f"x: expected dates with the sample time of the model, {dt:g} s, got steps of {np.min(steps):g} to "
+            f"{np.max(steps):g} s; give the parts beside a gap as runs of their own"
+        )
+
+
+def _threads(n_jobs: int | None) -> int | None:
+    """Threads for the `n_jobs` of scikit-learn: None and -1 are all cores, -2 all but one."""
+    if n_jobs is None or n_jobs == -1:
+        return None
+    if n_jobs == 0:
+        raise ValueError("n_jobs: expected a number of threads, or -1 for all cores, got 0")
+    return n_jobs if n_jobs > 0 else max(1, (os.cpu_count() or 1) + 1 + n_jobs)
 
 
 def _time(given: Any, samples: int) -> NDArray[np.float64]:
@@ -589,7 +619,8 @@ class SINDy(_Dynamics):
     constant : bool, optional
         Whether the library has the constant 1.
     terms, constraints : list of str, optional
-        Further terms, ``"u |u|"``; constraints on coefficients, ``"u: u |u| <= 0"``.
+        Terms, ``"u |u|"``: beside the library of `library`, `degree`, `signed_squares` or `constant`, and else the only
+        ones; constraints on coefficients, ``"u: u |u| <= 0"``.
     dissipative : bool, optional
         Whether the coefficients of ``y`` and ``y |y|`` in the equation of each output ``y`` are not positive.
     threshold : float, optional
@@ -607,7 +638,7 @@ class SINDy(_Dynamics):
     lag, gate : str or dict, optional
         ``"auto"``, ``"none"``, or time constants [s] by input, ``{{"n": 1.5}}``; for a gate
         ``{{"output": "u", "centre": 2.5, "slope": 12}}``. Default: ``"auto"``, and no gate for data of no vessel.
-    refine : bool or "auto", optional
+    refine : bool, optional
         Refinement on predictions over the horizon.
     members : int, optional
         Members of the ensemble for the uncertainty of the coefficients.
@@ -635,7 +666,7 @@ class SINDy(_Dynamics):
         central_differences: bool | None = None,
         lag: Any = None,
         gate: Any = None,
-        refine: bool | str | None = None,
+        refine: bool | None = None,
         members: int | None = None,
         for_control: bool | None = None,
         dt: float | None = None,

@@ -175,6 +175,8 @@ def evaluate(
     -------
     Evaluation
     """
+    if stride < 1:
+        raise ValueError(f"stride: expected at least 1, got {stride}")
     section = log_section(**options) if options else None
     # A fitted estimator has its model.
     predictor = getattr(predictor, "model_", predictor)

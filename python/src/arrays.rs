@@ -15,6 +15,13 @@ pub(crate) fn doubles<'py>(
     given: &Bound<'py, PyAny>,
 ) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
     let py = given.py();
+    // A masked value is a missing one.
+    if given.hasattr("mask")? && given.hasattr("filled")? {
+        let numbers = given
+            .call_method1("astype", ("float64",))
+            .map_err(|_| expected(argument, "an array of numbers", "a masked array of another kind"))?;
+        return doubles(argument, &numbers.call_method1("filled", (f64::NAN,))?);
+    }
     if let Ok(array) = given.cast::<PyArrayDyn<f64>>()
         && array.is_c_contiguous()
     {
@@ -89,5 +96,15 @@ pub(crate) fn row(
 /// A new array of two dimensions.
 pub(crate) fn table(py: Python<'_>, values: Vec<f64>, width: usize) -> PyResult<Bound<'_, PyArray2<f64>>> {
     let rows = values.len().checked_div(width).unwrap_or(0);
+    rows_of(py, values, rows, width)
+}
+
+/// A table with a number of rows, also without columns.
+pub(crate) fn rows_of(
+    py: Python<'_>,
+    values: Vec<f64>,
+    rows: usize,
+    width: usize,
+) -> PyResult<Bound<'_, PyArray2<f64>>> {
     numpy::PyArray1::from_vec(py, values).reshape([rows, width])
 }

@@ -11,7 +11,7 @@ use numpy::PyArray2;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySlice};
 
-use crate::arrays::{shaped, table};
+use crate::arrays::{rows_of, shaped};
 use crate::error::{unfit, value};
 use crate::log::{reading, runs};
 use crate::model::Model;
@@ -64,7 +64,7 @@ impl Function {
         };
         let past = (first(&history.outputs, self.samples)?, first(&history.inputs, self.samples - 1)?);
         let steps = commands.len().checked_div(m).unwrap_or(y.len() / q);
-        let commands = table(py, commands.to_vec(), m)?;
+        let commands = rows_of(py, commands.to_vec(), steps, m)?;
         let predicted = self.call.bind(py).call1((past.0, past.1, commands))?;
         let (predicted, _) =
             shaped("the result of the function", &predicted, [Some(steps), Some(q)], "samples, outputs")?;
@@ -204,7 +204,7 @@ pub(crate) fn evaluate<'py>(
     let (q, m) = runs.first().map_or((0, 0), |run| (run.outputs.width(), run.inputs.width()));
     let history = |run: &Trajectory| {
         let whole = |table: &hydroid::log::Table| -> PyResult<Py<PyArray2<f64>>> {
-            let array = crate::arrays::table(py, table.rows(0, table.len()).to_vec(), table.width())?;
+            let array = rows_of(py, table.rows(0, table.len()).to_vec(), run.len(), table.width())?;
             array.call_method1("setflags", (false,))?;
             Ok(array.unbind())
         };

@@ -5,6 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
+from sklearn.exceptions import NotFittedError
 
 import hydroid
 from conftest import DT, sail
@@ -258,7 +259,6 @@ def test_errors_name_the_argument(ship):
         model.fit(x[0], t=DT, u=u[0][:5])
     with pytest.raises(ValueError, match="Found array with 2 sample"):
         model.fit(x[0].T, t=DT, u=u[0])
-    from sklearn.exceptions import NotFittedError
 
     with pytest.raises(NotFittedError):
         hydroid.SINDy().predict(x[0])
@@ -541,3 +541,68 @@ def test_equations_with_a_precision(fitted, capsys):
     table = dict(zip(fitted.get_feature_names(), fitted.coefficients().T))
     assert f"{table['n'][0]:.5f} n" in text[0] and text[1].startswith("dr/dt = ")
     assert "+ -" not in "".join(text)
+
+
+def circle(samples=1500, dt=0.02):
+    times = dt * np.arange(samples)
+    noise = np.random.default_rng(0).normal(size=(samples, 2))
+    return np.column_stack([np.sin(times), np.cos(times)]) + 0.001 * noise
+
+
+def test_a_fit_that_fails_leaves_no_model_of_earlier_data():
+    model = hydroid.SINDy(degree=1).fit(circle(), t=0.02, feature_names=["a [km]", "b"])
+    with pytest.raises(ValueError, match="samples"):
+        model.fit(circle()[:2], t=0.02)
+    with pytest.raises(NotFittedError):
+        model.predict(circle()[:5])
+
+
+def test_dates_of_a_frame_go_before_dt_and_are_those_of_the_model():
+    pd = pytest.importorskip("pandas")
+    dates = pd.date_range("2024", periods=1500, freq="20ms", tz="Europe/Berlin")
+    frame = pd.DataFrame(circle(), columns=["a", "b"], index=dates)
+    plain = hydroid.SINDy(degree=1).fit(circle(), t=0.02, feature_names=["a", "b"]).coefficients()
+    for model, given in [(hydroid.SINDy(degree=1, dt=1.0), {}), (hydroid.SINDy(degree=1), {"t": list(dates)}),
+                         (hydroid.SINDy(degree=1), {"t": pd.Series(dates)}),
+                         (hydroid.SINDy(degree=1), {"t": np.timedelta64(20, "ms")})]:
+        np.testing.assert_allclose(model.fit(frame, **given).coefficients(), plain, rtol=1e-6)
+    committee = hydroid.Committee(horizon=20).fit(frame)
+    assert committee.predict(frame[:100]).shape == (100, 2)
+    for other in [frame.iloc[::3], pd.concat([frame[:100], frame[200:300]])]:
+        with pytest.raises(ValueError, match="expected dates with the sample time"):
+            committee.predict(other)
+
+
+def test_masked_values_are_missing():
+    x = circle()
+    mask = np.zeros_like(x, dtype=bool)
+    mask[100:110] = True
+    masked = np.ma.MaskedArray(np.where(mask, 0.3, x), mask)
+    of = [hydroid.SINDy(degree=1).fit(of, t=0.02).coefficients() for of in (masked, masked.filled(np.nan))]
+    np.testing.assert_array_equal(*of)
+    log = hydroid.Log({"t": 0.02 * np.arange(1500), "a": masked[:, 0]})
+    assert np.isnan(log["a"]).sum() == 10
+
+
+def test_names_of_terms_are_no_names_of_channels():
+    pd = pytest.importorskip("pandas")
+    assert hydroid.SINDy(degree=1).fit(pd.DataFrame(circle()), t=0.02).model_.output_names == ["x0", "x1"]
+    for names in (["a", "a^2"], ["1", "b"], ["a", "2.5"]):
+        with pytest.raises(ValueError, match="the name of a number or of a term"):
+            hydroid.SINDy(degree=2).fit(circle(), t=0.02, feature_names=names)
+
+
+def test_functions_predict_logs_without_commands():
+    x = circle()
+    log = {"t": 0.02 * np.arange(1500), "a": x[:, 0], "b": x[:, 1]}
+    shapes = set()
+
+    def hold(outputs, inputs, commands):
+        shapes.add((inputs.shape[1:], commands.shape))
+        return np.repeat(outputs[-1:], len(commands), axis=0)
+
+    judged = hydroid.evaluate(hold, log, outputs="a,b", inputs="none", horizon=5)
+    assert shapes == {((0,), (5, 0))}
+    assert np.isfinite(judged.rmse).all()
+    with pytest.raises(ValueError, match="stride: expected at least 1"):
+        hydroid.evaluate(hold, log, outputs="a,b", inputs="none", horizon=5, stride=-1)

@@ -11,7 +11,7 @@ use crate::model::{Model, Port};
 const FALSE_ALARM_S: f64 = 36_000.0;
 
 /// Part of the width of the range of the training by which commands and motion may lie outside it.
-const MARGIN: f64 = 0.1;
+const MARGIN: f64 = 1.0;
 
 /// Largest current, relative to the speed of the vessel over ground.
 const MOST_CURRENT: f64 = 0.4;
@@ -120,7 +120,8 @@ fn within(port: &Port) -> [f64; 2] {
 /// the logarithm of the number of windows in ten hours times the number of faults: the mean time between false alarms is at least as
 /// long if the errors are as described (E. S. Page, *Biometrika* 41 (1954) 100; G. Lorden, *Annals of Mathematical Statistics* 42 (1971)
 /// 1897). The bands of `u` are widened by the change of a velocity over ground that the turn makes in a current of 0.4 of the speed.
-/// Windows with commands or a motion outside the range of the training are not judged, and faults have no command outside it.
+/// Windows with commands or a motion farther outside the range of the training than it is wide are not judged, and faults have no such
+/// command.
 pub struct ActuatorCheck {
     session: Box<dyn Predictor>,
     scratch: Box<dyn Predictor>,

@@ -16,10 +16,13 @@ const ROUNDING: f64 = 0.05;
 /// A step back by more than this multiple of the usual step is a restart of the clock.
 const RESTART: f64 = 3.0;
 
+/// Mean step, relative to the usual one, above which rows arrive in bursts.
+const BURST: f64 = 4.0;
+
 /// Sampling of one log.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Clock {
-    /// Sample time \[s\]: the usual step.
+    /// Sample time \[s\]: the usual step; the mean one of rows that arrive in bursts.
     pub step_s: f64,
     /// Shortest step \[s\].
     pub shortest_s: f64,
@@ -128,13 +131,24 @@ impl Clock {
         let steps = || t.windows(2).map(|p| p[1] - p[0]);
         let (mut sum, mut singles) = (0.0, 0_usize);
         let mut regular = true;
+        let (mut all, mut count) = (0.0, 0_usize);
         for step in steps().filter(|s| *s <= max_gap_s) {
+            (all, count) = (all + step, count + 1);
             let multiple = (step / usual).round().max(1.0);
             regular &= (step - multiple * usual).abs() <= TOLERANCE * usual;
             if multiple == 1.0 {
                 sum += step;
                 singles += 1;
             }
+        }
+        // Rows that arrive in bursts have a usual step in which next to no time passes.
+        if all > BURST * usual * count as f64 {
+            return Self {
+                step_s: round_if_close(all / count as f64),
+                shortest_s: steps().fold(f64::INFINITY, f64::min),
+                longest_s: steps().fold(0.0, f64::max),
+                regular: false,
+            };
         }
         let mean = if singles > 0 { sum / singles as f64 } else { usual };
         let mut step_s = nominal(usual, mean);

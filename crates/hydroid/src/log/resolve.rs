@@ -253,9 +253,15 @@ fn unused(log: &RawLog, resolved: &Resolved) -> Option<Note> {
     })
 }
 
-/// Names of a column of time that is not named by the selection.
-pub(crate) const TIME_NAMES: [&str; 8] =
-    ["t", "time", "t_s", "timestamp", "time_s", "datetime", "date_time", "zeit"];
+/// Names of a column of time that is not named by the selection, also with a unit as a suffix.
+const TIME_NAMES: [&str; 6] = ["t", "time", "timestamp", "datetime", "date_time", "zeit"];
+
+/// Place of a name among those of a column of time.
+pub(crate) fn time_name(name: &str) -> Option<usize> {
+    let stem = units::from_name(name, true).filter(|(_, unit)| unit.ends_with('s') && !unit.contains('/'));
+    let stem = stem.map_or(name, |(stem, _)| stem);
+    TIME_NAMES.iter().position(|known| stem.eq_ignore_ascii_case(known))
+}
 
 pub(crate) fn is_command_name(name: &str) -> bool {
     name.ends_with("_cmd") || name.ends_with("_ang")
@@ -284,9 +290,9 @@ pub(crate) fn time(
         // A column of text is the time only if there is no other one.
         let is_text = |column: &RawColumn| column.bad.is_some() && !column.has_values();
         let called = |text: bool| {
-            let named =
-                |name: &&str| log.columns.iter().find(|column| column.name.eq_ignore_ascii_case(name));
-            TIME_NAMES.iter().filter_map(named).find(|column| is_text(column) == text)
+            let named = log.columns.iter().filter(|column| is_text(column) == text);
+            let ranked = named.filter_map(|column| Some((time_name(&column.name)?, column)));
+            ranked.min_by_key(|(rank, _)| *rank).map(|(_, column)| column)
         };
         let mut stamps = log.columns.iter().filter(|column| column.is_mostly_stamps());
         let only = stamps.next().filter(|_| dt.is_none() && stamps.next().is_none());

@@ -59,6 +59,19 @@ impl Track {
         log::Clock::usual_step(&self.pairs().map(|(t, _)| t).collect::<Vec<_>>())
     }
 
+    /// Stretches of time in which one value is repeated for unusually long.
+    fn repeats(&self) -> Vec<[f64; 2]> {
+        let measured: Vec<&Event> = self.measured().collect();
+        let blocks: Vec<&[&Event]> = measured.chunk_by(|a, b| a.value == b.value).collect();
+        let mut lengths: Vec<usize> = blocks.iter().map(|block| block.len()).collect();
+        lengths.sort_unstable();
+        lengths.pop();
+        let usual = lengths.get(lengths.len() / 2).copied().unwrap_or(0);
+        let long = blocks.iter().filter(|block| block.len() > UNUSUAL * usual);
+        let ends = long.map(|block| [block[0].t, block[block.len() - 1].t]);
+        ends.filter(|[from, to]| to - from > STUCK_S).collect()
+    }
+
     /// The last value at or before a time.
     fn at(&self, t: f64) -> f64 {
         let next = self.0.partition_point(|event| event.t <= t);
@@ -91,12 +104,18 @@ impl Track {
     }
 }
 
-/// Headings are stuck if one value lasts for longer \[s\], in this multiple of the usual number of rows, while the vessel turns by this angle
+/// Headings and positions are stuck if one value lasts for longer \[s\], in this multiple of the usual number of rows, while the vessel turns by this angle
 /// \[rad\]. Its course over ground turns with it where it is faster than this \[m/s\].
 const STUCK_S: f64 = 10.0;
 const UNUSUAL: usize = 10;
 const TURNING_RAD: f64 = 1.0;
 const SAILING_M_S: f64 = 0.5;
+
+/// Length of a leap, in steps that one in hundred exceeds.
+const LEAP: f64 = 3.0;
+
+/// Time before a position repeats, in which the vessel was sailing \[s\].
+const SAILED_S: f64 = 2.0;
 
 /// Angle between the heading and the direction of the motion on the whole that no misalignment of a compass has \[deg\].
 const BESIDE_DEG: f64 = 60.0;
@@ -422,6 +441,9 @@ impl Instruments {
             });
         }
         let mut all = Self { path, origin: 0.0, position, quality, velocity, heading, yaw_rate, force };
+        all.leave_constants(notes);
+        all.check_turns()?;
+        all.leave_stuck_positions(notes);
         all.leave_stuck_headings(notes);
         all.yaw_rate = all.yaw_rate.map(Track::averaged);
         all.force = all.force.map(Track::averaged);
@@ -432,18 +454,101 @@ impl Instruments {
         Ok(all)
     }
 
+    /// Leaves out gyros, accelerometers and velocities of one value: they measure nothing.
+    fn leave_constants(&mut self, notes: &mut Vec<Note>) {
+        let Self { path, velocity, yaw_rate, force, .. } = self;
+        for (name, track) in [("velocity", velocity), ("yaw rate", yaw_rate), ("acceleration", force)] {
+            let is_constant = |track: &Track| {
+                let mut measured = track.measured();
+                let first = measured.next().map(|event| event.value);
+                measured.next().is_some() && track.measured().all(|event| Some(event.value) == first)
+            };
+            if track.take_if(|track| is_constant(track)).is_some() {
+                notes.push(
+                    Note::warning(format!(
+                        "{path}: the {name} has one value throughout, and is no measurement: it is not used"
+                    ))
+                    .with_remedy("name another column in the section [log.sensors], or none"),
+                );
+            }
+        }
+    }
+
+    /// Refuses headings that change by more than a turn from one row to the next.
+    fn check_turns(&self) -> Result<(), LogError> {
+        let Some(heading) = &self.heading else { return Ok(()) };
+        let values: Vec<(f64, f64)> = heading.pairs().collect();
+        // Through a gap, a heading without wraps may go on.
+        let is_leap = |pair: &&[(f64, f64)]| {
+            let (step_s, change) = (pair[1].0 - pair[0].0, (pair[1].1 - pair[0].1).abs());
+            change > 1.5 * TAU && change > TAU * step_s
+        };
+        let Some([(_, from), (_, to)]) = values.windows(2).find(is_leap) else { return Ok(()) };
+        Err(LogError::Unusable {
+            path: self.path.clone(),
+            reason: format!(
+                "the heading goes from {:.0} to {:.0} deg between two rows, by more than a turn: its unit is another one",
+                from.to_degrees(),
+                to.to_degrees()
+            ),
+            remedy: "state the factor in the section [log.sensors], as of hundredths of a degree: heading = \"COLUMN [deg] * 0.01\"".to_owned(),
+        })
+    }
+
+    /// Leaves out positions that repeat one value after the vessel was sailing, or before they leap: no vessel stands, or leaps, from one
+    /// fix to the next. What else has one value in that time is left out, too.
+    fn leave_stuck_positions(&mut self, notes: &mut Vec<Note>) {
+        let Some(position) = &self.position else { return };
+        let measured: Vec<&Event> = position.measured().collect();
+        let sailed = |[from, _]: &[f64; 2]| {
+            let first = measured.partition_point(|event| event.t < *from);
+            let before = measured[..first].iter().rev().find(|event| event.t <= *from - SAILED_S);
+            before.is_some_and(|event| {
+                let [a, b] = [measured[first].value, event.value];
+                (a[0] - b[0]).hypot(a[1] - b[1]) > SAILING_M_S * (from - event.t)
+            })
+        };
+        let length = |a: &Event, b: &Event| (a.value[0] - b.value[0]).hypot(a.value[1] - b.value[1]);
+        let mut steps: Vec<f64> = measured.windows(2).map(|pair| length(pair[0], pair[1])).collect();
+        steps.sort_unstable_by(f64::total_cmp);
+        let usual = steps.get(steps.len() * 99 / 100).copied().unwrap_or(f64::INFINITY);
+        let leaps = |[_, to]: &[f64; 2]| {
+            let next = measured.partition_point(|event| event.t <= *to);
+            measured.get(next).is_some_and(|event| length(event, measured[next - 1]) > LEAP * usual)
+        };
+        let repeats = position.repeats().into_iter();
+        let stuck: Vec<[f64; 2]> = repeats.filter(|ends| sailed(ends) || leaps(ends)).collect();
+        let Some([from, to]) = stuck.first() else { return };
+        let text = super::table::time_text;
+        let more = match stuck.len() {
+            1 => String::new(),
+            n => format!(", and {} more times", n - 1),
+        };
+        notes.push(
+            Note::warning(format!(
+                "{}: the position has one value from {} to {}{more}, and the vessel was sailing before, or the position leaps then: the receiver, or the logger, is stuck, and what repeats in that time is left out",
+                self.path, text(*from), text(*to)
+            ))
+            .with_remedy("repair the receiver or its connection"),
+        );
+        for track in self.tracks_mut() {
+            for [from, to] in &stuck {
+                let first = track.0.partition_point(|event| event.t <= *from);
+                let last = track.0.partition_point(|event| event.t <= *to);
+                let part = &mut track.0[first..last];
+                if part.windows(2).all(|pair| pair[0].value == pair[1].value) {
+                    for event in part {
+                        event.value = [f64::NAN; 2];
+                    }
+                }
+            }
+        }
+    }
+
     /// Leaves out headings that repeat one value while the vessel turns, by its gyro or else by its course over ground.
     fn leave_stuck_headings(&mut self, notes: &mut Vec<Note>) {
         let Some(heading) = &self.heading else { return };
-        let measured: Vec<&Event> = heading.measured().collect();
-        let blocks: Vec<&[&Event]> = measured.chunk_by(|a, b| a.value == b.value).collect();
-        let mut lengths: Vec<usize> = blocks.iter().map(|block| block.len()).collect();
-        lengths.sort_unstable();
-        lengths.pop();
-        let usual = lengths.get(lengths.len() / 2).copied().unwrap_or(0);
-        let is_long = |[from, to]: [f64; 2]| to - from > STUCK_S;
-        let long = blocks.iter().filter(|block| block.len() > UNUSUAL * usual);
-        let long = long.map(|block| [block[0].t, block[block.len() - 1].t]).filter(|ends| is_long(*ends));
+        let long = heading.repeats().into_iter();
         let stuck: Vec<[f64; 2]> = long.filter(|ends| self.turn(*ends).abs() > TURNING_RAD).collect();
         let (Some([from, to]), Some(heading)) = (stuck.first(), &mut self.heading) else { return };
         let is_out = |t: f64| stuck.iter().any(|[from, to]| (*from..=*to).contains(&t));

@@ -473,14 +473,19 @@ fn turned(rows: &[navigate::Row]) -> f64 {
 /// Remedy of measurements of the GNSS that contradict the others.
 const CHECK_GNSS: &str = "check columns and units of position, speed and course in the section [log.sensors]";
 
-/// Refuses a motion from a GNSS most of whose measurements contradict it.
+const CHECK_HEADING: &str =
+    "check columns and units of heading, yaw rate and acceleration in the section [log.sensors]";
+
+/// Refuses a motion from sensors most of whose measurements contradict it.
 fn check_outliers(
     path: &str,
     sensors: &[Sensor],
     smoothed: &Smoothed,
     contradiction: Option<String>,
 ) -> Result<(), LogError> {
-    for (kind, name) in [(Kind::Position, "positions"), (Kind::Velocity, "GNSS velocities")] {
+    let kinds =
+        [(Kind::Position, "positions"), (Kind::Velocity, "GNSS velocities"), (Kind::Heading, "headings")];
+    for (kind, name) in kinds {
         let own = || (0..sensors.len()).filter(|sensor| sensors[*sensor].kind == kind);
         let all: f64 = own().map(|sensor| smoothed.counts[sensor]).sum();
         let outliers: f64 = own().map(|sensor| smoothed.counts[sensor] * smoothed.outliers[sensor]).sum();
@@ -492,7 +497,7 @@ fn check_outliers(
                     100.0 * outliers / all,
                     contradiction.map_or_else(String::new, |text| format!("; {text}"))
                 ),
-                remedy: CHECK_GNSS.to_owned(),
+                remedy: if kind == Kind::Heading { CHECK_HEADING } else { CHECK_GNSS }.to_owned(),
             });
         }
     }

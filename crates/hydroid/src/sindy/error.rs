@@ -33,6 +33,11 @@ pub enum FitError {
     Undefined { term: String, channel: String, run: String, time_s: f64 },
     #[error("output '{0}' does not vary in the training runs: there is nothing to identify. Leave it out")]
     Constant(String),
+    #[error(
+        "the channel '{0}' has the name of a number or of a term, so that equations with it cannot be read: give it another one, as in {example}",
+        example = key("outputs").is(format!("x={}", .0))
+    )]
+    Name(String),
     #[error("the sample weights of run '{0}' are not one number, 0 or more, for each of its samples")]
     Weights(String),
     /// A setting out of its range.

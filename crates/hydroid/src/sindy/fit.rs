@@ -84,6 +84,7 @@ impl LinearRegression {
         if terms.is_empty() {
             return Err(FitError::Setting(String::from("the library has no terms: add some")));
         }
+        check_names(first, &terms)?;
         let signals = options.signals;
         let program = Program::new(&terms, outputs + inputs + signals.len())?;
         check_defined(runs, &terms, signals)?;
@@ -322,6 +323,20 @@ impl LinearRegression {
         });
         self.with_coefficients(coefficients.collect(), substeps)
     }
+}
+
+/// Refuses channels whose name is a number, or that of another term: their equations could not be read.
+fn check_names(run: &Trajectory, terms: &[Term]) -> Result<(), FitError> {
+    let channels = run.outputs.channels().iter().chain(run.inputs.channels());
+    let names: Vec<&str> = channels.map(|channel| channel.name.as_str()).collect();
+    let places: Vec<String> = (0..names.len()).map(|place| format!("channel {place}")).collect();
+    let other = |(term, name): (&Term, String)| {
+        let channel = names.iter().position(|of| *of == name)?;
+        (term.name(&places) != places[channel]).then_some(name)
+    };
+    let number = names.iter().find(|name| name.trim().parse::<f64>().is_ok()).map(|name| (*name).to_owned());
+    let name = number.or_else(|| terms.iter().map(|term| (term, term.name(&names))).find_map(other));
+    name.map_or(Ok(()), |name| Err(FitError::Name(name)))
 }
 
 /// Refuses undefined terms. A varying signal must not pass a pole between samples, where rows are evaluated.

@@ -414,6 +414,83 @@ fn a_heading_that_is_stuck_while_the_vessel_turns_is_left_out() {
     }
 }
 
+/// What is wrong with the sensors of a vessel that sails a circle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Wrong {
+    Nothing,
+    /// The receiver repeats its position for 20 s.
+    Receiver,
+    /// The logger repeats its row for 20 s.
+    Row,
+    /// The heading is in hundredths of a degree.
+    Hundredths,
+    /// The accelerometers have one value.
+    Acceleration,
+}
+
+/// A frozen receiver gave a speed of zero with a deviation of 0.01 m/s; hundredths of a degree a yaw rate of 39 rad/s.
+#[test]
+fn sensors_that_repeat_or_have_another_unit_do_not_move_the_vessel() {
+    let folder = TempDir::new().unwrap();
+    let sensors = Sensors {
+        north: Some(spec("north")),
+        east: Some(spec("east")),
+        heading: Some(spec("heading")),
+        acceleration_forward: Some(spec("ax")),
+        acceleration_starboard: Some(spec("ay")),
+        ..Sensors::default()
+    };
+    let said = |wrong: Wrong| {
+        let mut table = "t [s],north [m],east [m],heading [deg],ax [m/s2],ay [m/s2]\n".to_owned();
+        let mut noise = Noise(8);
+        let mut row = String::new();
+        for k in 0..1500 {
+            let t = 0.2 * f64::from(k);
+            let held = (120.0..140.0).contains(&t);
+            let at = if held && wrong == Wrong::Receiver { 120.0 } else { t };
+            let (sine, cosine) = (0.05 * at).sin_cos();
+            let mut draw = || if held && wrong == Wrong::Receiver { 0.0 } else { 0.05 * noise.draw() };
+            let [north, east] = [40.0 * sine + draw(), -40.0 * cosine + draw()];
+            let mut heading = (0.05 * t + 0.01 * noise.draw()).to_degrees().rem_euclid(360.0);
+            if wrong == Wrong::Hundredths {
+                heading = (100.0 * heading).round();
+            }
+            let force = if wrong == Wrong::Acceleration {
+                [0.0; 2]
+            } else {
+                [0.05 * noise.draw(), 0.1 + 0.05 * noise.draw()]
+            };
+            if !(held && wrong == Wrong::Row && !row.is_empty()) {
+                row = format!("{north},{east},{heading},{},{}", force[0], force[1]);
+            }
+            let _ = writeln!(table, "{t:.1},{row}");
+        }
+        std::fs::write(folder.path().join("day.csv"), table).unwrap();
+        one(&folder.path().join("day.csv"), &with_sensors(sensors.clone(), "none"))
+    };
+    let (_, notes) = said(Wrong::Nothing).unwrap();
+    assert!(!notes.iter().any(|note| note.message.contains("one value")), "{notes:?}");
+    for wrong in [Wrong::Receiver, Wrong::Row] {
+        let (log, notes) = said(wrong).unwrap();
+        assert!(
+            notes.iter().any(|note| note.message.contains("the position has one value from 120")),
+            "{notes:?}"
+        );
+        let deviations = column(&log, "deviation_u");
+        let speeds = column(&log, "u");
+        let off = speeds
+            .iter()
+            .zip(deviations)
+            .filter(|(u, s)| u.is_finite() && (*u - 2.0).abs() > 0.3 + 4.0 * **s);
+        assert!(off.count() == 0, "{wrong:?}");
+    }
+    let error = said(Wrong::Hundredths).unwrap_err().to_string();
+    assert!(error.contains("by more than a turn") && error.contains("* 0.01"), "{error}");
+    let (log, notes) = said(Wrong::Acceleration).unwrap();
+    assert!(notes.iter().any(|note| note.message.contains("the acceleration has one value")), "{notes:?}");
+    assert!(column(&log, "u").iter().all(|u| (u - 2.0).abs() < 0.3));
+}
+
 /// Sensors that contradict each other, and what cannot be observed, are said.
 #[test]
 fn contradictions_of_sensors_are_warned_of() {

@@ -134,7 +134,7 @@ fn plan(header: &RawLog, selection: &Selection, options: &PrepareOptions) -> Opt
     pose::candidates(header).for_each(|column| keep[column] = true);
     // A guess of the time may be replaced after all.
     for (column, keep) in header.columns.iter().zip(&mut keep) {
-        *keep |= resolve::TIME_NAMES.iter().any(|name| column.name.eq_ignore_ascii_case(name));
+        *keep |= resolve::time_name(&column.name).is_some();
     }
     Some(Plan { keep, pairs: stats::comparable(header) })
 }

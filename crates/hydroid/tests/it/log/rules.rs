@@ -197,6 +197,19 @@ fn sensors_at_different_rates_survive() {
     assert_eq!(output(&p, 0, 1), (0..12).map(|k| (k * 50) as f64 * 0.01).collect::<Vec<_>>());
 }
 
+/// Ten rows within 20 ms, once per second, were "regular, step 0.002 s". The time has its unit in its name.
+#[test]
+fn rows_in_bursts_are_no_regular_clock() {
+    let mut text = "timestamp_ms,u,n\n".to_owned();
+    for k in 0..600 {
+        let ms = 1000 * (k / 10) + 2 * (k % 10);
+        text += &format!("{ms},{:.3},{}\n", (0.001 * f64::from(ms)).sin(), k / 50 % 2);
+    }
+    let p = prepared(&text);
+    assert!((p.runs[0].dt - 0.1).abs() < 0.01, "{}", p.runs[0].dt);
+    assert!(p.notes.iter().any(|n| n.is_warning() && n.message.contains("irregular")), "{:?}", p.notes);
+}
+
 #[test]
 fn an_irregular_clock_is_resampled_and_reported() {
     let mut text = "t,u,n\n".to_owned();
