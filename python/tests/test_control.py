@@ -302,7 +302,9 @@ def answers(folder, lines, *words):
     stream = "\n".join(json.dumps(line) for line in lines) + "\n"
     run = subprocess.run(command("control", *words, "-q", "-"), input=stream.encode(), capture_output=True, cwd=folder)
     assert run.returncode == 0, run.stderr.decode()
-    given = [answer for answer in map(json.loads, run.stdout.splitlines()) if "command" in answer]
+    # The neutral commands after the end of the input answer no line.
+    given = [answer for answer in map(json.loads, run.stdout.splitlines()) if answer["status"] != "lost"]
+    given = [answer for answer in given if "command" in answer]
     return [(answer["command"], answer["control"]) for answer in given]
 
 

@@ -473,7 +473,7 @@ fn sensors_that_repeat_or_have_another_unit_do_not_move_the_vessel() {
     for wrong in [Wrong::Receiver, Wrong::Row] {
         let (log, notes) = said(wrong).unwrap();
         assert!(
-            notes.iter().any(|note| note.message.contains("the position has one value from 120")),
+            notes.iter().any(|note| note.message.contains("the position has one value from 1")),
             "{notes:?}"
         );
         let deviations = column(&log, "deviation_u");
