@@ -48,7 +48,7 @@ impl Watch<'_> {
         ActuatorCheck::new(self.model, &self.limits, self.window_s)
     }
 
-    /// Time of the first alarm after the start [s], and its fault.
+    /// Time of the first alarm after the start \[s\], and its fault.
     fn alarm(&self, run: &Trajectory, outputs: impl Fn(usize) -> Vec<f64>) -> Option<(f64, ActuatorFault)> {
         let mut check = self.check()?;
         check.reset();
