@@ -163,7 +163,7 @@ impl Job<'_> {
             let answers: Vec<String> = BufReader::new(child.stdout.take().unwrap())
                 .lines()
                 .map(Result::unwrap)
-                .filter(is_answer)
+                .filter(|line| is_answer(line))
                 .collect();
             assert_eq!(child.wait().unwrap().code(), Some(0));
             assert_eq!(answers.len(), all, "each line has an answer");
@@ -181,11 +181,11 @@ fn whole(at: &Path, args: &[&str], lines: &[String]) -> Vec<String> {
     let _limit = Limit::of(&child);
     let done = child.wait_with_output().unwrap();
     assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
-    text(&done.stdout).lines().map(str::to_owned).filter(is_answer).collect()
+    text(&done.stdout).lines().map(str::to_owned).filter(|line| is_answer(line)).collect()
 }
 
 /// The neutral commands after the end of the input answer no line.
-fn is_answer(line: &String) -> bool {
+fn is_answer(line: &str) -> bool {
     !line.contains("the input has ended")
 }
 
