@@ -454,16 +454,22 @@ impl Instruments {
         Ok(all)
     }
 
-    /// Leaves out gyros, accelerometers and velocities of one value: they measure nothing.
+    /// Leaves out gyros, accelerometers and velocities of one value, which measure nothing, beside a heading or a position: without one,
+    /// nothing would be left.
     fn leave_constants(&mut self, notes: &mut Vec<Note>) {
-        let Self { path, velocity, yaw_rate, force, .. } = self;
-        for (name, track) in [("velocity", velocity), ("yaw rate", yaw_rate), ("acceleration", force)] {
+        let Self { path, position, heading, velocity, yaw_rate, force, .. } = self;
+        let all = [
+            ("velocity", velocity, position.is_some()),
+            ("yaw rate", yaw_rate, heading.is_some()),
+            ("acceleration", force, true),
+        ];
+        for (name, track, may_lack) in all {
             let is_constant = |track: &Track| {
                 let mut measured = track.measured();
                 let first = measured.next().map(|event| event.value);
                 measured.next().is_some() && track.measured().all(|event| Some(event.value) == first)
             };
-            if track.take_if(|track| is_constant(track)).is_some() {
+            if track.take_if(|track| may_lack && is_constant(track)).is_some() {
                 notes.push(
                     Note::warning(format!(
                         "{path}: the {name} has one value throughout, and is no measurement: it is not used"
