@@ -124,7 +124,7 @@ class _Dynamics(BaseEstimator):  # type: ignore[misc]
         t = self._times(x, y, t)
         # What fails leaves no model of earlier data.
         for name in ("model_", "identification_", "reason_", "horizon_", "n_features_in_", "feature_names_in_"):
-            vars(self).pop(name, None)
+            self.__dict__.pop(name, None)
         self._columns, self._factors = (None, None), (1.0, None)
         logs, outputs, inputs = self._logs(x, t, u, feature_names, least=3)
         options = {
@@ -495,7 +495,7 @@ def _table(argument: str, given: Any, columns: int | None, name: str, least: int
             raise ValueError(f"{argument}: expected {columns} columns of commands, got None")
         return np.empty((0, 0))
     if isinstance(given, np.ma.MaskedArray):
-        given = given.astype(np.float64).filled(np.nan)
+        given = np.ma.filled(given.astype(np.float64), np.nan)
     if argument == "u" and np.ndim(given) == 1:
         # One command, or a function of time that gives numbers.
         given = np.reshape(given, (-1, 1))

@@ -18,7 +18,7 @@ use hydroid::closed_loop::{ActuatorCheck, ActuatorFault, Pilot, longest_gap};
 use hydroid::evaluate::DesignRange;
 use hydroid::log::{CommandTiming, LogError, PrepareOptions};
 use hydroid::model::{Model, Port};
-use hydroid::plant::find_roles;
+use hydroid::plant::{find_roles, input_values};
 
 /// From this gap on \[s\], a time without a unit is probably not in seconds.
 const DOUBTFUL_S: f64 = 30.0;
@@ -123,8 +123,12 @@ impl Follower {
             self.options.command_timing = CommandTiming::After;
             self.commands = Commands::new(inputs, dt, CommandTiming::After, self.options.input_delay)?;
         }
-        // The limits of the actuators are those of the boat, and need not be those of the training.
+        // The limits of the actuators are those of the boat, and need not be those of the training or of the controller.
+        let boat = input_values(&self.model).unwrap_or_default();
         for (place, limits) in pilot.limits().iter().enumerate() {
+            let own = [limits.low, limits.high];
+            let [least, most] = boat.get(place).map_or(own, |value| value.limits);
+            let limits = DesignRange { low: least.min(limits.low), high: most.max(limits.high) };
             let [low, high] = &mut self.bounds[place];
             if self.commanded.contains(&place) {
                 let rounding = BEYOND * (limits.high - limits.low);

@@ -16,7 +16,7 @@ use hydroid::atomic;
 use hydroid::fingerprint::Fingerprint;
 
 const KEY: &str = "hydroid_stream";
-const VERSION: u32 = 11;
+const VERSION: u32 = 12;
 const HYDROID: &str = env!("CARGO_PKG_VERSION");
 const MAX_BYTES: u64 = 1 << 32;
 const CLOCK: usize = 7;

@@ -5,13 +5,11 @@ use hydroid_core::memory::Memory;
 use hydroid_core::predict::{Predictor, Workspace};
 
 use crate::evaluate::{BAND_80, DesignRange, PredictionBands};
-use crate::model::{Model, Port};
+use crate::model::Model;
+use crate::plant::believed;
 
 /// Time without a false alarm, in the mean \[s\].
 const FALSE_ALARM_S: f64 = 36_000.0;
-
-/// Part of the width of the range of the training by which commands and motion may lie outside it.
-const MARGIN: f64 = 1.0;
 
 /// Largest current, relative to the speed of the vessel over ground.
 const MOST_CURRENT: f64 = 0.4;
@@ -55,6 +53,12 @@ impl ActuatorFault {
 /// Degrees of freedom of the errors: their tails are heavier than those of a normal distribution.
 const FREEDOM: f64 = 5.0;
 
+/// Square of the distribution of Student that one of a hundred errors exceeds.
+const LARGEST: f64 = 16.26;
+
+/// Largest logarithm of a likelihood ratio of a window: one of a hundred windows may be of something else.
+const MOST: f64 = 4.605;
+
 /// Windows over which the scale of the errors is a mean.
 const MEMORY: f64 = 20.0;
 
@@ -71,20 +75,23 @@ struct Walk {
 impl Walk {
     const START: Self = Self { mean: 0.0, variance: 3.0, scale: 1.0 };
 
-    /// Takes the error of a window, in deviations. Returns the logarithm of its likelihood, but for a constant.
-    fn take(&mut self, error: f64) -> f64 {
+    /// Takes the error of a window, in deviations. Returns the logarithm of its likelihood, but for a constant, and the square of
+    /// the error relative to the scale.
+    fn take(&mut self, error: f64) -> [f64; 2] {
         let variance = self.variance + 1.0;
         let total = variance + 1.0;
         let innovation = error - self.mean;
         let square = innovation * innovation / total;
-        let likelihood =
-            -0.5 * self.scale.ln() - 0.5 * (FREEDOM + 1.0) * (square / (FREEDOM * self.scale)).ln_1p();
+        let relative = square / self.scale;
+        // Of a normal distribution with a random scale: what is far outside says little of the mean.
+        let weight = (FREEDOM + 1.0) / (FREEDOM + relative);
+        let likelihood = -0.5 * self.scale.ln() - 0.5 * (FREEDOM + 1.0) * (relative / FREEDOM).ln_1p();
         *self = Self {
-            mean: self.mean + variance / total * innovation,
+            mean: self.mean + weight * variance / total * innovation,
             variance: variance / total,
-            scale: (self.scale + (square - self.scale) / MEMORY).max(1.0),
+            scale: (self.scale + (weight * square - self.scale) / MEMORY).max(1.0),
         };
-        likelihood
+        [likelihood, relative]
     }
 }
 
@@ -97,13 +104,6 @@ struct Suspect {
     walks: [Walk; 2],
 }
 
-/// The range of the training, with its margin.
-fn within(port: &Port) -> [f64; 2] {
-    let DesignRange { low, high } = port.training_range.unwrap_or(port.range);
-    let margin = MARGIN * (high - low);
-    [low - margin, high + margin]
-}
-
 /// Watches whether a vessel answers to its commands as its model, or as the model with a fault of an actuator.
 ///
 /// The errors `e` of a prediction over a window, of surge velocity and yaw rate, are those of the model under the commands that have
@@ -113,23 +113,24 @@ fn within(port: &Port) -> [f64; 2] {
 ///
 /// ```text
 /// e_w = b_w + n_w,   b_w = b_{w-1} + m_w,   n_w, m_w ~ t(5) s_w
-/// S_w = max(0, S_{w-1} + log p(e_w with the fault) - log p(e_w))
+/// S_w = max(0, S_{w-1} + clip(log p(e_w with the fault) - log p(e_w)))
 /// ```
 ///
-/// Where `S` is zero, mean and scale of a fault are those of the sound vessel: it may begin there. A fault is found when its `S` exceeds
+/// The ratios are clipped: one window in a hundred may be of something else than the hypotheses (P. J. Huber, *Annals of Mathematical
+/// Statistics* 36 (1965) 1753). Where `S` is zero, mean and scale of a fault are those of the sound vessel: it may begin there. A fault is found when its `S` exceeds
 /// the logarithm of the number of windows in ten hours times the number of faults: the mean time between false alarms is at least as
-/// long if the errors are as described (E. S. Page, *Biometrika* 41 (1954) 100; G. Lorden, *Annals of Mathematical Statistics* 42 (1971)
+/// long if the errors are as described, and when its own errors in the window are not among the largest of a hundred: nothing is found
+/// where no hypothesis explains the motion (E. S. Page, *Biometrika* 41 (1954) 100; G. Lorden, *Annals of Mathematical Statistics* 42 (1971)
 /// 1897). The bands of `u` are widened by the change of a velocity over ground that the turn makes in a current of 0.4 of the speed.
-/// Windows with commands or a motion farther outside the range of the training than it is wide are not judged, and faults have no such
-/// command.
+/// Windows with a motion outside the range in which a model is believed are not judged. A command beyond the range of
+/// the training has the effect of its end: more of it would have at least as much.
 pub struct ActuatorCheck {
     session: Box<dyn Predictor>,
     scratch: Box<dyn Predictor>,
     /// Limits of the commands within the range of the training.
     limits: Vec<Limits>,
-    /// Ranges of the commands, and of `u` and `r`, in which a window is judged.
-    ranges: Vec<[f64; 2]>,
-    motion: [[f64; 2]; 2],
+    /// Ranges of the outputs in which a window is judged.
+    motion: Vec<[f64; 2]>,
     /// Places of `u` and `r`.
     places: [usize; 2],
     dt: f64,
@@ -140,6 +141,8 @@ pub struct ActuatorCheck {
     snapshot: Vec<f64>,
     commands: Vec<f64>,
     turn: f64,
+    /// Samples of the window with outputs outside their range.
+    outside: usize,
     /// Samples of this run.
     seen: usize,
     /// Deviations of `u` and `r`.
@@ -175,7 +178,7 @@ impl ActuatorCheck {
             .iter()
             .zip(&description.inputs)
             .map(|(limits, port)| {
-                let [low, high] = within(port);
+                let DesignRange { low, high } = port.training_range.unwrap_or(port.range);
                 let rest = limits.rest;
                 Limits {
                     low: limits.low.max(low).min(rest),
@@ -193,14 +196,14 @@ impl ActuatorCheck {
             snapshot: vec![0.0; session.snapshot_len()],
             session,
             limits,
-            ranges: description.inputs.iter().map(within).collect(),
-            motion: places.map(|place| within(&description.outputs[place])),
+            motion: description.outputs.iter().map(believed).collect(),
             places,
             dt: description.dt,
             length,
             samples: 0,
             commands: vec![0.0; length * m],
             turn: 0.0,
+            outside: 0,
             seen: 0,
             deviations,
             walks: [Walk::START; 2],
@@ -216,7 +219,7 @@ impl ActuatorCheck {
     /// A run begins.
     pub fn reset(&mut self) {
         self.session.reset();
-        (self.seen, self.samples, self.turn) = (0, 0, 0.0);
+        (self.seen, self.samples, self.turn, self.outside) = (0, 0, 0.0, 0);
         self.forget();
     }
 
@@ -235,7 +238,10 @@ impl ActuatorCheck {
     /// A command acts for a sample.
     pub fn advance(&mut self, command: &[f64]) {
         let m = command.len();
-        self.commands[self.samples * m..][..m].copy_from_slice(command);
+        let row = self.commands[self.samples * m..][..m].iter_mut();
+        for ((to, command), limits) in row.zip(command).zip(&self.limits) {
+            *to = command.clamp(limits.low, limits.high);
+        }
         self.samples += 1;
         self.session.advance(command);
     }
@@ -249,11 +255,19 @@ impl ActuatorCheck {
         if r.is_finite() {
             self.turn += r * self.dt;
         }
+        let ranges = outputs.iter().zip(&self.motion);
+        let is_outside =
+            !ranges.clone().all(|(value, [low, high])| value.is_nan() || (low..=high).contains(&value));
+        self.outside += usize::from(is_outside);
         if self.samples == self.length {
-            if u.is_finite() && r.is_finite() && self.seen > self.length + self.session.warm_up() {
-                self.judge([u, r], outputs[self.places[0]].abs());
+            if self.outside == 0
+                && u.is_finite()
+                && r.is_finite()
+                && self.seen > self.length + self.session.warm_up()
+            {
+                self.judge([u, r]);
             }
-            self.samples = 0;
+            (self.samples, self.outside) = (0, usize::from(is_outside));
         }
         if self.samples == 0 {
             self.session.snapshot(&mut self.snapshot);
@@ -261,18 +275,7 @@ impl ActuatorCheck {
         }
     }
 
-    /// Whether the model has seen what happens in a window.
-    fn is_known(&self, measured: [f64; 2]) -> bool {
-        let is_in = |(value, [low, high]): (&f64, &[f64; 2])| (low..=high).contains(&value);
-        let rows = self.commands.chunks_exact(self.ranges.len());
-        measured.iter().zip(&self.motion).all(is_in)
-            && rows.into_iter().all(|row| row.iter().zip(&self.ranges).all(is_in))
-    }
-
-    fn judge(&mut self, measured: [f64; 2], speed: f64) {
-        if !self.is_known(measured) {
-            return;
-        }
+    fn judge(&mut self, measured: [f64; 2]) {
         let (n, m) = (self.session.outputs(), self.session.inputs());
         let window = self.length * m;
         let (own, others) = self.sequences.split_at_mut(window);
@@ -284,7 +287,7 @@ impl ActuatorCheck {
         self.scratch.restore(&self.snapshot);
         let count = self.suspects.len() + 1;
         self.scratch.rollout_batch(count, &self.sequences, &mut self.work, &mut self.outputs);
-        let current = MOST_CURRENT * speed * self.turn.abs().min(2.0);
+        let current = MOST_CURRENT * measured[0].abs() * self.turn.abs().min(2.0);
         let [u, r] = self.deviations;
         let deviations = [u.hypot(current), r];
         let last = |k: usize| &self.outputs[((k + 1) * self.length - 1) * n..][..n];
@@ -296,23 +299,25 @@ impl ActuatorCheck {
             return self.forget();
         }
         let before = self.walks;
-        let take = |walks: &mut [Walk; 2], errors: [f64; 2]| -> f64 {
-            walks.iter_mut().zip(errors).map(|(walk, error)| walk.take(error)).sum()
+        let take = |walks: &mut [Walk; 2], errors: [f64; 2]| -> [f64; 2] {
+            let [u, r]: [[f64; 2]; 2] = std::array::from_fn(|i| walks[i].take(errors[i]));
+            [u[0] + r[0], u[1].max(r[1])]
         };
-        let usual = take(&mut self.walks, own);
+        let [usual, _] = take(&mut self.walks, own);
+        let (sound, mut most) = (self.found.is_none(), self.threshold);
         for (k, suspect) in self.suspects.iter_mut().enumerate() {
             if suspect.sum == 0.0 {
                 suspect.walks = before;
             }
             let errors = errors(k + 1);
-            let gain = take(&mut suspect.walks, errors) - usual;
+            let [likelihood, square] = take(&mut suspect.walks, errors);
+            let gain = (likelihood - usual).clamp(-MOST, MOST);
             // A prediction that is not finite is no evidence.
             suspect.sum = if gain.is_finite() { (suspect.sum + gain).max(0.0) } else { 0.0 };
-        }
-        if self.found.is_none() {
-            let sums = self.suspects.iter().map(|suspect| suspect.sum).enumerate();
-            let largest = sums.max_by(|a, b| a.1.total_cmp(&b.1));
-            self.found = largest.filter(|(_, sum)| *sum > self.threshold).map(|(place, _)| place);
+            if sound && suspect.sum > most && square < LARGEST {
+                most = suspect.sum;
+                self.found = Some(k);
+            }
         }
     }
 
@@ -323,6 +328,7 @@ impl ActuatorCheck {
         memory.numbers(&mut self.commands);
         memory.number(&mut self.turn);
         memory.count(&mut self.samples, self.length - 1);
+        memory.count(&mut self.outside, self.length);
         memory.count(&mut self.seen, usize::MAX / 4);
         let mut walk = |walk: &mut Walk| {
             memory.number(&mut walk.mean);

@@ -14,7 +14,7 @@ use super::simulated::SimulatedModel;
 use crate::boat::{BoatError, Value};
 use crate::log::Channel;
 use crate::model::{Model, Port};
-use crate::plant::{PlantError, input_values};
+use crate::plant::{PlantError, believed, input_values};
 
 /// The vessel that a closed loop steers. The controller does not know it.
 #[derive(Clone, Debug)]
@@ -124,7 +124,9 @@ impl TruePlant {
 
 /// Limits of the inputs of a model and their values at rest, by its [boat](input_values), and the limits of the rates that the
 /// model states. An input that is not commanded has one value: the wind is 0, a setting in the middle of its range. A neutral
-/// value outside of limits that only follow from the logs is the nearest one.
+/// value outside of limits that only follow from the logs is the nearest one. No controller commands what its model knows nothing of:
+/// the limits of a model that was identified lie within the range in which it is believed, its training range and half of its width to
+/// either side.
 ///
 /// # Errors
 /// If the boat contradicts itself.
@@ -134,7 +136,10 @@ pub fn limits_of(model: &Model) -> Result<Vec<Limits>, BoatError> {
         if !value.is_commanded {
             return Limits::held(value.neutral);
         }
-        let limits = Limits::between([low, high]).with_rest(value.neutral.max(low).min(high));
+        let rest = value.neutral.max(low).min(high);
+        let [least, most] =
+            if model.is_vessel() { [low, high] } else { believed(port).map(|end| end.max(low).min(high)) };
+        let limits = Limits::between([least.min(rest), most.max(rest)]).with_rest(rest);
         port.rate_limit.map_or(limits, |rate| limits.with_rate(rate))
     };
     Ok(model.description.inputs.iter().zip(input_values(model)?).map(limits).collect())

@@ -5,34 +5,27 @@ use hydroid_core::model::sparse::{Shape, Signal, Term};
 use super::Candidate;
 use super::data_summary::ChannelSummary;
 use crate::key::key;
-use crate::log::{Note, Trajectory};
+use crate::log::Note;
 
-/// Correlation above which two inputs are collinear.
-const MAX_CORRELATION: f64 = 0.999;
-
-pub(super) fn warnings(candidate: &Candidate, data: &[ChannelSummary], training: &[Trajectory]) -> Vec<Note> {
+pub(super) fn warnings(candidate: &Candidate, data: &[ChannelSummary]) -> Vec<Note> {
     let inputs: Vec<&ChannelSummary> = data.iter().filter(|summary| summary.input).collect();
-    let moves = |i: usize| inputs[i].parts[0].max > inputs[i].parts[0].min;
     let mut notes = Vec::new();
     let mut named: Vec<&str> = Vec::new();
-    for b in (0..inputs.len()).filter(|&b| moves(b)) {
-        for a in (0..b).filter(|&a| moves(a)) {
-            let correlation = correlation(training, a, b);
-            if correlation.abs() < MAX_CORRELATION {
-                continue;
-            }
-            let [first, second] = [a, b].map(|i| inputs[i].channel.name.as_str());
-            named.extend([first, second]);
-            notes.push(
-                Note::warning(format!(
-                    "inputs '{first}' and '{second}' move together in the training runs (correlation {correlation:.4}): their effects cannot be separated, and their coefficients may be exchanged"
-                ))
-                .with_remedy(format!(
-                    "log a run in which each moves independently, or remove one of them from {}",
-                    key("inputs")
-                )),
-            );
-        }
+    let description = &candidate.model.description;
+    for together in &description.provenance.moved_together {
+        let names = together.inputs(&description.inputs);
+        notes.push(
+            Note::warning(format!(
+                "inputs '{}' move together in the training runs ({} hardly moves): their effects cannot be separated, their coefficients may be exchanged, and trials and control with other commands are not valid",
+                names.join("' and '"),
+                together.name(&description.inputs)
+            ))
+            .with_remedy(format!(
+                "log a run in which each moves independently, or remove one of them from {}",
+                key("inputs")
+            )),
+        );
+        named.extend(names);
     }
     for (name, terms) in unidentifiable_inputs(candidate, &inputs) {
         if !named.contains(&name) {
@@ -46,19 +39,6 @@ pub(super) fn warnings(candidate: &Candidate, data: &[ChannelSummary], training:
         }
     }
     notes
-}
-
-fn correlation(runs: &[Trajectory], a: usize, b: usize) -> f64 {
-    let pairs = || {
-        let rows = runs.iter().flat_map(|run| (0..run.len()).map(|k| run.inputs.row(k)));
-        rows.map(move |row| (row[a], row[b])).filter(|(x, y)| x.is_finite() && y.is_finite())
-    };
-    let (n, x, y) = pairs().fold((0.0, 0.0, 0.0), |(n, sx, sy), (x, y)| (n + 1.0, sx + x, sy + y));
-    let (x, y) = (x / n, y / n);
-    let (xx, xy, yy) = pairs().fold((0.0, 0.0, 0.0), |(xx, xy, yy), (a, b)| {
-        (xx + (a - x).powi(2), xy + (a - x) * (b - y), yy + (b - y).powi(2))
-    });
-    xy / (xx * yy).sqrt()
 }
 
 /// Inputs that are linearly dependent on others, with the first terms that are omitted because of them.

@@ -307,7 +307,7 @@ fn of_data(job: &Job, shown: &Candidate, verdicts: &[Verdict]) -> Vec<Note> {
     let mut warnings = conflict::warnings(&runs, &shown.model.description.boat, job.horizon);
     let data = data_summary(&job.split);
     warnings.extend(verdict::warnings(shown, verdicts, &data, &job.split.test));
-    warnings.extend(collinearity::warnings(shown, &data, &job.split.train));
+    warnings.extend(collinearity::warnings(shown, &data));
     warnings.extend(verdict::of_no_vessel(job, shown));
     warnings
 }

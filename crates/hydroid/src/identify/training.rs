@@ -17,7 +17,7 @@ use crate::committee;
 use crate::evaluate::{self, DesignRange, EvaluateError, evaluate_each};
 use crate::grey_box::GreyBox;
 use crate::log::{Channel, Note, Trajectory, noise_level};
-use crate::model::{Body, Description, Members, Model, Port, Provenance, Reading};
+use crate::model::{Body, Description, Members, Model, MovedTogether, Port, Provenance, Reading};
 use crate::progress::{self, Progress};
 use crate::sindy::{SearchError, SearchResult, noise_ratio, refit, subsample};
 use crate::train;
@@ -406,6 +406,7 @@ fn describe(
                 hydroid: env!("CARGO_PKG_VERSION").to_owned(),
                 seed: job.seed,
                 training: names(&job.split.train),
+                moved_together: MovedTogether::of(&parts.train),
                 validation: names(&job.split.validation),
                 settings,
                 ..Provenance::default()

@@ -12,7 +12,7 @@ use super::left_out::widen;
 use super::located::{self, Located};
 use super::recognised::{Recognised, RecognisedKind, recognise};
 use super::track::Track;
-use super::trials::{beyond, commands_outside, mark_extrapolated, not_valid, outside};
+use super::trials::{beyond, mark_extrapolated, not_valid, outside};
 use super::turning_circle::TurningCircle;
 use super::zigzag::Zigzag;
 use crate::log::{Shortest, Trajectory, turn_ratio};
@@ -508,7 +508,7 @@ fn comparison(
     widen(&mut predicted, trial.kind, &model.description.trial_errors);
     let mut outside = outside(model, std::slice::from_ref(&track));
     let commands = (start..trial.end.max(start + 1)).map(|sample| run.inputs.row(sample));
-    let inputs = commands_outside(model, &commands.enumerate().map(|(k, row)| (k as f64 * run.dt, row)));
+    let inputs = Outside::of_commands(model, &commands.enumerate().map(|(k, row)| (k as f64 * run.dt, row)));
     outside.extend(inputs.iter().cloned());
     mark_extrapolated(&mut predicted, &outside);
     let beyond = beyond(&mut predicted, &inputs);

@@ -479,19 +479,7 @@ fn inputs_outside(
     if let TrialKind::Spiral { steering, .. } = kind {
         commands.extend([steering, -steering].map(|s| (0.0, map.command(propulsion, s))));
     }
-    commands_outside(model, &commands.iter().map(|(t, command)| (*t, &command[..])))
-}
-
-/// Inputs that commands, each with its time \[s\], move beyond the range of the training.
-pub(super) fn commands_outside<'a>(
-    model: &Model,
-    commands: &(impl Iterator<Item = (f64, &'a [f64])> + Clone),
-) -> Vec<Outside> {
-    if model.is_vessel() {
-        return Vec::new();
-    }
-    let inputs = model.description.inputs.iter().enumerate();
-    inputs.filter_map(|(c, port)| Outside::of(port, commands.clone().map(|(t, row)| (t, row[c])))).collect()
+    Outside::of_commands(model, &commands.iter().map(|(t, command)| (*t, &command[..])))
 }
 
 impl Trials {

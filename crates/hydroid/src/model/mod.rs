@@ -8,6 +8,7 @@ mod kinds;
 mod latex;
 mod members;
 mod modes;
+mod moved_together;
 mod named_equations;
 mod text;
 mod torch;
@@ -39,6 +40,7 @@ pub(crate) use inversion::{InvertibleModel, WeightMap};
 pub(crate) use kinds::NotInvertible;
 pub use kinds::{Body, NamedCraft};
 pub use members::Members;
+pub use moved_together::MovedTogether;
 pub use named_equations::NamedEquations;
 pub use torch::{NamedTensor, weights_from_torch};
 pub use trial_errors::TrialErrors;
@@ -154,12 +156,25 @@ pub struct Provenance {
     /// determine, with the figures that say so.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub not_identified: BTreeMap<String, String>,
+    /// Inputs that did not move apart in the training runs.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub moved_together: Vec<MovedTogether>,
     /// Whether the model was found not to be for trials and control.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub not_for_trials: bool,
 }
 
 impl Model {
+    /// Why commands may not be chosen freely: inputs that did not move apart in the training runs.
+    pub fn moves_together(&self) -> Option<String> {
+        let Description { inputs, provenance, .. } = &self.description;
+        let together = provenance.moved_together.first()?;
+        let [name, names] = [together.name(inputs), together.inputs(inputs).join(" and ")];
+        Some(format!(
+            "{names} did not move apart in the logs of the model ({name} hardly moved): it does not know what each of them does"
+        ))
+    }
+
     /// Which of some outputs is not identified, and why: what follows from it is not valid.
     pub fn not_identified(&self, outputs: &[&str]) -> Option<String> {
         let not_identified = &self.description.provenance.not_identified;

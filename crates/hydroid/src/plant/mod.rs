@@ -36,6 +36,7 @@ pub use error::PlantError;
 pub use free_run::FreeRun;
 pub use input_map::{InputMap, LEAST_SHARE, Steering};
 pub use outside::Outside;
+pub(crate) use outside::believed;
 pub(crate) use record::process_deviations;
 #[doc(hidden)]
 pub use record::rest;

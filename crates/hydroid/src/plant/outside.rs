@@ -4,7 +4,8 @@ use std::fmt::{Display, Formatter, Result};
 
 use serde::Serialize;
 
-use crate::model::{MOTION, Model, Port};
+use crate::evaluate::DesignRange;
+use crate::model::{Description, MOTION, Model, Port};
 
 /// Room beyond a training range, relative to its width, within which a model is not said to extrapolate.
 const ROOM: f64 = 0.1;
@@ -19,6 +20,16 @@ fn seen(port: &Port, room: f64) -> [f64; 2] {
     let range = port.training_range.unwrap_or(port.range);
     let room = room * (range.high - range.low);
     [range.low - room, range.high + room]
+}
+
+/// The range of a port within which a model is believed: its training range, twice as wide. A constant has a tenth of its value.
+pub(crate) fn believed(port: &Port) -> [f64; 2] {
+    widened(seen(port, 0.0))
+}
+
+fn widened([low, high]: [f64; 2]) -> [f64; 2] {
+    let room = (BELIEVED * (high - low)).max(ROOM * low.abs().max(high.abs()));
+    [low - room, high + room]
 }
 
 /// Whether a motion can be believed.
@@ -40,7 +51,7 @@ impl Belief {
             // A vessel with given parameters has no training range.
             let mut ports = model.description.outputs.iter().filter(|_| !model.is_vessel());
             let port = ports.find(|port| port.channel.name == name)?;
-            Some([seen(port, 0.0), seen(port, BELIEVED)])
+            Some([seen(port, 0.0), believed(port)])
         };
         Self { ranges: MOTION.map(range), speed_m_s: f64::INFINITY }
     }
@@ -92,7 +103,39 @@ pub struct Outside {
 impl Outside {
     /// The channel of a port along times and values; `None` if it stays within its range.
     pub fn of(port: &Port, series: impl Iterator<Item = (f64, f64)>) -> Option<Self> {
-        let [[least, most], [lowest, highest]] = [0.0, ROOM].map(|room| seen(port, room));
+        Self::of_range((&port.channel.name, &port.channel.unit), seen(port, 0.0), series)
+    }
+
+    /// What leaves its range among the inputs of a model, and among the sums of those that did not move apart, along commands with their
+    /// times \[s\].
+    pub fn of_commands<'a>(
+        model: &Model,
+        commands: &(impl Iterator<Item = (f64, &'a [f64])> + Clone),
+    ) -> Vec<Self> {
+        // A vessel with given parameters has no training range.
+        if model.is_vessel() {
+            return Vec::new();
+        }
+        let Description { inputs, provenance, .. } = &model.description;
+        let alone = inputs.iter().enumerate();
+        let alone =
+            alone.filter_map(|(c, port)| Self::of(port, commands.clone().map(|(t, row)| (t, row[c]))));
+        let together = provenance.moved_together.iter().filter_map(|together| {
+            let last = together.factors.iter().rposition(|factor| *factor != 0.0)?;
+            let DesignRange { low, high } = together.range;
+            let sums = commands.clone().map(|(t, row)| (t, together.sum(row)));
+            Self::of_range((&together.name(inputs), &inputs[last].channel.unit), [low, high], sums)
+        });
+        alone.chain(together).collect()
+    }
+
+    fn of_range(
+        (name, unit): (&str, &str),
+        [least, most]: [f64; 2],
+        series: impl Iterator<Item = (f64, f64)>,
+    ) -> Option<Self> {
+        let room = ROOM * (most - least);
+        let (lowest, highest) = (least - room, most + room);
         let (mut from_s, mut low, mut high) = (f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY);
         for (t, value) in series {
             (low, high) = (low.min(value), high.max(value));
@@ -101,8 +144,8 @@ impl Outside {
             }
         }
         from_s.is_finite().then(|| Self {
-            name: port.channel.name.clone(),
-            unit: port.channel.unit.clone(),
+            name: name.to_owned(),
+            unit: unit.to_owned(),
             from_s,
             reached: [low, high],
             range: [least, most],
@@ -130,10 +173,8 @@ impl Outside {
 
     /// Whether a motion can be believed up to the values that are reached.
     pub fn is_believed(&self) -> bool {
-        let Self { reached: [low, high], range: [least, most], .. } = *self;
-        // A constant input has no width.
-        let room = (BELIEVED * (most - least)).max(ROOM * least.abs().max(most.abs()));
-        low >= least - room && high <= most + room
+        let ([low, high], [least, most]) = (self.reached, widened(self.range));
+        low >= least && high <= most
     }
 }
 
@@ -166,7 +207,6 @@ fn rounded(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::DesignRange;
     use crate::log::Channel;
 
     #[test]

@@ -13,7 +13,7 @@ use hydroid::manoeuvre::{
     Approach, Comparison, Options, Recognised, RecognisedKind, Trial, TrialKind, TrialOptions, compare,
     pull_out, recognise, spiral, trials, turning_circle, zigzag,
 };
-use hydroid::model::{Body, Description, Members, Model, Port, Provenance, Reading};
+use hydroid::model::{Body, Description, Members, Model, MovedTogether, Port, Provenance, Reading};
 use hydroid::plant::{Commands, InputMap, PlantError, Record, RecordOptions, Simulation, record};
 use hydroid::progress::silent;
 use hydroid_core::craft::Craft;
@@ -387,6 +387,22 @@ fn a_circle_that_diverges_has_no_figures_and_meets_no_criterion() {
     let document = result.document("ship", &model);
     assert_eq!(document["trials"][0]["figures"][0]["value"], serde_json::Value::Null);
     assert!(document["trials"][0]["figures"][0]["not_valid"].is_string());
+}
+
+/// Where each input is in its range, and both together are not: what each of them does is not known.
+#[test]
+fn trials_of_inputs_that_did_not_move_apart_are_not_valid() {
+    let mut model = nomoto(K, T, 1.0, 0.0);
+    let range = DesignRange { low: -0.05, high: 0.05 };
+    model.description.provenance.moved_together = vec![MovedTogether { factors: vec![-0.1, 1.0], range }];
+    let map = InputMap::find(&model).unwrap();
+    let kinds = [TrialKind::TurningCircle { steering: 1.0 }, TrialKind::Spiral { steering: 1.0, steps: 4 }];
+    let result = trials(&model, &map, &kinds, &TrialOptions::default(), &mut silent()).unwrap().unwrap();
+    for trial in &result.trials {
+        let reason = trial.not_valid.as_deref().unwrap();
+        assert!(reason.contains("delta - 0.100 n goes from"), "{reason}");
+        assert!(trial.figures.iter().all(|figure| figure.value.is_none()), "{:?}", trial.figures);
+    }
 }
 
 /// What the logs do not show has no figures, whatever the equations say.

@@ -24,25 +24,28 @@ pub struct Simulated {
     pub trials: Option<MonteCarlo>,
     /// Inputs and velocities of the run that leave the range in which the model of the plant was seen.
     pub outside: Vec<Outside>,
+    /// Names of the inputs of this model.
+    pub commanded: Vec<String>,
 }
 
 impl Simulated {
     /// Where the model of the plant extrapolates, in words.
     pub fn extrapolations(&self) -> impl Iterator<Item = String> {
         self.outside.iter().map(|outside| {
-            let why = if Self::is_believed(outside) { "not validated" } else { "not valid" };
+            let why = if self.is_believed(outside) { "not validated" } else { "not valid" };
             format!("{why}: {outside}")
         })
     }
 
-    /// Commands may go to the limits of the actuators; velocities may not go where the model is not believed.
-    fn is_believed(outside: &Outside) -> bool {
-        outside.is_believed() || !MOTION.contains(&outside.name.as_str())
+    /// Commands may go to the limits of the actuators; velocities, and sums of inputs that did not move apart, may not go where the model
+    /// is not believed.
+    fn is_believed(&self, outside: &Outside) -> bool {
+        outside.is_believed() || self.commanded.contains(&outside.name)
     }
 
     /// Whether the motion is valid, the vessel stayed on track and no command was beyond a limit, in all trials.
     pub fn is_sound(&self) -> bool {
-        if !self.outside.iter().all(Self::is_believed) {
+        if !self.outside.iter().all(|outside| self.is_believed(outside)) {
             return false;
         }
         match &self.trials {
@@ -105,7 +108,9 @@ impl Setup {
         let run = closed_loop::run(&self.scenario, &conditions, controller, progress)?;
         let metrics = Metrics::of(&run, self.from_s);
         let outside = self.outside(&run, &conditions);
-        Ok(Simulated { run, metrics, trials, outside })
+        let inputs = self.plant.description.inputs.iter();
+        let commanded = inputs.map(|port| port.channel.name.clone()).collect();
+        Ok(Simulated { run, metrics, trials, outside, commanded })
     }
 
     /// What leaves the range in which the model of the plant was seen. Its velocities are those through the water.
@@ -115,10 +120,8 @@ impl Setup {
             return Vec::new();
         }
         let d = &self.plant.description;
-        let times = run.samples.iter().map(|sample| sample.t);
-        let inputs = d.inputs.iter().enumerate().filter_map(|(c, port)| {
-            Outside::of(port, times.clone().enumerate().map(|(k, t)| (t, run.command(k)[c])))
-        });
+        let commands = run.samples.iter().enumerate().map(|(k, sample)| (sample.t, run.command(k)));
+        let inputs = Outside::of_commands(&self.plant, &commands);
         let motion = MOTION.iter().enumerate().filter_map(|(i, name)| {
             let port = d.outputs.iter().find(|port| port.channel.name == *name)?;
             let velocity = |sample: &Sample| {
@@ -128,7 +131,7 @@ impl Setup {
             };
             Outside::of(port, run.samples.iter().map(|sample| (sample.t, velocity(sample))))
         });
-        inputs.chain(motion).collect()
+        inputs.into_iter().chain(motion).collect()
     }
 
     /// The document of a simulation.

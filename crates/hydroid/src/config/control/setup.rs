@@ -185,6 +185,11 @@ impl Setup {
                 "{reason}: a controller on board needs a model that predicts it; identify one from more logs, or take another method"
             )));
         }
+        if let Some(reason) = self.model.moves_together() {
+            return Err(SetupError::option(format!(
+                "{reason}: log a run in which each moves independently, or identify without one of them, and command it with the other"
+            )));
+        }
         let boat = find_roles(&self.plant);
         let directions: Vec<&str> =
             self.options.push.iter().chain(&self.options.turn).map(|name| bare(name)).collect();
