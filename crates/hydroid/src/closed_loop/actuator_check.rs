@@ -89,7 +89,7 @@ impl Walk {
         *self = Self {
             mean: self.mean + weight * variance / total * innovation,
             variance: variance / total,
-            scale: (self.scale + (weight * square - self.scale) / MEMORY).max(1.0),
+            scale: (self.scale + (square - self.scale) / MEMORY).max(1.0),
         };
         [likelihood, relative]
     }
@@ -101,6 +101,8 @@ struct Suspect {
     fault: ActuatorFault,
     /// Sum of the logarithms of the likelihood ratios since it was zero, when the fault may have begun.
     sum: f64,
+    /// The same without clipping: which of several faults it is.
+    whole: f64,
     walks: [Walk; 2],
 }
 
@@ -190,7 +192,8 @@ impl ActuatorCheck {
         let all = ActuatorFault::all(&limits);
         let (count, n, m) = (all.len(), session.outputs(), session.inputs());
         let windows = FALSE_ALARM_S / (length as f64 * description.dt);
-        let suspects = all.into_iter().map(|fault| Suspect { fault, sum: 0.0, walks: [Walk::START; 2] });
+        let suspects =
+            all.into_iter().map(|fault| Suspect { fault, sum: 0.0, whole: 0.0, walks: [Walk::START; 2] });
         Some(Self {
             scratch: session.fork(),
             snapshot: vec![0.0; session.snapshot_len()],
@@ -226,7 +229,7 @@ impl ActuatorCheck {
     fn forget(&mut self) {
         self.walks = [Walk::START; 2];
         for suspect in &mut self.suspects {
-            (suspect.sum, suspect.walks) = (0.0, [Walk::START; 2]);
+            (suspect.sum, suspect.whole, suspect.walks) = (0.0, 0.0, [Walk::START; 2]);
         }
     }
 
@@ -304,18 +307,22 @@ impl ActuatorCheck {
             [u[0] + r[0], u[1].max(r[1])]
         };
         let [usual, _] = take(&mut self.walks, own);
-        let (sound, mut most) = (self.found.is_none(), self.threshold);
+        let (sound, mut most) = (self.found.is_none(), f64::NEG_INFINITY);
         for (k, suspect) in self.suspects.iter_mut().enumerate() {
             if suspect.sum == 0.0 {
-                suspect.walks = before;
+                (suspect.walks, suspect.whole) = (before, 0.0);
             }
             let errors = errors(k + 1);
             let [likelihood, square] = take(&mut suspect.walks, errors);
-            let gain = (likelihood - usual).clamp(-MOST, MOST);
+            let gain = likelihood - usual;
             // A prediction that is not finite is no evidence.
-            suspect.sum = if gain.is_finite() { (suspect.sum + gain).max(0.0) } else { 0.0 };
-            if sound && suspect.sum > most && square < LARGEST {
-                most = suspect.sum;
+            (suspect.sum, suspect.whole) = if gain.is_finite() {
+                ((suspect.sum + gain.clamp(-MOST, MOST)).max(0.0), suspect.whole + gain)
+            } else {
+                (0.0, 0.0)
+            };
+            if sound && suspect.sum > self.threshold && suspect.whole > most && square < LARGEST {
+                most = suspect.whole;
                 self.found = Some(k);
             }
         }
@@ -341,6 +348,7 @@ impl ActuatorCheck {
         }
         for suspect in &mut self.suspects {
             memory.number(&mut suspect.sum);
+            memory.number(&mut suspect.whole);
         }
         let mut found = self.found.map_or(0, |place| place + 1);
         memory.count(&mut found, self.suspects.len());
