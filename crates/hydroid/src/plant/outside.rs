@@ -51,7 +51,7 @@ impl Belief {
             // A vessel with given parameters has no training range.
             let mut ports = model.description.outputs.iter().filter(|_| !model.is_vessel());
             let port = ports.find(|port| port.channel.name == name)?;
-            Some([seen(port, 0.0), believed(port)])
+            Some([seen(port, 0.0), seen(port, BELIEVED)])
         };
         Self { ranges: MOTION.map(range), speed_m_s: f64::INFINITY }
     }
