@@ -124,6 +124,7 @@ impl Follower {
             self.commands = Commands::new(inputs, dt, CommandTiming::After, self.options.input_delay)?;
         }
         // The limits of the actuators are those of the boat, and need not be those of the training or of the controller.
+        // A boat that contradicts itself was refused when the model was read.
         let boat = input_values(&self.model).unwrap_or_default();
         for (place, limits) in pilot.limits().iter().enumerate() {
             let own = [limits.low, limits.high];

@@ -119,13 +119,16 @@ struct Suspect {
 /// ```
 ///
 /// The ratios are clipped: one window in a hundred may be of something else than the hypotheses (P. J. Huber, *Annals of Mathematical
-/// Statistics* 36 (1965) 1753). Where `S` is zero, mean and scale of a fault are those of the sound vessel: it may begin there. A fault is found when its `S` exceeds
-/// the logarithm of the number of windows in ten hours times the number of faults: the mean time between false alarms is at least as
-/// long if the errors are as described, and when its own errors in the window are not among the largest of a hundred: nothing is found
-/// where no hypothesis explains the motion (E. S. Page, *Biometrika* 41 (1954) 100; G. Lorden, *Annals of Mathematical Statistics* 42 (1971)
-/// 1897). The bands of `u` are widened by the change of a velocity over ground that the turn makes in a current of 0.4 of the speed.
-/// Windows with a motion outside the range in which a model is believed are not judged. A command beyond the range of
-/// the training has the effect of its end: more of it would have at least as much.
+/// Statistics* 36 (1965) 1753). Where `S` is zero, mean and scale of a fault are those of the sound vessel: it may begin there.
+///
+/// A fault is found when its `S` exceeds the logarithm of the number of windows in ten hours times the number of faults: the mean time
+/// between false alarms is at least as long if the errors are as described (E. S. Page, *Biometrika* 41 (1954) 100; G. Lorden, *Annals of
+/// Mathematical Statistics* 42 (1971) 1897). Its own errors in the window must not be among the largest of a hundred, so that nothing is
+/// found where no hypothesis explains the motion. Of several faults it is the one with the largest sum of ratios that are not clipped.
+///
+/// The bands of `u` are widened by the change of a velocity over ground that the turn makes in a current of 0.4 of the speed. Windows
+/// with a motion outside the range in which a model is believed are not judged. A command beyond the range of the training has the
+/// effect of its end: more of it would have at least as much.
 pub struct ActuatorCheck {
     session: Box<dyn Predictor>,
     scratch: Box<dyn Predictor>,

@@ -91,9 +91,39 @@ impl MovedTogether {
         all
     }
 
-    /// Value of the sum for a command.
-    pub fn sum(&self, command: &[f64]) -> f64 {
-        command.iter().zip(&self.factors).map(|(x, factor)| x * factor).sum()
+    /// The sum for a command, less the middle of its range: pulse widths make it large where nothing moves apart.
+    pub fn deviation(&self, command: &[f64]) -> f64 {
+        command.iter().zip(&self.factors).map(|(x, factor)| x * factor).sum::<f64>() - self.middle()
+    }
+
+    fn middle(&self) -> f64 {
+        0.5 * (self.range.low + self.range.high)
+    }
+
+    /// Half of the width of the range.
+    pub fn half_width(&self) -> f64 {
+        0.5 * (self.range.high - self.range.low)
+    }
+
+    /// The [deviation](Self::deviation) in words: `right - 1.10 left - 0.500`. Requires the inputs of the model.
+    pub fn deviation_name(&self, inputs: &[Port]) -> String {
+        let (name, middle) = (self.name(inputs), self.middle());
+        // What is small beside the range is not shown.
+        if middle.abs() < 0.1 * self.half_width() {
+            return name;
+        }
+        format!("{name} {} {}", if middle < 0.0 { '+' } else { '-' }, significant(middle.abs(), 3))
+    }
+
+    /// Whether it fits a model with a number of inputs.
+    pub(crate) fn is_valid(&self, inputs: usize) -> bool {
+        let Self { factors, range: DesignRange { low, high } } = self;
+        factors.len() == inputs
+            && factors.iter().any(|factor| *factor != 0.0)
+            && factors.iter().all(|factor| factor.is_finite())
+            && low.is_finite()
+            && high.is_finite()
+            && low <= high
     }
 
     /// The sum in words, with the names of the inputs: `n_right - 1.1 n_left`. Requires the inputs of the model.
@@ -158,6 +188,12 @@ mod tests {
         let pair = found(rows(&|k| [wave(k, 0.1), 1.1 * wave(k, 0.1) + 0.5, wave(k, 0.31)]));
         assert_eq!(pair.len(), 1, "{pair:?}");
         assert_eq!(pair[0].0, "right - 1.10 left");
+        let offset =
+            MovedTogether { factors: vec![-1.1, 1.0, 0.0], range: DesignRange { low: 1380.0, high: 1420.0 } };
+        assert!(offset.deviation(&[1500.0, 3050.0, 0.0]).abs() < 1e-9);
+        assert!(
+            (offset.deviation(&[1500.0, 3150.0, 0.0]) - 100.0).abs() < 1e-9 && offset.half_width() == 20.0
+        );
         let [low, high] = pair[0].1;
         assert!(
             (low - 0.39).abs() < 0.01 && (high - 0.61).abs() < 0.01,

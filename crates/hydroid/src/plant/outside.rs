@@ -4,7 +4,6 @@ use std::fmt::{Display, Formatter, Result};
 
 use serde::Serialize;
 
-use crate::evaluate::DesignRange;
 use crate::model::{Description, MOTION, Model, Port};
 
 /// Room beyond a training range, relative to its width, within which a model is not said to extrapolate.
@@ -122,9 +121,9 @@ impl Outside {
             alone.filter_map(|(c, port)| Self::of(port, commands.clone().map(|(t, row)| (t, row[c]))));
         let together = provenance.moved_together.iter().filter_map(|together| {
             let last = together.factors.iter().rposition(|factor| *factor != 0.0)?;
-            let DesignRange { low, high } = together.range;
-            let sums = commands.clone().map(|(t, row)| (t, together.sum(row)));
-            Self::of_range((&together.name(inputs), &inputs[last].channel.unit), [low, high], sums)
+            let (name, half) = (together.deviation_name(inputs), together.half_width());
+            let deviations = commands.clone().map(|(t, row)| (t, together.deviation(row)));
+            Self::of_range((&name, &inputs[last].channel.unit), [-half, half], deviations)
         });
         alone.chain(together).collect()
     }
@@ -207,6 +206,7 @@ fn rounded(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::evaluate::DesignRange;
     use crate::log::Channel;
 
     #[test]

@@ -326,6 +326,19 @@ fn an_inconsistent_header_is_refused() {
     not_a_model(&with_head(|head| {
         head["description"].as_object_mut().unwrap().remove("outputs");
     }));
+    let together = |factors: Value, low: f64| {
+        let range = json!({"low": low, "high": 1.0});
+        with_head(|head| {
+            head["description"]["provenance"]["moved_together"] =
+                json!([{"factors": factors, "range": range}]);
+        })
+    };
+    assert!(decoded(&together(json!([1.0]), -1.0)).is_ok());
+    for (factors, low) in
+        [(json!([1.0, 1.0]), -1.0), (json!([]), -1.0), (json!([0.0]), -1.0), (json!([1.0]), 2.0)]
+    {
+        assert!(not_a_model(&together(factors, low)).contains("did not move apart"));
+    }
     not_a_model(&file("[[[[", "coefficients", Dtype::F64, &[0], &[]));
     not_a_model(&file(&"[".repeat(100_000), "coefficients", Dtype::F64, &[0], &[]));
 }

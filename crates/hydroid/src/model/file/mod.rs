@@ -189,6 +189,11 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Model, ModelError> {
     if !description.trial_errors.iter().all(TrialErrors::is_valid) {
         return Err(inconsistent(String::from("its errors of trials are not positive numbers")));
     }
+    if !description.provenance.moved_together.iter().all(|one| one.is_valid(description.inputs.len())) {
+        return Err(inconsistent(String::from(
+            "its sums of inputs that did not move apart do not fit its inputs",
+        )));
+    }
     let (outputs, dt) = (description.outputs.len(), description.dt);
     if description
         .current
