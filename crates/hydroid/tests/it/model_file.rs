@@ -337,7 +337,7 @@ fn an_inconsistent_header_is_refused() {
     for (factors, low) in
         [(json!([1.0, 1.0]), -1.0), (json!([]), -1.0), (json!([0.0]), -1.0), (json!([1.0]), 2.0)]
     {
-        assert!(not_a_model(&together(factors, low)).contains("did not move apart"));
+        assert!(contradiction(&together(factors, low)).contains("did not move apart"));
     }
     not_a_model(&file("[[[[", "coefficients", Dtype::F64, &[0], &[]));
     not_a_model(&file(&"[".repeat(100_000), "coefficients", Dtype::F64, &[0], &[]));

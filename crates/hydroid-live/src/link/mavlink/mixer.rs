@@ -51,8 +51,15 @@ pub(super) struct Mixer {
     wanted: VecDeque<(i64, Vec<f64>)>,
     /// The newest report, with its time.
     reported: Option<(i64, Vec<f64>)>,
+    /// How it differs from what is wanted.
+    difference: Option<String>,
     /// When a report was as wanted, or the commands began.
     confirmed_ns: i64,
+}
+
+/// Whether the steering has the other sign while the throttle is astern.
+fn turns_round(value: Parameters<'_>) -> bool {
+    value("PILOT_STEER_TYPE") != Some(3.0)
 }
 
 /// The number of an output, of a field of `SERVO_OUTPUT_RAW`.
@@ -114,7 +121,13 @@ impl Mixer {
                 names.join(", ")
             ));
         }
-        Ok(Self { outputs, wanted: VecDeque::new(), reported: None, confirmed_ns: i64::MIN })
+        Ok(Self {
+            outputs,
+            wanted: VecDeque::new(),
+            reported: None,
+            difference: None,
+            confirmed_ns: i64::MIN,
+        })
     }
 
     /// The channels as commands.
@@ -181,6 +194,16 @@ impl Mixer {
 
     /// The pulses of steering and throttle for wanted outputs; `None` if a parameter is not known or contradicts itself.
     pub(super) fn pulses(&self, outputs: &[f64], value: Parameters<'_>) -> Option<[f64; 2]> {
+        let [mut steering, throttle] = self.sticks(outputs, value)?;
+        if throttle < 0.0 && turns_round(value) {
+            steering = -steering;
+        }
+        let [steer, drive] = STICKS.map(|(channel, _)| Scale::of("RC", channel, value));
+        Some([steer?.pulse(steering), drive?.pulse(throttle)])
+    }
+
+    /// Steering and throttle, from -1 to 1, for wanted outputs.
+    fn sticks(&self, outputs: &[f64], value: Parameters<'_>) -> Option<[f64; 2]> {
         let (mut steering, mut throttle) = (0.0, 0.0);
         for (output, pulse) in self.outputs.iter().zip(outputs) {
             let pulse = if pulse.is_finite() { pulse.clamp(output.low, output.high) } else { output.rest };
@@ -193,11 +216,7 @@ impl Mixer {
                 _ => return None,
             }
         }
-        if throttle < 0.0 && value("PILOT_STEER_TYPE") != Some(3.0) {
-            steering = -steering;
-        }
-        let [steer, drive] = STICKS.map(|(channel, _)| Scale::of("RC", channel, value));
-        Some([steer?.pulse(steering), drive?.pulse(throttle)])
+        Some([steering, throttle])
     }
 
     /// Why the outputs cannot be watched.
@@ -244,17 +263,49 @@ impl Mixer {
     pub(super) fn report(&mut self, reported: &[f64], value: Parameters<'_>, now_ns: i64) {
         self.reported = Some((now_ns, reported.to_vec()));
         self.forget(value, now_ns);
-        if self.difference().is_none() {
+        self.difference = self.find_difference(reported, value);
+        if self.difference.is_none() {
             self.confirmed_ns = now_ns;
         }
     }
 
-    /// How the newest report differs from what is wanted.
-    fn difference(&self) -> Option<String> {
-        let (_, reported) = self.reported.as_ref()?;
+    /// Lowest and highest pulse that an output may have on its way from what was wanted to what is: the throttle goes there at its slew
+    /// rate and the steering at once, so that each may be anywhere in its range, and what the sides make of both in none of theirs. While
+    /// the throttle crosses zero the steering may have either sign.
+    fn range(&self, output: &Output, value: Parameters<'_>) -> Option<[f64; 2]> {
+        let mut ranges = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+        for (_, outputs) in &self.wanted {
+            for ([low, high], x) in ranges.iter_mut().zip(self.sticks(outputs, value)?) {
+                (*low, *high) = (low.min(x), high.max(x));
+            }
+        }
+        let [mut steer, drive] = ranges;
+        let most = |[low, high]: [f64; 2]| low.abs().max(high.abs());
+        if drive[0] < 0.0 && drive[1] > 0.0 && turns_round(value) {
+            steer = [-most(steer), most(steer)];
+        }
+        // What is beyond the range of the mixer is scaled to it.
+        let sum = (most(steer) + most(drive)).max(1.0);
+        let scaled =
+            |low: f64, high: f64| [low.min(low / sum), high.max(high / sum)].map(|x| x.clamp(-1.0, 1.0));
+        let values = match value(&format!("SERVO{}_FUNCTION", output.place))? {
+            73.0 => scaled(drive[0] + steer[0], drive[1] + steer[1]),
+            74.0 => scaled(drive[0] - steer[1], drive[1] - steer[0]),
+            26.0 => steer,
+            _ => drive,
+        };
+        let scale = Scale::of("SERVO", output.place, value)?;
+        let [a, b] = values.map(|x| scale.pulse(x));
+        Some([a.min(b), a.max(b)])
+    }
+
+    /// How a report differs from what is wanted.
+    fn find_difference(&self, reported: &[f64], value: Parameters<'_>) -> Option<String> {
         self.outputs.iter().enumerate().find_map(|(index, output)| {
             let wanted = self.wanted.iter().filter_map(|(_, outputs)| outputs.get(index));
             let (low, high) = wanted.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
+            // Limits of the output may be narrower than what its parameters say.
+            let [low, high] = self.range(output, value).map_or([low, high], |[a, b]| [low.min(a), high.max(b)]);
             let pulse = of(reported, output)?;
             let is_within = pulse >= low - TOLERANCE_US && pulse <= high + TOLERANCE_US;
             (low <= high && !is_within).then(|| {
@@ -272,7 +323,7 @@ impl Mixer {
         if now_ns.saturating_sub(self.confirmed_ns) <= CONFIRMED_NS {
             return None;
         }
-        self.unseen(now_ns).or_else(|| self.difference())
+        self.unseen(now_ns).or_else(|| self.difference.clone())
     }
 }
 

@@ -112,6 +112,30 @@ fn outputs_that_are_not_wanted_end_the_commands() {
     assert!(reason.contains("'left' is 1500 us"), "{reason}");
 }
 
+/// From rest to one side ahead: the throttle is still at zero when the steering has arrived, and the other side is where it was never
+/// wanted.
+#[test]
+fn outputs_on_their_way_are_those_of_a_throttle_that_lags() {
+    let (mut mixer, second) = (mixer(), 1_000_000_000);
+    let (from, to) = ([1500.0, 1500.0], [1900.0, 1500.0]);
+    let sticks = |wanted: &[f64; 2]| mixer.pulses(wanted, &parameters).unwrap();
+    let lagging = autopilot([sticks(&to)[0], sticks(&from)[1]]);
+    assert!(lagging[1] < 1400.0 || lagging[1] > 1600.0, "{lagging:?}");
+    mixer.report(&[from[0], 0.0, from[1]], &parameters, 0);
+    mixer.begin(0);
+    for k in 1..=15 {
+        mixer.want(&to, &parameters, k * second / 10);
+        mixer.report(&[lagging[0], 0.0, lagging[1]], &parameters, k * second / 10);
+        assert_eq!(mixer.unconfirmed(k * second / 10), None);
+    }
+    // Much later it is no way any more.
+    for k in 30..=60 {
+        mixer.want(&to, &parameters, k * second / 10);
+        mixer.report(&[lagging[0], 0.0, lagging[1]], &parameters, k * second / 10);
+    }
+    assert!(mixer.unconfirmed(6 * second).is_some());
+}
+
 #[test]
 fn outputs_that_are_not_reported_end_the_commands() {
     let (mut mixer, second) = (mixer(), 1_000_000_000);
